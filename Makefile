@@ -1,0 +1,42 @@
+# One word a chore. Every word makes its own environment; nothing but Python >= 3.11 and make is needed.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: demo test lint types unit bench docs clean
+
+demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet and a report in out/demo
+	$(BIN)/signsplice demo --out out/demo
+
+test: lint types unit          ## everything that must pass
+
+lint: $(VENV)/.dev             ## style
+	$(BIN)/ruff check src tests
+	$(BIN)/ruff format --check src tests
+
+types: $(VENV)/.dev            ## mypy --strict
+	$(BIN)/mypy
+
+unit: $(VENV)/.dev             ## pytest
+	$(BIN)/python -m pytest
+
+bench: $(VENV)/.dev            ## speed of every part beside its baselines, in one run
+	$(BIN)/signsplice bench
+
+docs: $(VENV)/.dev             ## measure again what docs/ states: in-betweening, speed
+	$(BIN)/python -m docs.measure
+
+clean:                         ## forget the environment and everything made
+	rm -rf $(VENV) out .mypy_cache .ruff_cache .pytest_cache .hypothesis
+
+$(VENV)/bin/python:
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "signsplice needs Python 3.11 or newer; set PYTHON=python3.x")'
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.demo: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[video]'
+	touch $@
+
+$(VENV)/.dev: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	touch $@ $(VENV)/.demo

@@ -1,0 +1,188 @@
+"""Speed of every part beside its baselines, in one run.
+
+Machines differ and share their cores, so what counts are ratios of two things timed in turns, and medians over repeats.
+The skeleton has 53 joints; motions are made here, so that the bench needs no file.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from signsplice.formats import bvh
+from signsplice.lexicon import demo as words
+from signsplice.motion import kinematics, rotation
+from signsplice.motion.clip import Clip, concatenate, resample
+from signsplice.splicing.cut import CUTTERS
+from signsplice.splicing.engine import SpliceOptions, splice
+from signsplice.splicing.transition import TRANSITIONS
+
+Progress = Callable[[int, int], None]
+
+N_LONG = 3000
+N_WORD = 150
+
+
+def measure(repeats: int = 15, progress: Progress | None = None) -> dict[str, Any]:
+    """Every figure, as medians over ``repeats`` runs: {"part": {"median_ms": .., ...}, ...} with ratios to the
+    baselines.
+    """
+    parts: list[tuple[str, Callable[[int], dict[str, Any]]]] = [
+        ("read", _reading),
+        ("kinematics", _kinematics),
+        ("search", _search),
+        ("transition", _transitions),
+        ("seam", _seam),
+        ("memory", lambda _: _memory()),
+        ("start", _start),
+    ]
+    figures: dict[str, Any] = {"joints": len(words.skeleton()), "repeats": repeats}
+    for done, (name, part) in enumerate(parts):
+        figures[name] = part(repeats)
+        if progress is not None:
+            progress(done + 1, len(parts))
+    return figures
+
+
+def table(figures: dict[str, Any]) -> str:
+    """The figures as lines of text."""
+    lines = [f"{figures['joints']} joints, medians of {figures['repeats']} runs"]
+    for part, values in figures.items():
+        if isinstance(values, dict):
+            lines += [f"{part:11} {name:34} {_shown(value)}" for name, value in values.items()]
+    return "\n".join(lines)
+
+
+def _shown(value: object) -> str:
+    return f"{value:10.3f}" if isinstance(value, float) else f"{value!s:>10}"
+
+
+def _in_turns(repeats: int, *runs: Callable[[], object]) -> list[float]:
+    """Median milliseconds of each run; all take turns, so that the machine's moods fall on all alike."""
+    for run in runs:
+        run()
+    times: list[list[float]] = [[] for _ in runs]
+    for _ in range(repeats):
+        for n, run in enumerate(runs):
+            start = time.perf_counter()
+            run()
+            times[n].append(1e3 * (time.perf_counter() - start))
+    return [median(row) for row in times]
+
+
+def _long_clip(n_frames: int) -> Clip:
+    """The demo words again and again, resampled so that no two rounds have the same numbers."""
+    rounds: list[Clip] = []
+    total = 0
+    while total < n_frames:
+        for gloss in words.WORDS:
+            rounds.append(resample(words.word(gloss), words.FPS, 0.9 + 0.01 * (len(rounds) % 20)))
+            total += len(rounds[-1])
+    return concatenate(rounds)[:n_frames]
+
+
+def _word_clips() -> tuple[Clip, Clip]:
+    """Two words of exactly 150 frames: the same motion, slower."""
+    a, b = (words.word(gloss) for gloss in ("DEAF", "THANK-YOU"))
+    clips = [resample(clip, words.FPS, (len(clip) - 1) / (N_WORD - 0.5)) for clip in (a, b)]
+    return clips[0][:N_WORD], clips[1][:N_WORD]
+
+
+def _reading(repeats: int) -> dict[str, Any]:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "long.bvh"
+        clip = _long_clip(N_LONG)
+        values = bvh.parse(bvh.render(clip).encode())
+        text = bvh.render(values).splitlines()
+        first = text.index("MOTION") + 3
+        rows = [" ".join(f"{float(x):.6f}" for x in row.split()) for row in text[first:]]  # as exporters write them
+        path.write_text("\n".join([*text[:first], *rows]) + "\n")
+        try:
+            import pybvh
+        except ImportError:
+            (own,) = _in_turns(repeats, lambda: bvh.read(path))
+            return {"3000 frames, ms": own, "pybvh": "not installed"}
+        own, other = _in_turns(repeats, lambda: bvh.read(path), lambda: pybvh.read_bvh_file(path, world_up="+y"))
+    return {"3000 frames, ms": own, "pybvh 0.9.0, ms": other, "ratio to pybvh": own / other}
+
+
+def _kinematics(repeats: int) -> dict[str, Any]:
+    clip = _long_clip(N_LONG)
+    few = clip[:60]
+    own, loop = _in_turns(repeats, lambda: kinematics.forward(clip), lambda: _forward_by_frame(few))
+    scaled = loop * N_LONG / len(few)
+    return {"3000 frames, ms": own, "frame by frame, ms": scaled, "times faster": scaled / own}
+
+
+def _forward_by_frame(clip: Clip) -> None:
+    """Forward kinematics the plain way, a frame and a joint at a time: the baseline."""
+    for frame in range(len(clip)):
+        rotations = list(rotation.to_matrix(clip.local_rotations[frame]))
+        positions = [clip.root_positions[frame]] * len(rotations)
+        for joint in range(1, len(rotations)):
+            parent = clip.skeleton.parents[joint]
+            positions[joint] = positions[parent] + rotations[parent] @ clip.skeleton.offsets[joint]
+            rotations[joint] = rotations[parent] @ rotations[joint]
+
+
+def _search(repeats: int) -> dict[str, Any]:
+    before, after = _word_clips()
+    # Fresh views of the clips every time: what is remembered of a clip must not count.
+    runs = [lambda cutter=cutter: cutter.cut(before[:], after[:]) for cutter in CUTTERS.values()]
+    times = _in_turns(10 * repeats, *runs)
+    return {f"{name}, ms": ms for name, ms in zip(CUTTERS, times, strict=True)}
+
+
+def _transitions(repeats: int) -> dict[str, Any]:
+    before, after = _word_clips()
+    before, after = before[:90], after[40:]
+    runs = [lambda method=method: method.between(before, after, 10) for method in TRANSITIONS.values()]
+    times = _in_turns(10 * repeats, *runs)
+    return {f"{name}, 10 frames, ms": ms for name, ms in zip(TRANSITIONS, times, strict=True)}
+
+
+def _seam(repeats: int) -> dict[str, Any]:
+    """A whole seam of two 150-frame clips on one ground: search, transition, join with its scores."""
+    clips = _word_clips()
+    out: dict[str, Any] = {}
+    for name in CUTTERS:
+        parts: dict[str, list[float]] = {"cut": [], "transition": [], "join": []}
+        for _ in range(10 * repeats):
+            timing = splice([clip[:] for clip in clips], SpliceOptions(cutter=name)).timing_ms
+            for part, rows in parts.items():
+                rows.append(timing[part])
+        out[f"{name} + hermite, ms"] = median(sum(row) for row in zip(*parts.values(), strict=True))
+        if name == "rest-trim":
+            out |= {f"of it {part}, ms": median(rows) for part, rows in parts.items()}
+    return out
+
+
+def _memory() -> dict[str, Any]:
+    """Peak of a splice's allocations, what it returns included, over the size of its clips, as read from files."""
+    clips = [bvh.parse(bvh.render(clip).encode(), name=clip.name) for clip in _word_clips() * 4]
+    splice(clips)
+    tracemalloc.start()
+    splice(clips)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    held = sum(clip.nbytes for clip in clips)
+    return {"clips, MB": held / 1e6, "peak of the splice, MB": peak / 1e6, "ratio": peak / held}
+
+
+def _start(repeats: int) -> dict[str, Any]:
+    """Whole processes: the help, beside a bare interpreter."""
+    help_run = [sys.executable, "-m", "signsplice.cli", "--help"]
+    bare_run = [sys.executable, "-c", "pass"]
+    own, bare = _in_turns(
+        min(repeats, 9),
+        lambda: subprocess.run(help_run, capture_output=True, check=True),
+        lambda: subprocess.run(bare_run, capture_output=True, check=True),
+    )
+    return {"signsplice --help, ms": own, "bare python, ms": bare, "ratio": own / bare}

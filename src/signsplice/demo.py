@@ -1,0 +1,56 @@
+"""The demo: the main job on the words that ship, with everything there is to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from signsplice.errors import InputError
+from signsplice.formats import save
+from signsplice.lexicon import demo as words
+from signsplice.motion.clip import concatenate
+from signsplice.render import film
+from signsplice.splicing import report
+from signsplice.splicing.engine import SpliceResult, splice
+
+
+def run(out: Path, progress: Callable[[int, int], None] | None = None) -> list[str]:
+    """Write the words, the sentence, its report, a contact sheet and a film into ``out``; the lines to print come
+    back.
+    """
+    try:
+        (out / "words").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be made ({error.strerror})") from error
+    clips = [words.word(gloss) for gloss in words.SENTENCE]
+    for clip in clips:
+        save(clip, out / "words" / f"{clip.name}.bvh")
+    result = splice(clips)
+    marks = [film.Mark(span.kind, span.name or "", *span.output) for span in result.spans]
+    save(result.clip, out / "sentence.bvh")
+    report.write(report.describe(result), out / "report.json")
+    film.write(result.clip, out / "sentence.png", marks)
+    film.write(result.clip, out / "sentence.gif", marks, progress=progress)
+    one_after_another = concatenate(clips)
+    return [
+        *seam_table(result),
+        "",
+        f"{' '.join(words.SENTENCE)}: {result.clip.seconds:.2f} s, "
+        f"played one after another {one_after_another.seconds:.2f} s",
+        *(f"  {out / name}" for name in ("sentence.bvh", "sentence.gif", "sentence.png", "report.json", "words/")),
+    ]
+
+
+def seam_table(result: SpliceResult) -> list[str]:
+    """A line for each seam, under a head."""
+    lines = [
+        f"cutter {result.cutter}, transition {result.transition}",
+        f"{'seam':24} {'leave':>5} {'enter':>5} {'new':>4} {'s':>6} {'jump m/s':>9} {'peak m/s':>9} {'jerk':>5}",
+    ]
+    for seam in result.seams:
+        name = f"{seam.before} -> {seam.after}"
+        lines.append(
+            f"{name:24} {seam.pre_frame:5d} {seam.post_frame:5d} {seam.n_transition:4d} {seam.seconds:6.3f} "
+            f"{seam.velocity_jump:9.3f} {seam.peak_speed_m_s:9.2f} {seam.jerk_ratio:5.2f}"
+        )
+    return lines

@@ -1,0 +1,1 @@
+"""Gloss -> clip: for now the words that ship with the package."""

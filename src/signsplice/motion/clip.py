@@ -1,0 +1,250 @@
+"""What a motion is: a skeleton, and a clip of its joints turning over time.
+
+Both are frozen and checked once, when made. Verbs stand outside: ``concatenate``, ``resample``, ``with_fps``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.errors import InputError
+from signsplice.motion import rotation
+from signsplice.motion.channels import Channels
+
+Float = NDArray[np.float64]
+
+_UNIT_TOLERANCE = 1e-6
+SAME_FPS = 1e-6
+"""Frame rates that differ by less than this share are one rate."""
+
+
+def _frozen(array: Float) -> Float:
+    """A read-only view: the clip cannot be written through; no copy is made."""
+    view = np.asarray(array, np.float64).view()
+    view.flags.writeable = False
+    return view
+
+
+@dataclass(frozen=True, eq=False)
+class EndSite:
+    """The tip of a bone that no joint follows: its joint's index and the offset (3,) from that joint, in clip units."""
+
+    joint: int
+    offset: Float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "offset", _frozen(self.offset))
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """Joints in depth-first order, parents before children.
+
+    names: J different names. parents: (J,) index of each joint's parent, -1 for the root, which comes first. offsets:
+    (J, 3) rest translation from the parent, in the parent's frame, in the clip's length unit. end_sites: bone tips.
+    roles: role -> joint name, where a user says so because the names alone do not tell (see ``humanoid``). Raises
+    ``InputError`` where these do not fit together.
+    """
+
+    names: tuple[str, ...]
+    parents: NDArray[np.intp]
+    offsets: Float
+    end_sites: tuple[EndSite, ...] = ()
+    roles: Mapping[str, str] | None = None
+
+    def __post_init__(self) -> None:
+        parents = np.asarray(self.parents, np.intp).view()
+        parents.flags.writeable = False
+        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "parents", parents)
+        object.__setattr__(self, "offsets", _frozen(self.offsets))
+        n = len(self.names)
+        if n == 0 or parents.shape != (n,) or self.offsets.shape != (n, 3):
+            raise InputError(
+                f"skeleton: {n} names, parents {parents.shape} and offsets {self.offsets.shape} do not fit; "
+                "expected J names, (J,) and (J, 3) with J >= 1"
+            )
+        if len(set(self.names)) != n:
+            twice = next(name for name in self.names if self.names.count(name) > 1)
+            raise InputError(f"skeleton: joint name {twice!r} stands twice, expected different names")
+        if parents[0] != -1 or np.any(parents[1:] < 0) or np.any(parents >= np.arange(n)):
+            raise InputError("skeleton: expected the root first (parent -1) and every other joint after its parent")
+        if not np.isfinite(self.offsets).all():
+            raise InputError("skeleton: an offset is not a finite number")
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Joint name -> its index."""
+        return {name: i for i, name in enumerate(self.names)}
+
+    @cached_property
+    def children(self) -> tuple[tuple[int, ...], ...]:
+        """For each joint, the indices of its children in order."""
+        rows: list[list[int]] = [[] for _ in self.names]
+        for joint, parent in enumerate(self.parents[1:], start=1):
+            rows[parent].append(joint)
+        return tuple(tuple(row) for row in rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """A motion of one skeleton at an even frame rate.
+
+    local_rotations: (T, J, 4) unit quaternions x y z w, each joint relative to its parent; ``skeleton`` at identity is
+    the rest pose. root_positions: (T, 3) place of the root in the world, in the skeleton's length unit. fps: frames a
+    second. translations: (T, J, 3) offset from the parent per frame, for files that animate bone lengths; None means
+    the skeleton's. channels: the numbers that the file gave, kept so that they can be written back untouched; None
+    where there is no file. Raises ``InputError`` where shapes do not fit, T is 0, a number is not finite or a
+    quaternion is not of unit length.
+    """
+
+    skeleton: Skeleton
+    local_rotations: Float
+    root_positions: Float
+    fps: float
+    name: str = ""
+    translations: Float | None = None
+    channels: Channels | None = None
+
+    def __post_init__(self) -> None:
+        for field in ("local_rotations", "root_positions", "translations"):
+            value = getattr(self, field)
+            if value is not None:
+                object.__setattr__(self, field, _frozen(value))
+        object.__setattr__(self, "fps", float(self.fps))
+        q, p, j = self.local_rotations, self.root_positions, len(self.skeleton)
+        label = f"clip {self.name!r}" if self.name else "clip"
+        if q.ndim != 3 or q.shape[1:] != (j, 4) or p.shape != (len(q), 3):
+            raise InputError(
+                f"{label}: rotations {q.shape} and root positions {p.shape} do not fit {j} joints; "
+                f"expected (T, {j}, 4) and (T, 3)"
+            )
+        if len(q) == 0:
+            raise InputError(f"{label}: no frames, expected at least one")
+        if self.translations is not None and self.translations.shape != (len(q), j, 3):
+            raise InputError(f"{label}: translations {self.translations.shape}, expected {(len(q), j, 3)}")
+        if not (np.isfinite(self.fps) and self.fps > 0.0):
+            raise InputError(f"{label}: frame rate {self.fps}, expected a positive number")
+        if not np.isfinite(p).all() or (self.translations is not None and not np.isfinite(self.translations).all()):
+            raise InputError(f"{label}: a position is not a finite number")
+        squared = np.einsum("tjc,tjc->tj", q, q)
+        if not (np.abs(squared - 1.0) < 2.0 * _UNIT_TOLERANCE).all():  # False for NaN too
+            t, joint = np.argwhere(~(np.abs(squared - 1.0) < 2.0 * _UNIT_TOLERANCE))[0]
+            raise InputError(
+                f"{label}: rotation of joint {self.skeleton.names[joint]!r} at frame {t} has length "
+                f"{np.sqrt(squared[t, joint]):.6g}, expected unit quaternions"
+            )
+        if self.channels is not None and self.channels.values.shape[0] != len(q):
+            raise InputError(f"{label}: {len(self.channels.values)} rows of channels for {len(q)} frames")
+
+    def __len__(self) -> int:
+        return len(self.local_rotations)
+
+    def __getitem__(self, frames: slice) -> Clip:
+        """The frames of a slice with step 1, as views of this clip's arrays. Raises ``InputError`` if none is left."""
+        start, stop, step = frames.indices(len(self))
+        if step != 1:
+            raise InputError("a clip is sliced with step 1; use resample to change its rate")
+        if stop <= start:
+            raise InputError(f"frames {start}:{stop} of clip {self.name!r}: none left, expected at least one")
+        frames = slice(start, stop)
+        part = copy(self)  # what was sound in the whole is sound in a part: no second check
+        for field in ("local_rotations", "root_positions", "translations", "channels"):
+            value = getattr(self, field)
+            object.__setattr__(part, field, None if value is None else value[frames])
+        return part
+
+    @property
+    def seconds(self) -> float:
+        """How long the clip plays: each frame stands for 1 / fps."""
+        return len(self) / self.fps
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that the clip's arrays hold."""
+        total = self.local_rotations.nbytes + self.root_positions.nbytes
+        if self.translations is not None:
+            total += self.translations.nbytes
+        return total + (self.channels.values.nbytes if self.channels is not None else 0)
+
+
+def same_fps(a: float, b: float) -> bool:
+    """Whether two frame rates are one (they differ by less than a millionth)."""
+    return abs(a - b) <= SAME_FPS * max(a, b)
+
+
+def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
+    """One clip of all frames in order, bit for bit, on the first clip's skeleton.
+
+    Raises ``InputError`` where a clip has another number of joints, other joint names or another frame rate.
+    """
+    if not clips:
+        raise InputError("nothing to join, expected at least one clip")
+    first = clips[0]
+    for clip in clips[1:]:
+        if clip.skeleton is not first.skeleton and clip.skeleton.names != first.skeleton.names:
+            raise InputError(f"clip {clip.name!r} has other joints than {first.name!r}; harmonize it first")
+        if not same_fps(clip.fps, first.fps):
+            raise InputError(
+                f"clip {clip.name!r} runs at {clip.fps:g} fps, {first.name!r} at {first.fps:g}; resample it first"
+            )
+    translations = None
+    if any(clip.translations is not None for clip in clips):
+        translations = np.concatenate([_translations(clip) for clip in clips])
+    return Clip(
+        skeleton=first.skeleton,
+        local_rotations=np.concatenate([clip.local_rotations for clip in clips]),
+        root_positions=np.concatenate([clip.root_positions for clip in clips]),
+        fps=first.fps,
+        name=name or first.name,
+        translations=translations,
+        channels=Channels.concatenate([(clip.channels, len(clip)) for clip in clips]),
+    )
+
+
+def _translations(clip: Clip) -> Float:
+    if clip.translations is not None:
+        return clip.translations
+    return np.broadcast_to(clip.skeleton.offsets, (len(clip), len(clip.skeleton), 3))
+
+
+def resample(clip: Clip, fps: float, speed: float = 1.0) -> Clip:
+    """The same motion in time at ``fps``, played ``speed`` times as fast; slerp between neighbouring frames.
+
+    Frame k of the result shows time k / fps; the last one is the last that the source covers. The clip itself comes
+    back where neither rate nor speed change. Raises ``InputError`` for a rate or speed that is not positive.
+    """
+    for what, value in (("frame rate", fps), ("speed", speed)):
+        if not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"{what} {value}, expected a positive number")
+    if same_fps(clip.fps, fps) and speed == 1.0:
+        return clip
+    step = clip.fps * speed / fps  # source frames an output frame
+    n_frames = int(np.floor((len(clip) - 1) / step + 1e-9)) + 1
+    at = np.minimum(np.arange(n_frames) * step, len(clip) - 1)
+    low = np.minimum(np.floor(at + 1e-9).astype(np.intp), len(clip) - 1)
+    high = np.minimum(low + 1, len(clip) - 1)
+    weight = np.clip(at - low, 0.0, 1.0)
+    q = clip.local_rotations
+
+    def between(x: Float) -> Float:
+        w = weight.reshape(-1, *([1] * (x.ndim - 1)))
+        return np.asarray((1.0 - w) * x[low] + w * x[high])
+
+    return replace(
+        clip,
+        local_rotations=rotation.slerp(q[low], q[high], weight[:, None]),
+        root_positions=between(clip.root_positions),
+        fps=fps,
+        translations=None if clip.translations is None else between(clip.translations),
+        channels=None if clip.channels is None else clip.channels.forgotten(n_frames),
+    )

@@ -1,0 +1,307 @@
+"""Clips of different rigs, units, rates and places brought onto the first one's ground.
+
+Same rig by names: rotations are carried over joint by joint. Different rigs: by the roles of the canonical humanoid,
+through global rotations relative to a common pose, so that bones point the way they pointed before. Then each clip is
+moved and turned about the vertical as one rigid whole, so that its signer stands where the first one stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.errors import RigMismatchError
+from signsplice.motion import rotation
+from signsplice.motion.clip import Clip, Skeleton, resample
+from signsplice.motion.humanoid import find_roles, simplify
+from signsplice.motion.stance import Stand, rest_positions, stand, stature
+
+Float = NDArray[np.float64]
+
+SAME_DIRECTION_DEG = 20.0
+"""Rest bones that point within this angle of one another count as one rig's; local rotations then mean the same."""
+MIN_COMMON_ROLES = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """What every clip of a sentence is brought onto: the first clip's skeleton, rate, place and facing, and the pose
+    that joints without a counterpart hold (J, 4). name: the first clip's, for messages.
+    """
+
+    skeleton: Skeleton
+    fps: float
+    stand: Stand
+    held_pose: Float
+    name: str
+
+
+@dataclass(frozen=True, eq=False)
+class Harmonized:
+    """A clip on the ground of another, and what had to be said about it, a line each."""
+
+    clip: Clip
+    warnings: tuple[str, ...]
+
+
+def ground(first: Clip, fps: float | None = None) -> Ground:
+    """The ground that ``first`` lays for the clips that follow it; ``fps`` where another rate than its own is
+    wanted.
+    """
+    return Ground(first.skeleton, fps or first.fps, stand(first), first.local_rotations[0], first.name)
+
+
+def harmonize(clip: Clip, onto: Ground, speed: float = 1.0) -> Harmonized:
+    """``clip`` on another clip's ground: its skeleton, rate, place and facing; played ``speed`` times as fast.
+
+    What needs no change keeps its very numbers. Joints of the ground's skeleton that have no counterpart hold their
+    pose, which one warning says. Raises ``RigMismatchError`` where the two rigs have nothing in common.
+    """
+    carried, warnings = _carry(clip, onto)
+    moved = _move(carried, onto.stand)
+    return Harmonized(resample(moved, onto.fps, speed), warnings)
+
+
+def _carry(clip: Clip, onto: Ground) -> tuple[Clip, tuple[str, ...]]:
+    """The clip on the ground's skeleton, and the warning about joints that hold their pose."""
+    source, target = clip.skeleton, onto.skeleton
+    if source is target or _identical(source, target):
+        return (clip if source is target else replace(clip, skeleton=target)), ()
+    counterpart = _by_name(source, target)
+    if counterpart is not None:
+        local = _transfer(clip, target, counterpart, onto.held_pose)
+        scale = _size_ratio(source, target, counterpart)
+    else:
+        counterpart = _by_role(clip, onto)
+        local = _transfer(clip, target, counterpart, onto.held_pose, _to_common(source), _to_common(target))
+        scale = stature(target) / stature(source) if stature(source) > 0.0 else 1.0
+    held = [target.names[j] for j in range(len(target)) if j not in counterpart]
+    warnings: tuple[str, ...] = ()
+    if held:
+        shown = ", ".join(held[:6]) + (f" and {len(held) - 6} more" if len(held) > 6 else "")
+        warnings = (
+            f"{clip.name}: no counterpart for {len(held)} joints of {onto.name}, which hold their pose: {shown}",
+        )
+    channels = None  # the numbers meant another rig's rotations
+    root = clip.root_positions if scale == 1.0 else clip.root_positions * scale
+    return Clip(target, local, root, clip.fps, clip.name, None, channels), warnings
+
+
+def _identical(a: Skeleton, b: Skeleton) -> bool:
+    return (
+        a.names == b.names
+        and np.array_equal(a.parents, b.parents)
+        and np.allclose(a.offsets[1:], b.offsets[1:], rtol=1e-6, atol=1e-9 * max(1.0, float(np.abs(b.offsets).max())))
+    )
+
+
+def _by_name(source: Skeleton, target: Skeleton) -> dict[int, int] | None:
+    """Target joint -> source joint for two skeletons of one rig, None where they are not."""
+    index = {simplify(name): j for j, name in enumerate(source.names)}
+    pairs = {j: index[simplify(name)] for j, name in enumerate(target.names) if simplify(name) in index}
+    if len(pairs) < 0.5 * min(len(source), len(target)):
+        return None
+    rest_source, rest_target = rest_positions(source), rest_positions(target)
+    agree = total = 0
+    for joint, other in pairs.items():
+        parent = int(target.parents[joint])
+        if parent not in pairs:
+            continue
+        a, b = rest_target[joint] - rest_target[parent], rest_source[other] - rest_source[pairs[parent]]
+        length = float(np.linalg.norm(a) * np.linalg.norm(b))
+        if length > 0.0:
+            total += 1
+            agree += bool(a @ b >= np.cos(np.deg2rad(SAME_DIRECTION_DEG)) * length)
+    return pairs if total and agree >= 0.9 * total else None
+
+
+def _by_role(clip: Clip, onto: Ground) -> dict[int, int]:
+    """Target joint -> source joint through the roles that both rigs have."""
+    ours, theirs = find_roles(onto.skeleton), find_roles(clip.skeleton)
+    common = [role for role in ours.joints if role in theirs.joints]
+    if len(common) < MIN_COMMON_ROLES or not any(role.endswith("UpperArm") for role in common):
+        raise RigMismatchError(
+            f"{clip.name} (rig {theirs.rig}: {_some(clip.skeleton)}) and "
+            f"{onto.name} (rig {ours.rig}: {_some(onto.skeleton)}) have {len(common)} body parts in common, expected arms and trunk; name the joints' roles with --roles"
+        )
+    return {ours.joints[role]: theirs.joints[role] for role in common}
+
+
+def _some(skeleton: Skeleton) -> str:
+    return ", ".join(skeleton.names[:3]) + (", ..." if len(skeleton) > 3 else "")
+
+
+def _size_ratio(source: Skeleton, target: Skeleton, pairs: Mapping[int, int]) -> float:
+    """Median ratio of bone lengths target / source."""
+    lengths = np.array(
+        [
+            (np.linalg.norm(target.offsets[j]), np.linalg.norm(source.offsets[k]))
+            for j, k in pairs.items()
+            if target.parents[j] >= 0 and pairs.get(int(target.parents[j])) == source.parents[k]
+        ]
+    )
+    lengths = lengths[(lengths > 1e-9).all(axis=1)] if len(lengths) else lengths.reshape(0, 2)
+    return float(np.median(lengths[:, 0] / lengths[:, 1])) if len(lengths) else 1.0
+
+
+def _transfer(
+    clip: Clip,
+    target: Skeleton,
+    counterpart: Mapping[int, int],
+    held: Float,
+    source_common: Float | None = None,
+    target_common: Float | None = None,
+) -> Float:
+    """Local rotations (T, J, 4) on ``target`` that give each joint the global rotation of its counterpart.
+
+    ``*_common``: (J, 4) global rotations that pose each rest skeleton in the common pose; identity by default. A joint
+    whose parent's counterpart is its counterpart's parent keeps its local rotations bit for bit where no pose comes
+    between.
+    """
+    source = clip.skeleton
+    plain = source_common is None or target_common is None
+    above_source = _global_rotations(clip)
+    out = np.empty((len(clip), len(target), 4))
+    above: list[Float] = []
+    for joint in range(len(target)):
+        parent = int(target.parents[joint])
+        over = above[parent] if parent >= 0 else np.broadcast_to(rotation.IDENTITY, (len(clip), 4))
+        other = counterpart.get(joint)
+        if other is None:
+            out[:, joint] = held[joint]
+            above.append(rotation.multiply(over, held[joint]))
+            continue
+        wanted = above_source[other]
+        if source_common is not None and target_common is not None:
+            change = rotation.multiply(rotation.inverse(source_common[other]), target_common[joint])
+            wanted = rotation.multiply(wanted, change)
+        other_parent = int(source.parents[other])
+        if plain and counterpart.get(parent, -1) == other_parent:
+            out[:, joint] = clip.local_rotations[:, other]
+        else:
+            out[:, joint] = rotation.normalize(rotation.multiply(rotation.inverse(over), wanted))
+        above.append(wanted)
+    return out
+
+
+def _global_rotations(clip: Clip) -> list[Float]:
+    rotations: list[Float] = []
+    for joint in range(len(clip.skeleton)):
+        local = clip.local_rotations[:, joint]
+        parent = clip.skeleton.parents[joint]
+        rotations.append(local if parent < 0 else rotation.multiply(rotations[parent], local))
+    return rotations
+
+
+# Where each bone points in the common pose (a T-pose: up +Y, forward +Z, the signer's left +X, palms down).
+_COMMON_BONES: dict[str, tuple[str, Float]] = {}
+for _side, _x in (("left", 1.0), ("right", -1.0)):
+    _out = np.array([_x, 0.0, 0.0])
+    _COMMON_BONES[f"{_side}UpperArm"] = (f"{_side}LowerArm", _out)
+    _COMMON_BONES[f"{_side}LowerArm"] = (f"{_side}Hand", _out)
+    for _finger in ("Index", "Middle", "Ring", "Little"):
+        _COMMON_BONES[f"{_side}{_finger}Proximal"] = (f"{_side}{_finger}Intermediate", _out)
+        _COMMON_BONES[f"{_side}{_finger}Intermediate"] = (f"{_side}{_finger}Distal", _out)
+    _slant = np.array([_x, -0.5, 1.0]) / 1.5
+    _COMMON_BONES[f"{_side}ThumbMetacarpal"] = (f"{_side}ThumbProximal", _slant)
+    _COMMON_BONES[f"{_side}ThumbProximal"] = (f"{_side}ThumbDistal", _slant)
+    _COMMON_BONES[f"{_side}UpperLeg"] = (f"{_side}LowerLeg", np.array([0.0, -1.0, 0.0]))
+    _COMMON_BONES[f"{_side}LowerLeg"] = (f"{_side}Foot", np.array([0.0, -1.0, 0.0]))
+_UPRIGHT = (
+    "hips",
+    "spine",
+    "chest",
+    "upperChest",
+    "neck",
+    "head",
+    "jaw",
+    "leftEye",
+    "rightEye",
+    "leftFoot",
+    "rightFoot",
+)
+
+
+def _to_common(skeleton: Skeleton) -> Float:
+    """Global rotations (J, 4) that pose the rest skeleton in the common pose.
+
+    The trunk, head and feet are turned as one, from the rest pose's own up and left; limbs and fingers are swung on
+    from there until their bones point the common way; a hand is turned by the way to its middle knuckle and its line of
+    knuckles. Joints without a role follow their parents.
+    """
+    joints = find_roles(skeleton).joints
+    role_of = {joint: role for role, joint in joints.items()}
+    rest = rest_positions(skeleton)
+    upright = _upright(rest, joints)
+    common = np.empty((len(skeleton), 4))
+    for joint in range(len(skeleton)):
+        role = role_of.get(joint, "")
+        parent = skeleton.parents[joint]
+        q = upright if parent < 0 or role in _UPRIGHT else common[parent]
+        if role in _COMMON_BONES:
+            child, direction = _COMMON_BONES[role]
+            if child in joints:
+                bone = rotation.rotate(q, rest[joints[child]] - rest[joint])
+                q = rotation.multiply(rotation.between_vectors(bone, direction), q)
+        elif role in ("leftHand", "rightHand"):
+            q = _hand_to_common(role.removesuffix("Hand"), rest, joints, q)
+        common[joint] = q
+    return common
+
+
+def _upright(rest: Float, joints: Mapping[str, int]) -> Float:
+    """Rotation (4,) that brings the rest pose's up to +Y and its left to +X."""
+    top = next((joints[r] for r in ("head", "neck", "upperChest", "chest", "spine") if r in joints), None)
+    left, right = joints.get("leftUpperArm"), joints.get("rightUpperArm")
+    if left is None or right is None:
+        left, right = joints.get("leftUpperLeg"), joints.get("rightUpperLeg")
+    if top is None or left is None or right is None:
+        return rotation.IDENTITY
+    return _frame(rest[left] - rest[right], rest[top] - rest[joints.get("hips", 0)])
+
+
+def _hand_to_common(side: str, rest: Float, joints: Mapping[str, int], above: Float) -> Float:
+    knuckles = [joints.get(f"{side}{finger}Proximal") for finger in ("Index", "Middle", "Little")]
+    wrist = joints[f"{side}Hand"]
+    out = 1.0 if side == "left" else -1.0
+    if knuckles[1] is None:
+        return above
+    if knuckles[0] is None or knuckles[2] is None:
+        along = rotation.rotate(above, rest[knuckles[1]] - rest[wrist])
+        return rotation.multiply(rotation.between_vectors(along, np.array([out, 0.0, 0.0])), above)
+    along, across = rest[knuckles[1]] - rest[wrist], rest[knuckles[0]] - rest[knuckles[2]]
+    # Fingers along +-X, the index side forward (+Z): palms down.
+    up = np.cross(across, along) * out
+    return _frame(along * out, up)
+
+
+def _frame(x: Float, y: Float) -> Float:
+    """Rotation (4,) that takes the direction ``x`` to +X and the part of ``y`` at right angles to it to +Y."""
+    x = x / np.linalg.norm(x)
+    y = y - (y @ x) * x
+    y = y / np.linalg.norm(y)
+    return rotation.from_matrix(np.stack([x, y, np.cross(x, y)]))
+
+
+def _move(clip: Clip, onto: Stand) -> Clip:
+    """The clip moved and turned as one rigid whole, so that its signer stands as ``onto`` says."""
+    own = stand(clip)
+    turn = rotation.between_vectors(own.up, onto.up)
+    forward = rotation.rotate(turn, own.forward)
+    yaw = np.arctan2(np.cross(forward, onto.forward) @ onto.up, forward @ onto.forward)
+    turn = rotation.multiply(rotation.exp(yaw * onto.up), turn)
+    shift = onto.place - rotation.rotate(turn, own.place)
+    size = float(np.abs(clip.skeleton.offsets).max())
+    if np.linalg.norm(rotation.log(turn)) < 1e-9 and np.linalg.norm(shift) < 1e-9 * size:
+        return clip
+    local = np.array(clip.local_rotations)
+    local[:, 0] = rotation.normalize(rotation.multiply(turn, local[:, 0]))
+    return replace(
+        clip,
+        local_rotations=local,
+        root_positions=rotation.rotate(turn, clip.root_positions) + shift,
+        channels=None if clip.channels is None else clip.channels.without_root(),
+    )

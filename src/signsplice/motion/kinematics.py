@@ -1,0 +1,139 @@
+"""Forward kinematics, and joint positions back to rotations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.errors import InputError
+from signsplice.motion import rotation
+from signsplice.motion.clip import Clip, Skeleton
+
+Float = NDArray[np.float64]
+
+
+def forward(clip: Clip, joints: Sequence[int] | None = None) -> tuple[Float, Float]:
+    """Global rotations (T, K, 3, 3) and positions (T, K, 3) of joints in the world.
+
+    ``joints``: K joint indices, all by default. Only they and their ancestors are computed. global_j = global_parent
+    local_j; position_j = position_parent + global_parent offset_j; the root stands at root_positions.
+    """
+    skeleton = clip.skeleton
+    parents = skeleton.parents.tolist()
+    wanted = range(len(skeleton)) if joints is None else [int(joint) for joint in joints]
+    needed: set[int] = set()
+    for joint in wanted:
+        while joint >= 0 and joint not in needed:
+            needed.add(joint)
+            joint = parents[joint]
+    order = sorted(needed)
+    # Components first, frames last, a joint at a time: a few operations on long rows that stay in the cache.
+    local = _components_first(clip.local_rotations[:, order])  # (3, 3, K, T)
+    rotations: dict[int, Float] = {}
+    positions: dict[int, Float] = {}
+    for row, joint in enumerate(order):
+        inner, parent = local[:, :, row], parents[joint]
+        if parent < 0:
+            rotations[joint], positions[joint] = inner, clip.root_positions.T
+            continue
+        over = rotations[parent]
+        first, second, third = over[:, 0], over[:, 1], over[:, 2]
+        rotations[joint] = first[:, None] * inner[0] + second[:, None] * inner[1] + third[:, None] * inner[2]
+        x, y, z = skeleton.offsets[joint] if clip.translations is None else clip.translations[:, joint].T
+        positions[joint] = positions[parent] + (first * x + second * y + third * z)
+    out_rotations = np.stack([rotations[joint] for joint in wanted])
+    out_positions = np.stack([positions[joint] for joint in wanted])
+    return out_rotations.transpose(3, 0, 1, 2), out_positions.transpose(2, 0, 1)
+
+
+def _components_first(q: Float) -> Float:
+    """Rotation matrices (3, 3, K, T) of quaternions (T, K, 4)."""
+    x, y, z, w = np.ascontiguousarray(q.transpose(2, 1, 0))
+    x2, y2, z2 = x + x, y + y, z + z
+    xx, yy, zz = x * x2, y * y2, z * z2
+    xy, xz, yz = x * y2, x * z2, y * z2
+    wx, wy, wz = w * x2, w * y2, w * z2
+    m = np.empty((3, 3, *x.shape))
+    m[0, 0], m[0, 1], m[0, 2] = 1.0 - yy - zz, xy - wz, xz + wy
+    m[1, 0], m[1, 1], m[1, 2] = xy + wz, 1.0 - xx - zz, yz - wx
+    m[2, 0], m[2, 1], m[2, 2] = xz - wy, yz + wx, 1.0 - xx - yy
+    return m
+
+
+def tip_positions(clip: Clip, global_rotations: Float, global_positions: Float) -> Float:
+    """Positions (T, E, 3) of the skeleton's end sites, from the globals of ``forward`` for all joints."""
+    sites = clip.skeleton.end_sites
+    joints = [site.joint for site in sites]
+    offsets = np.array([site.offset for site in sites]).reshape(-1, 3)
+    return np.asarray(global_positions[:, joints] + np.einsum("teab,eb->tea", global_rotations[:, joints], offsets))
+
+
+def rotations_from_positions(
+    skeleton: Skeleton, positions: Float, before: Float | None = None, after: Float | None = None
+) -> Float:
+    """Local rotations (T, J, 4) that bring a skeleton's joints to ``positions`` (T, J, 3) as near as its bones allow.
+
+    Bone lengths are the skeleton's own: only directions are taken from the positions. A joint with several children
+    that span a plane is fitted to all of them (Kabsch 1976). A joint with one child follows its direction; the twist
+    about the bone, which positions do not show, is carried from frame to frame without turning (parallel transport).
+    ``before`` and ``after``: local rotations (J, 4) of the frames on either side, where known: twist starts from the
+    first and drifts evenly to the second. Joints without children keep those too (slerp between them), or the rest
+    pose. Raises ``InputError`` on wrong shapes.
+    """
+    positions = np.asarray(positions, np.float64)
+    n_frames, n_joints = positions.shape[0], len(skeleton)
+    if positions.ndim != 3 or positions.shape[1:] != (n_joints, 3) or n_frames == 0:
+        raise InputError(f"positions {positions.shape}, expected (T, {n_joints}, 3) with T >= 1")
+    start = np.broadcast_to(rotation.IDENTITY, (n_joints, 4)) if before is None else np.asarray(before, np.float64)
+    local = np.empty((n_frames, n_joints, 4))
+    globals_: list[Float] = []
+    for joint in range(n_joints):
+        parent = skeleton.parents[joint]
+        above = globals_[parent] if parent >= 0 else np.broadcast_to(rotation.IDENTITY, (n_frames, 4))
+        children = [c for c in skeleton.children[joint] if np.linalg.norm(skeleton.offsets[c]) > 1e-9]
+        end = None if after is None else np.asarray(after, np.float64)[joint]
+        if children:
+            seen = positions[:, children] - positions[:, joint, None]
+            seen = rotation.rotate(rotation.inverse(above)[:, None], seen)
+            rest = skeleton.offsets[children]
+            if _spans_plane(rest):
+                local[:, joint] = _fitted(rest, seen)
+            else:
+                local[:, joint] = _transported(rest[0], seen[:, 0], start[joint], end)
+        else:
+            last = start[joint] if end is None else end
+            local[:, joint] = rotation.slerp(start[joint], last, np.arange(1, n_frames + 1) / (n_frames + 1))
+        globals_.append(rotation.multiply(above, local[:, joint]))
+    return rotation.continuous(local)
+
+
+def _spans_plane(offsets: Float) -> bool:
+    directions = offsets / np.linalg.norm(offsets, axis=-1, keepdims=True)
+    return bool(np.linalg.matrix_rank(directions, tol=0.05) >= 2)
+
+
+def _fitted(rest: Float, seen: Float) -> Float:
+    """Rotations (T, 4) that take the bones ``rest`` (C, 3) nearest to ``seen`` (T, C, 3) (Kabsch 1976, by SVD)."""
+    u, _, vt = np.linalg.svd(np.einsum("tca,cb->tab", seen, rest))
+    u[..., -1] *= np.sign(np.linalg.det(u) * np.linalg.det(vt))[:, None]
+    return rotation.from_matrix(u @ vt)
+
+
+def _transported(rest: Float, seen: Float, start: Float, end: Float | None) -> Float:
+    """Rotations (T, 4) that point the bone ``rest`` (3,) along ``seen`` (T, 3) without needless twist, from ``start``
+    (4,).
+    """
+    out = np.empty((len(seen), 4))
+    q = start
+    for frame, direction in enumerate(seen):
+        q = rotation.multiply(rotation.between_vectors(rotation.rotate(q, rest), direction), q)
+        out[frame] = q
+    if end is not None:
+        axis = rest / np.linalg.norm(rest)
+        landing = rotation.multiply(rotation.between_vectors(rotation.rotate(q, rest), rotation.rotate(end, rest)), q)
+        twist = rotation.twist_angle(rotation.multiply(rotation.inverse(landing), end), axis)
+        share = np.arange(1, len(seen) + 1) / (len(seen) + 1)
+        out = rotation.multiply(out, rotation.exp(axis * (twist * share)[:, None]))
+    return out

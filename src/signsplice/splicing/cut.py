@@ -1,0 +1,143 @@
+"""Cutters: where to leave the sign before and where to enter the sign after.
+
+All searches look at windows at the inner sides of the two clips' active spans (arms away from rest): the last 0.3 s of
+the one, the first 0.3 s of the other, each at most 30 % of its span. Searched over whole clips, the nearest pair would
+be two frames of rest, and the arms would drop between the words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.errors import InputError
+from signsplice.motion.arms import Arms, active_span, arms
+from signsplice.motion.clip import Clip
+
+Float = NDArray[np.float64]
+
+WINDOW_S = 0.3
+WINDOW_SHARE = 0.3
+VELOCITY_TIME_S = 0.15
+"""Velocities are weighed against positions by the way covered in this time, half of a usual transition."""
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A splice position: the last frame kept of the clip before (pre), the first kept of the clip after (post)."""
+
+    pre: int
+    post: int
+
+
+class Cutter(Protocol):
+    """Chooses where two clips of one skeleton and rate are joined."""
+
+    @property
+    def name(self) -> str:
+        """The name a user calls it by."""
+        ...
+
+    @property
+    def summary(self) -> str:
+        """One line on how it chooses."""
+        ...
+
+    @property
+    def learned(self) -> bool:
+        """Whether a network chooses."""
+        ...
+
+    def cut(self, before: Clip, after: Clip) -> Cut:
+        """The splice position of two harmonized clips."""
+        ...
+
+
+@dataclass(frozen=True)
+class ClassicalCutter:
+    """A cutter that follows a rule."""
+
+    name: str
+    summary: str
+    rule: Callable[[Clip, Clip], Cut]
+    learned: bool = False
+
+    def cut(self, before: Clip, after: Clip) -> Cut:
+        """The splice position of two harmonized clips."""
+        return self.rule(before, after)
+
+
+def _ends(before: Clip, after: Clip) -> Cut:
+    return Cut(len(before) - 1, 0)
+
+
+def _rest_trim(before: Clip, after: Clip) -> Cut:
+    return Cut(active_span(arms(before))[1] - 1, active_span(arms(after))[0])
+
+
+def _hand_distance(before: Clip, after: Clip) -> Cut:
+    """Least sum over both hands of their distance (shoulder widths) and the angle between them (half turns)."""
+
+    def cost(p: Arms, q: Arms, rows: slice, columns: slice) -> Float:
+        way = p.wrists[rows, None] - q.wrists[None, columns]
+        distance = np.sqrt(np.einsum("ijhc,ijhc->ijh", way, way)) / p.shoulder_width
+        cosine = np.einsum("ihab,jhab->ijh", p.hand_rotations[rows], q.hand_rotations[columns])
+        angle = np.arccos(np.clip(0.5 * (cosine - 1.0), -1.0, 1.0)) / np.pi
+        return np.asarray((distance + angle).sum(axis=-1))
+
+    return _least(before, after, cost)
+
+
+def _pose_velocity(before: Clip, after: Clip) -> Cut:
+    """Least squared change of position and of velocity (over 0.15 s) of elbows and wrists."""
+
+    def cost(p: Arms, q: Arms, rows: slice, columns: slice) -> Float:
+        a, b = _pose_and_velocity(p)[rows], _pose_and_velocity(q)[columns]
+        squares = (a**2).sum(1)[:, None] + (b**2).sum(1)[None] - 2.0 * a @ b.T
+        return np.asarray(squares)
+
+    return _least(before, after, cost)
+
+
+def _pose_and_velocity(arms: Arms) -> Float:
+    points = np.concatenate([arms.elbows, arms.wrists], axis=1).reshape(len(arms.wrists), -1)
+    velocity = np.gradient(points, axis=0) * arms.fps if len(points) > 1 else np.zeros_like(points)
+    return np.concatenate([points, velocity * VELOCITY_TIME_S], axis=1) / arms.length
+
+
+def _least(before: Clip, after: Clip, cost: Callable[[Arms, Arms, slice, slice], Float]) -> Cut:
+    p, q = arms(before), arms(after)
+    (p_start, p_stop), (q_start, q_stop) = active_span(p), active_span(q)
+    rows = slice(p_stop - _window(p_stop - p_start, before.fps), p_stop)
+    columns = slice(q_start, q_start + _window(q_stop - q_start, after.fps))
+    costs = cost(p, q, rows, columns)
+    i, j = np.unravel_index(int(np.argmin(costs)), costs.shape)
+    return Cut(rows.start + int(i), columns.start + int(j))
+
+
+def _window(n_frames: int, fps: float) -> int:
+    """Frames of an active span that are searched, at least one."""
+    return max(1, int(min(WINDOW_S * fps, WINDOW_SHARE * n_frames)))
+
+
+CUTTERS: dict[str, Cutter] = {
+    cutter.name: cutter
+    for cutter in (
+        ClassicalCutter("ends", "no search: the last frame of one clip, the first of the next", _ends),
+        ClassicalCutter("rest-trim", "where the arms leave and reach rest (40 % of their rise)", _rest_trim),
+        ClassicalCutter("hand-distance", "least hand distance plus hand angle (Zhu 2014, Chen 2017)", _hand_distance),
+        ClassicalCutter("pose-velocity", "least change of arm position and velocity (Zhao 2008)", _pose_velocity),
+    )
+}
+DEFAULT_CUTTER = "pose-velocity"
+
+
+def find_cutter(name: str) -> Cutter:
+    """The cutter of that name. Raises ``InputError`` that lists the names there are."""
+    if name not in CUTTERS:
+        raise InputError(f"no cutter {name!r}, expected one of {', '.join(CUTTERS)}")
+    return CUTTERS[name]

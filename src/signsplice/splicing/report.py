@@ -1,0 +1,55 @@
+"""The report of a splice: version 1 of the JSON that other programs read."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from signsplice.formats.atomic import replacing
+from signsplice.splicing.engine import SpliceResult
+
+VERSION = 1
+
+
+def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """The report as JSON-ready values. ``timing_ms`` adds to the result's own (load, save). Unknown scores are null.
+
+    Copying every sign span from its source (the clip on the first one's ground, at the output rate) and every
+    transition span from the output rebuilds the output exactly.
+    """
+    timing = {"load": 0.0, "cut": 0.0, "transition": 0.0, "join": 0.0, "save": 0.0}
+    report = {
+        "version": VERSION,
+        "fps": result.clip.fps,
+        "frames": len(result.clip),
+        "cutter": result.cutter,
+        "transition": result.transition,
+        "bundle": None,
+        "spans": [asdict(span) for span in result.spans],
+        "seams": [asdict(seam) for seam in result.seams],
+        "warnings": list(result.warnings),
+        "timing_ms": {part: round(ms, 3) for part, ms in (timing | result.timing_ms | dict(timing_ms or {})).items()},
+    }
+    rounded: dict[str, Any] = _plain(report)
+    return rounded
+
+
+def write(report: Mapping[str, Any], path: str | Path) -> None:
+    """Write a report as JSON, whole or not at all."""
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _plain(value: Any) -> Any:
+    """Values as JSON has them: tuples as lists, what is not finite as null."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

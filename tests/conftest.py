@@ -1,0 +1,63 @@
+"""Shared fixtures: motions made here, and other people's real clips where they are present."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+from signsplice.formats import bvh
+from signsplice.lexicon import demo
+from signsplice.motion import rotation
+from signsplice.motion.clip import Clip, EndSite, Skeleton
+
+REAL = Path(__file__).resolve().parents[2] / "shared" / "data" / "bvh"
+GOLDEN = Path(__file__).parent / "golden"
+
+settings.register_profile("signsplice", derandomize=True, deadline=None, max_examples=40)
+settings.load_profile("signsplice")
+
+
+@pytest.fixture(scope="session")
+def real_clips() -> dict[str, Clip]:
+    """Real clips by name; the test is skipped where they are absent."""
+    if not REAL.is_dir():
+        pytest.skip("real clips not present")
+    return {path.stem: bvh.read(path) for path in sorted(REAL.glob("*.bvh"))}
+
+
+@pytest.fixture(scope="session")
+def words() -> dict[str, Clip]:
+    """The words that ship."""
+    return {gloss: demo.word(gloss) for gloss in demo.WORDS}
+
+
+def random_skeleton(rng: np.random.Generator, n_joints: int = 12) -> Skeleton:
+    """A random tree of joints in depth-first order, every leaf with an end site."""
+    parents = [-1]
+    path = [0]
+    for joint in range(1, n_joints):
+        path = path[: int(rng.integers(1, len(path) + 1))]
+        parents.append(path[-1])
+        path.append(joint)
+    leaves = [j for j in range(n_joints) if j not in parents]
+    return Skeleton(
+        names=tuple(f"joint{j}" for j in range(n_joints)),
+        parents=np.array(parents),
+        offsets=rng.normal(size=(n_joints, 3)),
+        end_sites=tuple(EndSite(j, rng.normal(size=3)) for j in leaves),
+    )
+
+
+def random_clip(seed: int, n_frames: int = 20, n_joints: int = 12, fps: float = 30.0) -> Clip:
+    """A smooth random motion of a random skeleton."""
+    rng = np.random.default_rng(seed)
+    skeleton = random_skeleton(rng, n_joints)
+    times = np.arange(n_frames)[:, None, None] / fps
+    waves = rng.normal(size=(n_joints, 3)) * np.sin(
+        2.0 * np.pi * (rng.uniform(0.2, 1.5, (n_joints, 3)) * times + rng.random(3))
+    )
+    roots = rng.normal(size=3) + 0.1 * np.cumsum(rng.normal(size=(n_frames, 3)), axis=0)
+    return Clip(skeleton, rotation.exp(waves), roots, fps, f"random{seed}")

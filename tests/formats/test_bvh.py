@@ -1,0 +1,220 @@
+"""BVH in and out: the same numbers, continuous curves, pybvh's reading."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pybvh
+import pytest
+
+from conftest import GOLDEN, random_clip
+from signsplice.formats import bvh
+from signsplice.motion import rotation
+from signsplice.motion.channels import ROTATIONS
+from signsplice.motion.clip import Clip, concatenate
+
+MIXED = """HIERARCHY
+ROOT Hips
+{
+	OFFSET 1.0 2.0 3.0
+	CHANNELS 6 Zrotation Yrotation Xrotation Xposition Yposition Zposition
+	JOINT Six
+	{
+		OFFSET 0.0 10.0 0.0
+		CHANNELS 6 Xposition Yposition Zposition Yrotation Xrotation Zrotation
+		JOINT One
+		{
+			OFFSET 0.0 5.0 0.0
+			CHANNELS 1 Xrotation
+			JOINT None
+			{
+				OFFSET 0.0 4.0 0.0
+				CHANNELS 0
+				End Site
+				{
+					OFFSET 0.0 1.0 0.0
+				}
+				End Site
+				{
+					OFFSET 1.0 1.0 0.0
+				}
+			}
+		}
+		JOINT Two
+		{
+			OFFSET 3.0 5.0 0.0
+			CHANNELS 2 Zrotation Yrotation
+		}
+	}
+}
+MOTION
+Frames: 3
+Frame Time: 0.0333333
+10.0 20.0 30.0 1.5 90.0 -3.25 0.0 12.0 0.0 5.0 400.0 -200.0 45.0 11.0 -7.0
+11.0 20.0 30.0 1.5 90.1 -3.25 0.0 12.0 0.0 5.0 401.0 -200.0 46.0 11.0 -8.0
+12.0 20.0 30.0 1.5 90.2 -3.25 0.0 12.0 0.0 5.0 402.0 -200.0 47.0 11.0 -9.0
+"""
+
+
+def test_mixed_channels_mean_what_they_say() -> None:
+    clip = bvh.parse(MIXED.encode())
+    assert clip.fps == 30.0
+    assert np.allclose(clip.root_positions[0], [1.5, 90.0, -3.25])
+    assert np.allclose(clip.skeleton.offsets[1], [0.0, 12.0, 0.0]), "a position channel replaces OFFSET"
+    assert clip.translations is None
+    wanted = rotation.from_euler(np.deg2rad([10.0, 20.0, 30.0]), "ZYX")
+    assert np.all(rotation.angle_between(clip.local_rotations[0, 0], wanted) < 1e-9)
+    assert np.allclose(rotation.log(clip.local_rotations[0, 2]), [np.deg2rad(45.0), 0.0, 0.0])
+    assert np.allclose(clip.local_rotations[:, 3], rotation.IDENTITY)
+    assert [site.joint for site in clip.skeleton.end_sites] == [3, 3]
+
+
+def test_moving_bones_are_kept_per_frame() -> None:
+    text = MIXED.replace("0.0 12.0 0.0 5.0 402.0", "0.0 12.5 0.0 5.0 402.0")
+    clip = bvh.parse(text.encode())
+    assert clip.translations is not None
+    assert np.allclose(clip.translations[:, 1, 1], [12.0, 12.0, 12.5])
+
+
+@pytest.mark.parametrize("text", [MIXED, MIXED.replace("0.0 12.0 0.0 5.0 402.0", "0.0 12.5 0.0 5.0 402.0")])
+def test_what_comes_in_goes_out(text: str, tmp_path: Path) -> None:
+    clip = bvh.parse(text.encode(), name="mixed")
+    bvh.write(clip, tmp_path / "out.bvh")
+    again = bvh.read(tmp_path / "out.bvh")
+    assert again.channels is not None
+    assert clip.channels is not None
+    assert np.array_equal(again.channels.values, clip.channels.values)
+    assert again.channels.names == clip.channels.names
+    assert again.skeleton.names == clip.skeleton.names
+    assert np.array_equal(again.channels.offsets, clip.channels.offsets)
+    assert "Frame Time: 0.0333333\n" in (tmp_path / "out.bvh").read_text()
+    assert bvh.render(again) == bvh.render(clip)
+
+
+def test_real_clips_come_out_as_the_same_numbers(real_clips: dict[str, Clip]) -> None:
+    for clip in real_clips.values():
+        again = bvh.parse(bvh.render(clip).encode())
+        assert clip.channels is not None
+        assert again.channels is not None
+        assert np.array_equal(again.channels.values, clip.channels.values)
+        assert again.channels.frame_time == clip.channels.frame_time
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_pybvh_reads_what_we_write(seed: int, tmp_path: Path) -> None:
+    clip = random_clip(seed)
+    bvh.write(clip, tmp_path / "clip.bvh")
+    other = pybvh.read_bvh_file(tmp_path / "clip.bvh", world_up="+y")
+    assert other.frame_count == len(clip)
+    assert other.fps == pytest.approx(clip.fps)
+    assert np.allclose(other.root_pos, clip.root_positions, atol=1e-7)
+
+
+def test_golden_file_of_an_independent_writer() -> None:
+    """tests/golden/pybvh_chain.bvh was written by pybvh; the positions beside it are its own forward kinematics."""
+    from signsplice.motion import kinematics
+
+    clip = bvh.read(GOLDEN / "pybvh_chain.bvh")
+    with np.load(GOLDEN / "pybvh_chain.npz") as golden:
+        assert str(golden["convention"]).startswith("positions (T, J, 3)")
+        assert np.allclose(kinematics.forward(clip)[1], golden["positions"], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("frame_time", "fps"),
+    [
+        (0.033333, 30.0),
+        (0.0333333333333, 30.0),
+        (0.0333, 30.0),
+        (0.033, 30.0),
+        (0.04, 25.0),
+        (0.041667, 24.0),
+        (0.0416667, 24.0),
+        (0.008333, 120.0),
+        (0.00833333, 120.0),
+        (0.016667, 60.0),
+        (0.0333667, 30000 / 1001),
+        (0.03336667, 30000 / 1001),
+        (0.041708, 24000 / 1001),
+        (0.01, 100.0),
+        (0.5, 2.0),
+        (1.0, 1.0),
+        (2.5, 0.4),
+        (0.0123456, 1 / 0.0123456),
+    ],
+)
+def test_frame_time_means_the_rate_it_was_rounded_from(frame_time: float, fps: float) -> None:
+    assert bvh.standard_fps(frame_time) == pytest.approx(fps, rel=1e-12)
+
+
+def turning(start_deg: float, rate_deg: float, n_frames: int, shift: float = 0.0) -> Clip:
+    """A clip whose last joint turns evenly about its axes, its numbers as a file would give them."""
+    clip = bvh.parse(MIXED.encode())
+    assert clip.channels is not None
+    values = np.repeat(clip.channels.values[:1], n_frames, axis=0)
+    values[:, 10] = start_deg + rate_deg * np.arange(n_frames) + shift
+    lines = MIXED.splitlines()
+    head = [*lines[: lines.index("MOTION") + 1], f"Frames: {n_frames}", "Frame Time: 0.0333333"]
+    return bvh.parse("\n".join([*head, *(" ".join(map(repr, row)) for row in values.tolist())]).encode())
+
+
+@pytest.mark.parametrize("shift", [0.0, 360.0, -720.0])
+def test_curves_run_on_through_a_transition(shift: float) -> None:
+    """150 -> 170 | transition | 195 -> 215, which the second file writes a number of turns off."""
+    before, after = turning(150.0, 2.0, 11), turning(195.0, 2.0, 11, shift)
+    middle = after[:6]
+    middle = replace(
+        middle,
+        local_rotations=rotation.slerp(
+            before.local_rotations[-1], after.local_rotations[0], np.linspace(0.1, 0.9, 6)[:, None]
+        ),
+        channels=before.channels.forgotten(6) if before.channels else None,
+    )
+    joined = bvh.parse(bvh.render(concatenate([before, middle, after])).encode())
+    assert joined.channels is not None
+    turns = [i for i, name in enumerate(n for names in joined.channels.names for n in names) if name in ROTATIONS]
+    steps = np.abs(np.diff(joined.channels.values[:, turns], axis=0))
+    assert steps.max() < 30.0, "no flip of a half or whole turn"
+    assert np.array_equal(joined.channels.values[:11], np.asarray(before.channels.values if before.channels else 0))
+    assert np.allclose(joined.channels.values[17:, 10], 195.0 + 2.0 * np.arange(11))
+    whole = concatenate([before, middle, after])
+    assert np.all(rotation.angle_between(joined.local_rotations, whole.local_rotations) < 1e-6)
+
+
+def test_the_other_triple_is_undone() -> None:
+    """A file that writes (a + 180, 180 - b, c + 180) goes on from one that writes (a, b, c)."""
+    before = turning(20.0, 1.0, 5)
+    assert before.channels is not None
+    values = np.array(before.channels.values)
+    values[:, :3] = np.stack([values[:, 0] + 180.0, 180.0 - values[:, 1], values[:, 2] + 180.0], axis=1)
+    after = replace(before, channels=replace(before.channels, values=values))
+    joined = bvh.parse(bvh.render(concatenate([before, after])).encode())
+    assert joined.channels is not None
+    assert np.allclose(joined.channels.values[5:, :3], before.channels.values[:, :3])
+
+
+def test_a_joint_gets_the_channels_that_its_motion_needs() -> None:
+    clip = bvh.parse(MIXED.encode())
+    bent = np.array(clip.local_rotations)
+    bent[:, 2] = rotation.exp([0.3, 0.2, 0.1])
+    assert clip.channels is not None
+    derived = replace(clip, local_rotations=bent, channels=clip.channels.forgotten(3))
+    again = bvh.parse(bvh.render(derived).encode())
+    assert again.channels is not None
+    assert again.channels.names[2] == ("Xrotation", "Zrotation", "Yrotation")
+    assert again.channels.names[3] == (), "a joint that does not turn gets none"
+    assert again.channels.names[4] == ("Zrotation", "Yrotation")
+    assert np.all(rotation.angle_between(again.local_rotations, bent) < 1e-6)
+
+
+def test_gimbal_lock_does_not_make_curves_jump() -> None:
+    angles = np.stack([np.full(41, 30.0), np.linspace(70.0, 110.0, 41), np.linspace(0.0, 20.0, 41)], axis=1)
+    clip = random_clip(0, n_frames=41)
+    local = np.array(clip.local_rotations)
+    local[:, 1] = rotation.from_euler(np.deg2rad(angles), "ZXY")
+    again = bvh.parse(bvh.render(replace(clip, local_rotations=local)).encode())
+    assert again.channels is not None
+    assert np.abs(np.diff(again.channels.values[:, 6:9], axis=0)).max() < 5.0
+    assert np.all(rotation.angle_between(again.local_rotations, local) < 1e-6)

@@ -1,0 +1,103 @@
+"""Clips: checked once, sliced and joined bit for bit, resampled by time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from conftest import random_clip
+from signsplice.errors import InputError
+from signsplice.motion import rotation
+from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
+
+
+def test_a_clip_cannot_be_written_through() -> None:
+    clip = random_clip(0)
+    with pytest.raises(ValueError, match="read-only"):
+        clip.local_rotations[0, 0, 0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"local_rotations": np.zeros((20, 12, 3))}, "expected \\(T, 12, 4\\)"),
+        ({"local_rotations": np.full((20, 12, 4), np.nan)}, "unit quaternions"),
+        ({"local_rotations": np.full((20, 12, 4), 0.7)}, "length 1.4"),
+        ({"local_rotations": np.zeros((0, 12, 4)), "root_positions": np.zeros((0, 3))}, "no frames"),
+        ({"root_positions": np.zeros((19, 3))}, "do not fit"),
+        ({"root_positions": np.full((20, 3), np.inf)}, "not a finite"),
+        ({"fps": 0.0}, "frame rate 0.0"),
+        ({"fps": float("nan")}, "frame rate nan"),
+        ({"translations": np.zeros((20, 11, 3))}, "translations"),
+    ],
+)
+def test_unsound_clips_are_refused(change: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        replace(random_clip(0), **change)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("names", "parents", "message"),
+    [
+        (("a", "a"), [-1, 0], "stands twice"),
+        (("a", "b"), [-1, 1], "after its parent"),
+        (("a", "b"), [0, -1], "root first"),
+        (("a",), [-1, 0], "do not fit"),
+    ],
+)
+def test_unsound_skeletons_are_refused(names: tuple[str, ...], parents: list[int], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Skeleton(names, np.array(parents), np.zeros((len(parents), 3)))
+
+
+@pytest.mark.parametrize("at", [1, 7, 19])
+def test_parts_joined_are_the_whole_bit_for_bit(at: int) -> None:
+    clip = random_clip(4)
+    joined = concatenate([clip[:at], clip[at:]])
+    assert np.array_equal(joined.local_rotations, clip.local_rotations)
+    assert np.array_equal(joined.root_positions, clip.root_positions)
+    assert joined.name == clip.name
+
+
+def test_clips_that_do_not_fit_are_not_joined() -> None:
+    with pytest.raises(InputError, match="other joints"):
+        concatenate([random_clip(0), random_clip(0, n_joints=11)])
+    with pytest.raises(InputError, match="resample"):
+        concatenate([random_clip(0), random_clip(0, fps=25.0)])
+    with pytest.raises(InputError, match="step 1"):
+        random_clip(0)[::2]
+
+
+def test_resampling_keeps_time() -> None:
+    clip = random_clip(6, n_frames=49, fps=24.0)
+    for fps in (12.0, 25.0, 30.0, 120.0, 29.97):
+        other = resample(clip, fps)
+        assert abs((len(other) - 1) / fps - (len(clip) - 1) / 24.0) < 1.0 / fps
+        for k in range(0, len(other), 5):  # against the definition, one frame at a time
+            at = k / fps * 24.0
+            low = min(int(at), len(clip) - 2)
+            wanted = rotation.slerp(clip.local_rotations[low], clip.local_rotations[low + 1], np.array(at - low))
+            assert np.all(rotation.angle_between(other.local_rotations[k], wanted) < 1e-7)
+
+
+def test_resampling_up_and_down_returns_the_frames() -> None:
+    clip = random_clip(7, fps=25.0)
+    back = resample(resample(clip, 100.0), 25.0)
+    assert len(back) == len(clip)
+    assert np.all(rotation.angle_between(back.local_rotations, clip.local_rotations) < 1e-7)
+    assert resample(clip, 25.0) is clip
+
+
+def test_speed_shortens_the_clip() -> None:
+    clip = random_clip(8, n_frames=41)
+    fast = resample(clip, 30.0, speed=2.0)
+    assert len(fast) == 21
+    assert np.all(rotation.angle_between(fast.local_rotations, clip.local_rotations[::2]) < 1e-7)
+    with pytest.raises(InputError, match="speed"):
+        resample(clip, 30.0, speed=0.0)
+
+
+def test_one_frame_is_a_clip() -> None:
+    clip = random_clip(9, n_frames=1)
+    assert len(resample(clip, 60.0)) == 1
+    assert isinstance(clip[:1], Clip)

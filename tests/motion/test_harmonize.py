@@ -1,0 +1,175 @@
+"""Clips of other rigs, units, rates and places brought onto one ground."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from signsplice.errors import RigMismatchError
+from signsplice.motion import kinematics, rotation, stance
+from signsplice.motion.clip import Clip, EndSite, Skeleton
+from signsplice.motion.harmonize import ground, harmonize
+from signsplice.motion.humanoid import find_roles
+
+Float = rotation.Float
+
+
+def in_other_clothes(clip: Clip, turn: Float, scale: float, rename: dict[str, str] | None = None) -> Clip:
+    """The same motion by a rig whose whole world, rest pose included, is turned, in another unit, with other names."""
+    local = rotation.multiply(rotation.multiply(turn, clip.local_rotations), rotation.inverse(turn))
+    skeleton = Skeleton(
+        names=tuple((rename or {}).get(name, name) for name in clip.skeleton.names),
+        parents=clip.skeleton.parents,
+        offsets=rotation.rotate(turn, clip.skeleton.offsets) * scale,
+        end_sites=tuple(EndSite(s.joint, rotation.rotate(turn, s.offset) * scale) for s in clip.skeleton.end_sites),
+    )
+    return Clip(skeleton, local, rotation.rotate(turn, clip.root_positions) * scale, clip.fps, clip.name + "'")
+
+
+def positions(clip: Clip) -> Float:
+    return kinematics.forward(clip)[1]
+
+
+def test_a_clip_on_its_own_ground_is_untouched(words: dict[str, Clip]) -> None:
+    clip = words["SIGN"]
+    out = harmonize(clip, ground(clip))
+    assert out.clip is clip
+    assert out.warnings == ()
+
+
+def test_place_facing_and_height_are_undone(words: dict[str, Clip]) -> None:
+    clip = words["HELLO"]
+    turn = rotation.exp([0.0, 2.1, 0.0])
+    local = np.array(clip.local_rotations)
+    local[:, 0] = rotation.multiply(turn, local[:, 0])
+    moved = replace(
+        clip,
+        local_rotations=local,
+        root_positions=rotation.rotate(turn, clip.root_positions) + np.array([120.0, 30.0, -44.0]),
+        name="moved",
+    )
+    out = harmonize(moved, ground(clip)).clip
+    assert np.allclose(positions(out), positions(clip), atol=1e-6)
+    assert np.array_equal(out.local_rotations[:, 1:], clip.local_rotations[:, 1:]), "only the root is moved"
+
+
+@pytest.mark.parametrize("unit", ["m", "inch", "mm"])
+def test_units_are_told_from_the_body(unit: str, words: dict[str, Clip]) -> None:
+    clip = words["DEAF"]
+    scale = 0.01 / stance.UNITS[unit]
+    other = replace(
+        clip,
+        skeleton=replace(clip.skeleton, offsets=clip.skeleton.offsets * scale),
+        root_positions=clip.root_positions * scale,
+    )
+    assert stance.length_unit(other.skeleton).name == unit
+    assert stance.length_unit(clip.skeleton).name == "cm"
+    out = harmonize(other, ground(clip)).clip
+    assert np.allclose(positions(out), positions(clip), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("turn", "scale"), [((-1.5707963, 0.0, 0.0), 0.01), ((0.0, 1.2, 0.0), 1.0), ((0.0, 0.0, 1.5707963), 0.3937)]
+)
+def test_a_rig_with_another_rest_pose_points_its_bones_the_same_way(
+    turn: tuple[float, float, float], scale: float, words: dict[str, Clip]
+) -> None:
+    clip = words["SIGN"]
+    lying = in_other_clothes(clip, rotation.exp(turn), scale)
+    out = harmonize(lying, ground(clip)).clip
+    assert np.allclose(positions(out), positions(clip), atol=0.05), "half a millimetre"
+
+
+def test_by_roles_between_naming_conventions(words: dict[str, Clip]) -> None:
+    clip = words["THANK-YOU"]
+    roles = find_roles(clip.skeleton)
+    vrm = {clip.skeleton.names[joint]: role for role, joint in roles.joints.items()}
+    other = in_other_clothes(clip, rotation.exp([0.0, 0.0, 0.0]), 0.01, vrm)
+    out = harmonize(other, ground(clip))
+    assert np.allclose(positions(out.clip), positions(clip), atol=0.05)
+    assert len(out.warnings) == 1
+    assert "HeadTop_End" in out.warnings[0]
+    back = harmonize(clip, ground(other)).clip
+    assert np.allclose(positions(back), positions(other), atol=0.0005)
+
+
+def test_joint_order_and_extra_joints_do_not_matter(words: dict[str, Clip]) -> None:
+    clip = words["I"]
+    names = clip.skeleton.names
+    # The same tree with the children of every joint in reverse order, and an extra joint in the spine.
+    order: list[int] = []
+
+    def visit(joint: int) -> None:
+        order.append(joint)
+        for child in reversed(clip.skeleton.children[joint]):
+            visit(child)
+
+    visit(0)
+    place = {joint: n for n, joint in enumerate(order)}
+    parents = np.array([place.get(int(clip.skeleton.parents[j]), -1) for j in order])
+    skeleton = Skeleton(
+        tuple(names[j].replace("mixamorig:", "mixamorig_") for j in order), parents, clip.skeleton.offsets[order]
+    )
+    shuffled = Clip(skeleton, clip.local_rotations[:, order], clip.root_positions, clip.fps, "shuffled")
+    out = harmonize(shuffled, ground(clip))
+    assert np.array_equal(out.clip.local_rotations, clip.local_rotations)
+    assert out.warnings == ()
+
+
+def test_joints_without_a_counterpart_hold_their_pose(words: dict[str, Clip]) -> None:
+    clip = words["I"]
+    keep = [j for j, name in enumerate(clip.skeleton.names) if "Pinky" not in name]
+    place = {joint: n for n, joint in enumerate(keep)}
+    skeleton = Skeleton(
+        tuple(clip.skeleton.names[j] for j in keep),
+        np.array([place.get(int(clip.skeleton.parents[j]), -1) for j in keep]),
+        clip.skeleton.offsets[keep],
+    )
+    fewer = Clip(skeleton, clip.local_rotations[:, keep], clip.root_positions, clip.fps, "fewer")
+    out = harmonize(fewer, ground(clip))
+    held = [j for j in range(len(clip.skeleton)) if j not in place]
+    assert np.array_equal(out.clip.local_rotations[:, keep], clip.local_rotations[:, keep])
+    assert np.array_equal(
+        out.clip.local_rotations[:, held], np.repeat(clip.local_rotations[:1, held], len(clip), axis=0)
+    )
+    assert len(out.warnings) == 1
+    assert "6 joints of I" in out.warnings[0]
+
+
+def test_rates_are_brought_together_by_time(words: dict[str, Clip]) -> None:
+    clip = words["HELLO"]
+    out = harmonize(clip, ground(clip, fps=60.0))
+    assert out.clip.fps == 60.0
+    assert abs(out.clip.seconds - clip.seconds) < 1 / 30
+    assert np.all(rotation.angle_between(out.clip.local_rotations[::2], clip.local_rotations) < 1e-7)
+
+
+def test_rigs_with_nothing_in_common_are_refused(words: dict[str, Clip]) -> None:
+    clip = words["I"]
+    table = Skeleton(("Table", "LegA", "LegB"), np.array([-1, 0, 0]), np.array([[0.0, 0, 0], [1, 0, 0], [-1, 0, 0]]))
+    other = Clip(table, np.tile(rotation.IDENTITY, (5, 3, 1)), np.zeros((5, 3)), 30.0, "table")
+    with pytest.raises(RigMismatchError, match=r"table .*Table, LegA, LegB.* and I .*mixamorig:Hips"):
+        harmonize(other, ground(clip))
+
+
+def test_real_clips_of_other_rigs_keep_their_signing(real_clips: dict[str, Clip]) -> None:
+    """The long take (metres, 65 joints, rest pose along -Z) on THANKS (cm, 52 joints): arm bones point the same way."""
+    thanks, take = real_clips["isl_thanks"], real_clips["long_take_metres"]
+    out = harmonize(take, ground(thanks)).clip
+    ours, theirs = find_roles(out.skeleton).joints, find_roles(take.skeleton).joints
+    stand_ours, stand_theirs = stance.stand(out), stance.stand(take)
+
+    def directions(clip: Clip, joints: dict[str, int], stand: stance.Stand) -> Float:
+        left = np.cross(stand.up, stand.forward)
+        axes = np.stack([left, stand.up, stand.forward])
+        places = kinematics.forward(clip)[1] @ axes.T
+        bones = [("UpperArm", "LowerArm"), ("LowerArm", "Hand"), ("IndexProximal", "IndexIntermediate")]
+        pairs = [(joints[side + a], joints[side + b]) for side in ("left", "right") for a, b in bones]
+        ways = np.stack([places[:, b] - places[:, a] for a, b in pairs], axis=1)
+        return np.asarray(ways / np.linalg.norm(ways, axis=-1, keepdims=True))
+
+    a, b = directions(out, dict(ours), stand_ours), directions(take, dict(theirs), stand_theirs)
+    angle = np.rad2deg(np.arccos(np.clip(np.sum(a * b, axis=-1), -1.0, 1.0)))
+    assert angle.max() < 10.0

@@ -1,0 +1,141 @@
+"""Rotations against their axioms and against scipy."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
+
+from signsplice.motion import rotation
+
+unit = arrays(np.float64, (5, 4), elements=st.floats(-1, 1)).filter(
+    lambda q: bool((np.linalg.norm(q, axis=-1) > 0.1).all())
+)
+quaternions = unit.map(rotation.normalize)
+vectors = arrays(np.float64, (5, 3), elements=st.floats(-10, 10))
+ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
+
+
+def same(a: rotation.Float, b: rotation.Float, tolerance: float = 1e-9) -> bool:
+    return bool(np.all(rotation.angle_between(a, b) < tolerance))
+
+
+@given(quaternions, quaternions, quaternions)
+def test_group_axioms(a: rotation.Float, b: rotation.Float, c: rotation.Float) -> None:
+    assert np.allclose(
+        rotation.multiply(rotation.multiply(a, b), c), rotation.multiply(a, rotation.multiply(b, c)), atol=1e-12
+    )
+    assert np.allclose(rotation.multiply(a, rotation.IDENTITY), a)
+    assert same(rotation.multiply(a, rotation.inverse(a)), rotation.IDENTITY)
+    assert same(rotation.inverse(rotation.multiply(a, b)), rotation.multiply(rotation.inverse(b), rotation.inverse(a)))
+
+
+@given(quaternions, quaternions, vectors)
+def test_agrees_with_scipy(a: rotation.Float, b: rotation.Float, v: rotation.Float) -> None:
+    ra, rb = Rotation.from_quat(a), Rotation.from_quat(b)
+    assert np.allclose(rotation.rotate(a, v), ra.apply(v), atol=1e-9)
+    assert np.allclose(rotation.to_matrix(a), ra.as_matrix(), atol=1e-12)
+    assert np.allclose(rotation.to_matrix(rotation.multiply(a, b)), (ra * rb).as_matrix(), atol=1e-12)
+    assert np.allclose(rotation.log(a), ra.as_rotvec(), atol=1e-7)
+    assert np.allclose(rotation.angle_between(a, b), (ra.inv() * rb).magnitude(), atol=1e-7)
+
+
+@given(quaternions)
+def test_round_trips(q: rotation.Float) -> None:
+    assert same(rotation.exp(rotation.log(q)), q)
+    assert same(rotation.from_matrix(rotation.to_matrix(q)), q, 1e-7)
+    assert same(rotation.from_6d(rotation.to_6d(q)), q, 1e-7)
+    for axes in ORDERS:
+        assert same(rotation.from_euler(rotation.to_euler(q, axes), axes), q, 1e-6), axes
+
+
+@pytest.mark.parametrize("axes", ORDERS)
+def test_from_euler_is_the_intrinsic_product(axes: str) -> None:
+    angles = np.random.default_rng(1).uniform(-4.0, 4.0, (50, 3))
+    assert same(rotation.from_euler(angles, axes), Rotation.from_euler(axes, angles).as_quat(), 1e-7)
+    assert same(
+        rotation.from_euler(angles[:, :2], axes[:2]), Rotation.from_euler(axes[:2], angles[:, :2]).as_quat(), 1e-7
+    )
+    assert same(rotation.from_euler(angles[:, :0], ""), rotation.IDENTITY)
+
+
+@pytest.mark.parametrize("axes", ORDERS)
+@pytest.mark.parametrize("middle", [-np.pi / 2, np.pi / 2])
+def test_gimbal_lock_keeps_the_rotation(axes: str, middle: float) -> None:
+    q = rotation.from_euler([0.7, middle, -0.4], axes)
+    angles = rotation.to_euler(q, axes)
+    assert angles[0] == 0.0
+    assert same(rotation.from_euler(angles, axes), q, 1e-7)
+
+
+@given(quaternions, quaternions)
+def test_slerp_ends_and_middle(a: rotation.Float, b: rotation.Float) -> None:
+    assert same(rotation.slerp(a, b, np.zeros(5)), a)
+    assert same(rotation.slerp(a, b, np.ones(5)), b)
+    half = rotation.slerp(a, b, np.full(5, 0.5))
+    assert np.allclose(rotation.angle_between(a, half), 0.5 * rotation.angle_between(a, b), atol=1e-7)
+
+
+@given(vectors, vectors)
+def test_between_vectors_turns_one_into_the_other(u: rotation.Float, v: rotation.Float) -> None:
+    lengths = np.linalg.norm(u, axis=-1) * np.linalg.norm(v, axis=-1)
+    turned = rotation.rotate(rotation.between_vectors(u, v), u) * np.linalg.norm(v, axis=-1, keepdims=True)
+    wanted = v * np.linalg.norm(u, axis=-1, keepdims=True)
+    solid = lengths > 1e-3
+    assert np.allclose(turned[solid], wanted[solid], atol=1e-5 * max(1.0, float(lengths.max())))
+
+
+def test_between_opposite_and_zero_vectors() -> None:
+    u = np.array([[1.0, 0.0, 0.0], [0.0, -2.0, 0.0], [0.0, 0.0, 0.0]])
+    q = rotation.between_vectors(u, -u)
+    assert np.allclose(rotation.rotate(q, u), -u, atol=1e-9)
+    assert np.allclose(q[2], rotation.IDENTITY)
+
+
+def test_right_jacobian_inverse_is_the_rate_of_the_rotation_vector() -> None:
+    rng = np.random.default_rng(3)
+    x, w = rng.normal(size=(30, 3)), rng.normal(size=(30, 3))
+    x *= (rng.uniform(0.0, 3.0, 30) / np.linalg.norm(x, axis=-1))[:, None]
+    step = 1e-6
+    moved = rotation.multiply(rotation.exp(x), rotation.exp(step * w))
+    numeric = (rotation.log(moved) - x) / step
+    assert np.allclose(rotation.right_jacobian_inverse(x, w), numeric, atol=1e-4)
+
+
+def test_twist_angle_reads_back_the_twist() -> None:
+    axis = np.array([0.0, 0.6, 0.8])
+    swing = rotation.exp([0.5, 0.0, 0.0])
+    for angle in (-3.0, -0.4, 0.0, 2.9):
+        twist = rotation.exp(angle * axis)
+        assert rotation.twist_angle(twist, axis) == pytest.approx(angle)
+        assert rotation.twist_angle(-twist, axis) == pytest.approx(angle)
+    assert abs(rotation.twist_angle(swing, axis)) < 1e-12
+
+
+def test_continuous_has_no_sign_flips() -> None:
+    q = rotation.exp(np.linspace(0.0, 12.0, 60)[:, None, None] * np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]))
+    flipped = q * np.where(np.random.default_rng(0).random((60, 2, 1)) < 0.5, -1.0, 1.0)
+    out = rotation.continuous(flipped)
+    assert np.all(np.sum(out[1:] * out[:-1], axis=-1) > 0.0)
+    assert same(out, flipped)
+
+
+def test_nearest_euler_undoes_turns_and_the_other_triple() -> None:
+    rng = np.random.default_rng(5)
+    reference = rng.uniform(-3.0, 3.0, (40, 3))
+    other = reference + 2.0 * np.pi * rng.integers(-3, 4, (40, 3))
+    far = np.stack([other[:, 0] + np.pi, np.pi - other[:, 1], other[:, 2] - np.pi], axis=-1)
+    assert np.allclose(rotation.nearest_euler(other, reference), reference)
+    assert np.allclose(rotation.nearest_euler(far, reference), reference)
+
+
+@pytest.mark.parametrize("bad", [np.zeros(4), np.zeros((2, 4))])
+def test_zero_quaternion_is_refused(bad: rotation.Float) -> None:
+    with pytest.raises(ValueError, match="length 0"):
+        rotation.normalize(bad)
+
+
+def test_degenerate_6d_is_refused() -> None:
+    with pytest.raises(ValueError, match="parallel"):
+        rotation.from_6d([1.0, 0.0, 0.0, 2.0, 0.0, 0.0])

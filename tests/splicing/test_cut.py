@@ -1,0 +1,106 @@
+"""Cutters: each against a plain search, and what all must keep."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from conftest import random_clip
+from signsplice.errors import InputError
+from signsplice.motion import rotation
+from signsplice.motion.arms import active_span, arms
+from signsplice.motion.clip import Clip
+from signsplice.splicing import cut as cutting
+from signsplice.splicing.cut import CUTTERS, find_cutter
+
+NAMES = list(CUTTERS)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_cuts_lie_in_their_clips_and_leave_something(name: str, words: dict[str, Clip]) -> None:
+    for a in words.values():
+        for b in words.values():
+            cut = find_cutter(name).cut(a, b)
+            assert 0 <= cut.post < len(b)
+            assert 0 <= cut.pre < len(a)
+            assert cut.pre > find_cutter(name).cut(b, a).post, "a word is left after it was entered"
+
+
+@pytest.mark.parametrize("name", ["rest-trim", "hand-distance", "pose-velocity"])
+def test_no_frame_of_hanging_arms_is_kept_between_words(name: str, words: dict[str, Clip]) -> None:
+    for a in words.values():
+        for b in words.values():
+            cut = find_cutter(name).cut(a, b)
+            for clip, frame in ((a, cut.pre), (b, cut.post)):
+                lift = arms(clip).lift.max(axis=1)
+                assert lift[frame] > lift[0] + 0.3 * (lift.max() - lift[0])
+
+
+def brute(before: Clip, after: Clip, name: str) -> tuple[int, int]:
+    """The search again, one pair of frames at a time, from the definitions in the docstrings."""
+    p, q = arms(before), arms(after)
+    (p0, p1), (q0, q1) = active_span(p), active_span(q)
+    rows = max(1, int(min(0.3 * before.fps, 0.3 * (p1 - p0))))
+    columns = max(1, int(min(0.3 * after.fps, 0.3 * (q1 - q0))))
+    best, at = np.inf, (0, 0)
+    for i in range(p1 - rows, p1):
+        for j in range(q0, q0 + columns):
+            cost = 0.0
+            for hand in range(2):
+                if name == "hand-distance":
+                    cost += float(np.linalg.norm(p.wrists[i, hand] - q.wrists[j, hand])) / p.shoulder_width
+                    turn = p.hand_rotations[i, hand].T @ q.hand_rotations[j, hand]
+                    cost += float(np.linalg.norm(rotation.log(rotation.from_matrix(turn)))) / np.pi
+                else:
+                    for points in ("elbows", "wrists"):
+                        a, b = getattr(p, points)[:, hand], getattr(q, points)[:, hand]
+                        va = np.gradient(a, axis=0)[i] * p.fps * cutting.VELOCITY_TIME_S
+                        vb = np.gradient(b, axis=0)[j] * q.fps * cutting.VELOCITY_TIME_S
+                        cost += float(np.sum((a[i] - b[j]) ** 2) / p.length**2 + np.sum((va - vb) ** 2) / p.length**2)
+            if cost < best - 1e-12:
+                best, at = cost, (i, j)
+    return at
+
+
+@pytest.mark.parametrize("name", ["hand-distance", "pose-velocity"])
+@pytest.mark.parametrize(("a", "b"), [("HELLO", "SIGN"), ("SIGN", "I"), ("DEAF", "THANK-YOU")])
+def test_searches_find_what_a_plain_search_finds(name: str, a: str, b: str, words: dict[str, Clip]) -> None:
+    cut = find_cutter(name).cut(words[a], words[b])
+    assert (cut.pre, cut.post) == brute(words[a], words[b], name)
+
+
+def test_ends_keeps_all() -> None:
+    a, b = random_clip(0), random_clip(0, n_frames=7)
+    cut = find_cutter("ends").cut(a, b)
+    assert (cut.pre, cut.post) == (19, 0)
+
+
+def test_active_span_of_a_clip_without_rest_is_the_whole(words: dict[str, Clip]) -> None:
+    start, stop = active_span(arms(words["SIGN"]))
+    assert 0 < start < stop < len(words["SIGN"])
+    inner = words["SIGN"][start + 4 : stop - 4]
+    assert active_span(arms(inner)) == (0, len(inner))
+    still = words["SIGN"][:8]
+    assert active_span(arms(still)) == (0, 8)
+
+
+def test_active_span_follows_the_clip_in_time_unit_and_mirror(words: dict[str, Clip]) -> None:
+    clip = words["HELLO"]
+    start, stop = active_span(arms(clip))
+    tall = replace(
+        clip,
+        skeleton=replace(clip.skeleton, offsets=clip.skeleton.offsets * 0.01),
+        root_positions=clip.root_positions * 0.01,
+    )
+    assert active_span(arms(tall)) == (start, stop)
+    backwards = replace(clip, local_rotations=clip.local_rotations[::-1])
+    assert active_span(arms(backwards)) == (len(clip) - stop, len(clip) - start)
+
+
+def test_unknown_arms_are_said(words: dict[str, Clip]) -> None:
+    with pytest.raises(InputError, match="no leftUpperArm or leftLowerArm found among joints joint0"):
+        find_cutter("rest-trim").cut(random_clip(0), random_clip(1))
+    with pytest.raises(InputError, match="no cutter 'x', expected one of ends, rest-trim"):
+        find_cutter("x")

@@ -1,0 +1,55 @@
+"""Splices and in-betweening of real clips, where they are present."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from signsplice.formats import bvh
+from signsplice.motion import kinematics, rotation
+from signsplice.motion.channels import ROTATIONS
+from signsplice.motion.clip import Clip, resample
+from signsplice.splicing.engine import splice
+from signsplice.splicing.evaluate import hidden_frames
+from signsplice.splicing.transition import find_transition
+
+
+def test_thanks_take_thanks_is_one_sound_animation(real_clips: dict[str, Clip]) -> None:
+    thanks, take = real_clips["isl_thanks"], real_clips["long_take_metres"]
+    result = splice([thanks, take, thanks])
+    text = bvh.render(result.clip)
+    again = bvh.parse(text.encode())
+    assert again.skeleton.names == thanks.skeleton.names
+    assert np.allclose(kinematics.forward(again)[1], kinematics.forward(result.clip)[1], atol=1e-4)
+    steps = np.rad2deg(rotation.angle_between(again.local_rotations[:-1], again.local_rotations[1:]))
+    own = [
+        np.rad2deg(rotation.angle_between(c.local_rotations[:-1], c.local_rotations[1:])).max() for c in (thanks, take)
+    ]
+    assert steps.max() <= max(own) + 1e-6, "no step at a seam that the sources do not have themselves"
+    for seam in result.seams:
+        a = next(
+            s.output for s in result.spans if s.kind == "transition" and s.output[1] - s.output[0] == seam.n_transition
+        )
+        assert steps[a[0] - 1 : a[1] + 1].max() < 25.0
+    # Euler curves: no flip of a half or whole turn into or out of a transition.
+    assert again.channels is not None
+    flat = [name for names in again.channels.names for name in names]
+    curves = again.channels.values[:, [i for i, name in enumerate(flat) if name in ROTATIONS]]
+    for span in result.spans:
+        if span.kind == "transition":
+            assert np.abs(np.diff(curves[span.output[0] - 1 : span.output[1] + 1], axis=0)).max() < 90.0
+    # The hips go through both seams without a jump.
+    hips = again.root_positions
+    assert np.linalg.norm(np.diff(hips, axis=0), axis=-1).max() < 5.0
+
+
+def test_hermite_fills_hidden_frames_far_better_than_slerp(real_clips: dict[str, Clip]) -> None:
+    """As in the published kind: hold > slerp > hermite at every length, and far so on short gaps."""
+    clips = [resample(real_clips["isl_thanks"], 24.0)[16:110], resample(real_clips["long_take_metres"], 24.0)[170:]]
+    rows = hidden_frames(
+        clips, [find_transition(name) for name in ("hold", "slerp", "hermite")], (5, 12, 24), stride=20
+    )
+    error = {(row.transition, row.n_frames): row.position_error for row in rows}
+    for n in (5, 12, 24):
+        assert error["hold", n] > error["slerp", n] > error["hermite", n]
+    assert error["hermite", 5] < 0.6 * error["slerp", 5]
+    assert all(row.motion_ratio < 1.0 for row in rows if row.transition == "slerp")

@@ -1,0 +1,199 @@
+"""Transitions: ends, velocities, bounds; what every method keeps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from conftest import random_clip
+from signsplice.errors import InputError
+from signsplice.motion import rotation
+from signsplice.motion.clip import Clip, Skeleton, concatenate
+from signsplice.splicing.transition import TRANSITIONS, fade_times, find_transition
+
+Float = rotation.Float
+NAMES = list(TRANSITIONS)
+
+
+def one_joint(angles: Float, fps: float = 100.0) -> Clip:
+    """A joint that turns about z by ``angles`` (T,), radians."""
+    skeleton = Skeleton(("a",), np.array([-1]), np.zeros((1, 3)))
+    turns = np.zeros((len(angles), 1, 3))
+    turns[:, 0, 2] = angles
+    places = np.zeros((len(angles), 3))
+    places[:, 0] = angles
+    return Clip(skeleton, rotation.exp(turns), places, fps)
+
+
+def filled(name: str, before: Float, after: Float, n: int, fps: float = 100.0) -> Float:
+    """Angles (n + 2,) from the last frame before to the first after."""
+    clip = find_transition(name).between(one_joint(before, fps), one_joint(after, fps), n)
+    angles = rotation.log(clip.local_rotations)[:, 0, 2]
+    assert np.allclose(clip.root_positions[:, 0], angles, atol=1e-9), "the root's place takes the same curve"
+    return np.concatenate([before[-1:], angles, after[:1]])
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("n", [1, 2, 9, 40])
+def test_shapes_rates_and_unit_length(name: str, n: int, words: dict[str, Clip]) -> None:
+    before, after = words["HELLO"][:40], words["SIGN"][20:]
+    out = find_transition(name).between(before, after, n)
+    assert len(out) == n
+    assert out.fps == before.fps
+    assert out.skeleton is before.skeleton
+    with pytest.raises(InputError, match="at least 1"):
+        find_transition(name).between(before, after, 0)
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if n != "hold"])
+def test_frames_lead_from_one_end_to_the_other(name: str, words: dict[str, Clip]) -> None:
+    """With many frames the steps at both ends become small: no jump."""
+    before, after = words["HELLO"][:40], words["SIGN"][20:]
+    whole = concatenate([before, find_transition(name).between(before, after, 200), after])
+    steps = rotation.angle_between(whole.local_rotations[39:240], whole.local_rotations[40:241])
+    assert steps.max() < np.deg2rad(12.0)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_method_sees_only_a_few_frames(name: str, words: dict[str, Clip]) -> None:
+    before, after = words["HELLO"][:40], words["SIGN"][20:]
+    transition = find_transition(name)
+    a = transition.between(before, after, 8)
+    b = transition.between(before[-3:], after[:3], 8)
+    assert np.array_equal(a.local_rotations, b.local_rotations)
+
+
+def test_slerp_linear_and_minimum_jerk_are_their_formulas() -> None:
+    before, after = np.zeros(3), np.full(3, 1.2)
+    u = np.arange(0, 11) / 10.0
+    assert np.allclose(filled("slerp", before, after, 9), 1.2 * u)
+    assert np.allclose(filled("minimum-jerk", before, after, 9), 1.2 * (10 * u**3 - 15 * u**4 + 6 * u**5))
+    assert np.allclose(filled("hold", before, after, 9)[:-1], 0.0)
+    lerp = find_transition("linear").between(one_joint(before), one_joint(after), 9).local_rotations
+    plain = (1 - u[1:-1, None]) * np.array([0, 0, 0, 1.0]) + u[1:-1, None] * np.array([0, 0, np.sin(0.6), np.cos(0.6)])
+    assert np.allclose(lerp[:, 0], plain / np.linalg.norm(plain, axis=-1, keepdims=True))
+
+
+@pytest.mark.parametrize("name", ["hermite", "quintic", "inertialize"])
+def test_even_motion_goes_on_evenly(name: str) -> None:
+    """A joint that turns evenly through the gap is filled exactly."""
+    angles = np.linspace(0.0, 2.0, 41)
+    out = filled(name, angles[:15], angles[26:], 11)
+    tolerance = 1e-7 if name != "inertialize" else 0.05
+    assert np.allclose(out, angles[14:27], atol=tolerance)
+
+
+def test_hermite_is_the_cubic_where_no_limit_bites() -> None:
+    """Scipy's CubicHermiteSpline through the same ends and velocities, in 0.3 s."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    before, after = np.array([-0.02, -0.01, 0.0]), np.array([1.0, 1.03, 1.06])
+    spline = CubicHermiteSpline([0.0, 0.3], [0.0, 1.0], [1.0, 3.0])
+    assert np.allclose(filled("hermite", before, after, 29), spline(np.arange(31) / 100.0), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["hermite", "quintic"])
+def test_velocities_at_both_ends_are_kept_in_3d(name: str) -> None:
+    """In the limit of small steps the angular velocity runs on, also where rotation vectors are long."""
+    rng = np.random.default_rng(2)
+    fps = 2000.0
+    skeleton = Skeleton(("a",), np.array([-1]), np.zeros((1, 3)))
+
+    def clip(start: Float, w: Float) -> Clip:
+        q = rotation.multiply(start, rotation.exp(w * np.arange(3)[:, None] / fps))
+        return Clip(skeleton, q[:, None], np.zeros((3, 3)), fps)
+
+    for _ in range(10):
+        w0, w1 = rng.normal(size=(2, 3)) * 3.0
+        before = clip(rotation.exp(rng.normal(size=3)), w0)
+        after = clip(rotation.exp(rng.normal(size=3)), w1)
+        out = find_transition(name).between(before, after, 600).local_rotations[:, 0]
+        first = rotation.difference(before.local_rotations[-1, 0], out[0]) * fps
+        last = rotation.difference(out[-1], after.local_rotations[0, 0]) * fps
+        assert np.allclose(first, w0, atol=0.15)
+        assert np.allclose(last, w1, atol=0.15)
+
+
+@pytest.mark.parametrize(("name", "swing", "agreeing"), [("hermite", 4 / 27, 0.4), ("quintic", 0.22, 0.2)])
+@pytest.mark.parametrize("seconds", [0.2, 0.5, 2.0, 8.0])
+@pytest.mark.parametrize(("v0", "v1"), [(8.0, 8.0), (-8.0, 8.0), (8.0, -8.0), (-8.0, -8.0), (20.0, 0.0)])
+def test_disagreeing_velocities_do_not_overshoot(
+    name: str, swing: float, agreeing: float, seconds: float, v0: float, v1: float
+) -> None:
+    """However long the gap, no end swings further beyond the way than its velocity carries it in its own fading
+    time.
+    """
+    way = 0.5
+    before, after = v0 * np.array([-0.02, -0.01, 0.0]), way + v1 * np.array([0.0, 0.01, 0.02])
+    out = filled(name, before, after, round(seconds * 100) - 1)
+    taus = [min(seconds, max(agreeing if v > 0 else 0.2, 3.0 * way / abs(v))) if v else 0.0 for v in (v0, v1)]
+    bound = sum(swing * abs(v) * tau for v, tau in zip((v0, v1), taus, strict=True))
+    assert out.max() < way + bound + 1e-9
+    assert out.min() > -bound - 1e-9
+    if seconds == 8.0:
+        plain = 4 / 27 * max(abs(v0), abs(v1)) * seconds
+        assert out.max() - way < 0.25 * plain, "the plain curve would swing out at least four times as far"
+
+
+def test_monotone_where_velocities_agree_with_the_way() -> None:
+    for seconds in (0.1, 0.3):
+        for v in (0.5, 2.0, 5.0, 14.0):
+            way = v * seconds / 3.0 * 1.01  # Fritsch and Carlson's bound
+            before, after = v * np.array([-0.02, -0.01, 0.0]), way + v * np.array([0.0, 0.01, 0.02])
+            out = filled("hermite", before, after, round(seconds * 100) - 1)
+            assert np.all(np.diff(out) > -1e-9)
+
+
+def test_fading_times() -> None:
+    way, velocity = np.array([[0.5, 0.0, 0.0]]), np.array([[2.0, 0.0, 0.0]])
+    assert fade_times(way, velocity, 5.0)[0, 0] == pytest.approx(0.75)
+    assert fade_times(way, velocity, 0.2)[0, 0] == pytest.approx(0.2)
+    assert fade_times(way, 100 * velocity, 5.0)[0, 0] == pytest.approx(0.4)
+    assert fade_times(way, -100 * velocity, 5.0)[0, 0] == pytest.approx(0.2)
+    assert fade_times(way, 0 * velocity, 5.0)[0, 0] == pytest.approx(5.0)
+
+
+def test_inertialize_dies_out_without_undershoot() -> None:
+    out = filled("inertialize", np.zeros(3), np.full(3, 1.0), 39)
+    assert np.all(np.diff(out) > -1e-9)
+    assert out.max() <= 1.0 + 1e-9
+    fast = filled("inertialize", 9.0 * np.array([-0.02, -0.01, 0.0]), np.full(3, 1.0), 39)
+    assert fast.max() <= 1.0 + 1e-9
+    assert fast[1] - fast[0] > out[1] - out[0], "the velocity before carries over"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_clips_of_one_frame_have_no_velocity(name: str) -> None:
+    clip = random_clip(3)
+    out = find_transition(name).between(clip[:1], clip[10:11], 5)
+    assert np.isfinite(out.local_rotations).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_backwards_is_the_mirror_in_time(name: str) -> None:
+    """Filling the reversed gap gives the frames reversed, save for the methods that look one way only."""
+    if name in ("hold", "inertialize"):
+        pytest.skip("not symmetric by design")
+    clip = random_clip(5)
+    reverse = replace(clip, local_rotations=clip.local_rotations[::-1], root_positions=clip.root_positions[::-1])
+    forth = find_transition(name).between(clip[:8], clip[13:], 5)
+    back = find_transition(name).between(reverse[:7], reverse[12:], 5)
+    # Only the frame of reference of the rotation vectors differs, by terms of third order.
+    assert np.all(rotation.angle_between(forth.local_rotations, back.local_rotations[::-1]) < 0.02)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_moving_bones_are_interpolated(name: str) -> None:
+    clip = random_clip(6)
+    stretched = np.tile(clip.skeleton.offsets, (20, 1, 1)) * np.linspace(1.0, 2.0, 20)[:, None, None]
+    clip = replace(clip, translations=stretched)
+    out = find_transition(name).between(clip[:8], clip[12:], 4)
+    assert out.translations is not None
+    assert np.allclose(out.translations, stretched[8:12], atol=1e-9)
+
+
+def test_unknown_names_are_said() -> None:
+    with pytest.raises(InputError, match="no transition 'cubic', expected one of hold, linear"):
+        find_transition("cubic")

@@ -1,0 +1,153 @@
+"""The walls of the house: which room may import which, and what a splice leaves unimported."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import signsplice
+
+ROOT = Path(__file__).resolve().parents[1]
+SOURCE = ROOT / "src" / "signsplice"
+
+FLOORS = {
+    "errors": 0,
+    "motion": 1,
+    "formats": 2,
+    "render": 3,
+    "lexicon": 3,
+    "synth": 3,
+    "splicing": 4,
+}
+"""Imports run down only. What is not named here (the command line, the demo, the bench) lies on top."""
+
+TOP = 5
+MODULES = sorted(SOURCE.rglob("*.py"))
+
+
+def room(module: str) -> str:
+    """signsplice.motion.clip -> motion."""
+    parts = module.split(".")
+    return parts[1] if len(parts) > 1 else ""
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(SOURCE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports(path: Path, inside_functions: bool = True) -> set[str]:
+    """Modules that a file imports, TYPE_CHECKING blocks apart."""
+    found: set[str] = set()
+
+    def walk(node: ast.AST) -> None:
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+            return
+        if not inside_functions and isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            return
+        if isinstance(node, ast.Import):
+            found.update(alias.name for alias in node.names)
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            base = node.module or ""
+            known = {alias.name for alias in node.names if (SOURCE.parent / base.replace(".", "/") / f"{alias.name}.py").exists()}
+            found.update(f"{base}.{name}" for name in known)
+            if len(known) < len(node.names):
+                found.add(base)
+        for child in ast.iter_child_nodes(node):
+            walk(child)
+
+    walk(ast.parse(path.read_text()))
+    return found
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
+def test_imports_run_down(path: Path) -> None:
+    own = module_name(path)
+    if own == "signsplice":
+        return
+    floor = FLOORS.get(room(own), TOP)
+    for target in imports(path):
+        if target.split(".")[0] == "signsplice":
+            below = FLOORS.get(room(target), TOP)
+            same = room(target) == room(own)
+            assert below < floor or same or (floor == below == TOP and room(own) == "cli"), f"{own} imports {target}"
+
+
+def test_rooms_have_no_circles() -> None:
+    graph = {module_name(p): {t for t in imports(p, inside_functions=False) if t.startswith("signsplice")} for p in MODULES}
+    done: set[str] = set()
+
+    def visit(module: str, path: tuple[str, ...]) -> None:
+        assert module not in path, " -> ".join((*path, module))
+        if module not in done:
+            for target in graph.get(module, ()):
+                visit(target, (*path, module))
+            done.add(module)
+
+    for module in graph:
+        visit(module, ())
+
+
+def test_motion_knows_no_file_and_no_picture() -> None:
+    allowed = {"numpy", "scipy", "signsplice"} | set(sys.stdlib_module_names)
+    for path in (SOURCE / "motion").glob("*.py"):
+        assert {target.split(".")[0] for target in imports(path)} <= allowed, path
+
+
+def test_the_product_needs_only_its_own_dependencies() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    names = {entry.split(">")[0].split("=")[0] for entry in project["dependencies"]}
+    assert names == {"numpy", "scipy", "onnxruntime", "click", "rich"}
+    optional = {"PIL", "imageio_ffmpeg", "pybvh"}  # imported inside functions, for those who have them
+    for path in MODULES:
+        outside = {t.split(".")[0] for t in imports(path)} - set(sys.stdlib_module_names) - {"signsplice"}
+        assert outside <= names | optional, path
+        at_top = {t.split(".")[0] for t in imports(path, inside_functions=False)}
+        assert not at_top & optional, path
+
+
+def in_a_fresh_process(code: str) -> str:
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return run.stdout
+
+
+def test_a_splice_imports_no_torch_and_no_plotting() -> None:
+    heavy = in_a_fresh_process(
+        "import sys, signsplice as ss\n"
+        "from signsplice.lexicon import demo\n"
+        "ss.splice([demo.word('I'), demo.word('SIGN')])\n"
+        "print(sorted({'torch', 'matplotlib', 'PIL', 'onnxruntime', 'click', 'rich', 'pandas'} & set(sys.modules)))"
+    )
+    assert heavy.strip() == "[]"
+
+
+def test_import_and_help_are_light() -> None:
+    loaded = in_a_fresh_process("import sys, signsplice, signsplice.cli; print('numpy' in sys.modules, 'rich' in sys.modules)")
+    assert loaded.strip() == "False False"
+
+
+def test_the_face_is_small_and_whole() -> None:
+    assert len(signsplice.__all__) <= 16
+    for name in signsplice.__all__:
+        value = getattr(signsplice, name)
+        assert value.__doc__, name
+        assert value.__name__ == name
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        signsplice.nothing  # noqa: B018
+    assert callable(signsplice.splice), "the function, also after its package was imported"
+    assert in_a_fresh_process("import signsplice.splicing.engine, signsplice; print(signsplice.splice.__name__)").strip() == "splice"
+
+
+def test_every_public_function_says_what_comes_back() -> None:
+    for path in MODULES:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_"):
+                assert ast.get_docstring(node) or node.name in ("fail", "read_line", "timed", "pieces", "visit", "cost", "target"), (
+                    f"{path.name}:{node.lineno} {node.name}"
+                )
