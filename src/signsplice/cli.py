@@ -9,7 +9,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -21,12 +21,13 @@ from signsplice.errors import InputError, SignspliceError
 
 if TYPE_CHECKING:
     from signsplice.motion.clip import Clip
-    from signsplice.render.film import Mark
     from signsplice.splicing.engine import SpliceOptions, SpliceResult
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 PICTURES = (".png", ".gif", ".mp4")
+Spans = Sequence[tuple[str, str, int, int]]
+"""Kind, name, first frame and end of each span."""
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -138,7 +139,7 @@ def _deliver(result: SpliceResult, output: str, report: str | None, load_ms: flo
     from signsplice.splicing import report as reports
 
     began = time.perf_counter()
-    _write(result.clip, output, _marks(result))
+    _write(result.clip, output, [(span.kind, span.name or "", *span.output) for span in result.spans])
     save_ms = 1e3 * (time.perf_counter() - began)
     if report is not None:
         reports.write(reports.describe(result, {"load": load_ms, "save": save_ms}), report)
@@ -160,12 +161,13 @@ def _check_outputs(output: str, report: str | None = None) -> None:
             check_writable(path)
 
 
-def _write(clip: Clip, output: str, marks: list[Mark]) -> None:
+def _write(clip: Clip, output: str, spans: Spans = ()) -> None:
+    """Write a clip by suffix; ``spans`` are marked in pictures."""
     if Path(output).suffix.lower() in PICTURES:
         from signsplice.render import film
 
         with _progress(f"rendering {Path(output).name}") as advance:
-            film.write(clip, output, marks, progress=advance)
+            film.write(clip, output, [film.Mark(*span) for span in spans], progress=advance)
     else:
         from signsplice.formats import save
 
@@ -183,12 +185,6 @@ def _load(path: str, roles: str | None = None) -> Clip:
     clip = replace(clip, skeleton=replace(clip.skeleton, roles=read_override(roles)))
     find_roles(clip.skeleton)  # says at once where a role's joint is missing
     return clip
-
-
-def _marks(result: SpliceResult) -> list[Mark]:
-    from signsplice.render.film import Mark
-
-    return [Mark(span.kind, span.name or "", *span.output) for span in result.spans]
 
 
 @contextmanager
@@ -268,7 +264,7 @@ def convert(source: str, output: str) -> None:
     """Turn one file into another, by suffix."""
     _check_outputs(output)
     clip = _load(source)
-    _write(clip, output, [])
+    _write(clip, output)
     print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
 
 
@@ -282,24 +278,24 @@ def render(source: str, output: str, report: str | None) -> None:
         raise InputError(f"{output}: expected a name that ends in {', '.join(PICTURES)}; use convert for other files")
     _check_outputs(output)
     clip = _load(source)
-    _write(clip, output, _reported_marks(report, len(clip)) if report is not None else [])
+    _write(clip, output, _reported_spans(report, len(clip)) if report is not None else ())
     print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
 
 
-def _reported_marks(path: str, n_frames: int) -> list[Mark]:
+def _reported_spans(path: str, n_frames: int) -> Spans:
+    """Spans of a splice's report, checked against the clip they are to mark."""
     from signsplice.formats.atomic import read_bytes
-    from signsplice.render.film import Mark
 
     try:
         report = json.loads(read_bytes(path))
-        marks = [Mark(span["kind"], span["name"] or "", *span["output"]) for span in report["spans"]]
+        spans = [(str(s["kind"]), s["name"] or "", int(s["output"][0]), int(s["output"][1])) for s in report["spans"]]
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path}: is no report of a splice ({error})") from error
-    if marks and marks[-1].stop != n_frames:
+    if spans and spans[-1][3] != n_frames:
         raise InputError(
-            f"{path}: tells of {marks[-1].stop} frames, but the clip has {n_frames}; is it another clip's report?"
+            f"{path}: tells of {spans[-1][3]} frames, but the clip has {n_frames}; is it another clip's report?"
         )
-    return marks
+    return spans
 
 
 @app.command()

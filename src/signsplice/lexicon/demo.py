@@ -268,7 +268,7 @@ def _pose_arm(
     upper_turn, fore_turn = (_bone_rotation(bone, hinge) for bone in (upper, fore))
     # Half of the wrist's twist is the forearm's, as pronation is.
     twist = rotation.twist_angle(rotation.multiply(rotation.inverse(fore_turn), turns), np.array([1.0, 0.0, 0.0]))
-    fore_turn = rotation.multiply(fore_turn, rotation.exp(0.5 * twist[:, None] * [1.0, 0.0, 0.0]))
+    fore_turn = rotation.multiply(fore_turn, rotation.exp(0.5 * np.unwrap(twist)[:, None] * [1.0, 0.0, 0.0]))
     pose = {
         "Arm": rotation.multiply(rotation.inverse(_mirrored(chest) if side == "Left" else chest), upper_turn),
         "ForeArm": rotation.multiply(rotation.inverse(upper_turn), fore_turn),

@@ -125,7 +125,8 @@ def _by_role(clip: Clip, onto: Ground) -> dict[int, int]:
     if len(common) < MIN_COMMON_ROLES or not any(role.endswith("UpperArm") for role in common):
         raise RigMismatchError(
             f"{clip.name} (rig {theirs.rig}: {_some(clip.skeleton)}) and "
-            f"{onto.name} (rig {ours.rig}: {_some(onto.skeleton)}) have {len(common)} body parts in common, expected arms and trunk; name the joints' roles with --roles"
+            f"{onto.name} (rig {ours.rig}: {_some(onto.skeleton)}) have "
+            f"{len(common)} body parts in common, expected arms and trunk; name the joints' roles in a roles file"
         )
     return {ours.joints[role]: theirs.joints[role] for role in common}
 

@@ -1,0 +1,189 @@
+"""The body around a skeleton: tapered capsules in human proportions, for pictures and for telling what touches what."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.motion.clip import Skeleton
+from signsplice.motion.humanoid import find_roles
+from signsplice.motion.stance import rest_positions, stature
+
+Float = NDArray[np.float64]
+
+FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
+_SEGMENTS = ("Metacarpal", "Proximal", "Intermediate", "Distal")
+_THICKNESS = {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049}
+"""Half a finger's breadth as a share of stature, about 10 mm on 1.70 m."""
+
+# Limbs: role of the bone, role at its end, radii at both ends as shares of stature, part.
+_LIMBS = (
+    ("UpperArm", "LowerArm", 0.031, 0.024, "sleeve"),
+    ("LowerArm", "Hand", 0.024, 0.0165, "sleeve"),
+    ("UpperLeg", "LowerLeg", 0.052, 0.036, "leg"),
+    ("LowerLeg", "Foot", 0.036, 0.024, "leg"),
+    ("Foot", "Toes", 0.024, 0.020, "shoe"),
+)
+
+# The head in the head joint's frame: up, forward, left of both ends, radii; all shares of stature.
+_HEAD = (
+    ("face", (0.034, 0.018, 0.0), (0.070, 0.016, 0.0), 0.036, 0.047),
+    ("face", (0.012, 0.030, 0.0), (0.030, 0.026, 0.0), 0.022, 0.034),
+    ("nose", (0.052, 0.064, 0.0), (0.041, 0.069, 0.0), 0.0055, 0.0080),
+    ("hair", (0.078, -0.004, 0.0), (0.050, -0.014, 0.0), 0.050, 0.047),
+    ("eye", (0.060, 0.0585, 0.018), (0.060, 0.0585, 0.018), 0.0055, 0.0055),
+    ("eye", (0.060, 0.0585, -0.018), (0.060, 0.0585, -0.018), 0.0055, 0.0055),
+    ("mouth", (0.0225, 0.0585, 0.012), (0.0225, 0.0585, -0.012), 0.0038, 0.0038),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """C tapered capsules, each fixed to a joint.
+
+    joints: (C,) the joint that carries each. starts, ends: (C, 3) its axis in that joint's frame, clip units. radii: (C, 2) at start
+    and end. parts: what each is ("face", "sleeve", "Index", ...); sides: "left", "right" or "".
+    """
+
+    joints: NDArray[np.intp]
+    starts: Float
+    ends: Float
+    radii: Float
+    parts: tuple[str, ...]
+    sides: tuple[str, ...]
+
+
+def body(skeleton: Skeleton) -> Body:
+    """The body of a skeleton, from its roles and size; a thin capsule for every bone where no role is known."""
+    joints = find_roles(skeleton).joints
+    rows: list[_Row] = []
+    rest = rest_positions(skeleton)
+    height = stature(skeleton)
+    if not any(role.endswith("UpperArm") for role in joints):
+        return _sticks(skeleton)
+    axes = _axes(rest, joints)
+    rows += _trunk(joints, rest, axes, height)
+    for side in ("left", "right"):
+        for start, end, r0, r1, part in _LIMBS:
+            if side + start in joints and side + end in joints:
+                a, b = joints[side + start], joints[side + end]
+                rows.append((a, np.zeros(3), rest[b] - rest[a], r0 * height, r1 * height, part, side))
+        rows += _hand(skeleton, joints, rest, side, height)
+    return _body(rows)
+
+
+def place(body: Body, global_rotations: Float, global_positions: Float) -> tuple[Float, Float]:
+    """Both ends (T, C, 3) of each capsule in the world, from the globals (T, J, 3, 3) and (T, J, 3) of forward kinematics."""
+    turns, places = global_rotations[:, body.joints], global_positions[:, body.joints]
+    starts = places + np.einsum("tcab,cb->tca", turns, body.starts)
+    return starts, places + np.einsum("tcab,cb->tca", turns, body.ends)
+
+
+_Row = tuple[int, Float, Float, float, float, str, str]
+
+
+def _body(rows: list[_Row]) -> Body:
+    return Body(
+        joints=np.array([row[0] for row in rows], np.intp),
+        starts=np.array([row[1] for row in rows]),
+        ends=np.array([row[2] for row in rows]),
+        radii=np.array([row[3:5] for row in rows]),
+        parts=tuple(row[5] for row in rows),
+        sides=tuple(row[6] for row in rows),
+    )
+
+
+def _sticks(skeleton: Skeleton) -> Body:
+    """A capsule for every bone, as thick as a tenth of its length; a ball for a skeleton of one joint."""
+    rows: list[_Row] = []
+    for joint in range(1, len(skeleton)):
+        length = float(np.linalg.norm(skeleton.offsets[joint]))
+        if length > 0.0:
+            parent = int(skeleton.parents[joint])
+            rows.append((parent, np.zeros(3), skeleton.offsets[joint], 0.1 * length, 0.07 * length, "sleeve", ""))
+    return _body(rows or [(0, np.zeros(3), np.zeros(3), 1.0, 1.0, "sleeve", "")])
+
+
+def _axes(rest: Float, joints: Mapping[str, int]) -> Float:
+    """The rest pose's up, forward and left, as rows of a (3, 3)."""
+    left = rest[joints["leftUpperArm"]] - rest[joints["rightUpperArm"]] if "rightUpperArm" in joints else np.eye(3)[0]
+    top = next((joints[r] for r in ("head", "neck", "upperChest", "chest", "spine") if r in joints), None)
+    up = rest[top] - rest[joints.get("hips", 0)] if top is not None else np.eye(3)[1]
+    left = left / np.linalg.norm(left)
+    up = up - (up @ left) * left
+    up = up / np.linalg.norm(up)
+    return np.stack([up, np.cross(left, up), left])
+
+
+def _trunk(joints: Mapping[str, int], rest: Float, axes: Float, height: float) -> list[_Row]:
+    """Chest, belly, pelvis, shoulders, neck and head."""
+    rows: list[_Row] = []
+    up, forward, left = axes * height
+    if "head" in joints:
+        head = joints["head"]
+        for part, a, b, r0, r1 in _HEAD:
+            rows.append((head, np.array(a) @ axes * height, np.array(b) @ axes * height, r0 * height, r1 * height, part, ""))
+        if "neck" in joints:
+            neck = joints["neck"]
+            way = rest[head] - rest[neck] + 0.02 * up
+            rows.append((neck, -0.02 * up, way, 0.030 * height, 0.029 * height, "neck", ""))
+    chest = next((joints[r] for r in ("upperChest", "chest", "spine", "hips") if r in joints), 0)
+    low = next((joints[r] for r in ("spine", "chest", "hips") if r in joints), 0)
+    hips = joints.get("hips", 0)
+    shoulders = [rest[joints[s + "UpperArm"]] - rest[chest] for s in ("left", "right") if s + "UpperArm" in joints]
+    if len(shoulders) == 2:
+        inner = [0.86 * s + 0.14 * np.mean(shoulders, axis=0) - 0.008 * up for s in shoulders]
+        rows.append((chest, inner[0], inner[1], 0.033 * height, 0.033 * height, "shirt", ""))
+        middle = np.mean(shoulders, axis=0)
+        for x in (0.047 * left, -0.047 * left):
+            rows.append((chest, middle - 0.045 * up + x, rest[low] - rest[chest] + 0.9 * x, 0.060 * height, 0.056 * height, "shirt", ""))
+    for x in (0.043 * left, -0.043 * left):
+        waist = rest[low] - rest[hips]
+        rows.append((hips, waist + x, -0.015 * up + 1.15 * x, 0.056 * height, 0.060 * height, "shirt", ""))
+    return rows
+
+
+def _hand(skeleton: Skeleton, joints: Mapping[str, int], rest: Float, side: str, height: float) -> list[_Row]:
+    """The palm as capsules from the wrist to each knuckle, and every phalanx."""
+    wrist = joints.get(f"{side}Hand")
+    if wrist is None:
+        return []
+    rows: list[_Row] = []
+    known = 0
+    for finger in FINGERS:
+        chain = [joints[r] for s in _SEGMENTS if (r := f"{side}{finger}{s}") in joints]
+        if not chain:
+            continue
+        known += 1
+        thick = _THICKNESS[finger] * height
+        knuckle = rest[chain[0]] - rest[wrist]
+        palm_start = 0.12 * knuckle
+        if finger != "Thumb":
+            rows.append((wrist, palm_start, knuckle, 0.0095 * height, thick * 1.22, "palm", side))
+        else:
+            rows.append((wrist, palm_start, knuckle, 0.0095 * height, thick * 1.35, "palm", side))
+        for n, joint in enumerate(chain):
+            way = rest[chain[n + 1]] - rest[joint] if n + 1 < len(chain) else _tip(skeleton, joint, chain, rest)
+            taper = 1.12 - 0.09 * n
+            part = finger if n + 1 < len(chain) else finger + "Tip"
+            rows.append((joint, np.zeros(3), way, thick * taper, thick * (taper - 0.09), part, side))
+    if not known:  # no fingers: a mitten as long as a hand
+        elbow = joints.get(f"{side}LowerArm")
+        way = rest[wrist] - rest[elbow] if elbow is not None else np.array([0.0, -1.0, 0.0])
+        rows.append((wrist, np.zeros(3), way / np.linalg.norm(way) * 0.08 * height, 0.02 * height, 0.018 * height, "palm", side))
+    return rows
+
+
+def _tip(skeleton: Skeleton, joint: int, chain: list[int], rest: Float) -> Float:
+    """Where a finger ends beyond its last joint: its end site or tip joint, else 0.8 of the phalanx before, straight on."""
+    sites = [site.offset for site in skeleton.end_sites if site.joint == joint]
+    sites += [skeleton.offsets[child] for child in skeleton.children[joint]]
+    before = rest[joint] - rest[chain[-2]] if len(chain) > 1 else rest[joint] - rest[skeleton.parents[joint]]
+    usual = float(np.linalg.norm(before))
+    for way in sites:
+        if 0.2 * usual < np.linalg.norm(way) < 2.0 * usual:
+            return way
+    return np.asarray(0.8 * before)

@@ -1,0 +1,136 @@
+"""A clip's signer as pictures: what colours the body has, and how the camera is set for a whole clip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.errors import InputError
+from signsplice.motion import kinematics, stance
+from signsplice.motion.body import Body, body, place
+from signsplice.motion.clip import Clip
+from signsplice.motion.humanoid import find_roles
+from signsplice.render.raster import Canvas
+
+Float = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+VIEWS = {"front": 0.0, "three-quarter": 40.0, "side": 90.0}
+
+_SKIN = {"right": (0.93, 0.72, 0.58), "left": (0.80, 0.58, 0.47), "": (0.90, 0.69, 0.56)}
+_TIP = {"right": (0.97, 0.63, 0.55), "left": (0.85, 0.50, 0.45)}
+_CLOTHES = {
+    "shirt": (0.26, 0.31, 0.40),
+    "sleeve": (0.30, 0.36, 0.46),
+    "leg": (0.33, 0.33, 0.36),
+    "shoe": (0.20, 0.20, 0.22),
+    "hair": (0.27, 0.20, 0.17),
+    "eye": (0.16, 0.13, 0.13),
+    "mouth": (0.66, 0.36, 0.34),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A clip ready to be drawn: capsules' ends (T, C, 3) in camera axes (right, up, towards the viewer), in statures.
+
+    window: (left, right, bottom, top) that holds head and hands of every frame. hands: (T, 2, 3) centres of left and right hand.
+    """
+
+    body: Body
+    starts: Float
+    ends: Float
+    radii: Float
+    window: tuple[float, float, float, float]
+    hands: Float
+
+
+def scene(clip: Clip, view: str = "front") -> Scene:
+    """Set the camera for a whole clip: straight on, framed from mid-thigh to above the head, wide enough for every hand.
+
+    Raises ``InputError`` for a view that is not in ``VIEWS``.
+    """
+    if view not in VIEWS:
+        raise InputError(f"no view {view!r}, expected one of {', '.join(VIEWS)}")
+    standing = stance.stand(clip)
+    height = stance.stature(clip.skeleton) or 1.0
+    angle = np.deg2rad(VIEWS[view])
+    left = np.cross(standing.up, standing.forward)
+    towards = np.cos(angle) * standing.forward + np.sin(angle) * left
+    axes = np.stack([np.cross(standing.up, towards), standing.up, towards])
+    shape = body(clip.skeleton)
+    starts, ends = place(shape, *kinematics.forward(clip))
+    origin = np.median(starts.reshape(-1, 3), axis=0)
+    starts, ends = ((points - origin) @ axes.T / height for points in (starts, ends))
+    radii = shape.radii / height
+    return Scene(shape, starts, ends, radii, _window(clip, shape, starts, ends, radii), _hand_centres(shape, starts, ends))
+
+
+def _window(clip: Clip, shape: Body, starts: Float, ends: Float, radii: Float) -> tuple[float, float, float, float]:
+    """The frame of the camera: everything but the legs, from a little below the hips."""
+    upper = np.array([part not in ("leg", "shoe") for part in shape.parts])
+    points = np.concatenate([starts[:, upper] - radii[upper, :1], ends[:, upper] + radii[upper, :1]], axis=1)
+    wide = np.concatenate([starts[:, upper] + radii[upper, :1], ends[:, upper] - radii[upper, :1]], axis=1)
+    low = np.minimum(points, wide).min(axis=(0, 1))
+    high = np.maximum(points, wide).max(axis=(0, 1))
+    margin = 0.025
+    return float(low[0] - margin), float(high[0] + margin), float(low[1] - margin), float(high[1] + margin)
+
+
+def _hand_centres(shape: Body, starts: Float, ends: Float) -> Float:
+    """Centres (T, 2, 3) of the left and right hand: the middle of the palm's far ends; the origin where there is no hand."""
+    centres = np.zeros((len(starts), 2, 3))
+    for n, side in enumerate(("left", "right")):
+        palm = [c for c, (part, s) in enumerate(zip(shape.parts, shape.sides, strict=True)) if part == "palm" and s == side]
+        if palm:
+            centres[:, n] = ends[:, palm].mean(axis=1)
+    return centres
+
+
+def draw(scene: Scene, frame: int, width: int, height: int) -> Image:
+    """One frame (H, W, 3), 0..255: the signing space, as large as it fits."""
+    left, right, bottom, top = scene.window
+    scale = min(width / (right - left), height / (top - bottom))
+    return _drawn(scene, frame, width, height, (0.5 * (left + right), 0.5 * (bottom + top)), scale, None)
+
+
+def draw_hand(scene: Scene, frame: int, side: str, size: int) -> Image:
+    """One hand enlarged (size, size, 3), without what stands before it."""
+    centre = scene.hands[frame, 0 if side == "left" else 1]
+    return _drawn(scene, frame, size, size, (float(centre[0]), float(centre[1])), size / 0.20, side)
+
+
+def _drawn(
+    scene: Scene, frame: int, width: int, height: int, centre: tuple[float, float], scale: float, only: str | None
+) -> Image:
+    canvas = Canvas(2 * width, 2 * height)
+    zoom = 2.0 * scale
+    middle = np.array([width, height, 0.0])
+
+    def pixels(points: Float) -> Float:
+        return np.asarray(middle + (points - np.array([*centre, 0.0])) * np.array([zoom, -zoom, zoom]))
+
+    starts, ends = pixels(scene.starts[frame]), pixels(scene.ends[frame])
+    radii = scene.radii * zoom
+    groups: dict[tuple[str, str], int] = {}
+    for c, (part, side) in enumerate(zip(scene.body.parts, scene.body.sides, strict=True)):
+        if only is not None and (side != only or part in ("leg", "shoe")):
+            continue
+        group = groups.setdefault((part.removesuffix("Tip"), side if part not in ("shirt", "face", "nose") else ""), len(groups))
+        canvas.capsule(starts[c], ends[c], (float(radii[c, 0]), float(radii[c, 1])), _colour(part, side), group)
+    depths = np.concatenate([scene.starts[..., 2], scene.ends[..., 2]])
+    return canvas.finish(step=0.010 * zoom, near=float(depths.max()) * zoom, far=float(np.median(depths)) * zoom - 0.1 * zoom)
+
+
+def _colour(part: str, side: str) -> tuple[float, float, float]:
+    if part in _CLOTHES:
+        return _CLOTHES[part]
+    return _TIP[side] if part.endswith("Tip") and side else _SKIN[side]
+
+
+def has_hands(clip: Clip) -> bool:
+    """Whether the clip's rig has hands that can be enlarged."""
+    joints = find_roles(clip.skeleton).joints
+    return "leftHand" in joints and "rightHand" in joints

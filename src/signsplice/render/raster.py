@@ -1,0 +1,117 @@
+"""A z-buffer of shaded tapered capsules, seen straight on (orthographic)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Pixels = NDArray[np.float32]
+
+_LIGHT = np.array([-0.45, 0.62, 0.78], np.float32) / np.float32(np.linalg.norm([-0.45, 0.62, 0.78]))
+_AMBIENT, _DIFFUSE, _RIM = 0.50, 0.52, 0.10
+
+
+@dataclass(eq=False)
+class Canvas:
+    """A picture in the making: colour (H, W, 3) 0..1, depth (H, W) towards the viewer, and which group each pixel shows."""
+
+    width: int
+    height: int
+    background: tuple[float, float, float] = (0.955, 0.945, 0.925)
+    colour: Pixels = field(init=False)
+    depth: Pixels = field(init=False)
+    group: NDArray[np.int16] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.colour = np.empty((self.height, self.width, 3), np.float32)
+        self.colour[:] = self.background
+        self.depth = np.full((self.height, self.width), -np.inf, np.float32)
+        self.group = np.full((self.height, self.width), -1, np.int16)
+
+    def capsule(
+        self,
+        start: NDArray[np.float64],
+        end: NDArray[np.float64],
+        radii: tuple[float, float],
+        colour: tuple[float, float, float],
+        group: int,
+    ) -> None:
+        """Draw one capsule; start, end: (3,) pixels right, pixels down, pixels towards the viewer; radii in pixels."""
+        flat = float(np.hypot(*(end - start)[:2]))
+        rise = abs(float(end[2] - start[2]))
+        # Seen end on, a capsule's nearest point is not beside its axis: draw it as a row of balls.
+        if rise > 0.7 * flat and rise > 0.3 * min(radii):
+            n = int(np.clip(rise / (0.35 * max(min(radii), 1e-6)), 2, 24))
+            for share in np.linspace(0.0, 1.0, n):
+                at = start + share * (end - start)
+                radius = radii[0] + share * (radii[1] - radii[0])
+                self._draw(at, at, (radius, radius), colour, group)
+        else:
+            self._draw(start, end, radii, colour, group)
+
+    def _draw(
+        self,
+        start: NDArray[np.float64],
+        end: NDArray[np.float64],
+        radii: tuple[float, float],
+        colour: tuple[float, float, float],
+        group: int,
+    ) -> None:
+        big = max(radii) + 1.0
+        x0, y0 = np.floor(np.minimum(start, end)[:2] - big).astype(int)
+        x1, y1 = np.ceil(np.maximum(start, end)[:2] + big).astype(int) + 1
+        x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, self.width), min(y1, self.height)
+        if x0 >= x1 or y0 >= y1:
+            return
+        px = np.arange(x0, x1, dtype=np.float32)[None, :] - np.float32(start[0])
+        py = np.arange(y0, y1, dtype=np.float32)[:, None] - np.float32(start[1])
+        bx, by, bz = (np.float32(v) for v in end - start)
+        square = bx * bx + by * by
+        if square > 1e-6:
+            t = np.clip((px * bx + py * by) / square, 0.0, 1.0)
+        else:
+            t = np.zeros((y1 - y0, x1 - x0), np.float32)
+        dx, dy = px - t * bx, py - t * by
+        radius = np.float32(radii[0]) + t * np.float32(radii[1] - radii[0])
+        nx, ny = dx / radius, dy / radius
+        inside = 1.0 - nx * nx - ny * ny
+        window = (slice(y0, y1), slice(x0, x1))
+        nz = np.sqrt(np.maximum(inside, 0.0))
+        z = np.float32(start[2]) + t * bz + radius * nz
+        seen = (inside > 0.0) & (z > self.depth[window])
+        if not seen.any():
+            return
+        light = np.maximum(nx * _LIGHT[0] - ny * _LIGHT[1] + nz * _LIGHT[2], 0.0)
+        shade = _AMBIENT + _DIFFUSE * light - _RIM * (1.0 - nz) ** 3
+        self.depth[window][seen] = z[seen]
+        self.group[window][seen] = group
+        self.colour[window][seen] = shade[seen, None] * np.asarray(colour, np.float32)
+
+    def finish(self, step: float, near: float, far: float) -> NDArray[np.uint8]:
+        """The picture (H/2, W/2, 3), 0..255: outlined, toned by depth, and halved in size to smooth edges.
+
+        step: a jump of depth (pixels) that counts as one thing before another; near, far: depths that are toned brightest and dimmest.
+        """
+        solid = np.isfinite(self.depth)
+        tone = np.clip((self.depth - far) / max(near - far, 1e-6), 0.0, 1.0)
+        picture = np.where(solid[..., None], self.colour * (0.80 + 0.26 * np.where(solid, tone, 0.0))[..., None], self.colour)
+        picture *= self._outlines(step)[..., None]
+        h, w = self.height // 2 * 2, self.width // 2 * 2
+        half = picture[:h, :w].reshape(h // 2, 2, w // 2, 2, 3).mean(axis=(1, 3))
+        return np.clip(half * 255.0 + 0.5, 0.0, 255.0).astype(np.uint8)
+
+    def _outlines(self, step: float) -> Pixels:
+        """Darkening (H, W): strong behind an edge of something nearer, light where two groups meet at one depth."""
+        dark = np.ones((self.height, self.width), np.float32)
+        deep = np.where(np.isfinite(self.depth), self.depth, -1e6)
+        for reach in (1, 2):
+            for axis in (0, 1):
+                for way in (reach, -reach):
+                    other = np.roll(deep, way, axis)
+                    behind = other - deep > step
+                    meets = (np.roll(self.group, way, axis) != self.group) & (self.group >= 0) & (other > deep - step)
+                    strong, light = (0.30, 0.62) if reach == 1 else (0.55, 0.85)
+                    dark = np.where(behind, np.minimum(dark, strong), np.where(meets, np.minimum(dark, light), dark))
+        return dark
