@@ -28,6 +28,25 @@ def in_other_clothes(clip: Clip, turn: Float, scale: float, rename: dict[str, st
     return Clip(skeleton, local, rotation.rotate(turn, clip.root_positions) * scale, clip.fps, clip.name + "'")
 
 
+def with_rest_pose(clip: Clip, pose: dict[str, tuple[float, float, float]]) -> Clip:
+    """The same motion by a rig that rests in another pose: rotation vectors of some joints, by name."""
+    skeleton = clip.skeleton
+    turns: list[Float] = []
+    for joint, name in enumerate(skeleton.names):
+        parent = int(skeleton.parents[joint])
+        above = turns[parent] if parent >= 0 else rotation.IDENTITY
+        turns.append(rotation.multiply(above, rotation.exp(pose.get(name, (0.0, 0.0, 0.0)))))
+    rest = np.stack(turns)
+    parents = np.maximum(skeleton.parents, 0)
+    offsets = np.where(
+        (skeleton.parents >= 0)[:, None], rotation.rotate(rest[parents], skeleton.offsets), skeleton.offsets
+    )
+    above = np.where((skeleton.parents >= 0)[:, None], rest[parents], rotation.IDENTITY)
+    local = rotation.multiply(rotation.multiply(above, clip.local_rotations), rotation.inverse(rest))
+    other = Skeleton(tuple(f"{name}" for name in skeleton.names), skeleton.parents, offsets)
+    return Clip(other, local, clip.root_positions, clip.fps, "other rest")
+
+
 def positions(clip: Clip) -> Float:
     return kinematics.forward(clip)[1]
 
@@ -80,6 +99,21 @@ def test_a_rig_with_another_rest_pose_points_its_bones_the_same_way(
     lying = in_other_clothes(clip, rotation.exp(turn), scale)
     out = harmonize(lying, ground(clip)).clip
     assert np.allclose(positions(out), positions(clip), atol=0.05), "half a millimetre"
+
+
+def test_a_rig_that_rests_with_its_arms_forward_keeps_its_shoulders(words: dict[str, Clip]) -> None:
+    """Some exporters write a rest pose whose collars and arms point forward; they must not fold the signer."""
+    clip = words["SIGN"]
+    pose = {
+        "mixamorig:LeftShoulder": (0.0, -1.4, 0.1),
+        "mixamorig:RightShoulder": (0.1, 1.4, 0.0),
+        "mixamorig:LeftHand": (0.3, 0, 0),
+    }
+    other = with_rest_pose(clip, pose)
+    assert np.allclose(positions(other), positions(clip), atol=1e-6), "the same motion"
+    assert np.allclose(positions(harmonize(other, ground(clip)).clip), positions(clip), atol=0.3), "3 mm"
+    assert np.allclose(positions(harmonize(clip, ground(other)).clip), positions(clip), atol=0.3)
+    assert stance.shoulder_width(other.skeleton) == pytest.approx(stance.shoulder_width(clip.skeleton), rel=0.02)
 
 
 def test_by_roles_between_naming_conventions(words: dict[str, Clip]) -> None:
@@ -165,7 +199,12 @@ def test_real_clips_of_other_rigs_keep_their_signing(real_clips: dict[str, Clip]
         left = np.cross(stand.up, stand.forward)
         axes = np.stack([left, stand.up, stand.forward])
         places = kinematics.forward(clip)[1] @ axes.T
-        bones = [("UpperArm", "LowerArm"), ("LowerArm", "Hand"), ("IndexProximal", "IndexIntermediate")]
+        bones = [
+            ("Shoulder", "UpperArm"),
+            ("UpperArm", "LowerArm"),
+            ("LowerArm", "Hand"),
+            ("IndexProximal", "IndexIntermediate"),
+        ]
         pairs = [(joints[side + a], joints[side + b]) for side in ("left", "right") for a, b in bones]
         ways = np.stack([places[:, b] - places[:, a] for a, b in pairs], axis=1)
         return np.asarray(ways / np.linalg.norm(ways, axis=-1, keepdims=True))

@@ -37,7 +37,8 @@ def test_agrees_with_scipy(a: rotation.Float, b: rotation.Float, v: rotation.Flo
     assert np.allclose(rotation.rotate(a, v), ra.apply(v), atol=1e-9)
     assert np.allclose(rotation.to_matrix(a), ra.as_matrix(), atol=1e-12)
     assert np.allclose(rotation.to_matrix(rotation.multiply(a, b)), (ra * rb).as_matrix(), atol=1e-12)
-    assert np.allclose(rotation.log(a), ra.as_rotvec(), atol=1e-7)
+    assert np.allclose(Rotation.from_rotvec(rotation.log(a)).as_matrix(), ra.as_matrix(), atol=1e-9)
+    assert np.allclose(np.linalg.norm(rotation.log(a), axis=-1), ra.magnitude(), atol=1e-9)
     assert np.allclose(rotation.angle_between(a, b), (ra.inv() * rb).magnitude(), atol=1e-7)
 
 

@@ -8,9 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from signsplice.motion import rotation
 from signsplice.motion.clip import Skeleton
+from signsplice.motion.common_pose import common_positions, common_rotations
 from signsplice.motion.humanoid import find_roles
-from signsplice.motion.stance import rest_positions, stature
+from signsplice.motion.kinematics import rest_positions
+from signsplice.motion.stance import stature
 
 Float = NDArray[np.float64]
 
@@ -28,15 +31,15 @@ _LIMBS = (
     ("Foot", "Toes", 0.024, 0.020, "shoe"),
 )
 
-# The head in the head joint's frame: up, forward, left of both ends, radii; all shares of stature.
+# The head about its joint in the common pose: left, up, forward of both ends, radii; all shares of stature.
 _HEAD = (
-    ("face", (0.034, 0.018, 0.0), (0.070, 0.016, 0.0), 0.036, 0.047),
-    ("face", (0.012, 0.030, 0.0), (0.030, 0.026, 0.0), 0.022, 0.034),
-    ("nose", (0.052, 0.064, 0.0), (0.041, 0.069, 0.0), 0.0055, 0.0080),
-    ("hair", (0.078, -0.004, 0.0), (0.050, -0.014, 0.0), 0.050, 0.047),
-    ("eye", (0.060, 0.0585, 0.018), (0.060, 0.0585, 0.018), 0.0055, 0.0055),
-    ("eye", (0.060, 0.0585, -0.018), (0.060, 0.0585, -0.018), 0.0055, 0.0055),
-    ("mouth", (0.0225, 0.0585, 0.012), (0.0225, 0.0585, -0.012), 0.0038, 0.0038),
+    ("face", (0.0, 0.030, 0.018), (0.0, 0.070, 0.016), 0.040, 0.051),
+    ("face", (0.0, 0.004, 0.032), (0.0, 0.026, 0.028), 0.023, 0.037),
+    ("nose", (0.0, 0.052, 0.068), (0.0, 0.038, 0.073), 0.0055, 0.0085),
+    ("hair", (0.0, 0.080, -0.004), (0.0, 0.048, -0.016), 0.054, 0.051),
+    ("eye", (0.0195, 0.061, 0.0625), (0.0195, 0.061, 0.0625), 0.006, 0.006),
+    ("eye", (-0.0195, 0.061, 0.0625), (-0.0195, 0.061, 0.0625), 0.006, 0.006),
+    ("mouth", (0.013, 0.0170, 0.0625), (-0.013, 0.0170, 0.0625), 0.004, 0.004),
 )
 
 
@@ -44,8 +47,8 @@ _HEAD = (
 class Body:
     """C tapered capsules, each fixed to a joint.
 
-    joints: (C,) the joint that carries each. starts, ends: (C, 3) its axis in that joint's frame, clip units. radii: (C, 2) at start
-    and end. parts: what each is ("face", "sleeve", "Index", ...); sides: "left", "right" or "".
+    joints: (C,) the joint that carries each. starts, ends: (C, 3) its axis in that joint's frame, clip units. radii:
+    (C, 2) at start and end. parts: what each is ("face", "sleeve", "Index", ...); sides: "left", "right" or "".
     """
 
     joints: NDArray[np.intp]
@@ -64,8 +67,7 @@ def body(skeleton: Skeleton) -> Body:
     height = stature(skeleton)
     if not any(role.endswith("UpperArm") for role in joints):
         return _sticks(skeleton)
-    axes = _axes(rest, joints)
-    rows += _trunk(joints, rest, axes, height)
+    rows += _trunk(skeleton, height)
     for side in ("left", "right"):
         for start, end, r0, r1, part in _LIMBS:
             if side + start in joints and side + end in joints:
@@ -76,7 +78,9 @@ def body(skeleton: Skeleton) -> Body:
 
 
 def place(body: Body, global_rotations: Float, global_positions: Float) -> tuple[Float, Float]:
-    """Both ends (T, C, 3) of each capsule in the world, from the globals (T, J, 3, 3) and (T, J, 3) of forward kinematics."""
+    """Both ends (T, C, 3) of each capsule in the world, from the globals (T, J, 3, 3) and (T, J, 3) of forward
+    kinematics.
+    """
     turns, places = global_rotations[:, body.joints], global_positions[:, body.joints]
     starts = places + np.einsum("tcab,cb->tca", turns, body.starts)
     return starts, places + np.einsum("tcab,cb->tca", turns, body.ends)
@@ -107,42 +111,40 @@ def _sticks(skeleton: Skeleton) -> Body:
     return _body(rows or [(0, np.zeros(3), np.zeros(3), 1.0, 1.0, "sleeve", "")])
 
 
-def _axes(rest: Float, joints: Mapping[str, int]) -> Float:
-    """The rest pose's up, forward and left, as rows of a (3, 3)."""
-    left = rest[joints["leftUpperArm"]] - rest[joints["rightUpperArm"]] if "rightUpperArm" in joints else np.eye(3)[0]
-    top = next((joints[r] for r in ("head", "neck", "upperChest", "chest", "spine") if r in joints), None)
-    up = rest[top] - rest[joints.get("hips", 0)] if top is not None else np.eye(3)[1]
-    left = left / np.linalg.norm(left)
-    up = up - (up @ left) * left
-    up = up / np.linalg.norm(up)
-    return np.stack([up, np.cross(left, up), left])
-
-
-def _trunk(joints: Mapping[str, int], rest: Float, axes: Float, height: float) -> list[_Row]:
-    """Chest, belly, pelvis, shoulders, neck and head."""
+def _trunk(skeleton: Skeleton, height: float) -> list[_Row]:
+    """Chest, belly, pelvis, shoulders, neck and head, measured in the common pose (left +X, up +Y, forward +Z)."""
+    joints = find_roles(skeleton).joints
+    places, turns = common_positions(skeleton), common_rotations(skeleton)
+    left, up, _ = np.eye(3) * height
     rows: list[_Row] = []
-    up, forward, left = axes * height
-    if "head" in joints:
-        head = joints["head"]
-        for part, a, b, r0, r1 in _HEAD:
-            rows.append((head, np.array(a) @ axes * height, np.array(b) @ axes * height, r0 * height, r1 * height, part, ""))
-        if "neck" in joints:
-            neck = joints["neck"]
-            way = rest[head] - rest[neck] + 0.02 * up
-            rows.append((neck, -0.02 * up, way, 0.030 * height, 0.029 * height, "neck", ""))
+
+    def add(joint: int, start: Float, end: Float, r0: float, r1: float, part: str) -> None:
+        """Both ends relative to the joint, in the common pose's axes."""
+        start, end = rotation.rotate(rotation.inverse(turns[joint]), np.stack([start, end]))
+        rows.append((joint, start, end, r0 * height, r1 * height, part, ""))
+
     chest = next((joints[r] for r in ("upperChest", "chest", "spine", "hips") if r in joints), 0)
     low = next((joints[r] for r in ("spine", "chest", "hips") if r in joints), 0)
     hips = joints.get("hips", 0)
-    shoulders = [rest[joints[s + "UpperArm"]] - rest[chest] for s in ("left", "right") if s + "UpperArm" in joints]
+    if "head" in joints:
+        for part, a, b, r0, r1 in _HEAD:
+            add(joints["head"], height * np.array(a), height * np.array(b), r0, r1, part)
+    if "head" in joints and "neck" in joints:
+        neck = joints["neck"]
+        add(neck, -0.02 * up, places[joints["head"]] - places[neck] + 0.02 * up, 0.030, 0.029, "neck")
+    shoulders = [places[joints[s + "UpperArm"]] - places[chest] for s in ("left", "right") if s + "UpperArm" in joints]
     if len(shoulders) == 2:
-        inner = [0.86 * s + 0.14 * np.mean(shoulders, axis=0) - 0.008 * up for s in shoulders]
-        rows.append((chest, inner[0], inner[1], 0.033 * height, 0.033 * height, "shirt", ""))
         middle = np.mean(shoulders, axis=0)
-        for x in (0.047 * left, -0.047 * left):
-            rows.append((chest, middle - 0.045 * up + x, rest[low] - rest[chest] + 0.9 * x, 0.060 * height, 0.056 * height, "shirt", ""))
-    for x in (0.043 * left, -0.043 * left):
-        waist = rest[low] - rest[hips]
-        rows.append((hips, waist + x, -0.015 * up + 1.15 * x, 0.056 * height, 0.060 * height, "shirt", ""))
+        inner = [0.86 * s + 0.14 * middle - 0.008 * up for s in shoulders]
+        add(chest, inner[0], inner[1], 0.033, 0.033, "shirt")
+        for x in (0.050 * left, 0.0 * left, -0.050 * left):
+            add(chest, middle - 0.045 * up + x, places[low] - places[chest] + 0.9 * x, 0.060, 0.056, "shirt")
+        if "neck" in joints:
+            for shoulder in shoulders:
+                nape = places[joints["neck"]] - places[chest]
+                add(chest, nape, 0.45 * shoulder + 0.55 * middle, 0.034, 0.034, "shirt")
+    for x in (0.043 * left, 0.0 * left, -0.043 * left):
+        add(hips, places[low] - places[hips] + x, -0.015 * up + 1.15 * x, 0.056, 0.060, "shirt")
     return rows
 
 
@@ -173,12 +175,16 @@ def _hand(skeleton: Skeleton, joints: Mapping[str, int], rest: Float, side: str,
     if not known:  # no fingers: a mitten as long as a hand
         elbow = joints.get(f"{side}LowerArm")
         way = rest[wrist] - rest[elbow] if elbow is not None else np.array([0.0, -1.0, 0.0])
-        rows.append((wrist, np.zeros(3), way / np.linalg.norm(way) * 0.08 * height, 0.02 * height, 0.018 * height, "palm", side))
+        rows.append(
+            (wrist, np.zeros(3), way / np.linalg.norm(way) * 0.08 * height, 0.02 * height, 0.018 * height, "palm", side)
+        )
     return rows
 
 
 def _tip(skeleton: Skeleton, joint: int, chain: list[int], rest: Float) -> Float:
-    """Where a finger ends beyond its last joint: its end site or tip joint, else 0.8 of the phalanx before, straight on."""
+    """Where a finger ends beyond its last joint: its end site or tip joint, else 0.8 of the phalanx before, straight
+    on.
+    """
     sites = [site.offset for site in skeleton.end_sites if site.joint == joint]
     sites += [skeleton.offsets[child] for child in skeleton.children[joint]]
     before = rest[joint] - rest[chain[-2]] if len(chain) > 1 else rest[joint] - rest[skeleton.parents[joint]]

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from signsplice.errors import RigMismatchError
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton, resample
+from signsplice.motion.common_pose import common_rotations
 from signsplice.motion.humanoid import find_roles, simplify
-from signsplice.motion.stance import Stand, rest_positions, stand, stature
+from signsplice.motion.kinematics import rest_positions
+from signsplice.motion.stance import Stand, stand, stature
 
 Float = NDArray[np.float64]
 
@@ -76,7 +78,7 @@ def _carry(clip: Clip, onto: Ground) -> tuple[Clip, tuple[str, ...]]:
         scale = _size_ratio(source, target, counterpart)
     else:
         counterpart = _by_role(clip, onto)
-        local = _transfer(clip, target, counterpart, onto.held_pose, _to_common(source), _to_common(target))
+        local = _transfer(clip, target, counterpart, onto.held_pose, common_rotations(source), common_rotations(target))
         scale = stature(target) / stature(source) if stature(source) > 0.0 else 1.0
     held = [target.names[j] for j in range(len(target)) if j not in counterpart]
     warnings: tuple[str, ...] = ()
@@ -195,96 +197,6 @@ def _global_rotations(clip: Clip) -> list[Float]:
         parent = clip.skeleton.parents[joint]
         rotations.append(local if parent < 0 else rotation.multiply(rotations[parent], local))
     return rotations
-
-
-# Where each bone points in the common pose (a T-pose: up +Y, forward +Z, the signer's left +X, palms down).
-_COMMON_BONES: dict[str, tuple[str, Float]] = {}
-for _side, _x in (("left", 1.0), ("right", -1.0)):
-    _out = np.array([_x, 0.0, 0.0])
-    _COMMON_BONES[f"{_side}UpperArm"] = (f"{_side}LowerArm", _out)
-    _COMMON_BONES[f"{_side}LowerArm"] = (f"{_side}Hand", _out)
-    for _finger in ("Index", "Middle", "Ring", "Little"):
-        _COMMON_BONES[f"{_side}{_finger}Proximal"] = (f"{_side}{_finger}Intermediate", _out)
-        _COMMON_BONES[f"{_side}{_finger}Intermediate"] = (f"{_side}{_finger}Distal", _out)
-    _slant = np.array([_x, -0.5, 1.0]) / 1.5
-    _COMMON_BONES[f"{_side}ThumbMetacarpal"] = (f"{_side}ThumbProximal", _slant)
-    _COMMON_BONES[f"{_side}ThumbProximal"] = (f"{_side}ThumbDistal", _slant)
-    _COMMON_BONES[f"{_side}UpperLeg"] = (f"{_side}LowerLeg", np.array([0.0, -1.0, 0.0]))
-    _COMMON_BONES[f"{_side}LowerLeg"] = (f"{_side}Foot", np.array([0.0, -1.0, 0.0]))
-_UPRIGHT = (
-    "hips",
-    "spine",
-    "chest",
-    "upperChest",
-    "neck",
-    "head",
-    "jaw",
-    "leftEye",
-    "rightEye",
-    "leftFoot",
-    "rightFoot",
-)
-
-
-def _to_common(skeleton: Skeleton) -> Float:
-    """Global rotations (J, 4) that pose the rest skeleton in the common pose.
-
-    The trunk, head and feet are turned as one, from the rest pose's own up and left; limbs and fingers are swung on
-    from there until their bones point the common way; a hand is turned by the way to its middle knuckle and its line of
-    knuckles. Joints without a role follow their parents.
-    """
-    joints = find_roles(skeleton).joints
-    role_of = {joint: role for role, joint in joints.items()}
-    rest = rest_positions(skeleton)
-    upright = _upright(rest, joints)
-    common = np.empty((len(skeleton), 4))
-    for joint in range(len(skeleton)):
-        role = role_of.get(joint, "")
-        parent = skeleton.parents[joint]
-        q = upright if parent < 0 or role in _UPRIGHT else common[parent]
-        if role in _COMMON_BONES:
-            child, direction = _COMMON_BONES[role]
-            if child in joints:
-                bone = rotation.rotate(q, rest[joints[child]] - rest[joint])
-                q = rotation.multiply(rotation.between_vectors(bone, direction), q)
-        elif role in ("leftHand", "rightHand"):
-            q = _hand_to_common(role.removesuffix("Hand"), rest, joints, q)
-        common[joint] = q
-    return common
-
-
-def _upright(rest: Float, joints: Mapping[str, int]) -> Float:
-    """Rotation (4,) that brings the rest pose's up to +Y and its left to +X."""
-    top = next((joints[r] for r in ("head", "neck", "upperChest", "chest", "spine") if r in joints), None)
-    left, right = joints.get("leftUpperArm"), joints.get("rightUpperArm")
-    if left is None or right is None:
-        left, right = joints.get("leftUpperLeg"), joints.get("rightUpperLeg")
-    if top is None or left is None or right is None:
-        return rotation.IDENTITY
-    return _frame(rest[left] - rest[right], rest[top] - rest[joints.get("hips", 0)])
-
-
-def _hand_to_common(side: str, rest: Float, joints: Mapping[str, int], above: Float) -> Float:
-    knuckles = [joints.get(f"{side}{finger}Proximal") for finger in ("Index", "Middle", "Little")]
-    wrist = joints[f"{side}Hand"]
-    out = 1.0 if side == "left" else -1.0
-    if knuckles[1] is None:
-        return above
-    if knuckles[0] is None or knuckles[2] is None:
-        along = rotation.rotate(above, rest[knuckles[1]] - rest[wrist])
-        return rotation.multiply(rotation.between_vectors(along, np.array([out, 0.0, 0.0])), above)
-    along, across = rest[knuckles[1]] - rest[wrist], rest[knuckles[0]] - rest[knuckles[2]]
-    # Fingers along +-X, the index side forward (+Z): palms down.
-    up = np.cross(across, along) * out
-    return _frame(along * out, up)
-
-
-def _frame(x: Float, y: Float) -> Float:
-    """Rotation (4,) that takes the direction ``x`` to +X and the part of ``y`` at right angles to it to +Y."""
-    x = x / np.linalg.norm(x)
-    y = y - (y @ x) * x
-    y = y / np.linalg.norm(y)
-    return rotation.from_matrix(np.stack([x, y, np.cross(x, y)]))
 
 
 def _move(clip: Clip, onto: Stand) -> Clip:

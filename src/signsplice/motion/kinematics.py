@@ -70,6 +70,14 @@ def tip_positions(clip: Clip, global_rotations: Float, global_positions: Float) 
     return np.asarray(global_positions[:, joints] + np.einsum("teab,eb->tea", global_rotations[:, joints], offsets))
 
 
+def rest_positions(skeleton: Skeleton) -> Float:
+    """Joint positions (J, 3) of the rest pose, every rotation identity, the root at the origin."""
+    places = np.zeros((len(skeleton), 3))
+    for joint in range(1, len(skeleton)):
+        places[joint] = places[skeleton.parents[joint]] + skeleton.offsets[joint]
+    return places
+
+
 def rotations_from_positions(
     skeleton: Skeleton, positions: Float, before: Float | None = None, after: Float | None = None
 ) -> Float:

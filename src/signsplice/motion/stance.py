@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.common_pose import common_positions
 from signsplice.motion.humanoid import Humanoid, find_roles
+from signsplice.motion.kinematics import rest_positions
 
 Float = NDArray[np.float64]
 
@@ -57,14 +59,6 @@ def chain_length(skeleton: Skeleton, humanoid: Humanoid, roles: tuple[str, ...])
         return 0.0
     places = rest_positions(skeleton)[joints]
     return float(np.linalg.norm(np.diff(places, axis=0), axis=-1).sum())
-
-
-def rest_positions(skeleton: Skeleton) -> Float:
-    """Joint positions (J, 3) of the rest pose, every rotation identity, the root at the origin."""
-    places = np.zeros((len(skeleton), 3))
-    for joint in range(1, len(skeleton)):
-        places[joint] = places[skeleton.parents[joint]] + skeleton.offsets[joint]
-    return places
 
 
 def stature(skeleton: Skeleton, humanoid: Humanoid | None = None) -> float:
@@ -127,7 +121,7 @@ def shoulder_width(skeleton: Skeleton) -> float:
     pair = [humanoid.joints[role] for role in ("leftUpperArm", "rightUpperArm") if role in humanoid.joints]
     if len(pair) < 2:
         return 0.259 * stature(skeleton, humanoid)
-    left, right = rest_positions(skeleton)[pair]
+    left, right = common_positions(skeleton)[pair]
     return float(np.linalg.norm(left - right))
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
 from signsplice.formats.atomic import replacing
 from signsplice.motion.clip import Clip
-from signsplice.render.picture import Image, Scene, draw, draw_hand, has_hands, scene
+from signsplice.render.picture import Scene, draw, draw_hand, has_hands, scene
 
 Progress = Callable[[int, int], None]
 
@@ -26,7 +26,7 @@ GIF_FPS = 25.0
 GIF_SIZE = (480, 480)
 MP4_SIZE = (1080, 1040)
 _CELL = (224, 224)
-_INSET = 76
+_STRIP = 76
 _COLUMNS = 8
 _N_CELLS = 32
 
@@ -74,40 +74,33 @@ def _write_sheet(clip: Clip, ready: Scene, path: Path, marks: Sequence[Mark], pr
     image_, draw_, font_ = _pillow("Image"), _pillow("ImageDraw"), _pillow("ImageFont")
     columns = min(_COLUMNS, len(frames))
     rows = -(-len(frames) // columns)
-    caption = 24
-    w, h = _CELL[0] + 8, _CELL[1] + caption + 8
+    w, h = _CELL[0] + 8, _CELL[1] + _STRIP + 8
     sheet = image_.new("RGB", (columns * w, rows * h), _PAPER)
     pen, font = draw_.Draw(sheet), font_.load_default(15)
+    hands = has_hands(clip)
     for n, frame in enumerate(frames):
         x, y = n % columns * w + 4, n // columns * h + 4
-        sheet.paste(image_.fromarray(_cell(clip, ready, frame)), (x, y))
+        sheet.paste(image_.fromarray(draw(ready, frame, *_CELL)), (x, y))
+        if hands:  # the signer's right hand on the left, as the viewer sees it
+            for side, left in (("right", x), ("left", x + _CELL[0] - _STRIP)):
+                sheet.paste(image_.fromarray(draw_hand(ready, frame, side, _STRIP)), (left, y + _CELL[1]))
         mark = _mark_at(marks, frame)
         moving = mark is not None and mark.kind == "transition"
         if moving:
-            pen.rectangle((x - 2, y - 2, x + _CELL[0] + 1, y + _CELL[1] + caption + 1), outline=_TRANSITION, width=3)
-        label = "transition" if moving else mark.name if mark is not None else ""
-        pen.text((x + 4, y + _CELL[1] + 3), f"{frame}  {frame / clip.fps:.2f} s", fill=_INK, font=font)
-        right = x + _CELL[0] - 4 - pen.textlength(label, font=font)
-        pen.text((right, y + _CELL[1] + 3), label, fill=_TRANSITION if moving else _INK, font=font)
+            pen.rectangle((x - 2, y - 2, x + _CELL[0] + 1, y + _CELL[1] + _STRIP + 1), outline=_TRANSITION, width=3)
+        name = "transition" if moving else mark.name if mark is not None else ""
+        for line, text in enumerate((name, f"frame {frame}", f"{frame / clip.fps:.2f} s")):
+            left = x + 0.5 * (_CELL[0] - pen.textlength(text, font=font))
+            ink = _TRANSITION if moving and line == 0 else _INK
+            pen.text((left, y + _CELL[1] + 8 + 20 * line), text, fill=ink, font=font)
         if progress is not None:
             progress(n + 1, len(frames))
     sheet.save(path, format="PNG")
 
 
-def _cell(clip: Clip, ready: Scene, frame: int) -> Image:
-    """One frame with both hands enlarged in the lower corners, the signer's right hand at the left as the viewer sees it."""
-    cell = draw(ready, frame, *_CELL)
-    if has_hands(clip):
-        for side, x in (("right", 0), ("left", _CELL[0] - _INSET)):
-            inset = draw_hand(ready, frame, side, _INSET)
-            inset[[0, -1], :] = inset[:, [0, -1]] = (190, 186, 180)
-            cell[-_INSET:, x : x + _INSET] = inset
-    return cell
-
-
 def sheet_frames(n_frames: int, marks: Sequence[Mark], n_cells: int = _N_CELLS) -> list[int]:
-    """Which frames a contact sheet shows: the last and first kept frames at every seam, the ends and the middle of every
-    transition, and others spread evenly where room is left.
+    """Which frames a contact sheet shows: the last and first kept frames at every seam, the ends and the middle of
+    every transition, and others spread evenly where room is left.
     """
     chosen: set[int] = set()
     for mark in marks:
@@ -119,7 +112,9 @@ def sheet_frames(n_frames: int, marks: Sequence[Mark], n_cells: int = _N_CELLS) 
     return sorted(chosen)
 
 
-def _pictures(clip: Clip, ready: Scene, size: tuple[int, int], frames: Sequence[int], marks: Sequence[Mark]) -> Iterator[Any]:
+def _pictures(
+    clip: Clip, ready: Scene, size: tuple[int, int], frames: Sequence[int], marks: Sequence[Mark]
+) -> Iterator[Any]:
     """Pillow images of ``frames``: the signer over a bar that shows the spans, where playing is, and the word."""
     image_, draw_, font_ = _pillow("Image"), _pillow("ImageDraw"), _pillow("ImageFont")
     width, height = size
@@ -131,13 +126,15 @@ def _pictures(clip: Clip, ready: Scene, size: tuple[int, int], frames: Sequence[
         pen = draw_.Draw(page)
         for mark in marks:
             x0, x1 = (round(width * at / len(clip)) for at in (mark.start, mark.stop))
-            pen.rectangle((x0, height - 8, x1 - 1, height - 1), fill=_TRANSITION if mark.kind == "transition" else _SIGN)
+            pen.rectangle(
+                (x0, height - 8, x1 - 1, height - 1), fill=_TRANSITION if mark.kind == "transition" else _SIGN
+            )
         now = round(width * (frame + 0.5) / len(clip))
         pen.rectangle((now - 2, height - 12, now + 1, height - 1), fill=_INK)
-        mark = _mark_at(marks, frame)
-        if mark is not None:
-            moving = mark.kind == "transition"
-            label = "transition" if moving else mark.name
+        current = _mark_at(marks, frame)
+        if current is not None:
+            moving = current.kind == "transition"
+            label = "transition" if moving else current.name
             at = (0.5 * (width - pen.textlength(label, font=font)), height - bar + 2)
             pen.text(at, label, fill=_TRANSITION if moving else _INK, font=font)
             if moving:
@@ -158,7 +155,13 @@ def _write_gif(clip: Clip, ready: Scene, path: Path, marks: Sequence[Mark], prog
         if progress is not None:
             progress(len(pages), len(frames))
     pages[0].save(
-        path, format="GIF", save_all=True, append_images=pages[1:], duration=[10 * d for d in delays], loop=0, optimize=False
+        path,
+        format="GIF",
+        save_all=True,
+        append_images=pages[1:],
+        duration=[10 * d for d in delays],
+        loop=0,
+        optimize=False,
     )
 
 

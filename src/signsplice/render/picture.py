@@ -36,7 +36,8 @@ _CLOTHES = {
 class Scene:
     """A clip ready to be drawn: capsules' ends (T, C, 3) in camera axes (right, up, towards the viewer), in statures.
 
-    window: (left, right, bottom, top) that holds head and hands of every frame. hands: (T, 2, 3) centres of left and right hand.
+    window: (left, right, bottom, top) that holds head and hands of every frame. hands: (T, 2, 3) centres of left and
+    right hand.
     """
 
     body: Body
@@ -48,7 +49,8 @@ class Scene:
 
 
 def scene(clip: Clip, view: str = "front") -> Scene:
-    """Set the camera for a whole clip: straight on, framed from mid-thigh to above the head, wide enough for every hand.
+    """Set the camera for a whole clip: straight on, framed from mid-thigh to above the head, wide enough for every
+    hand.
 
     Raises ``InputError`` for a view that is not in ``VIEWS``.
     """
@@ -65,7 +67,9 @@ def scene(clip: Clip, view: str = "front") -> Scene:
     origin = np.median(starts.reshape(-1, 3), axis=0)
     starts, ends = ((points - origin) @ axes.T / height for points in (starts, ends))
     radii = shape.radii / height
-    return Scene(shape, starts, ends, radii, _window(clip, shape, starts, ends, radii), _hand_centres(shape, starts, ends))
+    return Scene(
+        shape, starts, ends, radii, _window(clip, shape, starts, ends, radii), _hand_centres(shape, starts, ends)
+    )
 
 
 def _window(clip: Clip, shape: Body, starts: Float, ends: Float, radii: Float) -> tuple[float, float, float, float]:
@@ -80,10 +84,14 @@ def _window(clip: Clip, shape: Body, starts: Float, ends: Float, radii: Float) -
 
 
 def _hand_centres(shape: Body, starts: Float, ends: Float) -> Float:
-    """Centres (T, 2, 3) of the left and right hand: the middle of the palm's far ends; the origin where there is no hand."""
+    """Centres (T, 2, 3) of the left and right hand: the middle of the palm's far ends; the origin where there is no
+    hand.
+    """
     centres = np.zeros((len(starts), 2, 3))
     for n, side in enumerate(("left", "right")):
-        palm = [c for c, (part, s) in enumerate(zip(shape.parts, shape.sides, strict=True)) if part == "palm" and s == side]
+        palm = [
+            c for c, (part, s) in enumerate(zip(shape.parts, shape.sides, strict=True)) if part == "palm" and s == side
+        ]
         if palm:
             centres[:, n] = ends[:, palm].mean(axis=1)
     return centres
@@ -118,10 +126,14 @@ def _drawn(
     for c, (part, side) in enumerate(zip(scene.body.parts, scene.body.sides, strict=True)):
         if only is not None and (side != only or part in ("leg", "shoe")):
             continue
-        group = groups.setdefault((part.removesuffix("Tip"), side if part not in ("shirt", "face", "nose") else ""), len(groups))
+        group = groups.setdefault(
+            (part.removesuffix("Tip"), side if part not in ("shirt", "face", "nose") else ""), len(groups)
+        )
         canvas.capsule(starts[c], ends[c], (float(radii[c, 0]), float(radii[c, 1])), _colour(part, side), group)
     depths = np.concatenate([scene.starts[..., 2], scene.ends[..., 2]])
-    return canvas.finish(step=0.010 * zoom, near=float(depths.max()) * zoom, far=float(np.median(depths)) * zoom - 0.1 * zoom)
+    return canvas.finish(
+        step=0.010 * zoom, near=float(depths.max()) * zoom, far=float(np.median(depths)) * zoom - 0.1 * zoom
+    )
 
 
 def _colour(part: str, side: str) -> tuple[float, float, float]:

@@ -15,7 +15,9 @@ _AMBIENT, _DIFFUSE, _RIM = 0.50, 0.52, 0.10
 
 @dataclass(eq=False)
 class Canvas:
-    """A picture in the making: colour (H, W, 3) 0..1, depth (H, W) towards the viewer, and which group each pixel shows."""
+    """A picture in the making: colour (H, W, 3) 0..1, depth (H, W) towards the viewer, and which group each pixel
+    shows.
+    """
 
     width: int
     height: int
@@ -43,7 +45,7 @@ class Canvas:
         rise = abs(float(end[2] - start[2]))
         # Seen end on, a capsule's nearest point is not beside its axis: draw it as a row of balls.
         if rise > 0.7 * flat and rise > 0.3 * min(radii):
-            n = int(np.clip(rise / (0.35 * max(min(radii), 1e-6)), 2, 24))
+            n = int(np.clip(rise / (0.45 * max(min(radii), 1e-6)), 2, 16))
             for share in np.linspace(0.0, 1.0, n):
                 at = start + share * (end - start)
                 radius = radii[0] + share * (radii[1] - radii[0])
@@ -75,43 +77,51 @@ class Canvas:
             t = np.zeros((y1 - y0, x1 - x0), np.float32)
         dx, dy = px - t * bx, py - t * by
         radius = np.float32(radii[0]) + t * np.float32(radii[1] - radii[0])
-        nx, ny = dx / radius, dy / radius
-        inside = 1.0 - nx * nx - ny * ny
-        window = (slice(y0, y1), slice(x0, x1))
-        nz = np.sqrt(np.maximum(inside, 0.0))
+        nz = np.sqrt(np.maximum(1.0 - (dx * dx + dy * dy) / (radius * radius), 0.0))
         z = np.float32(start[2]) + t * bz + radius * nz
-        seen = (inside > 0.0) & (z > self.depth[window])
-        if not seen.any():
-            return
-        light = np.maximum(nx * _LIGHT[0] - ny * _LIGHT[1] + nz * _LIGHT[2], 0.0)
+        window = (slice(y0, y1), slice(x0, x1))
+        depth = self.depth[window]
+        seen = (nz > 0.0) & (z > depth)
+        nz = nz[seen]
+        light = np.maximum((dx[seen] * _LIGHT[0] - dy[seen] * _LIGHT[1]) / radius[seen] + nz * _LIGHT[2], 0.0)
         shade = _AMBIENT + _DIFFUSE * light - _RIM * (1.0 - nz) ** 3
-        self.depth[window][seen] = z[seen]
+        np.copyto(depth, z, where=seen)
         self.group[window][seen] = group
-        self.colour[window][seen] = shade[seen, None] * np.asarray(colour, np.float32)
+        self.colour[window][seen] = shade[:, None] * np.asarray(colour, np.float32)
 
     def finish(self, step: float, near: float, far: float) -> NDArray[np.uint8]:
         """The picture (H/2, W/2, 3), 0..255: outlined, toned by depth, and halved in size to smooth edges.
 
-        step: a jump of depth (pixels) that counts as one thing before another; near, far: depths that are toned brightest and dimmest.
+        step: a jump of depth (pixels) that counts as one thing before another; near, far: depths that are toned
+        brightest and dimmest.
         """
-        solid = np.isfinite(self.depth)
-        tone = np.clip((self.depth - far) / max(near - far, 1e-6), 0.0, 1.0)
-        picture = np.where(solid[..., None], self.colour * (0.80 + 0.26 * np.where(solid, tone, 0.0))[..., None], self.colour)
-        picture *= self._outlines(step)[..., None]
-        h, w = self.height // 2 * 2, self.width // 2 * 2
-        half = picture[:h, :w].reshape(h // 2, 2, w // 2, 2, 3).mean(axis=(1, 3))
-        return np.clip(half * 255.0 + 0.5, 0.0, 255.0).astype(np.uint8)
+        solid = self.group >= 0
+        light = self._outlines(step)
+        tone = np.clip((self.depth[solid] - np.float32(far)) / np.float32(max(near - far, 1e-6)), 0.0, 1.0)
+        light[solid] *= np.float32(0.80) + np.float32(0.26) * tone
+        picture = self.colour * light[..., None]
+        half = picture[0::2, 0::2] + picture[1::2, 0::2] + picture[0::2, 1::2] + picture[1::2, 1::2]
+        return np.asarray(np.clip(half * np.float32(63.75) + np.float32(0.5), 0.0, 255.0), np.uint8)
 
     def _outlines(self, step: float) -> Pixels:
         """Darkening (H, W): strong behind an edge of something nearer, light where two groups meet at one depth."""
         dark = np.ones((self.height, self.width), np.float32)
-        deep = np.where(np.isfinite(self.depth), self.depth, -1e6)
-        for reach in (1, 2):
-            for axis in (0, 1):
-                for way in (reach, -reach):
-                    other = np.roll(deep, way, axis)
-                    behind = other - deep > step
-                    meets = (np.roll(self.group, way, axis) != self.group) & (self.group >= 0) & (other > deep - step)
-                    strong, light = (0.30, 0.62) if reach == 1 else (0.55, 0.85)
-                    dark = np.where(behind, np.minimum(dark, strong), np.where(meets, np.minimum(dark, light), dark))
+        deep = np.where(self.group >= 0, self.depth, np.float32(-1e6))
+        rows = np.flatnonzero((self.group >= 0).any(axis=1))
+        columns = np.flatnonzero((self.group >= 0).any(axis=0))
+        if not rows.size:
+            return dark
+        # Only where something is drawn, and a little around it.
+        y0, y1 = max(rows[0] - 2, 0), min(rows[-1] + 3, self.height)
+        x0, x1 = max(columns[0] - 2, 0), min(columns[-1] + 3, self.width)
+        for reach, strong, light in ((2, 0.55, 0.85), (1, 0.30, 0.62)):
+            for dy, dx in ((reach, 0), (-reach, 0), (0, reach), (0, -reach)):
+                here = (slice(max(y0, -dy), y1 - max(dy, 0)), slice(max(x0, -dx), x1 - max(dx, 0)))
+                there = tuple(slice(part.start + d, part.stop + d) for part, d in zip(here, (dy, dx), strict=True))
+                nearer = deep[there] - deep[here]
+                edge = nearer > step
+                view = dark[here]
+                view[edge] = np.minimum(view[edge], np.float32(strong))
+                meets = (self.group[there] != self.group[here]) & (nearer > -step) & ~edge & (self.group[here] >= 0)
+                view[meets] = np.minimum(view[meets], np.float32(light))
         return dark
