@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint types unit bench docs clean
+.PHONY: demo test lint types unit bench clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet and a report in out/demo
 	$(BIN)/signsplice demo --out out/demo
@@ -22,9 +22,6 @@ unit: $(VENV)/.dev             ## pytest
 
 bench: $(VENV)/.dev            ## speed of every part beside its baselines, in one run
 	$(BIN)/signsplice bench
-
-docs: $(VENV)/.dev             ## measure again what docs/ states: in-betweening, speed
-	$(BIN)/python -m docs.measure
 
 clean:                         ## forget the environment and everything made
 	rm -rf $(VENV) out .mypy_cache .ruff_cache .pytest_cache .hypothesis

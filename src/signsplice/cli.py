@@ -349,7 +349,7 @@ def evaluate(files: tuple[str, ...], fps: float | None, as_json: bool) -> None:
     from dataclasses import asdict
 
     from signsplice.motion.clip import resample
-    from signsplice.splicing.evaluate import SIGNATURE, hidden_frames
+    from signsplice.splicing.evaluate import SIGNATURE, hidden_frames, table
     from signsplice.splicing.transition import TRANSITIONS
 
     clips = [_load(file) for file in files]
@@ -360,13 +360,7 @@ def evaluate(files: tuple[str, ...], fps: float | None, as_json: bool) -> None:
     if as_json:
         print(json.dumps({"signature": SIGNATURE, "rows": [asdict(row) for row in rows]}, indent=2))
         return
-    print(SIGNATURE)
-    print("transition     frames  gaps   error  motion ratio  velocity jump (true), m/s")
-    for row in rows:
-        print(
-            f"{row.transition:14} {row.n_frames:6d} {row.n_gaps:5d} {row.position_error:7.1f} {row.motion_ratio:13.2f}"
-            f"  {row.velocity_jump:8.2f} ({row.true_velocity_jump:.2f})"
-        )
+    print("\n".join(table(rows)))
 
 
 @app.command()

@@ -107,9 +107,11 @@ def sheet_frames(n_frames: int, marks: Sequence[Mark], n_cells: int = _N_CELLS) 
         if mark.kind == "transition":
             chosen |= {mark.start - 1, mark.start, (mark.start + mark.stop - 1) // 2, mark.stop - 1, mark.stop}
     chosen = {frame for frame in chosen if 0 <= frame < n_frames}
-    n_even = max(n_cells - len(chosen), 8)
-    chosen |= set(np.linspace(0, n_frames - 1, min(n_even, n_frames)).round().astype(int).tolist())
-    return sorted(chosen)
+    for n_even in range(min(max(n_cells - len(chosen), _COLUMNS), n_frames), 0, -1):
+        frames = chosen | set(np.linspace(0, n_frames - 1, n_even).round().astype(int).tolist())
+        if len(frames) % _COLUMNS == 0 or len(frames) < _COLUMNS:  # whole rows
+            break
+    return sorted(frames)
 
 
 def _pictures(

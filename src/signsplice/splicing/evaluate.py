@@ -83,6 +83,28 @@ def hidden_frames(
     return rows
 
 
+def table(rows: Sequence[HiddenFrames]) -> list[str]:
+    """The rows as Markdown: a line for each transition, a column for each length, with signature and real motion."""
+    lengths = sorted({row.n_frames for row in rows})
+    found = {(row.transition, row.n_frames): row for row in rows}
+    names = list(dict.fromkeys(row.transition for row in rows))
+    lines: list[str] = [f"`{SIGNATURE}`"]
+    for title, field, digits in (
+        ("error, arm/1000", "position_error", 1),
+        ("motion ratio", "motion_ratio", 2),
+        ("velocity jump, m/s", "velocity_jump", 2),
+    ):
+        lines += ["", "| " + " | ".join([title, *map(str, lengths)]) + " |", "| --- |" + " --- |" * len(lengths)]
+        for name in names:
+            values = [f"{getattr(found[name, n], field):.{digits}f}" for n in lengths]
+            lines.append("| " + " | ".join([name, *values]) + " |")
+        if field == "velocity_jump":
+            true = [f"{found[names[0], n].true_velocity_jump:.2f}" for n in lengths]
+            lines.append("| " + " | ".join(["real motion", *true]) + " |")
+    gaps = ", ".join(f"{found[names[0], n].n_gaps} of {n}" for n in lengths)
+    return [*lines, "", f"Gaps: {gaps} frames."]
+
+
 def _score(window: Clip, transition: Transition, n_frames: int) -> tuple[float, float, float]:
     before, true, after = window[:CONTEXT], window[CONTEXT:-CONTEXT], window[-CONTEXT:]
     filled = transition.between(before, after, n_frames)

@@ -12,8 +12,8 @@ velocity fades out within its own time tau = min(T, max(tau_0, 3 d / v)), d the 
 the plain Hermite curve; 3 d / v is the bound within which a cubic stays monotone along its way (Fritsch and Carlson
 1980). tau_0 is 0.4 s for a velocity that leads along the way, and 0.2 s for one that leads away from it, where the
 clips disagree (the quintic, which swings wider: always 0.2 s). Velocities at both ends stay exact, and no end swings
-out by more than 4/27 v max(tau_0, 3 d / v) (the quintic: 0.2 v ...), whatever T is. docs/evaluation.md has what this
-costs and gains on hidden frames of real clips.
+out by more than 4/27 v max(tau_0, 3 d / v) (the quintic: 0.2 v ...), whatever T is. lab/LOG.md has what this
+costs and gains on hidden frames of real clips and at true splices.
 """
 
 from __future__ import annotations
