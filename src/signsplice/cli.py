@@ -161,13 +161,13 @@ def _check_outputs(output: str, report: str | None = None) -> None:
             check_writable(path)
 
 
-def _write(clip: Clip, output: str, spans: Spans = ()) -> None:
-    """Write a clip by suffix; ``spans`` are marked in pictures."""
+def _write(clip: Clip, output: str, spans: Spans = (), view: str = "front") -> None:
+    """Write a clip by suffix; ``spans`` are marked in pictures, which are seen from ``view``."""
     if Path(output).suffix.lower() in PICTURES:
         from signsplice.render import film
 
         with _progress(f"rendering {Path(output).name}") as advance:
-            film.write(clip, output, [film.Mark(*span) for span in spans], progress=advance)
+            film.write(clip, output, [film.Mark(*span) for span in spans], view, advance)
     else:
         from signsplice.formats import save
 
@@ -272,13 +272,14 @@ def convert(source: str, output: str) -> None:
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar="OUT.(png|gif|mp4)")
 @click.option("--report", metavar="R.json", help="The splice's report, so that its transitions are marked.")
-def render(source: str, output: str, report: str | None) -> None:
+@click.option("--view", default="front", show_default=True, metavar="VIEW", help="front, three-quarter or side.")
+def render(source: str, output: str, report: str | None, view: str) -> None:
     """Draw the signer: a contact sheet (.png), or a film (.gif, .mp4)."""
     if Path(output).suffix.lower() not in PICTURES:
         raise InputError(f"{output}: expected a name that ends in {', '.join(PICTURES)}; use convert for other files")
     _check_outputs(output)
     clip = _load(source)
-    _write(clip, output, _reported_spans(report, len(clip)) if report is not None else ())
+    _write(clip, output, _reported_spans(report, len(clip)) if report is not None else (), view)
     print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
 
 

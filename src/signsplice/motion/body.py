@@ -135,7 +135,7 @@ def _trunk(skeleton: Skeleton, height: float) -> list[_Row]:
     shoulders = [places[joints[s + "UpperArm"]] - places[chest] for s in ("left", "right") if s + "UpperArm" in joints]
     if len(shoulders) == 2:
         middle = np.mean(shoulders, axis=0)
-        inner = [0.86 * s + 0.14 * middle - 0.008 * up for s in shoulders]
+        inner = [0.94 * s + 0.06 * middle - 0.004 * up for s in shoulders]
         add(chest, inner[0], inner[1], 0.033, 0.033, "shirt")
         for x in (0.050 * left, 0.0 * left, -0.050 * left):
             add(chest, middle - 0.045 * up + x, places[low] - places[chest] + 0.9 * x, 0.060, 0.056, "shirt")

@@ -44,8 +44,14 @@ class Mark:
     stop: int
 
 
-def write(clip: Clip, path: str | Path, marks: Sequence[Mark] = (), progress: Progress | None = None) -> None:
-    """Draw a clip: a contact sheet (.png) or a film (.gif, .mp4), by suffix.
+def write(
+    clip: Clip,
+    path: str | Path,
+    marks: Sequence[Mark] = (),
+    view: str = "front",
+    progress: Progress | None = None,
+) -> None:
+    """Draw a clip from one of ``picture.VIEWS``: a contact sheet (.png) or a film (.gif, .mp4), by suffix.
 
     Raises ``MissingExtraError`` where Pillow or an ffmpeg is missing, ``InputError`` for another suffix.
     """
@@ -53,7 +59,7 @@ def write(clip: Clip, path: str | Path, marks: Sequence[Mark] = (), progress: Pr
     writers = {".png": _write_sheet, ".gif": _write_gif, ".mp4": _write_mp4}
     if suffix not in writers:
         raise InputError(f"{path}: pictures end in {', '.join(writers)}, not {suffix or '(nothing)'}")
-    ready = scene(clip)
+    ready = scene(clip, view)
     with replacing(path) as temporary:
         writers[suffix](clip, ready, temporary, marks, progress)
 

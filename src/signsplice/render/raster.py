@@ -40,27 +40,12 @@ class Canvas:
         colour: tuple[float, float, float],
         group: int,
     ) -> None:
-        """Draw one capsule; start, end: (3,) pixels right, pixels down, pixels towards the viewer; radii in pixels."""
-        flat = float(np.hypot(*(end - start)[:2]))
-        rise = abs(float(end[2] - start[2]))
-        # Seen end on, a capsule's nearest point is not beside its axis: draw it as a row of balls.
-        if rise > 0.7 * flat and rise > 0.3 * min(radii):
-            n = int(np.clip(rise / (0.45 * max(min(radii), 1e-6)), 2, 16))
-            for share in np.linspace(0.0, 1.0, n):
-                at = start + share * (end - start)
-                radius = radii[0] + share * (radii[1] - radii[0])
-                self._draw(at, at, (radius, radius), colour, group)
-        else:
-            self._draw(start, end, radii, colour, group)
+        """Draw one capsule; start, end: (3,) pixels right, pixels down, pixels towards the viewer; radii in pixels.
 
-    def _draw(
-        self,
-        start: NDArray[np.float64],
-        end: NDArray[np.float64],
-        radii: tuple[float, float],
-        colour: tuple[float, float, float],
-        group: int,
-    ) -> None:
+        A capsule is the ball of radius r swept along its axis. Over a pixel whose way to the axis is h on the picture plane, with
+        rho = sqrt(r^2 - h^2), the ball that comes nearest to the viewer stands rho b_z / |b| beyond the foot of that way (b the
+        axis), where the height of the swept surface is stationary. A taper is followed by a second look with the radius there.
+        """
         big = max(radii) + 1.0
         x0, y0 = np.floor(np.minimum(start, end)[:2] - big).astype(int)
         x1, y1 = np.ceil(np.maximum(start, end)[:2] + big).astype(int) + 1
@@ -70,13 +55,16 @@ class Canvas:
         px = np.arange(x0, x1, dtype=np.float32)[None, :] - np.float32(start[0])
         py = np.arange(y0, y1, dtype=np.float32)[:, None] - np.float32(start[1])
         bx, by, bz = (np.float32(v) for v in end - start)
-        square = bx * bx + by * by
-        if square > 1e-6:
-            t = np.clip((px * bx + py * by) / square, 0.0, 1.0)
-        else:
-            t = np.zeros((y1 - y0, x1 - x0), np.float32)
-        dx, dy = px - t * bx, py - t * by
+        flat = np.float32(max(np.hypot(bx, by), 1e-3))
+        foot = (px * bx + py * by) / flat
+        across = (px * by - py * bx) ** 2 / (flat * flat) if flat > 1e-3 else px * px + py * py
+        lean = bz / np.float32(np.hypot(flat, bz))
+        t = np.clip(foot / flat, 0.0, 1.0)
+        for _ in range(2 if bz else 0):
+            radius = np.float32(radii[0]) + t * np.float32(radii[1] - radii[0])
+            t = np.clip((foot + lean * np.sqrt(np.maximum(radius * radius - across, 0.0))) / flat, 0.0, 1.0)
         radius = np.float32(radii[0]) + t * np.float32(radii[1] - radii[0])
+        dx, dy = px - t * bx, py - t * by
         nz = np.sqrt(np.maximum(1.0 - (dx * dx + dy * dy) / (radius * radius), 0.0))
         z = np.float32(start[2]) + t * bz + radius * nz
         window = (slice(y0, y1), slice(x0, x1))
