@@ -129,6 +129,25 @@ def test_by_roles_between_naming_conventions(words: dict[str, Clip]) -> None:
     assert np.allclose(positions(back), positions(other), atol=0.0005)
 
 
+def test_a_joint_above_the_hips_makes_no_difference(words: dict[str, Clip]) -> None:
+    """Some rigs hang the hips, with the signer's sway, from a root on the floor that stands still."""
+    clip = words["DEAF"]
+    sway = clip.root_positions + 3.0 * np.sin(np.arange(len(clip)) / 9.0)[:, None] * np.array([1.0, 0.1, 0.5])
+    swaying = replace(clip, root_positions=sway)
+    skeleton = Skeleton(
+        ("Reference", *clip.skeleton.names),
+        np.concatenate([[-1], clip.skeleton.parents + 1]),
+        np.concatenate([np.zeros((1, 3)), clip.skeleton.offsets]),
+    )
+    local = np.concatenate([np.tile(rotation.IDENTITY, (len(clip), 1, 1)), clip.local_rotations], axis=1)
+    translations = np.tile(skeleton.offsets, (len(clip), 1, 1))
+    translations[:, 1] = sway
+    hung = Clip(skeleton, local, np.zeros((len(clip), 3)), clip.fps, "hung", translations)
+    assert np.allclose(positions(hung)[:, 1:], positions(swaying), atol=1e-9), "the same motion"
+    assert np.allclose(positions(harmonize(hung, ground(swaying)).clip), positions(swaying), atol=0.05)
+    assert np.allclose(positions(harmonize(swaying, ground(hung)).clip)[:, 1:], positions(swaying), atol=0.05)
+
+
 def test_joint_order_and_extra_joints_do_not_matter(words: dict[str, Clip]) -> None:
     clip = words["I"]
     names = clip.skeleton.names

@@ -18,7 +18,7 @@ from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton, resample
 from signsplice.motion.common_pose import common_rotations
 from signsplice.motion.humanoid import find_roles, simplify
-from signsplice.motion.kinematics import rest_positions
+from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.motion.stance import Stand, stand, stature
 
 Float = NDArray[np.float64]
@@ -87,9 +87,15 @@ def _carry(clip: Clip, onto: Ground) -> tuple[Clip, tuple[str, ...]]:
         warnings = (
             f"{clip.name}: no counterpart for {len(held)} joints of {onto.name}, which hold their pose: {shown}",
         )
-    channels = None  # the numbers meant another rig's rotations
-    root = clip.root_positions if scale == 1.0 else clip.root_positions * scale
-    return Clip(target, local, root, clip.fps, clip.name, None, channels), warnings
+    # Euler numbers meant another rig's rotations: they are not carried.
+    carried = Clip(target, local, clip.root_positions * scale, clip.fps, clip.name)
+    hips = find_roles(target).joints.get("hips", 0)
+    if hips in counterpart and (hips > 0 or counterpart[hips] > 0):
+        # A joint above the hips, in either rig: what has to go the same way is the hips, not the root.
+        wanted = scale * forward(clip, [counterpart[hips]])[1][:, 0]
+        shift = wanted - forward(carried, [hips])[1][:, 0]
+        carried = replace(carried, root_positions=carried.root_positions + shift)
+    return carried, warnings
 
 
 def _identical(a: Skeleton, b: Skeleton) -> bool:

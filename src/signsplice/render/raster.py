@@ -42,9 +42,10 @@ class Canvas:
     ) -> None:
         """Draw one capsule; start, end: (3,) pixels right, pixels down, pixels towards the viewer; radii in pixels.
 
-        A capsule is the ball of radius r swept along its axis. Over a pixel whose way to the axis is h on the picture plane, with
-        rho = sqrt(r^2 - h^2), the ball that comes nearest to the viewer stands rho b_z / |b| beyond the foot of that way (b the
-        axis), where the height of the swept surface is stationary. A taper is followed by a second look with the radius there.
+        A capsule is the ball of radius r swept along its axis. Over a pixel whose way to the axis is h on the picture
+        plane, with rho = sqrt(r^2 - h^2), the ball that comes nearest to the viewer stands rho b_z / |b| beyond the
+        foot of that way (b the axis), where the height of the swept surface is stationary. A taper is followed by a
+        second look with the radius there.
         """
         big = max(radii) + 1.0
         x0, y0 = np.floor(np.minimum(start, end)[:2] - big).astype(int)
