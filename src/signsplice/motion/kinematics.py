@@ -39,10 +39,12 @@ def forward(clip: Clip, joints: Sequence[int] | None = None) -> tuple[Float, Flo
             rotations[joint], positions[joint] = inner, clip.root_positions.T
             continue
         over = rotations[parent]
-        first, second, third = over[:, 0], over[:, 1], over[:, 2]
-        rotations[joint] = first[:, None] * inner[0] + second[:, None] * inner[1] + third[:, None] * inner[2]
-        x, y, z = skeleton.offsets[joint] if clip.translations is None else clip.translations[:, joint].T
-        positions[joint] = positions[parent] + (first * x + second * y + third * z)
+        rotations[joint] = np.einsum("abt,bct->act", over, inner)
+        if clip.translations is None:
+            step = np.einsum("abt,b->at", over, skeleton.offsets[joint])
+        else:
+            step = np.einsum("abt,tb->at", over, clip.translations[:, joint])
+        positions[joint] = positions[parent] + step
     out_rotations = np.stack([rotations[joint] for joint in wanted])
     out_positions = np.stack([positions[joint] for joint in wanted])
     return out_rotations.transpose(3, 0, 1, 2), out_positions.transpose(2, 0, 1)

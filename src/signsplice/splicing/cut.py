@@ -96,17 +96,22 @@ def _pose_velocity(before: Clip, after: Clip) -> Cut:
     """Least squared change of position and of velocity (over 0.15 s) of elbows and wrists."""
 
     def cost(p: Arms, q: Arms, rows: slice, columns: slice) -> Float:
-        a, b = _pose_and_velocity(p)[rows], _pose_and_velocity(q)[columns]
+        a, b = _pose_and_velocity(p, rows), _pose_and_velocity(q, columns)
         squares = (a**2).sum(1)[:, None] + (b**2).sum(1)[None] - 2.0 * a @ b.T
         return np.asarray(squares)
 
     return _least(before, after, cost)
 
 
-def _pose_and_velocity(arms: Arms) -> Float:
-    points = np.concatenate([arms.elbows, arms.wrists], axis=1).reshape(len(arms.wrists), -1)
-    velocity = np.gradient(points, axis=0) * arms.fps if len(points) > 1 else np.zeros_like(points)
-    return np.concatenate([points, velocity * VELOCITY_TIME_S], axis=1) / arms.length
+def _pose_and_velocity(arms: Arms, frames: slice) -> Float:
+    """Elbows and wrists (n, 24) of some frames and the ways they go in 0.15 s (central differences), in arm's lengths."""
+    at = np.arange(frames.start, frames.stop)
+    last = np.minimum(at + 1, len(arms.wrists) - 1)
+    first = np.maximum(at - 1, 0)
+    per_step = VELOCITY_TIME_S * arms.fps / np.maximum(last - first, 1)
+    points = [part.reshape(len(part), 6) for part in (arms.elbows, arms.wrists)]
+    ways = [(part[last] - part[first]) * per_step[:, None] for part in points]
+    return np.concatenate([part[at] for part in points] + ways, axis=1) / arms.length
 
 
 def _least(before: Clip, after: Clip, cost: Callable[[Arms, Arms, slice, slice], Float]) -> Cut:
