@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 import warnings
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -17,19 +16,15 @@ from numpy.typing import NDArray
 
 from signsplice.errors import FormatError
 from signsplice.formats.atomic import read_bytes, replacing
+from signsplice.formats.bvh_hierarchy import Hierarchy, number_of, short
 from signsplice.formats.numbers import parse_plain
-from signsplice.motion import channels as euler
-from signsplice.motion.channels import POSITIONS, ROTATIONS, Channels
+from signsplice.motion import channels, curves
+from signsplice.motion.channels import Channels
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 
 Float = NDArray[np.float64]
 
-MAX_DEPTH = 256
-MAX_JOINTS = 1024
-_MAX_WORDS = 50_000
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-_CHANNELS = {name.lower(): name for name in (*POSITIONS, *ROTATIONS)}
 _FRAMES = re.compile(r"frames\s*:\s*(\S*)\s*(.*)", re.IGNORECASE)
 _FRAME_TIME = re.compile(r"frame\s+time\s*:\s*(\S*)\s*(.*)", re.IGNORECASE)
 
@@ -47,7 +42,7 @@ def parse(content: bytes, file: str = "", name: str = "") -> Clip:
     """The clip that the bytes of a BVH file hold; ``file`` stands in error messages. Raises ``FormatError``."""
     lines = _lines(content, file)
     motion = next((n for n, line in enumerate(lines) if line.strip().upper() == b"MOTION"), None)
-    hierarchy = _Hierarchy(file)
+    hierarchy = Hierarchy(file)
     for number, line in enumerate(lines[:motion], start=1):
         hierarchy.read_line(number, _text(line).split())
     hierarchy.close(motion)
@@ -86,7 +81,7 @@ def write(clip: Clip, path: str | Path) -> None:
 
 def render(clip: Clip) -> str:
     """The text of a clip's BVH file."""
-    names, values = euler.complete(clip)
+    names, values = curves.complete(clip)
     given = clip.channels
     offsets = clip.skeleton.offsets if given is None else given.offsets
     frame_time = 1.0 / clip.fps
@@ -99,7 +94,7 @@ def render(clip: Clip) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _write_joint(lines: list[str], skeleton: Skeleton, names: euler.Names, offsets: Float) -> None:
+def _write_joint(lines: list[str], skeleton: Skeleton, names: channels.Names, offsets: Float) -> None:
     """Append the hierarchy's lines; a stack instead of recursion, so that depth has no limit."""
     stack: list[tuple[int, int]] = [(0, 0)]
     while stack:
@@ -145,188 +140,6 @@ def _text(line: bytes) -> str:
         return line.decode("latin-1")  # names from before UTF-8; every byte stands for a character
 
 
-@dataclass
-class _Hierarchy:
-    """Reads the lines of HIERARCHY one by one and holds what they declare."""
-
-    file: str
-    names: list[str] = field(default_factory=list)
-    parents: list[int] = field(default_factory=list)
-    offsets: list[list[float] | None] = field(default_factory=list)
-    channels: list[tuple[str, ...]] = field(default_factory=list)
-    sites: list[tuple[int, list[float] | None]] = field(default_factory=list)
-    _lines: dict[str, int] = field(default_factory=dict)  # joint name -> line that declared it
-    _open: list[tuple[int, bool, int]] = field(default_factory=list)  # (joint, is an End Site, line) of each open brace
-    _declared: tuple[int, bool, int] | None = None  # what the next brace opens
-    _started: bool = False
-    _last_line: int = 1
-
-    def fail(self, what: str, line: int | None = None) -> FormatError:
-        return FormatError(what, file=self.file, line=self._last_line if line is None else line)
-
-    def read_line(self, number: int, tokens: list[str]) -> None:
-        if not tokens:
-            return
-        self._last_line = number
-        if len(tokens) > _MAX_WORDS:
-            raise self.fail(f"{len(tokens)} words in one line, expected a statement a line")
-        if not self._started:
-            if tokens[0].upper() != "HIERARCHY":
-                raise self.fail(f"found {_short(tokens[0])}, expected HIERARCHY; is this a BVH file?")
-            self._started, tokens = True, tokens[1:]
-        while tokens:
-            tokens = self._read_statement(tokens)
-
-    def _read_statement(self, tokens: list[str]) -> list[str]:
-        """Take one statement off the front of a line's tokens; what is left comes back."""
-        word, rest = tokens[0], tokens[1:]
-        key = word.upper()
-        if self._declared is not None and word != "{":
-            kind = "End Site" if self._declared[1] else f"joint {self.names[self._declared[0]]!r}"
-            raise self.fail(f"found {_short(word)}, expected {{ after {kind}; a joint's name has no white space")
-        if word == "{":
-            if self._declared is None:
-                raise self.fail("found {, expected ROOT, JOINT or End Site before it")
-            self._open.append(self._declared)
-            self._declared = None
-            if len(self._open) > MAX_DEPTH:
-                raise self.fail(f"joints nest deeper than {MAX_DEPTH}, expected a skeleton")
-            return rest
-        if word == "}":
-            self._close_brace()
-            return rest
-        if key in ("ROOT", "JOINT"):
-            return self._declare_joint(key, rest)
-        if key == "END":
-            if not rest or rest[0].upper() != "SITE":
-                raise self.fail(f"found {' '.join(map(_short, tokens[:2]))}, expected End Site")
-            joint = self._current(word)
-            if len(self.sites) >= MAX_JOINTS:
-                raise self.fail(f"more than {MAX_JOINTS} End Sites, expected a skeleton")
-            self.sites.append((joint, None))
-            self._declared = (len(self.sites) - 1, True, self._last_line)
-            return rest[1:]
-        if key == "OFFSET":
-            return self._read_offset(rest)
-        if key == "CHANNELS":
-            return self._read_channels(rest)
-        if key in ("FRAMES:", "FRAME"):
-            raise self.fail(f"found {_short(word)} without MOTION before it, expected a line MOTION")
-        raise self.fail(f"found {_short(word)}, expected JOINT, End Site, OFFSET, CHANNELS or a brace")
-
-    def _current(self, word: str) -> int:
-        if not self._open or self._open[-1][1]:
-            where = "inside an End Site" if self._open else "outside a joint"
-            raise self.fail(f"{word} {where}, expected it inside a joint's braces")
-        return self._open[-1][0]
-
-    def _declare_joint(self, key: str, rest: list[str]) -> list[str]:
-        if not rest or rest[0] == "{":
-            raise self.fail(f"{key} without a name, expected a name after it")
-        name = rest[0]
-        if key == "ROOT" and self.names:
-            raise self.fail(f"a second ROOT {name!r}, expected one skeleton a file; split the file")
-        if key == "JOINT" and not self.names:
-            raise self.fail(f"JOINT {name!r} comes first, expected ROOT")
-        parent = self._current(f"JOINT {name}") if key == "JOINT" else -1
-        if name in self._lines:
-            raise self.fail(
-                f"joint name {name!r} stands twice (first in line {self._lines[name]}), expected different names"
-            )
-        if len(self.names) >= MAX_JOINTS:
-            raise self.fail(f"more than {MAX_JOINTS} joints, expected a skeleton")
-        self._lines[name] = self._last_line
-        self.names.append(name)
-        self.parents.append(parent)
-        self.offsets.append(None)
-        self.channels.append(())
-        self._declared = (len(self.names) - 1, False, self._last_line)
-        return rest[1:]
-
-    def _read_offset(self, rest: list[str]) -> list[str]:
-        numbers = [_number(token, self.file, self._last_line) for token in rest[:3]]
-        if len(numbers) != 3 or (len(rest) > 3 and _NUMBER.fullmatch(rest[3])):
-            raise self.fail(f"OFFSET with {len(rest)} values, expected 3 numbers")
-        if not self._open:
-            raise self.fail("OFFSET outside a joint, expected it inside braces")
-        index, is_site, _ = self._open[-1]
-        if (self.sites[index][1] if is_site else self.offsets[index]) is not None:
-            raise self.fail("a second OFFSET in one joint, expected one")
-        if is_site:
-            self.sites[index] = (self.sites[index][0], numbers)
-        else:
-            self.offsets[index] = numbers
-        return rest[3:]
-
-    def _read_channels(self, rest: list[str]) -> list[str]:
-        joint = self._current("CHANNELS")
-        if not rest or not rest[0].isdecimal():
-            raise self.fail(f"CHANNELS {_short(rest[0]) if rest else ''}, expected a number of channels")
-        count = int(rest[0][:4])
-        found = [token for token in rest[1 : 1 + count] if token not in "{}"]
-        extra = rest[1 + count : 2 + count]
-        if len(found) != count or (extra and extra[0].lower() in _CHANNELS):
-            raise self.fail(f"CHANNELS {rest[0]} with {len(rest) - 1} names, expected {rest[0]} channel names")
-        names = []
-        for token in found:
-            if token.lower() not in _CHANNELS:
-                raise self.fail(
-                    f"unknown channel {_short(token)}, expected one of {', '.join((*POSITIONS, *ROTATIONS))}"
-                )
-            names.append(_CHANNELS[token.lower()])
-        if len(set(names)) != len(names):
-            raise self.fail(f"joint {self.names[joint]!r} has a channel twice, expected different channels")
-        if self.channels[joint]:
-            raise self.fail("a second CHANNELS in one joint, expected one")
-        self.channels[joint] = tuple(names)
-        return rest[1 + count :]
-
-    def _close_brace(self) -> None:
-        if not self._open:
-            raise self.fail("found } with no open brace, expected MOTION; the braces are unbalanced")
-        index, is_site, line = self._open.pop()
-        if (self.sites[index][1] if is_site else self.offsets[index]) is None:
-            what = "End Site" if is_site else f"joint {self.names[index]!r}"
-            raise self.fail(f"{what} without OFFSET, expected OFFSET and 3 numbers", line)
-
-    def close(self, motion: int | None) -> None:
-        """Check at the end of HIERARCHY (``motion``: 0-based line of MOTION) that everything was declared and
-        closed.
-        """
-        if motion is not None:
-            self._last_line = motion + 1
-        if not self._started:
-            raise self.fail("found MOTION, expected HIERARCHY before it")
-        if self._open or self._declared is not None:
-            index, is_site, line = self._open[-1] if self._open else self._declared or (0, False, 0)
-            what = "End Site" if is_site else f"joint {self.names[index]!r}"
-            raise self.fail(f"{what} (line {line}) is never closed, expected }}; the braces are unbalanced")
-        if not self.names:
-            raise self.fail("no ROOT, expected a skeleton between HIERARCHY and MOTION")
-
-
-def _short(token: str) -> str:
-    return repr(token if len(token) <= 40 else token[:37] + "...")
-
-
-def _number(token: str, file: str, line: int) -> float:
-    """A finite number, or a ``FormatError`` that says why the token is none."""
-    if _NUMBER.fullmatch(token):
-        value = float(token)
-        if np.isfinite(value):
-            return value
-        raise FormatError(f"{_short(token)} is too large for a number", file=file, line=line)
-    if "," in token and _NUMBER.fullmatch(token.replace(",", ".", 1)):
-        raise FormatError(
-            f"{_short(token)} has a decimal comma, expected a point; save the file with points", file=file, line=line
-        )
-    if token.lstrip("+-").lower() in ("nan", "inf", "infinity"):
-        raise FormatError(
-            f"{_short(token)} is not a finite number, expected one; export the file anew", file=file, line=line
-        )
-    raise FormatError(f"{_short(token)} is not a number, expected one", file=file, line=line)
-
-
 def _motion_head(lines: list[bytes], at: int, file: str) -> tuple[int, float, int]:
     """Number of frames, Frame Time, and the index of the first line after them."""
     found: list[str] = []
@@ -336,15 +149,15 @@ def _motion_head(lines: list[bytes], at: int, file: str) -> tuple[int, float, in
         text = _text(lines[at]).strip() if at < len(lines) else ""
         match = pattern.fullmatch(text)
         if match is None or not match[1] or match[2]:
-            seen = f"found {_short(text)}" if text else "the file ends here"
+            seen = f"found {short(text)}" if text else "the file ends here"
             raise FormatError(f"{seen}, expected {what}", file=file, line=min(at + 1, len(lines)))
         found.append(match[1])
         at += 1
         if pattern is _FRAMES and not re.fullmatch(r"\+?\d{1,18}", match[1]):
-            raise FormatError(f"Frames: {_short(match[1])}, expected a whole number", file=file, line=at)
+            raise FormatError(f"Frames: {short(match[1])}, expected a whole number", file=file, line=at)
         if pattern is _FRAMES and int(match[1]) == 0:
             raise FormatError("Frames: 0, expected at least one frame", file=file, line=at)
-    frame_time = _number(found[1], file, at)
+    frame_time = number_of(found[1], file, at)
     if frame_time <= 0.0:
         raise FormatError(f"Frame Time: {found[1]}, expected more than 0 seconds", file=file, line=at)
     return int(found[0]), frame_time, at
@@ -375,7 +188,7 @@ def _frame_values(lines: list[bytes], first_line: int, n_frames: int, width: int
     if values.size != n_frames * width or not np.isfinite(values).all():
         for number, row in rows:
             for token in _text(row).split():
-                _number(token, file, number)
+                number_of(token, file, number)
         raise FormatError("a number cannot be read", file=file, line=first_line)
     return values.reshape(n_frames, width)
 
@@ -402,10 +215,10 @@ def _token_counts(text: bytes) -> NDArray[np.intp]:
     return np.diff(np.searchsorted(ends, breaks, side="right"), prepend=0)
 
 
-def _clip(hierarchy: _Hierarchy, values: Float, frame_time: float, name: str) -> Clip:
+def _clip(hierarchy: Hierarchy, values: Float, frame_time: float, name: str) -> Clip:
     written = np.array(hierarchy.offsets, np.float64)
     names = tuple(hierarchy.channels)
-    rotations, translations = euler.to_motion(names, values, written)
+    rotations, translations = channels.to_motion(names, values, written)
     # Position channels that never change are bone lengths: they belong to the skeleton.
     moving = np.any(translations[:, 1:] != translations[:1, 1:])
     offsets = written.copy()

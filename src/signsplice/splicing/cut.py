@@ -14,9 +14,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.errors import InputError
 from signsplice.motion.arms import Arms, active_span, arms
 from signsplice.motion.clip import Clip
+from signsplice.splicing.method import Method, find
 
 Float = NDArray[np.float64]
 
@@ -34,23 +34,8 @@ class Cut:
     post: int
 
 
-class Cutter(Protocol):
+class Cutter(Method, Protocol):
     """Chooses where two clips of one skeleton and rate are joined."""
-
-    @property
-    def name(self) -> str:
-        """The name a user calls it by."""
-        ...
-
-    @property
-    def summary(self) -> str:
-        """One line on how it chooses."""
-        ...
-
-    @property
-    def learned(self) -> bool:
-        """Whether a network chooses."""
-        ...
 
     def cut(self, before: Clip, after: Clip) -> Cut:
         """The splice position of two harmonized clips."""
@@ -104,7 +89,9 @@ def _pose_velocity(before: Clip, after: Clip) -> Cut:
 
 
 def _pose_and_velocity(arms: Arms, frames: slice) -> Float:
-    """Elbows and wrists (n, 24) of some frames and the ways they go in 0.15 s (central differences), in arm's lengths."""
+    """Elbows and wrists (n, 24) of some frames and the ways they go in 0.15 s (central differences), in arm's
+    lengths.
+    """
     at = np.arange(frames.start, frames.stop)
     last = np.minimum(at + 1, len(arms.wrists) - 1)
     first = np.maximum(at - 1, 0)
@@ -143,6 +130,4 @@ DEFAULT_CUTTER = "pose-velocity"
 
 def find_cutter(name: str) -> Cutter:
     """The cutter of that name. Raises ``InputError`` that lists the names there are."""
-    if name not in CUTTERS:
-        raise InputError(f"no cutter {name!r}, expected one of {', '.join(CUTTERS)}")
-    return CUTTERS[name]
+    return find("cutter", name, CUTTERS)

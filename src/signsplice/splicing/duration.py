@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signsplice.errors import InputError
 from signsplice.motion.arms import Arms, active_span
+from signsplice.splicing.method import find
 
 HUMAN_MEDIAN_S = 0.25
 """Median transition between two signs, 621 annotated in Czech Sign Language motion capture (5 and 95 %: 0.16 and 0.48
@@ -88,6 +88,4 @@ DURATIONS: dict[str, Duration] = {
 
 def find_duration(name: str) -> Duration:
     """The duration rule of that name. Raises ``InputError`` that lists the names there are."""
-    if name not in DURATIONS:
-        raise InputError(f"no duration {name!r}, expected seconds or one of {', '.join(DURATIONS)}")
-    return DURATIONS[name]
+    return find("duration", name, DURATIONS)

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
+from signsplice.splicing.method import Method, find
 
 Float = NDArray[np.float64]
 
@@ -36,23 +37,8 @@ OPPOSING_FADE_S = 0.2
 MONOTONE = 3.0
 
 
-class Transition(Protocol):
+class Transition(Method, Protocol):
     """Makes the frames between two clips of one skeleton and rate."""
-
-    @property
-    def name(self) -> str:
-        """The name a user calls it by."""
-        ...
-
-    @property
-    def summary(self) -> str:
-        """One line on what it does."""
-        ...
-
-    @property
-    def learned(self) -> bool:
-        """Whether a network makes the frames."""
-        ...
 
     def between(self, before: Clip, after: Clip, n_frames: int) -> Clip:
         """``n_frames`` >= 1 new frames that lead from the last frame of ``before`` to the first of ``after``.
@@ -269,6 +255,4 @@ DEFAULT_TRANSITION = "hermite"
 
 def find_transition(name: str) -> Transition:
     """The transition of that name. Raises ``InputError`` that lists the names there are."""
-    if name not in TRANSITIONS:
-        raise InputError(f"no transition {name!r}, expected one of {', '.join(TRANSITIONS)}")
-    return TRANSITIONS[name]
+    return find("transition", name, TRANSITIONS)
