@@ -104,14 +104,14 @@ def _pose_and_velocity(arms: Arms, frames: slice) -> Float:
 def _least(before: Clip, after: Clip, cost: Callable[[Arms, Arms, slice, slice], Float]) -> Cut:
     p, q = arms(before), arms(after)
     (p_start, p_stop), (q_start, q_stop) = active_span(p), active_span(q)
-    rows = slice(p_stop - _window(p_stop - p_start, before.fps), p_stop)
-    columns = slice(q_start, q_start + _window(q_stop - q_start, after.fps))
+    rows = slice(p_stop - search_window(p_stop - p_start, before.fps), p_stop)
+    columns = slice(q_start, q_start + search_window(q_stop - q_start, after.fps))
     costs = cost(p, q, rows, columns)
     i, j = np.unravel_index(int(np.argmin(costs)), costs.shape)
     return Cut(rows.start + int(i), columns.start + int(j))
 
 
-def _window(n_frames: int, fps: float) -> int:
+def search_window(n_frames: int, fps: float) -> int:
     """Frames of an active span that are searched, at least one."""
     return max(1, int(min(WINDOW_S * fps, WINDOW_SHARE * n_frames)))
 
