@@ -44,7 +44,7 @@ def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
         spans = [(0, start), (stop, len(clip))]
         facts["rest"] = [f"frames {a} to {b - 1}" for a, b in spans if b > a]
         if all(a == b for a, b in spans):
-            warnings.append("no rest at either end: the arms are up from the first frame to the last")
+            warnings.append("no rest found at either end: the arms neither rise at the start nor sink at the end")
     except InputError as error:
         facts["rest"] = []
         warnings.append(str(error))

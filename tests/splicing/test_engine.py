@@ -152,6 +152,31 @@ def test_mixed_rates_come_out_at_the_first_ones(words: dict[str, Clip]) -> None:
     assert mixed.clip.seconds == pytest.approx(plain.clip.seconds, abs=0.1)
 
 
+def test_euler_orders_and_joint_names_do_not_change_the_motion(words: dict[str, Clip]) -> None:
+    """The second clip from a file with other channel orders and prefixes: the same splice, written in the first's orders."""
+    from signsplice.formats import bvh
+    from signsplice.motion.channels import Channels
+
+    plain = [bvh.parse(bvh.render(words[gloss]).encode(), name=gloss) for gloss in ("I", "SIGN")]
+    n_joints = len(words["SIGN"].skeleton)
+    names = [("Yrotation", "Zrotation", "Xrotation"), ("Xrotation", "Yrotation", "Zrotation")]
+    layout = tuple(
+        (names[j % 2] + ("Zposition", "Xposition", "Yposition")) if j == 0 else names[j % 2] for j in range(n_joints)
+    )
+    empty = Channels(layout, np.full((len(plain[1]), 3 * n_joints + 3), np.nan), plain[1].skeleton.offsets, 1 / 30)
+    other = replace(plain[1], channels=empty)
+    text = bvh.render(other).replace("mixamorig:", "mixamorig_")
+    mixed = splice([plain[0], bvh.parse(text.encode(), name="SIGN")])
+    wanted = splice(plain)
+    assert [seam.pre_frame for seam in mixed.seams] == [seam.pre_frame for seam in wanted.seams]
+    assert np.all(rotation.angle_between(mixed.clip.local_rotations, wanted.clip.local_rotations) < 1e-6)
+    written = bvh.parse(bvh.render(mixed.clip).encode())
+    assert written.channels is not None
+    assert plain[0].channels is not None
+    assert written.channels.names == plain[0].channels.names
+    assert np.all(rotation.angle_between(written.local_rotations, wanted.clip.local_rotations) < 1e-6)
+
+
 def test_one_clip_is_itself(words: dict[str, Clip]) -> None:
     result = splice([words["I"]])
     assert np.array_equal(result.clip.local_rotations, words["I"].local_rotations)
