@@ -153,7 +153,9 @@ def test_mixed_rates_come_out_at_the_first_ones(words: dict[str, Clip]) -> None:
 
 
 def test_euler_orders_and_joint_names_do_not_change_the_motion(words: dict[str, Clip]) -> None:
-    """The second clip from a file with other channel orders and prefixes: the same splice, written in the first's orders."""
+    """The second clip from a file with other channel orders and prefixes: the same splice, written in the first's
+    orders.
+    """
     from signsplice.formats import bvh
     from signsplice.motion.channels import Channels
 

@@ -150,8 +150,9 @@ def test_fading_times() -> None:
     way, velocity = np.array([[0.5, 0.0, 0.0]]), np.array([[2.0, 0.0, 0.0]])
     assert fade_times(way, velocity, 5.0)[0, 0] == pytest.approx(0.75)
     assert fade_times(way, velocity, 0.2)[0, 0] == pytest.approx(0.2)
-    assert fade_times(way, 100 * velocity, 5.0)[0, 0] == pytest.approx(0.4)
-    assert fade_times(way, -100 * velocity, 5.0)[0, 0] == pytest.approx(0.2)
+    assert fade_times(way, 5 * velocity, 5.0)[0, 0] == pytest.approx(0.4)
+    assert fade_times(way, -5 * velocity, 5.0)[0, 0] == pytest.approx(0.2)
+    assert fade_times(0 * way, 5 * velocity, 5.0)[0, 0] == pytest.approx(0.3)
     assert fade_times(way, 0 * velocity, 5.0)[0, 0] == pytest.approx(5.0)
 
 

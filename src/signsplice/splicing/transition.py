@@ -10,7 +10,7 @@ each end.
 without bound in T, and the ends of two clips that were never meant for one another make it do so. Here each end's
 velocity fades out within its own time tau = min(T, max(tau_0, 3 d / v)), d the joint's whole way. Where tau = T this is
 the plain Hermite curve; 3 d / v is the bound within which a cubic stays monotone along its way (Fritsch and Carlson
-1980). tau_0 is 0.4 s for a velocity that leads along the way, and 0.2 s for one that leads away from it, where the
+1980). tau_0 goes from 0.4 s for a velocity that leads along the way to 0.2 s for one that leads against it, where the
 clips disagree (the quintic, which swings wider: always 0.2 s). Velocities at both ends stay exact, and no end swings
 out by more than 4/27 v max(tau_0, 3 d / v) (the quintic: 0.2 v ...), whatever T is. lab/LOG.md has what this
 costs and gains on hidden frames of real clips and at true splices.
@@ -230,11 +230,15 @@ def fade_times(way: Float, velocity: Float, seconds: float, agreeing: float = AG
     """Seconds (K, 1) in which an end's velocity (K, 3) fades out: min(T, max(tau_0, 3 |d| / |v|)), d the way (K, 3)
     from there.
 
-    tau_0 is ``agreeing`` where the velocity leads along the way, else 0.2 s.
+    tau_0 goes from ``agreeing``, for a velocity along the way, evenly with the cosine to 0.2 s for one against it.
     """
     speed = np.linalg.norm(velocity, axis=-1, keepdims=True)
     length = np.linalg.norm(way, axis=-1, keepdims=True)
-    least = np.where(np.sum(way * velocity, axis=-1, keepdims=True) >= 0.0, agreeing, OPPOSING_FADE_S)
+    # A way shorter than the velocity covers in a frame or so has no direction to speak of.
+    cosine = np.sum(way * velocity, axis=-1, keepdims=True) / np.maximum(
+        speed * np.maximum(length, 0.03 * speed), 1e-12
+    )
+    least = OPPOSING_FADE_S + 0.5 * (agreeing - OPPOSING_FADE_S) * (1.0 + cosine)
     return np.asarray(np.minimum(seconds, np.maximum(least, MONOTONE * length / np.maximum(speed, 1e-12))))
 
 
