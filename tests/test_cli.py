@@ -76,6 +76,7 @@ BAD_CALLS = [
     (("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", "--transition-time", "-1"), "expected 0 to 10s"),
     (("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", "--transition-time", "nan"), "transition time nan"),
     (("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", "--fps", "0"), "fps 0, expected"),
+    (("splice", "HELLO.bvh", "-o", "out.bvh", "--report", "./out.bvh"), "named for both"),
     (("splice", "HELLO.bvh", "bad.bvh", "-o", "out.bvh"), "bad.bvh:"),
     (("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", "--roles", "bad.json"), "bad.json"),
     (("splice", "HELLO.bvh", "table.bvh", "-o", "out.bvh"), "have 0 body parts in common"),

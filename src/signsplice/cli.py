@@ -156,6 +156,8 @@ def _check_outputs(output: str, report: str | None = None) -> None:
 
     if Path(output).suffix.lower() not in PICTURES:
         check_suffix(output)
+    if report is not None and Path(report).resolve() == Path(output).resolve():
+        raise InputError(f"{report}: named for both the animation and the report, expected two names")
     for path in (output, report):
         if path is not None:
             check_writable(path)
@@ -180,9 +182,10 @@ def _load(path: str, roles: str | None = None) -> Clip:
     clip = load(path)
     if roles is None:
         return clip
-    from signsplice.motion.humanoid import find_roles, read_override
+    from signsplice.formats.roles import read as read_roles
+    from signsplice.motion.humanoid import find_roles
 
-    clip = replace(clip, skeleton=replace(clip.skeleton, roles=read_override(roles)))
+    clip = replace(clip, skeleton=replace(clip.skeleton, roles=read_roles(roles)))
     find_roles(clip.skeleton)  # says at once where a role's joint is missing
     return clip
 

@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 
 from signsplice.errors import FormatError, InputError
+from signsplice.formats import roles
 from signsplice.motion.clip import Skeleton
-from signsplice.motion.humanoid import ROLES, Humanoid, find_roles, read_override, simplify
+from signsplice.motion.humanoid import ROLES, Humanoid, find_roles, simplify
 
 CLIPS = Path(__file__).resolve().parents[3] / "shared/data/bvh"
 THUMB = ("leftThumbMetacarpal", "leftThumbProximal", "leftThumbDistal")
@@ -952,7 +953,7 @@ def test_no_two_joints_of_a_rig_have_one_form(rig: str) -> None:
 def test_an_override_is_read(tmp_path: Path) -> None:
     file = tmp_path / "roles.json"
     file.write_text('\ufeff{"hips": "Root", "leftHand": "poignée"}', encoding="utf-8")
-    assert read_override(file) == read_override(str(file)) == {"hips": "Root", "leftHand": "poignée"}
+    assert roles.read(file) == roles.read(str(file)) == {"hips": "Root", "leftHand": "poignée"}
 
 
 @pytest.mark.parametrize(
@@ -972,13 +973,13 @@ def test_an_override_that_is_none_is_refused_in_one_line(tmp_path: Path, text: b
     file = tmp_path / "roles.json"
     file.write_bytes(text)
     with pytest.raises(FormatError, match=re.escape(str(file)) + said) as caught:
-        read_override(file)
+        roles.read(file)
     assert "\n" not in str(caught.value)
 
 
 def test_an_override_that_is_missing_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no\.json: cannot be read"):
-        read_override(tmp_path / "no.json")
+    with pytest.raises(InputError, match=r"no\.json: no such file"):
+        roles.read(tmp_path / "no.json")
 
 
 def hierarchy(text: str) -> Skeleton:

@@ -172,11 +172,9 @@ def test_clips_of_one_frame_have_no_velocity(name: str) -> None:
     assert np.isfinite(out.local_rotations).all()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in ("hold", "inertialize")])
 def test_backwards_is_the_mirror_in_time(name: str) -> None:
-    """Filling the reversed gap gives the frames reversed, save for the methods that look one way only."""
-    if name in ("hold", "inertialize"):
-        pytest.skip("not symmetric by design")
+    """Filling the reversed gap gives the frames reversed; hold and inertialize look one way only."""
     clip = random_clip(5)
     reverse = replace(clip, local_rotations=clip.local_rotations[::-1], root_positions=clip.root_positions[::-1])
     forth = find_transition(name).between(clip[:8], clip[13:], 5)

@@ -8,17 +8,15 @@ upper arm of another. No assignment may break the order of the body: a hand hang
 from __future__ import annotations
 
 import difflib
-import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from pathlib import Path
 from types import MappingProxyType
 from weakref import WeakKeyDictionary
 
-from signsplice.errors import FormatError, InputError
+from signsplice.errors import InputError
 from signsplice.motion.clip import Skeleton
 from signsplice.motion.rigs import EYE, HEAD, HIPS, JAW, NECK, RIGS, Rig
 
@@ -72,7 +70,7 @@ class Humanoid:
     def __post_init__(self) -> None:
         unknown = next((role for role in self.joints if role not in _LINE), None)
         if unknown is not None:
-            raise InputError(f"humanoid: {_unknown(unknown)}")
+            raise InputError(f"humanoid: {unknown_role(unknown)}")
         if len(set(self.joints.values())) < len(self.joints):
             raise InputError(f"humanoid: one joint has two roles in {dict(self.joints)}, expected one at most")
         ordered = {role: int(self.joints[role]) for role in ROLES if role in self.joints}
@@ -213,7 +211,7 @@ def _given(skeleton: Skeleton, override: Mapping[str, str]) -> _Joints:
     joints: _Joints = {}
     for role, name in override.items():
         if role not in _LINE:
-            raise InputError(f"override: {_unknown(role)}")
+            raise InputError(f"override: {unknown_role(role)}")
         if name not in skeleton.index:
             raise InputError(
                 f"override: {role}: the skeleton has no joint {name!r}{_nearest(name, skeleton.names)}; "
@@ -307,37 +305,8 @@ def _with_spine(joints: _Joints, ancestors: _Ancestors) -> _Joints:
     return joints
 
 
-# --- overrides ------------------------------------------------------------------------------------------------------
-
-_SHAPE = 'an object {"role": "joint name", ...}'
-
-
-def read_override(path: str | Path) -> dict[str, str]:
-    """Role -> joint name from a JSON file, such as ``{"hips": "Root", "leftHand": "wrist_l"}``.
-
-    Raises ``InputError`` where the file cannot be read, ``FormatError`` where it is no JSON object, or has an unknown
-    role or a joint name that is not text.
-    """
-    file = str(path)
-    try:
-        loaded = json.loads(Path(path).read_bytes().decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror})") from error
-    except json.JSONDecodeError as error:
-        raise FormatError(f"not JSON ({error.msg}), expected {_SHAPE}", file=file, line=error.lineno) from error
-    except (UnicodeDecodeError, RecursionError) as error:
-        raise FormatError(f"not JSON, expected {_SHAPE}", file=file) from error
-    if not isinstance(loaded, dict):
-        raise FormatError(f"found {json.dumps(loaded)[:40]}, expected {_SHAPE}", file=file)
-    for role, name in loaded.items():
-        if role not in _LINE:
-            raise FormatError(_unknown(role), file=file)
-        if not isinstance(name, str):
-            raise FormatError(f"{role}: found {json.dumps(name)[:40]}, expected a joint's name in quotes", file=file)
-    return loaded
-
-
-def _unknown(role: str) -> str:
+def unknown_role(role: str) -> str:
+    """What to say of a role that there is not."""
     return f"unknown role {role!r}{_nearest(role, ROLES)}, expected a VRM 1.0 humanoid bone such as leftUpperArm"
 
 

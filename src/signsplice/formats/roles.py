@@ -1,0 +1,35 @@
+"""Roles files: JSON that names which joint plays which role, for rigs whose joint names do not tell."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from signsplice.errors import FormatError
+from signsplice.formats.atomic import read_bytes
+from signsplice.motion.humanoid import ROLES, unknown_role
+
+_SHAPE = 'an object {"role": "joint name", ...}'
+
+
+def read(path: str | Path) -> dict[str, str]:
+    """Role -> joint name from a JSON file, such as ``{"hips": "Root", "leftHand": "wrist_l"}``.
+
+    Raises ``InputError`` where the file cannot be read, ``FormatError`` where it is no JSON object, or has an unknown
+    role or a joint name that is not text.
+    """
+    file = str(path)
+    try:
+        loaded = json.loads(read_bytes(path).decode("utf-8-sig"))
+    except json.JSONDecodeError as error:
+        raise FormatError(f"not JSON ({error.msg}), expected {_SHAPE}", file=file, line=error.lineno) from error
+    except (UnicodeDecodeError, RecursionError) as error:
+        raise FormatError(f"not JSON, expected {_SHAPE}", file=file) from error
+    if not isinstance(loaded, dict):
+        raise FormatError(f"found {json.dumps(loaded)[:40]}, expected {_SHAPE}", file=file)
+    for role, name in loaded.items():
+        if role not in ROLES:
+            raise FormatError(unknown_role(role), file=file)
+        if not isinstance(name, str):
+            raise FormatError(f"{role}: found {json.dumps(name)[:40]}, expected a joint's name in quotes", file=file)
+    return loaded
