@@ -22,7 +22,8 @@ MAX_EXPANSION = 200
 
 def write(clip: Clip, path: str | Path) -> None:
     """Write every array of a clip, whole or not at all."""
-    skeleton, channels = clip.skeleton, clip.channels
+    skeleton = clip.skeleton
+    channels = None if clip.channels is None else clip.channels.settled()
     head: dict[str, Any] = {
         "version": VERSION,
         "name": clip.name,

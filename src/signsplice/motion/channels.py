@@ -30,7 +30,7 @@ class Channels:
     names: for each joint its channels in the file's order ("Zrotation", ...). values: (T, C) degrees and length units,
     C all channels in order; NaN where no file gave the number. offsets: (J, 3) the rest translations as written, which
     position channels replace. frame_time: seconds a frame as written. starts: frames at which numbers of another origin
-    begin.
+    begin. root_moved: the root was moved since the file was read, so its numbers no longer hold.
     """
 
     names: Names
@@ -38,6 +38,7 @@ class Channels:
     offsets: Float
     frame_time: float
     starts: tuple[int, ...] = (0,)
+    root_moved: bool = False
 
     def __post_init__(self) -> None:
         width = sum(map(len, self.names))
@@ -54,15 +55,21 @@ class Channels:
         return replace(self, values=self.values[start:stop], starts=(0, *inner))
 
     def forgotten(self, n_frames: int) -> Channels:
-        """The same layout for ``n_frames`` new frames, every number still to be derived."""
-        values = np.full((n_frames, self.values.shape[1]), np.nan)
-        return replace(self, values=values, starts=(0,))
+        """The same layout for ``n_frames`` new frames, every number still to be derived. Takes no memory."""
+        values = np.broadcast_to(np.nan, (n_frames, self.values.shape[1]))
+        return replace(self, values=values, starts=(0,), root_moved=False)
 
     def without_root(self) -> Channels:
-        """The same numbers, save those of the root, which are to be derived anew."""
+        """The same numbers, save those of the root, which are to be derived anew. Takes no memory."""
+        return replace(self, root_moved=True)
+
+    def settled(self) -> Channels:
+        """The same, with the root's numbers set to NaN in ``values`` where it was moved."""
+        if not self.root_moved:
+            return self
         values = np.array(self.values)
         values[:, : len(self.names[0])] = np.nan
-        return replace(self, values=values)
+        return replace(self, values=values, root_moved=False)
 
     @staticmethod
     def concatenate(parts: Sequence[tuple[Channels | None, int]]) -> Channels | None:
@@ -80,12 +87,14 @@ class Channels:
         for channels, n_frames in parts:
             if channels is not None and (channels.names is layout.names or channels.names == layout.names):
                 values[row : row + n_frames] = channels.values
+                if channels.root_moved:
+                    values[row : row + n_frames, : len(layout.names[0])] = np.nan
                 starts += [row + s for s in channels.starts]
             else:
                 values[row : row + n_frames] = np.nan
                 starts.append(row)
             row += n_frames
-        return replace(layout, values=values, starts=tuple(starts))
+        return replace(layout, values=values, starts=tuple(starts), root_moved=False)
 
 
 def default_names(n_joints: int) -> Names:

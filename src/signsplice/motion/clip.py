@@ -20,6 +20,7 @@ from signsplice.motion.channels import Channels
 Float = NDArray[np.float64]
 
 _UNIT_TOLERANCE = 1e-6
+_BLOCK = 32
 SAME_FPS = 1e-6
 """Frame rates that differ by less than this share are one rate."""
 
@@ -157,11 +158,13 @@ class Clip:
         if stop <= start:
             raise InputError(f"frames {start}:{stop} of clip {self.name!r}: none left, expected at least one")
         frames = slice(start, stop)
-        part = copy(self)  # what was sound in the whole is sound in a part: no second check
-        for field in ("local_rotations", "root_positions", "translations", "channels"):
-            value = getattr(self, field)
-            object.__setattr__(part, field, None if value is None else value[frames])
-        return part
+        return _sound(
+            self,
+            local_rotations=self.local_rotations[frames],
+            root_positions=self.root_positions[frames],
+            translations=None if self.translations is None else self.translations[frames],
+            channels=None if self.channels is None else self.channels[frames],
+        )
 
     @property
     def seconds(self) -> float:
@@ -200,15 +203,24 @@ def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
     translations = None
     if any(clip.translations is not None for clip in clips):
         translations = np.concatenate([_translations(clip) for clip in clips])
-    return Clip(
-        skeleton=first.skeleton,
+    return _sound(
+        first,
         local_rotations=np.concatenate([clip.local_rotations for clip in clips]),
         root_positions=np.concatenate([clip.root_positions for clip in clips]),
-        fps=first.fps,
         name=name or first.name,
         translations=translations,
         channels=Channels.concatenate([(clip.channels, len(clip)) for clip in clips]),
     )
+
+
+def _sound(like: Clip, **changes: object) -> Clip:
+    """``like`` with some fields changed to parts or joins of sound clips, which are sound: not checked a second
+    time.
+    """
+    clip = copy(like)
+    for field, value in changes.items():
+        object.__setattr__(clip, field, _frozen(value) if isinstance(value, np.ndarray) else value)
+    return clip
 
 
 def _translations(clip: Clip) -> Float:
@@ -236,13 +248,18 @@ def resample(clip: Clip, fps: float, speed: float = 1.0) -> Clip:
     weight = np.clip(at - low, 0.0, 1.0)
     q = clip.local_rotations
 
+    rotations = np.empty((n_frames, *q.shape[1:]))
+    for start in range(0, n_frames, _BLOCK):  # in blocks, so that what slerp needs on the way stays small
+        part = slice(start, start + _BLOCK)
+        rotations[part] = rotation.slerp(q[low[part]], q[high[part]], weight[part, None])
+
     def between(x: Float) -> Float:
         w = weight.reshape(-1, *([1] * (x.ndim - 1)))
         return np.asarray((1.0 - w) * x[low] + w * x[high])
 
     return replace(
         clip,
-        local_rotations=rotation.slerp(q[low], q[high], weight[:, None]),
+        local_rotations=rotations,
         root_positions=between(clip.root_positions),
         fps=fps,
         translations=None if clip.translations is None else between(clip.translations),

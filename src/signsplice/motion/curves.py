@@ -29,7 +29,7 @@ def complete(clip: Clip) -> tuple[Names, Float]:
     derived from the rotations. A joint gets channels that it lacks only where its motion cannot be written without
     them.
     """
-    given = clip.channels
+    given = None if clip.channels is None else clip.channels.settled()
     n_frames, n_joints = len(clip), len(clip.skeleton)
     if given is not None and len(given.starts) == 1 and not np.isnan(given.values).any():
         return given.names, given.values
