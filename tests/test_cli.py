@@ -162,8 +162,13 @@ def test_roles_can_be_given_by_hand(folder: Path, words: dict[str, Clip]) -> Non
     run = signsplice("splice", "mute.bvh", "mute.bvh", "-o", "out.bvh", cwd=folder)
     assert run.returncode == 2
     assert "roles" in run.stderr
+    for first, second in (("mute.bvh", "mute.bvh"), ("HELLO.bvh", "mute.bvh"), ("mute.bvh", "I.bvh")):
+        run = signsplice("splice", first, second, "-o", "out.bvh", "--roles", "roles.json", cwd=folder)
+        assert run.returncode == 0, run.stderr
+    (folder / "roles.json").write_text('{"leftHand": "nowhere"}')
     run = signsplice("splice", "mute.bvh", "mute.bvh", "-o", "out.bvh", "--roles", "roles.json", cwd=folder)
-    assert run.returncode == 0, run.stderr
+    assert run.returncode == 2
+    assert "no joint 'nowhere'" in run.stderr
 
 
 def test_evaluate_and_bench_print_json(folder: Path) -> None:

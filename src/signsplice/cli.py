@@ -185,7 +185,10 @@ def _load(path: str, roles: str | None = None) -> Clip:
     from signsplice.formats.roles import read as read_roles
     from signsplice.motion.humanoid import find_roles
 
-    clip = replace(clip, skeleton=replace(clip.skeleton, roles=read_roles(roles)))
+    named = read_roles(roles)
+    if not set(named.values()) & set(clip.skeleton.names) and find_roles(clip.skeleton).rig != "unknown":
+        return clip  # another rig in the same call, which is known by its names
+    clip = replace(clip, skeleton=replace(clip.skeleton, roles=named))
     find_roles(clip.skeleton)  # says at once where a role's joint is missing
     return clip
 
