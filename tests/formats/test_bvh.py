@@ -10,6 +10,7 @@ import pybvh
 import pytest
 
 from conftest import GOLDEN, random_clip
+from signsplice.errors import InputError
 from signsplice.formats import bvh
 from signsplice.motion import rotation
 from signsplice.motion.channels import ROTATIONS
@@ -207,6 +208,58 @@ def test_a_joint_gets_the_channels_that_its_motion_needs() -> None:
     assert again.channels.names[3] == (), "a joint that does not turn gets none"
     assert again.channels.names[4] == ("Zrotation", "Yrotation")
     assert np.all(rotation.angle_between(again.local_rotations, bent) < 1e-6)
+
+
+def test_numbers_of_an_edited_clip_are_derived() -> None:
+    """A file's numbers are written only where they still mean the clip's rotations and places."""
+    clip = bvh.parse(MIXED.encode())
+    turned = np.array(clip.local_rotations)
+    turned[1:, 0] = rotation.multiply(rotation.exp([0.0, 0.4, 0.0]), turned[1:, 0])
+    edited = replace(clip, local_rotations=turned, root_positions=clip.root_positions + np.array([0.0, 5.0, 0.0]))
+    again = bvh.parse(bvh.render(edited).encode())
+    assert np.all(rotation.angle_between(again.local_rotations, turned) < 1e-6)
+    assert np.allclose(again.root_positions, edited.root_positions, atol=1e-6)
+    assert again.channels is not None
+    assert clip.channels is not None
+    assert np.array_equal(again.channels.values[:, 6:], clip.channels.values[:, 6:])
+
+
+def test_a_root_gets_the_position_channels_that_its_motion_needs() -> None:
+    text = MIXED.replace(
+        "CHANNELS 6 Zrotation Yrotation Xrotation Xposition Yposition Zposition",
+        "CHANNELS 5 Zrotation Yrotation Xrotation Xposition Zposition",
+    )
+    text = (
+        text.replace("1.5 90.0 -3.25", "1.5 -3.25")
+        .replace("1.5 90.1 -3.25", "1.5 -3.25")
+        .replace("1.5 90.2 -3.25", "1.5 -3.25")
+    )
+    clip = bvh.parse(text.encode())
+    raised = replace(clip, root_positions=clip.root_positions + np.array([0.0, 7.0, 0.0]))
+    again = bvh.parse(bvh.render(raised).encode())
+    assert np.allclose(again.root_positions, raised.root_positions, atol=1e-9)
+    assert bvh.parse(bvh.render(clip).encode()).channels.names == clip.channels.names  # type: ignore[union-attr]
+
+
+def test_joints_in_any_order_come_back_right() -> None:
+    from signsplice.motion import kinematics
+    from signsplice.motion.clip import Skeleton
+
+    rng = np.random.default_rng(1)
+    skeleton = Skeleton(("a", "b", "c", "b2", "c2"), np.array([-1, 0, 0, 1, 2]), rng.normal(size=(5, 3)))
+    clip = Clip(skeleton, rotation.normalize(rng.normal(size=(6, 5, 4))), rng.normal(size=(6, 3)), 30.0)
+    again = bvh.parse(bvh.render(clip).encode())
+    assert again.skeleton.names == ("a", "b", "b2", "c", "c2")
+    places = dict(zip(skeleton.names, kinematics.forward(clip)[1].transpose(1, 0, 2), strict=True))
+    for name, place in zip(again.skeleton.names, kinematics.forward(again)[1].transpose(1, 0, 2), strict=True):
+        assert np.allclose(place, places[name], atol=1e-6)
+
+
+def test_names_that_bvh_cannot_hold_are_refused() -> None:
+    clip = random_clip(0)
+    names = ("my hips", *clip.skeleton.names[1:])
+    with pytest.raises(InputError, match="'my hips' is empty or has white space"):
+        bvh.render(replace(clip, skeleton=replace(clip.skeleton, names=names)))
 
 
 def test_gimbal_lock_does_not_make_curves_jump() -> None:

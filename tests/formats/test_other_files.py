@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,9 @@ def test_archives_keep_everything(tmp_path: Path) -> None:
         assert (again.fps, again.name) == (clip.fps, clip.name)
         assert len(again.skeleton.end_sites) == len(clip.skeleton.end_sites)
         assert bvh.render(again) == bvh.render(clip)
+    named = replace(random_clip(1), skeleton=replace(random_clip(1).skeleton, roles={"hips": "joint0"}))
+    save(named, tmp_path / "a.npz")
+    assert load(tmp_path / "a.npz").skeleton.roles == {"hips": "joint0"}
 
 
 def test_foreign_archives_are_refused(tmp_path: Path) -> None:

@@ -148,6 +148,33 @@ def test_a_joint_above_the_hips_makes_no_difference(words: dict[str, Clip]) -> N
     assert np.allclose(positions(harmonize(swaying, ground(hung)).clip)[:, 1:], positions(swaying), atol=0.05)
 
 
+def test_a_turned_joint_above_the_hips_turns_nothing(words: dict[str, Clip]) -> None:
+    clip = words["DEAF"]
+    skeleton = Skeleton(
+        ("Reference", *clip.skeleton.names),
+        np.concatenate([[-1], clip.skeleton.parents + 1]),
+        np.concatenate([np.zeros((1, 3)), clip.skeleton.offsets]),
+    )
+    turn = rotation.exp([0.5, 0.0, 0.0])
+    local = np.concatenate([np.tile(turn, (len(clip), 1, 1)), clip.local_rotations], axis=1)
+    local[:, 1] = rotation.multiply(rotation.inverse(turn), local[:, 1])
+    offsets = np.array(skeleton.offsets)
+    offsets[1] = rotation.rotate(rotation.inverse(turn), offsets[1])
+    hung = Clip(replace(skeleton, offsets=offsets), local, np.zeros((len(clip), 3)), clip.fps, "hung")
+    assert np.allclose(positions(hung)[:, 1:], positions(clip), atol=1e-9), "the same motion"
+    assert np.allclose(positions(harmonize(clip, ground(hung)).clip)[:, 1:], positions(clip), atol=0.05)
+    assert np.allclose(positions(harmonize(hung, ground(clip)).clip), positions(clip), atol=0.05)
+
+
+@pytest.mark.parametrize("degrees", [4.0, 10.0, 19.0, 40.0])
+def test_arms_that_rest_at_another_angle_do_not_miss(degrees: float, words: dict[str, Clip]) -> None:
+    clip = words["SIGN"]
+    angle = np.deg2rad(degrees)
+    other = with_rest_pose(clip, {"mixamorig:LeftArm": (0.0, 0.0, -angle), "mixamorig:RightArm": (0.0, 0.0, angle)})
+    error = np.linalg.norm(positions(harmonize(other, ground(clip)).clip) - positions(clip), axis=-1).max()
+    assert error < (5.0 if degrees < 6.0 else 0.1), "cm"
+
+
 def test_joint_order_and_extra_joints_do_not_matter(words: dict[str, Clip]) -> None:
     clip = words["I"]
     names = clip.skeleton.names

@@ -16,7 +16,7 @@ from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip
 from signsplice.motion.harmonize import ground, harmonize
 from signsplice.splicing import report
-from signsplice.splicing.cut import CUTTERS
+from signsplice.splicing.cut import CUTTERS, Cut
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, inbetween, splice, stream
 from signsplice.splicing.transition import TRANSITIONS, find_transition
 
@@ -251,7 +251,51 @@ def test_inbetween_changes_nothing_but_the_gaps(transition: str, words: dict[str
     assert len(result.clip) == len(clip)
     assert not np.array_equal(result.clip.local_rotations[changed], clip.local_rotations[changed])
     method = find_transition(transition)
-    assert np.array_equal(result.clip.local_rotations[50:58], method.between(clip[25:50], clip[58:], 8).local_rotations)
+    assert np.array_equal(
+        result.clip.local_rotations[50:58], method.between(clip[42:50], clip[58:66], 8).local_rotations
+    )
+
+
+def test_frames_that_are_to_be_replaced_are_never_looked_at(words: dict[str, Clip]) -> None:
+    clip = words["SIGN"]
+    spoilt = np.array(clip.local_rotations)
+    spoilt[33:38] = rotation.multiply(spoilt[33:38], rotation.exp([1.0, 0.4, 0.2]))
+    other = replace(clip, local_rotations=spoilt)
+    gaps = [(20, 32), (33, 38)]
+    for transition in TRANSITIONS:
+        a, b = (inbetween(c, gaps, transition).clip.local_rotations for c in (clip, other))
+        assert np.array_equal(a, b), transition
+
+
+class Near:
+    """A cutter that leaves a sign a few frames after it entered it, and a transition that keeps what it is shown."""
+
+    name, summary, learned = "near", "for tests", False
+
+    def __init__(self) -> None:
+        self.seen: list[int] = []
+
+    def cut(self, before: Clip, after: Clip) -> Cut:
+        return Cut(22, 20)
+
+    def between(self, before: Clip, after: Clip, n_frames: int) -> Clip:
+        self.seen.append(len(before))
+        return find_transition("slerp").between(before, after, n_frames)
+
+
+def test_frames_that_were_cut_away_are_never_shown(sentence: list[Clip]) -> None:
+    near = Near()
+    splice(sentence[:4], SpliceOptions(cutter=near, transition=near))
+    assert near.seen == [8, 3, 3]
+
+
+def test_a_transition_of_the_wrong_length_is_refused(sentence: list[Clip]) -> None:
+    class Short(Near):
+        def between(self, before: Clip, after: Clip, n_frames: int) -> Clip:
+            return after[:1]
+
+    with pytest.raises(InputError, match="transition near made 1 frames, expected 15"):
+        splice(sentence[:2], SpliceOptions(transition=Short(), transition_time=0.5))
 
 
 @pytest.mark.parametrize(

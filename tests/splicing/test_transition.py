@@ -184,13 +184,58 @@ def test_backwards_is_the_mirror_in_time(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_moving_bones_are_interpolated(name: str) -> None:
+def test_moving_bones_take_the_curve_that_the_root_takes(name: str) -> None:
     clip = random_clip(6)
-    stretched = np.tile(clip.skeleton.offsets, (20, 1, 1)) * np.linspace(1.0, 2.0, 20)[:, None, None]
-    clip = replace(clip, translations=stretched)
+    growth = np.linspace(1.0, 2.0, 20)[:, None, None]
+    clip = replace(
+        clip,
+        translations=np.tile(clip.skeleton.offsets, (20, 1, 1)) * growth,
+        root_positions=np.ones((20, 3)) * growth[:, 0],
+    )
     out = find_transition(name).between(clip[:8], clip[12:], 4)
     assert out.translations is not None
-    assert np.allclose(out.translations, stretched[8:12], atol=1e-9)
+    assert np.allclose(out.translations, clip.skeleton.offsets * out.root_positions[:, :1, None], atol=1e-9)
+    if name in ("slerp", "linear", "hermite", "quintic"):
+        assert np.allclose(out.root_positions, clip.root_positions[8:12], atol=1e-9)
+
+
+def test_quintic_keeps_accelerations_at_both_ends_in_3d() -> None:
+    """Against derivatives of a known motion, where rotation vectors are long: a(t) = exp(t u + t^2 v) about a turned
+    pose.
+    """
+    rng = np.random.default_rng(8)
+    fps, n = 4000.0, 800
+    for _ in range(5):
+        pose = rotation.exp(rng.normal(size=3))
+        u, v = rng.normal(size=(2, 3)) * 1.2
+        t = (np.arange(-4, n + 6) / fps)[:, None]
+        q = rotation.multiply(pose, rotation.exp(t * u * 3.0 + t**2 * v * 3.0))[:, None]
+        skeleton = Skeleton(("a",), np.array([-1]), np.zeros((1, 3)))
+        clip = Clip(skeleton, q, np.zeros((len(q), 3)), fps)
+        out = find_transition("quintic").between(clip[:5], clip[5 + n :], n)
+        whole = concatenate([clip[:5], out, clip[5 + n :]]).local_rotations[:, 0]
+        rates = rotation.difference(whole[:-1], whole[1:]) * fps
+        bends = np.diff(rates, axis=0) * fps
+        true = np.diff(rotation.difference(q[:-1, 0], q[1:, 0]) * fps, axis=0) * fps
+        assert np.allclose(bends[6], true[6], atol=0.5)
+        assert np.allclose(bends[n + 1], true[n + 1], atol=0.5)
+
+
+def bollo(x0: float, v0: float, t1: float, t: float) -> float:
+    """The offset at time t, by the formulas of the talk, one number at a time."""
+    t1 = min(t1, -5.0 * x0 / v0) if v0 < 0.0 else t1
+    a0 = max((-8.0 * v0 * t1 - 20.0 * x0) / t1**2, 0.0)
+    a = -(a0 * t1**2 + 6.0 * v0 * t1 + 12.0 * x0) / (2.0 * t1**5)
+    b = (3.0 * a0 * t1**2 + 16.0 * v0 * t1 + 30.0 * x0) / (2.0 * t1**4)
+    c = -(3.0 * a0 * t1**2 + 12.0 * v0 * t1 + 20.0 * x0) / (2.0 * t1**3)
+    return a * t**5 + b * t**4 + c * t**3 + 0.5 * a0 * t**2 + v0 * t + x0 if t < t1 else 0.0
+
+
+@pytest.mark.parametrize("rate", [0.0, 2.0, 9.0, 40.0])
+def test_inertialize_is_the_published_quintic(rate: float) -> None:
+    out = filled("inertialize", rate * np.array([-0.02, -0.01, 0.0]), np.full(3, 1.0), 39)
+    wanted = [1.0 - bollo(1.0, -rate, 0.4, k / 100.0) for k in range(41)]
+    assert np.allclose(out, wanted, atol=1e-9)
 
 
 def test_unknown_names_are_said() -> None:

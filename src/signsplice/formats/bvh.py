@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.errors import FormatError
+from signsplice.errors import FormatError, InputError
 from signsplice.formats.atomic import read_bytes, replacing
 from signsplice.formats.bvh_hierarchy import Hierarchy, number_of, short
 from signsplice.formats.numbers import parse_plain
@@ -80,18 +80,37 @@ def write(clip: Clip, path: str | Path) -> None:
 
 
 def render(clip: Clip) -> str:
-    """The text of a clip's BVH file."""
+    """The text of a clip's BVH file. Raises ``InputError`` for a joint name that BVH cannot hold."""
+    spaced = next((name for name in clip.skeleton.names if len(name.split()) != 1), None)
+    if spaced is not None:
+        raise InputError(f"joint name {spaced!r} is empty or has white space, which BVH cannot hold; rename it")
     names, values = curves.complete(clip)
     given = clip.channels
     offsets = clip.skeleton.offsets if given is None else given.offsets
     frame_time = 1.0 / clip.fps
     if given is not None and given.frame_time > 0.0 and standard_fps(given.frame_time) == clip.fps:
         frame_time = given.frame_time
+    # The hierarchy is written branch by branch, and columns follow it, whatever order the joints are in.
+    starts = channels.columns(names)
+    columns = [starts[joint] + n for joint in _branch_by_branch(clip.skeleton) for n in range(len(names[joint]))]
+    if columns != sorted(columns):
+        values = values[:, columns]
     lines = ["HIERARCHY"]
     _write_joint(lines, clip.skeleton, names, offsets)
     lines += ["MOTION", f"Frames: {len(values)}", f"Frame Time: {frame_time!r}"]
     lines += [" ".join(map(repr, row)) for row in values.tolist()]
     return "\n".join(lines) + "\n"
+
+
+def _branch_by_branch(skeleton: Skeleton) -> list[int]:
+    """All joints, each followed by its children's branches."""
+    order: list[int] = []
+    stack = [0]
+    while stack:
+        joint = stack.pop()
+        order.append(joint)
+        stack += reversed(skeleton.children[joint])
+    return order
 
 
 def _write_joint(lines: list[str], skeleton: Skeleton, names: channels.Names, offsets: Float) -> None:

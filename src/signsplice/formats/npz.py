@@ -30,6 +30,7 @@ def write(clip: Clip, path: str | Path) -> None:
         "fps": clip.fps,
         "names": skeleton.names,
         "end_joints": [site.joint for site in skeleton.end_sites],
+        "roles": dict(skeleton.roles) if skeleton.roles is not None else None,
     }
     arrays = {
         "parents": skeleton.parents,
@@ -89,6 +90,7 @@ def _clip(arrays: dict[str, Any]) -> Clip:
         end_sites=tuple(
             EndSite(int(joint), offset) for joint, offset in zip(head["end_joints"], arrays["end_offsets"], strict=True)
         ),
+        roles=head["roles"],
     )
     return Clip(
         skeleton=skeleton,

@@ -75,7 +75,8 @@ class Channels:
     def concatenate(parts: Sequence[tuple[Channels | None, int]]) -> Channels | None:
         """Channels of clips joined in time, each given with its number of frames; the layout is the first one's.
 
-        Numbers of a part whose layout differs from the first one's are left to be derived. None where no part has any.
+        Numbers of a part whose layout differs from the first one's are left to be derived. None where the first has
+        none.
         """
         layout = parts[0][0]
         if layout is None:

@@ -45,7 +45,7 @@ class EndSite:
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """Joints in depth-first order, parents before children.
+    """Joints, parents before children.
 
     names: J different names. parents: (J,) index of each joint's parent, -1 for the root, which comes first. offsets:
     (J, 3) rest translation from the parent, in the parent's frame, in the clip's length unit. end_sites: bone tips.
@@ -104,8 +104,8 @@ class Clip:
     the rest pose. root_positions: (T, 3) place of the root in the world, in the skeleton's length unit. fps: frames a
     second. translations: (T, J, 3) offset from the parent per frame, for files that animate bone lengths; None means
     the skeleton's. channels: the numbers that the file gave, kept so that they can be written back untouched; None
-    where there is no file. Raises ``InputError`` where shapes do not fit, T is 0, a number is not finite or a
-    quaternion is not of unit length.
+    where there is no file. Arrays are taken as they are, without a copy: do not write to them afterwards. Raises
+    ``InputError`` where shapes do not fit, T is 0, a number is not finite or a quaternion is not of unit length.
     """
 
     skeleton: Skeleton
@@ -202,7 +202,7 @@ def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
             )
     translations = None
     if any(clip.translations is not None for clip in clips):
-        translations = np.concatenate([_translations(clip) for clip in clips])
+        translations = np.concatenate([bone_translations(clip) for clip in clips])
     return _sound(
         first,
         local_rotations=np.concatenate([clip.local_rotations for clip in clips]),
@@ -223,7 +223,8 @@ def _sound(like: Clip, **changes: object) -> Clip:
     return clip
 
 
-def _translations(clip: Clip) -> Float:
+def bone_translations(clip: Clip) -> Float:
+    """Translation (T, J, 3) of every joint from its parent in every frame, whether the clip animates them or not."""
     if clip.translations is not None:
         return clip.translations
     return np.broadcast_to(clip.skeleton.offsets, (len(clip), len(clip.skeleton), 3))
@@ -255,7 +256,7 @@ def resample(clip: Clip, fps: float, speed: float = 1.0) -> Clip:
 
     def between(x: Float) -> Float:
         w = weight.reshape(-1, *([1] * (x.ndim - 1)))
-        return np.asarray((1.0 - w) * x[low] + w * x[high])
+        return np.asarray(x[low] + w * (x[high] - x[low]))  # what does not move stays exactly where it is
 
     return replace(
         clip,

@@ -7,13 +7,14 @@ without a jump of a half or a whole turn.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import rotation
-from signsplice.motion.channels import POSITIONS, Channels, Names, columns, default_names, rotation_axes
-from signsplice.motion.clip import Clip
+from signsplice.motion.channels import POSITIONS, Channels, Names, columns, default_names, rotation_axes, to_motion
+from signsplice.motion.clip import Clip, bone_translations
 
 Float = NDArray[np.float64]
 
@@ -31,8 +32,10 @@ def complete(clip: Clip) -> tuple[Names, Float]:
     """
     given = None if clip.channels is None else clip.channels.settled()
     n_frames, n_joints = len(clip), len(clip.skeleton)
-    if given is not None and len(given.starts) == 1 and not np.isnan(given.values).any():
-        return given.names, given.values
+    if given is not None:
+        given, edited = _still_meant(clip, given)
+        if not edited and len(given.starts) == 1 and not np.isnan(given.values).any():
+            return given.names, given.values
     if given is None:
         given = Channels(
             default_names(n_joints), np.full((n_frames, 3 * n_joints + 3), np.nan), clip.skeleton.offsets, 0.0
@@ -44,6 +47,26 @@ def complete(clip: Clip) -> tuple[Names, Float]:
         joints = np.array([j for j in range(n_joints) if axes[j] == order])
         angles[:, joints] = _continued(angles[:, joints], clip.local_rotations[:, joints], order, spans)
     return _written(clip, given, axes, angles)
+
+
+def _still_meant(clip: Clip, given: Channels) -> tuple[Channels, bool]:
+    """The numbers given, NaN wherever they no longer mean the clip's rotations and places; and whether any do not,
+    because those were edited since.
+    """
+    rotations, translations = to_motion(given.names, given.values, given.offsets)
+    turned = np.abs(np.einsum("tjc,tjc->tj", rotations, clip.local_rotations)) < 1.0 - 1e-11  # half angle of some 5e-6
+    places = bone_translations(clip)
+    limit = 1e-9 * max(1.0, float(np.abs(places).max()))
+    moved = np.abs(translations - places) > limit
+    moved[:, 0] = np.abs(translations[:, 0] - clip.root_positions) > limit
+    if not (turned.any() or moved.any()):
+        return given, False
+    values = np.array(given.values)
+    for joint, (start, names) in enumerate(zip(columns(given.names), given.names, strict=True)):
+        for i, name in enumerate(names):
+            stale = moved[:, joint, POSITIONS.index(name)] if name in POSITIONS else turned[:, joint]
+            values[stale, start + i] = np.nan
+    return replace(given, values=values), True
 
 
 def _three(axes: str) -> str:
@@ -125,8 +148,9 @@ def _written(clip: Clip, given: Channels, axes: Sequence[str], angles: Float) ->
             for i, name in enumerate(channels)
         ]
         wider: list[str] = []
-        if not any(name in POSITIONS for name in channels) and np.any(place != given.offsets[joint]):
-            wider += POSITIONS
+        for axis, name in enumerate(POSITIONS):
+            if name not in channels and np.any(place[:, axis] != given.offsets[joint, axis]):
+                wider.append(name)
         n_axes = len(rotation_axes(channels))
         if n_axes < 3 and np.abs(angles[:, joint, n_axes:]).max() > _WIDEN_DEG:
             wider += [f"{letter}rotation" for letter in axes[joint][n_axes:]]

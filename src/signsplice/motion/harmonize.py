@@ -25,6 +25,9 @@ Float = NDArray[np.float64]
 
 SAME_DIRECTION_DEG = 20.0
 """Rest bones that point within this angle of one another count as one rig's; local rotations then mean the same."""
+SAME_ARM_DEG = 6.0
+"""So near the rest bones of arms, hands and fingers must be: 6 degrees at the shoulder are 5 cm at the wrist."""
+
 MIN_COMMON_ROLES = 5
 
 
@@ -113,6 +116,7 @@ def _by_name(source: Skeleton, target: Skeleton) -> dict[int, int] | None:
     if len(pairs) < 0.5 * min(len(source), len(target)):
         return None
     rest_source, rest_target = rest_positions(source), rest_positions(target)
+    role_of = find_roles(target).role_of
     agree = total = 0
     for joint, other in pairs.items():
         parent = int(target.parents[joint])
@@ -123,7 +127,13 @@ def _by_name(source: Skeleton, target: Skeleton) -> dict[int, int] | None:
         if length > 0.0:
             total += 1
             agree += bool(a @ b >= np.cos(np.deg2rad(SAME_DIRECTION_DEG)) * length)
+            if _carries_a_hand(role_of.get(parent, "")) and a @ b < np.cos(np.deg2rad(SAME_ARM_DEG)) * length:
+                return None
     return pairs if total and agree >= 0.9 * total else None
+
+
+def _carries_a_hand(role: str) -> bool:
+    return role.endswith(("UpperArm", "LowerArm", "Hand", "Metacarpal", "Proximal", "Intermediate"))
 
 
 def _by_role(clip: Clip, onto: Ground) -> dict[int, int]:
@@ -188,7 +198,7 @@ def _transfer(
             change = rotation.multiply(rotation.inverse(source_common[other]), target_common[joint])
             wanted = rotation.multiply(wanted, change)
         other_parent = int(source.parents[other])
-        if plain and counterpart.get(parent, -1) == other_parent:
+        if plain and (parent < 0) == (other_parent < 0) and counterpart.get(parent, -1) == other_parent:
             out[:, joint] = clip.local_rotations[:, other]
         else:
             out[:, joint] = rotation.normalize(rotation.multiply(rotation.inverse(over), wanted))

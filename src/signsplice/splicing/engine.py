@@ -113,7 +113,7 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Splic
         clip=clip,
         spans=tuple(piece.span for piece in pieces),
         seams=tuple(piece.seam for piece in pieces if piece.seam is not None),
-        warnings=tuple(line for piece in pieces for line in piece.warnings),
+        warnings=tuple(dict.fromkeys(line for piece in pieces for line in piece.warnings)),
         cutter=sentence.cutter.name,
         transition=sentence.transition.name,
         timing_ms={part: 1e3 * sentence.seconds[part] for part in ("harmonize", "cut", "transition", "join")},
@@ -123,7 +123,7 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Splic
 def stream(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Iterator[Piece]:
     """Pieces of the sentence in order, each as soon as the next clip is known; joined, they are what ``splice`` gives.
 
-    Reads ``clips`` one ahead. Raises as ``splice`` does, at the clip that is wrong.
+    Reads ``clips`` one ahead; without any, nothing comes. Raises as ``splice`` does, at the clip that is wrong.
     """
     return _Sentence(options or SpliceOptions()).pieces(clips)
 
@@ -164,7 +164,7 @@ class _Sentence:
             if before is not None:
                 cut = self._cut(before, after, entry)
                 yield self._sign(before, index - 1, entry, cut.pre + 1, seam, said)
-                filled, seam = self._transition(before, after, cut)
+                filled, seam = self._transition(before, after, cut, entry)
                 if filled is not None:
                     yield Piece(filled, self._span("transition", None, None, None, len(filled)))
                 entry = cut.post
@@ -182,12 +182,17 @@ class _Sentence:
             )
         return Cut(max(cut.pre, entry), cut.post)
 
-    def _transition(self, before: Clip, after: Clip, cut: Cut) -> tuple[Clip | None, Seam]:
+    def _transition(self, before: Clip, after: Clip, cut: Cut, entry: int) -> tuple[Clip | None, Seam]:
         with self.timed("transition"):
             n_frames, warnings = self._n_frames(before, after, cut)
-            kept = before[max(0, cut.pre + 1 - _CONTEXT) : cut.pre + 1]
+            if cut.pre <= entry and entry > 0:
+                warnings = (
+                    *warnings,
+                    f"{before.name} is left where it was entered, at frame {entry}: only that frame is kept",
+                )
+            kept = before[max(entry, cut.pre + 1 - _CONTEXT) : cut.pre + 1]
             follows = after[cut.post : cut.post + _CONTEXT]
-            filled = self.transition.between(kept, follows, n_frames) if n_frames else None
+            filled = _filled(self.transition, kept, follows, n_frames) if n_frames else None
         with self.timed("join"):
             window = concatenate([kept, filled, follows] if filled is not None else [kept, follows])
             seam = score(window, len(kept), n_frames, before.name, after.name, cut, warnings)
@@ -219,6 +224,14 @@ class _Sentence:
         return Span(kind, clip, name, source, (start, self._n_out))
 
 
+def _filled(transition: Transition, before: Clip, after: Clip, n_frames: int) -> Clip:
+    """The frames that a transition makes. Raises ``InputError`` where they are not as many as were asked for."""
+    filled = transition.between(before, after, n_frames)
+    if len(filled) != n_frames:
+        raise InputError(f"transition {transition.name} made {len(filled)} frames, expected {n_frames}")
+    return filled
+
+
 def inbetween(
     clip: Clip, gaps: Sequence[tuple[int, int]], transition: str | Transition = DEFAULT_TRANSITION
 ) -> SpliceResult:
@@ -232,23 +245,29 @@ def inbetween(
     spans: list[Span] = []
     seams: list[Seam] = []
     pieces: list[Clip] = []
+    gaps = sorted(gaps)
     at = 0
-    for start, stop in sorted(gaps):
+    for start, stop in gaps:
         if not at < start < stop < len(clip):
             raise InputError(
                 f"gap {start}:{stop} in {len(clip)} frames, expected {at + 1} <= A < B <= {len(clip) - 1}: "
                 "frames must remain before, between and after gaps"
             )
+        at = stop
+    at = 0
+    ends = [start for start, _ in gaps[1:]] + [len(clip)]
+    for (start, stop), kept_until in zip(gaps, ends, strict=True):
         began = time.perf_counter()
-        filled = method.between(clip[at:start], clip[stop:], stop - start)
+        follows = clip[stop:kept_until][:_CONTEXT]
+        filled = _filled(method, clip[at:start][-_CONTEXT:], follows, stop - start)
         seconds["transition"] += time.perf_counter() - began
         pieces += [clip[at:start], filled]
         spans += [
             Span("sign", 0, clip.name, (at, start), (at, start)),
             Span("transition", None, None, None, (start, stop)),
         ]
-        low, high = max(at, start - _CONTEXT), min(len(clip), stop + _CONTEXT)
-        window = concatenate([clip[low:start], filled, clip[stop:high]])
+        low = max(at, start - _CONTEXT)
+        window = concatenate([clip[low:start], filled, follows])
         seams.append(score(window, start - low, stop - start, clip.name, clip.name, Cut(start - 1, stop), ()))
         at = stop
     pieces.append(clip[at:])

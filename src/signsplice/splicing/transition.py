@@ -12,7 +12,7 @@ velocity fades out within its own time tau = min(T, max(tau_0, 3 d / v)), d the 
 the plain Hermite curve; 3 d / v is the bound within which a cubic stays monotone along its way (Fritsch and Carlson
 1980). tau_0 goes from 0.4 s for a velocity that leads along the way to 0.2 s for one that leads against it, where the
 clips disagree (the quintic, which swings wider: always 0.2 s). Velocities at both ends stay exact, and no end swings
-out by more than 4/27 v max(tau_0, 3 d / v) (the quintic: 0.2 v ...), whatever T is. lab/LOG.md has what this
+out by more than 4/27 v max(tau_0, 3 d / v) (the quintic: 0.22), whatever T is. lab/LOG.md has what this
 costs and gains on hidden frames of real clips and at true splices.
 """
 
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion.clip import Clip, bone_translations
 from signsplice.splicing.method import Method, find
 
 Float = NDArray[np.float64]
@@ -78,68 +78,69 @@ class ClassicalTransition:
         """``n_frames`` >= 1 new frames that lead from the last frame of ``before`` to the first of ``after``."""
         if n_frames < 1:
             raise InputError(f"{n_frames} transition frames, expected at least 1")
-        fps, n_joints = before.fps, len(before.skeleton)
-        before, after = before[-3:] if len(before) > 3 else before, after[:3]
-        gap = _rotation_gap(before, after, n_frames)
+        n_joints = len(before.skeleton)
+        before, after = before[-3:], after[:3]
+        moving = before.translations is not None or after.translations is not None
+        gap = _gap(before, after, n_frames, moving)
         start = before.local_rotations[-1]
-        places = _with_root(gap, before, after)
-        curved = self.curve(places)
+        curved = self.curve(gap)
         if self.normalised_lerp:
             share = np.arange(1, n_frames + 1)[:, None] / (n_frames + 1)
             rotations = rotation.nlerp(start, after.local_rotations[0], share)
         else:
             rotations = rotation.multiply(start, rotation.exp(curved[:, :n_joints]))
-        translations = None
-        if before.translations is not None or after.translations is not None:
-            ends = [
-                clip.skeleton.offsets if clip.translations is None else clip.translations[frame]
-                for clip, frame in ((before, -1), (after, 0))
-            ]
-            share = np.arange(1, n_frames + 1)[:, None, None] / (n_frames + 1)
-            translations = (1.0 - share) * ends[0] + share * ends[1]
         return Clip(
             skeleton=before.skeleton,
             local_rotations=rotations,
             root_positions=before.root_positions[-1] + curved[:, n_joints],
-            fps=fps,
-            translations=translations,
+            fps=before.fps,
+            translations=bone_translations(before)[-1] + curved[:, n_joints + 1 :] if moving else None,
             channels=None if before.channels is None else before.channels.forgotten(n_frames),
         )
 
 
-def _rotation_gap(before: Clip, after: Clip, n_frames: int) -> Gap:
-    """The gap of all joints, as rotation vectors in the frames of the pose before."""
+def _gap(before: Clip, after: Clip, n_frames: int, moving: bool) -> Gap:
+    """The gap of all joints as rotation vectors in the frames of the pose before, of the root's place, and, where bones
+    are ``moving``, of every joint's translation. A clip too short for a step stands still there.
+    """
     fps = before.fps
-    p, q = before.local_rotations, after.local_rotations
-    # A clip too short for a step stands still there: the step from a frame to itself.
-    from_, to = (
-        np.stack([p[-1], p[-2:][0], p[-3:][0], q[0], q[:2][-1]]),
-        np.stack([q[0], p[-1], p[-2:][0], q[:2][-1], q[:3][-1]]),
+    p, q = _ends(before.local_rotations, after.local_rotations)
+    turns = rotation.difference(p, q)
+    places = [np.diff(_in_a_row(before.root_positions[:, None], after.root_positions[:, None]), axis=0)]
+    if moving:
+        places.append(np.diff(_in_a_row(bone_translations(before), bone_translations(after)), axis=0))
+    shifts = np.concatenate(places, axis=1)
+    way, v1, w1 = turns[2], turns[3] * fps, (turns[4] - turns[3]) * fps**2 * (len(after) > 2)
+    # At the far end the rotation vector's rate is not the angular velocity (the chain rule of exp), and its second
+    # rate has a part from the way itself: x' = J(x) w, x'' = J(x) w' + (dJ/dt) w, the last by a small step along x'.
+    rate, bend = rotation.right_jacobian_inverse(way, np.stack([v1, w1]))
+    step = 1e-4 * rate
+    ahead, behind = (rotation.right_jacobian_inverse(way + side * step, v1) for side in (1.0, -1.0))
+    bend = bend + (ahead - behind) / 2e-4 * (len(after) > 2)
+    first, second = (turns[1], shifts[1]), (turns[0], shifts[0])
+    enough = len(before) > 2
+    return Gap(
+        way=np.concatenate([way, shifts[2]]),
+        velocity=(np.concatenate(first) * fps, np.concatenate([rate, shifts[3] * fps])),
+        acceleration=(
+            (np.concatenate(first) - np.concatenate(second)) * fps**2 * enough,
+            np.concatenate([bend, (shifts[4] - shifts[3]) * fps**2 * (len(after) > 2)]),
+        ),
+        times=np.arange(1, n_frames + 1) / fps,
+        seconds=(n_frames + 1) / fps,
     )
-    way, v0, v00, v1, v11 = rotation.difference(from_, to) * np.array([1.0, fps, fps, fps, fps])[:, None, None]
-    w0 = (v0 - v00) * fps * (len(p) > 2)
-    w1 = (v11 - v1) * fps * (len(q) > 2)
-    # At the far end the rotation vector's rate is not the body's angular velocity (the chain rule of exp).
-    v1, w1 = rotation.right_jacobian_inverse(way, np.stack([v1, w1]))
-    return Gap(way, (v0, v1), (w0, w1), np.arange(1, n_frames + 1) / fps, (n_frames + 1) / fps)
 
 
-def _with_root(gap: Gap, before: Clip, after: Clip) -> Gap:
-    """The same gap with the root's place as one more way."""
-    fps, p, q = before.fps, before.root_positions, after.root_positions
-    velocity = [
-        (p[-1] - p[-2]) * fps if len(p) > 1 else np.zeros(3),
-        (q[1] - q[0]) * fps if len(q) > 1 else np.zeros(3),
-    ]
-    acceleration = [np.zeros(3), np.zeros(3)]
-    if len(p) > 2:
-        acceleration[0] = (p[-1] - 2.0 * p[-2] + p[-3]) * fps**2
-    if len(q) > 2:
-        acceleration[1] = (q[2] - 2.0 * q[1] + q[0]) * fps**2
-    joined = [np.concatenate([gap.velocity[i], velocity[i][None]]) for i in range(2)]
-    bent = [np.concatenate([gap.acceleration[i], acceleration[i][None]]) for i in range(2)]
-    way = np.concatenate([gap.way, (q[0] - p[-1])[None]])
-    return Gap(way, (joined[0], joined[1]), (bent[0], bent[1]), gap.times, gap.seconds)
+def _in_a_row(before: Float, after: Float) -> Float:
+    """The last three frames before and the first three after (6, ...); a short clip's edge frame is repeated."""
+    rows = [before[max(len(before) - k, 0)] for k in (3, 2, 1)] + [after[min(k, len(after) - 1)] for k in (0, 1, 2)]
+    return np.stack(rows)
+
+
+def _ends(before: Float, after: Float) -> tuple[Float, Float]:
+    """Each of the five steps in a row: from where (5, ...), to where (5, ...)."""
+    row = _in_a_row(before, after)
+    return row[:-1], row[1:]
 
 
 def _share(gap: Gap) -> Float:

@@ -1,0 +1,51 @@
+"""Scores against values worked out by hand."""
+
+import numpy as np
+import pytest
+
+from signsplice.motion import measures
+from signsplice.motion.clip import Clip
+
+
+def points(x: list[float]) -> measures.Float:
+    """One point (T, 1, 3) that moves along x."""
+    out = np.zeros((len(x), 1, 3))
+    out[:, 0, 0] = x
+    return out
+
+
+def test_velocity_jump_is_the_largest_change_at_either_end() -> None:
+    path = points([0.0, 1.0, 2.0, 5.0, 8.0, 11.0, 11.5, 12.0])  # frames 3..5 are new: steps 1 1 | 3 3 3 | .5 .5
+    assert measures.velocity_jump(path, 3, 6, 10.0) == pytest.approx(25.0)
+    assert measures.velocity_jump(path[:6], 3, 6, 10.0) == pytest.approx(20.0)
+    inside = points([0.0, 1.0, 2.0, 3.0, 4.0, 9.0, 10.0, 11.0, 12.0, 13.0])  # a jump in the middle is none at the ends
+    assert measures.velocity_jump(inside, 2, 8, 10.0) == pytest.approx(0.0)
+
+
+def test_peak_speed_spans_from_kept_frame_to_kept_frame() -> None:
+    path = points([0.0, 9.0, 10.0, 12.0, 13.0, 20.0])
+    assert measures.peak_speed(path, 2, 4, 30.0) == pytest.approx(60.0)
+    assert measures.peak_speed(path[:1], 0, 1, 30.0) == 0.0
+
+
+def test_jerk_ratio_compares_inside_with_around() -> None:
+    t = np.arange(30.0)
+    cubic = points(list(t**3))  # the third difference is 6 everywhere
+    assert measures.jerk_ratio(cubic, 12, 18) == pytest.approx(1.0)
+    bent = np.array(cubic)
+    bent[15:] += 100.0
+    assert measures.jerk_ratio(bent, 12, 18) > 10.0
+    assert np.isnan(measures.jerk_ratio(points([1.0] * 30), 12, 18))
+
+
+def test_position_error_and_motion_ratio_of_known_clips(words: dict[str, Clip]) -> None:
+    clip = words["SIGN"]
+    assert measures.position_error(clip, clip) == 0.0
+    assert measures.motion_ratio(clip, clip) == pytest.approx(1.0)
+    still = Clip(clip.skeleton, np.repeat(clip.local_rotations[:1], len(clip), axis=0), clip.root_positions, clip.fps)
+    assert measures.motion_ratio(still, clip) == 0.0
+    joints = measures.arm_and_finger_joints(clip)
+    assert len(joints) == 34
+    apart = measures.relative_positions(still, joints) - measures.relative_positions(clip, joints)
+    wanted = 1000.0 * np.sqrt((apart**2).sum(-1)).mean() / 54.0  # the signer's arm is 29 + 25 cm
+    assert measures.position_error(still, clip) == pytest.approx(wanted)
