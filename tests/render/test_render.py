@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,10 +15,13 @@ from signsplice.errors import InputError, MissingExtraError
 from signsplice.motion import kinematics
 from signsplice.motion.body import body, place
 from signsplice.motion.clip import Clip
-from signsplice.render import film
-from signsplice.render.film import Mark, gif_timing, sheet_frames, write
+from signsplice.render import film, sheet
+from signsplice.render import page as page_
+from signsplice.render.film import Mark, gif_timing, write
+from signsplice.render.page import _lettering, caption
 from signsplice.render.picture import draw, draw_hand, scene
 from signsplice.render.raster import Canvas
+from signsplice.render.sheet import sheet_frames
 
 RED, BLUE = (0.9, 0.1, 0.1), (0.1, 0.1, 0.9)
 
@@ -182,10 +186,10 @@ def test_a_sheet_shows_every_seam_and_marks_it(words: dict[str, Clip], tmp_path:
         tmp_path / "a.png",
         [Mark("sign", "I", 0, 5), Mark("transition", "", 5, 7), Mark("sign", "I", 7, 12)],
     )
-    with Image.open(tmp_path / "a.png") as sheet:
-        pixels = np.asarray(sheet.convert("RGB"))
+    with Image.open(tmp_path / "a.png") as page:
+        pixels = np.asarray(page.convert("RGB"))
     amber = np.all(pixels == (222, 142, 32), axis=-1)
-    cell = film._CELL[0] + 8
+    cell = sheet.cell_size(hands=True)[0]
     marked = [bool(amber[2, n * cell + 20]) for n in range(8)]
     marks = [Mark("transition", "", 5, 7)]
     assert marked == [5 <= frame < 7 for frame in sheet_frames(12, marks)[:8]]
@@ -224,3 +228,111 @@ def test_an_ffmpeg_is_fed_every_frame(words: dict[str, Clip], tmp_path: Path, mo
 def test_other_suffixes_are_refused(words: dict[str, Clip], tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"pictures end in \.png, \.gif, \.mp4, not \.jpg"):
         write(words["I"], tmp_path / "a.jpg")
+
+
+def test_a_transitions_caption_names_the_words_it_joins() -> None:
+    marks = [Mark("sign", "I", 0, 20), Mark("transition", "", 20, 28), Mark("sign", "DEAF", 28, 51)]
+    assert caption(marks, 3) == ("I", False)
+    assert caption(marks, 20) == ("I > DEAF", True)
+    assert caption(marks[1:], 20) == ("transition", True)
+    assert caption(marks, 99) == ("", False)
+
+
+def test_limbs_hang_together_where_frames_give_other_bone_lengths(words: dict[str, Clip]) -> None:
+    """A file's positions win over its OFFSETs, which may even be zero; the picture is that of the bones as moved."""
+    clip = words["HELLO"]
+    size = (len(clip), len(clip.skeleton), 3)
+    moved = np.broadcast_to(clip.skeleton.offsets, size)
+    plain = draw(scene(clip), 30, 160, 160).astype(int)
+    for share in (0.0, 0.8):
+        skeleton = replace(clip.skeleton, offsets=clip.skeleton.offsets * share)
+        other = draw(scene(replace(clip, skeleton=skeleton, translations=moved)), 30, 160, 160)
+        assert np.mean(np.abs(plain - other) > 8) < 0.002
+
+
+def test_metres_and_centimetres_give_the_same_pixels(words: dict[str, Clip]) -> None:
+    clip = words["SIGN"]
+    sites = tuple(replace(site, offset=site.offset * 0.01) for site in clip.skeleton.end_sites)
+    skeleton = replace(clip.skeleton, offsets=clip.skeleton.offsets * 0.01, end_sites=sites)
+    other = replace(clip, skeleton=skeleton, root_positions=clip.root_positions * 0.01)
+    assert np.array_equal(draw(scene(clip), 30, 120, 120), draw(scene(other), 30, 120, 120))
+
+
+def test_capsules_of_one_group_flow_together_and_of_two_do_not() -> None:
+    def steepest(groups: tuple[int, int], blend: float) -> float:
+        canvas = Canvas(100, 80)
+        for x, group in zip((40.0, 60.0), groups, strict=True):
+            ends = np.array([x, 20.0, 0.0]), np.array([x, 60.0, 0.0])
+            canvas.capsule(*ends, (14.0, 14.0), RED, group, blend)
+        row = canvas.depth[40, 35:66]
+        assert np.isfinite(row).all()
+        return float(np.abs(np.diff(row, 2)).max())
+
+    assert steepest((0, 0), 12.0) < 0.5 * steepest((0, 0), 0.0)
+    assert steepest((0, 1), 12.0) == steepest((0, 1), 0.0)
+
+
+def test_a_hand_before_the_chest_is_before_it_from_the_side(words: dict[str, Clip]) -> None:
+    """From the signer's left, forward is at the viewer's left: a signing hand stands there, before the trunk."""
+    side, front = scene(words["SIGN"], "side"), scene(words["SIGN"])
+    trunk = [c for c, part in enumerate(side.body.parts) if part == "shirt"]
+    assert side.hands[30, :, 0].max() < side.starts[30, trunk, 0].min()
+    assert front.hands[30, :, 2].min() > front.starts[30, trunk, 2].max()
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.gif", "a.mp4"])
+def test_an_interrupted_film_leaves_what_was_there(words: dict[str, Clip], tmp_path: Path, name: str) -> None:
+    if name.endswith("mp4") and shutil.which("ffmpeg") is None:
+        pytest.skip("no ffmpeg here")
+    (tmp_path / name).write_text("old")
+
+    def stop(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write(words["I"][:4], tmp_path / name, progress=stop, size=None if name == "a.png" else (96, 96))
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_text() == "old"
+
+
+def test_sizes_and_qualities_that_no_film_has_are_refused(words: dict[str, Clip], tmp_path: Path) -> None:
+    for name, size in (("a.mp4", (97, 96)), ("a.gif", (0, 96)), ("a.png", (96, 96))):
+        with pytest.raises(InputError, match="expected even width and height"):
+            write(words["I"][:3], tmp_path / name, size=size)
+    with pytest.raises(InputError, match="crf 99"):
+        write(words["I"][:3], tmp_path / "a.mp4", crf=99)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_letters_that_no_font_has_lose_their_accents(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("signsplice.render.page._FONTS", ("no such font.ttf",))
+    assert _lettering("D\N{LATIN CAPITAL LETTER E WITH CARON}KOVAT", 15)[0] == "DEKOVAT"
+    assert _lettering("\N{CJK UNIFIED IDEOGRAPH-4F60}-1", 15)[0] == "?-1"
+    assert _lettering("THANK-YOU", 15)[0] == "THANK-YOU"
+
+
+def test_the_timeline_is_in_sight_in_signs_and_transitions(words: dict[str, Clip]) -> None:
+    """Spans stand at the bottom in their order, and the playhead where playing is, whatever the frame is."""
+    clip, size = words["I"][:20], (320, 240)
+    marks = [Mark("sign", "I", 0, 10), Mark("transition", "", 10, 14), Mark("sign", "I", 14, 20)]
+    for frame, page in zip((2, 12), film._pictures(clip, scene(clip), size, (2, 12), marks), strict=True):
+        pixels = np.asarray(page)
+        row = pixels[size[1] - 2]
+        spans = [tuple(row[x]) for x in (150, 170, 215, 235)]
+        assert spans == [page_.SIGN, page_.TRANSITION, page_.TRANSITION, page_.SIGN]
+        assert tuple(row[16 * frame + 8]) == page_.INK
+        assert (tuple(pixels[0, 100]) == page_.TRANSITION) == (frame == 12)
+
+
+def test_a_gif_keeps_the_tint_of_fingertips(words: dict[str, Clip], tmp_path: Path) -> None:
+    """Every frame comes out in nearly its own colours, though all share one palette."""
+    clip = words["HELLO"][:30]
+    write(clip, tmp_path / "a.gif", size=(240, 240))
+    frames, _ = gif_timing(len(clip), clip.fps)
+    with Image.open(tmp_path / "a.gif") as gif:
+        gif.seek(len(frames) - 1)
+        shown = np.asarray(gif.convert("RGB")).astype(int)[:204]
+    drawn = draw(scene(clip), frames[-1], 240, 204).astype(int)
+    pink = drawn[..., 0] - drawn[..., 1] > 60
+    assert pink.sum() > 50
+    assert np.abs(shown - drawn)[pink].mean() < 8.0

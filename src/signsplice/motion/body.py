@@ -25,21 +25,24 @@ _THICKNESS = {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056
 # Limbs: role of the bone, role at its end, radii at both ends as shares of stature, part.
 _LIMBS = (
     ("UpperArm", "LowerArm", 0.031, 0.024, "sleeve"),
-    ("LowerArm", "Hand", 0.024, 0.0165, "sleeve"),
+    ("LowerArm", "Hand", 0.024, 0.0165, "cuff"),
     ("UpperLeg", "LowerLeg", 0.052, 0.036, "leg"),
     ("LowerLeg", "Foot", 0.036, 0.024, "leg"),
     ("Foot", "Toes", 0.024, 0.020, "shoe"),
 )
 
+# Trunk: capsules side by side, how far to the left and how thick, as shares of stature; together an oval.
+_COLUMNS = ((0.058, 0.053), (0.0, 0.060), (-0.058, 0.053))
+
 # The head about its joint in the common pose: left, up, forward of both ends, radii; all shares of stature.
 _HEAD = (
     ("face", (0.0, 0.030, 0.018), (0.0, 0.070, 0.016), 0.040, 0.051),
-    ("face", (0.0, 0.004, 0.032), (0.0, 0.026, 0.028), 0.023, 0.037),
+    ("face", (0.0, 0.006, 0.032), (0.0, 0.030, 0.026), 0.024, 0.040),
     ("nose", (0.0, 0.052, 0.068), (0.0, 0.038, 0.073), 0.0055, 0.0085),
     ("hair", (0.0, 0.080, -0.004), (0.0, 0.048, -0.016), 0.054, 0.051),
-    ("eye", (0.0195, 0.061, 0.0625), (0.0195, 0.061, 0.0625), 0.006, 0.006),
-    ("eye", (-0.0195, 0.061, 0.0625), (-0.0195, 0.061, 0.0625), 0.006, 0.006),
-    ("mouth", (0.013, 0.0170, 0.0625), (-0.013, 0.0170, 0.0625), 0.004, 0.004),
+    ("eye", (0.0195, 0.061, 0.0585), (0.0195, 0.061, 0.0585), 0.0065, 0.0065),
+    ("eye", (-0.0195, 0.061, 0.0585), (-0.0195, 0.061, 0.0585), 0.0065, 0.0065),
+    ("mouth", (0.012, 0.0170, 0.0575), (-0.012, 0.0170, 0.0575), 0.0045, 0.0045),
 )
 
 
@@ -132,19 +135,37 @@ def _trunk(skeleton: Skeleton, height: float) -> list[_Row]:
     if "head" in joints and "neck" in joints:
         neck = joints["neck"]
         add(neck, -0.02 * up, places[joints["head"]] - places[neck] + 0.02 * up, 0.030, 0.029, "neck")
-    shoulders = [places[joints[s + "UpperArm"]] - places[chest] for s in ("left", "right") if s + "UpperArm" in joints]
-    if len(shoulders) == 2:
-        middle = np.mean(shoulders, axis=0)
-        inner = [0.94 * s + 0.06 * middle - 0.004 * up for s in shoulders]
-        add(chest, inner[0], inner[1], 0.033, 0.033, "shirt")
-        for x in (0.050 * left, 0.0 * left, -0.050 * left):
-            add(chest, middle - 0.045 * up + x, places[low] - places[chest] + 0.9 * x, 0.060, 0.056, "shirt")
+    rows += _shoulders(skeleton, height)
+    girdle = [places[joints[s + "UpperArm"]] - places[chest] for s in ("left", "right") if s + "UpperArm" in joints]
+    if len(girdle) == 2:
+        middle, waist = np.mean(girdle, axis=0), places[low] - places[chest]
+        for x, r in _COLUMNS:
+            add(chest, middle - 0.045 * up + x * left, waist + 0.94 * x * left, r, 0.92 * r, "shirt")
         if "neck" in joints:
-            for shoulder in shoulders:
-                nape = places[joints["neck"]] - places[chest]
-                add(chest, nape, 0.45 * shoulder + 0.55 * middle, 0.034, 0.034, "shirt")
-    for x in (0.043 * left, 0.0 * left, -0.043 * left):
-        add(hips, places[low] - places[hips] + x, -0.015 * up + 1.15 * x, 0.056, 0.060, "shirt")
+            nape = places[joints["neck"]] - places[chest]
+            add(chest, nape - 0.02 * up, waist, 0.044, 0.050, "shirt")
+            for shoulder in girdle:
+                add(chest, nape, 0.55 * shoulder + 0.45 * middle - 0.004 * up, 0.034, 0.033, "shirt")
+    hem = -0.035 * up
+    for x, r in _COLUMNS:
+        add(hips, places[low] - places[hips] + 0.94 * x * left, hem + 1.08 * x * left, 0.92 * r, 0.057, "shirt")
+    sides = [places[joints[s + "UpperLeg"]] - places[hips] for s in ("left", "right") if s + "UpperLeg" in joints]
+    if len(sides) == 2:
+        add(hips, hem + 0.95 * sides[0], hem + 0.95 * sides[1], 0.057, 0.057, "shirt")
+    return rows
+
+
+def _shoulders(skeleton: Skeleton, height: float) -> list[_Row]:
+    """What joins chest and arms: along the collar bones, which move, or straight across where a rig has none."""
+    joints, rest = find_roles(skeleton).joints, rest_positions(skeleton)
+    rows: list[_Row] = []
+    for side in ("left", "right"):
+        if f"{side}UpperArm" not in joints:
+            continue
+        arm = joints[f"{side}UpperArm"]
+        collar = joints.get(f"{side}Shoulder", int(skeleton.parents[arm]))
+        way = rest[arm] - rest[collar]
+        rows.append((collar, 0.2 * way, 0.93 * way, 0.035 * height, 0.0325 * height, "shirt", ""))
     return rows
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, stance
 from signsplice.motion.body import Body, body, place
-from signsplice.motion.clip import Clip
+from signsplice.motion.clip import Clip, Skeleton
 from signsplice.motion.humanoid import find_roles
 from signsplice.render.raster import Canvas
 
@@ -24,12 +24,15 @@ _TIP = {"right": (0.97, 0.63, 0.55), "left": (0.85, 0.50, 0.45)}
 _CLOTHES = {
     "shirt": (0.26, 0.31, 0.40),
     "sleeve": (0.30, 0.36, 0.46),
+    "cuff": (0.30, 0.36, 0.46),
     "leg": (0.33, 0.33, 0.36),
     "shoe": (0.20, 0.20, 0.22),
     "hair": (0.27, 0.20, 0.17),
     "eye": (0.16, 0.13, 0.13),
     "mouth": (0.66, 0.36, 0.34),
 }
+_BLEND = {"shirt": 0.032, "face": 0.020, "sleeve": 0.012}
+"""Depth, in statures, within which capsules of one thing flow together; hands keep the creases of their joints."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,22 +60,30 @@ def scene(clip: Clip, view: str = "front") -> Scene:
     if view not in VIEWS:
         raise InputError(f"no view {view!r}, expected one of {', '.join(VIEWS)}")
     standing = stance.stand(clip)
-    height = stance.stature(clip.skeleton) or 1.0
+    skeleton = _as_moved(clip)
+    height = stance.stature(skeleton) or 1.0
     angle = np.deg2rad(VIEWS[view])
     left = np.cross(standing.up, standing.forward)
     towards = np.cos(angle) * standing.forward + np.sin(angle) * left
     axes = np.stack([np.cross(standing.up, towards), standing.up, towards])
-    shape = body(clip.skeleton)
+    shape = body(skeleton)
     starts, ends = place(shape, *kinematics.forward(clip))
     origin = np.median(starts.reshape(-1, 3), axis=0)
     starts, ends = ((points - origin) @ axes.T / height for points in (starts, ends))
     radii = shape.radii / height
-    return Scene(
-        shape, starts, ends, radii, _window(clip, shape, starts, ends, radii), _hand_centres(shape, starts, ends)
-    )
+    return Scene(shape, starts, ends, radii, _window(shape, starts, ends, radii), _hand_centres(shape, starts, ends))
 
 
-def _window(clip: Clip, shape: Body, starts: Float, ends: Float, radii: Float) -> tuple[float, float, float, float]:
+def _as_moved(clip: Clip) -> Skeleton:
+    """The skeleton with the bones that the clip shows: a file's frames may give other lengths than its rest pose."""
+    if clip.translations is None:
+        return clip.skeleton
+    offsets = np.median(clip.translations, axis=0)
+    offsets[0] = clip.skeleton.offsets[0]
+    return replace(clip.skeleton, offsets=offsets)
+
+
+def _window(shape: Body, starts: Float, ends: Float, radii: Float) -> tuple[float, float, float, float]:
     """The frame of the camera: everything but the legs, from a little below the hips."""
     upper = np.array([part not in ("leg", "shoe") for part in shape.parts])
     points = np.concatenate([starts[:, upper] - radii[upper, :1], ends[:, upper] + radii[upper, :1]], axis=1)
@@ -124,12 +135,12 @@ def _drawn(
     radii = scene.radii * zoom
     groups: dict[tuple[str, str], int] = {}
     for c, (part, side) in enumerate(zip(scene.body.parts, scene.body.sides, strict=True)):
-        if only is not None and (side != only or part in ("leg", "shoe")):
+        if only is not None and (side != only or part in ("sleeve", "leg", "shoe")):
             continue
-        group = groups.setdefault(
-            (part.removesuffix("Tip"), side if part not in ("shirt", "face", "nose") else ""), len(groups)
-        )
-        canvas.capsule(starts[c], ends[c], (float(radii[c, 0]), float(radii[c, 1])), _colour(part, side), group)
+        thing = "sleeve" if part == "cuff" else part.removesuffix("Tip")
+        group = groups.setdefault((thing, side), len(groups))
+        size = float(radii[c, 0]), float(radii[c, 1])
+        canvas.capsule(starts[c], ends[c], size, _colour(part, side), group, _BLEND.get(thing, 0.0) * zoom)
     depths = np.concatenate([scene.starts[..., 2], scene.ends[..., 2]])
     return canvas.finish(
         step=0.010 * zoom, near=float(depths.max()) * zoom, far=float(np.median(depths)) * zoom - 0.1 * zoom
@@ -140,6 +151,13 @@ def _colour(part: str, side: str) -> tuple[float, float, float]:
     if part in _CLOTHES:
         return _CLOTHES[part]
     return _TIP[side] if part.endswith("Tip") and side else _SKIN[side]
+
+
+def small_colours() -> list[tuple[int, int, int]]:
+    """Colours 0..255 of small things that tell much, hands, fingertips and mouth, from bright to shaded."""
+    tints = [*_TIP.values(), *_SKIN.values(), _CLOTHES["mouth"]]
+    shades = np.linspace(1.0, 0.5, 6)[:, None] * 255.0
+    return [(int(r), int(g), int(b)) for tint in tints for r, g, b in shades * np.array(tint)]
 
 
 def has_hands(clip: Clip) -> bool:

@@ -39,13 +39,15 @@ class Canvas:
         radii: tuple[float, float],
         colour: tuple[float, float, float],
         group: int,
+        blend: float = 0.0,
     ) -> None:
         """Draw one capsule; start, end: (3,) pixels right, pixels down, pixels towards the viewer; radii in pixels.
 
         A capsule is the ball of radius r swept along its axis. Over a pixel whose way to the axis is h on the picture
         plane, with rho = sqrt(r^2 - h^2), the ball that comes nearest to the viewer stands rho b_z / |b| beyond the
         foot of that way (b the axis), where the height of the swept surface is stationary. A taper is followed by a
-        second look with the radius there.
+        second look with the radius there. Within ``blend`` pixels of depth it flows into what its group has drawn
+        already (Quilez's polynomial smooth maximum), so that a trunk of several capsules is one smooth body.
         """
         big = max(radii) + 1.0
         x0, y0 = np.floor(np.minimum(start, end)[:2] - big).astype(int)
@@ -70,13 +72,23 @@ class Canvas:
         z = np.float32(start[2]) + t * bz + radius * nz
         window = (slice(y0, y1), slice(x0, x1))
         depth = self.depth[window]
-        seen = (nz > 0.0) & (z > depth)
-        nz = nz[seen]
+        seen = (nz > 0.0) & (z > depth - np.float32(blend))
+        if blend:
+            seen &= (z > depth) | (self.group[window] == group)
+        nz, front = nz[seen], z[seen]
         light = np.maximum((dx[seen] * _LIGHT[0] - dy[seen] * _LIGHT[1]) / radius[seen] + nz * _LIGHT[2], 0.0)
         shade = _AMBIENT + _DIFFUSE * light - _RIM * (1.0 - nz) ** 3
-        np.copyto(depth, z, where=seen)
+        new = shade[:, None] * np.asarray(colour, np.float32)
+        if blend:
+            before = depth[seen]
+            near = np.flatnonzero((self.group[window][seen] == group) & (front < before + np.float32(blend)))
+            share = 0.5 + 0.5 * (front[near] - before[near]) / np.float32(blend)
+            front[near] = share * front[near] + (1.0 - share) * (before[near] + np.float32(blend) * share)
+            share = share[:, None]
+            new[near] = share * new[near] + (1.0 - share) * self.colour[window][seen][near]
+        depth[seen] = front
         self.group[window][seen] = group
-        self.colour[window][seen] = shade[:, None] * np.asarray(colour, np.float32)
+        self.colour[window][seen] = new
 
     def finish(self, step: float, near: float, far: float) -> NDArray[np.uint8]:
         """The picture (H/2, W/2, 3), 0..255: outlined, toned by depth, and halved in size to smooth edges.
@@ -84,33 +96,40 @@ class Canvas:
         step: a jump of depth (pixels) that counts as one thing before another; near, far: depths that are toned
         brightest and dimmest.
         """
-        solid = self.group >= 0
-        light = self._outlines(step)
-        tone = np.clip((self.depth[solid] - np.float32(far)) / np.float32(max(near - far, 1e-6)), 0.0, 1.0)
-        light[solid] *= np.float32(0.80) + np.float32(0.26) * tone
-        picture = self.colour * light[..., None]
-        half = picture[0::2, 0::2] + picture[1::2, 0::2] + picture[0::2, 1::2] + picture[1::2, 1::2]
-        return np.asarray(np.clip(half * np.float32(63.75) + np.float32(0.5), 0.0, 255.0), np.uint8)
-
-    def _outlines(self, step: float) -> Pixels:
-        """Darkening (H, W): strong behind an edge of something nearer, light where two groups meet at one depth."""
-        dark = np.ones((self.height, self.width), np.float32)
-        deep = np.where(self.group >= 0, self.depth, np.float32(-1e6))
-        rows = np.flatnonzero((self.group >= 0).any(axis=1))
-        columns = np.flatnonzero((self.group >= 0).any(axis=0))
+        shown = np.empty((self.height // 2, self.width // 2, 3), np.uint8)
+        shown[:] = np.asarray(self.background, np.float32) * np.float32(255.0) + np.float32(0.5)
+        rows, columns = (np.flatnonzero((self.group >= 0).any(axis=axis)) for axis in (1, 0))
         if not rows.size:
-            return dark
-        # Only where something is drawn, and a little around it.
-        y0, y1 = max(rows[0] - 2, 0), min(rows[-1] + 3, self.height)
-        x0, x1 = max(columns[0] - 2, 0), min(columns[-1] + 3, self.width)
-        for reach, strong, light in ((2, 0.55, 0.85), (1, 0.30, 0.62)):
-            for dy, dx in ((reach, 0), (-reach, 0), (0, reach), (0, -reach)):
-                here = (slice(max(y0, -dy), y1 - max(dy, 0)), slice(max(x0, -dx), x1 - max(dx, 0)))
-                there = tuple(slice(part.start + d, part.stop + d) for part, d in zip(here, (dy, dx), strict=True))
-                nearer = deep[there] - deep[here]
-                edge = nearer > step
-                view = dark[here]
-                view[edge] = np.minimum(view[edge], np.float32(strong))
-                meets = (self.group[there] != self.group[here]) & (nearer > -step) & ~edge & (self.group[here] >= 0)
-                view[meets] = np.minimum(view[meets], np.float32(light))
-        return dark
+            return shown
+        # Only where something is drawn, and a little around it; from even to even pixels.
+        y0, y1 = max(rows[0] - 2, 0) // 2 * 2, min(rows[-1] + 4, self.height) // 2 * 2
+        x0, x1 = max(columns[0] - 2, 0) // 2 * 2, min(columns[-1] + 4, self.width) // 2 * 2
+        box = slice(y0, y1), slice(x0, x1)
+        group, depth = self.group[box], self.depth[box]
+        tone = (depth - np.float32(far)) * np.float32(0.26 / max(near - far, 1e-6))
+        tone = np.clip(tone, np.float32(0.0), np.float32(0.26)) + np.float32(0.80)
+        light = _outlines(group, depth, step)
+        np.multiply(light, tone, out=light, where=group >= 0)
+        picture = self.colour[box] * light[..., None]
+        half = picture[0::2, 0::2] + picture[1::2, 0::2] + picture[0::2, 1::2] + picture[1::2, 1::2]
+        half = np.clip(half * np.float32(63.75) + np.float32(0.5), 0.0, 255.0)
+        shown[y0 // 2 : y1 // 2, x0 // 2 : x1 // 2] = half
+        return shown
+
+
+def _outlines(group: NDArray[np.int16], depth: Pixels, step: float) -> Pixels:
+    """Darkening (H, W): strong behind an edge of something nearer, light where two groups meet at one depth."""
+    dark = np.ones(depth.shape, np.float32)
+    deep = np.where(group >= 0, depth, np.float32(-1e6))
+    height, width = depth.shape
+    for reach, strong, light in ((2, 0.55, 0.85), (1, 0.30, 0.62)):
+        for dy, dx in ((reach, 0), (-reach, 0), (0, reach), (0, -reach)):
+            here = slice(max(-dy, 0), height - max(dy, 0)), slice(max(-dx, 0), width - max(dx, 0))
+            there = tuple(slice(part.start + d, part.stop + d) for part, d in zip(here, (dy, dx), strict=True))
+            nearer = deep[there] - deep[here]
+            edge = nearer > step
+            view = dark[here]
+            view[edge] = np.minimum(view[edge], np.float32(strong))
+            meets = (group[there] != group[here]) & (nearer > -step) & ~edge & (group[here] >= 0)
+            view[meets] = np.minimum(view[meets], np.float32(light))
+    return dark

@@ -1,0 +1,70 @@
+"""Contact sheets: a clip on one page, dense where words meet, both hands enlarged under every frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from signsplice.motion.clip import Clip
+from signsplice.render.page import INK, PAPER, TRANSITION, Mark, Progress, caption, pillow, write_line
+from signsplice.render.picture import Scene, draw, draw_hand, has_hands
+
+CELL = (224, 224)
+"""The signer's picture in each cell, pixels."""
+
+HAND = 110
+"""The side of each enlarged hand, pixels."""
+
+GAP = 8
+COLUMNS = 8
+N_CELLS = 32
+_LINE = 20
+
+
+def write_sheet(clip: Clip, ready: Scene, path: Path, marks: Sequence[Mark], progress: Progress | None) -> None:
+    """Write the sheet of a scene as PNG: word, frame and time under each picture, transitions framed in amber."""
+    frames = sheet_frames(len(clip), marks)
+    hands = has_hands(clip)
+    columns = min(COLUMNS, len(frames))
+    w, h = cell_size(hands)
+    image_ = pillow("Image")
+    sheet = image_.new("RGB", (columns * w, -(-len(frames) // columns) * h), PAPER)
+    pen = pillow("ImageDraw").Draw(sheet)
+    for n, frame in enumerate(frames):
+        x, y = n % columns * w + GAP // 2, n // columns * h + GAP // 2
+        sheet.paste(image_.fromarray(draw(ready, frame, *CELL)), (x, y))
+        text, moving = caption(marks, frame)
+        ink, centre, below = TRANSITION if moving else INK, x + 0.5 * CELL[0], y + CELL[1]
+        write_line(pen, text, centre, below + 2, CELL[0] - GAP, ink, 15)
+        write_line(pen, f"frame {frame}   {frame / clip.fps:.2f} s", centre, below + _LINE, CELL[0] - GAP, INK, 13)
+        if hands:  # the signer's right hand on the left, as the viewer sees it
+            for side, left in (("right", x + 1), ("left", x + CELL[0] - HAND - 1)):
+                sheet.paste(image_.fromarray(draw_hand(ready, frame, side, HAND)), (left, below + 2 * _LINE))
+        if moving:
+            pen.rectangle((x - 2, y - 2, x + w - GAP + 1, y + h - GAP + 1), outline=TRANSITION, width=3)
+        if progress is not None:
+            progress(n + 1, len(frames))
+    sheet.save(path, format="PNG")
+
+
+def cell_size(hands: bool) -> tuple[int, int]:
+    """Width and height of a cell with its gap, pixels, with or without enlarged hands."""
+    return CELL[0] + GAP, CELL[1] + 2 * _LINE + (HAND if hands else 0) + GAP
+
+
+def sheet_frames(n_frames: int, marks: Sequence[Mark], n_cells: int = N_CELLS) -> list[int]:
+    """Which frames a contact sheet shows: the last and first kept frames at every seam, the ends and the middle of
+    every transition, and others spread evenly where room is left.
+    """
+    chosen: set[int] = set()
+    for mark in marks:
+        if mark.kind == "transition":
+            chosen |= {mark.start - 1, mark.start, (mark.start + mark.stop - 1) // 2, mark.stop - 1, mark.stop}
+    chosen = {frame for frame in chosen if 0 <= frame < n_frames}
+    for n_even in range(min(max(n_cells - len(chosen), COLUMNS), n_frames), 0, -1):
+        frames = chosen | set(np.linspace(0, n_frames - 1, n_even).round().astype(int).tolist())
+        if len(frames) % COLUMNS == 0 or len(frames) < COLUMNS:  # whole rows
+            break
+    return sorted(frames)
