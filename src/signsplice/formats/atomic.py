@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -47,6 +48,56 @@ def check_writable(path: str | Path) -> None:
         raise InputError(f"{path}: folder {path.parent} does not exist; make it first")
     if not os.access(path.parent, os.W_OK):
         raise InputError(f"{path}: folder {path.parent} is not writable")
+
+
+@contextmanager
+def replacing_folder(path: str | Path, mark: str) -> Iterator[Path]:
+    """A new folder beside ``path``, which takes its name when the block ends well and is removed when it does not.
+
+    What lies at ``path`` is replaced only where it is empty or holds a file ``mark``, the sign of an earlier one.
+    Raises ``InputError`` where it is something else, cannot be written, or the disk is full.
+    """
+    target = Path(path)
+    check_folder(target, mark)
+    temporary: Path | None = None
+    try:
+        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.resolve().parent))
+        yield temporary
+        put_folder(temporary, target)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error}); nothing was left there") from error
+    finally:
+        if temporary is not None:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+
+def check_folder(path: Path, mark: str) -> None:
+    """Raise ``InputError`` where a folder that ``mark`` tells cannot be put at ``path``."""
+    parent = path.resolve().parent
+    if not parent.is_dir():
+        raise InputError(f"{path}: folder {path.parent} does not exist; make it first")
+    if not os.access(parent, os.W_OK):
+        raise InputError(f"{path}: folder {path.parent} is not writable")
+    if path.exists() and not (path.is_dir() and ((path / mark).exists() or not any(path.iterdir()))):
+        raise InputError(f"{path}: is there already and has no {mark}; choose a new name")
+
+
+def put_folder(made: Path, target: Path) -> None:
+    """Let a finished folder take the target's name; what had it comes back if that fails."""
+    target = target.resolve()
+    umask = os.umask(0)  # mkdtemp makes a private folder
+    os.umask(umask)
+    made.chmod(0o777 & ~umask)
+    old = target.with_name(f".{target.name}-old-{os.getpid()}")
+    if target.exists():
+        target.rename(old)
+    try:
+        made.rename(target)
+    except OSError:
+        if old.exists():
+            old.rename(target)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
 
 
 def read_bytes(path: str | Path) -> bytes:

@@ -1,0 +1,349 @@
+"""Data sets of true splices: every word once, every pair as an index and its transition, all memory-mapped.
+
+A corpus of pairs is a folder:
+
+    corpus.json                    recipe, its hash, words with their events, signers, splits
+    word_rotations.npy   (F, 53, 4) float32   local rotations of every word's frames, word after word
+    word_roots.npy       (F, 3)     float32   cm
+    word_positions.npy   (F, 159)   float32   joint positions, scaled into [-0.5, 0.5]
+    pairs.npy            (P, 6)     int32     word before, word after, pre, post, first transition frame, their number
+    new_rotations.npy, new_roots.npy, new_positions.npy   the same of all transitions, pair after pair
+
+The utterance of a pair is, in each of the three, before[: pre + 1], new[first : first + n], after[post:] (eq. 17).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.errors import InputError
+from signsplice.formats.atomic import check_folder, put_folder
+from signsplice.motion import kinematics
+from signsplice.motion.clip import Clip
+from signsplice.synth import planner, pose, truth
+from signsplice.synth.phonology import Sign
+from signsplice.synth.planner import Events, Word
+from signsplice.synth.rng import stream
+from signsplice.synth.signer import STANDARD, Signer, signer, skeleton
+
+Float = NDArray[np.float64]
+Array = NDArray[Any]
+Progress = Callable[[int, int], None]
+
+VERSION = 1
+"""Counts changes of the signer: the same recipe with another version is another corpus."""
+
+EXTENT = 1.3
+"""Side of the cube, in statures, that becomes [-0.5, 0.5]^3: wide enough for every reach."""
+
+HEAD = "corpus.json"
+_KINDS = ("rotations", "roots", "positions")
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What a corpus of pairs is made of: the signs, the seed of signers, takes and splits, the frame rate, and how many
+    pairs a second signer makes for the split of unseen signers.
+    """
+
+    signs: tuple[Sign, ...]
+    seed: int = 0
+    fps: float = 30.0
+    n_other: int = 1000
+
+    @property
+    def hash(self) -> str:
+        """Twelve hex digits that change with everything that the corpus depends on."""
+        text = json.dumps({"version": VERSION, **asdict(self)}, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+    def signers(self) -> tuple[Signer, Signer]:
+        """Who makes all pairs, and who makes those of the unseen signer: seed 0 has the standard signer first."""
+        first = STANDARD if self.seed == 0 else signer(2 * self.seed)
+        return first, signer(2 * self.seed + 1)
+
+
+def scaled_positions(rotations: Float, roots: Float, who: Signer, fps: float = 30.0) -> Float:
+    """Positions (T, 159) of the 53 joints, in [-0.5, 0.5]: cm from the middle of the body's height, over 1.3
+    statures.
+    """
+    places = kinematics.forward(Clip(skeleton(who), rotations, roots, fps))[1]
+    middle = np.array([0.0, 0.5 * who.stature_cm, 0.0])
+    return np.asarray(((places - middle) / (EXTENT * who.stature_cm)).reshape(len(places), -1))
+
+
+def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, processes: int = 2) -> Path:
+    """Make a corpus of all ordered pairs in ``folder``; what an interrupted call left is gone on with.
+
+    Raises ``InputError`` where the folder holds something else or cannot be written.
+    """
+    folder = Path(folder)
+    part = folder.with_name(f".{folder.name}-{recipe.hash}.part")
+    check_folder(folder, HEAD)
+    try:
+        part.mkdir(exist_ok=True)
+        _make(recipe, part, progress, processes)
+        put_folder(part, folder)
+    except OSError as error:
+        raise InputError(
+            f"{folder}: cannot be written ({error.strerror or error}); what is done stays in {part.name}, "
+            "and the same call goes on from there"
+        ) from error
+    return folder
+
+
+def _make(recipe: Recipe, part: Path, progress: Progress | None, processes: int) -> None:
+    n = len(recipe.signs)
+    first, other = recipe.signers()
+    rows = [(0, row, tuple(range(n))) for row in range(n)]
+    rng = stream("other-signer", recipe.seed, n)
+    chosen = rng.permutation(n * n)[: recipe.n_other]
+    rows += [(1, row, tuple(int(c % n) for c in np.sort(chosen) if c // n == row)) for row in range(n)]
+    rows = [row for row in rows if row[2]]
+    todo = [row for row in rows if not _row_path(part, row).exists()]
+    total, done = sum(len(r[2]) for r in rows), sum(len(r[2]) for r in rows if r not in todo)
+    with _workers(processes) as run:
+        words = [list(run(_word, [(sign, who, recipe.fps) for sign in recipe.signs])) for who in (first, other)]
+        jobs = ((_row_path(part, row), words[row[0]], row) for row in todo)
+        for row in run(_write_row, jobs):
+            done += len(row[2])
+            if progress is not None:
+                progress(done, total)
+    _write_words(part, words)
+    _write_new(part, rows, n)
+    splits = _splits(recipe, [(r[0], r[1], q) for r in rows for q in r[2]])
+    head = _head(recipe, words, splits)
+    (part / HEAD).write_text(json.dumps(head, indent=1) + "\n", encoding="utf-8")
+    for row in rows:
+        _row_path(part, row).unlink()
+
+
+class _Pool:
+    """Runs jobs in processes, or here where there is one; results in order, few jobs waiting at once."""
+
+    def __init__(self, processes: int) -> None:
+        self.pool = ProcessPoolExecutor(processes) if processes > 1 else None
+
+    def __enter__(self) -> Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[Any]]:
+        return self._run
+
+    def __exit__(self, *_: object) -> None:
+        if self.pool is not None:
+            self.pool.shutdown(cancel_futures=True)
+
+    def _run(self, job: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
+        if self.pool is None:
+            yield from map(job, items)
+            return
+        waiting = []
+        for item in items:
+            waiting.append(self.pool.submit(job, item))
+            if len(waiting) > 8:
+                yield waiting.pop(0).result()
+        for future in waiting:
+            yield future.result()
+
+
+_workers = _Pool
+
+
+def _word(job: tuple[Sign, Signer, float]) -> Word:
+    sign, who, fps = job
+    return planner.isolated(sign, who, fps=fps)
+
+
+def _row_path(part: Path, row: tuple[int, int, tuple[int, ...]]) -> Path:
+    return part / f"row-{row[0]}-{row[1]:05d}.npz"
+
+
+def _write_row(job: tuple[Path, list[Word], tuple[int, int, tuple[int, ...]]]) -> tuple[int, int, tuple[int, ...]]:
+    """All pairs of one word before, into a file of its own."""
+    path, words, row = job
+    p = words[row[1]]
+    states, index = [], []
+    for q in row[2]:
+        splice = truth.splice(p, words[q])
+        states.append(splice.states)
+        index.append((splice.pre, splice.post, len(splice.states)))
+    rotations, roots = pose.rotations(np.concatenate(states), p.who)
+    temporary = path.with_name(f"_{path.name}")
+    np.savez(
+        temporary,
+        index=np.array(index, np.int32),
+        rotations=rotations.astype(np.float32),
+        roots=roots.astype(np.float32),
+        positions=scaled_positions(rotations, roots, p.who).astype(np.float32),
+    )
+    temporary.rename(path)
+    return row
+
+
+def _write_words(part: Path, words: Sequence[Sequence[Word]]) -> None:
+    every = [word for row in words for word in row]
+    np.save(part / "word_rotations.npy", np.concatenate([w.clip.local_rotations for w in every]).astype(np.float32))
+    np.save(part / "word_roots.npy", np.concatenate([w.clip.root_positions for w in every]).astype(np.float32))
+    positions = [scaled_positions(w.clip.local_rotations, w.clip.root_positions, w.who) for w in every]
+    np.save(part / "word_positions.npy", np.concatenate(positions).astype(np.float32))
+
+
+def _write_new(part: Path, rows: Sequence[tuple[int, int, tuple[int, ...]]], n: int) -> None:
+    """Join the rows' files into one array each, a row at a time."""
+    table = []
+    first = 0
+    for signer_index, p, after in rows:
+        with np.load(_row_path(part, (signer_index, p, after))) as row:
+            index = row["index"]
+        for q, (pre, post, count) in zip(after, index.tolist(), strict=True):
+            table.append((signer_index * n + p, signer_index * n + q, pre, post, first, count))
+            first += count
+    np.save(part / "pairs.npy", np.array(table, np.int32))
+    shapes = {"rotations": (first, 53, 4), "roots": (first, 3), "positions": (first, 159)}
+    for kind in _KINDS:
+        out = np.lib.format.open_memmap(part / f"new_{kind}.npy", "w+", np.float32, shapes[kind])
+        at = 0
+        for row_key in rows:
+            with np.load(_row_path(part, row_key)) as row:
+                values = row[kind]
+            out[at : at + len(values)] = values
+            at += len(values)
+        out.flush()
+
+
+def _splits(recipe: Recipe, pairs: Sequence[tuple[int, int, int]]) -> dict[str, dict[str, list[int]]]:
+    """Pair numbers for training, validation and test, by seed.
+
+    random: pairs drawn 80 : 10 : 10 (the paper's protocol, whose shares it does not print). unseen-words: words drawn
+    70 : 10 : 20, a pair belongs where both of its words do, others are left out. unseen-signer: trained and validated
+    as random is, tested on the second signer.
+    """
+    rng = stream("splits", recipe.seed, len(recipe.signs))
+    own = [k for k, (who, _, _) in enumerate(pairs) if who == 0]
+    order = rng.permutation(own).tolist()
+    a, b = round(0.8 * len(order)), round(0.9 * len(order))
+    random = {"train": sorted(order[:a]), "valid": sorted(order[a:b]), "test": sorted(order[b:])}
+    n = len(recipe.signs)
+    words = rng.permutation(n).tolist()
+    groups = dict(
+        zip(
+            ("train", "valid", "test"),
+            (words[: round(0.7 * n)], words[round(0.7 * n) : round(0.8 * n)], words[round(0.8 * n) :]),
+            strict=True,
+        )
+    )
+    unseen = {
+        name: [k for k in own if pairs[k][1] in group and pairs[k][2] in group]
+        for name, group in ((name, set(group)) for name, group in groups.items())
+    }
+    others = [k for k, (who, _, _) in enumerate(pairs) if who == 1]
+    return {
+        "random": random,
+        "unseen-words": unseen,
+        "unseen-signer": {"train": random["train"], "valid": random["valid"], "test": others},
+    }
+
+
+def _head(recipe: Recipe, words: Sequence[Sequence[Word]], splits: dict[str, dict[str, list[int]]]) -> dict[str, Any]:
+    rows = []
+    first = 0
+    for word in (word for row in words for word in row):
+        rows.append(
+            {
+                "gloss": word.sign.gloss,
+                "signer": word.who.name,
+                "first": first,
+                "frames": len(word),
+                "events": asdict(word.events),
+            }
+        )
+        first += len(word)
+    return {
+        "version": VERSION,
+        "hash": recipe.hash,
+        "seed": recipe.seed,
+        "fps": recipe.fps,
+        "extent": EXTENT,
+        "signers": [asdict(who) for who in recipe.signers()],
+        "words": rows,
+        "splits": splits,
+    }
+
+
+class Pairs:
+    """A corpus of pairs on disk, its arrays memory-mapped: ``len`` pairs, each by number."""
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+        try:
+            self.head: dict[str, Any] = json.loads((self.folder / HEAD).read_text(encoding="utf-8"))
+            self.index: Array = np.load(self.folder / "pairs.npy", mmap_mode="r")
+            self.words = {k: np.load(self.folder / f"word_{k}.npy", mmap_mode="r") for k in _KINDS}
+            self.new = {k: np.load(self.folder / f"new_{k}.npy", mmap_mode="r") for k in _KINDS}
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"{self.folder}: is no corpus of pairs ({error}); make one with `signsplice synth pairs`"
+            ) from error
+        if self.head.get("version") != VERSION:
+            raise InputError(f"{self.folder}: version {self.head.get('version')}, expected {VERSION}; make it anew")
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    @cached_property
+    def signers(self) -> tuple[Signer, ...]:
+        """The signers, as the recipe drew them."""
+        return tuple(Signer(**row) for row in self.head["signers"])
+
+    def split(self, name: str, part: str) -> list[int]:
+        """Pair numbers of a part (train, valid, test) of a split. Raises ``InputError`` for names there are not."""
+        try:
+            return list(self.head["splits"][name][part])
+        except KeyError:
+            raise InputError(f"no split {name} {part}, expected one of {', '.join(self.head['splits'])}") from None
+
+    def word(self, number: int, kind: str = "positions") -> Array:
+        """A word's frames (N, ...): positions (159), rotations (53, 4) or roots (3)."""
+        row = self.head["words"][number]
+        return np.asarray(self.words[kind][row["first"] : row["first"] + row["frames"]])
+
+    def events(self, number: int) -> Events:
+        """A word's events."""
+        row = self.head["words"][number]["events"]
+        first = tuple(row["first"]) if row["first"] else None
+        return Events(**{**row, "first": first, "passes": tuple(tuple(p) for p in row["passes"])})
+
+    def truth(self, number: int, kind: str = "positions") -> tuple[int, int, Array]:
+        """pre, post and the true transition (n, ...) of a pair."""
+        _, _, pre, post, first, count = self.index[number].tolist()
+        return pre, post, np.asarray(self.new[kind][first : first + count])
+
+    def utterance(self, number: int, kind: str = "positions") -> Array:
+        """A pair's utterance (T, ...): the frames kept and the transition between (eq. 17)."""
+        p, q = self.index[number, :2].tolist()
+        pre, post, new = self.truth(number, kind)
+        return np.concatenate([self.word(p, kind)[: pre + 1], new, self.word(q, kind)[post:]])
+
+    def clip(self, number: int) -> Clip:
+        """A pair's utterance as a clip."""
+        p, q = self.index[number, :2].tolist()
+        name = f"{self.head['words'][p]['gloss']} {self.head['words'][q]['gloss']}"
+        return self._clip(self.utterance(number, "rotations"), self.utterance(number, "roots"), p, name)
+
+    def word_clip(self, number: int) -> Clip:
+        """A word as a clip."""
+        return self._clip(
+            self.word(number, "rotations"), self.word(number, "roots"), number, self.head["words"][number]["gloss"]
+        )
+
+    def _clip(self, rotations: Array, roots: Array, word: int, name: str) -> Clip:
+        who = self.signers[0 if word < len(self.head["words"]) // 2 else 1]
+        return Clip(skeleton(who), rotations.astype(np.float64), roots.astype(np.float64), self.head["fps"], name)

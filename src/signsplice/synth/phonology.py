@@ -1,0 +1,245 @@
+"""What a sign is made of: the Movement-Hold model's segments, each with Stokoe's and HamNoSys's parameters.
+
+A sign is a row of segments (Liddell and Johnson 1989). H is a hold, X a posture passed without one, M a movement to a
+new posture. A posture says where a part of the hand is, which way palm and fingers face, and the handshape. Directions
+are the signer's own: ``in`` is towards the weak side, ``out`` towards the strong one, so that a left-handed signer
+needs no other text.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from signsplice.synth.handshapes import HANDSHAPES
+
+HANDS = {
+    "one": "the weak hand hangs",
+    "symmetric": "the weak hand mirrors the strong one",
+    "alternating": "the weak hand mirrors the strong one half a cycle away",
+    "base": "the weak hand has a posture of its own (w.shape, w.at, w.palm, w.fingers)",
+}
+
+DIRECTIONS: dict[str, tuple[float, float, float]] = {
+    "up": (0.0, 1.0, 0.0),
+    "down": (0.0, -1.0, 0.0),
+    "out": (1.0, 0.0, 0.0),
+    "in": (-1.0, 0.0, 0.0),
+    "fwd": (0.0, 0.0, 1.0),
+    "back": (0.0, 0.0, -1.0),
+}
+"""Strong side, up, forward. Words may be joined: ``up-in`` lies midway, ``up-up-in`` nearer to up."""
+
+PARTS: dict[str, str] = {
+    "palm": "middle of the palm",
+    "back": "back of the hand",
+    "heel": "heel of the hand",
+    "wrist": "palm side of the wrist",
+    "radial": "thumb side of the hand, at the index knuckle",
+    "ulnar": "little finger's side of the hand",
+    "knuckles": "the first knuckles",
+    "middles": "backs of the middle finger bones, what leads in a fist",
+    "thumb": "tip of the thumb",
+    "index": "tip of the index finger",
+    "middle": "tip of the middle finger",
+    "ring": "tip of the ring finger",
+    "pinky": "tip of the little finger",
+    "tips": "tips of the index and middle fingers, between them",
+    "fingertips": "tips of all four fingers, their middle",
+    "pinch": "between the tips of thumb and index finger",
+    "index-side": "thumb side of the index finger's middle",
+    "pinky-side": "outer side of the little finger's middle",
+}
+"""Parts of the hand that can be brought to a place."""
+
+PLACES: dict[str, str] = {
+    # on the head
+    "crown": "top of the head",
+    "forehead": "middle of the forehead",
+    "temple": "temple of the strong side",
+    "eye": "below the eye of the strong side",
+    "ear": "ear of the strong side",
+    "nose": "tip of the nose",
+    "cheek": "cheek of the strong side",
+    "cheek-weak": "cheek of the weak side",
+    "mouth": "lips",
+    "mouth-corner": "corner of the mouth, strong side",
+    "chin": "chin",
+    "chin-weak": "chin, a little to the weak side",
+    "jaw": "jaw below the ear, strong side",
+    "under-chin": "below the chin",
+    "throat": "front of the neck",
+    # on the trunk
+    "shoulder": "top of the strong shoulder",
+    "shoulder-weak": "top of the weak shoulder",
+    "chest": "breast bone",
+    "chest-strong": "chest, strong side",
+    "heart": "chest, weak side",
+    "belly": "belly",
+    "waist": "waist, strong side",
+    "waist-weak": "waist, weak side",
+    # on the weak arm
+    "upper-arm-weak": "outer side of the weak upper arm",
+    "elbow-weak": "elbow of the weak arm",
+    "forearm-weak": "middle of the weak forearm, the side turned up or out",
+    # on the weak hand, for hands=base
+    "base-palm": "palm of the weak hand",
+    "base-back": "back of the weak hand",
+    "base-radial": "thumb side of the weak hand",
+    "base-ulnar": "little finger's side of the weak hand",
+    "base-fingertips": "tips of the weak hand's fingers",
+    "base-index": "tip of the weak index finger",
+    "base-fingers": "the weak hand's fingers, palm side",
+    "base-fingers-back": "the weak hand's fingers, back side",
+    "base-wrist": "back of the weak wrist",
+    "base-heel": "heel of the weak hand",
+    # in space
+    "space": "neutral space, before the chest on the strong side",
+    "space-mid": "neutral space, on the midline",
+    "space-in": "neutral space, before the weak side",
+    "space-out": "neutral space, well out on the strong side",
+    "space-low": "before the belly, strong side",
+    "space-low-mid": "before the belly, on the midline",
+    "space-high": "before and beside the shoulder, strong side, at the height of the chin",
+    "space-high-out": "out and up beside the head",
+    "space-far": "an outstretched reach forward",
+    "face-space": "before the face",
+    "side-space": "beside the head, strong side",
+    "above-head": "above the forehead",
+}
+"""Where a part can be: on the body (a surface, with a way out of it) or in space."""
+
+NEUTRAL = frozenset(place for place in PLACES if place.startswith("space") or place.endswith("-space"))
+IN_SPACE = NEUTRAL | {"above-head"}
+ON_BASE = frozenset(place for place in PLACES if place.startswith("base-") or place == "forearm-weak")
+
+PATHS = ("straight", "arc", "circle", "zigzag", "none")
+PLANES = ("frontal", "sagittal", "horizontal")
+LOCALS: dict[str, tuple[float, float]] = {
+    "wiggle": (22.0, 2.0),
+    "bend": (45.0, 2.0),
+    "twist": (30.0, 2.0),
+    "nod": (28.0, 2.0),
+    "tremble": (0.7, 3.0),
+}
+"""Local movements, with their usual amplitude (degrees; tremble in cm) and cycles: fingers flutter one after another,
+fingers bend together, the forearm turns, the wrist nods, the whole hand shakes.
+"""
+
+HEAD = {"nod": "the head nods", "shake": "the head shakes", "tilt": "the head tilts to the strong side"}
+HEAD["tilt-weak"] = "the head tilts to the weak side"
+TRUNK = {
+    "fwd": "leans forward",
+    "back": "leans back",
+    "out": "leans to the strong side",
+    "in": "leans to the weak side",
+}
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Posture:
+    """A hand at rest: its handshape; which ``part`` of it is at which ``place``, ``off`` cm out of the surface and
+    ``shift`` cm (out, up, forward) from there; where palm and fingers face (unit vectors, out, up, forward).
+    """
+
+    shape: str
+    place: str
+    part: str
+    palm: Vector
+    fingers: Vector
+    off: float = 0.0
+    shift: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Path:
+    """How a movement goes: ``arc`` bulges ``size`` cm along ``way``; ``circle`` goes ``turns`` round in ``plane`` with
+    radius ``size`` cm; ``zigzag`` swings ``turns`` times ``size`` cm along ``way``; ``none`` stays where it is.
+    """
+
+    kind: str = "straight"
+    way: Vector = (0.0, 0.0, 0.0)
+    plane: str = ""
+    size: float = 0.0
+    turns: float = 0.0
+
+
+@dataclass(frozen=True)
+class Local:
+    """A movement within the hand: its kind (``LOCALS``), amplitude (degrees; cm for tremble) and cycles."""
+
+    kind: str
+    amplitude: float
+    cycles: float
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One segment: kind H, X or M; the strong hand's posture at its end and the weak hand's where it has one of its
+    own; for M the path, local movement, and how many ``times`` it is made (back and forth); ``seconds`` where the sign
+    says how long; head and trunk from ``HEAD`` and ``TRUNK`` or "".
+    """
+
+    kind: str
+    strong: Posture
+    weak: Posture | None = None
+    path: Path = Path()
+    local: Local | None = None
+    times: int = 1
+    seconds: float | None = None
+    head: str = ""
+    trunk: str = ""
+
+
+@dataclass(frozen=True)
+class Sign:
+    """A sign: its gloss, how the hands work together (``HANDS``), its segments; the source of its facts, synonyms, and
+    whether it is a ``sign``, a ``letter`` or ``pseudo``.
+    """
+
+    gloss: str
+    hands: str
+    segments: tuple[Segment, ...]
+    source: str = ""
+    synonyms: tuple[str, ...] = ()
+    kind: str = "sign"
+
+    @property
+    def two_handed(self) -> bool:
+        """Whether the weak hand takes part."""
+        return self.hands != "one"
+
+
+def faults(sign: Sign) -> list[str]:
+    """What makes a row of segments no sign, one line each; empty for a lawful one.
+
+    Symmetry and dominance (Battison 1978): where both hands move, they have one handshape, which the notation itself
+    ensures; where the weak hand is a base of another shape, it stays put or moves with the strong one.
+    """
+    found = []
+    if not sign.segments:
+        return ["has no segment, expected at least one H or X line"]
+    if sign.segments[0].kind == "M":
+        found.append("begins with M, expected H or X first, from which to move")
+    for n, segment in enumerate(sign.segments, 1):
+        before = sign.segments[n - 2] if n > 1 else None
+        hands = [p for p in (segment.strong, segment.weak) if p is not None]
+        found += [f"segment {n}: unknown handshape {p.shape!r}" for p in hands if p.shape not in HANDSHAPES]
+        if sign.hands != "base" and segment.strong.place in ON_BASE:
+            found.append(f"segment {n}: at={segment.strong.place} needs hands=base, not hands={sign.hands}")
+        if segment.kind == "M" and before is not None:
+            still = segment.strong == before.strong and segment.weak == before.weak
+            if still and segment.local is None and segment.path.kind not in ("circle", "zigzag"):
+                found.append(f"segment {n}: M moves nothing, expected another posture, a path or a local movement")
+        elif before is not None and (segment.strong != before.strong or segment.weak != before.weak):
+            found.append(f"segment {n}: {segment.kind} changes the posture, expected M to move there first")
+        for p in hands:
+            dot = sum(a * b for a, b in zip(p.palm, p.fingers, strict=True))
+            if abs(dot) > 0.9:
+                found.append(
+                    f"segment {n}: palm and fingers face the same line; they must differ by 25 degrees or more"
+                )
+    if sum(s.kind == "H" for s in sign.segments) == len(sign.segments) > 1:
+        found.append("has holds only, expected an M between two")
+    return found

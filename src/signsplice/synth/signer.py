@@ -1,0 +1,160 @@
+"""Who signs: a body, drawn from human proportions, and a manner of moving."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.motion.clip import EndSite, Skeleton
+from signsplice.synth import hand
+from signsplice.synth.rng import stream
+
+Float = NDArray[np.float64]
+
+STATURE_CM = 170.0
+"""The stature for which places and sizes in this room are written; other bodies scale them."""
+
+
+@dataclass(frozen=True)
+class Signer:
+    """A signer: body and manner. The defaults are the standard signer.
+
+    stature_cm; arms, hands, shoulders: lengths as shares of what the stature would give. left_handed: which hand is the
+    strong one. tempo: how many times as fast as usual. amplitude: size of movements in space. arch: how far reaches bow
+    out, as a share of their length. elbow_deg: how far the elbows are held out. rest_out_cm, rest_fwd_cm: where the
+    hands hang beside the thighs. breath_deg, breath_hz, sway_cm, sway_hz, tremor_cm, tremor_hz: the small motions of a
+    standing person (physiological tremor 8 to 12 Hz, Elble and Koller 1990; breaths 12 to 20 a minute). lag: how much
+    later than usual the fingers form (negative: earlier).
+    """
+
+    name: str = "standard"
+    stature_cm: float = STATURE_CM
+    arms: float = 1.0
+    hands: float = 1.0
+    shoulders: float = 1.0
+    left_handed: bool = False
+    tempo: float = 1.0
+    amplitude: float = 1.0
+    arch: float = 0.07
+    elbow_deg: float = 0.0
+    rest_out_cm: float = 0.0
+    rest_fwd_cm: float = 0.0
+    breath_deg: float = 0.5
+    breath_hz: float = 0.28
+    sway_cm: float = 0.35
+    sway_hz: float = 0.23
+    tremor_cm: float = 0.012
+    tremor_hz: float = 9.0
+    lag: float = 0.0
+
+    @property
+    def scale(self) -> float:
+        """The body's size over the standard one's."""
+        return self.stature_cm / STATURE_CM
+
+
+STANDARD = Signer()
+
+
+def signer(seed: int) -> Signer:
+    """A signer drawn by seed: statures and shares normally distributed (spreads after Drillis and Contini 1966 and
+    NHANES statures, cut at 2.5 standard deviations), one in ten left-handed (Papadatou-Pastou et al. 2020).
+    """
+    rng = stream("signer", seed)
+
+    def normal(mean: float, spread: float) -> float:
+        return mean + spread * float(np.clip(rng.standard_normal(), -2.5, 2.5))
+
+    return Signer(
+        name=f"signer-{seed}",
+        stature_cm=normal(168.0, 9.0),
+        arms=normal(1.0, 0.03),
+        hands=normal(1.0, 0.04),
+        shoulders=normal(1.0, 0.04),
+        left_handed=bool(rng.random() < 0.1),
+        tempo=float(np.exp(normal(0.0, 0.10))),
+        amplitude=float(np.exp(normal(0.0, 0.10))),
+        arch=normal(0.07, 0.02),
+        elbow_deg=normal(4.0, 6.0),
+        rest_out_cm=normal(0.0, 1.5),
+        rest_fwd_cm=normal(0.0, 2.0),
+        breath_deg=normal(0.5, 0.12),
+        breath_hz=normal(0.28, 0.04),
+        sway_cm=normal(0.35, 0.1),
+        sway_hz=normal(0.23, 0.05),
+        tremor_cm=normal(0.012, 0.003),
+        tremor_hz=normal(9.0, 0.8),
+        lag=normal(0.0, 0.03),
+    )
+
+
+# Joint centres of the standard body in cm in T-pose, facing +Z, left +X; segment shares after Drillis and Contini 1966.
+_TRUNK = (
+    ("Spine", "Hips", (0.0, 10.0, -1.0)),
+    ("Spine1", "Spine", (0.0, 12.0, -0.5)),
+    ("Spine2", "Spine1", (0.0, 13.0, 0.0)),
+)
+_NECK = (
+    ("Neck", "Spine2", (0.0, 16.0, 0.5)),
+    ("Head", "Neck", (0.0, 9.0, 2.0)),
+    ("HeadTop_End", "Head", (0.0, 18.0, 1.0)),
+)
+HIPS_CM = 92.0
+COLLAR = np.array([5.0, 10.0, 1.0])  # from the chest joint, left
+SHOULDER = np.array([13.0, 2.0, -0.5])  # from the collar joint, left
+UPPER_ARM, FOREARM = 29.5, 25.5
+_LEG = (
+    ("UpLeg", "Hips", (9.0, -4.0, 0.0)),
+    ("Leg", "UpLeg", (0.0, -41.0, 0.5)),
+    ("Foot", "Leg", (0.0, -40.0, -1.5)),
+    ("ToeBase", "Foot", (1.0, -6.0, 12.0)),
+)
+SIDES = ("Left", "Right")
+
+
+@cache
+def skeleton(who: Signer = STANDARD) -> Skeleton:
+    """A signer's 53 joints, named in the Mixamo manner, in cm, rest pose T, depth first."""
+    scale = who.scale
+    rows: list[tuple[str, str, Float]] = [("Hips", "", np.array([0.0, HIPS_CM, 0.0]) * scale)]
+    tips: list[tuple[str, Float]] = []
+    rows += [(name, parent, np.array(offset) * scale) for name, parent, offset in (*_TRUNK, *_NECK)]
+    for side in SIDES:
+        mirror = np.array([1.0 if side == "Left" else -1.0, 1.0, 1.0]) * scale
+        broad = np.array([who.shoulders, 1.0, 1.0])
+        rows += [
+            (f"{side}Shoulder", "Spine2", COLLAR * broad * mirror),
+            (f"{side}Arm", f"{side}Shoulder", SHOULDER * broad * mirror),
+            (f"{side}ForeArm", f"{side}Arm", np.array([UPPER_ARM * who.arms, 0.0, 0.0]) * mirror),
+            (f"{side}Hand", f"{side}ForeArm", np.array([FOREARM * who.arms, 0.0, 0.0]) * mirror),
+        ]
+        flip = np.array([-1.0, 1.0, 1.0]) * mirror * who.hands  # the hand's own numbers are a right hand's
+        for finger in hand.FINGERS:
+            way = hand.THUMB_WAY if finger == "Thumb" else np.array([-1.0, 0.0, 0.0])
+            first, second, last = (length * way * flip for length in hand.PHALANGES[finger])
+            rows += [
+                (f"{side}Hand{finger}1", f"{side}Hand", hand.KNUCKLES[finger] * flip),
+                (f"{side}Hand{finger}2", f"{side}Hand{finger}1", first),
+                (f"{side}Hand{finger}3", f"{side}Hand{finger}2", second),
+            ]
+            tips.append((f"{side}Hand{finger}3", last))
+    for side in SIDES:
+        mirror = np.array([1.0 if side == "Left" else -1.0, 1.0, 1.0]) * scale
+        rows += [
+            (side + name, side + parent if parent != "Hips" else parent, np.array(o) * mirror)
+            for name, parent, o in _LEG
+        ]
+    index = {name: n for n, (name, _, _) in enumerate(rows)}
+    return Skeleton(
+        names=tuple(f"mixamorig:{name}" for name in index),
+        parents=np.array([index.get(parent, -1) for _, parent, _ in rows]),
+        offsets=np.array([offset for _, _, offset in rows]),
+        end_sites=tuple(EndSite(index[name], offset) for name, offset in tips),
+    )
+
+
+JOINTS: dict[str, int] = {name.removeprefix("mixamorig:"): n for n, name in enumerate(skeleton().names)}
+"""Index of every joint by its name."""
