@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint types unit bench clean
+.PHONY: demo test lint types unit bench words corpus clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet and a report in out/demo
 	$(BIN)/signsplice demo --out out/demo
@@ -22,6 +22,14 @@ unit: $(VENV)/.dev             ## pytest
 
 bench: $(VENV)/.dev            ## speed of every part beside its baselines, in one run
 	$(BIN)/signsplice bench
+
+words: $(VENV)/.dev            ## sign the words that ship anew, from their notation
+	$(BIN)/signsplice synth lexicon -o out/words
+	$(BIN)/signsplice lexicon build out/words -o src/signsplice/lexicon/words --compact
+
+corpus: $(VENV)/.dev           ## 10,000 true splices, and docs/corpus.md's tables and pictures; REAL=DIR adds real clips
+	$(BIN)/signsplice synth pairs -o out/pairs
+	$(BIN)/signsplice synth study out/pairs --page docs/corpus.md --images docs/images $(if $(REAL),--real $(REAL))
 
 clean:                         ## forget the environment and everything made
 	rm -rf $(VENV) out .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import settings
 
 from signsplice.formats import bvh
-from signsplice.lexicon import demo
+from signsplice.lexicon import shipped
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 
@@ -30,8 +31,17 @@ def real_clips() -> dict[str, Clip]:
 
 @pytest.fixture(scope="session")
 def words() -> dict[str, Clip]:
-    """The words that ship."""
-    return {gloss: demo.word(gloss) for gloss in demo.WORDS}
+    """Five of the words that ship."""
+    with shipped() as lexicon:
+        return {gloss: lexicon.clip(gloss) for gloss in ("HELLO", "I", "DEAF", "SIGN", "THANK-YOU")}
+
+
+def rooted(clip: Clip) -> Clip:
+    """A clip whose hips and legs stand still: the words' signer sways a little."""
+    local = np.array(clip.local_rotations)
+    legs = [n for n, name in enumerate(clip.skeleton.names) if any(part in name for part in ("Leg", "Foot", "Toe"))]
+    local[:, [0, *legs]] = rotation.IDENTITY
+    return replace(clip, local_rotations=local, root_positions=np.tile(clip.skeleton.offsets[0], (len(clip), 1)))
 
 
 def random_skeleton(rng: np.random.Generator, n_joints: int = 12) -> Skeleton:

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from signsplice import demo
 from signsplice.formats import load, save
-from signsplice.lexicon import demo
 from signsplice.motion.clip import Clip
 
 
@@ -81,7 +81,7 @@ BAD_CALLS = [
     (("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", "--roles", "bad.json"), "bad.json"),
     (("splice", "HELLO.bvh", "table.bvh", "-o", "out.bvh"), "have 0 body parts in common"),
     (("inbetween", "SIGN.bvh", "--gap", "5", "-o", "out.bvh"), "--gap '5', expected A:B"),
-    (("inbetween", "SIGN.bvh", "--gap", "0:5", "-o", "out.bvh"), "gap 0:5 in 78 frames"),
+    (("inbetween", "SIGN.bvh", "--gap", "0:5", "-o", "out.bvh"), "gap 0:5 in "),
     (("inspect", "nowhere.bvh"), "no such file"),
     (("convert", "HELLO.bvh", "out.mov"), "suffix .mov"),
     (("render", "HELLO.bvh", "out.bvh"), "expected a name that ends in .png, .gif, .mp4"),
@@ -115,7 +115,7 @@ def test_inbetween_keeps_every_other_number(folder: Path) -> None:
     source, out = load(folder / "SIGN.bvh").channels, load(folder / "out.bvh").channels
     assert source is not None
     assert out is not None
-    kept = np.ones(78, bool)
+    kept = np.ones(len(source.values), bool)
     kept[30:38] = kept[50:55] = False
     assert np.array_equal(out.values[:30], source.values[:30])
     assert np.allclose(out.values[kept], source.values[kept], atol=1e-6)
@@ -126,7 +126,7 @@ def test_inspect_tells_what_a_clip_is(folder: Path) -> None:
     run = signsplice("inspect", "SIGN.bvh", "--json", cwd=folder)
     facts = json.loads(run.stdout)
     assert (facts["rig"], facts["unit"], facts["fps"]) == ("mixamo", "cm", 30.0)
-    assert (facts["joints"], facts["frames"]) == (53, 78)
+    assert (facts["joints"], facts["frames"]) == (53, len(load(folder / "SIGN.bvh")))
     assert facts["roles"]["leftUpperArm"] == "mixamorig:LeftArm"
     assert len(facts["rest"]) == 2
     assert facts["warnings"] == []

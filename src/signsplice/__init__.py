@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from signsplice.errors import FormatError, InputError, RigMismatchError, SignspliceError
     from signsplice.formats import load, save
+    from signsplice.lexicon.reader import Lexicon, open_lexicon
     from signsplice.motion.clip import Clip, Skeleton
     from signsplice.splicing.engine import Piece, SpliceOptions, SpliceResult, inbetween, splice, stream
 
@@ -17,6 +18,7 @@ _HOMES = {
     "Clip": "motion.clip",
     "FormatError": "errors",
     "InputError": "errors",
+    "Lexicon": "lexicon.reader",
     "Piece": "splicing.engine",
     "RigMismatchError": "errors",
     "SignspliceError": "errors",
@@ -25,6 +27,7 @@ _HOMES = {
     "SpliceResult": "splicing.engine",
     "inbetween": "splicing.engine",
     "load": "formats",
+    "open_lexicon": "lexicon.reader",
     "save": "formats",
     "splice": "splicing.engine",
     "stream": "splicing.engine",
@@ -34,6 +37,7 @@ __all__ = [
     "Clip",
     "FormatError",
     "InputError",
+    "Lexicon",
     "Piece",
     "RigMismatchError",
     "SignspliceError",
@@ -42,6 +46,7 @@ __all__ = [
     "SpliceResult",
     "inbetween",
     "load",
+    "open_lexicon",
     "save",
     "splice",
     "stream",

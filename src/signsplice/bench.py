@@ -13,6 +13,7 @@ import time
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -20,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from signsplice.formats import bvh
-from signsplice.lexicon import demo as words
+from signsplice.lexicon import building, open_lexicon, shipped
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arms import active_span, arms
 from signsplice.motion.clip import Clip, concatenate, resample
@@ -32,6 +33,8 @@ Progress = Callable[[int, int], None]
 
 N_LONG = 3000
 N_WORD = 150
+N_LEXICON = 6707
+"""Words of the dictionary that the paper joins."""
 
 
 def measure(repeats: int = 15, progress: Progress | None = None) -> dict[str, Any]:
@@ -44,10 +47,11 @@ def measure(repeats: int = 15, progress: Progress | None = None) -> dict[str, An
         ("search", _search),
         ("transition", _transitions),
         ("seam", _seam),
+        ("lexicon", _lexicon),
         ("memory", lambda _: _memory()),
         ("start", _start),
     ]
-    figures: dict[str, Any] = {"joints": len(words.skeleton()), "repeats": repeats}
+    figures: dict[str, Any] = {"joints": len(_demo_words()[0].skeleton), "repeats": repeats}
     for done, (name, part) in enumerate(parts):
         figures[name] = part(repeats)
         if progress is not None:
@@ -81,21 +85,26 @@ def _in_turns(repeats: int, *runs: Callable[[], object]) -> list[float]:
     return [median(row) for row in times]
 
 
+def _demo_words() -> list[Clip]:
+    with shipped() as words:
+        return [words.clip(gloss) for gloss in ("HELLO", "I", "DEAF", "THANK-YOU", "SIGN")]
+
+
 def _long_clip(n_frames: int) -> Clip:
     """The demo words again and again, resampled so that no two rounds have the same numbers."""
     rounds: list[Clip] = []
     total = 0
     while total < n_frames:
-        for gloss in words.WORDS:
-            rounds.append(resample(words.word(gloss), words.FPS, 0.9 + 0.01 * (len(rounds) % 20)))
+        for word in _demo_words():
+            rounds.append(resample(word, word.fps, 0.9 + 0.01 * (len(rounds) % 20)))
             total += len(rounds[-1])
     return concatenate(rounds)[:n_frames]
 
 
 def _word_clips() -> tuple[Clip, Clip]:
     """Two words of exactly 150 frames: the same motion, slower."""
-    a, b = (words.word(gloss) for gloss in ("DEAF", "THANK-YOU"))
-    clips = [resample(clip, words.FPS, (len(clip) - 1) / (N_WORD - 0.5)) for clip in (a, b)]
+    a, b = _demo_words()[2:4]
+    clips = [resample(clip, clip.fps, (len(clip) - 1) / (N_WORD - 0.5)) for clip in (a, b)]
     return clips[0][:N_WORD], clips[1][:N_WORD]
 
 
@@ -191,6 +200,36 @@ def _seam(repeats: int) -> dict[str, Any]:
         if name == "rest-trim":
             out |= {f"of it {part}, ms": median(rows) for part, rows in parts.items()}
     return out
+
+
+def _lexicon(repeats: int) -> dict[str, Any]:
+    """A lexicon of 6,707 words opened and closed, and words of 150 frames read from it, each another one, beside one
+    BVH file of as many frames. All other words are short, so that the bench writes little.
+    """
+    clips = _word_clips()
+    short = [clip[start : start + 10] for clip in clips for start in range(0, 140, 20)]
+    with tempfile.TemporaryDirectory() as folder:
+        path, file = Path(folder) / "lexicon", Path(folder) / "word.bvh"
+        bvh.write(clips[0], file)
+        with building(path) as builder:
+            for n in range(N_LEXICON):
+                builder.add(short[n % len(short)] if n % 67 else clips[n // 67 % 2], f"WORD-{n}")
+        with open_lexicon(path) as lexicon:
+            glosses = cycle(f"WORD-{n}" for n in range(0, N_LEXICON, 67))
+            opened, read, file_read = _in_turns(
+                repeats,
+                lambda: open_lexicon(path).close(),
+                lambda: lexicon.clip(next(glosses)),
+                lambda: bvh.read(file),
+            )
+            (nearest,) = _in_turns(3, lambda: lexicon.nearest("WROD-4711"))
+    return {
+        "6707 words opened, ms": opened,
+        "one word of 150 frames, ms": read,
+        "the same from a BVH file, ms": file_read,
+        "times faster": file_read / read,
+        "nearest glosses, ms": nearest,
+    }
 
 
 def _memory() -> dict[str, Any]:

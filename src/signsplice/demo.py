@@ -7,11 +7,14 @@ from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.formats import save
-from signsplice.lexicon import demo as words
+from signsplice.lexicon import shipped
 from signsplice.motion.clip import concatenate
 from signsplice.render import film
 from signsplice.splicing import report
 from signsplice.splicing.engine import SpliceResult, splice
+
+SENTENCE = ("HELLO", "I", "DEAF", "I", "SIGN", "THANK-YOU")
+"""What the demo splices: a row of words chosen for their variety of places and hands, not as a grammatical sentence."""
 
 
 def run(out: Path, progress: Callable[[int, int], None] | None = None) -> list[str]:
@@ -22,7 +25,8 @@ def run(out: Path, progress: Callable[[int, int], None] | None = None) -> list[s
         (out / "words").mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out}: cannot be made ({error.strerror})") from error
-    clips = [words.word(gloss) for gloss in words.SENTENCE]
+    with shipped() as words:
+        clips = [words.clip(gloss) for gloss in SENTENCE]
     for clip in clips:
         save(clip, out / "words" / f"{clip.name}.bvh")
     result = splice(clips)
@@ -35,7 +39,7 @@ def run(out: Path, progress: Callable[[int, int], None] | None = None) -> list[s
     return [
         *seam_table(result),
         "",
-        f"{' '.join(words.SENTENCE)}: {result.clip.seconds:.2f} s, "
+        f"{' '.join(SENTENCE)}: {result.clip.seconds:.2f} s, "
         f"played one after another {one_after_another.seconds:.2f} s",
         *(f"  {out / name}" for name in ("sentence.bvh", "sentence.gif", "sentence.png", "report.json", "words/")),
     ]

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from conftest import rooted
 from signsplice.errors import RigMismatchError
 from signsplice.motion import kinematics, rotation, stance
 from signsplice.motion.clip import Clip, EndSite, Skeleton
@@ -70,7 +71,7 @@ def test_place_facing_and_height_are_undone(words: dict[str, Clip]) -> None:
         name="moved",
     )
     out = harmonize(moved, ground(clip)).clip
-    assert np.allclose(positions(out), positions(clip), atol=1e-6)
+    assert np.allclose(positions(out), positions(clip), atol=2e-3), "the signer sways, and medians depend on the axes"
     assert np.array_equal(out.local_rotations[:, 1:], clip.local_rotations[:, 1:]), "only the root is moved"
 
 
@@ -149,7 +150,7 @@ def test_a_joint_above_the_hips_makes_no_difference(words: dict[str, Clip]) -> N
 
 
 def test_a_turned_joint_above_the_hips_turns_nothing(words: dict[str, Clip]) -> None:
-    clip = words["DEAF"]
+    clip = rooted(words["DEAF"])
     skeleton = Skeleton(
         ("Reference", *clip.skeleton.names),
         np.concatenate([[-1], clip.skeleton.parents + 1]),

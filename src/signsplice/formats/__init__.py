@@ -10,6 +10,8 @@ from signsplice.motion.clip import Clip
 
 _READERS = {".bvh": bvh.read, ".npz": npz.read}
 _WRITERS = {".bvh": bvh.write, ".npz": npz.write}
+SUFFIXES = tuple(_READERS)
+"""What ``load`` reads."""
 _PLANNED = {".glb": "glTF", ".gltf": "glTF", ".vrma": "VRM animation", ".pose": "landmark"}
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from signsplice.errors import FormatError
 from signsplice.formats.atomic import read_bytes
-from signsplice.motion.humanoid import ROLES, unknown_role
+from signsplice.motion.clip import Clip
+from signsplice.motion.humanoid import ROLES, find_roles, unknown_role
 
 _SHAPE = 'an object {"role": "joint name", ...}'
 
@@ -33,3 +36,16 @@ def read(path: str | Path) -> dict[str, str]:
         if not isinstance(name, str):
             raise FormatError(f"{role}: found {json.dumps(name)[:40]}, expected a joint's name in quotes", file=file)
     return loaded
+
+
+def give(clip: Clip, roles: Mapping[str, str]) -> Clip:
+    """The clip with ``roles`` (role -> joint name) on its skeleton; the clip itself where it has none of those joints
+    and its rig is known by its names, as among clips of several rigs.
+
+    Raises ``InputError`` where a role's joint is missing.
+    """
+    if not set(roles.values()) & set(clip.skeleton.names) and find_roles(clip.skeleton).rig != "unknown":
+        return clip
+    clip = replace(clip, skeleton=replace(clip.skeleton, roles=roles))
+    find_roles(clip.skeleton)  # says at once where a role's joint is missing
+    return clip

@@ -63,8 +63,7 @@ def sheet_frames(n_frames: int, marks: Sequence[Mark], n_cells: int = N_CELLS) -
         if mark.kind == "transition":
             chosen |= {mark.start - 1, mark.start, (mark.start + mark.stop - 1) // 2, mark.stop - 1, mark.stop}
     chosen = {frame for frame in chosen if 0 <= frame < n_frames}
-    for n_even in range(min(max(n_cells - len(chosen), COLUMNS), n_frames), 0, -1):
-        frames = chosen | set(np.linspace(0, n_frames - 1, n_even).round().astype(int).tolist())
-        if len(frames) % COLUMNS == 0 or len(frames) < COLUMNS:  # whole rows
-            break
-    return sorted(frames)
+    most = min(max(n_cells - len(chosen), COLUMNS), n_frames)
+    pages = [chosen | set(np.linspace(0, n_frames - 1, n).round().astype(int).tolist()) for n in range(most, 0, -1)]
+    whole_rows = (page for page in pages if len(page) % COLUMNS == 0 or len(page) < COLUMNS)
+    return sorted(next(whole_rows, pages[0]))

@@ -50,4 +50,4 @@ def write_strips(
                 pen.rectangle(box, outline=TRANSITION, width=2)
         if progress is not None:
             progress(n + 1, len(strips))
-    sheet.save(path, format="PNG")
+    sheet.quantize(256, dither=image_.Dither.NONE).save(path, format="PNG", optimize=True)

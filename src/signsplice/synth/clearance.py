@@ -16,7 +16,7 @@ Float = NDArray[np.float64]
 
 TOLERANCE_CM = 0.2
 """Touching may press this deep."""
-_ROUNDS = 16
+_ROUNDS = 30
 
 
 def clear(states: Float, who: Signer, ends: bool = False) -> Float:
@@ -27,9 +27,10 @@ def clear(states: Float, who: Signer, ends: bool = False) -> Float:
     """
     who = replace(who, left_handed=False)
     level = _fade(len(states)) if ends else np.ones(len(states))
-    for _ in range(_ROUNDS):
+    for n in range(_ROUNDS):
         depth, way = intrusion(states, who)
-        push = np.maximum(depth - 0.75 * TOLERANCE_CM, 0.0) * (depth > TOLERANCE_CM)
+        gain = 0.6 if n < _ROUNDS // 2 else 1.0  # gently first: hands that meet are both pushed
+        push = gain * np.maximum(depth - 0.7 * TOLERANCE_CM, 0.0) * (depth > TOLERANCE_CM)
         if not push.any():
             break
         moves = _spread(push[..., None] * way) * level[:, None, None]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from signsplice.synth import pose
-from signsplice.synth.signer import Signer
+from signsplice.synth import hand, pose
+from signsplice.synth.signer import COLLAR, SHOULDER, Signer
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -99,7 +99,27 @@ def reach(before: Float, after: Float, n_frames: int, who: Signer) -> Float:
         if length > 1e-9:
             away = _AWAY - (_AWAY @ way) * way / length**2
             path[:, first : first + 3] += hill * who.arch * length * away
+            _round_the_shoulder(path[:, first : first + 3], hill, start[first : first + 3], end[first : first + 3], who)
+        fingers = path[:, first : first + 27][:, pose.FINGERS]
+        np.clip(fingers, hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=fingers)
     return path
+
+
+_SHOULDER_ROOM_CM = 23.0
+"""How near to its shoulder a wrist may pass: nearer, the elbow would have to swing round."""
+_BEFORE = np.array([-0.35, 0.0, 0.94])
+
+
+def _round_the_shoulder(path: Float, hill: Float, start: Float, end: Float, who: Signer) -> None:
+    """Bow a wrist's path (n, 3) forward and out, in place, where it would come nearer to the shoulder than its ends."""
+    shoulder = (COLLAR + SHOULDER) * np.array([-who.shoulders, 1.0, 1.0]) * who.scale
+    ends = min(float(np.linalg.norm(start - shoulder)), float(np.linalg.norm(end - shoulder)))
+    room = min(_SHOULDER_ROOM_CM * who.scale, ends)
+    for _ in range(4):
+        lack = room - np.linalg.norm(path - shoulder, axis=-1)
+        if lack.max() <= 0.0:
+            break
+        path += hill * float((lack / np.maximum(hill[:, 0], 0.2)).max()) * _BEFORE
 
 
 def _ends(frames: Float) -> tuple[Float, Float, Float]:

@@ -115,7 +115,7 @@ thumb       0  84 102  66 |   0  86 104  68 |   0  86 104  68 |   0  86 102  64 
     5 with the middle finger bent forward at the knuckle
 B-bent      0  85   5   5 |   0  85   5   5 |   0  85   5   5 |   0  85   5   5 |  12   5  10   5   5
     fingers straight and together, bent at the knuckles, the thumb beside the palm
-B-open      0   0   3   3 |   0   0   3   3 |   0   0   3   3 |   0   0   3   3 |   2  -8   0   0   0
+B-open      0   0   3   3 |   0   0   3   3 |   0   0   3   3 |   0   0   3   3 |   2 -22   0   0   0
     fingers straight and together, the thumb out beside them
 C-flat      0  60   6   4 |   0  62   6   4 |   0  64   6   4 |   0  66   6   4 |  38  32  46   5   0
     fingers together, straight, bent at the knuckles; the thumb opposite, apart, as an open beak

@@ -171,9 +171,9 @@ def _posture(at: _Line, fields: dict[str, str], before: Posture | None, prefix: 
     if "by" in fields:
         changes["part"] = _one_of(at, f"{prefix}by", fields["by"], PARTS)
     if "off" in fields:
-        changes["off"] = _number(at, "off", fields["off"], -5.0, 60.0)
+        changes["off"] = _number(at, f"{prefix}off", fields["off"], -5.0, 60.0)
     if "shift" in fields:
-        changes["shift"] = _shift(at, fields["shift"])
+        changes["shift"] = _shift(at, f"{prefix}shift", fields["shift"])
     for key in ("palm", "fingers"):
         if key in fields:
             changes[key] = _direction(at, fields[key])
@@ -192,6 +192,8 @@ def _path(at: _Line, text: str) -> Path:
     if kind == "circle":
         plane = _one_of(at, "plane", rest[0], PLANES)
         turns = _number(at, "path", rest[2], -6.0, 6.0)
+        if abs(turns) < 0.25:
+            raise at.error(f"path={text}, expected a quarter of a turn or more")
         return Path(kind, plane=plane, size=_number(at, "path", rest[1], 0.5, 30.0), turns=turns)
     if kind == "zigzag":
         turns = _number(at, "path", rest[2], 0.5, 8.0)
@@ -224,11 +226,11 @@ def _direction(at: _Line, text: str) -> Vector:
     return x, y, z
 
 
-def _shift(at: _Line, text: str) -> Vector:
+def _shift(at: _Line, key: str, text: str) -> Vector:
     words = text.split(",")
     if len(words) != 3:
-        raise at.error(f"shift={text}, expected three numbers in cm: out,up,fwd")
-    x, y, z = (_number(at, "shift", word, -60.0, 60.0) for word in words)
+        raise at.error(f"{key}={text}, expected three numbers in cm: out,up,fwd")
+    x, y, z = (_number(at, key, word, -60.0, 60.0) for word in words)
     return x, y, z
 
 
@@ -243,8 +245,9 @@ def _number(at: _Line, key: str, text: str, low: float, high: float, whole: bool
 
 
 def _one_of(at: _Line, key: str, value: str, known: Iterable[str]) -> str:
-    names = [name for name in known if name]
-    if value and value not in names:
+    known = list(known)
+    if value not in known:
+        names = [name for name in known if name]
         near = difflib.get_close_matches(value, names, 3, 0.5)
         hint = f"did you mean {' or '.join(near)}?" if near else f"expected one of {', '.join(names)}"
         raise at.error(f"unknown {key} {value!r}; {hint}")

@@ -30,7 +30,7 @@ FIRST_HOLD_S, INNER_HOLD_S, LAST_HOLD_S = 0.15, 0.07, 0.40
 """Usual holds of a citation form; the last one is the longest (Liddell and Johnson 1989)."""
 LAST_TOUCH_S = 0.1
 """A last hold that touches: hands rest on the body for a moment only."""
-STROKE, PREPARATION, RETRACTION = 0.70, 1.06, 1.15
+STROKE, PREPARATION, RETRACTION = 0.70, 1.06, 1.25
 """Time of the sign's movements and of the ways from and to rest over what the travel law gives."""
 REST_S = 0.17
 CYCLE_S = {"wiggle": 0.28, "bend": 0.30, "twist": 0.26, "nod": 0.28, "tremble": 0.15}
@@ -77,13 +77,13 @@ def isolated(sign: Sign, who: Signer = STANDARD, take: int = 0, fps: float = FPS
     before, after = (max(2, round(fps * REST_S * rng.uniform(0.7, 1.6))) for _ in range(2))
     up = _reach_frames(rest, core[0], who, fps, PREPARATION * rng.uniform(0.94, 1.06))
     down = _reach_frames(core[-1], rest, who, fps, RETRACTION * rng.uniform(0.94, 1.06))
-    still = np.broadcast_to(rest, (3, pose.SIZE))
+    still = _still(rest)
     states = np.concatenate(
         [
             np.broadcast_to(rest, (before, pose.SIZE)),
-            course.reach(still, core[:3], up, who),
+            course.reach(still, _still(core[0]), up, who),
             core,
-            course.reach(core[-3:], still, down, who),
+            course.reach(_still(core[-1]), still, down, who),
             np.broadcast_to(rest, (after, pose.SIZE)),
         ]
     )
@@ -92,6 +92,10 @@ def isolated(sign: Sign, who: Signer = STANDARD, take: int = 0, fps: float = FPS
     made.overlay(states, offset)
     states = clear(states, who)
     return Word(sign, who, states, pose.clip(states, who, fps, sign.gloss), made.events(before - 1, offset, down))
+
+
+def _still(state: Float) -> Float:
+    return np.broadcast_to(state, (3, pose.SIZE))
 
 
 def resting(who: Signer, *names: str | int) -> Float:
@@ -304,8 +308,8 @@ class _Way:
         core = self.core
         move = pieces * course.travel_seconds(float(length) / pieces, replace(core.who, tempo=1.0)) * STROKE
         turned = np.linalg.norm(both[-1, :, pose.TURN] - both[0, :, pose.TURN], axis=-1).max()
-        formed = np.abs(both[-1, :, pose.FINGERS] - both[0, :, pose.FINGERS]).mean(axis=-1).max()
-        least = max(move, 0.10 + 0.13 * float(turned), 0.0 if formed < 0.02 else 0.13 + 0.12 * float(formed))
+        formed = np.abs(both[-1, :, pose.FINGERS] - both[0, :, pose.FINGERS]).max()
+        least = max(move, 0.10 + 0.13 * float(turned), 0.0 if formed < 0.1 else 0.12 + 0.06 * float(formed))
         if local is not None:
             least = max(least, CYCLE_S[local.kind] * local.cycles)
         return least

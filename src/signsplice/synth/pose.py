@@ -41,7 +41,7 @@ ELBOW_LIMIT = np.deg2rad(148.0)
 
 _X = np.array([1.0, 0.0, 0.0])
 _HINT = np.array([-0.55, -1.0, -0.35])  # a right elbow hangs down, out and a little back
-_SWIVELS = np.deg2rad(np.linspace(-45.0, 75.0, 13))
+_SWIVELS = np.deg2rad(np.linspace(-75.0, 45.0, 13))  # negative lifts the elbow outwards
 _EASE = np.deg2rad([60.0, 22.0, 42.0, 32.0])  # turns of forearm, wrist sideways, wrist bent, elbow that cost 1
 _SHARPNESS = 2.5
 
@@ -133,7 +133,7 @@ def wrist_angles(arm: Arm, turns: Float, who: Signer) -> Wrist:
     """
     about = rotation.rotate(rotation.inverse(arm.fore), arm.way)[..., None, :]
     asked = rotation.exp(turns)[..., None, :]
-    usual = np.deg2rad(who.elbow_deg)
+    usual = -np.deg2rad(who.elbow_deg)
     relative = rotation.multiply(rotation.exp(-_SWIVELS[:, None] * about), asked)
     turn, deviation, flexion = _split(relative)
     angles = np.stack([turn, deviation, flexion, np.broadcast_to(_SWIVELS - usual, turn.shape)], axis=-1)
@@ -166,7 +166,8 @@ def rotations(states: Float, who: Signer) -> tuple[Float, Float]:
         local[:, JOINTS[name]] = rotation.exp(states[:, TRUNK] / 3.0)
     for name, share in (("Neck", 0.4), ("Head", 0.6)):
         local[:, JOINTS[name]] = rotation.exp(share * states[:, HEAD])
-    _stand(local, states[:, ROOT])
+    way = states[:, ROOT] * (np.array([-1.0, 1.0, 1.0]) if who.left_handed else 1.0)
+    _stand(local, way)
     parts = hands(states)
     arm = reach(parts[..., WRIST], who)
     wrist = wrist_angles(arm, parts[..., TURN], who)
@@ -190,8 +191,8 @@ def rotations(states: Float, who: Signer) -> tuple[Float, Float]:
             local[:, JOINTS[side + name]] = q[:, n] * mirror
         first = JOINTS[f"{side}HandThumb1"]
         local[:, first : first + 15] = fingers[:, n] * mirror
-    root = states[:, ROOT] * who.scale + skeleton(who).offsets[0]
-    if who.left_handed:  # trunk, head and sway are written for a right-handed signer
+    root = way * who.scale + skeleton(who).offsets[0]
+    if who.left_handed:  # trunk and head, as the sway above, are written for a right-handed signer
         middle = [JOINTS[name] for name in ("Spine", "Spine1", "Spine2", "Neck", "Head")]
         local[:, middle] *= np.array([1.0, -1.0, -1.0, 1.0])
     return local, root

@@ -21,7 +21,7 @@ from signsplice.synth.planner import Word
 
 Float = NDArray[np.float64]
 
-NEAR = 0.55
+NEAR = 0.45
 """Travel (shoulder widths) up to which two places are near one another."""
 OTHER_SHAPE = 0.42
 """Mean change of the finger angles (radians) from which two handshapes are different."""
@@ -29,15 +29,15 @@ ALIGNED = 0.35
 """Cosine from which two directions agree (and below the negative of which they oppose)."""
 
 # By how a movement lies to the travel between the words: opposed, across, along.
-LEAVE_HELD = (0.24, 0.32, 0.40)
+LEAVE_HELD = (0.26, 0.35, 0.43)
 """Share of the last movement, before a hold, that is left out."""
 LEAVE_FREE = (0.16, 0.24, 0.32)
 """Share of the last movement, before a retraction that leads away from the next word, that is left out."""
-LEAVE_DOWN = (0.0, 0.20, 0.28)
+LEAVE_DOWN = (0.0, 0.22, 0.28)
 """Share of the retraction, after a touch or without a hold before it, that is kept."""
-ENTER_HELD = (0.18, 0.26, 0.34)
+ENTER_HELD = (0.24, 0.32, 0.40)
 """Share of the first movement, after a hold, that is left out."""
-ENTER_UP = (0.16, 0.24, 0.34)
+ENTER_UP = (0.16, 0.25, 0.34)
 """Share of the preparation, with no hold after it, that is kept."""
 KEEP_HOLD = 0.6
 """Share of its only hold that a sign without movement keeps, or one sixth more before another handshape."""

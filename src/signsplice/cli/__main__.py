@@ -1,0 +1,6 @@
+"""``python -m signsplice.cli``."""
+
+from signsplice.cli import main
+
+if __name__ == "__main__":
+    main()

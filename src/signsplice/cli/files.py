@@ -1,0 +1,81 @@
+"""Commands on one file: what it holds, another format, pictures of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from signsplice.cli.clips import PICTURES, Spans, check_outputs, load, write
+from signsplice.errors import InputError
+
+
+@click.command()
+@click.argument("file", metavar="FILE")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+@click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
+def inspect(file: str, as_json: bool, roles: str | None) -> None:
+    """Show a clip's rig, roles found, rate, frames, units, rest spans and warnings."""
+    from signsplice.inspection import inspect as look
+
+    facts = look(load(file, roles), file)
+    if as_json:
+        print(json.dumps(facts, indent=2, ensure_ascii=False))
+        return
+    for key, value in facts.items():
+        if key == "roles":
+            print(f"roles      {len(value)} found")
+            for role, joint in value.items():
+                print(f"           {role:24} {joint}")
+        elif isinstance(value, list):
+            print(f"{key:10} {'none' if not value else ''}".rstrip())
+            for line in value:
+                print(f"           {line}")
+        else:
+            print(f"{key:10} {value}")
+
+
+@click.command()
+@click.argument("source", metavar="IN")
+@click.argument("output", metavar="OUT")
+def convert(source: str, output: str) -> None:
+    """Turn one file into another, by suffix."""
+    check_outputs(output)
+    clip = load(source)
+    write(clip, output)
+    print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
+
+
+@click.command()
+@click.argument("source", metavar="IN")
+@click.argument("output", metavar="OUT.(png|gif|mp4)")
+@click.option("--report", metavar="R.json", help="The splice's report, so that its transitions are marked.")
+@click.option("--view", default="front", show_default=True, metavar="VIEW", help="front, three-quarter or side.")
+def render(source: str, output: str, report: str | None, view: str) -> None:
+    """Draw the signer: a contact sheet (.png), or a film (.gif, .mp4)."""
+    if Path(output).suffix.lower() not in PICTURES:
+        raise InputError(f"{output}: expected a name that ends in {', '.join(PICTURES)}; use convert for other files")
+    check_outputs(output)
+    clip = load(source)
+    write(clip, output, _reported_spans(report, len(clip)) if report is not None else (), view)
+    print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
+
+
+def _reported_spans(path: str, n_frames: int) -> Spans:
+    """Spans of a splice's report, checked against the clip they are to mark."""
+    from signsplice.formats.atomic import read_bytes
+
+    try:
+        report = json.loads(read_bytes(path))
+        spans = [(str(s["kind"]), s["name"] or "", int(s["output"][0]), int(s["output"][1])) for s in report["spans"]]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: is no report of a splice ({error})") from error
+    if spans and spans[-1][3] != n_frames:
+        raise InputError(
+            f"{path}: tells of {spans[-1][3]} frames, but the clip has {n_frames}; is it another clip's report?"
+        )
+    return spans
+
+
+COMMANDS = (inspect, convert, render)

@@ -1,0 +1,145 @@
+"""Commands on lexicons: building one, and seeing what one holds and whether it is whole."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from signsplice.cli.terminal import progress, warn
+
+if TYPE_CHECKING:
+    from signsplice.lexicon import Entry, Lexicon
+
+
+@click.group()
+def lexicon() -> None:
+    """Build, list and check lexicons: gloss -> clip."""
+
+
+@lexicon.command()
+@click.argument("folder", metavar="DIR")
+@click.option("-o", "--output", required=True, metavar="LEX", help="Folder to make; a lexicon there is replaced.")
+@click.option("--compact", is_flag=True, help="Rotations in 16 bits: half the size, within 0.0001 rad.")
+@click.option("--signer", default="", metavar="NAME", help="Who signs, where glosses.csv does not say.")
+@click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
+@click.option("--skip-broken", is_flag=True, help="Leave broken clips out, with a warning each.")
+def build(folder: str, output: str, compact: bool, signer: str, roles: str | None, skip_broken: bool) -> None:
+    """Make a lexicon of every clip below a folder.
+
+    Glosses are the files' names, or stand in DIR/glosses.csv.
+    """
+    from signsplice import lexicon as wing
+
+    named = _roles(roles)
+    with progress(f"building {Path(output).name}") as advance:
+        built = wing.build(
+            folder,
+            output,
+            compact=compact,
+            signer=signer,
+            roles=named,
+            skip_broken=skip_broken,
+            progress=advance,
+        )
+    warn(built.warnings)
+    print(f"{output}: {_count(built.n_words, built.n_letters)}, {built.n_bytes / 1e6:.1f} MB, {built.form}")
+
+
+@lexicon.command("list")
+@click.argument("path", metavar="[LEX]", required=False)
+@click.option("--search", metavar="TEXT", help="Only words with TEXT in their gloss or a synonym, in any case.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+def list_words(path: str | None, search: str | None, as_json: bool) -> None:
+    """List the words of a lexicon; default the one that ships."""
+    from signsplice.lexicon.entry import fold
+
+    with open_words(path) as words:
+        wanted = fold(search or "")
+        entries = [
+            entry for entry in words.entries() if any(wanted in fold(name) for name in (entry.gloss, *entry.synonyms))
+        ]
+        if as_json:
+            told = {"version": 1, "lexicon": str(words.path), "form": words.form, "bytes": words.n_bytes}
+            print(json.dumps(told | {"words": [_facts(entry) for entry in entries]}, indent=2, ensure_ascii=False))
+            return
+        for entry in entries:
+            print(_line(entry))
+        n_letters = sum(entry.kind == "letter" for entry in entries)
+        print(f"{words.path}: {_count(len(entries), n_letters)}" + (f" of {len(words)}" if search else ""))
+
+
+def _facts(entry: Entry) -> dict[str, Any]:
+    return {
+        "gloss": entry.gloss,
+        "kind": entry.kind,
+        "synonyms": list(entry.synonyms),
+        "fps": entry.fps,
+        "frames": entry.n_frames,
+        "seconds": round(entry.seconds, 3),
+        "rest_before": entry.rest_before,
+        "rest_after": entry.rest_after,
+        "signer": entry.signer,
+        "source": entry.source,
+        "checked": entry.checked,
+        "sha256": entry.sha256,
+    }
+
+
+def _line(entry: Entry) -> str:
+    notes = [entry.signer, "checked" if entry.checked else ""]
+    notes.append(f"also {', '.join(entry.synonyms)}" if entry.synonyms else "")
+    told = "; ".join(note for note in notes if note)
+    return f"{entry.gloss:24} {entry.kind:6} {entry.seconds:6.2f} s {entry.fps:7.2f} fps  {told}".rstrip()
+
+
+def _count(n_words: int, n_letters: int) -> str:
+    words = f"{n_words} word{'s' if n_words != 1 else ''}"
+    return words + (f", {n_letters} of them letters" if n_letters else "")
+
+
+@lexicon.command()
+@click.argument("path", metavar="DIR")
+@click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
+def check(path: str, roles: str | None) -> None:
+    """Name every fault of a folder of clips, or of a lexicon.
+
+    The exit status is 1 where there is one.
+    """
+    from signsplice.lexicon import folder
+    from signsplice.lexicon.index import INDEX
+
+    named = _roles(roles)
+    if (Path(path) / INDEX).exists():
+        with open_words(path) as words:
+            found, faults = _count(len(words), 0), list(words.faults())
+    else:
+        with progress(f"checking {Path(path).name}") as advance:
+            n_clips, faults = folder.check(path, named, advance)
+        found = f"{n_clips} clip{'s' if n_clips != 1 else ''}"
+    for fault in faults:
+        print(" ".join(fault.splitlines()))
+    print(f"{path}: {found}, {len(faults) or 'no'} fault{'s' if len(faults) != 1 else ''}")
+    if faults:
+        sys.exit(1)
+
+
+def _roles(path: str | None) -> dict[str, str] | None:
+    if path is None:
+        return None
+    from signsplice.formats.roles import read
+
+    return read(path)
+
+
+def open_words(path: str | None) -> Lexicon:
+    """The lexicon at a path, or the one that ships."""
+    from signsplice import lexicon as wing
+
+    return wing.shipped() if path is None else wing.open(path)
+
+
+COMMANDS = (lexicon,)

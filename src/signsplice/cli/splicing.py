@@ -1,0 +1,219 @@
+"""Commands that splice: whole clips, gaps within one, and what there is to splice with."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from signsplice.cli.clips import check_outputs, load, with_roles, write
+from signsplice.cli.lexicon import open_words
+from signsplice.cli.terminal import progress, warn
+from signsplice.errors import InputError
+
+if TYPE_CHECKING:
+    from signsplice.splicing.engine import SpliceOptions, SpliceResult
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def splicing_options(command: Command) -> Command:
+    """The dials that ``splice`` and ``sentence`` share."""
+    for option in reversed(
+        (
+            click.option(
+                "-o", "--output", required=True, metavar="OUT", help="File to write: .bvh .npz .png .gif .mp4"
+            ),
+            click.option("--cutter", metavar="NAME", help="How splice points are found; see `signsplice methods`."),
+            click.option(
+                "--transition", metavar="NAME", help="How the frames between are made; see `signsplice methods`."
+            ),
+            click.option(
+                "--transition-time",
+                default="auto",
+                show_default=True,
+                metavar="auto|fixed|travel|speed|SECONDS",
+                help="Length of a transition: auto follows the hand's travel and the signer.",
+            ),
+            click.option(
+                "--sign-speed", type=float, default=1.0, show_default=True, metavar="X", help="Speed of the signs."
+            ),
+            click.option("--fps", type=float, metavar="N", help="Output rate; default that of the first clip."),
+            click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name."),
+            click.option("--report", metavar="R.json", help="Write spans, seams and timing as JSON."),
+        )
+    ):
+        command = option(command)
+    return command
+
+
+@click.command()
+@click.argument("clips", nargs=-1, required=True, metavar="A.bvh B.bvh [C.bvh ...]")
+@splicing_options
+def splice(clips: tuple[str, ...], output: str, report: str | None, roles: str | None, **dials: Any) -> None:
+    """Join clips in order into one continuous animation."""
+    from signsplice.splicing import engine
+
+    check_outputs(output, report)
+    options = _options(**dials)
+    began = time.perf_counter()
+    loaded = [load(path, roles) for path in clips]
+    load_ms = 1e3 * (time.perf_counter() - began)
+    result = engine.splice(loaded, options)
+    deliver(result, output, report, load_ms)
+
+
+@click.command()
+@click.argument("glosses", nargs=-1, required=True, metavar='"GLOSS GLOSS ..."')
+@click.option("--lexicon", metavar="DIR", help="Lexicon of the words; default the one that ships.")
+@click.option("--no-spell", is_flag=True, help="Refuse words that are not in the lexicon rather than spell them.")
+@splicing_options
+def sentence(
+    glosses: tuple[str, ...],
+    lexicon: str | None,
+    no_spell: bool,
+    output: str,
+    report: str | None,
+    roles: str | None,
+    **dials: Any,
+) -> None:
+    """Sign a line of glosses with the words of a lexicon."""
+    from signsplice.lexicon.sentence import parse
+    from signsplice.splicing import engine
+
+    check_outputs(output, report)
+    options = _options(**dials)
+    began = time.perf_counter()
+    with open_words(lexicon) as words:
+        units = parse(" ".join(glosses), words, spell=not no_spell)
+        line = [gloss for unit in units for gloss in unit.glosses]
+        clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(line)}
+    if roles is not None:
+        clips = dict(zip(clips, with_roles(list(clips.values()), roles), strict=True))
+    load_ms = 1e3 * (time.perf_counter() - began)
+    warn(unit.warning for unit in units if unit.warning)
+    deliver(engine.splice([clips[gloss] for gloss in line], options), output, report, load_ms)
+
+
+def _options(transition_time: str, cutter: str | None, transition: str | None, **dials: Any) -> SpliceOptions:
+    from signsplice.splicing.cut import DEFAULT_CUTTER
+    from signsplice.splicing.duration import find_duration
+    from signsplice.splicing.engine import SpliceOptions
+    from signsplice.splicing.transition import DEFAULT_TRANSITION
+
+    try:
+        seconds, rule = float(transition_time), "auto"
+    except ValueError:
+        seconds, rule = None, find_duration(transition_time).name
+    return SpliceOptions(
+        cutter=cutter or DEFAULT_CUTTER,
+        transition=transition or DEFAULT_TRANSITION,
+        duration=rule,
+        transition_time=seconds,
+        **dials,
+    )
+
+
+def deliver(result: SpliceResult, output: str, report: str | None, load_ms: float) -> None:
+    """Write the clip and the report, and say what came out."""
+    from signsplice.splicing import report as reports
+
+    began = time.perf_counter()
+    write(result.clip, output, [(span.kind, span.name or "", *span.output) for span in result.spans])
+    save_ms = 1e3 * (time.perf_counter() - began)
+    if report is not None:
+        reports.write(reports.describe(result, {"load": load_ms, "save": save_ms}), report)
+    warn(result.warnings)
+    for seam in result.seams:
+        warn(f"{seam.before} -> {seam.after}: {line}" for line in seam.warnings)
+    print(f"{output}: {len(result.clip)} frames, {result.clip.seconds:.2f} s, {len(result.seams)} seams")
+
+
+@click.command()
+@click.argument("clip", metavar="CLIP")
+@click.option(
+    "--gap", "gaps", multiple=True, required=True, metavar="A:B", help="Frames A..B-1 to make anew; may be repeated."
+)
+@click.option("-o", "--output", required=True, metavar="OUT", help="File to write: .bvh .npz .png .gif .mp4")
+@click.option("--transition", metavar="NAME", help="How the frames are made; see `signsplice methods`.")
+@click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
+@click.option("--report", metavar="R.json", help="Write spans, seams and timing as JSON.")
+def inbetween(
+    clip: str, gaps: tuple[str, ...], output: str, transition: str | None, roles: str | None, report: str | None
+) -> None:
+    """Fill frames of a clip anew from what surrounds them; every other frame stays as it is."""
+    from signsplice.splicing import engine
+    from signsplice.splicing.transition import DEFAULT_TRANSITION
+
+    check_outputs(output, report)
+    ranges = [_gap(text) for text in gaps]
+    began = time.perf_counter()
+    loaded = load(clip, roles)
+    load_ms = 1e3 * (time.perf_counter() - began)
+    deliver(engine.inbetween(loaded, ranges, transition or DEFAULT_TRANSITION), output, report, load_ms)
+
+
+def _gap(text: str) -> tuple[int, int]:
+    start, _, stop = text.partition(":")
+    if not (start.isdecimal() and stop.isdecimal()):
+        raise InputError(f"--gap {text!r}, expected A:B with whole frame numbers, B not included")
+    return int(start), int(stop)
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+def methods(as_json: bool) -> None:
+    """List every cutter, transition and duration by name."""
+    from signsplice.splicing.cut import CUTTERS, DEFAULT_CUTTER
+    from signsplice.splicing.duration import DURATIONS
+    from signsplice.splicing.transition import DEFAULT_TRANSITION, TRANSITIONS
+
+    rows = [
+        {"kind": kind, "name": m.name, "summary": m.summary, "learned": m.learned, "default": m.name == default}
+        for kind, table, default in (
+            ("cutter", CUTTERS, DEFAULT_CUTTER),
+            ("transition", TRANSITIONS, DEFAULT_TRANSITION),
+        )
+        for m in table.values()
+    ]
+    rows += [
+        {"kind": "duration", "name": d.name, "summary": d.summary, "learned": False, "default": d.name == "auto"}
+        for d in DURATIONS.values()
+    ]
+    if as_json:
+        print(json.dumps(rows, indent=2))
+        return
+    for row in rows:
+        notes = "".join(f" [{note}]" for note in ("learned", "default") if row[note])
+        print(f"{row['kind']:11} {row['name']:14} {row['summary']}{notes}")
+
+
+@click.command()
+@click.option(
+    "--clips", "files", multiple=True, required=True, metavar="FILE", help="Clip to hide frames of; may be repeated."
+)
+@click.option("--fps", type=float, metavar="N", help="Bring the clips to this rate first.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+def evaluate(files: tuple[str, ...], fps: float | None, as_json: bool) -> None:
+    """Hide frames of real clips and measure how well every transition fills them."""
+    from dataclasses import asdict
+
+    from signsplice.motion.clip import resample
+    from signsplice.splicing.evaluate import SIGNATURE, hidden_frames, table
+    from signsplice.splicing.transition import TRANSITIONS
+
+    clips = [load(file) for file in files]
+    if fps is not None:
+        clips = [resample(clip, fps) for clip in clips]
+    with progress("evaluate") as advance:
+        rows = hidden_frames(clips, list(TRANSITIONS.values()), progress=advance)
+    if as_json:
+        print(json.dumps({"signature": SIGNATURE, "rows": [asdict(row) for row in rows]}, indent=2))
+        return
+    print("\n".join(table(rows)))
+
+
+COMMANDS = (splice, sentence, inbetween, methods, evaluate)

@@ -1,0 +1,165 @@
+"""Commands of the procedural signer: lexicons, sentences and pairs with the truth of every splice."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from signsplice.cli.terminal import progress
+from signsplice.errors import InputError
+
+if TYPE_CHECKING:
+    from signsplice.synth.phonology import Sign
+
+_OUT = click.option("-o", "--output", required=True, metavar="DIR", help="Folder to make; an earlier one is replaced.")
+_SIGNS = click.option("--signs", metavar="FILE", help="Signs in notation, in place of those that ship.")
+_WORDS = click.option(
+    "--words", type=int, metavar="N", help="How many words, drawn by seed; default as each command says."
+)
+_PSEUDO = click.option("--pseudo", type=int, default=0, metavar="N", help="Pseudo-signs besides: random and lawful.")
+_SEED = click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of signers, takes and draws.")
+_FPS = click.option("--fps", type=float, default=30.0, show_default=True, metavar="N", help="Frame rate.")
+
+
+@click.group()
+def synth() -> None:
+    """Make motion of the procedural signer, with the exact truth of every splice."""
+
+
+@synth.command()
+@_OUT
+@_SIGNS
+@_WORDS
+@_PSEUDO
+@click.option("--letters/--no-letters", default=True, help="The manual alphabet and digits too.")
+@_SEED
+@_FPS
+def lexicon(
+    output: str, signs: str | None, words: int | None, pseudo: int, letters: bool, seed: int, fps: float
+) -> None:
+    """Isolated words as a folder of BVH with glosses.csv; default: every word and letter that ships."""
+    from signsplice.synth import folders, notation
+    from signsplice.synth.corpus import Recipe
+
+    chosen = list(notation.alphabet().values()) if letters and signs is None else []
+    chosen += _chosen(signs, words, pseudo, seed)
+    recipe = Recipe(tuple(chosen), seed, _rate(fps))
+    with progress(f"signing {len(chosen)} words") as advance:
+        folders.write_lexicon(chosen, recipe.signers()[0], Path(output), fps, advance)
+    print(f"{output}: {len(chosen)} words, signer {recipe.signers()[0].name}; no signer has checked them")
+
+
+@synth.command()
+@_OUT
+@click.option("--count", type=int, default=20, show_default=True, metavar="N", help="How many sentences.")
+@_SIGNS
+@_WORDS
+@_PSEUDO
+@_SEED
+@_FPS
+@click.option("--exact", is_flag=True, help="No weak hand stays up and no pronoun assimilates.")
+def sentences(
+    output: str, count: int, signs: str | None, words: int | None, pseudo: int, seed: int, fps: float, exact: bool
+) -> None:
+    """Random sentences of 3 to 12 words as BVH, their isolated words, and the truth of every seam."""
+    from signsplice.synth import folders
+    from signsplice.synth.corpus import Recipe
+
+    if count < 1:
+        raise InputError(f"--count {count}, expected at least 1")
+    recipe = Recipe(tuple(_chosen(signs, words, pseudo, seed, least=2)), seed, _rate(fps))
+    with progress(f"signing {count} sentences") as advance:
+        folders.write_sentences(recipe, count, Path(output), not exact, advance)
+    print(f"{output}: {count} sentences of {len(recipe.signs)} words, recipe {recipe.hash}")
+
+
+@synth.command()
+@_OUT
+@_SIGNS
+@_WORDS
+@_PSEUDO
+@_SEED
+@_FPS
+@click.option(
+    "--other-signer",
+    type=int,
+    default=1000,
+    show_default=True,
+    metavar="N",
+    help="Pairs by a second signer, for tests.",
+)
+@click.option("--processes", type=int, default=2, show_default=True, metavar="N", help="How many work at once.")
+def pairs(
+    output: str,
+    signs: str | None,
+    words: int | None,
+    pseudo: int,
+    seed: int,
+    fps: float,
+    other_signer: int,
+    processes: int,
+) -> None:
+    """All ordered pairs of words (100 by default: 10,000) with true positions, transitions and splits."""
+    from signsplice.synth.corpus import Pairs, Recipe, write_pairs
+
+    if other_signer < 0 or processes < 1:
+        raise InputError(f"--other-signer {other_signer} --processes {processes}, expected at least 0 and 1")
+    if words is None and signs is None and not pseudo:
+        words = 100
+    chosen = tuple(_chosen(signs, words, pseudo, seed, least=2))
+    recipe = Recipe(chosen, seed, _rate(fps), min(other_signer, len(chosen) ** 2))
+    with progress(f"joining {len(chosen) ** 2} pairs") as advance:
+        write_pairs(recipe, Path(output), advance, processes)
+    made = Pairs(output)
+    size = sum(path.stat().st_size for path in Path(output).iterdir()) / 1e6
+    print(f"{output}: {len(made)} pairs of {len(chosen)} words, {size:.0f} MB, recipe {recipe.hash}")
+
+
+@synth.command()
+@click.argument("corpus", metavar="PAIRS")
+@click.option("--page", required=True, metavar="FILE.md", help="Page with two marks, between which the tables go.")
+@click.option("--images", required=True, metavar="DIR", help="Folder for plots and contact sheets.")
+@click.option("--real", metavar="DIR", help="BVH of real signing, for columns beside ours.")
+def study(corpus: str, page: str, images: str, real: str | None) -> None:
+    """Hold a corpus of pairs against real signing, simple rules and the body's limits; tables, plots, pictures."""
+    from signsplice.study import pages
+    from signsplice.synth.corpus import Pairs
+
+    if not Path(images).is_dir():
+        raise InputError(f"{images}: no such folder; make it first")
+    if real is not None and not Path(real).is_dir():
+        raise InputError(f"{real}: no such folder, expected one with .bvh files")
+    found = pages.read_real(None if real is None else Path(real))
+    pages.write(Pairs(corpus), Path(page), Path(images), found, progress)
+    print(f"{page}: tables; {images}: plots and contact sheets")
+
+
+def _chosen(path: str | None, n_words: int | None, n_pseudo: int, seed: int, least: int = 1) -> list[Sign]:
+    """The signs of a call: of a file or those that ship, some of them drawn by seed, and pseudo-signs."""
+    from signsplice.synth import notation, pseudo
+    from signsplice.synth.rng import stream
+
+    if n_pseudo < 0 or (n_words is not None and n_words < 0):
+        raise InputError(f"--words {n_words} --pseudo {n_pseudo}, expected numbers from 0 on")
+    known = list((notation.everyday() if path is None else notation.read(path)).values())
+    if n_words is None:
+        n_words = len(known)
+    if n_words > len(known):
+        where = path or "the words that ship"
+        raise InputError(f"--words {n_words}, but there are {len(known)} in {where}; fill up with --pseudo N")
+    order = sorted(stream("choose", seed).permutation(len(known))[:n_words].tolist())
+    chosen = [known[k] for k in order] + [pseudo.sign(100_000 * seed + k) for k in range(n_pseudo)]
+    if len(chosen) < least:
+        raise InputError(f"{len(chosen)} words chosen, expected at least {least}")
+    return chosen
+
+
+def _rate(fps: float) -> float:
+    if not 10.0 <= fps <= 240.0:
+        raise InputError(f"--fps {fps:g}, expected 10 to 240")
+    return fps
+
+
+COMMANDS = (synth,)

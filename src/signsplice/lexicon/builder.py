@@ -1,0 +1,193 @@
+"""Lexicons written word by word, whole or not at all: in a hidden folder beside the target, which takes its name at the
+end.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from weakref import WeakKeyDictionary
+
+from signsplice.errors import InputError
+from signsplice.lexicon.entry import Entry, fold, gloss_of, kind_of
+from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, encode, fingerprint
+from signsplice.lexicon.index import APPLICATION_ID, INDEX, Head, IndexWriter, Place, application_id, describe, sha256
+from signsplice.motion.arms import active_span, arms
+from signsplice.motion.clip import Clip, Skeleton
+
+
+class Builder:
+    """A lexicon in the making; ``building`` opens and finishes it. Memory does not grow with the frames added."""
+
+    def __init__(self, folder: Path, form: str) -> None:
+        self.form = form
+        self.n_words = 0
+        self._frames = (folder / FRAMES).open("wb")
+        try:
+            self._frames.write(bytes(HEAD_BYTES))
+            self._index = IndexWriter(folder / INDEX)
+        except BaseException:
+            self._frames.close()
+            raise
+        self._at = HEAD_BYTES
+        self._names: dict[str, str] = {}
+        self._skeletons: dict[str, tuple[int, str, Skeleton]] = {}
+        self._seen: WeakKeyDictionary[Skeleton, str] = WeakKeyDictionary()
+        self._digest = hashlib.sha256()
+
+    @property
+    def n_bytes(self) -> int:
+        """Size of the frames so far."""
+        return self._at
+
+    def add(
+        self,
+        clip: Clip,
+        gloss: str = "",
+        *,
+        kind: str = "",
+        synonyms: Iterable[str] = (),
+        signer: str = "",
+        source: str = "",
+        checked: bool = False,
+    ) -> Entry:
+        """The entry of a clip that was added; its gloss is the clip's name unless given, its kind what the gloss tells.
+
+        Raises ``InputError`` where a gloss or synonym is there already or is none; the lexicon can then go on.
+        """
+        gloss = gloss_of(gloss or clip.name)
+        kind = kind_of(gloss, kind)
+        other_names = tuple(dict.fromkeys(name for name in map(gloss_of, synonyms) if fold(name) != fold(gloss)))
+        for name in (gloss, *other_names):
+            if fold(name) in self._names:
+                raise InputError(f"gloss {name!r} stands twice: for {gloss} and for {self._names[fold(name)]}")
+        block = encode(clip, self.form)
+        number, skeleton_sha256, skeleton = self._skeleton(clip.skeleton)
+        before, after = rest(replace(clip, skeleton=skeleton))
+        entry = Entry(
+            gloss=gloss,
+            kind=kind,
+            synonyms=other_names,
+            fps=clip.fps,
+            n_frames=len(clip),
+            signer=signer,
+            source=source,
+            checked=checked,
+            rest_before=before,
+            rest_after=after,
+            sha256=fingerprint(block, skeleton_sha256, clip.fps, len(clip)),
+        )
+        self._frames.write(block)
+        self._index.add_word(entry, Place(number, self._at, len(block), clip.translations is not None))
+        self._names |= {fold(name): gloss for name in (gloss, *other_names)}
+        self._digest.update(bytes.fromhex(entry.sha256))
+        self._at += len(block)
+        self.n_words += 1
+        return entry
+
+    def _skeleton(self, skeleton: Skeleton) -> tuple[int, str, Skeleton]:
+        """The number, SHA-256 and first copy of a skeleton, which is written when it is new."""
+        described = self._seen.get(skeleton)
+        if described is None:
+            described = self._seen[skeleton] = describe(skeleton)
+        if described not in self._skeletons:
+            self._skeletons[described] = (self._index.add_skeleton(described), sha256(described), skeleton)
+        return self._skeletons[described]
+
+    def finish(self) -> None:
+        """Write both heads, and all to the disk."""
+        if not self.n_words:
+            raise InputError("no word was added, expected at least one")
+        self._frames.seek(0)
+        self._frames.write(MAGIC + self._digest.digest())
+        self._frames.flush()
+        os.fsync(self._frames.fileno())
+        self._index.finish(Head(self.form, self.n_words, self._at, self._digest.hexdigest()))
+
+    def close(self) -> None:
+        """Let go of both files."""
+        try:
+            self._index.close()
+        finally:
+            self._frames.close()
+
+
+@contextmanager
+def building(path: str | Path, *, compact: bool = False) -> Iterator[Builder]:
+    """A builder whose lexicon lies at ``path`` when the block ends well; when it does not, nothing has changed there.
+
+    A lexicon that lies there already is replaced. compact: int16 rotations, half the size. Raises ``InputError`` where
+    something else lies there, or it cannot be written, as on a full disk.
+    """
+    check_target(path)
+    target = Path(path).resolve()
+    temporary: Path | None = None
+    try:
+        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+        builder = Builder(temporary, "int16" if compact else "float32")
+        try:
+            yield builder
+            builder.finish()
+        finally:
+            builder.close()
+        _publish(temporary, target)
+    except (OSError, sqlite3.Error) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be written ({reason}); nothing was left there half-written") from error
+    finally:
+        if temporary is not None:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+
+def check_target(path: str | Path) -> None:
+    """Raise ``InputError`` where no lexicon can be put at ``path``: no folder for it, no permission, or something there
+    that is no lexicon and would be lost.
+    """
+    target = Path(path).resolve()
+    if not target.parent.is_dir():
+        raise InputError(f"{path}: folder {Path(path).parent} does not exist; make it first")
+    if not os.access(target.parent, os.W_OK):
+        raise InputError(f"{path}: folder {Path(path).parent} is not writable")
+    if not target.exists():
+        return
+    if not target.is_dir() or application_id(target / INDEX) != APPLICATION_ID:
+        raise InputError(f"{path}: is there already and is no lexicon, expected a new name or a lexicon to replace")
+    others = sorted(other.name for other in target.iterdir() if other.name not in (INDEX, FRAMES))
+    if others:
+        raise InputError(f"{path}: holds {others[0]} beside its lexicon, which would be lost; move it or choose a name")
+
+
+def _publish(temporary: Path, target: Path) -> None:
+    """Let a finished folder take the target's name; the lexicon that had it comes back if that fails."""
+    umask = os.umask(0)  # mkdtemp makes a private folder
+    os.umask(umask)
+    temporary.chmod(0o777 & ~umask)
+    if not target.exists():
+        temporary.rename(target)
+        return
+    attic = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+    try:
+        target.rename(attic / "old")
+        temporary.rename(target)
+    except BaseException:
+        if (attic / "old").exists() and not target.exists():
+            (attic / "old").rename(target)
+        raise
+    finally:
+        shutil.rmtree(attic, ignore_errors=True)
+
+
+def rest(clip: Clip) -> tuple[int | None, int | None]:
+    """Frames of rest before and after the sign; None where the rig's arms are not known."""
+    try:
+        start, stop = active_span(arms(clip))
+    except InputError:
+        return None, None
+    return start, len(clip) - stop

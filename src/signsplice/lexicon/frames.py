@@ -1,0 +1,160 @@
+"""A clip <-> the bytes it takes in a lexicon's frames file.
+
+What does not move within a word is stored once. In order: a byte for each joint that says whether it turns, one for the
+root's place and, where bone lengths change, one more for each joint; zeros up to a multiple of 8; then for rotations,
+place and bone translations first what is still, then what moves, frame by frame; zeros again. Little-endian. Rotations
+are float32, or int16 in units of 1/32767 (an error below 1e-4 rad); all else is float32. Rotations in int16 that move
+are packed to about a quarter: four bytes that tell how many follow, then their first differences in time, all low bytes
+before all high ones, deflated.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+import zlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.errors import InputError
+from signsplice.motion.clip import Clip, Skeleton
+
+Float = NDArray[np.float64]
+Buffer = bytes | memoryview
+
+FRAMES = "frames.bin"
+MAGIC = b"signsplice frames 2\n".ljust(32, b"\0")
+"""The file begins so; the 32 bytes of the whole lexicon's SHA-256 follow."""
+HEAD_BYTES = len(MAGIC) + 32
+FORMS = ("float32", "int16")
+_UNIT = 32767.0
+_ALIGN = 8
+_LENGTH_TOLERANCE = 2e-4
+"""Rounding changes a quaternion's length by less; a larger change is damage."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What must be known to read a clip's bytes."""
+
+    form: str
+    n_frames: int
+    n_joints: int
+    has_translations: bool
+
+
+def encode(clip: Clip, form: str) -> bytes:
+    """The bytes of a clip's motion in one of ``FORMS``. Raises ``InputError`` where a position is beyond float32."""
+    rotations = clip.local_rotations / np.linalg.norm(clip.local_rotations, axis=-1, keepdims=True)
+    tracks: list[NDArray[Any]] = [
+        np.rint(rotations * _UNIT).astype("<i2") if form == "int16" else rotations.astype("<f4"),
+        _positions(clip.root_positions[:, None], clip.name),
+    ]
+    if clip.translations is not None:
+        tracks.append(_positions(clip.translations, clip.name))
+    moving = [np.any(track != track[:1], axis=(0, 2)) for track in tracks]
+    parts = [_padded(np.concatenate(moving).astype(np.uint8).tobytes())]
+    for track, moves in zip(tracks, moving, strict=True):
+        moved = track[:, moves]
+        parts += [track[0, ~moves].tobytes(), _packed(moved) if moved.dtype.kind == "i" else moved.tobytes()]
+    return _padded(b"".join(parts))
+
+
+def decode(block: Buffer, shape: Shape, skeleton: Skeleton, fps: float, name: str) -> Clip:
+    """The clip whose bytes ``encode`` made, checked. Raises ``InputError`` where the bytes do not hold it."""
+    widths = [shape.n_joints, 1, shape.n_joints][: 3 if shape.has_translations else 2]
+    if len(block) < sum(widths):
+        raise InputError("its frames end early")
+    marks = np.frombuffer(block, np.uint8, sum(widths))
+    if np.any(marks > 1):
+        raise InputError("its frames are not where the index says")
+    moving = [marks[start : start + n].astype(bool) for start, n in zip([0, *np.cumsum(widths)], widths, strict=False)]
+    types = [np.dtype("<i2" if shape.form == "int16" else "<f4"), np.dtype("<f4"), np.dtype("<f4")]
+    at = _aligned(sum(widths))
+    tracks: list[Float] = []
+    for moves, n_parts, dtype in zip(moving, (4, 3, 3), types, strict=False):
+        n_moving = int(moves.sum())
+        n_still = len(moves) - n_moving
+        still = _sound(_numbers(block, dtype, n_parts * n_still, at).reshape(n_still, n_parts))
+        at += still.size * dtype.itemsize
+        count = shape.n_frames * n_moving * n_parts
+        if dtype.kind == "i":
+            numbers, size = _unpacked(block, shape.n_frames, count, at)
+        else:
+            numbers, size = _numbers(block, dtype, count, at), count * dtype.itemsize
+        moved = _sound(numbers.reshape(shape.n_frames, n_moving, n_parts))
+        at += size
+        track = np.empty((shape.n_frames, len(moves), n_parts))
+        track[:, ~moves] = still
+        track[:, moves] = moved
+        tracks.append(track)
+    if _aligned(at) != len(block):
+        raise InputError("its frames are not as many as the index says")
+    return Clip(skeleton, tracks[0], tracks[1][:, 0], fps, name, tracks[2] if shape.has_translations else None)
+
+
+def _numbers(block: Buffer, dtype: np.dtype[Any], count: int, at: int) -> NDArray[Any]:
+    if at + count * dtype.itemsize > len(block):
+        raise InputError("its frames end early")
+    return np.frombuffer(block, dtype, count, at)
+
+
+def _packed(moved: NDArray[np.int16]) -> bytes:
+    """Rotations (T, K, 4) in int16 as bytes; differences wrap round, and so does their sum."""
+    steps = np.diff(moved.reshape(len(moved), -1), axis=0, prepend=np.int16(0)).astype("<i2")
+    split = np.ascontiguousarray(steps.T).view(np.uint8).reshape(-1, 2).T
+    packed = zlib.compress(np.ascontiguousarray(split).tobytes(), 9)
+    return struct.pack("<I", len(packed)) + packed
+
+
+def _unpacked(block: Buffer, n_frames: int, count: int, at: int) -> tuple[NDArray[np.int16], int]:
+    """The numbers (count,) that ``_packed`` made, and how many bytes they took. Never unpacks more than ``count``."""
+    (size,) = struct.unpack("<I", bytes(_numbers(block, np.dtype(np.uint8), 4, at)))
+    packed = bytes(_numbers(block, np.dtype(np.uint8), size, at + 4))
+    try:
+        raw = zlib.decompressobj().decompress(packed, 2 * count + 1) if count else b""
+    except zlib.error as error:
+        raise InputError(f"its frames cannot be unpacked ({error})") from error
+    if len(raw) != 2 * count:
+        raise InputError("its frames are not as many as the index says")
+    split = np.frombuffer(raw, np.uint8).reshape(2, -1)
+    steps = np.ascontiguousarray(split.T).view("<i2").reshape(-1, n_frames)
+    return np.ascontiguousarray(np.cumsum(steps, axis=1, dtype=np.int16).T).reshape(-1), 4 + size
+
+
+def fingerprint(block: Buffer, skeleton_sha256: str, fps: float, n_frames: int) -> str:
+    """The SHA-256 of a word: its skeleton's, its rate and length, its bytes."""
+    digest = hashlib.sha256(bytes.fromhex(skeleton_sha256) + struct.pack("<dq", fps, n_frames))
+    digest.update(block)
+    return digest.hexdigest()
+
+
+def _sound(numbers: NDArray[Any]) -> NDArray[Any]:
+    """Numbers as they are; rotations in whole units as unit quaternions."""
+    if numbers.dtype.kind != "i":
+        return numbers
+    values = numbers.astype(np.float64)
+    lengths = np.sqrt(np.einsum("...c,...c->...", values, values))
+    if np.any(np.abs(lengths - _UNIT) > _LENGTH_TOLERANCE * _UNIT):
+        raise InputError("a rotation is not of unit length")
+    values /= lengths[..., None]
+    return values
+
+
+def _positions(values: Float, name: str) -> NDArray[np.float32]:
+    with np.errstate(over="ignore"):
+        stored = values.astype("<f4")
+    if not np.isfinite(stored).all():
+        raise InputError(f"clip {name!r}: a position of {np.abs(values).max():g}, expected below 3.4e38")
+    return stored
+
+
+def _aligned(n: int) -> int:
+    return -(-n // _ALIGN) * _ALIGN
+
+
+def _padded(part: bytes) -> bytes:
+    return part.ljust(_aligned(len(part)), b"\0")

@@ -1,0 +1,97 @@
+"""``glosses.csv``: what file names do not tell of a folder of clips."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+from signsplice.errors import FormatError, InputError
+from signsplice.formats.atomic import read_bytes
+from signsplice.lexicon.entry import gloss_of, kind_of
+
+TABLE = "glosses.csv"
+COLUMNS = ("file", "gloss", "synonyms", "signer", "source", "checked", "kind")
+_CHECKED = {"": False, "no": False, "unknown": False, "yes": True}
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the table, checked; empty where the table says nothing. line: where it stands in the file."""
+
+    file: str
+    gloss: str
+    synonyms: tuple[str, ...]
+    signer: str
+    source: str
+    checked: bool
+    kind: str
+    line: int
+
+
+def read(path: str | Path) -> tuple[dict[str, Row], list[str]]:
+    """File name -> its row, and every fault of the table as a line ``FILE:LINE: what, expected what``.
+
+    A table: UTF-8, commas, a head with ``file`` and any of ``COLUMNS``; synonyms parted by ``;``; checked is yes or no.
+    Raises ``InputError`` where the file cannot be read, ``FormatError`` where its head is wrong.
+    """
+    file = str(path)
+    try:
+        text = read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise FormatError("is not UTF-8, expected a table saved as UTF-8", file=file, line=line) from error
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    rows: dict[str, Row] = {}
+    faults: list[str] = []
+    try:
+        head = [cell.strip().lower() for cell in next(reader, [])]
+        _check_head(head, file)
+        for cells in reader:
+            if not any(cell.strip() for cell in cells):
+                continue
+            try:
+                row = _row(head, cells, reader.line_num)
+                if row.file in rows:
+                    raise InputError(f"{row.file} stands in line {rows[row.file].line} too, expected one row a file")
+                rows[row.file] = row
+            except InputError as error:
+                faults.append(str(FormatError(str(error), file=file, line=reader.line_num)))
+    except csv.Error as error:
+        faults.append(str(FormatError(f"is no table ({error})", file=file, line=reader.line_num)))
+    return rows, faults
+
+
+def _check_head(head: list[str], file: str) -> None:
+    expected = f"expected {', '.join(COLUMNS)} parted by commas, of which only file must be there"
+    unknown = [name for name in head if name not in COLUMNS]
+    if unknown or "file" not in head:
+        what = f"column {unknown[0]!r}" if unknown else "no column 'file'"
+        raise FormatError(f"{what}, {expected}", file=file, line=1)
+    twice = [name for name in head if head.count(name) > 1]
+    if twice:
+        raise FormatError(f"column {twice[0]!r} stands twice, expected once", file=file, line=1)
+
+
+def _row(head: list[str], cells: list[str], line: int) -> Row:
+    if len(cells) != len(head):
+        raise InputError(f"{len(cells)} cells, expected {len(head)} as in the head; quote cells that hold commas")
+    told = dict.fromkeys(COLUMNS, "") | {name: cell.strip() for name, cell in zip(head, cells, strict=True)}
+    if not told["file"]:
+        raise InputError("no file named, expected a clip's name")
+    if told["checked"].lower() not in _CHECKED:
+        raise InputError(f"checked {told['checked']!r}, expected yes, no or nothing")
+    gloss = gloss_of(told["gloss"]) if told["gloss"] else ""
+    kind = told["kind"].lower()
+    kind_of(gloss or gloss_of(Path(told["file"]).stem), kind)
+    return Row(
+        file=told["file"].replace("\\", "/").removeprefix("./"),
+        gloss=gloss,
+        synonyms=tuple(gloss_of(name) for name in told["synonyms"].split(";") if name.strip()),
+        signer=told["signer"],
+        source=told["source"],
+        checked=_CHECKED[told["checked"].lower()],
+        kind=kind,
+        line=line,
+    )

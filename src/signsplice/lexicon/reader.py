@@ -1,0 +1,204 @@
+"""Lexicons opened: gloss -> clip, straight from memory-mapped frames."""
+
+from __future__ import annotations
+
+import difflib
+import mmap
+import threading
+from collections.abc import Iterator
+from contextlib import suppress
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+
+from signsplice.errors import InputError, UnknownGlossError
+from signsplice.lexicon.entry import Entry, fold
+from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, decode, fingerprint
+from signsplice.lexicon.index import INDEX, Index, Place
+from signsplice.motion.clip import Clip, Skeleton
+
+SHIPPED = Path(__file__).parent / "words"
+_NEAR = 0.55
+_HINT = "build one from a folder of clips by `signsplice lexicon build`"
+
+
+class Lexicon:
+    """An open lexicon: a mapping of glosses to clips, for any number of threads, which never writes.
+
+    Glosses and synonyms are found in any case. ``len`` and iteration count words, by their glosses. A context manager;
+    clips live on after it. Raises ``InputError`` where the folder holds no sound lexicon of this version.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        _look(self.path)
+        self._index = Index(self.path / INDEX)
+        self._lock = threading.Lock()
+        self._skeletons: dict[int, tuple[Skeleton, str]] = {}
+        try:
+            self._head = self._index.head
+            if self._head.form not in FORMS:
+                raise InputError(f"{self._index.path}: form {self._head.form!r}, expected one of {', '.join(FORMS)}")
+            self._frames: mmap.mmap | None = self._map()
+        except BaseException:
+            self._index.close()
+            raise
+
+    def _map(self) -> mmap.mmap:
+        path = self.path / FRAMES
+        mend = "build the lexicon again"
+        try:
+            with path.open("rb") as file:
+                size = file.seek(0, 2)
+                if size != self._head.n_bytes or size < HEAD_BYTES:
+                    raise InputError(f"{path}: {size} bytes, expected {self._head.n_bytes}; {mend}")
+                frames = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+        if frames[:HEAD_BYTES].hex() != MAGIC.hex() + str(self._head.sha256):
+            frames.close()
+            raise InputError(f"{path}: belongs to another index than the one beside it; {mend}")
+        return frames
+
+    def __enter__(self) -> Lexicon:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def __reduce__(self) -> tuple[type[Lexicon], tuple[Path]]:
+        return Lexicon, (self.path,)
+
+    def close(self) -> None:
+        """Let go of both files."""
+        frames, self._frames = self._frames, None
+        self._index.close()
+        if frames is not None:
+            with suppress(BufferError):  # another thread is reading a word: the file is let go of when that is done
+                frames.close()
+
+    @property
+    def form(self) -> str:
+        """How rotations are stored: "float32" or "int16"."""
+        return self._head.form
+
+    @property
+    def n_bytes(self) -> int:
+        """Size of the frames file."""
+        return self._head.n_bytes
+
+    def __len__(self) -> int:
+        return self._head.n_words
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.glosses)
+
+    def __contains__(self, gloss: object) -> bool:
+        return isinstance(gloss, str) and self._index.find(gloss) is not None
+
+    @cached_property
+    def glosses(self) -> tuple[str, ...]:
+        """Every word's gloss, in order; synonyms are not among them."""
+        return tuple(shown for _, shown, is_gloss in self._index.names() if is_gloss)
+
+    def entries(self) -> Iterator[Entry]:
+        """What is told of every word, in the order of ``glosses``."""
+        return (entry for entry, _ in self._index.words())
+
+    def entry(self, gloss: str) -> Entry:
+        """What is told of the word that has a gloss or synonym. Raises ``UnknownGlossError``, which names the nearest
+        ones.
+        """
+        return self._find(gloss)[0]
+
+    def clip(self, gloss: str) -> Clip:
+        """The clip of the word that has a gloss or synonym, named by its gloss.
+
+        Clips of one rig share one skeleton. Raises ``UnknownGlossError``, or ``InputError`` for a damaged word.
+        """
+        return self._clip(*self._find(gloss))
+
+    def nearest(self, gloss: str, n: int = 3) -> tuple[str, ...]:
+        """Up to ``n`` glosses and synonyms that look most like ``gloss``, the likest first (difflib's ratio)."""
+        found = difflib.get_close_matches(fold(gloss), self._shown, n, _NEAR)
+        return tuple(self._shown[folded] for folded in found)
+
+    def faults(self) -> Iterator[str]:
+        """What is wrong with the words, one line each: bytes, hashes and names against the index. Reads every frame."""
+        n_words = 0
+        for entry, place in self._index.words():
+            n_words += 1
+            try:
+                self._clip(entry, place)
+                block = self._block(place)
+                if fingerprint(block, self._skeleton(place.skeleton)[1], entry.fps, entry.n_frames) != entry.sha256:
+                    yield f"{self.path}: word {entry.gloss!r}: its SHA-256 is another than when it was written"
+                for name in (entry.gloss, *entry.synonyms):
+                    found = self._index.find(name)
+                    if found is None or found[0].gloss != entry.gloss:
+                        yield f"{self.path}: word {entry.gloss!r}: is not found by {name!r}"
+            except InputError as error:
+                yield str(error)
+        if n_words != len(self):
+            yield f"{self.path}: {n_words} words, expected {len(self)}"
+
+    @cached_property
+    def _shown(self) -> dict[str, str]:
+        return {folded: shown for folded, shown, _ in self._index.names()}
+
+    def _find(self, gloss: str) -> tuple[Entry, Place]:
+        found = self._index.find(gloss)
+        if found is None:
+            raise UnknownGlossError({gloss: self.nearest(gloss)}, str(self.path))
+        return found
+
+    def _clip(self, entry: Entry, place: Place) -> Clip:
+        block = self._block(place)
+        try:
+            skeleton, _ = self._skeleton(place.skeleton)
+            shape = Shape(self.form, entry.n_frames, len(skeleton), place.has_translations)
+            return decode(block, shape, skeleton, entry.fps, entry.gloss)
+        except (InputError, MemoryError) as error:
+            raise InputError(
+                f"{self.path}: word {entry.gloss!r} is damaged ({error}); build the lexicon again"
+            ) from error
+
+    def _block(self, place: Place) -> memoryview:
+        frames = self._frames  # once, since another thread may close
+        if frames is None or frames.closed:
+            raise InputError(f"{self.path}: the lexicon is closed")
+        return memoryview(frames)[place.start : place.start + place.n_bytes]
+
+    def _skeleton(self, number: int) -> tuple[Skeleton, str]:
+        with self._lock:
+            if number not in self._skeletons:
+                self._skeletons[number] = self._index.skeleton(number)
+            return self._skeletons[number]
+
+
+def open_lexicon(path: str | Path) -> Lexicon:
+    """The lexicon in a folder, open for reading. Raises ``InputError`` where there is none, or it is damaged or newer
+    than this version of signsplice.
+    """
+    return Lexicon(path)
+
+
+def shipped() -> Lexicon:
+    """The words that ship with the package. Raises ``InputError`` where this build of it has none."""
+    if not SHIPPED.is_dir():
+        raise InputError(f"no words ship with this build of signsplice; name a lexicon (--lexicon DIR), or {_HINT}")
+    return Lexicon(SHIPPED)
+
+
+def _look(path: Path) -> None:
+    """Raise ``InputError`` where a path is plainly no lexicon."""
+    try:
+        if not path.exists():
+            raise InputError(f"{path}: no such folder, expected a lexicon; {_HINT}")
+        if not path.is_dir():
+            raise InputError(f"{path}: is a file, expected a lexicon's folder")
+        for name in (INDEX, FRAMES):
+            if not (path / name).is_file():
+                raise InputError(f"{path}: is no lexicon, it has no {name}; {_HINT}")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error

@@ -1,0 +1,283 @@
+"""Lexicons as their readers find them: words by any of their names, from any thread, and clear words where it is
+damaged.
+"""
+
+from __future__ import annotations
+
+import pickle
+import re
+import sqlite3
+import stat
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import signsplice
+from conftest import random_clip
+from signsplice import lexicon
+from signsplice.errors import InputError, UnknownGlossError
+from signsplice.lexicon import reader
+from signsplice.lexicon.entry import fold, gloss_of
+from signsplice.motion import rotation
+from signsplice.motion.arms import active_span, arms
+from signsplice.motion.clip import Clip
+
+
+@pytest.fixture
+def path(tmp_path: Path, words: dict[str, Clip]) -> Path:
+    with lexicon.building(tmp_path / "lex") as builder:
+        for gloss, clip in words.items():
+            synonyms = ("Hi", "good day") if gloss == "HELLO" else ()
+            builder.add(clip, synonyms=synonyms, signer="Kim", source="a book, p. 3", checked=gloss == "DEAF")
+        builder.add(replace(random_clip(3), name="你好"))
+        for letter in "ABCÉß7":
+            builder.add(words["I"], f"FS-{letter}")
+    return tmp_path / "lex"
+
+
+def test_a_word_comes_back_with_all_that_was_told(path: Path, words: dict[str, Clip]) -> None:
+    with lexicon.open(path) as lex:
+        for gloss, clip in words.items():
+            found, entry = lex.clip(gloss), lex.entry(gloss)
+            assert found.name == entry.gloss == gloss
+            assert np.max(rotation.angle_between(found.local_rotations, clip.local_rotations)) < 1e-6
+            assert np.allclose(found.root_positions, clip.root_positions, rtol=1e-7)
+            assert found.skeleton.names == clip.skeleton.names
+            assert np.array_equal(found.skeleton.offsets, clip.skeleton.offsets)
+            assert [site.joint for site in found.skeleton.end_sites] == [s.joint for s in clip.skeleton.end_sites]
+            start, stop = active_span(arms(clip))
+            assert (entry.rest_before, entry.rest_after) == (start, len(clip) - stop)
+            assert (entry.fps, entry.n_frames, entry.seconds) == (clip.fps, len(clip), clip.seconds)
+            assert (entry.signer, entry.source, entry.kind) == ("Kim", "a book, p. 3", "sign")
+            assert entry.checked == (gloss == "DEAF")
+        assert lex.entry("你好").rest_before is None, "a rig without known arms"
+        assert lex.clip("DEAF").skeleton is lex.clip("SIGN").skeleton
+        assert list(lex.faults()) == []
+
+
+def test_names_are_found_in_any_case(path: Path) -> None:
+    with lexicon.open(path) as lex:
+        for name in ("HELLO", "hello", " Hello ", "HI", "hi", "Good-Day", "good day"):
+            assert name in lex
+            assert lex.entry(name).gloss == "HELLO"
+        assert lex.entry("hello").synonyms == ("HI", "GOOD-DAY")
+        for other in ("HELLO2", "", " ", "%", "HELLO'--", "\ud800", 7, None):
+            assert other not in lex
+        for name in ("fs-é", "FS-É", "fs-e\u0301", "fs-ß", "fs-7"):
+            assert lex.entry(name).kind == "letter", name
+
+
+def test_it_is_a_collection_of_glosses(path: Path, words: dict[str, Clip]) -> None:
+    with lexicon.open(path) as lex:
+        assert len(lex) == len(words) + 7
+        assert tuple(lex) == lex.glosses == tuple(entry.gloss for entry in lex.entries())
+        assert set(words) | {"你好", "fs-A"} < set(lex)
+        assert list(lex.glosses) == sorted(lex.glosses)
+
+
+def test_unknown_glosses_name_the_nearest(path: Path) -> None:
+    with lexicon.open(path) as lex:
+        assert lex.nearest("HALLO") == ("HELLO",)
+        assert lex.nearest("thank")[0] == "THANK-YOU"
+        assert lex.nearest("good-dya", n=1) == ("GOOD-DAY",)
+        assert lex.nearest("QQQQQQ") == ()
+        with pytest.raises(UnknownGlossError, match=r"no gloss 'hallo' \(nearest: HELLO\); `signsplice") as caught:
+            lex.clip("hallo")
+        assert caught.value.unknown == {"hallo": ("HELLO",)}
+        again = pickle.loads(pickle.dumps(caught.value))
+        assert (str(again), again.unknown) == (str(caught.value), caught.value.unknown)
+        with pytest.raises(InputError, match="nothing is near it"):
+            lex.entry("QQQQQQ")
+
+
+@pytest.mark.parametrize(
+    ("text", "gloss"),
+    [
+        ("hello", "HELLO"),
+        ("  thank \t you ", "THANK-YOU"),
+        ("ix-1", "IX-1"),
+        ("straße", "STRAßE"),
+        ("e\u0301te\u0301", "ÉTÉ"),
+        ("你好", "你好"),
+        ("FS-a", "fs-A"),
+        ("fs-anna", "fs-ANNA"),
+        ("FS-ß", "fs-ß"),
+        ("fs-", "FS-"),
+    ],
+)
+def test_glosses_have_one_spelling(text: str, gloss: str) -> None:
+    assert gloss_of(text) == gloss == gloss_of(gloss)
+    assert fold(text) == fold(gloss)
+
+
+def test_threads_read_at_once(path: Path, words: dict[str, Clip]) -> None:
+    wrong: list[object] = []
+    with lexicon.open(path) as lex:
+        expected = {gloss: lex.clip(gloss).local_rotations for gloss in words}
+
+        def read(seed: int) -> None:
+            for n in np.random.default_rng(seed).permutation(100):
+                gloss = list(words)[n % len(words)]
+                try:
+                    if not np.array_equal(lex.clip(gloss.lower()).local_rotations, expected[gloss]):
+                        wrong.append(gloss)
+                    if seed == 0 and not lex.nearest(gloss + "X"):
+                        wrong.append("nearest")
+                except Exception as error:
+                    wrong.append(error)
+
+        threads = [threading.Thread(target=read, args=(seed,)) for seed in range(8)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert wrong == []
+
+
+def test_a_closed_lexicon_says_so_and_its_clips_live_on(path: Path) -> None:
+    lex = lexicon.open(path)
+    clip = lex.clip("SIGN")
+    lex.close()
+    lex.close()
+    assert np.isfinite(clip.local_rotations).all()
+    for use in (lambda: lex.clip("SIGN"), lambda: lex.glosses, lambda: "SIGN" in lex, lambda: lex.nearest("S")):
+        with pytest.raises(InputError, match="is closed"):
+            use()
+
+
+def test_it_travels_to_other_processes(path: Path) -> None:
+    with lexicon.open(path) as lex, pickle.loads(pickle.dumps(lex)) as other:
+        assert other.glosses == lex.glosses
+
+
+def test_reading_writes_nothing_and_takes_no_lock(path: Path) -> None:
+    for part in (*path.iterdir(), path):
+        part.chmod(part.stat().st_mode & ~(stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH))
+    before = {part.name: (part.stat().st_mtime_ns, part.read_bytes()) for part in path.iterdir()}
+    try:
+        with lexicon.open(path) as lex:
+            lex.clip("SIGN")
+        # Another program that holds the index to itself is no hindrance.
+        path.chmod(0o755)
+        (path / "index.sqlite").chmod(0o644)
+        other = sqlite3.connect(path / "index.sqlite", isolation_level=None)
+        other.execute("BEGIN EXCLUSIVE")
+        with lexicon.open(path) as lex:
+            assert "SIGN" in lex
+        other.execute("ROLLBACK")
+        other.close()
+        assert {part.name: (part.stat().st_mtime_ns, part.read_bytes()) for part in path.iterdir()} == before
+    finally:
+        path.chmod(0o755)
+
+
+def sql(*lines: str) -> Callable[[Path], None]:
+    def run(path: Path) -> None:
+        file = sqlite3.connect(path / "index.sqlite")
+        for line in lines:
+            file.execute(line)
+        file.commit()
+        file.close()
+
+    return run
+
+
+def rewrite(name: str, change: Callable[[bytes], bytes]) -> Callable[[Path], None]:
+    def run(path: Path) -> None:
+        (path / name).write_bytes(change((path / name).read_bytes()))
+
+    return run
+
+
+BROKEN: dict[str, tuple[Callable[[Path], None], str]] = {
+    "no index": (lambda p: (p / "index.sqlite").unlink(), "has no index.sqlite"),
+    "no frames": (lambda p: (p / "frames.bin").unlink(), "has no frames.bin"),
+    "empty index": (rewrite("index.sqlite", lambda b: b""), "no index of a lexicon"),
+    "index of text": (rewrite("index.sqlite", lambda b: b"words\n" * 200), "cannot be read"),
+    "index cut short": (rewrite("index.sqlite", lambda b: b[:5000]), "index.sqlite"),
+    "foreign index": (sql("PRAGMA application_id = 7"), "no index of a lexicon"),
+    "newer": (sql("PRAGMA user_version = 2"), "version 2, expected 1; .* update signsplice"),
+    "no head": (sql("DELETE FROM lexicon"), "no head"),
+    "no table": (sql("DROP TABLE lexicon"), "no such table"),
+    "other form": (sql("UPDATE lexicon SET form = 'float8'"), "form 'float8', expected one of float32, int16"),
+    "frames cut short": (rewrite("frames.bin", lambda b: b[:-10]), "bytes, expected"),
+    "frames empty": (rewrite("frames.bin", lambda b: b""), "0 bytes, expected"),
+    "other frames": (rewrite("frames.bin", lambda b: b[:40] + b"????" + b[44:]), "belongs to another index"),
+    "head of no hash": (sql("UPDATE lexicon SET sha256 = 'xyz'"), "belongs to another index"),
+}
+
+
+@pytest.mark.parametrize("what", BROKEN)
+def test_what_is_no_sound_lexicon_is_refused(what: str, path: Path) -> None:
+    harm, message = BROKEN[what]
+    harm(path)
+    with pytest.raises(InputError, match=message) as caught:
+        lexicon.open(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_places_without_a_lexicon_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("")
+    for name, message in (("nowhere", "no such folder"), ("file", "is a file"), (".", "is no lexicon")):
+        with pytest.raises(InputError, match=message):
+            lexicon.open(tmp_path / name)
+
+    def refuse(*_: object, **__: object) -> bool:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "exists", refuse)
+    with pytest.raises(InputError, match=r"lex: cannot be read \(Permission denied\)"):
+        lexicon.open(tmp_path / "lex")
+
+
+DAMAGED: dict[str, tuple[Callable[[Path], None], str]] = {
+    "bytes changed": (
+        rewrite("frames.bin", lambda b: b[:-3000] + bytes(x ^ 64 for x in b[-3000:-2000]) + b[-2000:]),
+        "SHA-256 is another|damaged",
+    ),
+    "bytes lost": (rewrite("frames.bin", lambda b: b[:5000] + bytes(len(b) - 5000)), "damaged"),
+    "frames miscounted": (sql("UPDATE word SET n_frames = n_frames + 1 WHERE gloss = 'SIGN'"), "'SIGN' is damaged"),
+    "no frames": (sql("UPDATE word SET n_frames = 0 WHERE gloss = 'SIGN'"), "'SIGN' is damaged"),
+    "far too many": (sql("UPDATE word SET n_frames = 1000000000000 WHERE gloss = 'SIGN'"), "'SIGN' is damaged"),
+    "past the end": (sql("UPDATE word SET start = 100000000 WHERE gloss = 'SIGN'"), "'SIGN' is damaged"),
+    "rate of zero": (sql("UPDATE word SET fps = 0 WHERE gloss = 'SIGN'"), "'SIGN' is damaged.*frame rate 0"),
+    "rate changed": (sql("UPDATE word SET fps = 29 WHERE gloss = 'SIGN'"), "'SIGN': its SHA-256 is another"),
+    "synonyms of no list": (sql("UPDATE word SET synonyms = '[' WHERE gloss = 'SIGN'"), "'SIGN' is damaged"),
+    "text of no UTF-8": (sql("UPDATE word SET signer = CAST(x'ff' AS TEXT) WHERE gloss = 'SIGN'"), "cannot be read"),
+    "skeleton changed": (sql("UPDATE skeleton SET described = replace(described, 'Arm', 'Ram')"), "skeleton 1 is"),
+    "skeleton lost": (sql("DELETE FROM skeleton"), "skeleton 1 is damaged"),
+    "name lost": (sql("DELETE FROM name WHERE shown = 'HI'"), "'HELLO': is not found by 'HI'"),
+    "word lost": (sql("DELETE FROM word WHERE gloss = 'SIGN'"), "11 words, expected 12"),
+}
+
+
+@pytest.mark.parametrize("what", DAMAGED)
+def test_damage_within_is_told_when_it_is_met(what: str, path: Path) -> None:
+    harm, message = DAMAGED[what]
+    harm(path)
+    with lexicon.open(path) as lex:
+        try:
+            said = " / ".join(lex.faults())
+        except InputError as error:  # the index itself cannot be read on
+            said = str(error)
+    assert re.search(message, said), said
+    assert "\n" not in said
+
+
+def test_the_words_that_ship(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reader, "SHIPPED", path)
+    with lexicon.shipped() as lex:
+        assert "HELLO" in lex
+    monkeypatch.setattr(reader, "SHIPPED", tmp_path / "none")
+    with pytest.raises(InputError, match="no words ship with this build"):
+        lexicon.shipped()
+
+
+def test_the_face_opens_one(path: Path) -> None:
+    with signsplice.open_lexicon(path) as lex:
+        assert isinstance(lex, signsplice.Lexicon)

@@ -1,0 +1,175 @@
+"""Folders of clips made into lexicons: what names and tables say, and every fault by file and line."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from conftest import random_clip
+from signsplice import lexicon
+from signsplice.errors import InputError
+from signsplice.formats import load, save
+from signsplice.lexicon import folder as folders
+from signsplice.motion import rotation
+from signsplice.motion.clip import Clip
+
+
+@pytest.fixture
+def clips(tmp_path: Path, words: dict[str, Clip]) -> Path:
+    folder = tmp_path / "clips"
+    (folder / "more" / "deep").mkdir(parents=True)
+    save(words["HELLO"], folder / "hello.bvh")
+    save(words["SIGN"], folder / "more" / "Sign.npz")
+    save(random_clip(1), folder / "more" / "deep" / "你好.bvh")
+    save(words["I"], folder / "fs-a.bvh")
+    (folder / "notes.txt").write_text("not a clip")
+    (folder / ".hidden.bvh").write_text("not a clip")
+    (folder / ".git").mkdir()
+    (folder / ".git" / "x.bvh").write_text("not a clip")
+    return folder
+
+
+def table(folder: Path, *lines: str) -> None:
+    (folder / "glosses.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def faults(folder: Path) -> list[str]:
+    return folders.check(folder)[1]
+
+
+def test_names_of_files_are_glosses(clips: Path, tmp_path: Path) -> None:
+    told: list[tuple[int, int]] = []
+    built = lexicon.build(clips, tmp_path / "lex", signer="Kim", progress=lambda *at: told.append(at))
+    assert (built.n_words, built.n_letters, built.form) == (4, 1, "float32")
+    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    assert len(built.warnings) == 1
+    assert built.warnings[0].startswith("1 clips have arms that are not known")
+    with lexicon.open(tmp_path / "lex") as lex:
+        assert lex.glosses == ("HELLO", "SIGN", "fs-A", "你好")
+        assert (lex.entry("sign").source, lex.entry("sign").signer) == ("more/Sign.npz", "Kim")
+        original = load(clips / "hello.bvh")
+        assert np.max(rotation.angle_between(original.local_rotations, lex.clip("HELLO").local_rotations)) < 1e-6
+    compact = lexicon.build(clips, tmp_path / "lex", compact=True)
+    assert compact.form == "int16"
+    assert compact.n_bytes < 0.6 * built.n_bytes
+    assert faults(clips) == []
+
+
+def test_the_table_says_more(clips: Path, tmp_path: Path) -> None:
+    table(
+        clips,
+        "\ufefffile,gloss,synonyms,signer,source,checked,kind",
+        'hello.bvh,good day,hi; "hallo" ;,Ann,"a book, p. 3",yes,',
+        "./more/Sign.npz,,,,,No,sign",
+        "",
+        "fs-a.bvh,fs-b,,,,,letter",
+    )
+    lexicon.build(clips, tmp_path / "lex", signer="Kim")
+    with lexicon.open(tmp_path / "lex") as lex:
+        assert lex.glosses == ("GOOD-DAY", "SIGN", "fs-B", "你好")
+        hello = lex.entry("hi")
+        assert (hello.signer, hello.source, hello.checked) == ("Ann", "a book, p. 3", True)
+        assert lex.entry("SIGN").signer == "Kim"
+        assert not lex.entry("SIGN").checked
+
+
+TABLES = {
+    "no file column": (["gloss"], ":1: no column 'file', expected file, gloss"),
+    "semicolons": (["file;gloss", "hello.bvh;A"], ":1: column 'file;gloss'"),
+    "unknown column": (["file,glosses"], ":1: column 'glosses', expected file, gloss"),
+    "column twice": (["file,gloss,gloss"], ":1: column 'gloss' stands twice"),
+    "empty": ([""], ":1: no column 'file'"),
+    "no such file": (["file,gloss", "hello.bvh,A", "gone.bvh,B"], ":3: no clip gone.bvh in"),
+    "cells missing": (["file,gloss,signer", "hello.bvh,A"], ":2: 2 cells, expected 3"),
+    "file twice": (["file,gloss", "hello.bvh,A", "hello.bvh,B"], ":3: hello.bvh stands in line 2 too"),
+    "no file": (["file,gloss", ",A"], ":2: no file named"),
+    "checked by whom": (["file,checked", "hello.bvh,maybe"], ":2: checked 'maybe', expected yes, no or nothing"),
+    "kind": (["file,kind", "hello.bvh,word"], ":2: kind 'word', expected sign or letter"),
+    "letter": (["file,kind", "hello.bvh,letter"], ":2: letter 'HELLO', expected a gloss of fs-"),
+    "gloss of nothing": (["file,gloss", "hello.bvh,a\x07b"], ":2: gloss 'a\\x07b', expected printable"),
+    "quotes": (["file,gloss", 'hello.bvh,"A'], ":2: is no table"),
+    "gloss twice": (["file,gloss", "hello.bvh,sign"], "Sign.npz: gloss 'SIGN' is that of "),
+    "synonym twice": (["file,synonyms", "hello.bvh,SIGN"], "glosses.csv:2) too"),
+}
+
+
+@pytest.mark.parametrize("what", TABLES)
+def test_faults_of_the_table_name_file_and_line(what: str, clips: Path, tmp_path: Path) -> None:
+    lines, message = TABLES[what]
+    table(clips, *lines)
+    for found in (faults(clips), faults(clips)):
+        assert len(found) == 1
+        assert message in found[0]
+        assert "\n" not in found[0]
+    with pytest.raises(InputError) as caught:
+        lexicon.build(clips, tmp_path / "lex", skip_broken=True)
+    assert str(caught.value) == found[0]
+    assert not (tmp_path / "lex").exists()
+
+
+def test_a_table_that_is_not_utf8(clips: Path) -> None:
+    (clips / "glosses.csv").write_bytes(b"file,gloss\nhello.bvh,gr\xfc\xdf\n")
+    assert "glosses.csv:2: is not UTF-8" in faults(clips)[0]
+
+
+def test_two_files_of_one_gloss_are_both_named(clips: Path, tmp_path: Path, words: dict[str, Clip]) -> None:
+    save(words["DEAF"], clips / "more" / "HELLO.bvh")
+    with pytest.raises(InputError) as caught:
+        lexicon.build(clips, tmp_path / "lex")
+    for part in ("more/HELLO.bvh: gloss 'HELLO'", "clips/hello.bvh too", "glosses.csv"):
+        assert part in str(caught.value)
+
+
+def test_broken_clips(clips: Path, tmp_path: Path) -> None:
+    text = (clips / "hello.bvh").read_text()
+    (clips / "bad.bvh").write_text(text[:-200])
+    (clips / "more" / "worse.npz").write_bytes(b"PK nothing")
+    with pytest.raises(InputError, match=r"bad\.bvh:\d+: .*nothing was built: .*lexicon check .*--skip-broken"):
+        lexicon.build(clips, tmp_path / "lex")
+    assert [path.name for path in tmp_path.iterdir()] == ["clips"]
+    found = faults(clips)
+    assert len(found) == 2
+    assert "bad.bvh:" in found[0]
+    assert "worse.npz" in found[1]
+    built = lexicon.build(clips, tmp_path / "lex", skip_broken=True)
+    assert built.n_words == 4
+    assert [line for line in built.warnings if line.endswith("; left out")] == [line + "; left out" for line in found]
+
+
+def test_roles_are_kept_with_the_words(clips: Path, tmp_path: Path) -> None:
+    names = random_clip(1).skeleton.names
+    roles = {"hips": names[0]}
+    lexicon.build(clips, tmp_path / "lex", roles=roles)
+    with lexicon.open(tmp_path / "lex") as lex:
+        assert lex.clip("你好").skeleton.roles == roles
+        assert lex.clip("HELLO").skeleton.roles is None, "known by its names"
+    with pytest.raises(InputError, match=r"你好\.bvh: .*no joint 'nowhere'"):
+        lexicon.build(clips, tmp_path / "lex", roles={"hips": names[0], "spine": "nowhere"})
+
+
+def test_folders_without_clips(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file").write_text("")
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / "a.bvh").write_text("x")
+    for name, message in (
+        ("empty", r"no clips in it, expected files that end in \.bvh or \.npz"),
+        ("file", "is a file, expected a folder of clips"),
+        ("none", "no such folder"),
+        ("broken", "every clip is broken, the first one: .*a.bvh"),
+    ):
+        with pytest.raises(InputError, match=message):
+            lexicon.build(tmp_path / name, tmp_path / "lex", skip_broken=True)
+    assert not (tmp_path / "lex").exists()
+
+
+def test_a_folder_that_cannot_be_read(clips: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: str, *_: object) -> None:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(os, "scandir", refuse)
+    with pytest.raises(InputError, match=r"clips: cannot be read \(Permission denied\)"):
+        faults(clips)

@@ -1,0 +1,247 @@
+"""The notation: what its texts mean, and one line with file and line for whatever is wrong in them."""
+
+from __future__ import annotations
+
+from math import sqrt
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+
+from signsplice.errors import FormatError, InputError
+from signsplice.synth import notation, phonology
+from signsplice.synth.handshapes import HANDSHAPES
+from signsplice.synth.phonology import DIRECTIONS, HANDS, HEAD, LOCALS, PARTS, PLACES, PLANES, TRUNK, Sign, faults
+
+START = "shape=5 at=space palm=in fingers=up"
+BASE = f"{START} w.shape=B-open w.at=space-mid w.palm=up w.fingers=fwd"
+
+
+def one(*lines: str, hands: str = "one") -> Sign:
+    text = f"WORD hands={hands}\n" + "".join(f"  {line}\n" for line in lines)
+    return notation.parse(text)["WORD"]
+
+
+# --- what it means
+
+
+def test_the_example_of_the_docstring_parses() -> None:
+    assert notation.__doc__ is not None
+    block = dedent(notation.__doc__.partition("\n")[2])
+    mother = notation.parse(block)["MOTHER"]
+    assert mother.synonyms == ("MOM",)
+    assert [segment.kind for segment in mother.segments] == ["X", "M", "H"]
+    assert [segment.strong.off for segment in mother.segments] == [3.0, 0.0, 0.0]
+    assert mother.segments[1].times == 2
+    assert not mother.two_handed
+
+
+def test_what_a_line_does_not_say_stays_and_a_new_place_forgets_off_and_shift() -> None:
+    a, b, c, d = one(
+        "X shape=5 at=chin by=thumb off=3 shift=1,-2,0.5 palm=in fingers=up", "M off=1", "M at=chest", "M shape=S"
+    ).segments
+    assert (b.strong.off, b.strong.shift, b.strong.part) == (1.0, (1.0, -2.0, 0.5), "thumb")
+    assert (c.strong.place, c.strong.off, c.strong.shift, c.strong.part) == ("chest", 0.0, (0.0, 0.0, 0.0), "thumb")
+    assert (d.strong.shape, d.strong.place, d.strong.palm) == ("S", "chest", a.strong.palm)
+
+
+def test_directions_are_unit_and_weighted() -> None:
+    (segment,) = one("H shape=5 at=space palm=back fingers=up-up-in").segments
+    assert segment.strong.fingers == pytest.approx((-1 / sqrt(5), 2 / sqrt(5), 0.0))
+    assert segment.strong.palm == DIRECTIONS["back"]
+
+
+def test_comments_blank_lines_and_a_byte_order_mark_are_passed(tmp_path: Path) -> None:
+    path = tmp_path / "some.signs"
+    path.write_bytes(
+        "\ufeff# a file\n\nA-B  hands=one kind=pseudo # why\n  source: by ear (own)  # note\n\n  H shape=5 at=space "
+        "palm=in fingers=up#not a comment\n".replace("up#not a comment", "up # held").encode()
+    )
+    signs = notation.read(path)
+    assert list(signs) == ["A-B"]
+    assert (signs["A-B"].kind, signs["A-B"].source) == ("pseudo", "by ear (own)")
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_every_place(place: str) -> None:
+    hands = "base" if place in phonology.ON_BASE else "one"
+    weak = "" if hands == "one" else " w.shape=B-open w.at=space-mid w.palm=up w.fingers=fwd"
+    (segment,) = one(f"H shape=5 at={place} palm=in fingers=up{weak}", hands=hands).segments
+    assert segment.strong.place == place
+    assert (segment.weak is None) == (hands == "one")
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_every_part(part: str) -> None:
+    assert one(f"H {START} by={part}").segments[0].strong.part == part
+
+
+@pytest.mark.parametrize("shape", HANDSHAPES)
+def test_every_handshape(shape: str) -> None:
+    assert one(f"H shape={shape} at=space palm=in fingers=up").segments[0].strong.shape == shape
+
+
+@pytest.mark.parametrize("hands", HANDS)
+def test_every_way_of_two_hands(hands: str) -> None:
+    sign = one(f"X {BASE if hands == 'base' else START}", "M shape=S", hands=hands)
+    assert (sign.hands, sign.two_handed) == (hands, hands != "one")
+    assert (sign.segments[1].weak is not None) == (hands == "base")
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "size", "turns"),
+    [
+        ("straight", "straight", 0.0, 0.0),
+        ("none", "none", 0.0, 0.0),
+        ("arc:up:3", "arc", 3.0, 0.0),
+        ("arc:up-fwd:4.5", "arc", 4.5, 0.0),
+        *((f"circle:{plane}:4:-2", "circle", 4.0, -2.0) for plane in PLANES),
+        ("zigzag:out:3:2", "zigzag", 3.0, 2.0),
+    ],
+)
+def test_every_path(text: str, kind: str, size: float, turns: float) -> None:
+    path = one(f"X {START}", f"M shape=S path={text}").segments[1].path
+    assert (path.kind, path.size, path.turns) == (kind, size, turns)
+
+
+@pytest.mark.parametrize("kind", LOCALS)
+def test_every_local_movement(kind: str) -> None:
+    for text, amplitude, cycles in (
+        (kind, *LOCALS[kind]),
+        (f"{kind}:5", 5.0, LOCALS[kind][1]),
+        (f"{kind}:5:4", 5.0, 4.0),
+    ):
+        local = one(f"X {START}", f"M local={text}").segments[1].local
+        assert local == phonology.Local(kind, amplitude, cycles)
+
+
+def test_head_trunk_and_seconds() -> None:
+    for head in HEAD:
+        assert one(f"H {START} head={head}").segments[0].head == head
+    for trunk in TRUNK:
+        assert one(f"H {START} trunk={trunk}").segments[0].trunk == trunk
+    assert one(f"H {START} for=0.25").segments[0].seconds == 0.25
+
+
+def test_a_base_may_move_with_the_strong_hand() -> None:
+    first, second = one(
+        "H shape=A at=base-palm by=ulnar palm=in fingers=fwd w.shape=B w.at=space-mid w.palm=up w.fingers=fwd",
+        "M w.shift=0,6,0",
+        hands="base",
+    ).segments
+    assert first.strong == second.strong
+    assert second.weak is not None
+    assert second.weak.shift == (0.0, 6.0, 0.0)
+
+
+# --- what is wrong in it
+
+BROKEN = [
+    # header
+    ("WORD\n  H {start}\n", 1, "'WORD', expected GLOSS hands="),
+    ("WORD hands=one kind=sign more\n  H {start}\n", 1, "expected GLOSS hands="),
+    ("WORD hands=both\n  H {start}\n", 1, "unknown hands 'both'; expected one of one, symmetric, alternating, base"),
+    ("WORD hands=symetric\n  H {start}\n", 1, "unknown hands 'symetric'; did you mean symmetric?"),
+    ("WORD hands=one kind=word\n  H {start}\n", 1, "unknown kind 'word'"),
+    ("  H {start}\n", 1, "belongs to no sign, expected GLOSS hands=... at the margin first"),
+    ("WORD hands=one\n", 1, "WORD: has no segment, expected at least one H or X line"),
+    ("A hands=one\n  H {start}\n\nA hands=one\n  H {start}\n", 4, "A is written twice, expected one block a gloss"),
+    # segments and keys
+    ("WORD hands=one\n  Q {start}\n", 2, "'Q', expected a segment H, X or M, or source: or synonyms:"),
+    ("WORD hands=one\n  sauce: me\n  H {start}\n", 2, "'sauce:', expected a segment H, X or M, or source:"),
+    ("WORD hands=one\n  H {start} off\n", 2, "'off', expected key=value"),
+    ("WORD hands=one\n  H {start} off=\n", 2, "'off=', expected key=value"),
+    ("WORD hands=one\n  H {start} finger=up\n", 2, "unknown key 'finger'; did you mean fingers"),
+    ("WORD hands=one\n  H {start} at=chin\n", 2, "at is given twice"),
+    ("WORD hands=one\n  H {start} times=2\n", 2, "times= belongs to M, not to H"),
+    ("WORD hands=one\n  X {start} path=none\n", 2, "path= belongs to M, not to X"),
+    ("WORD hands=one\n  X {start} local=twist\n", 2, "local= belongs to M, not to X"),
+    ("WORD hands=one\n  H {start} w.palm=up\n", 2, "w.palm= needs hands=base, not hands=one"),
+    ("WORD hands=base\n  H {start}\n", 2, "first segment lacks w.shape="),
+    ("WORD hands=one\n  H shape=5 at=chin palm=in\n", 2, "first segment lacks fingers="),
+    # values
+    ("WORD hands=one\n  H shape=B-opn at=chin palm=in fingers=up\n", 2, "unknown shape 'B-opn'; did you mean B-open"),
+    ("WORD hands=one\n  H shape=5 at=chinn palm=in fingers=up\n", 2, "unknown at 'chinn'; did you mean chin"),
+    ("WORD hands=one\n  H {start} by=thump\n", 2, "unknown by 'thump'; did you mean thumb"),
+    ("WORD hands=base\n  H {base} w.by=palms\n", 2, "unknown w.by 'palms'; did you mean palm"),
+    ("WORD hands=one\n  H shape=5 at=chin palm=left fingers=up\n", 2, "unknown direction 'left'"),
+    ("WORD hands=one\n  H shape=5 at=chin palm=in fingers=up-down\n", 2, "direction 'up-down' points nowhere"),
+    ("WORD hands=one\n  H shape=5 at=chin palm=in fingers=up-\n", 2, "unknown direction ''"),
+    ("WORD hands=one\n  H {start} off=near\n", 2, "off=near, expected a number from -5 to 60"),
+    ("WORD hands=one\n  H {start} off=nan\n", 2, "off=nan, expected a number from -5 to 60"),
+    ("WORD hands=one\n  H {start} off=inf\n", 2, "off=inf, expected a number from -5 to 60"),
+    ("WORD hands=base\n  H {base} w.off=99\n", 2, "w.off=99, expected a number from -5 to 60"),
+    ("WORD hands=one\n  H {start} shift=1,2\n", 2, "shift=1,2, expected three numbers in cm: out,up,fwd"),
+    ("WORD hands=one\n  H {start} shift=1,2,x\n", 2, "shift=x, expected a number from -60 to 60"),
+    ("WORD hands=base\n  H {base} w.shift=1\n", 2, "w.shift=1, expected three numbers"),
+    ("WORD hands=one\n  H {start} for=9\n", 2, "for=9, expected a number from 0 to 5"),
+    ("WORD hands=one\n  H {start} head=yes\n", 2, "unknown head 'yes'"),
+    ("WORD hands=one\n  H {start} trunk=left\n", 2, "unknown trunk 'left'"),
+    ("WORD hands=one\n  X {start}\n  M off=1 times=0\n", 3, "times=0, expected a whole number from 1 to 8"),
+    ("WORD hands=one\n  X {start}\n  M off=1 times=1.5\n", 3, "times=1.5, expected a whole number from 1 to 8"),
+    ("WORD hands=one\n  X {start}\n  M path=spiral\n", 3, "unknown path 'spiral'"),
+    ("WORD hands=one\n  X {start}\n  M path=arc:up\n", 3, "path=arc:up, expected path=arc:DIRECTION:CM"),
+    ("WORD hands=one\n  X {start}\n  M path=arc:up:0\n", 3, "path=0, expected a number from 0.5 to 40"),
+    ("WORD hands=one\n  X {start}\n  M path=straight:2\n", 3, "path=straight:2, expected path=straight"),
+    ("WORD hands=one\n  X {start}\n  M path=circle:frontal:4\n", 3, "expected path=circle:PLANE:CM:TURNS"),
+    ("WORD hands=one\n  X {start}\n  M path=circle:flat:4:1\n", 3, "unknown plane 'flat'"),
+    ("WORD hands=one\n  X {start}\n  M path=circle:frontal:4:0\n", 3, "expected a quarter of a turn or more"),
+    ("WORD hands=one\n  X {start}\n  M path=zigzag:out:3:0\n", 3, "path=0, expected a number from 0.5 to 8"),
+    ("WORD hands=one\n  X {start}\n  M local=shake\n", 3, "unknown local 'shake'"),
+    ("WORD hands=one\n  X {start}\n  M local=twist:1:2:3\n", 3, "expected local=twist[:AMPLITUDE[:CYCLES]]"),
+    ("WORD hands=one\n  X {start}\n  M local=twist:-3\n", 3, "local=-3, expected a number from 0.1 to 120"),
+    # what no hand can do
+    ("WORD hands=one\n  M {start}\n", 1, "WORD: begins with M, expected H or X first"),
+    ("WORD hands=one\n  X {start}\n  M\n", 1, "segment 2: M moves nothing, expected another posture, a path or"),
+    ("WORD hands=one\n  X {start}\n  M path=arc:up:3\n", 1, "segment 2: M moves nothing"),
+    ("WORD hands=one\n  H {start}\n  H off=3\n", 1, "segment 2: H changes the posture, expected M to move there first"),
+    ("WORD hands=one\n  H {start}\n  H\n", 1, "has holds only, expected an M between two"),
+    (
+        "WORD hands=one\n  H shape=5 at=base-palm palm=in fingers=up\n",
+        1,
+        "at=base-palm needs hands=base, not hands=one",
+    ),
+    ("WORD hands=one\n  H shape=5 at=chin palm=up fingers=up\n", 1, "palm and fingers face the same line"),
+    ("WORD hands=one\n  H shape=5 at=chin palm=down fingers=up\n", 1, "palm and fingers face the same line"),
+]
+
+
+@pytest.mark.parametrize(("text", "line", "what"), BROKEN, ids=[what for _, _, what in BROKEN])
+def test_broken_texts_are_refused_in_one_line(text: str, line: int, what: str, tmp_path: Path) -> None:
+    path = tmp_path / "broken.signs"
+    path.write_text(text.format(start=START, base=BASE))
+    with pytest.raises(FormatError) as caught:
+        notation.read(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}:{line}: "), message
+    assert what in message
+    assert "\n" not in message
+
+
+def test_the_line_is_counted_through_comments_and_blanks() -> None:
+    text = f"# one\n\nA hands=one\n  H {START}\n\n# six\nB hands=one\n  H {START} at2=x\n"
+    with pytest.raises(FormatError, match=r"^words\.signs:8: unknown key 'at2'"):
+        notation.parse(text, "words.signs")
+
+
+def test_a_file_that_is_no_text_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "latin.signs"
+    path.write_bytes("CAFÉ hands=one\n".encode("latin-1"))
+    with pytest.raises(FormatError, match="is no UTF-8 text") as caught:
+        notation.read(path)
+    assert str(caught.value).startswith(str(path))
+    with pytest.raises(InputError, match="no such file"):
+        notation.read(tmp_path / "none.signs")
+
+
+def test_an_empty_text_has_no_signs() -> None:
+    assert notation.parse("") == {}
+    assert notation.parse("# nothing yet\n") == {}
+
+
+def test_faults_of_signs_built_by_hand() -> None:
+    posture = one(f"H {START}").segments[0].strong
+    strange = phonology.Posture("no-shape", posture.place, posture.part, posture.palm, posture.fingers)
+    sign = Sign("WORD", "one", (phonology.Segment("H", strange),))
+    assert faults(sign) == ["segment 1: unknown handshape 'no-shape'"]
+    assert faults(Sign("WORD", "one", ())) == ["has no segment, expected at least one H or X line"]

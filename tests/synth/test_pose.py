@@ -1,0 +1,272 @@
+"""The arm's closed form: it reaches, keeps its limits, is smooth, and is mirrored for left-handed signers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from signing import mirror, seen_from_chest, who, word
+from signsplice.motion import kinematics, rotation
+from signsplice.study.soundness import over_limit
+from signsplice.synth import hand, places, planner, pose
+from signsplice.synth.handshapes import HANDSHAPES
+from signsplice.synth.signer import FOREARM, JOINTS, STANDARD, UPPER_ARM, Signer, signer, skeleton
+
+Float = NDArray[np.float64]
+
+SEEDS = (None, 0, 3, 7)
+HANDS = ("RightHand", "LeftHand")
+LEFT_TO_RIGHT = np.array([-1.0, 1.0, 1.0])
+
+
+def easy_states(n: int, body: Signer, seed: int = 0) -> Float:
+    """Random states (n, 63) in the signing space with turns, trunk and head that are easy, both hands on their own."""
+    rng = np.random.default_rng(seed)
+    states = np.zeros((n, pose.SIZE))
+    for first in (0, 27):
+        wrists = rng.uniform([-30.0, -15.0, 15.0], [-5.0, 20.0, 34.0], (n, 3))
+        states[:, first : first + 3] = wrists * body.scale
+        states[:, first + 3 : first + 6] = 0.3 * rng.normal(size=(n, 3))
+        low, high = hand.LIMITS.T
+        states[:, first + 6 : first + 27] = low + (high - low) * rng.random((n, 21))
+    states[:, pose.TRUNK] = 0.1 * rng.normal(size=(n, 3))
+    states[:, pose.HEAD] = 0.2 * rng.normal(size=(n, 3))
+    states[:, pose.ROOT] = rng.normal(size=(n, 3))
+    return states
+
+
+def wild_states(n: int, body: Signer, seed: int = 0) -> Float:
+    """Random states far beyond what a signer does: any place, any turn."""
+    states = easy_states(n, body, seed)
+    rng = np.random.default_rng(seed + 1)
+    for first in (0, 27):
+        states[:, first : first + 3] = rng.uniform(-90.0, 90.0, (n, 3))
+        states[:, first + 3 : first + 6] = rng.uniform(-2.0, 2.0, (n, 3))
+    return states
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_wrist_is_where_it_was_asked_to_be(seed: int | None) -> None:
+    body = replace(who(seed), left_handed=False)
+    states = easy_states(300, body)
+    asked = pose.hands(states)[..., pose.WRIST] * [[[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]]]
+    arms = (UPPER_ARM + FOREARM) * body.arms * body.scale
+    for n, side in enumerate(("Right", "Left")):
+        _, at = seen_from_chest(pose.clip(states, body, 30.0), f"{side}Arm", f"{side}Hand")
+        share = np.linalg.norm(asked[:, n] - at[:, 0], axis=-1) / arms
+        reachable = (share > 0.34) & (share < 0.95)
+        assert reachable.mean() > 0.7
+        assert np.abs(at[:, 1] - asked[:, n])[reachable].max() < 1e-6
+        assert np.abs(at[:, 1] - asked[:, n])[~reachable].max() > 1e-3, "what is out of reach is not reached"
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_hand_faces_as_it_was_asked_to_where_no_limit_is_near(seed: int | None) -> None:
+    body = replace(who(seed), left_handed=False)
+    states = easy_states(300, body, seed=5)
+    numbers = pose.hands(states)
+    wrist = pose.wrist_angles(pose.reach(numbers[..., pose.WRIST], body), numbers[..., pose.TURN], body)
+    (low_side, high_side), (low_bent, high_bent) = pose.WRIST_LIMITS
+    free = np.abs(wrist.turn) < pose.FOREARM_LIMIT - 0.15
+    free &= (wrist.deviation > low_side + 0.15) & (wrist.deviation < high_side - 0.15)
+    free &= (wrist.flexion > low_bent + 0.15) & (wrist.flexion < high_bent - 0.15)
+    assert 0.3 < free.mean() < 1.0
+    turns, _ = seen_from_chest(pose.clip(states, body, 30.0), *HANDS)
+    asked = rotation.to_matrix(pose.hand_rotations(states, body))
+    asked[:, 1] = asked[:, 1] * np.outer(LEFT_TO_RIGHT, LEFT_TO_RIGHT)
+    wrong = np.abs(turns - asked).max(axis=(-1, -2))
+    assert wrong[free].max() < 1e-9
+    assert wrong[~free].max() > 0.01, "and a limit, where one is met, is kept"
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_turn_of_says_what_hand_rotations_reads(seed: int | None) -> None:
+    rng = np.random.default_rng(2)
+    states = easy_states(50, who(seed))
+    asked = rotation.exp(rng.uniform(-1.0, 1.0, (50, 2, 3)))
+    numbers = pose.hands(states)
+    turns = pose.turn_of(numbers[..., pose.WRIST], asked, who(seed))
+    assert np.abs(turns).max() < np.pi
+    pose.hands(states)[..., pose.TURN] = turns
+    assert rotation.angle_between(pose.hand_rotations(states, who(seed)), asked).max() < 1e-7
+
+
+def test_out_of_reach_is_drawn_in_along_the_way() -> None:
+    """Ever farther asked, ever farther reached, never beyond the arm's length, always towards the place asked for."""
+    states = np.zeros((40, pose.SIZE))
+    way = np.array([-0.2, 0.1, 0.97])
+    shoulder = np.array([-18.0, 12.0, 0.5])
+    states[:, :3] = shoulder + np.linspace(40.0, 140.0, 40)[:, None] * way
+    states[:, 27:30] = states[0, :3]
+    _, at = seen_from_chest(pose.clip(states, STANDARD, 30.0), "RightArm", "RightHand")
+    reached = np.linalg.norm(at[:, 1] - at[:, 0], axis=-1)
+    assert reached.max() < 0.993 * (UPPER_ARM + FOREARM)
+    far = reached > 0.9 * (UPPER_ARM + FOREARM)
+    assert (np.diff(reached[far]) > -1e-9).all()
+    to_asked, to_reached = states[:, :3] - at[:, 0], at[:, 1] - at[:, 0]
+    cosine = (to_asked * to_reached).sum(-1) / np.linalg.norm(to_asked, axis=-1) / reached
+    assert cosine.min() > 1.0 - 1e-9
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_no_numbers_break_a_joint(seed: int | None) -> None:
+    states = np.concatenate([easy_states(400, who(seed), 1), wild_states(1500, who(seed), 2)])
+    rotations, roots = pose.rotations(states, who(seed))
+    assert np.isfinite(rotations).all()
+    assert np.isfinite(roots).all()
+    assert np.abs(np.linalg.norm(rotations, axis=-1) - 1.0).max() < 1e-12
+    assert over_limit(rotations) == 0.0
+
+
+def test_over_limit_sees_each_kind_of_broken_joint() -> None:
+    rotations, _ = pose.rotations(easy_states(1, STANDARD), STANDARD)
+    assert over_limit(rotations) == 0.0
+    x, y, z = np.eye(3)
+    for joint, axis, angle, most in (
+        ("RightForeArm", y, 2.8, pose.ELBOW_LIMIT),
+        ("RightForeArm", x, 1.9, pose.FOREARM_LIMIT),
+        ("RightHand", y, 0.6, pose.WRIST_LIMITS[0, 1]),
+        ("RightHand", y, -0.9, -pose.WRIST_LIMITS[0, 0]),
+        ("RightHand", z, 1.6, pose.WRIST_LIMITS[1, 1]),
+        ("RightHand", z, -1.4, -pose.WRIST_LIMITS[1, 0]),
+        ("RightHandIndex2", z, 2.0, hand.LIMITS[2, 1]),
+        ("RightHandRing3", z, -0.2, -hand.LIMITS[11, 0]),
+    ):
+        for side, mirrored in (("Right", 1.0), ("Left", np.array([1.0, -1.0, -1.0, 1.0]))):
+            broken = rotations.copy()
+            for name in ("ForeArm", "Hand"):
+                broken[0, JOINTS[side + name]] = rotation.IDENTITY
+            broken[0, JOINTS[joint.replace("Right", side)]] = rotation.exp(angle * axis) * mirrored
+            assert over_limit(broken) == pytest.approx(abs(angle) - most, abs=np.deg2rad(0.1)), (side, joint)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_small_change_of_numbers_is_a_small_turn_of_joints(seed: int | None) -> None:
+    """Along smooth random ways through the signing space, steps of 2 mm and 0.02 radians turn no joint far: no flips."""
+    body = who(seed)
+    rng = np.random.default_rng(9)
+    for _ in range(6):
+        ends = easy_states(2, body, int(rng.integers(1 << 30)))
+        for first in (0, 27):  # anywhere a hand signs, well turned
+            ends[:, first + 3 : first + 6] = rng.uniform(-0.9, 0.9, (2, 3))
+        u = np.linspace(0.0, 1.0, 200)[:, None]
+        wave = 0.1 * np.sin(2.0 * np.pi * u) * (ends[1] - ends[0])[::-1]
+        states = ends[0] + u * (ends[1] - ends[0]) + wave
+        rotations, _ = pose.rotations(states, body)
+        step = rotation.angle_between(rotations[:-1], rotations[1:])
+        size = np.abs(np.diff(states, axis=0)).max()
+        assert size < 1.0
+        assert step.max() < 0.12
+        assert np.abs(np.diff(step, axis=0)).max() < 0.03, "nor is there a kink"
+
+
+def test_steps_shrink_with_the_change() -> None:
+    """Continuous and, limits apart, differentiable: a tenth of the change makes a tenth of the turn."""
+    states = easy_states(80, STANDARD, 4)
+    rng = np.random.default_rng(1)
+    change = rng.normal(size=states.shape)
+    base, _ = pose.rotations(states, STANDARD)
+    turned = [
+        rotation.angle_between(base, pose.rotations(states + size * change, STANDARD)[0]) for size in (1e-4, 1e-5)
+    ]
+    moved = turned[0] > 1e-6
+    assert moved.mean() > 0.5
+    ratio = turned[0][moved] / turned[1][moved]
+    assert np.abs(ratio - 10.0).max() < 0.5
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_left_handed_signer_is_the_mirror_image(seed: int | None) -> None:
+    right = replace(who(seed), left_handed=False)
+    left = replace(right, left_handed=True)
+    states = np.concatenate([easy_states(20, right), wild_states(20, right)])
+    rotations, roots = mirror(pose.clip(states, right, 30.0))
+    other, other_roots = pose.rotations(states, left)
+    assert np.abs(np.sum(rotations * other, axis=-1)).min() > 1.0 - 1e-12
+    assert np.allclose(roots, other_roots, atol=1e-12)
+
+
+def test_strong_and_weak_hand_of_one_kind_mirror_one_another() -> None:
+    states = easy_states(30, STANDARD)
+    states[:, 27:54] = states[:, :27]
+    states[:, 54:] = 0.0
+    clip = pose.clip(states, STANDARD, 30.0)
+    rotations, roots = mirror(clip)
+    assert np.abs(np.sum(rotations * clip.local_rotations, axis=-1)).min() > 1.0 - 1e-12
+    assert np.allclose(roots, clip.root_positions)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("left_handed", [False, True])
+def test_feet_stay_while_the_hips_sway(seed: int | None, left_handed: bool) -> None:
+    body = replace(who(seed), left_handed=left_handed)
+    states = np.repeat(planner.resting(body)[None], 60, axis=0)
+    t = np.linspace(0.0, 2.0 * np.pi, 60)
+    states[:, pose.ROOT] = np.stack([2.0 * np.sin(t), np.zeros(60), 1.5 * np.cos(t)], axis=-1)
+    turns, at = kinematics.forward(
+        pose.clip(states, body, 30.0), [JOINTS[n] for n in ("Hips", "LeftFoot", "RightFoot")]
+    )
+    assert np.ptp(at[:, 0, 0]) > 3.9 * body.scale
+    assert np.ptp(at[:, 1:], axis=0).max() < 0.12, "millimetres, of centimetres of sway"
+    assert np.abs(turns[:, 1:] - turns[:1, 1:]).max() < 1e-3, "and soles stay flat"
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_signers_measures_are_in_the_bones(seed: int) -> None:
+    body, drawn, usual = signer(seed), skeleton(signer(seed)), skeleton(STANDARD)
+    ratio = np.linalg.norm(drawn.offsets, axis=-1) / np.linalg.norm(usual.offsets, axis=-1)
+    scale = body.stature_cm / 170.0
+    for name, share in (
+        ("Spine", 1.0),
+        ("Head", 1.0),
+        ("RightForeArm", body.arms),
+        ("LeftHand", body.arms),
+        ("RightHandIndex1", body.hands),
+        ("LeftHandThumb3", body.hands),
+        ("RightLeg", 1.0),
+    ):
+        assert ratio[JOINTS[name]] == pytest.approx(scale * share), name
+    assert drawn.offsets[JOINTS["LeftArm"], 0] == pytest.approx(usual.offsets[JOINTS["LeftArm"], 0] * scale * body.shoulders)
+    assert 145.0 < body.stature_cm < 191.0
+    assert drawn.offsets[JOINTS["RightHand"], 0] < 0.0 < drawn.offsets[JOINTS["LeftHand"], 0]
+
+
+def test_signers_are_drawn_by_seed_alone() -> None:
+    assert signer(4) == signer(4)
+    many = [signer(seed) for seed in range(200)]
+    assert len({body.stature_cm for body in many}) > 195, "only the smallest and the tallest are cut to one stature"
+    assert 0.03 < np.mean([body.left_handed for body in many]) < 0.2
+    assert abs(np.mean([body.stature_cm for body in many]) - 168.0) < 2.0
+    assert abs(np.std([body.stature_cm for body in many]) - 9.0) < 1.5
+
+
+def test_the_skeleton_is_53_joints_in_t_pose_standing_on_the_ground() -> None:
+    made = skeleton(STANDARD)
+    assert len(made) == 53
+    rest = kinematics.rest_positions(made) + made.offsets[0]
+    for side, sign in (("Left", 1.0), ("Right", -1.0)):
+        arm = rest[[JOINTS[side + name] for name in ("Arm", "ForeArm", "Hand")]]
+        assert np.allclose(arm[:, 1:], arm[0, 1:]), "arms level, along x"
+        assert (np.diff(sign * arm[:, 0]) > 20.0).all()
+        assert abs(rest[JOINTS[f"{side}ToeBase"], 1]) < 2.0
+    top = rest[JOINTS["HeadTop_End"], 1]
+    assert 165.0 < top < 175.0
+
+
+def test_wrist_limits_are_met_by_words_that_ship() -> None:
+    for gloss in ("LEARN", "HELLO", "BICYCLE"):
+        assert over_limit(word(gloss, 3).clip.local_rotations) == 0.0
+
+
+def test_handshapes_arrive_in_the_fingers() -> None:
+    states = easy_states(1, STANDARD)
+    states[0, pose.FINGERS] = HANDSHAPES["V"].angles
+    rotations, _ = pose.rotations(states, STANDARD)
+    first = JOINTS["RightHandThumb1"]
+    assert np.allclose(rotations[0, first : first + 15], hand.rotations(HANDSHAPES["V"].angles))
+    facing = places.facing((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
+    assert np.allclose(rotation.rotate(facing, [-1.0, 0.0, 0.0]), [0.0, 1.0, 0.0])
+    assert np.allclose(rotation.rotate(facing, [0.0, -1.0, 0.0]), [0.0, 0.0, 1.0])
