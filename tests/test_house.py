@@ -109,11 +109,29 @@ def test_the_product_needs_only_its_own_dependencies() -> None:
     names = {entry.split(">")[0].split("=")[0] for entry in project["dependencies"]}
     assert names == {"numpy", "scipy", "onnxruntime", "click", "rich"}
     optional = {"PIL", "imageio_ffmpeg", "matplotlib", "pybvh"}  # imported inside functions, for those who have them
+    training = {"torch", "onnx", "onnxscript"}
     for path in MODULES:
+        if room(module_name(path)) == "train":
+            continue
         outside = {t.split(".")[0] for t in imports(path)} - set(sys.stdlib_module_names) - {"signsplice"}
+        if path.parent.name == "cli":
+            assert not outside & training or path.name == "train.py", path
+            outside -= training
         assert outside <= names | optional, path
         at_top = {t.split(".")[0] for t in imports(path, inside_functions=False)}
-        assert not at_top & optional, path
+        assert not at_top & (optional | training), path
+
+
+def test_training_is_a_room_of_its_own() -> None:
+    allowed = {"numpy", "torch", "onnx", "onnxruntime", "onnxscript", "signsplice"} | set(sys.stdlib_module_names)
+    for path in MODULES:
+        if room(module_name(path)) == "train":
+            assert {t.split(".")[0] for t in imports(path)} <= allowed, path
+        else:
+            at_top = imports(path, inside_functions=False)
+            assert not any(
+                room(t) == "train" and t.startswith("signsplice.") for t in at_top - {"signsplice.cli.train"}
+            ), path
 
 
 def in_a_fresh_process(code: str) -> str:

@@ -53,20 +53,20 @@ def test_depth_and_way_out_are_those_of_dense_sampling(seed: int) -> None:
         assert out @ way / distance > 0.999
 
 
-O, X, Y, Z = np.zeros(3), *np.eye(3)
+AT, X, Y, Z = np.zeros(3), *np.eye(3)
 SPECIAL = {
-    "parallel, side by side": ((O, X), (0.5 * Y, 0.5 * Y + X), 0.5),
-    "parallel, one after the other": ((O, X), (2 * X, 3 * X), 1.0),
-    "parallel, opposed": ((O, X), (X + Y, Y), 1.0),
-    "parallel, overlapping in part": ((O, 2 * X), (X + 0.3 * Z, 4 * X + 0.3 * Z), 0.3),
+    "parallel, side by side": ((AT, X), (0.5 * Y, 0.5 * Y + X), 0.5),
+    "parallel, one after the other": ((AT, X), (2 * X, 3 * X), 1.0),
+    "parallel, opposed": ((AT, X), (X + Y, Y), 1.0),
+    "parallel, overlapping in part": ((AT, 2 * X), (X + 0.3 * Z, 4 * X + 0.3 * Z), 0.3),
     "crossing in the middle": ((-X, X), (-Y, Y), 0.0),
     "crossing at a height": ((-X, X), (-Y + 0.4 * Z, Y + 0.4 * Z), 0.4),
     "tee: an end before a side": ((-X, X), (0.6 * Z, 2 * Z), 0.6),
-    "corner: end before end": ((O, X), (2 * X + Y, 2 * X + 3 * Y), np.sqrt(2.0)),
-    "point and axis": ((0.5 * X + 0.7 * Y, 0.5 * X + 0.7 * Y), (O, X), 0.7),
-    "axis and point": ((O, X), (2 * X, 2 * X), 1.0),
-    "point and point": ((O, O), (3 * Y, 3 * Y), 3.0),
-    "nearest beyond both ends": ((O, X), (3 * X + Y, 4 * X + 5 * Y), np.sqrt(5.0)),
+    "corner: end before end": ((AT, X), (2 * X + Y, 2 * X + 3 * Y), np.sqrt(2.0)),
+    "point and axis": ((0.5 * X + 0.7 * Y, 0.5 * X + 0.7 * Y), (AT, X), 0.7),
+    "axis and point": ((AT, X), (2 * X, 2 * X), 1.0),
+    "point and point": ((AT, AT), (3 * Y, 3 * Y), 3.0),
+    "nearest beyond both ends": ((AT, X), (3 * X + Y, 4 * X + 5 * Y), np.sqrt(5.0)),
 }
 
 
@@ -86,7 +86,7 @@ def test_special_cases_by_hand(name: str, swapped: bool) -> None:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_going_the_way_out_leads_out(seed: int) -> None:
-    """A capsule moved along its way by its depth lies no deeper than its skin, and the depth falls by so much at once."""
+    """A capsule moved a little along its way lies so much less deep, and moved by its depth it is out."""
     a, b = axes(seed + 100)
     radii = (0.8, 0.9)
     deep, out = pair(a, b, radii)

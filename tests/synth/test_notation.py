@@ -220,7 +220,7 @@ def test_broken_texts_are_refused_in_one_line(text: str, line: int, what: str, t
 
 def test_the_line_is_counted_through_comments_and_blanks() -> None:
     text = f"# one\n\nA hands=one\n  H {START}\n\n# six\nB hands=one\n  H {START} at2=x\n"
-    with pytest.raises(FormatError, match=r"^words\.signs:8: unknown key 'at2'"):
+    with pytest.raises(FormatError, match=r"^words\.signs:8: B: unknown key 'at2'"):
         notation.parse(text, "words.signs")
 
 

@@ -10,7 +10,7 @@ import sys
 
 import click
 
-from signsplice.cli import files, lexicon, paper, showing, splicing, synth
+from signsplice.cli import files, lexicon, paper, showing, splicing, synth, train
 from signsplice.errors import InputError, SignspliceError
 
 
@@ -54,6 +54,7 @@ for _command in (
     *lexicon.COMMANDS,
     *synth.COMMANDS,
     *paper.COMMANDS,
+    *train.COMMANDS,
     *showing.COMMANDS,
 ):
     app.add_command(_command)

@@ -15,7 +15,7 @@ from signsplice.formats.atomic import read_bytes, replacing
 from signsplice.motion.clip import Clip
 from signsplice.render.strips import Strip, write_strips
 from signsplice.study import difficulty, life, soundness
-from signsplice.synth import notation, planner
+from signsplice.synth import notation, planner, pseudo
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream
@@ -40,7 +40,7 @@ def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], prog
     if BEGIN not in text or END not in text:
         raise InputError(f"{page}: has no lines {BEGIN} and {END}, expected both; what is measured goes between them")
     _matplotlib()
-    signs = {**notation.everyday(), **notation.alphabet()}
+    signs = _signs(pairs)
     lines = [
         f"Corpus `{pairs.head['hash']}`: {len(pairs)} pairs, seed {pairs.head['seed']}, {pairs.head['fps']:g} fps.",
         "",
@@ -58,6 +58,14 @@ def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], prog
     before, after = text.split(BEGIN)[0], text.split(END, 1)[1]
     with replacing(page) as temporary:
         temporary.write_text(before + BEGIN + "\n" + "\n".join(lines).rstrip() + "\n" + END + after, encoding="utf-8")
+
+
+def _signs(pairs: Pairs) -> dict[str, Sign]:
+    """The signs that ship and the pseudo-signs of a corpus, by gloss."""
+    known = {**notation.everyday(), **notation.alphabet()}
+    glosses = (row["gloss"] for row in pairs.head["words"])
+    drawn = {gloss: pseudo.sign(int(gloss.removeprefix("PSEUDO-"))) for gloss in glosses if gloss.startswith("PSEUDO-")}
+    return known | drawn
 
 
 def read_real(folder: Path | None) -> dict[str, Clip]:
@@ -99,12 +107,14 @@ def _life(pairs: Pairs, real: Mapping[str, Clip], plot: Path) -> list[str]:
     lines = [
         "### True to life",
         "",
-        "5 / 25 / 50 / 75 / 95 %, beside published figures. Agrees: the median lies within 20 % (of the nearer end of a range).",
+        "5 / 25 / 50 / 75 / 95 %, beside published figures; agrees: medians within 20 % (of a range's nearer end).",
     ]
     lines += ["", *_table(("quantity", "unit", "corpus", "real", "from", "ratio", "agrees"), rows)]
-    clips = [pairs.clip(int(k)) for k in stream("shapes", len(pairs)).choice(len(pairs), 60, replace=False)]
+    clips = [
+        pairs.clip(int(k)) for k in stream("shapes", len(pairs)).choice(len(pairs), min(60, len(pairs)), replace=False)
+    ]
     columns: dict[str, Sequence[Clip]] = {"corpus": clips, **{name: [clip] for name, clip in real.items()}}
-    lines += ["Shape of motion (60 drawn pairs; real clips whole):", ""]
+    lines += [f"Shape of motion ({len(clips)} drawn pairs; real clips whole):", ""]
     lines += _table(
         ("quantity", *columns), [(name, *(_number(f(c)) for c in columns.values())) for name, f in _SHAPES.items()]
     )
@@ -256,8 +266,8 @@ def _plot(pairs: Pairs, seen: life.Moving, bends: Mapping[str, Mapping[str, Any]
     ax.set(title="times: corpus (blue), Czech Sign Language (amber)", xlabel="ms; 5, 25, 50, 75, 95 %")
     ax = axes[0, 1]
     bins = np.linspace(0.0, 1.15, 24)
-    for values, name, colour, real in ((seen.start, "start", blue, 0.69), (seen.end, "end", amber, 0.52)):
-        ax.hist(values, bins=bins, histtype="step", color=colour, label=name)
+    for shares, name, colour, real in ((seen.start, "start", blue, 0.69), (seen.end, "end", amber, 0.52)):
+        ax.hist(shares, bins=bins, histtype="step", color=colour, label=name)
         ax.axvline(real, color=colour, ls=":", label=f"{name}, DGS Corpus")
     ax.set(title="speed at the ends of transitions over their peak", xlabel="share", ylabel="pairs")
     ax.legend(fontsize=8)

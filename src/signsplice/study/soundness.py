@@ -131,15 +131,16 @@ def over_limit(local_rotations: Float) -> float:
         limits = hand.LIMITS[:16].reshape(4, 4, 2)[:, 1:]
         beyond += [(flexion - limits[..., 1]).ravel(), (limits[..., 0] - flexion).ravel()]
         worst = max([worst, *(float(b.max()) for b in beyond)])
-    return max(0.0, worst - _ROUNDING)
+    return float(max(0.0, worst - _ROUNDING))
 
 
 def signed_anew(pairs: Pairs, signs: Mapping[str, Sign], n_pairs: int = 400) -> tuple[int, int]:
     """How many of some drawn pairs were planned anew from their signs, and how many then differ from what is stored:
-    the sentence of both words, its rotations and roots, in any bit.
+    the sentence of both words, its rotations and roots, in any bit. Pairs of words that ``signs`` has not are passed.
     """
     half = len(pairs.head["words"]) // 2
-    own = np.flatnonzero(pairs.index[:, 0] < half)
+    known = np.array([row["gloss"] in signs for row in pairs.head["words"]])
+    own = np.flatnonzero((pairs.index[:, 0] < half) & known[pairs.index[:, :2]].all(axis=1))
     chosen = stream("signed-anew", len(own)).choice(own, min(n_pairs, len(own)), replace=False)
     words: dict[int, planner.Word] = {}
     wrong = 0

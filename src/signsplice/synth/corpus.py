@@ -88,8 +88,9 @@ def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, 
     Raises ``InputError`` where the folder holds something else or cannot be written.
     """
     folder = Path(folder)
-    part = folder.with_name(f".{folder.name}-{recipe.hash}.part")
     check_folder(folder, HEAD)
+    target = folder.resolve()  # "." has no name of its own
+    part = target.with_name(f".{target.name}-{recipe.hash}.part")
     try:
         part.mkdir(exist_ok=True)
         _make(recipe, part, progress, processes)

@@ -78,9 +78,10 @@ def bump(u: Float) -> Float:
 def reach(before: Float, after: Float, n_frames: int, who: Signer) -> Float:
     """The ``n_frames`` states between two motions, of which ``before`` (.., 63) ends and ``after`` (.., 63) begins.
 
-    Place, velocity and acceleration are those of the two at their ends (one-sided differences over three frames), the
-    quintic between them the move of least jerk; hands bow out by the signer's ``arch``, fingers are early, and a weak
-    hand that goes down is late. All of it dies out with its first two derivatives at both ends.
+    Place and velocity are those of the two at their ends (one-sided differences over three frames), and 0.4 of their
+    accelerations, since all of it makes long ways; the quintic between them is the move of least jerk. Hands bow out by
+    the signer's ``arch``, fingers are early, and a weak hand that goes down is late. All of it dies out with its first
+    two derivatives at both ends.
     """
     steps = n_frames + 1
     u = (np.arange(1, n_frames + 1) / steps)[:, None]

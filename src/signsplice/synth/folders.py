@@ -10,6 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from signsplice.errors import InputError
 from signsplice.formats import bvh
 from signsplice.formats.atomic import replacing_folder
 from signsplice.synth import planner, running
@@ -31,8 +32,9 @@ def write_lexicon(
 ) -> None:
     """Write every sign's isolated word as BVH, and ``glosses.csv`` with source, synonyms and kind; whole or not at all.
 
-    Raises ``InputError`` where the folder cannot be written or holds something else.
+    Raises ``InputError`` where the folder cannot be written or holds something else, or two glosses make one file name.
     """
+    _check_names(signs)
     table = io.StringIO()
     rows = csv.writer(table, lineterminator="\n")
     rows.writerow(("file", "gloss", "synonyms", "signer", "source", "checked", "kind"))
@@ -52,6 +54,16 @@ def file_name(gloss: str) -> str:
     return "".join("_" if c in '<>:"/\\|?*' or ord(c) < 32 else c for c in gloss)
 
 
+def _check_names(signs: Sequence[Sign]) -> None:
+    """Raise ``InputError`` where two glosses would be one file, also on disks that do not tell capitals."""
+    taken: dict[str, str] = {}
+    for sign in signs:
+        name = file_name(sign.gloss)
+        other = taken.setdefault(name.casefold(), sign.gloss)
+        if other != sign.gloss:
+            raise InputError(f"{other} and {sign.gloss} would both be {name}.bvh; give one another gloss")
+
+
 def write_sentences(
     recipe: Recipe, count: int, folder: Path, changes: bool = True, progress: Progress | None = None
 ) -> None:
@@ -59,6 +71,7 @@ def write_sentences(
 
     changes: let weak hands stay and pronouns assimilate (``running``). Raises ``InputError`` as ``write_lexicon`` does.
     """
+    _check_names(recipe.signs)
     who = recipe.signers()[0]
     rng = stream("sentences", recipe.seed, count)
     with replacing_folder(folder, TRUTH) as made:

@@ -48,13 +48,14 @@ _HEADER = re.compile(r"(?P<gloss>[^\s=:]+)\s+hands=(?P<hands>\S+)(?:\s+kind=(?P<
 
 @dataclass(frozen=True)
 class _Line:
-    """A place in a text, for errors."""
+    """A place in a text and the sign it belongs to, for errors."""
 
     file: str
     number: int
+    gloss: str = ""
 
     def error(self, what: str) -> FormatError:
-        return FormatError(what, file=self.file, line=self.number)
+        return FormatError(f"{self.gloss}: {what}" if self.gloss else what, file=self.file, line=self.number)
 
 
 def read(path: str | FilePath) -> dict[str, Sign]:
@@ -109,7 +110,8 @@ def _sign(block: list[tuple[_Line, str]]) -> Sign:
     _one_of(at, "kind", kind, ("sign", "letter", "pseudo"))
     notes = {"source": "", "synonyms": ""}
     segments: list[Segment] = []
-    for line, content in block[1:]:
+    for place, content in block[1:]:
+        line = replace(place, gloss=gloss)
         key, colon, value = content.partition(":")
         if colon and key in notes:
             notes[key] = value.strip()

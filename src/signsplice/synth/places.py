@@ -5,7 +5,7 @@ Everything is in the chest's axes of a right-handed signer, cm: X = -out, Y = up
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from signsplice.motion import body as bodies
 from signsplice.motion import rotation
-from signsplice.motion.kinematics import rest_positions
+from signsplice.motion.clip import Clip
+from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.synth import hand, pose
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.phonology import ON_BASE, Posture, Vector
@@ -121,8 +122,8 @@ def body_places(who: Signer) -> dict[str, Place]:
     height = 1.70 * who.scale * 100.0
     names, origins, ways = list(_ON_BODY), [], []
     for joint, inside, out in _ON_BODY.values():
-        origins.append(rest[JOINTS[joint]] + height * _axes(inside))
-        ways.append(_axes(out) / np.linalg.norm(out))
+        origins.append(rest[JOINTS[joint]] + height * axes(inside))
+        ways.append(axes(out) / np.linalg.norm(out))
     skin = _skin(np.array(origins), np.array(ways), who)
     return {name: Place(at - chest, way) for name, at, way in zip(names, skin, ways, strict=True)}
 
@@ -148,7 +149,7 @@ def _skin(origins: Float, ways: Float, who: Signer) -> Float:
     return np.asarray(points)
 
 
-def _axes(v: Vector | Float) -> Float:
+def axes(v: Vector | Float) -> Float:
     """Out, up, forward -> X, Y, Z of a right-handed signer."""
     return np.array([-v[0], v[1], v[2]])
 
@@ -163,8 +164,8 @@ def facing(palm: Vector, fingers: Vector) -> Float:
     """Rotation (4,) of a right hand whose fingers point along ``fingers`` and whose palm faces ``palm`` as nearly as
     that allows.
     """
-    x = -_axes(fingers)
-    y = -_axes(palm)
+    x = -axes(fingers)
+    y = -axes(palm)
     y = y - (y @ x) * x
     y = y / np.linalg.norm(y)
     return rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1))
@@ -186,11 +187,11 @@ def strong(posture: Posture, who: Signer, weak: Float, meets: bool = False, size
     names, skin, _ = _PARTS[posture.part]
     unit = who.hands * who.scale
     part = rotation.rotate(turned, part_of(hand.points(angles), names)) * unit
-    shift = _axes(posture.shift) * size
+    shift = axes(posture.shift) * size
     if place.out.any():
         target = place.point + (skin * unit + posture.off * who.scale) * place.out + shift
     elif meets and place.point[0] == 0.0:
-        target = place.point + _axes((skin * unit + posture.off * size, 0.0, 0.0)) + shift
+        target = place.point + axes((skin * unit + posture.off * size, 0.0, 0.0)) + shift
     else:
         target = place.point + shift
     return _numbers(target - part, turned, angles, who)
@@ -198,10 +199,7 @@ def strong(posture: Posture, who: Signer, weak: Float, meets: bool = False, size
 
 def weak(posture: Posture, who: Signer, size: float = 1.0) -> Float:
     """The weak hand's 27 numbers in a posture of its own; ``in`` is towards the strong side for it."""
-    mirrored = Posture(
-        posture.shape, posture.place, posture.part, posture.palm, posture.fingers, posture.off, posture.shift
-    )
-    return strong(mirrored, who, np.zeros(27), size=size)
+    return strong(posture, who, np.zeros(27), size=size)
 
 
 def _numbers(wrist: Float, turned: Float, angles: Float, who: Signer) -> Float:
@@ -211,7 +209,7 @@ def _numbers(wrist: Float, turned: Float, angles: Float, who: Signer) -> Float:
 def _place(posture: Posture, who: Signer, weak_hand: Float) -> Place:
     name = posture.place
     if name in _IN_SPACE:
-        return Place(_axes(_IN_SPACE[name]) * who.scale, np.zeros(3))
+        return Place(axes(_IN_SPACE[name]) * who.scale, np.zeros(3))
     if name in _ON_BODY:
         return body_places(who)[name]
     shoulder, elbow, wrist, turned = _weak_arm(weak_hand, who)
@@ -227,7 +225,7 @@ def _place(posture: Posture, who: Signer, weak_hand: Float) -> Place:
         "upper-arm-weak": (0.55, shoulder, elbow, 0.0275, (0.8, 0.0, 0.6)),
     }[name]
     along = (end - start) / np.linalg.norm(end - start)
-    way = _axes(outwards) - (_axes(outwards) @ along) * along
+    way = axes(outwards) - (axes(outwards) @ along) * along
     way = way / np.linalg.norm(way)
     point = start + share * (end - start) + skin * 170.0 * who.scale * way
     return Place(point * MIRROR, way * MIRROR)
@@ -236,9 +234,6 @@ def _place(posture: Posture, who: Signer, weak_hand: Float) -> Place:
 def _weak_arm(numbers: Float, who: Signer) -> tuple[Float, Float, Float, Float]:
     """Shoulder, elbow, wrist (3,) and the hand's rotation (4,) of a weak arm, as a right arm."""
     local, root = pose.rotations(np.concatenate([numbers, numbers, np.zeros(9)])[None], _right_handed(who))
-    from signsplice.motion.clip import Clip
-    from signsplice.motion.kinematics import forward
-
     joints = [JOINTS[name] for name in ("Spine2", "RightArm", "RightForeArm", "RightHand")]
     turns, places = forward(Clip(skeleton(who), local, root, 30.0), joints)
     chest, shoulder, elbow, wrist = places[0]
@@ -246,6 +241,4 @@ def _weak_arm(numbers: Float, who: Signer) -> tuple[Float, Float, Float, Float]:
 
 
 def _right_handed(who: Signer) -> Signer:
-    from dataclasses import replace
-
     return replace(who, left_handed=False) if who.left_handed else who

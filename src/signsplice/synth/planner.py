@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.synth import course, places, pose
 from signsplice.synth.clearance import clear
 from signsplice.synth.course import Knot
 from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.phonology import IN_SPACE, Path, Segment, Sign
+from signsplice.synth.overlays import lay_gesture, lay_local
+from signsplice.synth.paths import Way, moved
+from signsplice.synth.phonology import IN_SPACE, Segment, Sign
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, Signer
 
@@ -30,11 +31,9 @@ FIRST_HOLD_S, INNER_HOLD_S, LAST_HOLD_S = 0.15, 0.07, 0.40
 """Usual holds of a citation form; the last one is the longest (Liddell and Johnson 1989)."""
 LAST_TOUCH_S = 0.1
 """A last hold that touches: hands rest on the body for a moment only."""
-STROKE, PREPARATION, RETRACTION = 0.70, 1.06, 1.25
-"""Time of the sign's movements and of the ways from and to rest over what the travel law gives."""
+PREPARATION, RETRACTION = 1.06, 1.25
+"""Time of the ways from and to rest over what the travel law gives."""
 REST_S = 0.17
-CYCLE_S = {"wiggle": 0.28, "bend": 0.30, "twist": 0.26, "nod": 0.28, "tremble": 0.15}
-"""A cycle of each local movement."""
 
 
 @dataclass(frozen=True)
@@ -178,8 +177,7 @@ class _Core:
         """The first posture; hands that alternate stand where the next movement begins for each."""
         moves = [s for s in self.sign.segments if s.kind == "M"]
         if self.sign.hands == "alternating" and moves:
-            way = _Way(self, self._hands(segment), self._hands(moves[0]), moves[0])
-            return way.at(0.0)
+            return self._way(segment, moves[0]).at(0.0)
         return self._state(*self._hands(segment))
 
     def _hands(self, segment: Segment) -> tuple[Float, Float]:
@@ -190,14 +188,17 @@ class _Core:
         meets = self.sign.hands in ("symmetric", "alternating")
         strong = places.strong(posture, self.who, weak, meets, self.size)
         if posture.place in IN_SPACE and not (meets and posture.place.endswith("-mid")):
-            strong = _moved(strong, self.jitter, self.who)
+            strong = moved(strong, self.jitter, self.who)
         return strong, strong if meets else weak
+
+    def _way(self, before: Segment, segment: Segment) -> Way:
+        return Way(segment, self.sign.hands, self.who, self._hands(before), self._hands(segment), self.size)
 
     def _state(self, strong: Float, weak: Float) -> Float:
         return np.concatenate([strong, weak, np.zeros(9)])
 
     def _move(self, before: Segment, segment: Segment, stops: bool) -> None:
-        way = _Way(self, self._hands(before), self._hands(segment), segment)
+        way = self._way(before, segment)
         begin = self.knots[-1].frame
         turns = max(1, round(abs(segment.path.turns))) if segment.path.kind == "circle" else 1
         count = 2 * segment.times - 1 if not way.still else segment.times
@@ -222,11 +223,11 @@ class _Core:
     def overlay(self, states: Float, offset: int) -> None:
         """Add local movements, head and trunk to states of the whole word, in place."""
         for segment, begin, end in self.spans:
-            _gesture(states, segment, begin + offset, end + offset, self.fps)
+            lay_gesture(states, segment, begin + offset, end + offset, self.fps)
         for segment, begin, end, _ in self.moves:
             if segment.local is not None:
                 part = states[begin + offset : end + offset + 1]
-                _local(part, segment, self.sign.hands, self.who)
+                lay_local(part, segment, self.sign.hands, self.who)
 
 
 def touches(segment: Segment, sign: Sign) -> bool:
@@ -235,159 +236,3 @@ def touches(segment: Segment, sign: Sign) -> bool:
     meets = sign.hands in ("symmetric", "alternating") and posture.place in ("space-mid", "space-low-mid")
     free = posture.place in IN_SPACE and not meets
     return not free and abs(posture.off) < 1.0 and all(abs(c) < 1.0 for c in posture.shift)
-
-
-def _moved(numbers: Float, way: Float, who: Signer) -> Float:
-    """A hand (27,) carried ``way`` (3,) cm without turning."""
-    wrist = numbers[pose.WRIST]
-    turned = rotation.multiply(pose.reach(wrist, who).fore, rotation.exp(numbers[pose.TURN]))
-    return np.concatenate([wrist + way, pose.turn_of(wrist + way, turned, who), numbers[pose.FINGERS]])
-
-
-class _Way:
-    """How both hands go from one posture to another along a segment's path; progress 0 to 1."""
-
-    def __init__(self, core: _Core, start: tuple[Float, Float], end: tuple[Float, Float], segment: Segment) -> None:
-        self.core, self.start, self.end, self.segment = core, start, end, segment
-        self.still = all(np.array_equal(a, b) for a, b in zip(start, end, strict=True)) and segment.path.kind not in (
-            "circle",
-            "zigzag",
-        )
-        self.scale = core.size * core.who.scale
-
-    def at(self, s: float) -> Float:
-        """The state (63,) at progress ``s``."""
-        alternating = self.core.sign.hands == "alternating"
-        strong = self._hand(0, s, 0.0)
-        mirrored = self.core.sign.hands in ("symmetric", "alternating")
-        half_turn = alternating and self.segment.path.kind == "circle"
-        weak = self._hand(0 if mirrored else 1, 1.0 - s if alternating and not half_turn else s, 0.5 * half_turn)
-        return np.concatenate([strong, weak, np.zeros(9)])
-
-    def _hand(self, which: int, s: float, phase: float) -> Float:
-        start, end, path = self.start[which], self.end[which], self.segment.path
-        numbers = start + s * (end - start)
-        if which == 1:
-            return numbers
-        offset = places._axes(path.way) * path.size
-        if path.kind == "arc":
-            numbers = _moved(numbers, offset * self.scale * np.sin(np.pi * s), self.core.who)
-        elif path.kind == "zigzag":
-            numbers = _moved(numbers, offset * self.scale * np.sin(2.0 * np.pi * path.turns * s), self.core.who)
-        elif path.kind == "circle":
-            numbers = _moved(numbers, _round(path, s, phase) * self.scale, self.core.who)
-        return numbers
-
-    def steps(self, n_frames: int) -> list[tuple[float, float]]:
-        """Knots of one pass after its start: (progress, share of its time)."""
-        path = self.segment.path
-        if path.kind == "circle":
-            n = max(2, round(6 * abs(path.turns)))
-        elif path.kind == "zigzag":
-            n = max(2, round(4 * path.turns))
-        elif path.kind == "arc":
-            shares = [0.25, 0.5, 0.75, 1.0] if n_frames >= 8 else [0.5, 1.0]
-            return [(float(course_of(u)), u) for u in shares]
-        else:
-            return [(1.0, 1.0)]
-        n = min(n, n_frames)
-        return [(k / n, k / n) for k in range(1, n + 1)]
-
-    def seconds(self) -> float:
-        """How long one pass takes: by the travel law along the path, and time enough to turn, form and flutter."""
-        local = self.segment.local
-        if self.still and local is not None:
-            return CYCLE_S[local.kind] * local.cycles
-        fine = np.linspace(0.0, 1.0, 33)
-        states = np.array([self.at(s) for s in fine])
-        both = pose.hands(states)
-        length = np.linalg.norm(np.diff(both[..., pose.WRIST], axis=0), axis=-1).sum(axis=0).max()
-        kind, turns = self.segment.path.kind, abs(self.segment.path.turns)
-        pieces = turns if kind == "circle" else 2.0 * turns if kind == "zigzag" else 1.0
-        pieces = max(pieces, 1.0)
-        core = self.core
-        move = pieces * course.travel_seconds(float(length) / pieces, replace(core.who, tempo=1.0)) * STROKE
-        turned = np.linalg.norm(both[-1, :, pose.TURN] - both[0, :, pose.TURN], axis=-1).max()
-        formed = np.abs(both[-1, :, pose.FINGERS] - both[0, :, pose.FINGERS]).max()
-        least = max(move, 0.10 + 0.13 * float(turned), 0.0 if formed < 0.1 else 0.12 + 0.06 * float(formed))
-        if local is not None:
-            least = max(least, CYCLE_S[local.kind] * local.cycles)
-        return least
-
-
-def course_of(u: float) -> float:
-    """Progress of a minimum-jerk movement from rest to rest at time ``u`` (both 0 to 1)."""
-    return u**3 * (10.0 + u * (-15.0 + 6.0 * u))
-
-
-_PLANES = {"frontal": ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)), "sagittal": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0))}
-_PLANES["horizontal"] = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
-
-
-def _round(path: Path, s: float, phase: float) -> Float:
-    """Where a circle is, seen from its start at the top (horizontal: the front), for unit scale."""
-    top, side = (places._axes(v) for v in _PLANES[path.plane])
-    angle = 2.0 * np.pi * (path.turns * s + phase)
-    return np.asarray(path.size * ((np.cos(angle) - 1.0) * top + np.sin(angle) * side))
-
-
-def _local(part: Float, segment: Segment, hands: str, who: Signer) -> None:
-    """Lay a local movement over states (n, 63) of a segment, in place."""
-    local = segment.local
-    assert local is not None
-    n = len(part)
-    u = np.linspace(0.0, 1.0, n)
-    level = course.window(n, max(1, round(0.18 * n)))
-    for which in (0, 1):
-        if which == 1 and hands not in ("symmetric", "alternating"):
-            continue
-        phase = np.pi if which == 1 and hands == "alternating" else 0.0
-        numbers = part[:, 27 * which : 27 * which + 27]
-        swing = np.sin(2.0 * np.pi * local.cycles * u + phase) * level
-        amplitude = np.deg2rad(local.amplitude)
-        if local.kind == "twist":
-            numbers[:, 3] += amplitude * swing
-        elif local.kind == "nod":
-            numbers[:, 5] += amplitude * swing
-        elif local.kind == "tremble":
-            numbers[:, 0] += local.amplitude * who.scale * swing
-        fingers = numbers[:, pose.FINGERS][:, :16].reshape(n, 4, 4)
-        if local.kind == "wiggle":
-            for f in range(4):
-                one = np.sin(2.0 * np.pi * local.cycles * u + phase - 1.2 * f) * level
-                fingers[:, f, 1] += amplitude * one
-                fingers[:, f, 2] += 0.4 * amplitude * (one + level)
-        elif local.kind == "bend":
-            close = 0.5 * (1.0 - np.cos(2.0 * np.pi * local.cycles * u + phase)) * level
-            fingers[:, :, 1] += (amplitude * close)[:, None]
-        np.clip(numbers[:, pose.FINGERS], *_FINGER_LIMITS, out=numbers[:, pose.FINGERS])
-
-
-def _finger_limits() -> tuple[Float, Float]:
-    from signsplice.synth.hand import LIMITS
-
-    return LIMITS[:, 0], LIMITS[:, 1]
-
-
-_FINGER_LIMITS = _finger_limits()
-
-
-def _gesture(states: Float, segment: Segment, begin: int, end: int, fps: float) -> None:
-    """Lay a segment's head and trunk over states of the whole word, in place; both outlast it a little."""
-    spare = round(0.2 * fps)
-    at = slice(max(begin - spare, 0), min(end + spare + 1, len(states)))
-    n = at.stop - at.start
-    u, level = np.linspace(0.0, 1.0, n), course.window(n, spare + 1)
-    head, trunk = states[at, pose.HEAD], states[at, pose.TRUNK]
-    cycles = max(1.0, round(2.2 * n / fps))
-    swing = np.sin(2.0 * np.pi * cycles * u) * level
-    if segment.head == "nod":
-        head[:, 0] += np.deg2rad(9.0) * 0.5 * (1.0 - np.cos(2.0 * np.pi * cycles * u)) * level
-    elif segment.head == "shake":
-        head[:, 1] += np.deg2rad(11.0) * swing
-    elif segment.head:
-        head[:, 2] += np.deg2rad(8.0 if segment.head == "tilt" else -8.0) * level
-    lean = {"fwd": (0, 6.0), "back": (0, -5.0), "out": (2, 5.0), "in": (2, -5.0)}
-    if segment.trunk:
-        axis, angle = lean[segment.trunk]
-        trunk[:, axis] += np.deg2rad(angle) * level

@@ -7,6 +7,7 @@ hand, few handshapes carry most signs, neutral space and face are the commonest 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -104,23 +105,23 @@ def _movement(
         path = Path("circle", plane=_pick(rng, {"frontal": 1.0, "sagittal": 1.0, "horizontal": 1.0}))
         turns = float(_pick(rng, {1.0: 0.55, 2.0: 0.25, -1.0: 0.15, -2.0: 0.05}))
         return Segment(
-            "M", _lifted(here), base, Path("circle", plane=path.plane, size=float(rng.uniform(2.0, 4.5)), turns=turns)
+            "M", here, base, Path("circle", plane=path.plane, size=float(rng.uniform(2.0, 4.5)), turns=turns)
         )
     if kind == "local":
         local = _pick(rng, {"wiggle": 0.3, "twist": 0.3, "nod": 0.2, "bend": 0.15, "tremble": 0.05})
         amplitude = {"wiggle": 22.0, "twist": 28.0, "nod": 25.0, "bend": 45.0, "tremble": 0.7}[local]
         return Segment("M", here, base, local=Local(local, amplitude, float(_pick(rng, {1.5: 0.6, 2.5: 0.4}))))
     if kind == "shape":
-        return Segment("M", _but(here, shape=_pick(rng, _SHAPES)), base, times=times)
+        return Segment("M", replace(here, shape=_pick(rng, _SHAPES)), base, times=times)
     if kind == "zigzag":
         there = _shifted(rng, here, 12.0)
         return Segment("M", there, base, Path("zigzag", _way(rng), size=float(rng.uniform(2, 4)), turns=2.0))
     if kind == "far":
         there = _posture(rng, _pick(rng, table))
-        return Segment("M", _but(there, shape=here.shape), base, _bow(rng))
+        return Segment("M", replace(there, shape=here.shape), base, _bow(rng))
     there = _shifted(rng, here, float(rng.uniform(3.0, 10.0)))
     if kind == "turn":
-        there = _but(_shifted(rng, here, 4.0), palm=_way(rng))
+        there = replace(_shifted(rng, here, 4.0), palm=_way(rng))
     return Segment("M", there, base, _bow(rng), times=times)
 
 
@@ -131,17 +132,7 @@ def _bow(rng: np.random.Generator) -> Path:
 def _shifted(rng: np.random.Generator, here: Posture, size: float) -> Posture:
     way = np.array(_way(rng)) * size
     x, y, z = (float(a + b) for a, b in zip(here.shift, way, strict=True))
-    return _but(here, shift=(x, y, z))
-
-
-def _lifted(here: Posture) -> Posture:
-    return here
-
-
-def _but(posture: Posture, **changes: object) -> Posture:
-    from dataclasses import replace
-
-    return replace(posture, **changes)  # type: ignore[arg-type]
+    return replace(here, shift=(x, y, z))
 
 
 def _way(rng: np.random.Generator) -> Vector:
@@ -178,8 +169,8 @@ def _at_ease(segment: Segment, sign: Sign) -> bool:
 
 
 def easy(numbers: np.ndarray) -> bool:
-    """Whether a hand's 27 numbers ask no more than 80 % of any wrist or forearm limit of the standard signer, and a
-    place within 96 % of the arm's reach.
+    """Whether a hand's 27 numbers ask no more than 85 % of any wrist or forearm limit of the standard signer, and a
+    place for which the elbow stays bent by 20 degrees or more.
     """
     arm = pose.reach(numbers[pose.WRIST], STANDARD)
     wrist = pose.wrist_angles(arm, numbers[pose.TURN], STANDARD)

@@ -60,6 +60,8 @@ def utter(words: Sequence[Word], changes: bool = True) -> Utterance:
     """
     if not words:
         raise InputError("no words, expected at least one")
+    for word in words[1:]:
+        truth.check_alike(words[0], word)
     relations = [truth.relation(p, q) for p, q in itertools.pairwise(words)]
     leaves = [truth.leave(p, seen) for p, seen in zip(words[:-1], relations, strict=True)]
     enters = [0, *(truth.enter(q, seen) for q, seen in zip(words[1:], relations, strict=True))]

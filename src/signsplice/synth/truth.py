@@ -79,11 +79,16 @@ class Relation:
 
 def splice(p: Word, q: Word) -> Splice:
     """The truth for one word after another of the same signer and rate. Raises ``InputError`` for others."""
-    if p.who != q.who or p.clip.fps != q.clip.fps:
-        raise InputError(f"{p.sign.gloss} and {q.sign.gloss} are of two signers or frame rates, expected one of each")
+    check_alike(p, q)
     seen = relation(p, q)
     pre, post = leave(p, seen), enter(q, seen)
     return Splice(pre, post, between(p.states[pre - 2 : pre + 1], q.states[post : post + 3], p))
+
+
+def check_alike(p: Word, q: Word) -> None:
+    """Raise ``InputError`` for words of two signers or frame rates."""
+    if p.who != q.who or p.clip.fps != q.clip.fps:
+        raise InputError(f"{p.sign.gloss} and {q.sign.gloss} are of two signers or frame rates, expected one of each")
 
 
 def relation(p: Word, q: Word) -> Relation:

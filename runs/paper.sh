@@ -1,0 +1,24 @@
+#!/usr/bin/env bash
+# The paper whole, from nothing: environment, corpus, trainings, judging, tables, figures.
+#
+#   runs/paper.sh                  scale cpu: small systems, hours on two cores
+#   SCALE=paper runs/paper.sh      the paper's sizes; wants a GPU
+#
+# Called again after an interruption, it goes on where it was: what is made, trained or judged already is kept.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+SCALE=${SCALE:-cpu}
+PYTHON=${PYTHON:-python3}
+PAIRS=${PAIRS:-out/pairs}
+BUNDLES=${BUNDLES:-out/bundles}
+OUT=${OUT:-docs/paper}
+BIN=.venv/bin
+
+[ -x "$BIN/python" ] || "$PYTHON" -m venv .venv
+"$BIN/python" -c 'import torch, matplotlib, signsplice' 2>/dev/null ||
+    "$BIN/python" -m pip install --quiet --disable-pip-version-check --editable '.[train,paper]'
+
+export OMP_NUM_THREADS=${OMP_NUM_THREADS:-$(nproc)}
+[ -f "$PAIRS/corpus.json" ] || "$BIN/signsplice" synth pairs -o "$PAIRS"
+"$BIN/signsplice" paper all --scale "$SCALE" --pairs "$PAIRS" --bundles "$BUNDLES" --out "$OUT" "$@"

@@ -1,0 +1,13 @@
+#!/usr/bin/env bash
+# The way of runs/paper.sh in minutes: ten words, systems of a few thousand numbers, a few steps each.
+# Its figures mean nothing; that they come out is the point. Leaves everything in out/smoke.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+SMOKE=${SMOKE:-out/smoke}
+mkdir -p "$SMOKE"
+if [ ! -f "$SMOKE/pairs/corpus.json" ]; then
+    [ -x .venv/bin/signsplice ] || make .venv/.dev
+    .venv/bin/signsplice synth pairs -o "$SMOKE/pairs" --words 10 --other-signer 10
+fi
+SCALE=smoke PAIRS="$SMOKE/pairs" BUNDLES="$SMOKE/bundles" OUT="$SMOKE/paper" runs/paper.sh --limit 50 "$@"

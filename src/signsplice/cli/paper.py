@@ -1,0 +1,158 @@
+"""The paper's experiments: train what is missing, judge what is there, write its tables and figures."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from signsplice.cli.terminal import progress, warn
+from signsplice.errors import InputError, MissingExtraError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from signsplice.paper.judging import Advance
+    from signsplice.paper.plan import Run
+    from signsplice.paper.results import Results
+
+WHAT = ("all", "evaluate", "table1", "table3", "figures")
+
+
+@click.command()
+@click.argument("what", metavar="|".join(WHAT), type=click.Choice(WHAT))
+@click.option("--scale", type=click.Choice(("smoke", "cpu", "paper")), default="cpu", show_default=True,
+              help="How large and how long the systems are trained.")  # fmt: skip
+@click.option("--pairs", metavar="DIR", default="out/pairs", show_default=True, help="Corpus of pairs.")
+@click.option("--bundles", metavar="DIR", default="out/bundles", show_default=True, help="Where trained systems lie.")
+@click.option("--out", metavar="DIR", default="docs/paper", show_default=True,
+              help="Where results.json, tables and figures lie.")  # fmt: skip
+@click.option("--system", "systems", multiple=True, metavar="NAME", help="Train and judge only these.")
+@click.option("--steps", type=int, metavar="N", help="Training steps, in place of the scale's.")
+@click.option("--limit", type=int, metavar="N", help="Judge at most N pairs of a split.")
+@click.option("--again", is_flag=True, help="Judge anew what results.json has already.")
+def paper(
+    what: str,
+    scale: str,
+    pairs: str,
+    bundles: str,
+    out: str,
+    systems: tuple[str, ...],
+    steps: int | None,
+    limit: int | None,
+    again: bool,
+) -> None:
+    """Rebuild the paper. all: train what is missing, judge, tables, figures. evaluate: the same without training.
+    table1, table3, figures: from results.json, in seconds, without corpus or networks.
+    """
+    from signsplice.paper import plan
+    from signsplice.paper.judging import RESULTS
+    from signsplice.paper.results import load
+
+    folder = Path(out)
+    _check(systems, limit, steps)
+    if what in ("all", "evaluate"):
+        _make_folder(folder)
+        if what == "all":
+            _train(plan.missing(plan.runs(scale, systems), Path(bundles)), Path(pairs), Path(bundles), steps)
+        _evaluate(folder, Path(pairs), Path(bundles), scale, systems, limit, again)
+    if not (folder / RESULTS).is_file():
+        raise InputError(f"{folder / RESULTS}: not there; `signsplice paper evaluate` or `all` makes it")
+    results = load(folder / RESULTS)
+    if what != "figures":
+        _tables(results, folder, scale, what)
+    if what not in ("table1", "table3"):
+        _figures(results, folder, scale, required=what == "figures")
+
+
+def _check(systems: Sequence[str], limit: int | None, steps: int | None) -> None:
+    from signsplice.paper import published
+
+    unknown = [system for system in systems if system not in published.NAMES]
+    if unknown:
+        raise InputError(f"no system {unknown[0]!r}, expected one of {', '.join(published.NAMES)}")
+    for option, value in (("--limit", limit), ("--steps", steps)):
+        if value is not None and value < 1:
+            raise InputError(f"{option} {value}, expected at least 1")
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made ({error.strerror})") from error
+
+
+def _train(todo: Sequence[Run], pairs: Path, bundles: Path, steps: int | None) -> None:
+    """Train every run by the command line's own `train paper`, one after another."""
+    from signsplice.cli import app
+
+    if not todo:
+        return
+    told = f"{len(todo)} of the paper's systems are not trained yet, {todo[0].name} first"
+    train = app.commands.get("train")
+    if importlib.util.find_spec("torch") is None or train is None:
+        raise MissingExtraError(
+            f"{told}, and training needs torch: pip install 'signsplice[train]'; "
+            "`signsplice paper evaluate` judges what is there"
+        )
+    _make_folder(bundles)
+    for n, run in enumerate(todo, 1):
+        click.echo(f"training {n} of {len(todo)}: {run.name}", err=True)
+        app.main(run.arguments(pairs, bundles, steps), standalone_mode=False)
+
+
+def _evaluate(
+    folder: Path, pairs: Path, bundles: Path, scale: str, systems: Sequence[str], limit: int | None, again: bool
+) -> None:
+    """Judge, and write results.json and the kept frames after every system, so that an interrupted call loses one."""
+    from signsplice.paper import judging, results, shots
+    from signsplice.synth.corpus import Pairs
+
+    corpus = Pairs(pairs)
+    known = results.load(folder / judging.RESULTS)
+    kept = shots.load(folder / judging.SHOTS)
+    folders = [f for f in judging.found(bundles, scale) if not systems or judging.facts(f).get("system") in systems]
+    if not folders:
+        warn([f"{bundles}: no bundle of scale {scale} there; only classical rows are judged"])
+    advance: Advance = progress
+    n_rows = 0
+    for made in judging.everything(corpus, folders, known, kept, advance, limit=limit, again=again):
+        n_rows += len(made.rows)
+        if made.rows or made.curves:
+            known = known.merged(made.rows, made.curves)
+            results.save(known, folder / judging.RESULTS)
+            shots.save(made.shots, folder / judging.SHOTS)
+    print(f"{folder / judging.RESULTS}: {n_rows} rows judged, {len(known.rows)} in all")
+
+
+def _tables(results: Results, folder: Path, scale: str, what: str) -> None:
+    from signsplice.paper import tables
+
+    pages = (what,) if what in ("table1", "table3") else tables.PAGES
+    written = tables.write(results, folder, scale, pages)
+    if not written:
+        raise InputError(f"{folder}: no row of scale {scale} for {' or '.join(pages)}")
+    for path in written:
+        print(path)
+
+
+def _figures(results: Results, folder: Path, scale: str, required: bool) -> None:
+    from signsplice.paper import figures, judging, shots
+
+    try:
+        written, left_out = figures.write(results, shots.load(folder / judging.SHOTS), folder, scale)
+    except MissingExtraError as error:
+        if required:
+            raise
+        warn([str(error)])
+        return
+    for path in written:
+        print(path)
+    if left_out:
+        warn([f"nothing was measured for {', '.join(left_out)} at scale {scale}"])
+
+
+COMMANDS = (paper,)

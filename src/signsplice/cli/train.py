@@ -1,0 +1,101 @@
+"""Training: a system of the paper from a corpus of pairs to a bundle."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from signsplice.errors import InputError, MissingExtraError
+
+if TYPE_CHECKING:
+    from signsplice.train.loop import Tell
+
+
+@click.group()
+def train() -> None:
+    """Train networks; needs the extra `train`."""
+
+
+@train.command()
+@click.option("--pairs", required=True, metavar="DIR", help="Corpus of pairs, of `signsplice synth pairs`.")
+@click.option("--system", required=True, metavar="NAME|all", help="lpt, lpt-wa, ..., or all: a folder in --out each.")
+@click.option("--scale", type=click.Choice(("smoke", "cpu", "paper")), default="cpu", show_default=True,
+              help="How large the networks are and how long they learn.")  # fmt: skip
+@click.option("--optimiser", type=click.Choice(("adamw", "sgd")), default="adamw", show_default=True,
+              help="sgd: as in the paper, rate 1e-3.")  # fmt: skip
+@click.option("--split", type=click.Choice(("random", "unseen-words", "unseen-signer")), default="random",
+              show_default=True, help="Which pairs are learned from.")  # fmt: skip
+@click.option("--out", required=True, metavar="DIR", help="Folder for the bundle.")
+@click.option(
+    "--parts", metavar="DIR", help="Checkpoints, shared by systems of the same parts.  [default: beside --out]"
+)
+@click.option("--steps", type=int, metavar="N", help="Steps of every part, in place of the scale's.")
+@click.option("--fr", type=int, metavar="N", help="Frames that Culling keeps on each side.  [default: 8]")
+@click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of weights, batches and noise.")
+@click.option("--device", default="auto", show_default=True, metavar="NAME", help="auto, cpu or cuda.")
+@click.option("--bf16/--no-bf16", default=None, help="Half precision; by default on GPUs alone.")
+def paper(
+    pairs: str,
+    system: str,
+    scale: str,
+    optimiser: str,
+    split: str,
+    out: str,
+    parts: str | None,
+    steps: int | None,
+    fr: int | None,
+    seed: int,
+    device: str,
+    bf16: bool | None,
+) -> None:
+    """Train a system of the paper and export it. Called again after an interruption, it goes on where it was.
+
+    Several processes share the work: torchrun --nproc-per-node 2 -m signsplice.cli train paper ...
+    """
+    try:
+        import onnxscript  # noqa: F401
+        import torch  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError(f"training needs {error.name}: pip install 'signsplice[train]'") from None
+    from signsplice.paper.measures import accuracy
+    from signsplice.synth.corpus import Pairs
+    from signsplice.train import processes, run, scales
+
+    corpus = Pairs(pairs)
+    systems = list(scales.SYSTEMS) if system == "all" else [system]
+    if system == "all" and fr is not None:
+        raise InputError(f"--fr {fr} with --system all; name one system with a Culling layer")
+    for name in systems:
+        scales.parts(name, scale, fr, steps)
+    with processes.joined(device) as here:
+        for name in systems:
+            folder = Path(out) / name if system == "all" else Path(out)
+            shared = Path(parts) if parts is not None else Path(out).parent / "parts"
+            told = run.Training(name, scale, optimiser, split, seed, fr, steps, bf16)
+            run.make(told, corpus, folder, shared, accuracy, here, _teller if here.first else None)
+            if here.first:
+                print(f"{folder}: {name}, scale {scale}, {optimiser}, {split}")
+
+
+def _teller(part: str) -> Tell:
+    """Writes a part's progress to standard error: on one line in a terminal, else the scores alone."""
+    lively = sys.stderr.isatty()
+
+    def tell(step: int, steps: int, numbers: dict[str, float]) -> None:
+        scores = "loss" not in numbers
+        if not lively and not scores:
+            return
+        left = ""
+        if not scores:
+            minutes = numbers["seconds_a_step"] * (steps - step) / 60.0
+            left = f", {minutes:.1f} min left"
+        shown = " ".join(f"{name} {value:.4g}" for name, value in numbers.items() if name != "seconds_a_step")
+        print(f"{part} {step}/{steps}: {shown}{left}", end="\n" if scores or not lively else "\r", file=sys.stderr)
+
+    return tell
+
+
+COMMANDS = (train,)

@@ -1,0 +1,164 @@
+"""Rows of results: every bundle of a folder and every classical method, judged on every split that allows it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from signsplice.errors import InputError
+from signsplice.formats.atomic import read_bytes
+from signsplice.paper import classical, protocol, published, results, shots
+from signsplice.paper.classical import Classical, ClassicalAnswers
+from signsplice.paper.protocol import Answer, Protocol
+from signsplice.paper.results import CLASSICAL, Curve, Results, Row
+from signsplice.synth.corpus import Pairs
+
+Advance = Callable[[str], AbstractContextManager[Callable[[int, int], None] | None]]
+Opener = Callable[[Path], Any]
+
+RESULTS, SHOTS = "results.json", "frames.npz"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What one call adds: rows and curves, and the frames for the pictures."""
+
+    rows: tuple[Row, ...]
+    curves: tuple[Curve, ...]
+    shots: tuple[shots.Shot, ...]
+
+
+def facts(folder: Path) -> dict[str, Any]:
+    """What a bundle says of itself. Raises ``InputError`` where it is none."""
+    try:
+        told = json.loads(read_bytes(folder / "bundle.json"))
+    except ValueError as error:
+        raise InputError(f"{folder / 'bundle.json'}: is no JSON ({error})") from error
+    if not isinstance(told, dict):
+        raise InputError(f"{folder / 'bundle.json'}: expected an object")
+    return told
+
+
+def found(bundles: Path, scale: str) -> list[Path]:
+    """Folders of bundles of a scale, by name."""
+    if not bundles.is_dir():
+        return []
+    return [path.parent for path in sorted(bundles.glob("*/bundle.json")) if facts(path.parent).get("scale") == scale]
+
+
+def splits(pairs: Pairs, limit: int | None = None) -> list[Protocol]:
+    """The test part of every split that has a pair in it."""
+    return [protocol.choose(pairs, split, limit=limit) for split in protocol.SPLITS if pairs.split(split, "test")]
+
+
+def everything(
+    pairs: Pairs,
+    bundles: Sequence[Path],
+    known: Results,
+    kept: Sequence[shots.Shot],
+    progress: Advance,
+    opener: Opener | None = None,
+    limit: int | None = None,
+    again: bool = False,
+    methods: Iterable[Classical] | None = None,
+) -> Iterator[Judgement]:
+    """Judge classical methods and bundles, a judgement for each; what ``known`` has already of the same bundle,
+    protocol and measures is passed over unless ``again``.
+
+    progress: makes a progress bar by name. opener: bundle folder -> system, the project's own by default.
+    """
+    protocols = splits(pairs, limit)
+    chosen = shots.merge(kept, shots.choose(pairs, protocols[0])) if protocols else []
+    for method in classical.every() if methods is None else methods:
+        answer = ClassicalAnswers(pairs, method)
+        row = Row(method.name, "", CLASSICAL, told=method.told)
+        name = shots.label(method.name, CLASSICAL, "", method.told) if (method.name, method.told) == shots.BEST else ""
+        rows, chosen = _judge(row, name, answer, protocols, pairs, known, chosen, progress, again, answer.prepare)
+        yield Judgement(tuple(rows), (), tuple(chosen))
+    for folder in bundles:
+        told = facts(folder)
+        allowed = [p for p in protocols if protocol.may_judge(told, pairs, p)]
+        if not allowed:
+            protocol.refuse(told, pairs, protocols[0], folder.name)
+        row = Row(split="", **results.bundle_row(told, folder))
+        name = shots.label(row.system, row.scale, row.optimiser) if row.fr in (None, published.BEST_FR) else ""
+        answer_of = _Late(folder, pairs, opener)
+        rows, chosen = _judge(row, name, answer_of, allowed, pairs, known, chosen, progress, again)
+        curve = read_curve(folder, told, row)
+        yield Judgement(tuple(rows), () if curve is None else (curve,), tuple(chosen))
+
+
+class _Late:
+    """A bundle's answers; it is opened when the first pair comes."""
+
+    def __init__(self, folder: Path, pairs: Pairs, opener: Opener | None) -> None:
+        self.folder, self.pairs, self.opener = folder, pairs, opener
+        self._answer: Answer | None = None
+
+    def __call__(self, number: int) -> Any:
+        if self._answer is None:
+            opener = self.opener
+            if opener is None:
+                from signsplice.paper.systems import open_bundle
+
+                opener = open_bundle
+            self._answer = protocol.answers(self.pairs, opener(self.folder))
+        return self._answer(number)
+
+
+def _judge(
+    like: Row,
+    name: str,
+    answer: Answer,
+    protocols: Sequence[Protocol],
+    pairs: Pairs,
+    known: Results,
+    kept: list[shots.Shot],
+    progress: Advance,
+    again: bool,
+    prepare: Callable[[Sequence[int]], None] | None = None,
+) -> tuple[list[Row], list[shots.Shot]]:
+    """Rows of one answerer on some protocols, and the shots with its frames where the random split is among them."""
+    rows = []
+    around = results.surroundings()
+    for p in protocols:
+        row = replace(like, split=p.split, part=p.part, corpus=p.corpus, protocol=p.signature, **around)
+        old = next((r for r in known.rows if r.key == row.key), None)
+        if old is not None and not again and _same(old, row) and all(not name or name in s.made for s in kept):
+            continue
+        if prepare is not None:
+            prepare(p.numbers)
+        with progress(f"{like.system}, {p.split}") as advance:
+            judged = protocol.judge(answer, pairs, p, advance)
+        rows.append(replace(row, scores=results.finite(judged.scores), n_pairs=judged.n_pairs))
+        if p.split == "random" and name:
+            kept = shots.shown(kept, name, answer)
+    return rows, kept
+
+
+def _same(old: Row, new: Row) -> bool:
+    return (old.bundle, old.protocol, old.measures) == (new.bundle, new.protocol, new.measures)
+
+
+def read_curve(folder: Path, told: Mapping[str, Any], row: Row) -> Curve | None:
+    """Validation accuracy by step from the training log beside a bundle (JSON lines with ``step`` and ``accuracy``);
+    None where there is none.
+    """
+    points = []
+    for path in sorted(folder.glob("*.jsonl")):
+        for line in read_bytes(path).decode("utf-8").splitlines():
+            try:
+                entry = json.loads(line)
+            except ValueError:
+                continue
+            value = entry.get("accuracy", entry.get("valid_accuracy")) if isinstance(entry, dict) else None
+            if value is not None and "step" in entry:
+                points.append((float(entry["step"]), float(value)))
+    if not points:
+        return None
+    split = str(told.get("split", ""))
+    return Curve(row.system, split, row.scale, row.optimiser, row.fr, row.seed, results.thinned(sorted(points)))

@@ -1,0 +1,122 @@
+"""Trained systems that splice two words: positions by one network and frames by another, or both by one.
+
+Positions follow eq. 10: a token is emitted where its class wins at some frame, and the position is the frame at which
+its log-odds against "none" are highest. Frames follow eq. 16: from the start token to the first frame that is called
+the last one.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.paper.prediction import N_NUMBERS, Float, Prediction
+from signsplice.paper.systems.graphs import Array, Graphs, single
+from signsplice.splicing.culling import check, cull
+
+DECODINGS = ("one-by-one", "parallel")
+NONE, PRE, POST = 0, 1, 2
+START, FRAME, HIDDEN = 0, 1, 2
+
+
+class Splicer(ABC):
+    """A trained system; ``facts`` is its bundle.json."""
+
+    def __init__(self, name: str, facts: Mapping[str, Any], graphs: Graphs, decoding: str) -> None:
+        self.name, self.facts, self.graphs, self.decoding = name, facts, graphs, decoding
+        runs = facts["runs"]
+        self.frames_by: str = runs["frames"]
+        self.fr: int | None = facts["fr"]
+        self.n_fed: int = runs["n_fed"]
+        self.most_frames: int = runs["most_frames"]
+
+    @abstractmethod
+    def predict(self, before: Float, after: Float) -> Prediction:
+        """The splice of ``before`` (N, 159) and ``after`` (M, 159), both in [-0.5, 0.5]."""
+
+    def _generated(self, encoded: Mapping[str, Array]) -> Float:
+        """Transition frames (n, 159) that a decoder makes of what an encoder hands on."""
+        given = {name: value for name, value in encoded.items() if name.startswith(("memory", "state"))}
+        if self.decoding == "parallel":
+            kinds = np.full((1, self.most_frames), HIDDEN)
+            kinds[:, 0] = START
+            nothing = np.zeros((1, self.most_frames, self.n_fed), np.float32)
+            made = self.graphs.run("decoder", {**given, "fed": nothing, "kinds": kinds, "start": np.array(0)})
+            ends = np.flatnonzero(made["last"][0] > 0.0)
+            count = int(ends[0]) + 1 if len(ends) else self.most_frames
+            return made["made"][0, :count, :N_NUMBERS].astype(np.float64)
+        frames: list[Array] = []
+        fed = np.zeros((1, 1, self.n_fed), np.float32)
+        while len(frames) < self.most_frames:
+            kinds = np.full((1, 1), FRAME if frames else START)
+            made = self.graphs.run("decoder", {**given, "fed": fed, "kinds": kinds, "start": np.array(len(frames))})
+            fed = made["made"]
+            frames.append(fed[0, 0, :N_NUMBERS])
+            if made["last"][0, 0] > 0.0:
+                break
+            given |= {name.removeprefix("next_"): value for name, value in made.items() if name.startswith("next_")}
+        return np.stack(frames).astype(np.float64)
+
+
+class Parted(Splicer):
+    """SPSN for the positions, another network for the frames: LpTransformer, its ablations, and other transition makers
+    behind the same SPSN.
+    """
+
+    def predict(self, before: Float, after: Float) -> Prediction:
+        """The splice; without Culling frames are made even where a position is missing."""
+        pre, post = self.positions(before, after)
+        if self.fr is not None and (pre is None or post is None):
+            return Prediction(pre, post, np.zeros((0, N_NUMBERS)))
+        return Prediction(pre, post, self._frames(before, after, pre, post))
+
+    def positions(self, before: Float, after: Float) -> tuple[int | None, int | None]:
+        """Where SPSN leaves and enters, None for a token that it does not emit."""
+        logits = self.graphs.run(
+            "spsn", {"x": single(np.concatenate([before, after])), "n_before": np.array([len(before)])}
+        )["tokens"]
+        return decided(logits[0], len(before))
+
+    def fill(self, before: Float, after: Float, pre: int, post: int) -> Float:
+        """The transition (n, 159) for positions that are told, the true ones say."""
+        check(before, after, pre, post)
+        return self._frames(before, after, pre, post)
+
+    def _frames(self, before: Float, after: Float, pre: int | None, post: int | None) -> Float:
+        if self.fr is None or pre is None or post is None:
+            x, mask = np.concatenate([before, after]), np.ones(len(before) + len(after), bool)
+        else:
+            x, mask = cull(before, after, pre, post, self.fr)
+        n_before = len(before) if self.fr is None else self.fr
+        inputs: dict[str, Array] = {"x": single(x), "mask": mask[None], "n_before": np.array([n_before])}
+        if self.frames_by == "generator":
+            return self._generated(self.graphs.run("encoder", inputs))
+        count = int(self.graphs.run("length", inputs)["numbers"][0].argmax()) + 1
+        made = self.graphs.run("fill", {**inputs, "real": np.ones((1, count), bool)})["made"]
+        return np.asarray(made[0], np.float64)
+
+
+class Joint(Splicer):
+    """One network for both, which reads the whole X: the paper's rivals."""
+
+    def predict(self, before: Float, after: Float) -> Prediction:
+        """The splice."""
+        x = np.concatenate([before, after])
+        inputs = {"x": single(x), "mask": np.ones((1, len(x)), bool), "n_before": np.array([len(before)])}
+        encoded = self.graphs.run("encoder", inputs)
+        pre, post = decided(encoded["tokens"][0], len(before))
+        return Prediction(pre, post, self._generated(encoded))
+
+
+def decided(logits: NDArray[np.float32], n_before: int) -> tuple[int | None, int | None]:
+    """Positions: pre (a frame of P) and post (a frame of Q) of logits (N + M, 3);
+    None for a token whose class wins nowhere.
+    """
+    wins = logits.argmax(axis=1)
+    pre = int((logits[:n_before, PRE] - logits[:n_before, NONE]).argmax()) if (wins == PRE).any() else None
+    post = int((logits[n_before:, POST] - logits[n_before:, NONE]).argmax()) if (wins == POST).any() else None
+    return pre, post

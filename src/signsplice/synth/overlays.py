@@ -1,0 +1,65 @@
+"""What lies over a sign's course: local movements of the hand, and gestures of head and trunk."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.synth import course, hand, pose
+from signsplice.synth.phonology import Segment
+from signsplice.synth.signer import Signer
+
+Float = NDArray[np.float64]
+
+
+def lay_local(part: Float, segment: Segment, hands: str, who: Signer) -> None:
+    """Lay a local movement over states (n, 63) of a segment, in place."""
+    local = segment.local
+    assert local is not None
+    n = len(part)
+    u = np.linspace(0.0, 1.0, n)
+    level = course.window(n, max(1, round(0.18 * n)))
+    for which in (0, 1):
+        if which == 1 and hands not in ("symmetric", "alternating"):
+            continue
+        phase = np.pi if which == 1 and hands == "alternating" else 0.0
+        numbers = part[:, 27 * which : 27 * which + 27]
+        swing = np.sin(2.0 * np.pi * local.cycles * u + phase) * level
+        amplitude = np.deg2rad(local.amplitude)
+        if local.kind == "twist":
+            numbers[:, 3] += amplitude * swing
+        elif local.kind == "nod":
+            numbers[:, 5] += amplitude * swing
+        elif local.kind == "tremble":
+            numbers[:, 0] += local.amplitude * who.scale * swing
+        fingers = numbers[:, pose.FINGERS][:, :16].reshape(n, 4, 4)
+        if local.kind == "wiggle":
+            for f in range(4):
+                one = np.sin(2.0 * np.pi * local.cycles * u + phase - 1.2 * f) * level
+                fingers[:, f, 1] += amplitude * one
+                fingers[:, f, 2] += 0.4 * amplitude * (one + level)
+        elif local.kind == "bend":
+            close = 0.5 * (1.0 - np.cos(2.0 * np.pi * local.cycles * u + phase)) * level
+            fingers[:, :, 1] += (amplitude * close)[:, None]
+        np.clip(numbers[:, pose.FINGERS], hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=numbers[:, pose.FINGERS])
+
+
+def lay_gesture(states: Float, segment: Segment, begin: int, end: int, fps: float) -> None:
+    """Lay a segment's head and trunk over states of the whole word, in place; both outlast it a little."""
+    spare = round(0.2 * fps)
+    at = slice(max(begin - spare, 0), min(end + spare + 1, len(states)))
+    n = at.stop - at.start
+    u, level = np.linspace(0.0, 1.0, n), course.window(n, spare + 1)
+    head, trunk = states[at, pose.HEAD], states[at, pose.TRUNK]
+    cycles = max(1.0, round(2.2 * n / fps))
+    swing = np.sin(2.0 * np.pi * cycles * u) * level
+    if segment.head == "nod":
+        head[:, 0] += np.deg2rad(9.0) * 0.5 * (1.0 - np.cos(2.0 * np.pi * cycles * u)) * level
+    elif segment.head == "shake":
+        head[:, 1] += np.deg2rad(11.0) * swing
+    elif segment.head:
+        head[:, 2] += np.deg2rad(8.0 if segment.head == "tilt" else -8.0) * level
+    lean = {"fwd": (0, 6.0), "back": (0, -5.0), "out": (2, 5.0), "in": (2, -5.0)}
+    if segment.trunk:
+        axis, angle = lean[segment.trunk]
+        trunk[:, axis] += np.deg2rad(angle) * level

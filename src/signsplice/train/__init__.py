@@ -1,0 +1,1 @@
+"""Training: networks, data, loop, checkpoints and export. The only room that imports torch."""

@@ -1,0 +1,46 @@
+"""Checkpoints: a training's whole state at a step, written whole or not at all.
+
+Random numbers need no state: batches, noise and dropout are drawn from the seed and the step.
+"""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import nn
+
+from signsplice.errors import InputError
+from signsplice.formats.atomic import replacing
+
+NAME = "checkpoint.pt"
+
+
+def save(folder: Path, step: int, network: nn.Module, optimiser: torch.optim.Optimizer, recipe: str) -> None:
+    """Write the state after ``step`` steps."""
+    state = {"step": step, "recipe": recipe, "network": network.state_dict(), "optimiser": optimiser.state_dict()}
+    with replacing(folder / NAME) as temporary:
+        torch.save(state, temporary)
+
+
+def load(folder: Path, network: nn.Module, optimiser: torch.optim.Optimizer | None, recipe: str) -> int:
+    """Steps done, network and optimiser being set to what they were then; 0 where nothing is there.
+
+    Raises ``InputError`` where the checkpoint is broken or of another training.
+    """
+    path = folder / NAME
+    if not path.exists():
+        return 0
+    try:
+        state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+        if state["recipe"] != recipe:
+            raise InputError(f"{path}: of another training ({state['recipe']}, not {recipe}); choose another folder")
+        network.load_state_dict(state["network"])
+        if optimiser is not None:
+            optimiser.load_state_dict(state["optimiser"])
+        return int(state["step"])
+    except (RuntimeError, KeyError, ValueError, OSError, EOFError, pickle.UnpicklingError) as error:
+        told = str(error).splitlines()[0]
+        raise InputError(f"{path}: cannot be read ({told}); remove it to begin anew") from error

@@ -1,0 +1,63 @@
+"""A training's log: JSON lines, and TensorBoard's files where it is installed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+NAME = "log.jsonl"
+
+
+class Log:
+    """Appends to ``log.jsonl`` of a folder; lines after ``step``, of steps to be done again, are dropped first."""
+
+    def __init__(self, folder: Path, step: int, on: bool = True) -> None:
+        self._file = None
+        self._board: Any = None
+        if not on:
+            return
+        path = folder / NAME
+        kept = [line for line in lines(path) if line["step"] <= step]
+        path.write_text("".join(json.dumps(line) + "\n" for line in kept), encoding="utf-8")
+        self._file = path.open("a", encoding="utf-8")
+        try:
+            from torch.utils.tensorboard import SummaryWriter
+        except ImportError:
+            return
+        self._board = SummaryWriter(folder / "tensorboard", purge_step=step + 1)
+
+    def write(self, step: int, **numbers: float) -> None:
+        """One line."""
+        if self._file is None:
+            return
+        self._file.write(json.dumps({"step": step, **{k: round(v, 7) for k, v in numbers.items()}}) + "\n")
+        self._file.flush()
+        if self._board is not None:
+            for name, value in numbers.items():
+                self._board.add_scalar(name, value, step)
+
+    def __enter__(self) -> Log:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._file is not None:
+            self._file.close()
+        if self._board is not None:
+            self._board.close()
+
+
+def lines(path: Path) -> list[dict[str, Any]]:
+    """The log's lines; one that was cut off is left out."""
+    if not path.exists():
+        return []
+    found = []
+    for text in path.read_text(encoding="utf-8").splitlines():
+        try:
+            found.append(json.loads(text))
+        except ValueError:
+            continue
+    return found

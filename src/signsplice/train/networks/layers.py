@@ -1,0 +1,158 @@
+"""What several networks are built of: normaliser, positional code (eq. 12), attention (eq. 13), feed-forward (eq. 14).
+
+Shapes: B batch, S frames of the input, T frames of the output, P frames already put out, D width, H heads.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F  # noqa: N812
+
+N_NUMBERS = 159
+
+
+class Normaliser(nn.Module):
+    """Positions in [-0.5, 0.5] <-> numbers of mean 0 and spread 1 over the training pairs, by fixed mean and deviation.
+
+    Most joints move little beside their own offset, and raw positions would start every network near a constant.
+    """
+
+    mean: Tensor
+    deviation: Tensor
+
+    def __init__(self, mean: Tensor | None = None, deviation: Tensor | None = None) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(N_NUMBERS) if mean is None else mean)
+        self.register_buffer("deviation", torch.ones(N_NUMBERS) if deviation is None else deviation)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Normalised frames (..., 159)."""
+        return (x - self.mean) / self.deviation
+
+    def inverse(self, x: Tensor) -> Tensor:
+        """Positions (..., 159) of normalised frames."""
+        return x * self.deviation + self.mean
+
+
+def positional_code(positions: Tensor, width: int) -> Tensor:
+    """The code (T, D) of frame positions (T,), D even: sin in the even, cos in the odd dimensions (eq. 12, which prints
+    sin twice).
+    """
+    rates = torch.exp(torch.arange(0, width, 2, device=positions.device) * (-math.log(10000.0) / width))
+    angles = positions.to(rates.dtype)[:, None] * rates
+    return torch.stack([angles.sin(), angles.cos()], dim=-1).flatten(-2)
+
+
+def causal(n_new: int, n_past: int, device: torch.device) -> Tensor:
+    """Which of P + T frames each of T new frames may look at (T, P + T): itself and all before it."""
+    new = torch.arange(n_new, device=device)
+    every = torch.arange(n_past + n_new, device=device)
+    return every[None] <= new[:, None] + n_past
+
+
+class MultiHead(nn.Module):
+    """Multi-head attention (eq. 13), its Q, K and V being learned projections of the layer's inputs."""
+
+    def __init__(self, width: int, n_heads: int) -> None:
+        super().__init__()
+        self.n_heads = n_heads
+        self.query, self.key = nn.Linear(width, width), nn.Linear(width, width)
+        self.value, self.out = nn.Linear(width, width), nn.Linear(width, width)
+
+    def split(self, x: Tensor) -> Tensor:
+        """(B, T, D) -> (B, H, T, D / H)."""
+        return x.reshape(*x.shape[:2], self.n_heads, -1).transpose(1, 2)
+
+    def keys_values(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """Keys and values (B, H, T, D / H) of what is looked at, to be kept from step to step."""
+        return self.split(self.key(x)), self.split(self.value(x))
+
+    def forward(self, x: Tensor, keys: Tensor, values: Tensor, allowed: Tensor | None = None) -> Tensor:
+        """Z (B, T, D); ``allowed``: True where a frame may be looked at, of a shape that broadcasts to (B, H, T, S)."""
+        heads = F.scaled_dot_product_attention(self.split(self.query(x)), keys, values, attn_mask=allowed)
+        out: Tensor = self.out(heads.transpose(1, 2).flatten(-2))
+        return out
+
+
+class FeedForward(nn.Module):
+    """Relu(Z W1 + b1) W3 + b3 (eq. 14); the "+ Z" is the layer's residual path."""
+
+    def __init__(self, width: int, inner: int) -> None:
+        super().__init__()
+        self.first, self.second = nn.Linear(width, inner), nn.Linear(inner, width)
+
+    def forward(self, z: Tensor) -> Tensor:
+        """What is added to Z (B, T, D)."""
+        out: Tensor = self.second(torch.relu(self.first(z)))
+        return out
+
+
+class EncoderLayer(nn.Module):
+    """Self-attention and feed-forward, each added to its input.
+
+    Layer norms come first in each block (not printed; the norm-last order of the original needs a slow warm-up).
+    """
+
+    def __init__(self, width: int, n_heads: int, inner: int, dropout: float) -> None:
+        super().__init__()
+        self.attention, self.feed = MultiHead(width, n_heads), FeedForward(width, inner)
+        self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(2))
+        self.dropout = nn.Dropout(dropout)
+
+    def forward(self, x: Tensor, allowed: Tensor | None) -> Tensor:
+        """States (B, S, D) of the next layer."""
+        inner = self.norms[0](x)
+        x = x + self.dropout(self.attention(inner, *self.attention.keys_values(inner), allowed))
+        out: Tensor = x + self.dropout(self.feed(self.norms[1](x)))
+        return out
+
+
+class DecoderLayer(nn.Module):
+    """Self-attention over the frames so far, attention to the encoder's states, and feed-forward."""
+
+    def __init__(self, width: int, n_heads: int, inner: int, dropout: float) -> None:
+        super().__init__()
+        self.own, self.cross = MultiHead(width, n_heads), MultiHead(width, n_heads)
+        self.feed = FeedForward(width, inner)
+        self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(3))
+        self.dropout = nn.Dropout(dropout)
+
+    def forward(
+        self,
+        x: Tensor,
+        own: tuple[Tensor, Tensor],
+        cross: tuple[Tensor, Tensor],
+        own_allowed: Tensor,
+        cross_allowed: Tensor | None,
+    ) -> tuple[Tensor, tuple[Tensor, Tensor]]:
+        """States (B, T, D), and the cache ``own`` (keys, values: (B, H, P, D / H)) made longer by the T new frames."""
+        inner = self.norms[0](x)
+        keys, values = self.own.keys_values(inner)
+        keys, values = torch.cat([own[0], keys], dim=2), torch.cat([own[1], values], dim=2)
+        x = x + self.dropout(self.own(inner, keys, values, own_allowed))
+        x = x + self.dropout(self.cross(self.norms[1](x), *cross, cross_allowed))
+        return x + self.dropout(self.feed(self.norms[2](x))), (keys, values)
+
+
+class Encoder(nn.Module):
+    """Embedding, positional code and a stack of encoder layers."""
+
+    def __init__(self, width: int, n_heads: int, n_layers: int, inner: int, dropout: float) -> None:
+        super().__init__()
+        self.embedding = nn.Linear(N_NUMBERS, width)
+        self.layers = nn.ModuleList(EncoderLayer(width, n_heads, inner, dropout) for _ in range(n_layers))
+        self.norm = nn.LayerNorm(width)
+
+    def forward(self, x: Tensor, mask: Tensor | None) -> Tensor:
+        """States (B, S, D) of normalised frames (B, S, 159); ``mask`` (B, S) is False at padding."""
+        states = self.embedding(x)
+        positions = torch.arange(x.shape[1], device=x.device)
+        states = states + positional_code(positions, states.shape[-1]).to(states.dtype)
+        allowed = None if mask is None else mask[:, None, None, :]
+        for layer in self.layers:
+            states = layer(states, allowed)
+        out: Tensor = self.norm(states)
+        return out

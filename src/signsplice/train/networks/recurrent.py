@@ -1,0 +1,51 @@
+"""An LSTM that runs as torch's own in training, and becomes ONNX's LSTM operator, of any length, when exported."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+_OPSET = 14
+"""The version of ONNX's LSTM operator."""
+
+
+class Lstm(nn.Module):
+    """One LSTM layer (eq. 4, 5) with batches first.
+
+    Eq. 5 prints C_t = F_t * W_xc + I_t * C~_t; the LSTM is C_t = F_t * C_{t-1} + I_t * C~_t.
+    """
+
+    def __init__(self, n_inputs: int, width: int) -> None:
+        super().__init__()
+        self.width = width
+        self.cells = nn.LSTM(n_inputs, width, batch_first=True)
+
+    def forward(self, x: Tensor, state: tuple[Tensor, Tensor] | None = None) -> tuple[Tensor, tuple[Tensor, Tensor]]:
+        """Hidden states (B, S, D) of inputs (B, S, n_inputs), and the last hidden and cell state, each (1, B, D)."""
+        if torch.compiler.is_exporting():
+            return self._symbolic(x, state)
+        states, last = self.cells(x, state)
+        return states, last
+
+    def _symbolic(self, x: Tensor, state: tuple[Tensor, Tensor] | None) -> tuple[Tensor, tuple[Tensor, Tensor]]:
+        n_batch, n_frames = x.shape[0], x.shape[1]
+        if state is None:
+            state = (x.new_zeros(1, n_batch, self.width), x.new_zeros(1, n_batch, self.width))
+        ordered = [_onnx_order(weights) for weights in self.cells.parameters()]  # input, hidden, and their biases
+        weights, bias = [ordered[0][None], ordered[1][None]], torch.cat(ordered[2:])[None]
+        ends = (1, n_batch, self.width)
+        states, hidden, cell = torch.onnx.ops.symbolic_multi_out(
+            "LSTM",
+            (x.transpose(0, 1), *weights, bias, None, *state),
+            {"hidden_size": self.width},
+            dtypes=(x.dtype, x.dtype, x.dtype),
+            shapes=((n_frames, 1, n_batch, self.width), ends, ends),
+            version=_OPSET,
+        )
+        return states[:, 0].transpose(0, 1), (hidden, cell)
+
+
+def _onnx_order(weights: Tensor) -> Tensor:
+    """Torch's gates input, forget, cell, output as ONNX orders them: input, output, forget, cell."""
+    i, f, g, o = weights.chunk(4)
+    return torch.cat([i, o, f, g])

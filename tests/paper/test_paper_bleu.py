@@ -1,0 +1,113 @@
+"""BLEU over frames: by hand, as Papineni's for symbols, as the slow reference, and how it may and may not change."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import reference
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from toys import moved
+
+from signsplice.paper import bleu
+
+Float = NDArray[np.float64]
+Symbols = list[int]
+symbols = st.lists(st.integers(0, 3), min_size=0, max_size=8)
+
+
+def spelled(word: Symbols) -> Float:
+    return np.repeat(np.array(word, float).reshape(-1, 1), 159, axis=1)
+
+
+def of(pairs: list[tuple[Float, Float]], tolerance: float = bleu.TOLERANCE) -> bleu.Bleu:
+    return bleu.corpus([bleu.count(p, t, [tolerance])[tolerance] for p, t in pairs])
+
+
+def test_papinenis_clipping_by_hand() -> None:
+    """Seven times "the" against "the cat is on the mat": 2 / 7, his own example."""
+    found = of([(spelled([1] * 7), spelled([1, 2, 3, 4, 1, 5]))])
+    assert found.precisions[0] == pytest.approx(2 / 7)
+    assert found.precisions[1] == 0.0
+    assert found.bleu == pytest.approx((2 / 7, 0.0, 0.0, 0.0))
+
+
+def test_orders_and_brevity_by_hand() -> None:
+    found = of([(spelled([1, 2, 3, 4]), spelled([1, 2, 3, 5, 4]))])
+    assert found.precisions == pytest.approx((1.0, 2 / 3, 0.5, 0.0))
+    brevity = math.exp(1 - 5 / 4)
+    assert found.brevity == pytest.approx(brevity)
+    assert found.bleu[2] == pytest.approx(brevity * (2 / 3 * 0.5) ** (1 / 3))
+    assert found.bleu[3] == 0.0
+
+
+def test_counts_are_summed_over_the_corpus() -> None:
+    found = of([(spelled([1, 2]), spelled([1, 2])), (spelled([3, 4, 5, 6]), spelled([7, 8, 9, 9]))])
+    assert found.precisions[:2] == pytest.approx((2 / 6, 1 / 4))
+
+
+def test_nothing_predicted_and_nothing_to_predict() -> None:
+    assert of([(spelled([]), spelled([1, 2, 3, 4]))]).bleu == (0.0, 0.0, 0.0, 0.0)
+    short = of([(spelled([1, 2]), spelled([1, 2]))])
+    assert short.bleu[:2] == (1.0, 1.0)
+    assert all(math.isnan(value) for value in short.bleu[2:]), "no true transition has three frames"
+
+
+def test_the_matching_is_the_largest_not_the_first() -> None:
+    """Frame 0 is near both true ones, frame 1 only near the first: a greedy match would lose one."""
+    step = math.sqrt(bleu.TOLERANCE)
+    predicted, true = spelled([0, 0]), spelled([0, 0])
+    predicted[0], predicted[1] = 0.5 * step, -0.9 * step
+    true[0], true[1] = 0.0, 1.2 * step
+    assert bleu.count(predicted, true)[bleu.TOLERANCE].matched[0] == 2
+
+
+@given(st.lists(st.tuples(symbols, symbols), min_size=1, max_size=4))
+def test_without_tolerance_it_is_papinenis(pairs: list[tuple[Symbols, Symbols]]) -> None:
+    for p, t in pairs:
+        found = bleu.count(spelled(p), spelled(t), [0.0])[0.0]
+        for n in range(1, 5):
+            a, b = (Counter(tuple(w[k : k + n]) for k in range(len(w) - n + 1)) for w in (p, t))
+            assert found.matched[n - 1] == sum((a & b).values()), "clipped counts"
+            assert found.predicted[n - 1] == max(0, len(p) - n + 1)
+
+
+@given(st.integers(0, 5), st.integers(0, 5), st.integers(0, 10_000), st.sampled_from([2e-5, 1e-4, 4e-4]))
+def test_as_the_slow_references(n: int, m: int, seed: int, tolerance: float) -> None:
+    a, b = moved(n, seed), 0.3 * moved(m, seed + 1)
+    found = bleu.count(a, b, [tolerance])[tolerance]
+    for order in range(1, 5):
+        assert found.matched[order - 1] == reference.matched(a, b, order, tolerance)
+    equal = bleu.equal_ngrams(bleu.distances(a, b) <= tolerance, 1) if n and m else np.zeros((n, m), bool)
+    assert found.matched[0] == reference.matched_by_trying(equal)
+    value = of([(a, b)], tolerance).bleu[1]
+    if not math.isnan(value):
+        assert value == pytest.approx(reference.bleu([(a, b)], 2, tolerance))
+
+
+@given(st.integers(4, 9), st.integers(4, 9), st.integers(0, 10_000))
+def test_a_wider_tolerance_never_lowers_it_and_orders_fall(n: int, m: int, seed: int) -> None:
+    a, b = 0.2 * moved(n, seed), 0.2 * moved(m, seed + 1)
+    tolerances = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1.0)
+    counts = bleu.count(a, b, tolerances)
+    values = [bleu.corpus([counts[t]]).bleu for t in tolerances]
+    for narrow, wide in pairwise(values):
+        assert all(x <= y + 1e-12 for x, y in zip(narrow, wide, strict=True))
+    for value in values:
+        assert all(0.0 <= x <= 1.0 for x in value)
+    brevity = 1.0 if n >= m else math.exp(1 - m / n)
+    assert values[-1][0] == pytest.approx(brevity * min(n, m) / n), "all frames equal: as many as there are true ones"
+
+
+@given(st.integers(4, 9), st.integers(0, 10_000))
+def test_the_truth_scores_one_and_its_order_counts(n: int, seed: int) -> None:
+    a = moved(n, seed)
+    assert of([(a, a)], 0.0).bleu == (1.0, 1.0, 1.0, 1.0)
+    backwards = of([(a[::-1], a)], 1e-9)
+    assert backwards.bleu[0] == 1.0
+    assert backwards.precisions[1] == 0.0

@@ -1,0 +1,156 @@
+"""Running bundles, without torch: what is refused, and what a system makes of its graphs' answers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from signsplice.errors import InputError
+from signsplice.paper.systems import Joint, Parted, open_bundle
+from signsplice.paper.systems.graphs import Graphs
+from signsplice.paper.systems.splicers import HIDDEN, START, decided
+from signsplice.splicing.bundle import HEAD, read_facts, read_file, write_bundle
+
+Array = NDArray[Any]
+RUNS = {"positions": "spsn", "frames": "generator", "concurrent": True, "n_fed": 159, "most_frames": 6}
+FACTS = {"system": "lpt", "fr": 2, "runs": RUNS}
+
+
+class Fakes(Graphs):
+    """Graphs that are functions; ``seen`` is what they were given."""
+
+    def __init__(self, graphs: Mapping[str, Callable[[Mapping[str, Array]], dict[str, Array]]]) -> None:
+        super().__init__(Path(), {})
+        self.fakes = graphs
+        self.seen: list[tuple[str, dict[str, Array]]] = []
+
+    def run(self, name: str, inputs: Mapping[str, Array]) -> dict[str, Array]:
+        self.seen.append((name, dict(inputs)))
+        return self.fakes[name](inputs)
+
+
+def tokens(n: int, pre: int | None, post: int | None) -> dict[str, Array]:
+    logits = np.tile([1.0, 0.0, 0.0], (n, 1)).astype(np.float32)
+    if pre is not None:
+        logits[pre, 1] = 3.0
+    if post is not None:
+        logits[post, 2] = 3.0
+    return {"tokens": logits[None]}
+
+
+def counting(inputs: Mapping[str, Array]) -> dict[str, Array]:
+    """A decoder whose k-th frame is all k, and whose fourth is the last; its state counts the frames."""
+    n_new, first = inputs["fed"].shape[1], int(inputs["start"])
+    at = first + 1 + np.arange(n_new)
+    assert int(inputs["state_0"]) == first
+    return {
+        "made": np.repeat(at[None, :, None], 159, axis=2).astype(np.float32),
+        "last": np.where(at >= 4, 1.0, -1.0)[None].astype(np.float32),
+        "next_state_0": np.array(first + n_new),
+    }
+
+
+def encoder(inputs: Mapping[str, Array]) -> dict[str, Array]:
+    return {"memory_0": inputs["mask"], "state_0": np.array(0)}
+
+
+@pytest.mark.parametrize("decoding", ["one-by-one", "parallel"])
+def test_frames_end_with_the_first_that_is_called_the_last(decoding: str) -> None:
+    graphs = Fakes({"spsn": lambda _: tokens(12, 3, 8), "encoder": encoder, "decoder": counting})
+    system = Parted("lpt", FACTS, graphs, decoding)
+    before, after = np.arange(6)[:, None] * np.ones(159), 10 + np.arange(6)[:, None] * np.ones(159)
+    found = system.predict(before, after)
+    assert (found.pre, found.post) == (3, 2)
+    np.testing.assert_array_equal(found.frames[:, 0], [1, 2, 3, 4])
+    assert found.frames.dtype == np.float64
+    given = dict(graphs.seen)["encoder"]
+    np.testing.assert_array_equal(given["x"][0, :, 0], [2, 3, 12, 13], "culled to two frames on each side")
+    steps = [inputs for name, inputs in graphs.seen if name == "decoder"]
+    assert len(steps) == (4 if decoding == "one-by-one" else 1)
+    if decoding == "one-by-one":
+        assert [int(step["kinds"][0, 0]) for step in steps] == [START, 1, 1, 1]
+        assert [float(step["fed"][0, 0, 0]) for step in steps] == [0, 1, 2, 3]
+    else:
+        assert steps[0]["kinds"].tolist() == [[START, *[HIDDEN] * 5]]
+
+
+def test_a_decoder_that_never_ends_is_stopped() -> None:
+    def endless(inputs: Mapping[str, Array]) -> dict[str, Array]:
+        return counting(inputs) | {"last": np.full(inputs["kinds"].shape, -1.0, np.float32)}
+
+    for decoding in ("one-by-one", "parallel"):
+        graphs = Fakes({"spsn": lambda _: tokens(12, 3, 8), "encoder": encoder, "decoder": endless})
+        assert len(Parted("lpt", FACTS, graphs, decoding).predict(np.zeros((6, 159)), np.zeros((6, 159))).frames) == 6
+
+
+def test_a_missing_token_leaves_culling_nothing_to_cut() -> None:
+    graphs = Fakes({"spsn": lambda _: tokens(12, None, 8), "encoder": encoder, "decoder": counting})
+    found = Parted("lpt", FACTS, graphs, "one-by-one").predict(np.zeros((6, 159)), np.zeros((6, 159)))
+    assert (found.pre, found.post) == (None, 2)
+    assert found.frames.shape == (0, 159)
+    whole = Parted("lpt-wc", {**FACTS, "fr": None}, graphs, "one-by-one").predict(
+        np.zeros((6, 159)), np.zeros((6, 159))
+    )
+    assert (whole.pre, len(whole.frames)) == (None, 4), "without Culling, frames need no position"
+
+
+def test_a_joint_system_reads_positions_and_frames_off_one_network() -> None:
+    graphs = Fakes({"encoder": lambda given: {**tokens(12, 3, 8), **encoder(given)}, "decoder": counting})
+    system = Joint("lstm", {**FACTS, "fr": None, "runs": {**RUNS, "positions": "encoder"}}, graphs, "one-by-one")
+    found = system.predict(np.zeros((6, 159)), np.zeros((6, 159)))
+    assert (found.pre, found.post, len(found.frames)) == (3, 2, 4)
+    assert "tokens" not in graphs.seen[-1][1]
+
+
+def test_a_filler_is_asked_for_the_frames_it_guesses() -> None:
+    def fill(inputs: Mapping[str, Array]) -> dict[str, Array]:
+        return {"made": np.zeros((1, inputs["real"].shape[1], 159), np.float32)}
+
+    graphs = Fakes({"length": lambda _: {"numbers": np.array([[0.0, 0.0, 2.0]])}, "fill": fill})
+    system = Parted("nat", {**FACTS, "runs": {**RUNS, "frames": "filler"}}, graphs, "one-by-one")
+    assert system.fill(np.zeros((6, 159)), np.zeros((6, 159)), 3, 2).shape == (3, 159)
+    with pytest.raises(InputError, match="splice position 6, 2"):
+        system.fill(np.zeros((6, 159)), np.zeros((6, 159)), 6, 2)
+
+
+def test_positions_are_decided_by_eq_10() -> None:
+    assert decided(tokens(9, 2, 7)["tokens"][0], 5) == (2, 2)
+    assert decided(tokens(9, None, None)["tokens"][0], 5) == (None, None)
+
+
+def written(folder: Path, **changes: Any) -> Path:
+    write_bundle(folder, {**FACTS, **changes}, {"spsn.onnx": b"abc"})
+    return folder
+
+
+def test_bundles_are_checked(tmp_path: Path) -> None:
+    facts = read_facts(written(tmp_path))
+    assert read_file(tmp_path, facts, "spsn.onnx") == b"abc"
+    assert open_bundle(tmp_path).name == "lpt"
+    (tmp_path / "spsn.onnx").write_bytes(b"abd")
+    with pytest.raises(InputError, match=r"is not the file that bundle\.json lists"):
+        open_bundle(tmp_path).predict(np.zeros((6, 159)), np.zeros((6, 159)))
+    with pytest.raises(InputError, match=r"lists no file decoder\.onnx"):
+        read_file(tmp_path, facts, "decoder.onnx")
+    with pytest.raises(InputError, match="no such file"):
+        open_bundle(tmp_path / "nowhere")
+    with pytest.raises(InputError, match="decoding 'beam', expected one of one-by-one, parallel"):
+        open_bundle(tmp_path, "beam")
+    written(tmp_path, runs={**RUNS, "concurrent": False})
+    with pytest.raises(InputError, match="it has no parallel decoding"):
+        open_bundle(tmp_path, "parallel")
+    (tmp_path / HEAD).write_text(json.dumps({"version": 7}))
+    with pytest.raises(InputError, match="version 7, expected 1"):
+        open_bundle(tmp_path)
+    (tmp_path / HEAD).write_text(json.dumps({"version": 1, "system": "lpt"}))
+    with pytest.raises(InputError, match="has no 'runs'"):
+        open_bundle(tmp_path)
+    (tmp_path / HEAD).write_text("{")
+    with pytest.raises(InputError, match="is no JSON"):
+        open_bundle(tmp_path)

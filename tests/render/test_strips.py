@@ -1,0 +1,85 @@
+"""Strips: a row for each clip, a picture for each frame, a frame around those of the transition."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from signing import word
+from signsplice.errors import InputError
+from signsplice.render.page import PAPER, TRANSITION
+from signsplice.render.strips import Strip, write_strips
+
+Image = pytest.importorskip("PIL.Image")
+LABEL, GAP = 20, 6
+
+
+def page(path: Path) -> np.ndarray:
+    with Image.open(path) as image:
+        assert image.format == "PNG"
+        return np.asarray(image.convert("RGB")).astype(int)
+
+
+def coloured(pixels: np.ndarray, colour: tuple[int, int, int]) -> np.ndarray:
+    """Where a page has a colour, as nearly as its palette has it."""
+    return np.asarray((np.abs(pixels - colour) <= 6).all(axis=-1))
+
+
+def test_a_page_has_a_row_a_strip_and_a_column_a_frame(tmp_path: Path) -> None:
+    told: list[tuple[int, int]] = []
+    strips = [
+        Strip(word("I").clip, "I", [5, 20, 30]),
+        Strip(word("BOOK").clip, "BOOK", [25, 30], view="side", hand="left"),
+    ]
+    write_strips(strips, tmp_path / "page.png", cell=60, hand=40, progress=lambda done, of: told.append((done, of)))
+    pixels = page(tmp_path / "page.png")
+    assert pixels.shape == (2 * (LABEL + 60 + 40 + GAP), 3 * (60 + GAP) + GAP, 3)
+    assert told == [(1, 2), (2, 2)]
+    for row, count in ((0, 3), (1, 2)):
+        top = row * (LABEL + 60 + 40 + GAP)
+        for column in range(3):
+            left = GAP + column * (60 + GAP)
+            for at, height in ((top + LABEL, 60), (top + LABEL + 60, 40)):
+                part = pixels[at : at + height, left : left + 60]
+                assert (~coloured(part, PAPER)).any() == (column < count)
+        assert (~coloured(pixels[top : top + LABEL], PAPER)).any(), "a caption"
+    assert not coloured(pixels, TRANSITION).any()
+
+
+def test_marked_frames_have_a_border_and_no_other(tmp_path: Path) -> None:
+    strip = Strip(word("I").clip, "I", [5, 20, 30], marked=[20, 21])
+    write_strips([strip], tmp_path / "page.png", cell=60, hand=40)
+    amber = coloured(page(tmp_path / "page.png"), TRANSITION)
+    rows, columns = np.nonzero(amber)
+    left = GAP + 1 * (60 + GAP)
+    assert (columns.min(), columns.max()) == (left - 1, left + 60)
+    assert (rows.min(), rows.max()) == (LABEL - 1, LABEL + 60 + 40)
+    inside = amber[LABEL + 4 : LABEL + 90, left + 4 : left + 54]
+    assert not inside.any(), "a border, not a block"
+
+
+def test_hands_can_be_left_out(tmp_path: Path) -> None:
+    strip = Strip(word("I").clip, "I", [20])
+    write_strips([strip], tmp_path / "none.png", cell=60, hand=0)
+    assert page(tmp_path / "none.png").shape[0] == LABEL + 60 + GAP
+    write_strips([Strip(word("I").clip, "I", [20], hand="")], tmp_path / "empty.png", cell=60, hand=40)
+    pixels = page(tmp_path / "empty.png")
+    assert coloured(pixels[LABEL + 60 :], PAPER).all()
+
+
+def test_the_enlarged_hand_is_the_one_asked_for(tmp_path: Path) -> None:
+    """Of a one-handed word, the hand that signs is not the one that hangs."""
+    for hand in ("left", "right"):
+        write_strips([Strip(word("I").clip, "I", [28], hand=hand)], tmp_path / f"{hand}.png", cell=60, hand=40)
+    left, right = (page(tmp_path / f"{hand}.png") for hand in ("left", "right"))
+    other = np.abs(left - right).max(axis=-1)
+    assert other[: LABEL + 60].max() < 32, "but for the palette, the picture above is the same"
+    assert (other[LABEL + 60 :] > 64).mean() > 0.05
+
+
+def test_views_are_checked(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no view 'top'"):
+        write_strips([Strip(word("I").clip, "I", [20], view="top")], tmp_path / "page.png")
+    assert not (tmp_path / "page.png").exists()

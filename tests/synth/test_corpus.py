@@ -1,0 +1,324 @@
+"""A corpus of pairs on disk: its layout and numbers, its splits, and that an interrupted call loses nothing."""
+
+from __future__ import annotations
+
+import errno
+import json
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from conftest import GOLDEN
+from signing import sign
+from signsplice.errors import InputError
+from signsplice.motion import kinematics
+from signsplice.synth import corpus, planner, pseudo, truth
+from signsplice.synth.corpus import Pairs, Recipe, write_pairs
+from signsplice.synth.signer import STANDARD, signer, skeleton
+
+GLOSSES = ("I", "MOTHER", "BOOK", "YES", "fs-A")
+RECIPE = Recipe(tuple(map(sign, GLOSSES)), seed=0, n_other=7)
+SMALL = Recipe(tuple(map(sign, GLOSSES[:3])), seed=2, fps=24.0, n_other=2)
+FILES = {
+    *("corpus.json", "pairs.npy"),
+    *(f"{what}_{kind}.npy" for what in ("word", "new") for kind in ("rotations", "roots", "positions")),
+}
+
+
+@pytest.fixture(scope="module")
+def pairs(tmp_path_factory: pytest.TempPathFactory) -> Pairs:
+    return Pairs(write_pairs(RECIPE, tmp_path_factory.mktemp("corpus") / "pairs", processes=1))
+
+
+def read_all(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+# --- what is in it
+
+
+def test_layout_shapes_and_types(pairs: Pairs) -> None:
+    assert {path.name for path in pairs.folder.iterdir()} == FILES
+    assert len(pairs) == 25 + 7
+    assert pairs.index.shape == (32, 6)
+    assert pairs.index.dtype == np.int32
+    rows = pairs.head["words"]
+    assert [row["gloss"] for row in rows] == [*GLOSSES, *GLOSSES]
+    assert [row["signer"] for row in rows] == ["standard"] * 5 + ["signer-1"] * 5
+    n_frames, n_new = sum(row["frames"] for row in rows), int(pairs.index[:, 5].sum())
+    for arrays, count in ((pairs.words, n_frames), (pairs.new, n_new)):
+        assert arrays["rotations"].shape == (count, 53, 4)
+        assert arrays["roots"].shape == (count, 3)
+        assert arrays["positions"].shape == (count, 159)
+        assert all(array.dtype == np.float32 for array in arrays.values())
+        assert all(isinstance(array, np.memmap) for array in arrays.values())
+    firsts = [row["first"] for row in rows]
+    assert firsts == [0, *np.cumsum([row["frames"] for row in rows])[:-1].tolist()]
+    assert pairs.index[:, 4].tolist() == [0, *np.cumsum(pairs.index[:, 5])[:-1].tolist()]
+
+
+def test_all_ordered_pairs_of_one_signer_and_some_of_another(pairs: Pairs) -> None:
+    both = [tuple(row) for row in pairs.index[:, :2].tolist()]
+    assert both[:25] == list(product(range(5), repeat=2))
+    assert len(set(both[25:])) == 7
+    assert set(both[25:]) <= set(product(range(5, 10), repeat=2))
+    assert pairs.signers == (STANDARD, signer(1))
+
+
+def test_words_and_transitions_are_the_planners(pairs: Pairs) -> None:
+    for number in (1, 7, 13, 22, 28):
+        p, q = pairs.index[number, :2].tolist()
+        who = pairs.signers[p // 5]
+        one, two = (planner.isolated(RECIPE.signs[k % 5], who) for k in (p, q))
+        assert np.array_equal(pairs.word(p, "rotations"), one.clip.local_rotations.astype(np.float32))
+        assert pairs.events(p) == one.events
+        assert pairs.events(q) == two.events
+        true = truth.splice(one, two)
+        pre, post, new = pairs.truth(number, "rotations")
+        assert (pre, post, len(new)) == (true.pre, true.post, len(true.states))
+        said = pairs.utterance(number, "rotations")
+        assert np.array_equal(said[: pre + 1], pairs.word(p, "rotations")[: pre + 1])
+        assert np.array_equal(said[pre + 1 : pre + 1 + len(new)], new)
+        assert np.array_equal(said[pre + 1 + len(new) :], pairs.word(q, "rotations")[post:])
+        assert len(pairs.clip(number)) == len(said)
+        assert pairs.clip(number).name == f"{one.sign.gloss} {two.sign.gloss}"
+
+
+def test_positions_are_forward_kinematics_of_the_rotations_in_a_cube(pairs: Pairs) -> None:
+    assert np.abs(pairs.words["positions"]).max() <= 0.5
+    assert np.abs(pairs.new["positions"]).max() <= 0.5
+    for number in (3, 17, 30):
+        clip = pairs.clip(number)
+        places = kinematics.forward(clip)[1]
+        height = pairs.signers[int(pairs.index[number, 0]) // 5].stature_cm
+        scaled = (places - [0.0, 0.5 * height, 0.0]) / (1.3 * height)
+        assert np.abs(pairs.utterance(number) - scaled.reshape(len(clip), -1)).max() < 2e-6
+        assert clip.skeleton is skeleton(pairs.signers[int(pairs.index[number, 0]) // 5])
+    word = pairs.word_clip(6)
+    assert word.name == "MOTHER"
+    assert word.fps == 30.0
+    assert len(word) == len(pairs.word(6))
+
+
+# --- splits
+
+
+def test_random_split_is_every_pair_once(pairs: Pairs) -> None:
+    parts = [pairs.split("random", part) for part in ("train", "valid", "test")]
+    assert sorted([*parts[0], *parts[1], *parts[2]]) == list(range(25))
+    assert [len(part) for part in parts] == [20, 2, 3]
+
+
+def test_unseen_words_are_in_no_pair_of_another_part() -> None:
+    n = 30
+    recipe = replace(RECIPE, signs=tuple(pseudo_like(k) for k in range(n)))
+    all_pairs = [(0, p, q) for p in range(n) for q in range(n)] + [(1, 0, 1), (1, 2, 2)]
+    made = corpus._splits(recipe, all_pairs)["unseen-words"]
+    words = {part: {w for k in numbers for w in all_pairs[k][1:]} for part, numbers in made.items()}
+    assert [len(words[part]) for part in ("train", "valid", "test")] == [21, 3, 6]
+    assert set.union(*words.values()) == set(range(n))
+    assert not words["train"] & words["test"]
+    assert not words["train"] & words["valid"]
+    assert not words["valid"] & words["test"]
+    for part, numbers in made.items():
+        assert len(numbers) == len(words[part]) ** 2, "every pair of its words"
+        assert all(all_pairs[k][0] == 0 for k in numbers)
+
+
+def pseudo_like(k: int) -> Any:
+    return replace(sign("I"), gloss=f"W{k}")
+
+
+def test_unseen_signer_is_tested_on_the_other_alone(pairs: Pairs) -> None:
+    assert pairs.split("unseen-signer", "test") == list(range(25, 32))
+    assert pairs.split("unseen-signer", "train") == pairs.split("random", "train")
+    assert pairs.split("unseen-signer", "valid") == pairs.split("random", "valid")
+
+
+def test_splits_are_drawn_by_seed() -> None:
+    every = [(0, p, q) for p in range(12) for q in range(12)]
+    signs = tuple(pseudo_like(k) for k in range(12))
+    one, two, three = (corpus._splits(replace(RECIPE, signs=signs, seed=seed), every) for seed in (0, 0, 1))
+    assert one == two
+    assert one["random"] != three["random"]
+    assert one["unseen-words"] != three["unseen-words"]
+
+
+def test_names_of_splits_are_checked(pairs: Pairs) -> None:
+    for name, part in (("nothing", "train"), ("random", "dev")):
+        with pytest.raises(InputError, match=f"no split {name} {part}, expected one of random, unseen-words"):
+            pairs.split(name, part)
+
+
+# --- the recipe
+
+
+def test_the_hash_is_of_everything_that_the_corpus_depends_on() -> None:
+    other_sign = replace(RECIPE.signs[0], segments=RECIPE.signs[0].segments[:-1])
+    hashes = [
+        recipe.hash
+        for recipe in (
+            RECIPE,
+            replace(RECIPE, seed=1),
+            replace(RECIPE, fps=25.0),
+            replace(RECIPE, n_other=8),
+            replace(RECIPE, signs=RECIPE.signs[:4]),
+            replace(RECIPE, signs=RECIPE.signs[::-1]),
+            replace(RECIPE, signs=(other_sign, *RECIPE.signs[1:])),
+        )
+    ]
+    assert len(set(hashes)) == len(hashes)
+    assert Recipe(tuple(map(sign, GLOSSES)), seed=0, n_other=7).hash == hashes[0]
+    assert all(len(h) == 12 and set(h) <= set("0123456789abcdef") for h in hashes)
+
+
+def test_the_head_says_what_it_was_made_of(pairs: Pairs) -> None:
+    head = json.loads((pairs.folder / "corpus.json").read_text())
+    assert (head["version"], head["hash"], head["seed"], head["fps"]) == (corpus.VERSION, RECIPE.hash, 0, 30.0)
+    assert head["extent"] == 1.3
+
+
+def test_seeds_have_signers_of_their_own() -> None:
+    assert RECIPE.signers() == (STANDARD, signer(1))
+    assert SMALL.signers() == (signer(4), signer(5))
+    names = [who.name for seed in range(10) for who in replace(RECIPE, seed=seed).signers()]
+    assert len(set(names)) == 20
+
+
+def test_the_golden_splice_is_still_signed() -> None:
+    """Places to 1e-6 cm, frames exactly: the same seeds make the same motion on every machine."""
+    import sys
+
+    sys.path.insert(0, str(GOLDEN))
+    try:
+        from make_true_splice import signed
+    finally:
+        sys.path.remove(str(GOLDEN))
+    told, golden = signed(), json.loads((GOLDEN / "true_splice.json").read_text())
+    places, known = told.pop("places"), golden.pop("places")
+    assert told == golden
+    assert places.keys() == known.keys()
+    for frame in known:
+        assert np.abs(np.array(places[frame]) - known[frame]).max() < 1e-6
+
+
+# --- made again, interrupted, refused
+
+
+class StopHereError(Exception):
+    pass
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    return read_all(write_pairs(SMALL, tmp_path_factory.mktemp("whole") / "c", processes=1))
+
+
+@pytest.mark.parametrize("after", [3, 9, 11])
+def test_interrupted_and_gone_on_with_it_is_the_same(after: int, whole: dict[str, bytes], tmp_path: Path) -> None:
+    said: list[tuple[int, int]] = []
+
+    def stop(done: int, total: int) -> None:
+        said.append((done, total))
+        if done >= after:
+            raise StopHereError
+
+    with pytest.raises(StopHereError):
+        write_pairs(SMALL, tmp_path / "c", stop, processes=1)
+    assert not (tmp_path / "c").exists()
+    assert [path.name for path in tmp_path.iterdir()] == [f".c-{SMALL.hash}.part"]
+    first = len(said)
+    write_pairs(SMALL, tmp_path / "c", lambda done, total: said.append((done, total)), processes=1)
+    assert read_all(tmp_path / "c") == whole
+    assert [path.name for path in tmp_path.iterdir()] == ["c"]
+    told = said[first:]
+    if told:
+        assert told[0][0] > said[first - 1][0], "it goes on from where it was"
+        assert told[-1] == (11, 11)
+    assert len(said) == 4, "three rows of one signer, one of the other, each made once"
+
+
+def test_made_again_it_is_the_same_and_replaces_the_old_one(whole: dict[str, bytes], tmp_path: Path) -> None:
+    write_pairs(replace(SMALL, seed=3), tmp_path / "c", processes=1)
+    assert read_all(tmp_path / "c") != whole
+    write_pairs(SMALL, tmp_path / "c", processes=1)
+    assert read_all(tmp_path / "c") == whole
+    assert [path.name for path in tmp_path.iterdir()] == ["c"]
+
+
+@pytest.mark.parametrize(("function", "call"), [("savez", 2), ("savez", 4), ("save", 4)])
+def test_a_full_disk_leaves_the_old_corpus_and_what_was_done(
+    function: str, call: int, whole: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = read_all(write_pairs(replace(SMALL, n_other=0), tmp_path / "c", processes=1))
+    real = getattr(np, function)
+    calls = 0
+
+    def full(*arguments: Any, **arrays: Any) -> None:
+        nonlocal calls
+        calls += 1
+        if calls == call:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        real(*arguments, **arrays)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(np, function, full)
+        with pytest.raises(InputError, match=r"cannot be written .No space left on device") as caught:
+            write_pairs(SMALL, tmp_path / "c", processes=1)
+    assert str(caught.value).startswith(f"{tmp_path / 'c'}: ")
+    assert "the same call goes on from there" in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert read_all(tmp_path / "c") == old
+    write_pairs(SMALL, tmp_path / "c", processes=1)
+    assert read_all(tmp_path / "c") == whole
+
+
+def test_what_is_no_corpus_is_not_replaced(tmp_path: Path) -> None:
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "diary.txt").write_text("dear diary")
+    with pytest.raises(InputError, match=r"mine: is there already and has no corpus\.json; choose a new name"):
+        write_pairs(SMALL, mine, processes=1)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+    with pytest.raises(InputError, match=r"folder .* does not exist; make it first"):
+        write_pairs(SMALL, tmp_path / "no" / "c", processes=1)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="file: is there already"):
+        write_pairs(SMALL, tmp_path / "file", processes=1)
+    with pytest.raises(InputError, match=r"is there already and has no corpus\.json"):
+        write_pairs(SMALL, Path("/"), processes=1)
+
+
+def test_an_empty_folder_is_taken(whole: dict[str, bytes], tmp_path: Path) -> None:
+    (tmp_path / "c").mkdir()
+    write_pairs(SMALL, tmp_path / "c", processes=1)
+    assert read_all(tmp_path / "c") == whole
+
+
+def test_other_folders_are_no_corpus(pairs: Pairs, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"is no corpus of pairs .*make one with `signsplice synth pairs`"):
+        Pairs(tmp_path)
+    copy = tmp_path / "copy"
+    copy.mkdir()
+    for path in pairs.folder.iterdir():
+        (copy / path.name).write_bytes(path.read_bytes())
+    assert len(Pairs(copy)) == 32
+    head = json.loads((copy / "corpus.json").read_text())
+    (copy / "corpus.json").write_text(json.dumps(head | {"version": 99}))
+    with pytest.raises(InputError, match="version 99, expected 1; make it anew"):
+        Pairs(copy)
+    (copy / "corpus.json").write_text("{")
+    with pytest.raises(InputError, match="is no corpus of pairs"):
+        Pairs(copy)
+
+
+def test_pseudo_signs_make_a_corpus_too(tmp_path: Path) -> None:
+    recipe = Recipe(tuple(pseudo.sign(k) for k in range(2)), seed=1, n_other=0)
+    made = Pairs(write_pairs(recipe, tmp_path / "c", processes=1))
+    assert len(made) == 4
+    assert made.split("unseen-signer", "test") == []
+    assert np.isfinite(made.new["rotations"]).all()

@@ -1,0 +1,197 @@
+"""Folders of the procedural signer: every word as BVH with its table, sentences whose truth rebuilds them."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from signing import sign, word
+from signsplice.errors import InputError
+from signsplice.formats import load
+from signsplice.motion import kinematics
+from signsplice.motion.clip import Clip
+from signsplice.synth import folders, planner, running
+from signsplice.synth.corpus import Recipe
+from signsplice.synth.signer import STANDARD, Signer, signer
+
+BVH_CM = 0.01
+"""What BVH's decimals leave of a place."""
+SIGNS = tuple(sign(gloss) for gloss in ("I", "MOTHER", "BOOK", "YOU", "fs-A"))
+RECIPE = Recipe(SIGNS, seed=0)
+
+
+def places(clip: Clip) -> Any:
+    return kinematics.forward(clip)[1]
+
+
+# --- lexicons
+
+
+@pytest.fixture(scope="module")
+def lexicon(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("folders") / "lexicon"
+    folders.write_lexicon(SIGNS, STANDARD, folder)
+    return folder
+
+
+def test_a_lexicon_is_every_word_and_a_table(lexicon: Path) -> None:
+    assert {path.name for path in lexicon.iterdir()} == {f"{s.gloss}.bvh" for s in SIGNS} | {"glosses.csv"}
+    rows = list(csv.DictReader((lexicon / "glosses.csv").read_text(encoding="utf-8").splitlines()))
+    assert [row["gloss"] for row in rows] == [s.gloss for s in SIGNS]
+    assert [row["kind"] for row in rows] == ["sign"] * 4 + ["letter"]
+    assert {row["signer"] for row in rows} == {"standard"}
+    assert {row["checked"] for row in rows} == {"no"}
+    for row, one in zip(rows, SIGNS, strict=True):
+        assert row["file"] == f"{one.gloss}.bvh"
+        assert row["source"] == one.source
+        assert row["synonyms"].split(";") == [*one.synonyms, *([""] * (not one.synonyms))]
+
+
+@pytest.mark.parametrize("gloss", ["I", "BOOK", "fs-A"])
+def test_its_files_are_the_planned_words(gloss: str, lexicon: Path) -> None:
+    clip = load(lexicon / f"{gloss}.bvh")
+    assert len(clip) == len(word(gloss))
+    assert clip.fps == pytest.approx(30.0, abs=1e-3)
+    assert clip.skeleton.names == word(gloss).clip.skeleton.names
+    assert np.abs(places(clip) - places(word(gloss).clip)).max() < BVH_CM
+
+
+def test_progress_is_told_and_signers_are_named(tmp_path: Path) -> None:
+    told: list[tuple[int, int]] = []
+    folders.write_lexicon(
+        SIGNS[:2], signer(3), tmp_path / "l", fps=24.0, progress=lambda done, of: told.append((done, of))
+    )
+    assert told == [(1, 2), (2, 2)]
+    assert "signer-3" in (tmp_path / "l" / "glosses.csv").read_text()
+    assert load(tmp_path / "l" / "I.bvh").fps == pytest.approx(24.0, abs=1e-3)
+
+
+def test_glosses_become_names_that_file_systems_take() -> None:
+    assert folders.file_name("THANK-YOU") == "THANK-YOU"
+    assert folders.file_name("a/b:c*?\x01") == "a_b_c___"
+    assert folders.file_name("日本") == "日本"
+
+
+def test_two_glosses_of_one_file_name_are_refused(tmp_path: Path) -> None:
+    twice = [replace(SIGNS[0], gloss=gloss) for gloss in ("A/B", "A|B")]
+    with pytest.raises(InputError, match=r"A/B and A\|B would both be A_B.bvh"):
+        folders.write_lexicon(twice, STANDARD, tmp_path / "l")
+    with pytest.raises(InputError, match="would both be"):
+        folders.write_sentences(Recipe(tuple(twice)), 1, tmp_path / "s")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_is_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    old = tmp_path / "l"
+    folders.write_lexicon(SIGNS[:1], STANDARD, old)
+    before = {path.name: path.read_bytes() for path in old.iterdir()}
+    real, calls = planner.isolated, 0
+
+    def failing(*arguments: Any, **named: Any) -> planner.Word:
+        nonlocal calls
+        calls += 1
+        if calls == 2:
+            raise KeyboardInterrupt
+        return real(*arguments, **named)
+
+    monkeypatch.setattr(planner, "isolated", failing)
+    with pytest.raises(KeyboardInterrupt):
+        folders.write_lexicon(SIGNS, STANDARD, old)
+    calls = 0
+    with pytest.raises(KeyboardInterrupt):
+        folders.write_sentences(RECIPE, 2, tmp_path / "s")
+    assert [path.name for path in tmp_path.iterdir()] == ["l"]
+    assert {path.name: path.read_bytes() for path in old.iterdir()} == before
+
+
+def test_a_folder_of_something_else_stays(tmp_path: Path) -> None:
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"mine: is there already and has no glosses\.csv"):
+        folders.write_lexicon(SIGNS[:1], STANDARD, mine)
+    with pytest.raises(InputError, match=r"mine: is there already and has no truth\.json"):
+        folders.write_sentences(RECIPE, 1, mine)
+    assert [path.name for path in mine.iterdir()] == ["notes.txt"]
+
+
+# --- sentences
+
+
+@pytest.fixture(scope="module")
+def sentences(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("folders") / "sentences"
+    folders.write_sentences(RECIPE, 4, folder)
+    return folder
+
+
+def truth_of(folder: Path) -> dict[str, Any]:
+    return dict(json.loads((folder / "truth.json").read_text()))
+
+
+def rebuild(sentence: dict[str, Any], folder: Path) -> None:
+    """Check that spans tile the file, that unchanged words are their own frames, and that seams say the same."""
+    said = load(folder / sentence["file"])
+    assert len(said) == sentence["frames"]
+    spans = sentence["spans"]
+    assert [span["output"][0] for span in spans] == [0, *(span["output"][1] for span in spans[:-1])]
+    assert spans[-1]["output"][1] == len(said)
+    assert [span["name"] for span in spans if span["kind"] == "sign"] == sentence["glosses"]
+    here = places(said)
+    for span in spans[::2]:
+        own = places(load(folder / "words" / f"{folders.file_name(span['name'])}.bvh"))
+        part, source = here[slice(*span["output"])], own[slice(*span["source"])]
+        assert part.shape == source.shape
+        if not span["changed"]:
+            assert np.abs(part - source).max() < BVH_CM
+        else:
+            assert np.abs(part - source).max() > 0.1
+    for seam, before, between, after in zip(sentence["seams"], spans[:-2:2], spans[1::2], spans[2::2], strict=True):
+        assert (seam["before"], seam["after"]) == (before["name"], after["name"])
+        assert seam["pre_frame"] == before["source"][1] - 1
+        assert seam["post_frame"] == after["source"][0]
+        assert seam["n_transition"] == between["output"][1] - between["output"][0]
+        assert (between["kind"], between["name"], between["source"]) == ("transition", None, None)
+
+
+def test_the_truth_rebuilds_every_sentence(sentences: Path) -> None:
+    told = truth_of(sentences)
+    assert [s["file"] for s in told["sentences"]] == [f"sentence-{n:04d}.bvh" for n in range(4)]
+    for sentence in told["sentences"]:
+        assert 3 <= len(sentence["glosses"]) <= 12
+        assert all(a != b for a, b in zip(sentence["glosses"][:-1], sentence["glosses"][1:], strict=True))
+        rebuild(sentence, sentences)
+    used = {gloss for sentence in told["sentences"] for gloss in sentence["glosses"]}
+    assert {path.stem for path in (sentences / "words").iterdir()} == used
+    assert any(span["changed"] for s in told["sentences"] for span in s["spans"])
+    assert Signer(**told["signer"]) == STANDARD
+    assert (told["hash"], told["seed"], told["fps"]) == (RECIPE.hash, 0, 30.0)
+
+
+def test_exact_sentences_change_no_word(tmp_path: Path) -> None:
+    folders.write_sentences(RECIPE, 2, tmp_path / "s", changes=False)
+    for sentence in truth_of(tmp_path / "s")["sentences"]:
+        assert all(span["changed"] == [] for span in sentence["spans"])
+        rebuild(sentence, tmp_path / "s")
+
+
+def test_sentences_are_drawn_by_seed(tmp_path: Path, sentences: Path) -> None:
+    folders.write_sentences(RECIPE, 4, tmp_path / "again")
+    for path in sentences.rglob("*.*"):
+        assert (tmp_path / "again" / path.relative_to(sentences)).read_bytes() == path.read_bytes()
+    folders.write_sentences(replace(RECIPE, seed=5), 1, tmp_path / "other")
+    assert truth_of(tmp_path / "other")["sentences"][0]["glosses"] != truth_of(sentences)["sentences"][0]["glosses"]
+
+
+def test_describing_edits_nothing_and_counts_frames() -> None:
+    said = running.utter([word("BOOK"), word("YOU"), word("BOOK")])
+    told = folders.describe(said, "x.bvh")
+    assert told["frames"] == len(said.clip)
+    assert told["spans"][2]["changed"] == ["weak", "fingers"]
+    assert [seam["n_transition"] for seam in told["seams"]] == [len(seam.states) for seam in said.seams]

@@ -1,0 +1,193 @@
+"""The procedural signer by command: whole folders, one-line errors, and lexicons that the other commands take."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from signing import sign
+from signsplice.formats import load
+from signsplice.motion import kinematics
+from signsplice.synth import corpus, notation, pseudo
+from signsplice.synth.corpus import Pairs, Recipe
+from signsplice.synth.signer import signer
+
+NOTATION = """\
+# two words of our own
+WAVE  hands=one
+  source: a wave (own)
+  synonyms: HI, HEY
+  X  shape=B-open at=space-high palm=fwd fingers=up
+  M  local=nod:20:2
+KNOCK  hands=one
+  X  shape=S at=space palm=down fingers=fwd
+  M  shift=0,-5,0 times=2
+  H
+"""
+
+
+def signsplice(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "signsplice.cli", *map(str, arguments)]
+    return subprocess.run(
+        command, cwd=cwd, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a text of two words and what the three commands make of it and of words that ship."""
+    folder = tmp_path_factory.mktemp("synth")
+    (folder / "own.signs").write_text(NOTATION, encoding="utf-8")
+    for call, said in (
+        (
+            ("lexicon", "-o", "words", "--signs", "own.signs", "--pseudo", "1"),
+            "words: 3 words, signer standard; no signer",
+        ),
+        (
+            ("sentences", "-o", "said", "--count", "2", "--words", "4", "--seed", "1"),
+            "said: 2 sentences of 4 words, recipe",
+        ),
+        (
+            ("pairs", "-o", "pairs", "--words", "2", "--pseudo", "1", "--other-signer", "2", "--seed", "4"),
+            "pairs: 11 pairs of 3",
+        ),
+    ):
+        run = signsplice("synth", *call, cwd=folder)
+        assert (run.returncode, run.stderr) == (0, "")
+        assert run.stdout.startswith(said)
+        assert run.stdout.count("\n") == 1
+    return folder
+
+
+def test_a_lexicon_of_own_words(folder: Path) -> None:
+    assert sorted(path.name for path in (folder / "words").iterdir()) == [
+        *("KNOCK.bvh", "PSEUDO-0.bvh", "WAVE.bvh", "glosses.csv")
+    ]
+    table = (folder / "words" / "glosses.csv").read_text(encoding="utf-8").splitlines()
+    assert table[1] == "WAVE.bvh,WAVE,HI;HEY,standard,a wave (own),no,sign"
+    assert len(load(folder / "words" / "KNOCK.bvh")) > 40
+
+
+def test_the_lexicon_is_one_for_the_other_commands(folder: Path) -> None:
+    run = signsplice("lexicon", "build", "words", "-o", "lex", cwd=folder)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert run.stdout.startswith("lex: 3 words")
+    told = json.loads(signsplice("lexicon", "list", "lex", "--json", cwd=folder).stdout)
+    (wave,) = (word for word in told["words"] if word["gloss"] == "WAVE")
+    assert wave["synonyms"] == ["HI", "HEY"]
+    assert not wave["checked"]
+    assert wave["rest_before"] > 0, "it begins with hanging hands"
+    run = signsplice("splice", "words/WAVE.bvh", "words/KNOCK.bvh", "-o", "both.bvh", cwd=folder)
+    assert run.returncode == 0, run.stderr
+
+
+def test_sentences_are_rebuilt_from_words_and_transitions(folder: Path) -> None:
+    told = json.loads((folder / "said" / "truth.json").read_text())
+    assert told["signer"]["name"] == signer(2).name
+    assert len(told["sentences"]) == 2
+    for sentence in told["sentences"]:
+        said = load(folder / "said" / sentence["file"])
+        places = kinematics.forward(said)[1]
+        covered = 0
+        for span in sentence["spans"]:
+            assert span["output"][0] == covered
+            covered = span["output"][1]
+            if span["kind"] == "sign" and not span["changed"]:
+                own = kinematics.forward(load(folder / "said" / "words" / f"{span['name']}.bvh"))[1]
+                assert np.abs(places[slice(*span["output"])] - own[slice(*span["source"])]).max() < 0.01
+        assert covered == len(said) == sentence["frames"]
+
+
+def test_pairs_are_those_of_the_library_and_of_one_process(folder: Path, tmp_path: Path) -> None:
+    """The command works with two processes; one makes the same bytes."""
+    made = Pairs(folder / "pairs")
+    assert len(made) == 9 + 2
+    glosses = [row["gloss"] for row in made.head["words"]][:3]
+    assert glosses[2] == "PSEUDO-400000"
+    signs = (*(sign(gloss) for gloss in glosses[:2]), pseudo.sign(400_000))
+    recipe = Recipe(signs, seed=4, n_other=2)
+    assert made.head["hash"] == recipe.hash
+    corpus.write_pairs(recipe, tmp_path / "pairs", processes=1)
+    for path in (folder / "pairs").iterdir():
+        assert (tmp_path / "pairs" / path.name).read_bytes() == path.read_bytes(), path.name
+
+
+def test_words_are_drawn_by_seed_in_their_order() -> None:
+    from signsplice.cli.synth import _chosen
+
+    order = list(notation.everyday())
+    drawn = [[one.gloss for one in _chosen(None, 9, 0, seed)] for seed in (4, 4, 5)]
+    assert drawn[0] == drawn[1] != drawn[2]
+    for glosses in drawn:
+        assert len(set(glosses)) == 9
+        assert glosses == sorted(glosses, key=order.index)
+    assert len(_chosen(None, None, 0, 0)) == len(order)
+
+
+BROKEN = "WAVE  hands=one\n  X  shape=B-opn at=space palm=fwd fingers=up\n"
+UNLAWFUL = "WAVE  hands=one\n  X  shape=B-open at=space palm=up fingers=up\n"
+BAD_CALLS = [
+    (("lexicon",), "Missing option '-o'"),
+    (("lexicon", "-o", "out", "--signs", "none.signs"), "none.signs: no such file"),
+    (
+        ("lexicon", "-o", "out", "--signs", "broken.signs"),
+        "broken.signs:2: WAVE: unknown shape 'B-opn'; did you mean B-open",
+    ),
+    (("lexicon", "-o", "out", "--signs", "unlawful.signs"), "unlawful.signs:1: WAVE: segment 1: palm and fingers"),
+    (("lexicon", "-o", "out", "--signs", "empty.signs"), "0 words chosen, expected at least 1"),
+    (("lexicon", "-o", "out", "--words", "100000"), "--words 100000, but there are"),
+    (("lexicon", "-o", "out", "--signs", "own.signs", "--words", "3"), "--words 3, but there are 2 in own.signs"),
+    (("lexicon", "-o", "out", "--words", "-1"), "--words -1 --pseudo 0, expected numbers from 0 on"),
+    (("lexicon", "-o", "out", "--fps", "5"), "--fps 5, expected 10 to 240"),
+    (("lexicon", "-o", "out", "--fps", "nan"), "--fps nan, expected 10 to 240"),
+    (("lexicon", "-o", "own.signs", "--signs", "own.signs"), "own.signs: is there already and has no glosses.csv"),
+    (("lexicon", "-o", "no/out", "--signs", "own.signs"), "folder no does not exist; make it first"),
+    (("lexicon", "-o", ".", "--signs", "own.signs"), "is there already and has no glosses.csv"),
+    (("sentences", "-o", "out", "--count", "0"), "--count 0, expected at least 1"),
+    (("sentences", "-o", "out", "--words", "1"), "1 words chosen, expected at least 2"),
+    (("sentences", "-o", "own.signs", "--words", "2"), "own.signs: is there already and has no truth.json"),
+    (("sentences", "-o", "out", "--words", "2", "--fps", "1000"), "--fps 1000, expected 10 to 240"),
+    (("pairs", "-o", "out", "--words", "1"), "1 words chosen, expected at least 2"),
+    (("pairs", "-o", "out", "--other-signer", "-1"), "--other-signer -1 --processes 2, expected at least 0 and 1"),
+    (("pairs", "-o", "out", "--processes", "0"), "--processes 0, expected at least 0 and 1"),
+    (("pairs", "-o", "own.signs", "--words", "2"), "own.signs: is there already and has no corpus.json"),
+    (("pairs", "-o", ".", "--words", "2"), "is there already and has no corpus.json"),
+    (("pairs", "-o", "out", "--seed", "x"), "'x' is not a valid integer"),
+    (("study", "nowhere", "--page", "p.md", "--images", "."), "nowhere: is no corpus of pairs"),
+    (("study", "nowhere", "--page", "p.md", "--images", "none"), "none: no such folder; make it first"),
+    (("study", "nowhere", "--page", "p.md", "--images", ".", "--real", "none"), "none: no such folder"),
+    (("dance",), "No such command 'dance'"),
+]
+
+
+@pytest.mark.parametrize(("call", "message"), BAD_CALLS, ids=[" ".join(call) for call, _ in BAD_CALLS])
+def test_bad_calls_get_one_line_and_write_nothing(
+    call: tuple[str, ...],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """In this process, as ``python -m signsplice.cli`` would run them."""
+    from signsplice import cli
+
+    texts = {"own": NOTATION, "broken": BROKEN, "unlawful": UNLAWFUL, "empty": "# nothing\n"}
+    for name, text in texts.items():
+        (tmp_path / f"{name}.signs").write_text(text, encoding="utf-8")
+    before = sorted(path.name for path in tmp_path.iterdir())
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["signsplice", "synth", *call])
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    out, err = capsys.readouterr()
+    assert left.value.code == 2
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    assert message in err
+    assert out == ""
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
