@@ -160,6 +160,7 @@ def test_a_build_can_be_interrupted(tmp_path: Path, words: dict[str, Clip]) -> N
         stderr=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a job in the background would ignore it
     )
     deadline = time.monotonic() + 30.0
     while not list(tmp_path.glob(".lex-*/frames.bin")) and process.poll() is None and time.monotonic() < deadline:
