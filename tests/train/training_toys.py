@@ -33,9 +33,9 @@ FR = 3
 _T = TransformerConfig(32, 2, 1, 1, 48, 0.0)
 
 CONFIGS: dict[str, tuple[Config, int | None]] = {
-    "spsn": (SpsnConfig(32), None),
-    "spsn-printed": (SpsnConfig(32, "printed"), None),
-    "spsn-wa": (SpsnConfig(32, "none"), None),
+    "spsn": (SpsnConfig(32, dropout=0.0), None),
+    "spsn-printed": (SpsnConfig(32, "printed", 0.0), None),
+    "spsn-wa": (SpsnConfig(32, "none", 0.0), None),
     "tfgn": (_T, FR),
     "tfgn-wc": (_T, None),
     "transformer": (TransformerConfig(32, 2, 1, 1, 48, 0.0, tokens=True), None),

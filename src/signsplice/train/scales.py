@@ -78,11 +78,12 @@ def _transformer(scale: str, **what: Any) -> TransformerConfig:
 
 def _config(name: str, scale: str, fr: int) -> Config:
     width = {"smoke": 32, "cpu": 128, "paper": 512}[scale]
+    dropout = 0.0 if scale == "smoke" else 0.1
     t = _transformer(scale)
     whole = replace(t, inner=t.inner // 2) if scale == "cpu" else t
     configs: dict[str, Config] = {
-        "spsn": SpsnConfig(width),
-        "spsn-wa": SpsnConfig(width, "none"),
+        "spsn": SpsnConfig(width, dropout=dropout),
+        "spsn-wa": SpsnConfig(width, "none", dropout),
         "tfgn": t,
         "tfgn-wc": whole,
         "transformer": replace(whole, tokens=True),
@@ -115,7 +116,7 @@ _STEPS = {
 """Steps at smoke, cpu and paper scale."""
 
 _RATES = {"spsn": 3e-3, "spsn-wa": 3e-3, "lstm": 3e-3}
-"""Rates for AdamW at smoke and cpu scale, where not 1e-3."""
+"""Rates for AdamW at cpu scale, where not 1e-3."""
 
 
 def parts(system: str, scale: str, fr: int | None = None, steps: int | None = None) -> tuple[Part, ...]:
@@ -132,7 +133,7 @@ def parts(system: str, scale: str, fr: int | None = None, steps: int | None = No
     side = FR if fr is None else fr
     at = SCALES.index(scale)
     batch = (16, 64, 64)[at]
-    rate = 3e-4 if scale == "paper" else 1e-3
+    rate = (1e-2, 1e-3, 3e-4)[at]
     return tuple(
         Part(
             name,
@@ -140,7 +141,7 @@ def parts(system: str, scale: str, fr: int | None = None, steps: int | None = No
             side if name in CULLED else None,
             _STEPS[name][at] if steps is None else steps,
             batch,
-            rate if scale == "paper" else _RATES.get(name, rate),
+            _RATES.get(name, rate) if scale == "cpu" else rate,
         )
         for name in names
     )

@@ -32,6 +32,7 @@ class SpsnConfig:
 
     width: int = 512
     attention: str = "normalised"
+    dropout: float = 0.1
 
     def __post_init__(self) -> None:
         if self.attention not in ATTENTIONS:
@@ -89,16 +90,17 @@ class Spsn(nn.Module):
         self.sharpness = nn.Parameter(torch.tensor(0.5).mul(torch.tensor(float(width)).log()))
         self.sharpness.requires_grad_(config.attention == "normalised")
         self.out = nn.Linear(width, 3)
+        self.dropout = nn.Dropout(config.dropout)
 
     def forward(self, x: Tensor, n_before: Tensor, mask: Tensor | None = None) -> Tensor:
         """Logits (B, S, 3) of the frames X (B, S, 159); ``n_before`` (B,) is N, ``mask`` (B, S) is False at padding,
         which follows X.
         """
         x = self.normaliser(x)
-        encoded, _ = self.encoder(x)  # (B, S, D)
+        encoded = self.dropout(self.encoder(x)[0])  # (B, S, D)
         hidden, cell = self.bridge(last_states(encoded, mask)).chunk(2, dim=-1)
         decoded, _ = self.decoder(x, (hidden.tanh()[None].contiguous(), cell[None].contiguous()))  # (B, S, D)
-        return admissible(self.out(self.attend(decoded, encoded, mask)), n_before)
+        return admissible(self.out(self.attend(self.dropout(decoded), encoded, mask)), n_before)
 
     def attend(self, decoded: Tensor, encoded: Tensor, mask: Tensor | None) -> Tensor:
         """H~ (B, T, D) = tanh(W_c [C_t, H_t]) with C_t = a_t H (eq. 9); without attention, the decoder's states."""
