@@ -146,10 +146,10 @@ def test_bundles_and_classical_rows_become_rows_curves_and_shots(tmp_path: Path)
     write_bundle(tmp_path / "other", pairs, scale="cpu")
     assert judging.found(tmp_path, "smoke") == [folder]
     assert judging.found(tmp_path / "nowhere", "smoke") == []
-    opened: list[Path] = []
+    opened: list[tuple[Path, str]] = []
 
-    def opener(path: Path) -> Fake:
-        opened.append(path)
+    def opener(path: Path, decoding: str) -> Fake:
+        opened.append((path, decoding))
         return Fake(pairs, off=0.001)
 
     cutter, transition = shots.BEST[0].split("+")
@@ -160,6 +160,8 @@ def test_bundles_and_classical_rows_become_rows_curves_and_shots(tmp_path: Path)
         *((method.name, split) for split in protocol.SPLITS),
         ("lpt", "random"),
         ("lpt", "unseen-signer"),
+        ("lpt-one-pass", "random"),
+        ("lpt-one-pass", "unseen-signer"),
     ]
     assert rows[-1].bundle == results.bundle_hash(folder)
     assert rows[-1].fr == 8
@@ -172,9 +174,9 @@ def test_bundles_and_classical_rows_become_rows_curves_and_shots(tmp_path: Path)
     known = results.Results().merged(rows)
     again = list(judging.everything(pairs, [folder], known, made[-1].shots, quiet, opener, methods=[method]))
     assert [judgement.rows for judgement in again] == [(), ()], "what is known is not judged twice"
-    assert opened == [folder]
+    assert opened == [(folder, "one-by-one"), (folder, "parallel")]
     anew = list(judging.everything(pairs, [folder], known, made[-1].shots, quiet, opener, again=True, methods=[]))
-    assert len(anew[0].rows) == 2
+    assert len(anew[0].rows) == 4
 
 
 def test_a_bundle_of_another_corpus_stops_the_judging(tmp_path: Path) -> None:

@@ -185,3 +185,15 @@ def test_the_normaliser_comes_back() -> None:
     normaliser = layers.Normaliser(torch.randn(159), torch.rand(159) + 0.1)
     x = torch.randn(2, 3, 159)
     torch.testing.assert_close(normaliser.inverse(normaliser(x)), x)
+
+
+def test_an_encoder_reads_frames_and_steps_within_a_word() -> None:
+    x = RNG.normal(size=(2, 6, 159))
+    n_before = [2, 4]
+    found = layers.with_steps(tensor(x), torch.tensor(n_before)).numpy()
+    assert found.shape == (2, 6, 318)
+    np.testing.assert_allclose(found[..., :159], x, atol=1e-6)
+    for row in range(2):
+        for t in range(6):
+            step = np.zeros(159) if t in (0, n_before[row]) else x[row, t] - x[row, t - 1]
+            np.testing.assert_allclose(found[row, t, 159:], layers.STEPS_BY * step, atol=1e-5)

@@ -18,6 +18,7 @@ from torch import Tensor  # noqa: E402
 from training_toys import ALONE, CONFIGS, FR, accuracy, corpus, data, toy  # noqa: E402
 
 from signsplice.errors import InputError  # noqa: E402
+from signsplice.splicing.culling import cull  # noqa: E402
 from signsplice.synth.corpus import Pairs  # noqa: E402
 from signsplice.train import checkpoint, log, loop, scales  # noqa: E402
 from signsplice.train.loop import Loop, train  # noqa: E402
@@ -156,6 +157,17 @@ def test_a_batch_is_the_corpus() -> None:
         assert (int(one.pre[k]), int(one.post[k])) == (pre, len(pairs.word(p)) + post)
         np.testing.assert_array_equal(one.new[k, : len(new)], new)
         assert one.real[k].sum() == len(new)
+
+
+def test_a_culled_batch_is_equation_11() -> None:
+    one, pairs = data(fr=FR).batch([0, 7]), corpus()
+    for k, number in enumerate(one.numbers.tolist()):
+        p, q = pairs.index[number, :2].tolist()
+        pre, post, _ = pairs.truth(number)
+        rows, real = cull(pairs.word(p), pairs.word(q), pre, post, FR)
+        np.testing.assert_array_equal(one.x[k], rows)
+        np.testing.assert_array_equal(one.mask[k], real)
+        assert (int(one.n_before[k]), int(one.pre[k]), int(one.post[k])) == (FR, FR - 1, FR)
 
 
 def test_the_rate_rises_and_falls() -> None:

@@ -34,7 +34,7 @@ _T = TransformerConfig(32, 2, 1, 1, 48, 0.0)
 
 CONFIGS: dict[str, tuple[Config, int | None]] = {
     "spsn": (SpsnConfig(32, dropout=0.0), None),
-    "spsn-printed": (SpsnConfig(32, "printed", 0.0), None),
+    "spsn-printed": (SpsnConfig(32, "printed", 0.0, steps=False), None),
     "spsn-wa": (SpsnConfig(32, "none", 0.0), None),
     "tfgn": (_T, FR),
     "tfgn-wc": (_T, None),

@@ -18,7 +18,8 @@ from signsplice.paper.results import CLASSICAL, Curve, Results, Row
 from signsplice.synth.corpus import Pairs
 
 Advance = Callable[[str], AbstractContextManager[Callable[[int, int], None] | None]]
-Opener = Callable[[Path], Any]
+Opener = Callable[[Path, str], Any]
+"""A bundle's folder and how its frames are to be decoded -> the system."""
 
 RESULTS, SHOTS = "results.json", "frames.npz"
 
@@ -69,7 +70,7 @@ def everything(
     """Judge classical methods and bundles, a judgement for each; what ``known`` has already of the same bundle,
     protocol and measures is passed over unless ``again``.
 
-    progress: makes a progress bar by name. opener: bundle folder -> system, the project's own by default.
+    progress: makes a progress bar by name. opener: the project's own by default.
     """
     protocols = splits(pairs, limit)
     chosen = shots.merge(kept, shots.choose(pairs, protocols[0])) if protocols else []
@@ -85,9 +86,12 @@ def everything(
         if not allowed:
             protocol.refuse(told, pairs, protocols[0], folder.name)
         row = Row(split="", **results.bundle_row(told, folder))
-        name = shots.label(row.system, row.scale, row.optimiser) if row.fr in (None, published.BEST_FR) else ""
-        answer_of = _Late(folder, pairs, opener)
-        rows, chosen = _judge(row, name, answer_of, allowed, pairs, known, chosen, progress, again)
+        best = row.fr in (None, published.BEST_FR)
+        name = shots.label(row.system, row.scale, row.optimiser) if best else ""
+        rows, chosen = _judge(row, name, _Late(folder, pairs, opener), allowed, pairs, known, chosen, progress, again)
+        if best and row.system in published.IN_ONE_PASS:
+            once, answer_of = replace(row, system=published.IN_ONE_PASS[row.system]), _Late(folder, pairs, opener, True)
+            rows += _judge(once, "", answer_of, allowed, pairs, known, chosen, progress, again)[0]
         curve = read_curve(folder, told, row)
         yield Judgement(tuple(rows), () if curve is None else (curve,), tuple(chosen))
 
@@ -95,8 +99,9 @@ def everything(
 class _Late:
     """A bundle's answers; it is opened when the first pair comes."""
 
-    def __init__(self, folder: Path, pairs: Pairs, opener: Opener | None) -> None:
+    def __init__(self, folder: Path, pairs: Pairs, opener: Opener | None, one_pass: bool = False) -> None:
         self.folder, self.pairs, self.opener = folder, pairs, opener
+        self.decoding = "parallel" if one_pass else "one-by-one"
         self._answer: Answer | None = None
 
     def __call__(self, number: int) -> Any:
@@ -106,7 +111,7 @@ class _Late:
                 from signsplice.paper.systems import open_bundle
 
                 opener = open_bundle
-            self._answer = protocol.answers(self.pairs, opener(self.folder))
+            self._answer = protocol.answers(self.pairs, opener(self.folder, self.decoding))
         return self._answer(number)
 
 

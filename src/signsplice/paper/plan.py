@@ -9,7 +9,7 @@ from pathlib import Path
 from signsplice.paper import published
 
 SCALES = ("smoke", "cpu", "paper")
-SWEEP = (2, 4, 6, 8, 10, 12)
+SWEEP = (2, 4, 6, 8, 10, 12, 16)
 """Values of fr; the paper prints 6 and 8 of those it tried."""
 SWEEP_SMOKE = (4, 8)
 

@@ -34,12 +34,17 @@ NAMES = {
     "lpt-wa": "LPT-WA",
     "lpt-wc": "LPT-WC",
     "lpt-wac": "LPT-WAC",
+    "lpt-printed": "LpTransformer, eq. 7 as printed",
+    "lpt-one-pass": "LpTransformer in one pass",
+    "transformer-one-pass": "Transformer in one pass",
     "progressive-transformer": "Progressive Transformer",
     "nat": "NAT",
     "conv-interp": "Convolutional interpolation",
 }
-OTHERS = ("progressive-transformer", "nat", "conv-interp")
-"""Systems of the paper's related work, which its tables do not have."""
+OTHERS = ("lpt-printed", "progressive-transformer", "nat", "conv-interp")
+"""Systems that the paper's tables do not have: its attention as printed, and those of its related work."""
+IN_ONE_PASS = {"lpt": "lpt-one-pass", "transformer": "transformer-one-pass"}
+"""Systems that are judged a second time, all their frames made together."""
 
 ACCURACY = 0.99
 MSE = 0.0015

@@ -108,19 +108,22 @@ def graphs(network: nn.Module, fr: int | None) -> dict[str, bytes]:
     return {f"{name}.onnx": exported(name, graph) for name, graph in told.items()}
 
 
-def _x(n_frames: int) -> Tensor:
-    values = np.random.default_rng(n_frames).uniform(-0.5, 0.5, (1, n_frames, 159))
-    return torch.from_numpy(values.astype(np.float32))
+def _x(n_frames: int, network: Any) -> Tensor:
+    """Frames (1, n, 159) that wander as those do which a network has learned from."""
+    rng = np.random.default_rng(n_frames)
+    values = rng.normal(0.0, 1.0, (1, 1, 159)) + rng.normal(0.0, 0.1, (1, n_frames, 159)).cumsum(axis=1)
+    frames: Tensor = network.normaliser.inverse(torch.from_numpy(values.astype(np.float32)))
+    return frames
 
 
 def _spsn_graph(network: Spsn) -> Graph:
-    inputs = [{"x": _x(n), "n_before": torch.tensor([n // 2])} for n in (11, 24, 7)]
+    inputs = [{"x": _x(n, network), "n_before": torch.tensor([n // 2])} for n in (11, 24, 7)]
     return Graph(_Spsn(network), inputs[0], ("tokens",), {"x": (1,)}, tuple(inputs[1:]))
 
 
 def _generator_graphs(network: Generator, fr: int | None) -> dict[str, Graph]:
     def encoder_inputs(n: int) -> dict[str, Tensor]:
-        return {"x": _x(n), "mask": torch.ones(1, n, dtype=torch.bool), "n_before": torch.tensor([n // 2])}
+        return {"x": _x(n, network), "mask": torch.ones(1, n, dtype=torch.bool), "n_before": torch.tensor([n // 2])}
 
     sizes = (11, 24, 7) if fr is None else (2 * fr,)
     inputs = [encoder_inputs(n) for n in sizes]
@@ -147,7 +150,7 @@ def _decoder_graph(
         kinds = torch.full((1, n_new), FRAME)
         kinds[0, 0] = START if at == 0 else FRAME
         fed = torch.zeros(1, n_new, network.n_fed)
-        fed[..., :159] = _x(n_new)
+        fed[..., :159] = _x(n_new, network)
         return {"fed": fed, "kinds": kinds, "start": torch.tensor(at)} | dict(
             zip((*names[0], *names[1]), (*entry.memory, *state), strict=True)
         )
@@ -169,7 +172,7 @@ def _decoder_graph(
 
 
 def _filler_graphs(network: Filler, fr: int) -> dict[str, Graph]:
-    x, mask = _x(2 * fr), torch.ones(1, 2 * fr, dtype=torch.bool)
+    x, mask = _x(2 * fr, network), torch.ones(1, 2 * fr, dtype=torch.bool)
     edge = torch.arange(2 * fr)[None] > 0
     both = {"x": x, "mask": mask}
     length = Graph(_Length(network), both, ("numbers",), {}, ({"x": x, "mask": edge},))

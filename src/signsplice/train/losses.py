@@ -2,9 +2,10 @@
 several processes costs the same as in one.
 
 **Tokens.** One frame in about 140 bears a token, so plain cross-entropy over frames would be content with "none"
-everywhere. The paper's reading, each frame a class, stays; tokens weigh ``TOKEN_WEIGHT`` times as much as "none", and a
-pointer term, the cross-entropy of a softmax over frames of the log-odds of token against none, asks that the right
-frame stand out among all, since the position is where the token is likeliest.
+everywhere, and silent where it doubts between neighbours. The paper's reading, each frame a class, stays; tokens weigh
+``TOKEN_WEIGHT`` times as much as "none", and a pointer term, the cross-entropy of a softmax over frames of the log-odds
+of token against none, asks that the right frame stand out among all, since the position is where the token is
+likeliest.
 
 **Frames.** Mean squared error, each number over its own deviation in the training pairs, and cross-entropy of "this is
 the last frame".
@@ -18,7 +19,7 @@ from torch.nn import functional as F  # noqa: N812
 
 from signsplice.train.networks.spsn import NONE, POST, PRE
 
-TOKEN_WEIGHT = 10.0
+TOKEN_WEIGHT = 40.0
 FRAME_WEIGHT = 10.0
 """Frames' errors are some hundredths: scaled up, so that they weigh about as much as the tokens'."""
 _NEVER = -1e4

@@ -31,8 +31,8 @@ class Batch:
     """Pairs side by side; B pairs, S frames of input, T transition frames.
 
     ``x`` (B, S, 159) is the whole X, or the culled frames; ``mask`` (B, S) False at padding and repeated edges.
-    ``pre``, ``post`` (B,) are frames of X; ``n_before`` (B,) is N. ``new`` (B, T, 159) true transitions, ``real``
-    (B, T) False at padding. ``numbers`` (B,) names the pairs, ``step`` the batch.
+    ``pre``, ``post`` (B,) are frames of ``x``; ``n_before`` (B,) of its frames are of the first word. ``new`` (B, T,
+    159) true transitions, ``real`` (B, T) False at padding. ``numbers`` (B,) names the pairs, ``step`` the batch.
     """
 
     numbers: Tensor
@@ -98,14 +98,22 @@ class PairsData:
             inputs.append(torch.from_numpy(frames))
             masks.append(torch.from_numpy(mask))
         new = [torch.from_numpy(self._new[row]) for row in rows]
-        n_before = torch.tensor([len(self._words[entry[0]]) for entry in index])
+        if self.fr is None:
+            n_before = torch.tensor([len(self._words[entry[0]]) for entry in index])
+            pre, post = (
+                torch.tensor([entry[2] for entry in index]),
+                torch.tensor([entry[3] for entry in index]) + n_before,
+            )
+        else:
+            n_before = torch.full((len(index),), self.fr)
+            pre, post = n_before - 1, n_before
         return Batch(
             numbers=torch.from_numpy(self.numbers[np.asarray(rows)]),
             x=pad_sequence(inputs, batch_first=True),
             mask=pad_sequence(masks, batch_first=True),
             n_before=n_before,
-            pre=torch.tensor([entry[2] for entry in index]),
-            post=torch.tensor([entry[3] for entry in index]) + n_before,
+            pre=pre,
+            post=post,
             new=pad_sequence(new, batch_first=True),
             real=pad_sequence([torch.ones(len(frames), dtype=torch.bool) for frames in new], batch_first=True),
             step=step,

@@ -31,6 +31,7 @@ FR = 8
 
 SYSTEMS: dict[str, tuple[str, ...]] = {
     "lpt": ("spsn", "tfgn"),
+    "lpt-printed": ("spsn-printed", "tfgn"),
     "lpt-wa": ("spsn-wa", "tfgn"),
     "lpt-wc": ("spsn", "tfgn-wc"),
     "lpt-wac": ("spsn-wa", "tfgn-wc"),
@@ -83,6 +84,7 @@ def _config(name: str, scale: str, fr: int) -> Config:
     whole = replace(t, inner=t.inner // 2) if scale == "cpu" else t
     configs: dict[str, Config] = {
         "spsn": SpsnConfig(width, dropout=dropout),
+        "spsn-printed": SpsnConfig(width, "printed", dropout, steps=False),
         "spsn-wa": SpsnConfig(width, "none", dropout),
         "tfgn": t,
         "tfgn-wc": whole,
@@ -101,22 +103,30 @@ def _convolutions(scale: str) -> ConvS2SConfig:
     return sizes[scale]
 
 
-_STEPS = {
-    "spsn": (60, 5000, 60_000),
-    "spsn-wa": (60, 5000, 60_000),
-    "tfgn": (60, 3000, 60_000),
-    "tfgn-wc": (60, 1500, 60_000),
-    "transformer": (60, 1500, 60_000),
-    "conv-s2s": (60, 1500, 60_000),
-    "lstm": (60, 3000, 60_000),
-    "progressive": (60, 2000, 60_000),
-    "nat": (60, 2000, 60_000),
-    "interpolation": (60, 2000, 60_000),
-}
-"""Steps at smoke, cpu and paper scale."""
+@dataclass(frozen=True)
+class _Course:
+    """Steps at smoke, cpu and paper scale; pairs a batch and AdamW's rate at cpu scale."""
 
-_RATES = {"spsn": 3e-3, "spsn-wa": 3e-3, "lstm": 3e-3}
-"""Rates for AdamW at cpu scale, where not 1e-3."""
+    steps: tuple[int, int, int]
+    batch: int = 64
+    rate: float = 1e-3
+
+
+_SEARCH = _Course((60, 8000, 60_000), 32, 3e-3)
+_WHOLE = _Course((60, 2400, 60_000), 32)
+_COURSES = {
+    "spsn": _SEARCH,
+    "spsn-printed": _SEARCH,
+    "spsn-wa": _SEARCH,
+    "tfgn": _Course((60, 3000, 60_000)),
+    "tfgn-wc": _WHOLE,
+    "transformer": _WHOLE,
+    "conv-s2s": _WHOLE,
+    "lstm": _Course((60, 5000, 60_000), 32, 3e-3),
+    "progressive": _Course((60, 2000, 60_000)),
+    "nat": _Course((60, 2000, 60_000)),
+    "interpolation": _Course((60, 2000, 60_000)),
+}
 
 
 def parts(system: str, scale: str, fr: int | None = None, steps: int | None = None) -> tuple[Part, ...]:
@@ -132,16 +142,14 @@ def parts(system: str, scale: str, fr: int | None = None, steps: int | None = No
         raise InputError(f"--fr {fr} --steps {steps}, expected at least 1")
     side = FR if fr is None else fr
     at = SCALES.index(scale)
-    batch = (16, 64, 64)[at]
-    rate = (1e-2, 1e-3, 3e-4)[at]
     return tuple(
         Part(
             name,
             _config(name, scale, side),
             side if name in CULLED else None,
-            _STEPS[name][at] if steps is None else steps,
-            batch,
-            _RATES.get(name, rate) if scale == "cpu" else rate,
+            _COURSES[name].steps[at] if steps is None else steps,
+            (16, _COURSES[name].batch, 64)[at],
+            (1e-2, _COURSES[name].rate, 3e-4)[at],
         )
         for name in names
     )

@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
 from signsplice.train.networks.generator import FRAME, Encoded, Generator, State
-from signsplice.train.networks.layers import N_NUMBERS, Normaliser
+from signsplice.train.networks.layers import N_NUMBERS, N_READ, Normaliser, with_steps
 from signsplice.train.networks.spsn import admissible
 
 _KERNEL = 3
@@ -69,7 +69,7 @@ class ConvS2S(Generator):
         super().__init__()
         self.config, self.normaliser = config, normaliser
         width = config.width
-        self.embedding, self.positions = _linear(N_NUMBERS, width), nn.Embedding(config.most_positions, width)
+        self.embedding, self.positions = _linear(N_READ, width), nn.Embedding(config.most_positions, width)
         self.encoder = nn.ModuleList(GatedConvolution(width, config.dropout) for _ in range(config.n_encoder_layers))
         self.token = _linear(width, 3)
         self.kind, self.fed = nn.Embedding(3, width), _linear(N_NUMBERS, width)
@@ -89,7 +89,7 @@ class ConvS2S(Generator):
     def encode(self, x: Tensor, mask: Tensor, n_before: Tensor) -> Encoded:
         """Memory: mask (B, S), keys and values (B, S, D). State: the last two inputs (B, 2, D) of every layer."""
         real = mask[..., None].to(x.dtype)
-        inputs = self._placed(self.embedding(self.normaliser(x)), 0) * real
+        inputs = self._placed(self.embedding(with_steps(self.normaliser(x), n_before)), 0) * real
         states = inputs
         for layer in self.encoder:
             states = (states + layer(F.pad(states, (0, 0, 1, 1)))) * _HALF * real
@@ -105,12 +105,12 @@ class ConvS2S(Generator):
         shown = (kinds == FRAME)[..., None].to(fed.dtype)
         target = self._placed(self.kind(kinds) + shown * self.fed(self.normaliser(fed)), start)
         x, after = target, []
-        for layer, query, read, past in zip(self.decoder, self.queries, self.read, state, strict=True):
+        for layer, query, value, past in zip(self.decoder, self.queries, self.read, state, strict=True):
             window = torch.cat([past, x], dim=1)
             after.append(window[:, -(_KERNEL - 1) :])
             made = layer(window)
             looking = (query(made) + target) * _HALF
             weights = (looking @ keys.transpose(1, 2)).masked_fill(~mask[:, None], -torch.inf).softmax(-1)
-            made = (made + read(weights @ values)) * _HALF
+            made = (made + value(weights @ values)) * _HALF
             x = (x + made) * _HALF
         return self.normaliser.inverse(self.frame(x)), self.last(x)[..., 0], tuple(after)

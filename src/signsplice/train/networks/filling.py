@@ -27,6 +27,7 @@ from signsplice.train.networks.layers import (
     Encoder,
     Normaliser,
     positional_code,
+    with_steps,
 )
 
 
@@ -130,7 +131,8 @@ class Nat(Filler):
         return self._number(states), self._fill(states, mask, real)
 
     def _encoded(self, x: Tensor, mask: Tensor) -> Tensor:
-        out: Tensor = self.encoder(self.normaliser(x), mask)
+        n_before = torch.full((x.shape[0],), self.config.fr, device=x.device)
+        out: Tensor = self.encoder(with_steps(self.normaliser(x), n_before), mask)
         return out
 
     def _number(self, states: Tensor) -> Tensor:

@@ -12,6 +12,10 @@ from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
 N_NUMBERS = 159
+N_READ = 2 * N_NUMBERS
+"""Numbers of a frame that an encoder reads."""
+STEPS_BY = 5.0
+"""Steps are some tenths of a deviation: scaled up to weigh like places."""
 
 
 class Normaliser(nn.Module):
@@ -35,6 +39,18 @@ class Normaliser(nn.Module):
     def inverse(self, x: Tensor) -> Tensor:
         """Positions (..., 159) of normalised frames."""
         return x * self.deviation + self.mean
+
+
+def with_steps(x: Tensor, n_before: Tensor) -> Tensor:
+    """What an encoder reads of two words (B, S, 159): every frame and its step from the one before (B, S, 318); no step
+    at the first frame of either word. ``n_before`` (B,) frames are of the first.
+
+    The paper's networks read frames alone; a step is what a movement begins and ends by, and most networks are slow to
+    learn a difference of two frames.
+    """
+    steps = torch.cat([torch.zeros_like(x[:, :1]), x[:, 1:] - x[:, :-1]], dim=1)
+    first = torch.arange(x.shape[1], device=x.device)[None] == n_before[:, None]
+    return torch.cat([x, STEPS_BY * steps.masked_fill(first[..., None], 0.0)], dim=-1)
 
 
 def positional_code(positions: Tensor, width: int) -> Tensor:
@@ -142,12 +158,12 @@ class Encoder(nn.Module):
 
     def __init__(self, width: int, n_heads: int, n_layers: int, inner: int, dropout: float) -> None:
         super().__init__()
-        self.embedding = nn.Linear(N_NUMBERS, width)
+        self.embedding = nn.Linear(N_READ, width)
         self.layers = nn.ModuleList(EncoderLayer(width, n_heads, inner, dropout) for _ in range(n_layers))
         self.norm = nn.LayerNorm(width)
 
     def forward(self, x: Tensor, mask: Tensor | None) -> Tensor:
-        """States (B, S, D) of normalised frames (B, S, 159); ``mask`` (B, S) is False at padding."""
+        """States (B, S, D) of what is read of normalised frames (B, S, 318); ``mask`` (B, S) is False at padding."""
         states = self.embedding(x)
         positions = torch.arange(x.shape[1], device=x.device)
         states = states + positional_code(positions, states.shape[-1]).to(states.dtype)

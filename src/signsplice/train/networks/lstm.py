@@ -2,7 +2,8 @@
 
 One encoder reads X; one decoder, started from the encoder's last state through a learned bridge, does both jobs with
 the same weights: it reads X again and classifies every frame as {none, pre, post}, and it goes from the start token
-from frame to frame. All it knows of the words while it makes frames has to pass through that one state.
+from frame to frame, without steps then. All it knows of the words while it makes frames has to pass through that one
+state.
 """
 
 from __future__ import annotations
@@ -10,9 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from torch import Tensor, nn
+from torch.nn import functional as F  # noqa: N812
 
 from signsplice.train.networks.generator import FRAME, Encoded, Generator, State
-from signsplice.train.networks.layers import N_NUMBERS, Normaliser
+from signsplice.train.networks.layers import N_NUMBERS, N_READ, Normaliser, with_steps
 from signsplice.train.networks.recurrent import Lstm
 from signsplice.train.networks.spsn import admissible, last_states
 
@@ -34,14 +36,15 @@ class LstmSeq2Seq(Generator):
         super().__init__()
         self.config, self.normaliser = config, normaliser
         width = config.width
-        self.encoder, self.decoder = Lstm(N_NUMBERS, width), Lstm(N_NUMBERS, width)
+        self.embedding = nn.Linear(N_READ, width)
+        self.encoder, self.decoder = Lstm(width, width), Lstm(width, width)
         self.bridge = nn.Linear(width, 2 * width)
-        self.kind = nn.Embedding(3, N_NUMBERS)
+        self.kind = nn.Embedding(3, width)
         self.token, self.frame, self.last = nn.Linear(width, 3), nn.Linear(width, N_NUMBERS), nn.Linear(width, 1)
 
     def encode(self, x: Tensor, mask: Tensor, n_before: Tensor) -> Encoded:
         """Memory: none. State: the decoder's hidden and cell state (1, B, D)."""
-        x = self.normaliser(x)
+        x = self.embedding(with_steps(self.normaliser(x), n_before))
         hidden, cell = self.bridge(last_states(self.encoder(x)[0], mask)).chunk(2, dim=-1)
         state = (hidden.tanh()[None].contiguous(), cell[None].contiguous())
         read, _ = self.decoder(x, state)
@@ -52,6 +55,6 @@ class LstmSeq2Seq(Generator):
     ) -> tuple[Tensor, Tensor, State]:
         """Frames, last-logits and the decoder's state."""
         shown = (kinds == FRAME)[..., None].to(fed.dtype)
-        inputs = self.kind(kinds) + shown * self.normaliser(fed)
+        inputs = self.kind(kinds) + shown * self.embedding(F.pad(self.normaliser(fed), (0, N_NUMBERS)))
         states, (hidden, cell) = self.decoder(inputs, (state[0], state[1]))
         return self.normaliser.inverse(self.frame(states)), self.last(states)[..., 0], (hidden, cell)

@@ -1,10 +1,11 @@
 """SPSN, the network that searches the splice positions (eq. 4-10).
 
 LSTM encoder and decoder both run over X, frame by frame (eq. 4 and 5; eq. 5 prints C_t = F_t * W_xc + ..., the LSTM is
-C_t = F_t * C_{t-1} + I_t * C~_t, which torch computes). How the decoder starts is not said: here from the encoder's
-last state H_{N+M}, which has seen both words, through a learned bridge (Bahdanau et al. 2015). The decoder's state at t
-is compared with every state of the encoder (eq. 6), the weights rebuild the encoding (eq. 7-9), and each frame is
-classified as {none, prePositionToken, postPositionToken} (the reading of eq. 9 and 10).
+C_t = F_t * C_{t-1} + I_t * C~_t, which torch computes). How the decoder learns what the encoder has seen, but by
+attention, is not said: here a learned bridge turns the encoder's states at the ends of the two words, H_N and H_{N+M},
+into the decoder's first state (Bahdanau et al. 2015) and into a summary that it reads beside every frame (Cho et al.
+2014). The decoder's state at t is compared with every state of the encoder (eq. 6), the weights rebuild the encoding
+(eq. 7-9), and each frame is classified as {none, prePositionToken, postPositionToken} (the reading of eq. 9 and 10).
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from signsplice.train.networks.layers import N_NUMBERS, Normaliser
+from signsplice.train.networks.layers import N_NUMBERS, N_READ, Normaliser, with_steps
 from signsplice.train.networks.recurrent import Lstm
 
 NONE, PRE, POST = 0, 1, 2
@@ -27,12 +28,13 @@ ATTENTIONS = ("normalised", "printed", "none")
 class SpsnConfig:
     """SPSN's sizes. ``attention``: "printed" is a = 1 - softmax(score), whose weights sum to N + M - 1; "normalised" is
     softmax(-sharpness * score), with a learned sharpness, which begins at the root of the width; "none" is the ablation
-    WA.
+    WA. ``steps``: whether it reads the steps between frames too, or frames alone, as printed.
     """
 
     width: int = 512
     attention: str = "normalised"
     dropout: float = 0.1
+    steps: bool = True
 
     def __post_init__(self) -> None:
         if self.attention not in ATTENTIONS:
@@ -72,8 +74,12 @@ def last_states(states: Tensor, mask: Tensor | None) -> Tensor:
     """Each row's state (B, D) at its last frame that is no padding, of states (B, S, D)."""
     if mask is None:
         return states[:, -1]
-    at = (mask.sum(1) - 1)[:, None, None].expand(-1, 1, states.shape[-1])
-    return states.gather(1, at)[:, 0]
+    return states_at(states, mask.sum(1) - 1)
+
+
+def states_at(states: Tensor, frames: Tensor) -> Tensor:
+    """Each row's state (B, D) at a frame (B,), of states (B, S, D)."""
+    return states.gather(1, frames[:, None, None].expand(-1, 1, states.shape[-1]))[:, 0]
 
 
 class Spsn(nn.Module):
@@ -83,8 +89,9 @@ class Spsn(nn.Module):
         super().__init__()
         self.config, self.normaliser = config, normaliser
         width = config.width
-        self.encoder, self.decoder = Lstm(N_NUMBERS, width), Lstm(N_NUMBERS, width)
-        self.bridge = nn.Linear(width, 2 * width)
+        self.embedding = nn.Linear(N_READ if config.steps else N_NUMBERS, width)
+        self.encoder, self.decoder = Lstm(width, width), Lstm(2 * width, width)
+        self.bridge = nn.Linear(2 * width, 3 * width)
         if config.attention != "none":
             self.combine = nn.Linear(2 * width, width, bias=False)
         self.sharpness = nn.Parameter(torch.tensor(0.5).mul(torch.tensor(float(width)).log()))
@@ -97,9 +104,13 @@ class Spsn(nn.Module):
         which follows X.
         """
         x = self.normaliser(x)
+        x = self.embedding(with_steps(x, n_before) if self.config.steps else x)
         encoded = self.dropout(self.encoder(x)[0])  # (B, S, D)
-        hidden, cell = self.bridge(last_states(encoded, mask)).chunk(2, dim=-1)
-        decoded, _ = self.decoder(x, (hidden.tanh()[None].contiguous(), cell[None].contiguous()))  # (B, S, D)
+        ends = torch.cat([states_at(encoded, n_before - 1), last_states(encoded, mask)], dim=-1)
+        hidden, cell, summary = self.bridge(ends).chunk(3, dim=-1)
+        beside = summary.tanh()[:, None].expand(-1, x.shape[1], -1)
+        start = hidden.tanh()[None].contiguous(), cell[None].contiguous()
+        decoded, _ = self.decoder(torch.cat([x, beside], dim=-1), start)  # (B, S, D)
         return admissible(self.out(self.attend(self.dropout(decoded), encoded, mask)), n_before)
 
     def attend(self, decoded: Tensor, encoded: Tensor, mask: Tensor | None) -> Tensor:

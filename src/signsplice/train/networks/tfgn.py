@@ -28,6 +28,7 @@ from signsplice.train.networks.layers import (
     Normaliser,
     causal,
     positional_code,
+    with_steps,
 )
 from signsplice.train.networks.spsn import admissible
 
@@ -74,7 +75,7 @@ class Transformer(Generator):
 
     def encode(self, x: Tensor, mask: Tensor, n_before: Tensor) -> Encoded:
         """Memory: mask (B, S), then each decoder layer's keys and values (B, H, S, D / H). State: empty caches."""
-        states = self.encoder(self.normaliser(x), mask)
+        states = self.encoder(with_steps(self.normaliser(x), n_before), mask)
         tokens = admissible(self.token(states), n_before) if self.config.tokens else None
         memory = [mask]
         state = []
