@@ -13,12 +13,12 @@ PYTHON=${PYTHON:-python3}
 PAIRS=${PAIRS:-out/pairs}
 BUNDLES=${BUNDLES:-out/bundles}
 OUT=${OUT:-docs/paper}
+if [ "$SCALE" = paper ]; then WORKERS=${WORKERS:-1}; else WORKERS=${WORKERS:-$(nproc)}; fi  # one GPU, or many cores
 BIN=.venv/bin
 
 [ -x "$BIN/python" ] || "$PYTHON" -m venv .venv
 "$BIN/python" -c 'import torch, matplotlib, signsplice' 2>/dev/null ||
     "$BIN/python" -m pip install --quiet --disable-pip-version-check --editable '.[train,paper]'
 
-export OMP_NUM_THREADS=${OMP_NUM_THREADS:-$(nproc)}
 [ -f "$PAIRS/corpus.json" ] || "$BIN/signsplice" synth pairs -o "$PAIRS"
-"$BIN/signsplice" paper all --scale "$SCALE" --pairs "$PAIRS" --bundles "$BUNDLES" --out "$OUT" "$@"
+"$BIN/signsplice" paper all --scale "$SCALE" --workers "$WORKERS" --pairs "$PAIRS" --bundles "$BUNDLES" --out "$OUT" "$@"

@@ -109,7 +109,7 @@ def test_the_product_needs_only_its_own_dependencies() -> None:
     names = {entry.split(">")[0].split("=")[0] for entry in project["dependencies"]}
     assert names == {"numpy", "scipy", "onnxruntime", "click", "rich"}
     optional = {"PIL", "imageio_ffmpeg", "matplotlib", "pybvh"}  # imported inside functions, for those who have them
-    training = {"torch", "onnx", "onnxscript"}
+    training = {"torch", "onnx", "onnxscript", "filelock"}
     for path in MODULES:
         if room(module_name(path)) == "train":
             continue
@@ -123,7 +123,9 @@ def test_the_product_needs_only_its_own_dependencies() -> None:
 
 
 def test_training_is_a_room_of_its_own() -> None:
-    allowed = {"numpy", "torch", "onnx", "onnxruntime", "onnxscript", "signsplice"} | set(sys.stdlib_module_names)
+    allowed = {"numpy", "torch", "filelock", "onnx", "onnxruntime", "onnxscript", "signsplice"} | set(
+        sys.stdlib_module_names
+    )
     for path in MODULES:
         if room(module_name(path)) == "train":
             assert {t.split(".")[0] for t in imports(path)} <= allowed, path

@@ -74,6 +74,15 @@ def test_every_cutter_and_every_told_rule_is_counted(pairs: Pairs) -> None:
     assert rows[ends].distance == pytest.approx(np.mean(away))
 
 
+def test_a_reader_without_error_is_always_right_and_one_with_much_is_not(pairs: Pairs) -> None:
+    numbers = list(range(25))
+    shares = difficulty.reading(pairs, numbers, SIGNS, (0.0, 8.0))
+    assert shares[0.0] == 1.0
+    assert 0.0 < shares[8.0] < 1.0
+    assert difficulty.reading(pairs, numbers, SIGNS, (8.0,))[8.0] == shares[8.0]
+    assert difficulty.reading(pairs, numbers, {}, (1.0,)) == {1.0: 0.0}, "no sign known: no pair"
+
+
 def test_the_best_constants_are_the_commonest(pairs: Pairs) -> None:
     numbers = list(range(25))
     rows = difficulty.cutters(pairs, numbers, numbers)

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from signsplice.cli.terminal import progress, warn
-from signsplice.errors import InputError, MissingExtraError
+from signsplice.errors import InputError, MissingExtraError, SignspliceError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,6 +36,8 @@ WHAT = ("all", "evaluate", "table1", "table3", "figures")
               help="Where results.json, tables and figures lie.")  # fmt: skip
 @click.option("--system", "systems", multiple=True, metavar="NAME", help="Train and judge only these.")
 @click.option("--steps", type=int, metavar="N", help="Training steps, in place of the scale's.")
+@click.option("--workers", type=int, default=1, show_default=True, metavar="N",
+              help="Train N systems at once; they share the processor's cores.")  # fmt: skip
 @click.option("--limit", type=int, metavar="N", help="Judge at most N pairs of a split.")
 @click.option("--again", is_flag=True, help="Judge anew what results.json has already.")
 def paper(
@@ -41,6 +48,7 @@ def paper(
     out: str,
     systems: tuple[str, ...],
     steps: int | None,
+    workers: int,
     limit: int | None,
     again: bool,
 ) -> None:
@@ -52,11 +60,12 @@ def paper(
     from signsplice.paper.results import load
 
     folder = Path(out)
-    _check(systems, limit, steps)
+    _check(systems, limit, steps, workers)
     if what in ("all", "evaluate"):
         _make_folder(folder)
         if what == "all":
-            _train(plan.missing(plan.runs(scale, systems), Path(bundles)), Path(pairs), Path(bundles), steps)
+            todo = plan.missing(plan.runs(scale, systems), Path(bundles))
+            _train(todo, Path(pairs), Path(bundles), steps, workers)
         _evaluate(folder, Path(pairs), Path(bundles), scale, systems, limit, again)
     if not (folder / RESULTS).is_file():
         raise InputError(f"{folder / RESULTS}: not there; `signsplice paper evaluate` or `all` makes it")
@@ -67,13 +76,13 @@ def paper(
         _figures(results, folder, scale, required=what == "figures")
 
 
-def _check(systems: Sequence[str], limit: int | None, steps: int | None) -> None:
+def _check(systems: Sequence[str], limit: int | None, steps: int | None, workers: int) -> None:
     from signsplice.paper import published
 
     unknown = [system for system in systems if system not in published.NAMES]
     if unknown:
         raise InputError(f"no system {unknown[0]!r}, expected one of {', '.join(published.NAMES)}")
-    for option, value in (("--limit", limit), ("--steps", steps)):
+    for option, value in (("--limit", limit), ("--steps", steps), ("--workers", workers)):
         if value is not None and value < 1:
             raise InputError(f"{option} {value}, expected at least 1")
 
@@ -85,8 +94,8 @@ def _make_folder(folder: Path) -> None:
         raise InputError(f"{folder}: cannot be made ({error.strerror})") from error
 
 
-def _train(todo: Sequence[Run], pairs: Path, bundles: Path, steps: int | None) -> None:
-    """Train every run by the command line's own `train paper`, one after another."""
+def _train(todo: Sequence[Run], pairs: Path, bundles: Path, steps: int | None, workers: int) -> None:
+    """Train every run by the command line's own `train paper`, one after another, or some at once."""
     from signsplice.cli import app
 
     if not todo:
@@ -99,9 +108,40 @@ def _train(todo: Sequence[Run], pairs: Path, bundles: Path, steps: int | None) -
             "`signsplice paper evaluate` judges what is there"
         )
     _make_folder(bundles)
+    if workers > 1:
+        _train_side_by_side(todo, pairs, bundles, steps, workers)
+        return
     for n, run in enumerate(todo, 1):
         click.echo(f"training {n} of {len(todo)}: {run.name}", err=True)
         app.main(run.arguments(pairs, bundles, steps), standalone_mode=False)
+
+
+def _train_side_by_side(todo: Sequence[Run], pairs: Path, bundles: Path, steps: int | None, workers: int) -> None:
+    """Each run in a process of its own, ``workers`` at once, with an even share of the cores. The first that fails ends
+    the work: those that run are interrupted, and go on from their checkpoints when called again.
+    """
+    around = os.environ | {"OMP_NUM_THREADS": str(max(1, (os.cpu_count() or 1) // workers))}
+    waiting = list(enumerate(todo, 1))
+    running: dict[str, subprocess.Popen[bytes]] = {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < workers:
+                n, run = waiting.pop(0)
+                click.echo(f"training {n} of {len(todo)}: {run.name}", err=True)
+                call = [sys.executable, "-m", "signsplice.cli", *run.arguments(pairs, bundles, steps)]
+                running[run.name] = subprocess.Popen(call, env=around)
+            time.sleep(0.2)
+            for name, process in list(running.items()):
+                status = process.poll()
+                if status is not None:
+                    del running[name]
+                if status:
+                    raise SignspliceError(f"training {name} failed (exit status {status}; its own error is above)")
+    finally:
+        for process in running.values():
+            process.send_signal(signal.SIGINT)
+        for process in running.values():
+            process.wait()
 
 
 def _evaluate(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -27,9 +28,15 @@ def splicing_options(command: Command) -> Command:
             click.option(
                 "-o", "--output", required=True, metavar="OUT", help="File to write: .bvh .npz .png .gif .mp4"
             ),
-            click.option("--cutter", metavar="NAME", help="How splice points are found; see `signsplice methods`."),
             click.option(
-                "--transition", metavar="NAME", help="How the frames between are made; see `signsplice methods`."
+                "--cutter",
+                metavar="NAME",
+                help="How splice points are found: see `signsplice methods`, or a trained system's folder.",
+            ),
+            click.option(
+                "--transition",
+                metavar="NAME",
+                help="How the frames between are made: see `signsplice methods`, or a trained system's folder.",
             ),
             click.option(
                 "--transition-time",
@@ -109,12 +116,21 @@ def _options(transition_time: str, cutter: str | None, transition: str | None, *
     except ValueError:
         seconds, rule = None, find_duration(transition_time).name
     return SpliceOptions(
-        cutter=cutter or DEFAULT_CUTTER,
-        transition=transition or DEFAULT_TRANSITION,
+        cutter=_method(cutter or DEFAULT_CUTTER),
+        transition=_method(transition or DEFAULT_TRANSITION),
         duration=rule,
         transition_time=seconds,
         **dials,
     )
+
+
+def _method(name: str) -> Any:
+    """A method's name as it is; the trained system in a folder that is named in its place."""
+    if not (Path(name) / "bundle.json").is_file():
+        return name
+    from signsplice.paper.systems.clips import open_clip_splicer
+
+    return open_clip_splicer(name)
 
 
 def deliver(result: SpliceResult, output: str, report: str | None, load_ms: float) -> None:
@@ -153,7 +169,7 @@ def inbetween(
     began = time.perf_counter()
     loaded = load(clip, roles)
     load_ms = 1e3 * (time.perf_counter() - began)
-    deliver(engine.inbetween(loaded, ranges, transition or DEFAULT_TRANSITION), output, report, load_ms)
+    deliver(engine.inbetween(loaded, ranges, _method(transition or DEFAULT_TRANSITION)), output, report, load_ms)
 
 
 def _gap(text: str) -> tuple[int, int]:

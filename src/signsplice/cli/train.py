@@ -69,7 +69,7 @@ def paper(
     if system == "all" and fr is not None:
         raise InputError(f"--fr {fr} with --system all; name one system with a Culling layer")
     for name in systems:
-        scales.parts(name, scale, fr, steps)
+        scales.parts(name, scale, fr, steps, optimiser, split)
     with processes.joined(device) as here:
         for name in systems:
             folder = Path(out) / name if system == "all" else Path(out)

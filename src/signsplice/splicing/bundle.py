@@ -1,9 +1,9 @@
 """A trained system as a folder: ONNX files, and bundle.json with what they are and the sha256 of each.
 
 bundle.json, version 1: ``version``, ``system``, ``config`` (sizes by part), ``scale``, ``optimiser``, ``split``,
-``corpus`` (hash), ``seed``, ``steps`` (all parts together), ``parts`` (steps, batch, learning rate and scores by part),
-``fr`` (null without Culling), ``normaliser`` (mean and deviation of the 159 numbers, which the graphs contain),
-``n_parameters``, ``versions``, ``runs`` (how the graphs are to be run) and ``files`` (name -> sha256).
+``corpus`` (hash), ``fps``, ``seed``, ``steps`` (all parts together), ``parts`` (steps, batch, learning rate and scores
+by part), ``fr`` (null without Culling), ``normaliser`` (mean and deviation of the 159 numbers, which the graphs
+contain), ``n_parameters``, ``versions``, ``runs`` (how the graphs are to be run) and ``files`` (name -> sha256).
 """
 
 from __future__ import annotations

@@ -1,10 +1,12 @@
-"""Not trivial: how often cutters and simple rules find the true positions, and how near classical transitions come."""
+"""Not trivial: how often cutters and simple rules find the true positions, how exactly a reader who knows the rules has
+to see, and how near classical transitions come.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,8 +15,11 @@ from signsplice.motion.arms import active_span, arms
 from signsplice.motion.clip import Clip
 from signsplice.splicing.cut import CUTTERS
 from signsplice.splicing.transition import TRANSITIONS
+from signsplice.synth import planner, pose, truth
 from signsplice.synth.corpus import Pairs
+from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import Events
+from signsplice.synth.rng import stream
 
 Progress = Callable[[int, int], None]
 
@@ -44,15 +49,15 @@ def cutters(
     n_words = len(pairs.head["words"])
     clips: dict[int, Clip] = {}
     events = [pairs.events(k) for k in range(n_words)]
-    truth = pairs.index[list(numbers), :4].tolist()
-    for p, q, _, _ in truth:
+    true = pairs.index[list(numbers), :4].tolist()
+    for p, q, _, _ in true:
         for k in (p, q):
             if k not in clips:
                 clips[k] = pairs.word_clip(k)
     rows = []
     for done, cutter in enumerate(CUTTERS.values()):
-        cuts = [cutter.cut(clips[p], clips[q]) for p, q, _, _ in truth]
-        rows.append(_found(cutter.name, [(cut.pre, cut.post) for cut in cuts], truth))
+        cuts = [cutter.cut(clips[p], clips[q]) for p, q, _, _ in true]
+        rows.append(_found(cutter.name, [(cut.pre, cut.post) for cut in cuts], true))
         if progress is not None:
             progress(done + 1, len(CUTTERS))
     spans = {k: active_span(arms(clip)) for k, clip in clips.items()}
@@ -75,12 +80,12 @@ def cutters(
     for p, q, pre, post in past:
         by_word.setdefault(("leave", p), Counter())[pre] += 1
         by_word.setdefault(("enter", q), Counter())[post] += 1
-    if all(("leave", p) in by_word and ("enter", q) in by_word for p, q, _, _ in truth):
+    if all(("leave", p) in by_word and ("enter", q) in by_word for p, q, _, _ in true):
         rules["told: the commonest positions of each very word"] = lambda p, q: (
             by_word["leave", p].most_common(1)[0][0],
             by_word["enter", q].most_common(1)[0][0],
         )
-    rows += [_found(name, [rule(p, q) for p, q, _, _ in truth], truth) for name, rule in rules.items()]
+    rows += [_found(name, [rule(p, q) for p, q, _, _ in true], true) for name, rule in rules.items()]
     return rows
 
 
@@ -92,8 +97,8 @@ def _first(events: Events) -> tuple[int, int]:
     return events.first or (events.start, events.end)
 
 
-def _found(rule: str, cuts: Sequence[tuple[int, int]], truth: Sequence[Sequence[int]]) -> Found:
-    away = np.array([(abs(pre - t[2]), abs(post - t[3])) for (pre, post), t in zip(cuts, truth, strict=True)])
+def _found(rule: str, cuts: Sequence[tuple[int, int]], true: Sequence[Sequence[int]]) -> Found:
+    away = np.array([(abs(pre - t[2]), abs(post - t[3])) for (pre, post), t in zip(cuts, true, strict=True)])
     return Found(
         rule,
         exact=float((away == 0).all(axis=1).mean()),
@@ -102,6 +107,54 @@ def _found(rule: str, cuts: Sequence[tuple[int, int]], truth: Sequence[Sequence[
         near=float((away <= 2).all(axis=1).mean()),
         distance=float(away.mean()),
     )
+
+
+READING_ERRORS_CM = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0)
+RAD_PER_CM = 0.02
+"""Error of every finger angle that goes with one of the wrist."""
+
+
+def reading(
+    pairs: Pairs, numbers: Sequence[int], signs: Mapping[str, Sign], errors: Sequence[float] = READING_ERRORS_CM
+) -> dict[float, float]:
+    """How exactly positions must be read: the error (cm, spread of each coordinate of the wrist in every frame; the
+    fingers' angles with it) -> share of pairs whose two positions a reader who knows the rules and all events gets
+    right.
+
+    The rules have thresholds, and a pair that lies near one falls to either side. Pairs of words that ``signs`` has not
+    are passed.
+    """
+    words = _signed(pairs, numbers, signs)
+    rows = [row for row in pairs.index[list(numbers), :4].tolist() if {row[0], row[1]} <= words.keys()]
+    out = {}
+    for error in errors:
+        right = 0
+        for n, (p, q, pre, post) in enumerate(rows):
+            rng = stream("reading", round(1e4 * error), n)
+            before, after = _misread(words[p], error, rng), _misread(words[q], error, rng)
+            seen = truth.relation(before, after)
+            right += (truth.leave(words[p], seen), truth.enter(words[q], seen)) == (pre, post)
+        out[error] = right / max(1, len(rows))
+    return out
+
+
+def _signed(pairs: Pairs, numbers: Sequence[int], signs: Mapping[str, Sign]) -> dict[int, planner.Word]:
+    """The words of some pairs, planned anew from their signs."""
+    half = len(pairs.head["words"]) // 2
+    used = sorted(set(pairs.index[list(numbers), :2].ravel().tolist()))
+    glosses = {k: pairs.head["words"][k]["gloss"] for k in used}
+    return {
+        k: planner.isolated(signs[gloss], pairs.signers[k // half], fps=pairs.head["fps"])
+        for k, gloss in glosses.items()
+        if gloss in signs
+    }
+
+
+def _misread(word: planner.Word, error: float, rng: np.random.Generator) -> planner.Word:
+    states = word.states.copy()
+    states[:, pose.WRIST] += rng.normal(0.0, error, states[:, pose.WRIST].shape)
+    states[:, pose.FINGERS] += rng.normal(0.0, RAD_PER_CM * error, states[:, pose.FINGERS].shape)
+    return replace(word, states=states)
 
 
 @dataclass(frozen=True)

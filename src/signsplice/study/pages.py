@@ -50,7 +50,7 @@ def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], prog
         if advance is not None:
             advance(1, 1)
     with progress("not trivial") as advance:
-        lines += _difficulty(pairs, advance)
+        lines += _difficulty(pairs, signs, advance)
     with progress("sound") as advance:
         lines += _soundness(pairs, signs, advance)
     with progress("pictures") as advance:
@@ -154,7 +154,7 @@ def _range(values: Any) -> str:
     return "-" if values is None else "{:.0f} to {:.0f}".format(*np.percentile(values, (5, 95)))
 
 
-def _difficulty(pairs: Pairs, advance: Callable[[int, int], None] | None) -> list[str]:
+def _difficulty(pairs: Pairs, signs: Mapping[str, Sign], advance: Callable[[int, int], None] | None) -> list[str]:
     test = pairs.split("random", "test")[:N_TEST]
     found = difficulty.cutters(pairs, test, pairs.split("random", "train"), advance)
     filled, true_jump = difficulty.transitions(pairs, test[:300], advance)
@@ -165,6 +165,16 @@ def _difficulty(pairs: Pairs, advance: Callable[[int, int], None] | None) -> lis
             (f.rule, *(f"{100 * share:.1f}" for share in (f.exact, f.leave, f.enter, f.near)), f"{f.distance:.2f}")
             for f in found
         ],
+    )
+    seen = difficulty.reading(pairs, test, signs)
+    lines += [
+        "How exactly a reader must see who knows the rules and all events: error of the strong wrist in every frame",
+        f"(spread of a coordinate; of the finger angles {difficulty.RAD_PER_CM} rad a cm), and the share of pairs with",
+        "both positions exact, in %:",
+        "",
+    ]
+    lines += _table(
+        ("error, cm", *(f"{error:g}" for error in seen)), [("exact", *(f"{100 * s:.1f}" for s in seen.values()))]
     )
     lines += [f"Transitions at the true positions and lengths, {len(test[:300])} of them:", ""]
     lines += _table(

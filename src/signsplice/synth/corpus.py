@@ -77,9 +77,22 @@ def scaled_positions(rotations: Float, roots: Float, who: Signer, fps: float = 3
     """Positions (T, 159) of the 53 joints, in [-0.5, 0.5]: cm from the middle of the body's height, over 1.3
     statures.
     """
-    places = kinematics.forward(Clip(skeleton(who), rotations, roots, fps))[1]
-    middle = np.array([0.0, 0.5 * who.stature_cm, 0.0])
-    return np.asarray(((places - middle) / (EXTENT * who.stature_cm)).reshape(len(places), -1))
+    return to_numbers(Clip(skeleton(who), rotations, roots, fps), who.stature_cm)
+
+
+def to_numbers(clip: Clip, stature_cm: float) -> Float:
+    """The same of a clip (T, 3 J) of a signer of that stature."""
+    places = kinematics.forward(clip)[1]
+    return np.asarray(((places - _middle(stature_cm)) / (EXTENT * stature_cm)).reshape(len(places), -1))
+
+
+def from_numbers(numbers: Float, stature_cm: float) -> Float:
+    """Joint positions (T, J, 3), cm, of scaled ones (T, 3 J)."""
+    return np.asarray(numbers.reshape(len(numbers), -1, 3) * (EXTENT * stature_cm) + _middle(stature_cm))
+
+
+def _middle(stature_cm: float) -> Float:
+    return np.array([0.0, 0.5 * stature_cm, 0.0])
 
 
 def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, processes: int = 2) -> Path:

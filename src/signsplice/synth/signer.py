@@ -156,5 +156,11 @@ def skeleton(who: Signer = STANDARD) -> Skeleton:
     )
 
 
+def stature(bones: Skeleton) -> float:
+    """Stature (cm) of the signer whose ``skeleton`` it is: legs are shares of it, whatever else is the signer's own."""
+    shin = list(JOINTS).index("LeftLeg")
+    return STATURE_CM * float(np.linalg.norm(bones.offsets[shin]) / np.linalg.norm(skeleton().offsets[shin]))
+
+
 JOINTS: dict[str, int] = {name.removeprefix("mixamorig:"): n for n, name in enumerate(skeleton().names)}
 """Index of every joint by its name."""

@@ -6,8 +6,10 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 import torch
+from filelock import FileLock
 from torch import distributed
 
 
@@ -30,6 +32,15 @@ def pick_device(name: str) -> torch.device:
     if name == "auto":
         name = "cuda" if torch.cuda.is_available() else "cpu"
     return torch.device(name)
+
+
+@contextmanager
+def only_one(folder: Path) -> Iterator[None]:
+    """Waits until no other call trains in a folder, and keeps others out: systems of one part may be trained side by
+    side, and the second finds the part trained.
+    """
+    with FileLock(folder / ".lock"):
+        yield
 
 
 @contextmanager

@@ -6,6 +6,7 @@ import hashlib
 import json
 import shutil
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ from signsplice.train.export import graphs
 from signsplice.train.loop import SGD_RATE, Loop, Tell, train
 from signsplice.train.networks.generator import Generator
 from signsplice.train.pairs_data import PairsData
-from signsplice.train.processes import Processes
+from signsplice.train.processes import Processes, only_one
 from signsplice.train.scales import Part, parts, task
 from signsplice.train.tasks import MOST_FRAMES, Accuracy, Task
 
@@ -67,15 +68,15 @@ def make(
     Checkpoints lie in ``shared``, a folder a part, where other systems with the same parts find them. The same call
     after an interruption goes on from the last one. ``tell``: part's name -> who is told of its progress.
     """
-    chosen = parts(training.system, training.scale, training.fr, training.steps)
+    chosen = parts(training.system, training.scale, training.fr, training.steps, training.optimiser, training.split)
     _check_out(out)
     tasks = []
     for part in chosen:
         folder = part_folder(shared, part, training, pairs)
         folder.mkdir(parents=True, exist_ok=True)
-        tasks.append(
-            trained(part, training, pairs, folder, accuracy, processes, None if tell is None else tell(part.name))
-        )
+        with only_one(folder) if processes.first else nullcontext():
+            told = None if tell is None else tell(part.name)
+            tasks.append(trained(part, training, pairs, folder, accuracy, processes, told))
     if processes.first:
         _write(training, pairs, chosen, tasks, out, [part_folder(shared, part, training, pairs) for part in chosen])
 
@@ -180,6 +181,7 @@ def facts(
         "optimiser": training.optimiser,
         "split": training.split,
         "corpus": pairs.head["hash"],
+        "fps": pairs.head["fps"],
         "seed": training.seed,
         "steps": sum(part.steps for part in chosen),
         "fr": chosen[-1].fr,
