@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint types unit bench words corpus clean
+.PHONY: demo test lint types unit bench words corpus smoke paper clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet and a report in out/demo
 	$(BIN)/signsplice demo --out out/demo
@@ -30,6 +30,12 @@ words: $(VENV)/.dev            ## sign the words that ship anew, from their nota
 corpus: $(VENV)/.dev           ## 10,000 true splices, and docs/corpus.md's tables and pictures; REAL=DIR adds real clips
 	$(BIN)/signsplice synth pairs -o out/pairs
 	$(BIN)/signsplice synth study out/pairs --page docs/corpus.md --images docs/images $(if $(REAL),--real $(REAL))
+
+smoke: $(VENV)/.dev            ## the paper's whole way in minutes, systems of a few thousand numbers: out/smoke
+	runs/smoke.sh
+
+paper: $(VENV)/.dev            ## the paper whole at cpu scale: hours; SCALE=paper for its sizes, on a GPU
+	runs/paper.sh
 
 clean:                         ## forget the environment and everything made
 	rm -rf $(VENV) out .mypy_cache .ruff_cache .pytest_cache .hypothesis

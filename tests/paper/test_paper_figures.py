@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
+import signal
 import subprocess
 import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
 import click
 import numpy as np
@@ -18,7 +21,7 @@ from toys import Fake, corpus, of_rows, row, write_bundle
 
 from signsplice import cli
 from signsplice.cli import paper as command
-from signsplice.errors import InputError, MissingExtraError
+from signsplice.errors import InputError, MissingExtraError, SignspliceError
 from signsplice.paper import figures, judging, pictures, plan, published, results, shots
 from signsplice.paper.protocol import choose
 from signsplice.paper.results import Curve, Results
@@ -152,6 +155,56 @@ def test_what_is_missing_is_trained_by_the_train_command(tmp_path: Path, monkeyp
     assert run("all", *call) == (2, "out of luck"), "the second one's error ends the work"
     assert calls[0] == plan.runs("cpu", ["lstm"])[0].arguments(Path("out/pairs"), tmp_path / "b", 7)[1:]
     assert calls[1][calls[1].index("--optimiser") + 1] == "sgd"
+
+
+class Call:
+    """A training that is done when polled for the third time; a second that has failed by then."""
+
+    running: ClassVar[list[Call]] = []
+    most: ClassVar[int] = 0
+    failing: ClassVar[str] = ""
+
+    def __init__(self, call: list[str], env: dict[str, str]) -> None:
+        self.call, self.env, self.polls = call, env, 0
+        self.signals: list[int] = []
+        Call.running.append(self)
+        Call.most = max(Call.most, len(Call.running))
+
+    def poll(self) -> int | None:
+        self.polls += 1
+        if self.polls < 3:
+            return None
+        Call.running.remove(self)
+        return 2 if Call.failing and Call.failing in self.call else 0
+
+    def send_signal(self, number: int) -> None:
+        self.signals.append(number)
+
+    def wait(self) -> int:
+        return 130
+
+
+def test_trainings_side_by_side_share_the_cores(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    made: list[Call] = []
+
+    def begin(call: list[str], env: dict[str, str]) -> Call:
+        made.append(Call(call, env))
+        return made[-1]
+
+    monkeypatch.setattr("signsplice.cli.paper.subprocess.Popen", begin)
+    monkeypatch.setattr("signsplice.cli.paper.time.sleep", lambda seconds: None)
+    monkeypatch.setattr(os, "cpu_count", lambda: 6)
+    todo = plan.runs("smoke", ["lstm", "nat"])
+    command._train_side_by_side(todo, tmp_path / "p", tmp_path / "b", None, 3)
+    assert [call.call[3:] for call in made] == [run.arguments(tmp_path / "p", tmp_path / "b") for run in todo]
+    assert {call.env["OMP_NUM_THREADS"] for call in made} == {"2"}
+    assert (Call.most, Call.running) == (3, [])
+    made.clear()
+    Call.failing = str(tmp_path / "b" / todo[0].name)
+    with pytest.raises(SignspliceError, match=f"training {todo[0].name} failed \\(exit status 2"):
+        command._train_side_by_side(todo, tmp_path / "p", tmp_path / "b", None, 2)
+    assert [call.signals for call in made] == [[], [signal.SIGINT]], "the other one is interrupted"
+    Call.running.clear()
 
 
 def test_bundles_are_judged_tabled_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,6 +7,7 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from training_toys import ALONE, CONFIGS, FR, accuracy, corpus, data, toy  # noq
 from signsplice.errors import InputError  # noqa: E402
 from signsplice.splicing.culling import cull  # noqa: E402
 from signsplice.synth.corpus import Pairs  # noqa: E402
-from signsplice.train import checkpoint, log, loop, scales  # noqa: E402
+from signsplice.train import checkpoint, log, loop, processes, scales  # noqa: E402
 from signsplice.train.loop import Loop, train  # noqa: E402
 from signsplice.train.networks.convs2s import ConvS2SConfig  # noqa: E402
 from signsplice.train.networks.tfgn import TransformerConfig  # noqa: E402
@@ -203,3 +204,29 @@ def test_unknown_names_are_refused() -> None:
         scales.parts("lstm", "cpu", 4)
     with pytest.raises(InputError, match="no scale 'huge'"):
         scales.parts("lpt", "huge")
+
+
+def test_a_part_is_trained_by_one_call_at_a_time(tmp_path: Path) -> None:
+    order: list[str] = []
+
+    def second() -> None:
+        with processes.only_one(tmp_path):
+            order.append("second")
+
+    other = threading.Thread(target=second)
+    with processes.only_one(tmp_path):
+        other.start()
+        other.join(0.2)
+        order.append("first")
+    other.join(30.0)
+    assert order == ["first", "second"]
+
+
+def test_sgd_and_unseen_words_learn_for_less_time_at_cpu_scale() -> None:
+    whole, sgd, unseen = (
+        scales.parts("lpt", "cpu", optimiser=optimiser, split=split)[1].steps
+        for optimiser, split in (("adamw", "random"), ("sgd", "random"), ("adamw", "unseen-words"))
+    )
+    assert (sgd, unseen) == (whole // 10, round(0.6 * whole))
+    assert scales.parts("lpt", "cpu", steps=7, optimiser="sgd")[1].steps == 7
+    assert scales.parts("lpt", "paper", optimiser="sgd") == scales.parts("lpt", "paper")
