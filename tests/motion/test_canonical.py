@@ -1,0 +1,108 @@
+"""The canonical humanoid: one motion, one set of numbers, whatever the rig; and small turns go back exactly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_harmonize import in_other_clothes, with_rest_pose
+
+from signing import MIRRORED, word
+from signsplice.errors import InputError
+from signsplice.motion import canonical, rotation
+from signsplice.motion.canonical import LEFT, RIGHT, ROLES, TIPS, signing, turned
+from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.common_pose import common_rotations
+from signsplice.motion.humanoid import find_roles
+
+RNG = np.random.default_rng(3)
+
+
+def mirror(clip: Clip) -> Clip:
+    """A clip of the procedural signer, whose rest pose is its own mirror image."""
+    names = clip.skeleton.names
+    swapped = [n.replace("Left", "?").replace("Right", "Left").replace("?", "Right") for n in names]
+    order = [names.index(name) for name in swapped]
+    return replace(
+        clip,
+        local_rotations=clip.local_rotations[:, order] * MIRRORED,
+        root_positions=clip.root_positions * [-1.0, 1.0, 1.0],
+    )
+
+
+def test_the_common_pose_is_all_identities(words: dict[str, Clip]) -> None:
+    skeleton = words["SIGN"].skeleton
+    common = common_rotations(skeleton)
+    above = np.where((skeleton.parents >= 0)[:, None], common[np.maximum(skeleton.parents, 0)], rotation.IDENTITY)
+    local = rotation.multiply(rotation.inverse(above), common)
+    posed = signing(Clip(skeleton, local[None], np.zeros((1, 3)), 30.0))
+    np.testing.assert_allclose(posed.turns[0], np.broadcast_to(np.eye(3), posed.turns[0].shape), atol=1e-9)
+    assert posed.there.all()
+    wrists = posed.places[0, [0, len(TIPS) // 2]]
+    assert wrists[0, 0] > 0.9, "the left wrist is at the left, an arm away"
+    np.testing.assert_allclose(wrists[0] * [-1.0, 1.0, 1.0], wrists[1], atol=1e-9)
+
+
+def test_other_axes_units_names_and_rest_poses_give_the_same_numbers() -> None:
+    clip = word("BOOK").clip
+    own = signing(clip)
+    turn = rotation.exp([0.4, -1.1, 2.0])
+    bent = {"mixamorig:LeftArm": (0.0, 0.0, -0.9), "mixamorig:RightForeArm": (0.0, 0.5, 0.0)}
+    # A swing to the common pose says nothing of the twist about a bone: two degrees, where arms rest at other angles.
+    for other, tolerance in ((in_other_clothes(clip, turn, 0.01), 1e-6), (with_rest_pose(clip, bent), 0.04)):
+        seen = signing(other)
+        np.testing.assert_allclose(seen.turns, own.turns, atol=tolerance)
+        np.testing.assert_allclose(seen.places, own.places, atol=1e-6)
+
+
+def test_a_mirrored_clip_gives_mirrored_numbers() -> None:
+    clip = word("MOTHER").clip
+    own, other = signing(clip).mirrored(), signing(mirror(clip))
+    np.testing.assert_allclose(other.turns, own.turns, atol=1e-9)
+    np.testing.assert_allclose(other.places, own.places, atol=1e-9)
+    again = own.mirrored()
+    np.testing.assert_array_equal(again.turns, signing(clip).turns)
+
+
+def test_turns_come_back_exactly_and_others_stay() -> None:
+    clip = with_rest_pose(word("YES").clip, {"mixamorig:LeftArm": (0.0, 0.0, -0.9)})
+    deltas = RNG.normal(0.0, 0.3, (len(clip), len(ROLES), 3))
+    moved = replace(clip, local_rotations=turned(clip.skeleton, clip.local_rotations, deltas))
+    expected = signing(clip).turns @ rotation.to_matrix(rotation.exp(deltas))
+    np.testing.assert_allclose(signing(moved).turns, expected, atol=1e-8)
+    nothing = turned(clip.skeleton, clip.local_rotations, np.zeros_like(deltas))
+    np.testing.assert_array_equal(nothing, clip.local_rotations)
+    legs = [joint for role, joint in find_roles(clip.skeleton).joints.items() if "Leg" in role or role == "hips"]
+    np.testing.assert_array_equal(moved.local_rotations[:, legs], clip.local_rotations[:, legs])
+
+
+def test_deltas_in_the_mirror() -> None:
+    clip = word("YES").clip
+    deltas = RNG.normal(0.0, 0.3, (len(clip), len(ROLES), 3))
+    one = mirror(replace(clip, local_rotations=turned(clip.skeleton, clip.local_rotations, deltas)))
+    flipped = mirror(clip)
+    other = turned(flipped.skeleton, flipped.local_rotations, canonical.mirrored_deltas(deltas))
+    np.testing.assert_allclose(rotation.angle_between(one.local_rotations, other), 0.0, atol=1e-6)
+
+
+def test_a_rig_without_fingers_or_arms() -> None:
+    clip = word("YES").clip
+    skeleton = clip.skeleton
+    kept = [k for k, name in enumerate(skeleton.names) if not any(f in name for f in (*canonical.FINGERS, "Pinky"))]
+    index = {joint: n for n, joint in enumerate(kept)}
+    bare = Skeleton(
+        tuple(skeleton.names[k] for k in kept),
+        np.array([index.get(int(skeleton.parents[k]), -1) for k in kept]),
+        skeleton.offsets[kept],
+    )
+    seen, own = signing(Clip(bare, clip.local_rotations[:, kept], clip.root_positions, clip.fps)), signing(clip)
+    assert not seen.there[LEFT.start + 4 : LEFT.stop].any()
+    assert not seen.there[RIGHT.start + 4 : RIGHT.stop].any()
+    arms = [*range(LEFT.start + 4), *range(RIGHT.start, RIGHT.start + 3)]
+    np.testing.assert_allclose(seen.turns[:, arms], own.turns[:, arms], atol=0.2)
+    np.testing.assert_array_equal(seen.places[:, 0], seen.places[:, 3])
+    with pytest.raises(InputError, match="no leftUpperArm"):
+        signing(
+            Clip(Skeleton(("a",), np.array([-1]), np.zeros((1, 3))), np.array([[[0, 0, 0, 1.0]]]), np.zeros((1, 3)), 1)
+        )
