@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from signsplice.motion import kinematics, rotation, stance
 from signsplice.motion.arms import arm_joints
 from signsplice.motion.clip import Clip, Skeleton
-from signsplice.motion.common_pose import common_rotations
+from signsplice.motion.common_pose import common_positions, common_rotations
 from signsplice.motion.humanoid import find_roles
 
 Float = NDArray[np.float64]
@@ -155,6 +155,18 @@ def turned(skeleton: Skeleton, local_rotations: Float, deltas: Float) -> Float:
     out = np.array(local_rotations, dtype=np.float64)
     out[:, joints] = rotation.multiply(out[:, joints], rotation.exp(own))
     return out
+
+
+def bones(skeleton: Skeleton) -> Float:
+    """From the joint above each role's to its own in the common pose (R, 3), arm lengths; 0 where a role is missing.
+
+    With turns A, joints lie at p_j = p_above + K_above bone_j, as near as joints without a role keep their pose.
+    """
+    known = rig(skeleton)
+    places = common_positions(skeleton)
+    hips = find_roles(skeleton).joints.get("hips", 0)
+    over = np.where(known.above >= 0, known.joints[known.above], hips)
+    return np.asarray(np.where(known.there[:, None], (places[known.joints] - places[over]) / known.arm_length, 0.0))
 
 
 def mirrored_deltas(deltas: Float) -> Float:

@@ -16,8 +16,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -33,6 +32,7 @@ from signsplice.motion.clip import Clip
 from signsplice.synth import planner, pose, truth
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import Events, Word
+from signsplice.synth.pool import Pool
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, Signer, signer, skeleton
 
@@ -126,7 +126,7 @@ def _make(recipe: Recipe, part: Path, progress: Progress | None, processes: int)
     rows = [row for row in rows if row[2]]
     todo = [row for row in rows if not _row_path(part, row).exists()]
     total, done = sum(len(r[2]) for r in rows), sum(len(r[2]) for r in rows if r not in todo)
-    with _workers(processes) as run:
+    with Pool(processes) as run:
         words = [list(run(_word, [(sign, who, recipe.fps) for sign in recipe.signs])) for who in (first, other)]
         jobs = ((_row_path(part, row), words[row[0]], row) for row in todo)
         for row in run(_write_row, jobs):
@@ -140,35 +140,6 @@ def _make(recipe: Recipe, part: Path, progress: Progress | None, processes: int)
     (part / HEAD).write_text(json.dumps(head, indent=1) + "\n", encoding="utf-8")
     for row in rows:
         _row_path(part, row).unlink()
-
-
-class _Pool:
-    """Runs jobs in processes, or here where there is one; results in order, few jobs waiting at once."""
-
-    def __init__(self, processes: int) -> None:
-        self.pool = ProcessPoolExecutor(processes) if processes > 1 else None
-
-    def __enter__(self) -> Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[Any]]:
-        return self._run
-
-    def __exit__(self, *_: object) -> None:
-        if self.pool is not None:
-            self.pool.shutdown(cancel_futures=True)
-
-    def _run(self, job: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
-        if self.pool is None:
-            yield from map(job, items)
-            return
-        waiting = []
-        for item in items:
-            waiting.append(self.pool.submit(job, item))
-            if len(waiting) > 8:
-                yield waiting.pop(0).result()
-        for future in waiting:
-            yield future.result()
-
-
-_workers = _Pool
 
 
 def _word(job: tuple[Sign, Signer, float]) -> Word:

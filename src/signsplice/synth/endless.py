@@ -1,0 +1,136 @@
+"""Signing without end: any number of signers with words of their own and sentences of them, for training.
+
+Every signer is a part, one .npz file, made from its seed alone: isolated pseudo-signs with their events, and sentences
+of them with the truth of every seam. All of it is kept as numbers of the canonical humanoid (``motion.canonical``),
+which are what networks see; no sign that ships and neither signer of the corpus of pairs is among them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.errors import InputError
+from signsplice.formats.atomic import replacing
+from signsplice.motion import rotation
+from signsplice.motion.canonical import bones, signing
+from signsplice.motion.clip import Clip
+from signsplice.synth import planner, pseudo, running, truth
+from signsplice.synth.planner import Word
+from signsplice.synth.pool import Pool
+from signsplice.synth.rng import stream
+from signsplice.synth.signer import signer
+
+Array = NDArray[Any]
+Progress = Callable[[int, int], None]
+
+VERSION = 1
+FIRST_SIGNER = 1000
+"""Seed of the first signer: those of any corpus of pairs lie below."""
+_SHORTEST, _LONGEST = 3, 12
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much: signers, words each, seams each, and from which seed on."""
+
+    n_signers: int = 40
+    n_words: int = 100
+    n_seams: int = 300
+    seed: int = 0
+    fps: float = 30.0
+
+
+def write(plan: Plan, folder: Path, progress: Progress | None = None, processes: int = 2) -> int:
+    """Make the parts that are not there yet; how many there are then.
+
+    Raises ``InputError`` where a number is out of range or the folder cannot be written.
+    """
+    if plan.n_signers < 1 or plan.n_words < 2 or plan.n_seams < 0:
+        raise InputError(f"{plan}: expected at least 1 signer, 2 words and 0 seams")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made ({error.strerror})") from error
+    jobs = [(plan, number, path_of(folder, plan, number)) for number in range(plan.n_signers)]
+    todo = [job for job in jobs if not job[2].exists()]
+    with Pool(processes) as run:
+        for done, _ in enumerate(run(_write_part, todo), len(jobs) - len(todo) + 1):
+            if progress is not None:
+                progress(done, len(jobs))
+    return len(jobs)
+
+
+def path_of(folder: Path, plan: Plan, number: int) -> Path:
+    """Where a signer's part lies."""
+    return folder / f"signer-{plan.seed}-{number:04d}-{plan.n_words}x{plan.n_seams}-{plan.fps:g}fps-v{VERSION}.npz"
+
+
+def _write_part(job: tuple[Plan, int, Path]) -> None:
+    plan, number, path = job
+    arrays = part(plan, number)
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, allow_pickle=False, **arrays)
+
+
+def part(plan: Plan, number: int) -> dict[str, Array]:
+    """A signer's words and sentences.
+
+    ``bones`` (43, 3): each role's joint from the one above it, arm lengths, common pose. ``turns`` (F, 43, 4) int16
+    quaternions times 32767 and ``places`` (F, 12, 3) float32 of all frames, words first, then sentences. ``words`` (W,
+    2): first frame, frames. ``events`` (W, 8): up, start, end, down, begin and end of the first movement and of the
+    last (of the posture, where there is no movement). ``pairs`` (W, W, 2): the truth, pre and post, of every word after
+    every other. ``sentences`` (S, 2): first frame, frames. ``seams`` (N, 3): sentence, first transition frame in it,
+    their number.
+    """
+    rng = stream("endless", plan.seed, number)
+    who = signer(FIRST_SIGNER + 10_000 * plan.seed + number)
+    seeds = rng.integers(2**40, size=plan.n_words).tolist()
+    words = [planner.isolated(pseudo.sign(int(k)), who, fps=plan.fps) for k in seeds]
+    frames = [_packed(word.clip) for word in words]
+    lengths = [len(word) for word in words]
+    sentences: list[tuple[int, int]] = []
+    seams: list[tuple[int, int, int]] = []
+    at = sum(lengths)
+    while len(seams) < plan.n_seams:
+        chosen = rng.choice(plan.n_words, min(int(rng.integers(_SHORTEST, _LONGEST + 1)), plan.n_words), replace=False)
+        said = running.utter([words[k] for k in chosen], changes=bool(rng.random() < 0.5))
+        frames.append(_packed(said.clip))
+        seams += [(len(sentences), s.start, s.stop - s.start) for s in said.stretches if s.word is None]
+        sentences.append((at, len(said.clip)))
+        at += len(said.clip)
+    starts = np.cumsum([0, *lengths[:-1]])
+    turns, places = (np.concatenate([f[k] for f in frames]) for k in range(2))
+    return {
+        "bones": bones(words[0].clip.skeleton),
+        "turns": turns,
+        "places": places,
+        "words": np.stack([starts, lengths], axis=1),
+        "events": np.array([_events(word) for word in words]),
+        "pairs": np.array([[_cut(p, q) for q in words] for p in words]),
+        "sentences": np.array(sentences).reshape(-1, 2),
+        "seams": np.array(seams).reshape(-1, 3),
+    }
+
+
+def _packed(clip: Clip) -> tuple[Array, Array]:
+    seen = signing(clip)
+    turns = np.round(rotation.from_matrix(seen.turns) * 32767.0).astype(np.int16)
+    return turns, seen.places.astype(np.float32)
+
+
+def _events(word: Word) -> tuple[int, ...]:
+    e = word.events
+    first = e.first or (e.start, e.end)
+    last = e.passes[-1] if e.passes else (e.start, e.end)
+    return (e.up, e.start, e.end, e.down, *first, *last)
+
+
+def _cut(p: Word, q: Word) -> tuple[int, int]:
+    seen = truth.relation(p, q)
+    return truth.leave(p, seen), truth.enter(q, seen)

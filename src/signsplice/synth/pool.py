@@ -1,0 +1,33 @@
+"""Many jobs over a few processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
+
+
+class Pool:
+    """Runs jobs in processes, or here where there is one; results in order, few jobs waiting at once."""
+
+    def __init__(self, processes: int) -> None:
+        self.pool = ProcessPoolExecutor(processes) if processes > 1 else None
+
+    def __enter__(self) -> Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[Any]]:
+        return self._run
+
+    def __exit__(self, *_: object) -> None:
+        if self.pool is not None:
+            self.pool.shutdown(cancel_futures=True)
+
+    def _run(self, job: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
+        if self.pool is None:
+            yield from map(job, items)
+            return
+        waiting = []
+        for item in items:
+            waiting.append(self.pool.submit(job, item))
+            if len(waiting) > 8:
+                yield waiting.pop(0).result()
+        for future in waiting:
+            yield future.result()
