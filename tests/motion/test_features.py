@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
+from test_canonical import mirror
 
 from signing import word
-from signsplice.motion import features
-from signsplice.motion.canonical import signing
-from signsplice.motion.clip import resample
+from signsplice.motion import features, rotation
+from signsplice.motion.canonical import ROLES, signing, turned
+from signsplice.motion.clip import Clip, concatenate, resample
+from signsplice.splicing.transition import find_transition
 
 RNG = np.random.default_rng(7)
 
@@ -62,3 +67,67 @@ def test_numbers_of_a_frame_and_their_rates() -> None:
     np.testing.assert_allclose(told[5, :n], np.r_[one.turns[5].ravel(), one.places[5].ravel()], atol=1e-6)
     np.testing.assert_allclose(told[5, n:], (told[5, :n] - told[4, :n]) * features.RATE / 5.0, atol=1e-4)
     assert not told[0, n:].any()
+
+
+def test_a_window_tells_where_every_frame_lies() -> None:
+    whole = features.course(signing(word("BOOK").clip), np.arange(16 + 5) / 30.0 + 0.3)
+    real = np.arange(21) > 1
+    told = features.window(whole, 5, real, 0.25)
+    assert told.shape == (21, features.N_TOKEN)
+    n = features.N_FRAME
+    own = features.frames(whole)
+    np.testing.assert_array_equal(told[:, : n // 2], own[:, : n // 2])
+    np.testing.assert_allclose(told[3, n // 2 : n], own[3, n // 2 :], atol=1e-6)
+    np.testing.assert_allclose(told[10, n // 2 : n], own[10, n // 2 :] * (1 / 30) / (0.25 / 6), atol=1e-4)
+    assert not told[7, n : 2 * n].any(), "seen from the last frame before"
+    kind, flags = told[:, 2 * n : 2 * n + 3], told[:, 2 * n + 3 :]
+    assert kind.argmax(axis=1).tolist() == [0] * 8 + [1] * 5 + [2] * 8
+    assert flags[:, 0].tolist() == real.tolist()
+    np.testing.assert_allclose(flags[7:14, 1], np.arange(7) / 6, atol=1e-6)
+    np.testing.assert_allclose(flags[:, 3], 0.25)
+    assert features.gap_frames(6 / 30) == 5
+
+
+MATRIX = RNG.normal(0.0, 0.01, (features.N_TOKEN, len(ROLES) * 3))
+
+
+def filled(before: Clip, after: Clip, n_frames: int) -> Clip:
+    """A transition by a network that is one fixed matrix."""
+    base = find_transition("hermite").between(before, after, n_frames)
+    seen = features.seam_window(concatenate([before, base, after]), len(before), n_frames)
+    said = (seen.tokens[features.CONTEXT : features.CONTEXT + seen.n_gap] @ MATRIX).reshape(-1, len(ROLES), 3)
+    turns = turned(base.skeleton, base.local_rotations, features.deltas(said, seen, n_frames))
+    return replace(base, local_rotations=turns)
+
+
+def test_a_mirrored_seam_is_filled_by_the_mirrored_frames() -> None:
+    before, after = word("MOTHER").clip[20:34], word("BOOK").clip[20:34]
+    one, other = filled(before, after, 9), filled(mirror(before), mirror(after), 9)
+    base = find_transition("hermite").between(before, after, 9)
+    assert rotation.angle_between(one.local_rotations, base.local_rotations).max() > 0.05
+    np.testing.assert_allclose(
+        rotation.angle_between(mirror(one).local_rotations, other.local_rotations), 0.0, atol=1e-6
+    )
+
+
+def test_a_seam_at_another_rate_is_filled_by_the_same_motion() -> None:
+    before, after = word("MOTHER").clip[20:34], word("BOOK").clip[20:34]
+    slow = filled(before, after, 9)
+    fast = filled(resample(before, 60.0), resample(after, 60.0), 19)
+    assert rotation.angle_between(fast.local_rotations[1::2], slow.local_rotations).max() < 0.02
+    share, finer = np.arange(1, 10) / 10, np.arange(1, 28) / 28
+    seen = features.Window(np.zeros((0, 0), np.float32), 9, 1 / 3, False)
+    wave = np.broadcast_to(np.sin(3.0 * share)[:, None, None], (9, len(ROLES), 3))
+    found = features.deltas(wave, seen, 27)[:, 0, 0] / (16.0 * finer**2 * (1.0 - finer) ** 2)
+    assert np.abs(found - np.sin(3.0 * finer))[3:-3].max() < 0.005, "smooth between the moments that were looked at"
+
+
+def test_ends_and_their_velocities_stay() -> None:
+    before, after = word("MOTHER").clip[20:34], word("BOOK").clip[20:34]
+    base = find_transition("hermite").between(before, after, 400)
+    share = np.arange(1, 401) / 401
+    seen = features.Window(np.zeros((0, 0), np.float32), 12, 0.4, False)
+    out = features.deltas(np.ones((12, len(ROLES), 3)), seen, len(base))
+    np.testing.assert_allclose(out[:, 0, 0], 16 * share**2 * (1 - share) ** 2, atol=1e-9)
+    assert out[0].max() < 1e-3
+    assert out.max() == pytest.approx(1.0, abs=1e-4)

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
-from signsplice.motion.canonical import LEFT, RIGHT, ROLES, TIPS, Signing
+from signsplice.motion.canonical import LEFT, RIGHT, ROLES, TIPS, Signing, mirrored_deltas, signing
+from signsplice.motion.clip import Clip
 
 Float = NDArray[np.float64]
 
@@ -94,9 +96,84 @@ def mirrored(one: Course) -> Course:
     return Course(turns, places, one.there[order])
 
 
-def frames(one: Course) -> NDArray[np.float32]:
-    """Numbers (T, N_FRAME) of a course: turns, places, and both as rates, to the frame before (0 at the first)."""
+def frames(one: Course, spacing: float | Float = 1.0 / RATE) -> NDArray[np.float32]:
+    """Numbers (T, N_FRAME) of a course: turns, places, and both as rates from the frame before (0 at the first).
+
+    spacing: seconds from every frame to the next, one number or (T - 1,).
+    """
     flat = np.concatenate([one.turns.reshape(len(one), -1), one.places.reshape(len(one), -1)], axis=1)
     rates = np.zeros_like(flat)
-    rates[1:] = np.diff(flat, axis=0) * (RATE * _PER_SECOND)
+    rates[1:] = np.diff(flat, axis=0) * (_PER_SECOND / np.reshape(spacing, (-1, 1)))
     return np.concatenate([flat, rates], axis=1).astype(np.float32)
+
+
+CONTEXT = 8
+"""Frames of each sign that the network which makes transitions sees."""
+LEAST, MOST = 2, 45
+"""Frames (at ``RATE``) of the transitions that it makes."""
+N_TOKEN = 2 * N_FRAME + 8
+
+
+def gap_frames(seconds: float) -> int:
+    """New frames at ``RATE`` between two frames that lie ``seconds`` apart; the network looks at so many moments."""
+    return round(seconds * RATE) - 1
+
+
+def window(whole: Course, n_gap: int, real: NDArray[np.bool_], seconds: float) -> NDArray[np.float32]:
+    """What the network sees of a gap (CONTEXT + n_gap + CONTEXT, N_TOKEN).
+
+    ``whole``: the sign before, a classical transition, the sign after, as many frames as the result. real: which are
+    frames of the clips and no repeated edges. seconds: between the last frame before and the first after. A token is
+    the frame's numbers, the same seen from the last frame before, and where it lies: before, in or after the gap, real
+    or not, share of the gap, the gap's length.
+    """
+    spacing = np.full(len(whole) - 1, 1.0 / RATE)
+    spacing[CONTEXT - 1 : CONTEXT + n_gap] = seconds / (n_gap + 1)
+    own = frames(whole, spacing)
+    away = own - own[CONTEXT - 1]
+    share = np.clip((np.arange(len(own)) - CONTEXT + 1) / (n_gap + 1.0), 0.0, 1.0)
+    kind = np.zeros((len(own), 3))
+    kind[:CONTEXT, 0] = kind[CONTEXT : CONTEXT + n_gap, 1] = kind[CONTEXT + n_gap :, 2] = 1.0
+    long = np.full(len(own), seconds)
+    told = np.column_stack([kind, real, share, share * (1.0 - share), long, np.log(np.maximum(long, 0.02))])
+    return np.concatenate([own, away, told.astype(np.float32)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A gap as the network sees it: tokens (CONTEXT + n_gap + CONTEXT, N_TOKEN), and what brings its answer back."""
+
+    tokens: NDArray[np.float32]
+    n_gap: int
+    seconds: float
+    flipped: bool
+
+
+def seam_window(joined: Clip, n_before: int, n_between: int) -> Window:
+    """The window of a seam: ``n_before`` frames of the sign before, ``n_between`` of a classical transition, then the
+    sign after. Raises ``InputError`` where the rig's arms are not known by name.
+    """
+    seen = signing(joined)
+    seconds = (n_between + 1) / joined.fps
+    n_gap = gap_frames(seconds)
+    last, first = (n_before - 1) / joined.fps, (n_before + n_between) / joined.fps
+    steps = np.arange(CONTEXT) / RATE
+    times = np.concatenate([last - steps[::-1], last + seconds * np.arange(1, n_gap + 1) / (n_gap + 1), first + steps])
+    end = (len(joined) - 1) / joined.fps
+    real = (times > -1e-6) & (times < end + 1e-6)
+    whole = course(seen, times)
+    flipped = busier_left(whole)
+    return Window(window(mirrored(whole) if flipped else whole, n_gap, real, seconds), n_gap, seconds, flipped)
+
+
+def deltas(answer: Float, seen: Window, n_between: int) -> Float:
+    """Turns (n_between, R, 3), canonical rotation vectors, that a network's answer (n_gap, R, 3) gives the frames of a
+    transition: 16 s^2 (1 - s)^2 times the answer, s the share of the gap, so that both ends and their velocities stay.
+    """
+    at = np.arange(1, seen.n_gap + 1) / (seen.n_gap + 1)
+    share = np.arange(1, n_between + 1) / (n_between + 1)
+    if seen.n_gap != n_between:
+        knots = np.concatenate([[0.0], at, [1.0]])
+        answer = CubicSpline(knots, np.concatenate([answer[:1], answer, answer[-1:]]))(share)
+    out = (16.0 * share**2 * (1.0 - share) ** 2)[:, None, None] * np.asarray(answer, np.float64)
+    return mirrored_deltas(out) if seen.flipped else out
