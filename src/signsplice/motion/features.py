@@ -173,7 +173,6 @@ def deltas(answer: Float, seen: Window, n_between: int) -> Float:
     at = np.arange(1, seen.n_gap + 1) / (seen.n_gap + 1)
     share = np.arange(1, n_between + 1) / (n_between + 1)
     if seen.n_gap != n_between:
-        knots = np.concatenate([[0.0], at, [1.0]])
-        answer = CubicSpline(knots, np.concatenate([answer[:1], answer, answer[-1:]]))(share)
+        answer = CubicSpline(at, answer)(share)
     out = (16.0 * share**2 * (1.0 - share) ** 2)[:, None, None] * np.asarray(answer, np.float64)
     return mirrored_deltas(out) if seen.flipped else out
