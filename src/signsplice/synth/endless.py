@@ -84,9 +84,9 @@ def part(plan: Plan, number: int) -> dict[str, Array]:
     ``bones`` (43, 3): each role's joint from the one above it, arm lengths, common pose. ``turns`` (F, 43, 4) int16
     quaternions times 32767 and ``places`` (F, 12, 3) float32 of all frames, words first, then sentences. ``words`` (W,
     2): first frame, frames. ``events`` (W, 8): up, start, end, down, begin and end of the first movement and of the
-    last (of the posture, where there is no movement). ``pairs`` (W, W, 2): the truth, pre and post, of every word after
-    every other. ``sentences`` (S, 2): first frame, frames. ``seams`` (N, 3): sentence, first transition frame in it,
-    their number.
+    last (of the posture, where there is no movement). ``pairs`` (W, W, 3): the truth, pre, post and the transition's
+    frames (but for detours around the body), of every word after every other. ``sentences`` (S, 2): first frame,
+    frames. ``seams`` (N, 3): sentence, first transition frame in it, their number.
     """
     rng = stream("endless", plan.seed, number)
     who = signer(FIRST_SIGNER + 10_000 * plan.seed + number)
@@ -131,6 +131,7 @@ def _events(word: Word) -> tuple[int, ...]:
     return (e.up, e.start, e.end, e.down, *first, *last)
 
 
-def _cut(p: Word, q: Word) -> tuple[int, int]:
+def _cut(p: Word, q: Word) -> tuple[int, int, int]:
     seen = truth.relation(p, q)
-    return truth.leave(p, seen), truth.enter(q, seen)
+    pre, post = truth.leave(p, seen), truth.enter(q, seen)
+    return pre, post, truth.transition_frames(p.states[pre], q.states[post], p)

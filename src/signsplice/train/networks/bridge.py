@@ -1,0 +1,96 @@
+"""The network that makes transitions: one pass over the sign before, a classical transition, and the sign after.
+
+A plain Transformer encoder, norms first, with rotary positions (Su et al. 2021): what matters is how far two frames lie
+apart. Its answer is a turn of every joint at every frame of the gap, which is added to the classical transition under
+a window that is flat at both ends (``motion.features.deltas``); its last layer begins at zero, so that an untrained
+network is the classical method.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F  # noqa: N812
+
+from signsplice.motion.canonical import ROLES
+from signsplice.motion.features import CONTEXT, N_TOKEN
+
+
+@dataclass(frozen=True)
+class BridgeConfig:
+    """Sizes."""
+
+    width: int = 256
+    n_heads: int = 8
+    n_layers: int = 4
+    inner: int = 1024
+    dropout: float = 0.0
+
+
+def rotary(x: Tensor, places: Tensor) -> Tensor:
+    """Queries or keys (B, H, S, D / H), each pair of numbers turned by its frame's place (S,) times a rate."""
+    half = x.shape[-1] // 2
+    rates = 100.0 ** (-torch.arange(half, device=x.device, dtype=torch.float32) / half)
+    angles = places[:, None].float() * rates
+    cos, sin = angles.cos().to(x.dtype), angles.sin().to(x.dtype)
+    a, b = x[..., :half], x[..., half:]
+    return torch.cat([a * cos - b * sin, a * sin + b * cos], dim=-1)
+
+
+class RotaryLayer(nn.Module):
+    """Self-attention and feed-forward, each added to its input."""
+
+    def __init__(self, config: BridgeConfig) -> None:
+        super().__init__()
+        width = config.width
+        self.n_heads = config.n_heads
+        self.before, self.between = nn.LayerNorm(width), nn.LayerNorm(width)
+        self.mixed, self.out = nn.Linear(width, 3 * width), nn.Linear(width, width)
+        self.first, self.second = nn.Linear(width, config.inner), nn.Linear(config.inner, width)
+        self.dropout = nn.Dropout(config.dropout)
+
+    def forward(self, x: Tensor, allowed: Tensor | None) -> Tensor:
+        """States (B, S, D) of the next layer; ``allowed`` (B, 1, 1, S): which frames may be looked at."""
+        n_batch, n_frames, width = x.shape
+        parts = self.mixed(self.before(x)).reshape(n_batch, n_frames, 3, self.n_heads, -1).permute(2, 0, 3, 1, 4)
+        places = torch.arange(n_frames, device=x.device)
+        seen = F.scaled_dot_product_attention(
+            rotary(parts[0], places), rotary(parts[1], places), parts[2], attn_mask=allowed
+        )
+        x = x + self.dropout(self.out(seen.transpose(1, 2).reshape(n_batch, n_frames, width)))
+        inner = F.gelu(self.first(self.between(x)), approximate="tanh")
+        out: Tensor = x + self.dropout(self.second(inner))
+        return out
+
+
+class Bridge(nn.Module):
+    """Tokens of a window -> turns."""
+
+    mean: Tensor
+    deviation: Tensor
+
+    def __init__(self, config: BridgeConfig, mean: Tensor | None = None, deviation: Tensor | None = None) -> None:
+        super().__init__()
+        self.config = config
+        self.register_buffer("mean", torch.zeros(N_TOKEN) if mean is None else mean)
+        self.register_buffer("deviation", torch.ones(N_TOKEN) if deviation is None else deviation)
+        self.embedding = nn.Linear(N_TOKEN, config.width)
+        self.layers = nn.ModuleList(RotaryLayer(config) for _ in range(config.n_layers))
+        self.norm = nn.LayerNorm(config.width)
+        self.out = nn.Linear(config.width, 3 * len(ROLES))
+        nn.init.zeros_(self.out.weight)
+        nn.init.zeros_(self.out.bias)
+
+    def forward(self, tokens: Tensor, mask: Tensor | None = None) -> Tensor:
+        """Turns (B, S - 2 CONTEXT, R, 3) of tokens (B, S, N_TOKEN); ``mask`` (B, S) is False at padding, which follows
+        a window, and whose turns mean nothing.
+        """
+        states = self.embedding((tokens - self.mean) / self.deviation)
+        allowed = None if mask is None else mask[:, None, None]
+        for layer in self.layers:
+            states = layer(states, allowed)
+        gap = self.norm(states[:, CONTEXT : states.shape[1] - CONTEXT])
+        out: Tensor = self.out(gap)
+        return out.reshape(*out.shape[:2], len(ROLES), 3)

@@ -1,0 +1,183 @@
+"""Gaps to be filled, drawn without end from signing on the canonical humanoid (``synth.endless``).
+
+Half of them are true transitions between two words; half hide any stretch of a sentence, strokes too, at a tempo of its
+own, since that is what filling a hole in a take asks for. Some are noisy as captures are. A batch is a function of seed
+and step alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn.utils.rnn import pad_sequence
+
+from signsplice.motion import features, rotation
+from signsplice.motion.canonical import MIRROR, ROLES
+from signsplice.motion.clip import Clip, Skeleton, concatenate
+from signsplice.splicing.transition import find_transition
+from signsplice.synth.rng import stream
+
+Float = NDArray[np.float64]
+
+SEAMS = 0.5
+"""Share of the gaps that are true transitions."""
+NOISY = 0.3
+NOISE_RAD = (0.001, 0.008)
+"""Least and most spread of a noisy capture's turns, from frame to frame alike by half."""
+TEMPOS = (0.7, 1.4)
+_BASE = find_transition("hermite")
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A signer: the skeleton of the canonical humanoid in this signer's sizes, and sentences as turns (T, 43, 4)."""
+
+    skeleton: Skeleton
+    above: NDArray[np.intp]
+    bones: NDArray[np.float32]
+    sentences: tuple[Float, ...]
+    seams: tuple[tuple[int, int, int], ...]
+
+
+def read_part(path: Path) -> Part:
+    """A part of ``synth.endless``."""
+    with np.load(path) as stored:
+        turns = rotation.normalize(stored["turns"].astype(np.float32) / 32767.0)
+        sentences = tuple(turns[first : first + n] for first, n in stored["sentences"].tolist())
+        bones, seams = stored["bones"].astype(np.float32), stored["seams"].tolist()
+    skeleton, above = canonical_skeleton(bones)
+    return Part(skeleton, above, bones, sentences, tuple((s, start, n) for s, start, n in seams))
+
+
+def canonical_skeleton(bones: NDArray[Any]) -> tuple[Skeleton, NDArray[np.intp]]:
+    """Hips and the signing roles in the common pose, and the row above each role (-1: the hips)."""
+    lines = {"spine": "", "chest": "spine", "upperChest": "chest", "neck": "upperChest", "head": "neck"}
+    for side in ("left", "right"):
+        arm = [f"{side}{part}" for part in ("Shoulder", "UpperArm", "LowerArm", "Hand")]
+        lines |= dict(zip(arm, ["upperChest", *arm[:-1]], strict=True))
+        fingers = [role for role in ROLES if role.startswith(side) and role not in arm]
+        for k, role in enumerate(fingers):
+            lines[role] = arm[-1] if k % 3 == 0 else fingers[k - 1]
+    above = np.array([ROLES.index(lines[role]) if lines[role] else -1 for role in ROLES])
+    offsets = np.concatenate([np.zeros((1, 3)), bones])
+    return Skeleton(("hips", *ROLES), np.concatenate([[-1], above + 1]), offsets), above
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Gaps side by side: tokens (B, S, N_TOKEN) and mask (B, S); base and true turns (B, T, R, 4) with real (B, T);
+    share (B, T) of the gap; bones (B, R, 3); seam (B,): whether it is a true transition.
+    """
+
+    tokens: Tensor
+    mask: Tensor
+    base: Tensor
+    true: Tensor
+    real: Tensor
+    share: Tensor
+    bones: Tensor
+    seam: Tensor
+    step: int = 0
+
+    def to(self, device: torch.device) -> Gaps:
+        """The same on a device."""
+        return Gaps(
+            **{f.name: getattr(self, f.name).to(device) for f in fields(self) if f.name != "step"}, step=self.step
+        )
+
+
+class Windows:
+    """Gaps drawn from some parts; ``fixed``: so many, always the same, for judging."""
+
+    def __init__(self, paths: Sequence[Path], seed: int = 0, fixed: int | None = None) -> None:
+        self.parts = [read_part(path) for path in paths]
+        self.seed, self.fixed = seed, fixed
+
+    def __len__(self) -> int:
+        return self.fixed if self.fixed is not None else sum(len(part.seams) for part in self.parts)
+
+    @cached_property
+    def above(self) -> NDArray[np.intp]:
+        """The row above each role."""
+        return self.parts[0].above
+
+    def rows(self, step: int, size: int, seed: int) -> NDArray[np.int64]:
+        """Numbers of the gaps of a step: no gap is drawn twice."""
+        return np.arange(step * size, (step + 1) * size)
+
+    def batch(self, rows: Sequence[int] | NDArray[np.int64], step: int = 0) -> Gaps:
+        """The gaps of these numbers side by side."""
+        made = [self.gap(int(row)) for row in rows]
+        tensors = {
+            name: pad_sequence([torch.from_numpy(np.asarray(one[name])) for one in made], batch_first=True)
+            for name in ("tokens", "base", "true", "share")
+        }
+        return Gaps(
+            **tensors,
+            mask=pad_sequence([torch.ones(len(one["tokens"]), dtype=torch.bool) for one in made], batch_first=True),
+            real=pad_sequence([torch.ones(len(one["share"]), dtype=torch.bool) for one in made], batch_first=True),
+            bones=torch.from_numpy(np.stack([one["bones"] for one in made])),
+            seam=torch.tensor([one["seam"] for one in made]),
+            step=step,
+        )
+
+    def gap(self, number: int) -> dict[str, Any]:
+        """One gap as arrays."""
+        rng = stream("window", self.seed, "fixed" if self.fixed is not None else "endless", number)
+        part = self.parts[int(rng.integers(len(self.parts)))]
+        is_seam = bool(rng.random() < SEAMS) and bool(part.seams)
+        if is_seam:
+            sentence, start, n_gap = part.seams[int(rng.integers(len(part.seams)))]
+            turns = part.sentences[sentence]
+        else:
+            turns = part.sentences[int(rng.integers(len(part.sentences)))]
+            turns = _at_tempo(turns, float(rng.uniform(*TEMPOS)) if rng.random() < 0.5 else 1.0)
+            n_gap = round(float(np.exp(rng.uniform(np.log(features.LEAST), np.log(features.MOST)))))
+            n_gap = min(n_gap, len(turns) - 4)
+            start = int(rng.integers(2, len(turns) - n_gap - 1))
+        low, high = max(0, start - features.CONTEXT), min(len(turns), start + n_gap + features.CONTEXT)
+        turns, start = turns[low:high], start - low
+        if rng.random() < NOISY:
+            turns = _noisy(turns, float(rng.uniform(*NOISE_RAD)), rng)
+        return self._seen(part, turns, start, n_gap) | {"seam": is_seam}
+
+    def _seen(self, part: Part, turns: Float, start: int, n_gap: int) -> dict[str, Any]:
+        local = np.concatenate([np.broadcast_to(rotation.IDENTITY, (len(turns), 1, 4)), turns], axis=1)
+        clip = Clip(part.skeleton, local, np.zeros((len(turns), 3)), features.RATE)
+        before, after = clip[:start], clip[start + n_gap :]
+        base = _BASE.between(before, after, n_gap)
+        seen = features.seam_window(concatenate([before, base, after]), start, n_gap)
+        pair = [base.local_rotations[:, 1:], turns[start : start + n_gap]]
+        bones = part.bones
+        if seen.flipped:
+            pair = [q[:, MIRROR] * [1.0, -1.0, -1.0, 1.0] for q in pair]
+            bones = bones[MIRROR] * np.array([-1.0, 1.0, 1.0], np.float32)
+        share = np.arange(1, n_gap + 1, dtype=np.float32) / (n_gap + 1)
+        return {
+            "tokens": seen.tokens,
+            "base": pair[0].astype(np.float32),
+            "true": pair[1].astype(np.float32),
+            "share": share,
+            "bones": bones,
+        }
+
+
+def _at_tempo(turns: Float, tempo: float) -> Float:
+    """The same motion ``tempo`` times as fast."""
+    at = np.arange(0.0, len(turns) - 1.0, tempo)
+    low = at.astype(int)
+    return rotation.nlerp(turns[low], turns[low + 1], (at - low)[:, None])
+
+
+def _noisy(turns: Float, spread: float, rng: np.random.Generator) -> Float:
+    white = rng.normal(0.0, spread, (len(turns), turns.shape[1], 3))
+    white[1:] = 0.5 * white[:-1] + np.sqrt(0.75) * white[1:]
+    return rotation.multiply(turns, rotation.exp(white))

@@ -1,0 +1,160 @@
+"""The network that makes transitions: its gaps are the signer's, its loss is the measure, untrained it is Hermite."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from signsplice.motion import features, kinematics, measures, rotation  # noqa: E402
+from signsplice.motion.canonical import ROLES, TIPS, signing  # noqa: E402
+from signsplice.motion.clip import Clip  # noqa: E402
+from signsplice.splicing.transition import find_transition  # noqa: E402
+from signsplice.synth import endless  # noqa: E402
+from signsplice.train import bridging  # noqa: E402
+from signsplice.train.bridging import BridgeTask  # noqa: E402
+from signsplice.train.networks.bridge import Bridge, BridgeConfig, rotary  # noqa: E402
+from signsplice.train.windows import Gaps, Windows, read_part  # noqa: E402
+
+RNG = np.random.default_rng(11)
+TOY = BridgeConfig(32, 2, 2, 48)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made: Path = tmp_path_factory.mktemp("endless")
+    endless.write(endless.Plan(1, 4, 6, seed=5), made, processes=1)
+    return made
+
+
+@pytest.fixture(scope="module")
+def windows(folder: Path) -> Windows:
+    return Windows(sorted(folder.glob("*.npz")))
+
+
+def clip_of(windows: Windows, turns: np.ndarray) -> Clip:
+    local = np.concatenate([np.broadcast_to(rotation.IDENTITY, (len(turns), 1, 4)), turns], axis=1)
+    return Clip(windows.parts[0].skeleton, local, np.zeros((len(turns), 3)), 30.0)
+
+
+def test_the_canonical_skeleton_carries_what_the_signer_showed(folder: Path, windows: Windows) -> None:
+    part = read_part(next(folder.glob("*.npz")))
+    first, n = np.load(next(folder.glob("*.npz")))["sentences"][0]
+    places = np.load(next(folder.glob("*.npz")))["places"][first : first + n]
+    seen = signing(clip_of(windows, part.sentences[0]))
+    np.testing.assert_allclose(
+        rotation.angle_between(rotation.from_matrix(seen.turns), part.sentences[0]), 0, atol=1e-3
+    )
+    np.testing.assert_allclose(seen.places, places, atol=2e-3)
+
+
+def test_a_gap_hides_what_was_signed(windows: Windows) -> None:
+    part = windows.parts[0]
+    sentence, start, n = part.seams[0]
+    turns = part.sentences[sentence][start - 8 : start + n + 8]
+    one = windows._seen(part, turns, 8, n)
+    base = find_transition("hermite").between(clip_of(windows, turns[:8]), clip_of(windows, turns[8 + n :]), n)
+    own = np.concatenate([np.zeros((n, 1, 4)) + rotation.IDENTITY, one["base"].astype(float)], axis=1)
+    moved = signing(replace(base, local_rotations=own))
+    other = signing(base)
+    flipped = not np.allclose(moved.turns, other.turns, atol=1e-4)
+    expected = other.mirrored() if flipped else other
+    np.testing.assert_allclose(moved.turns, expected.turns, atol=1e-5)
+    assert one["tokens"].shape == (16 + n, features.N_TOKEN)
+    true = rotation.to_matrix(one["true"].astype(float))
+    hidden = signing(clip_of(windows, turns[8 : 8 + n]))
+    np.testing.assert_allclose(true, (hidden.mirrored() if flipped else hidden).turns, atol=1e-5)
+
+
+def test_batches_follow_seed_and_number_and_gaps_never_repeat(windows: Windows, folder: Path) -> None:
+    one, again = windows.batch([3, 9]), windows.batch([3, 9])
+    assert torch.equal(one.tokens, again.tokens)
+    assert not torch.equal(one.tokens[:, :16], windows.batch([4, 10]).tokens[:, :16])
+    assert not set(windows.rows(0, 8, 0).tolist()) & set(windows.rows(1, 8, 0).tolist())
+    fixed = Windows(sorted(folder.glob("*.npz")), fixed=12)
+    assert len(fixed) == 12
+    whole = windows.batch(windows.rows(0, 24, 0))
+    assert whole.seam.any()
+    assert (~whole.seam).any()
+    assert whole.mask.sum(1).tolist() == (whole.real.sum(1) + 16).tolist()
+
+
+def test_an_untrained_network_is_the_classical_method(windows: Windows) -> None:
+    batch = windows.batch(windows.rows(0, 8, 0))
+    task = BridgeTask(Bridge(TOY), windows.above.tolist())
+    with torch.no_grad():
+        np.testing.assert_allclose(task._made(batch).numpy(), batch.base.numpy(), atol=1e-6)
+        scores = task.judge(batch, None)
+    assert scores["seam_error"] == pytest.approx(scores["seam_base"])
+
+
+def test_the_loss_is_the_measure(windows: Windows) -> None:
+    batch = windows.batch([1])
+    n = int(batch.real.sum())
+    error = BridgeTask(Bridge(TOY), windows.above.tolist())._errors(batch, batch.base)[0]
+    skeleton = windows.parts[0].skeleton
+    skeleton = replace(skeleton, offsets=np.concatenate([np.zeros((1, 3)), batch.bones[0].numpy()]).astype(float))
+    clips = [
+        Clip(skeleton, np.insert(q[0, :n].numpy().astype(float), 0, rotation.IDENTITY, axis=1), np.zeros((n, 3)), 30.0)
+        for q in (batch.base, batch.true)
+    ]
+    assert 1000.0 * error.item() == pytest.approx(measures.position_error(*clips), rel=1e-3)
+
+
+def test_turns_and_places_are_those_of_the_motion_room() -> None:
+    q = rotation.normalize(RNG.normal(size=(3, len(ROLES), 4)))
+    d = RNG.normal(0.0, 0.6, (3, len(ROLES), 3))
+    found = bridging.turned(torch.tensor(q), torch.tensor(d))
+    np.testing.assert_allclose(found.numpy(), rotation.multiply(q, rotation.exp(d)), atol=1e-9)
+    np.testing.assert_allclose(bridging.to_matrices(torch.tensor(q)).numpy(), rotation.to_matrix(q), atol=1e-9)
+
+
+def test_places_are_forward_kinematics(windows: Windows) -> None:
+    part = windows.parts[0]
+    clip = clip_of(windows, part.sentences[0][:5])
+    positions = kinematics.forward(clip)[1][:, 1:]
+    turns = torch.tensor(rotation.to_matrix(part.sentences[0][:5]))
+    bones = torch.tensor(part.bones.astype(float)).expand(5, -1, -1)
+    found = bridging.places(turns, bones, windows.above.tolist())
+    np.testing.assert_allclose(found.numpy(), positions, atol=1e-7)
+    assert ROLES.index(TIPS[0]) in bridging.JUDGED
+
+
+def test_padding_changes_nothing_and_every_weight_learns(windows: Windows) -> None:
+    torch.manual_seed(0)
+    network = Bridge(TOY)
+    torch.nn.init.normal_(network.out.weight, std=0.1)
+    batch: Gaps = windows.batch(windows.rows(2, 6, 0))
+    row = int(batch.real.sum(1).argmin())
+    n = int(batch.real[row].sum())
+    whole, alone = network(batch.tokens, batch.mask)[row, :n], network(batch.tokens[row : row + 1, : n + 16])[0]
+    torch.testing.assert_close(whole, alone, atol=1e-5, rtol=1e-4)
+    BridgeTask(network, windows.above.tolist())(batch).backward()
+    assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in network.parameters())
+
+
+def test_rotary_scores_depend_on_distance_alone() -> None:
+    q, k = torch.randn(1, 1, 1, 8).expand(-1, -1, 9, -1), torch.randn(1, 1, 1, 8).expand(-1, -1, 9, -1)
+    places = torch.arange(9)
+    scores = rotary(q, places) @ rotary(k, places).transpose(-1, -2)
+    for offset in range(-4, 5):
+        diagonal = torch.diagonal(scores[0, 0], offset)
+        torch.testing.assert_close(diagonal, diagonal[:1].expand_as(diagonal), atol=1e-5, rtol=1e-5)
+
+
+def test_one_batch_is_learned_by_heart(windows: Windows) -> None:
+    torch.manual_seed(0)
+    task = BridgeTask(Bridge(TOY), windows.above.tolist())
+    batch = windows.batch([5, 6])
+    optimiser = torch.optim.AdamW(task.parameters(), 3e-3)
+    first = task(batch).item()
+    for _ in range(120):
+        loss = task(batch)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+    assert loss.item() < 0.6 * first
