@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.paper.systems import Joint, Parted, open_bundle
-from signsplice.paper.systems.graphs import Graphs
 from signsplice.paper.systems.splicers import HIDDEN, START, decided
 from signsplice.splicing.bundle import HEAD, read_facts, read_file, write_bundle
+from signsplice.splicing.graphs import Graphs
 
 Array = NDArray[Any]
 RUNS = {"positions": "spsn", "frames": "generator", "concurrent": True, "n_fed": 159, "most_frames": 6}

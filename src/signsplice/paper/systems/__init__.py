@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from signsplice.errors import InputError
-from signsplice.paper.systems.graphs import Graphs
 from signsplice.paper.systems.splicers import DECODINGS, Joint, Parted, Splicer
 from signsplice.splicing.bundle import read_facts
+from signsplice.splicing.graphs import Graphs
 
 __all__ = ["Joint", "Parted", "Splicer", "open_bundle"]
 

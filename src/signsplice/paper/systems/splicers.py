@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.paper.prediction import N_NUMBERS, Float, Prediction
-from signsplice.paper.systems.graphs import Array, Graphs, single
 from signsplice.splicing.culling import check, cull
+from signsplice.splicing.graphs import Array, Graphs, single
 
 DECODINGS = ("one-by-one", "parallel")
 NONE, PRE, POST = 0, 1, 2
