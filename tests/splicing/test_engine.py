@@ -120,17 +120,19 @@ def test_durations_follow_their_laws(sentence: list[Clip]) -> None:
     from signsplice.motion.arms import arms
     from signsplice.splicing.duration import find_duration, travel_widths
 
-    a, b = arms(sentence[0]), arms(sentence[4])
+    p, q = sentence[0], sentence[4]
+    a, b = arms(p), arms(q)
     pre, post = 43, 12  # both hands in full motion
+    cut = Cut(pre, post)
     width = travel_widths(a, b, pre, post)
-    assert find_duration("travel").seconds(a, b, pre, post) == pytest.approx(0.051 + 0.149 * np.log2(1 + width / 0.15))
-    assert find_duration("fixed").seconds(a, b, pre, post) == 0.25
-    assert find_duration("auto").seconds(a, a, 40, 40) == 0.25
+    assert find_duration("travel").seconds(p, q, cut) == pytest.approx(0.051 + 0.149 * np.log2(1 + width / 0.15))
+    assert find_duration("fixed").seconds(p, q, cut) == 0.25
+    assert find_duration("auto").seconds(p, p, Cut(40, 40)) == 0.25
     way = np.linalg.norm(b.wrists[post] - a.wrists[pre], axis=-1)
     hand = int(np.argmax(way))
     steps = (a.wrists[pre, hand] - a.wrists[pre - 1, hand], b.wrists[post + 1, hand] - b.wrists[post, hand])
     speed = np.mean([np.linalg.norm(step) * 30.0 for step in steps])
-    assert find_duration("speed").seconds(a, b, pre, post) == pytest.approx(way[hand] / speed)
+    assert find_duration("speed").seconds(p, q, cut) == pytest.approx(way[hand] / speed)
     with pytest.raises(InputError, match="no duration 'x', expected one of auto"):
         find_duration("x")
 

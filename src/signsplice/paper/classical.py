@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from signsplice.errors import InputError
-from signsplice.motion.arms import arms
 from signsplice.motion.clip import Clip
 from signsplice.paper.prediction import Prediction
 from signsplice.splicing.cut import CUTTERS, Cut, find_cutter
@@ -58,7 +57,7 @@ class Classical:
         cut = truth if "positions" in self.told else find_cutter(self.cutter).cut(before, after)
         n_frames = n_true
         if "length" not in self.told:
-            seconds = find_duration(DURATION).seconds(arms(before), arms(after), cut.pre, cut.post)
+            seconds = find_duration(DURATION).seconds(before, after, cut)
             n_frames = max(1, round(seconds * before.fps))
         kept = before[max(0, cut.pre + 1 - CONTEXT) : cut.pre + 1]
         made = find_transition(self.transition).between(kept, after[cut.post : cut.post + CONTEXT], n_frames)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from signsplice.motion.arms import Arms, active_span
-from signsplice.splicing.method import find
+from signsplice.motion.arms import Arms, active_span, arms
+from signsplice.motion.clip import Clip
+from signsplice.splicing.cut import Cut
+from signsplice.splicing.method import Method, find
 
 HUMAN_MEDIAN_S = 0.25
 """Median transition between two signs, 621 annotated in Czech Sign Language motion capture (5 and 95 %: 0.16 and 0.48
@@ -21,13 +24,28 @@ USUAL_SPEED_M_S = 0.45
 _SLOWEST_S = 1.5
 
 
+class Duration(Method, Protocol):
+    """Chooses how long the transition between two clips of one skeleton and rate takes."""
+
+    def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
+        """Seconds between the last frame kept of the one and the first kept of the other. Raises ``InputError`` where
+        the rig's arms are not known by name.
+        """
+        ...
+
+
 @dataclass(frozen=True)
-class Duration:
-    """A rule for the time of a transition: (arms before, arms after, last frame kept, first frame kept) -> seconds."""
+class ClassicalDuration:
+    """A duration that follows a rule: (arms before, arms after, last frame kept, first frame kept) -> seconds."""
 
     name: str
     summary: str
-    seconds: Callable[[Arms, Arms, int, int], float]
+    rule: Callable[[Arms, Arms, int, int], float]
+    learned: bool = False
+
+    def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
+        """Seconds between the last frame kept of the one and the first kept of the other."""
+        return self.rule(arms(before), arms(after), cut.pre, cut.post)
 
 
 def travel_widths(before: Arms, after: Arms, pre: int, post: int) -> float:
@@ -50,9 +68,9 @@ def _speed(before: Arms, after: Arms, pre: int, post: int) -> float:
     way = np.linalg.norm(after.wrists[post] - before.wrists[pre], axis=-1)
     hand = int(np.argmax(way))
     speeds = []
-    for arms, frame, step in ((before, pre, -1), (after, post, 1)):
-        other = min(max(frame + step, 0), len(arms.wrists) - 1)
-        speeds.append(np.linalg.norm(arms.wrists[other, hand] - arms.wrists[frame, hand]) * arms.fps)
+    for own, frame, step in ((before, pre, -1), (after, post, 1)):
+        other = min(max(frame + step, 0), len(own.wrists) - 1)
+        speeds.append(np.linalg.norm(own.wrists[other, hand] - own.wrists[frame, hand]) * own.fps)
     mean = float(np.mean(speeds))
     return float(np.clip(way[hand] / mean, 1.0 / before.fps, _SLOWEST_S)) if mean > 0.0 else _SLOWEST_S
 
@@ -75,13 +93,15 @@ def _wrist_speed(arms: Arms) -> float:
     return float(steps.mean(axis=0).max() * arms.fps * arms.metres) if len(steps) else USUAL_SPEED_M_S
 
 
-DURATIONS: dict[str, Duration] = {
+DURATIONS: dict[str, ClassicalDuration] = {
     duration.name: duration
     for duration in (
-        Duration("auto", "the hand's travel and the signer's tempo, not below the human median of 0.25 s", _auto),
-        Duration("fixed", "always the human median, 0.25 s", _fixed),
-        Duration("travel", "51 + 149 log2(1 + D / 0.15) ms for D shoulder widths (DGS Corpus)", _travel),
-        Duration("speed", "distance over boundary speed", _speed),
+        ClassicalDuration(
+            "auto", "the hand's travel and the signer's tempo, at least the human median of 0.25 s", _auto
+        ),
+        ClassicalDuration("fixed", "always the human median, 0.25 s", _fixed),
+        ClassicalDuration("travel", "51 + 149 log2(1 + D / 0.15) ms for D shoulder widths (DGS Corpus)", _travel),
+        ClassicalDuration("speed", "distance over boundary speed", _speed),
     )
 }
 

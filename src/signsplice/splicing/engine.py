@@ -15,7 +15,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from signsplice.errors import InputError
-from signsplice.motion.arms import arms
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.harmonize import ground, harmonize
 from signsplice.splicing.cut import DEFAULT_CUTTER, Cut, Cutter, find_cutter
@@ -31,13 +30,13 @@ _CONTEXT = 8  # frames of each sign that a transition and a seam's scores are sh
 class SpliceOptions:
     """What one call wants.
 
-    cutter, transition: by name, or any object of those protocols. duration: a rule's name; transition_time: seconds
-    that stand in for it. sign_speed: how many times as fast signs play. fps: output rate, the first clip's by default.
+    cutter, transition, duration: by name, or any object of those protocols. transition_time: seconds that stand in for
+    the duration. sign_speed: how many times as fast signs play. fps: output rate, the first clip's by default.
     """
 
     cutter: str | Cutter = DEFAULT_CUTTER
     transition: str | Transition = DEFAULT_TRANSITION
-    duration: str = "auto"
+    duration: str | Duration = "auto"
     transition_time: float | None = None
     sign_speed: float = 1.0
     fps: float | None = None
@@ -137,10 +136,10 @@ class _Sentence:
     _n_out: int = 0
 
     def __post_init__(self) -> None:
-        cutter, transition = self.options.cutter, self.options.transition
+        cutter, transition, duration = self.options.cutter, self.options.transition, self.options.duration
         self.cutter = find_cutter(cutter) if isinstance(cutter, str) else cutter
         self.transition = find_transition(transition) if isinstance(transition, str) else transition
-        self.duration: Duration = find_duration(self.options.duration)
+        self.duration = find_duration(duration) if isinstance(duration, str) else duration
 
     @contextmanager
     def timed(self, part: str) -> Iterator[None]:
@@ -205,7 +204,7 @@ class _Sentence:
         if self.options.transition_time is not None:
             return round(self.options.transition_time * before.fps), ()
         try:
-            seconds = self.duration.seconds(arms(before), arms(after), cut.pre, cut.post)
+            seconds = self.duration.seconds(before, after, cut)
         except InputError:
             return max(1, round(HUMAN_MEDIAN_S * before.fps)), (
                 f"no arms known in {before.name}: the transition takes {HUMAN_MEDIAN_S:g} s, whatever the travel",
