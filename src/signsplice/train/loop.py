@@ -19,8 +19,8 @@ from torch.nn.parallel import DistributedDataParallel
 from signsplice.errors import InputError
 from signsplice.synth.rng import stream
 from signsplice.train import checkpoint
+from signsplice.train.ahead import Data
 from signsplice.train.log import Log
-from signsplice.train.pairs_data import PairsData
 from signsplice.train.processes import Processes
 from signsplice.train.tasks import Accuracy, Task
 
@@ -71,8 +71,8 @@ def rate(loop: Loop, step: int) -> float:
 def train(
     task: Task,
     loop: Loop,
-    data: PairsData,
-    valid: PairsData,
+    data: Data,
+    valid: Data,
     folder: Path,
     recipe: str,
     accuracy: Accuracy,
@@ -116,7 +116,7 @@ def train(
 
 
 def _step(
-    task: nn.Module, optimiser: torch.optim.Optimizer, loop: Loop, data: PairsData, step: int, processes: Processes
+    task: nn.Module, optimiser: torch.optim.Optimizer, loop: Loop, data: Data, step: int, processes: Processes
 ) -> torch.Tensor:
     """One step on this process's share of the batch; its loss."""
     torch.manual_seed(int(stream("dropout", loop.seed, step, processes.rank).integers(2**62)))
@@ -143,7 +143,7 @@ def _mean(loss: torch.Tensor, processes: Processes) -> float:
 
 
 @torch.no_grad()
-def judge(task: Task, valid: PairsData, loop: Loop, processes: Processes, accuracy: Accuracy) -> dict[str, float]:
+def judge(task: Task, valid: Data, loop: Loop, processes: Processes, accuracy: Accuracy) -> dict[str, float]:
     """Scores on the first pairs of a fixed order of the validation part."""
     if not len(valid):
         return {}
