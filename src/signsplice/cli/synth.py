@@ -118,6 +118,29 @@ def pairs(
 
 
 @synth.command()
+@_OUT
+@click.option("--signers", type=int, default=40, show_default=True, metavar="N", help="How many signers.")
+@click.option("--words", type=int, default=100, show_default=True, metavar="N", help="Pseudo-signs of each.")
+@click.option(
+    "--seams", type=int, default=300, show_default=True, metavar="N", help="Transitions in sentences of each."
+)
+@_SEED
+@_FPS
+@click.option("--processes", type=int, default=2, show_default=True, metavar="N", help="How many work at once.")
+def endless(output: str, signers: int, words: int, seams: int, seed: int, fps: float, processes: int) -> None:
+    """Signing to train networks on: many signers, each with words of their own, as numbers of the canonical humanoid.
+
+    Called again after an interruption, it goes on where it was.
+    """
+    from signsplice.synth import endless as room
+
+    plan = room.Plan(signers, words, seams, seed, _rate(fps))
+    with progress(f"signing by {signers} signers") as advance:
+        n_parts = room.write(plan, Path(output), advance, processes)
+    print(f"{output}: {n_parts} signers of {words} words and {seams} seams each")
+
+
+@synth.command()
 @click.argument("corpus", metavar="PAIRS")
 @click.option("--page", required=True, metavar="FILE.md", help="Page with two marks, between which the tables go.")
 @click.option("--images", required=True, metavar="DIR", help="Folder for plots and contact sheets.")

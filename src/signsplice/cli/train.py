@@ -55,11 +55,7 @@ def paper(
 
     Several processes share the work: torchrun --nproc-per-node 2 -m signsplice.cli train paper ...
     """
-    try:
-        import onnxscript  # noqa: F401
-        import torch  # noqa: F401
-    except ImportError as error:
-        raise MissingExtraError(f"training needs {error.name}: pip install 'signsplice[train]'") from None
+    _check_extra()
     from signsplice.paper.measures import accuracy
     from signsplice.synth.corpus import Pairs
     from signsplice.train import processes, run, scales
@@ -78,6 +74,50 @@ def paper(
             run.make(told, corpus, folder, shared, accuracy, here, _teller if here.first else None)
             if here.first:
                 print(f"{folder}: {name}, scale {scale}, {optimiser}, {split}")
+
+
+def _own(network: str, summary: str) -> click.Command:
+    """The command that trains one of the product's own networks."""
+
+    @click.command(network, help=summary)
+    @click.option(
+        "--signing", required=True, metavar="DIR", help="Signing to learn from, of `signsplice synth endless`."
+    )
+    @click.option("--out", required=True, metavar="DIR", help="Bundle that the network is written into.")
+    @click.option("--scale", type=click.Choice(("smoke", "ship")), default="ship", show_default=True,
+                  help="How large the network is and how long it learns.")  # fmt: skip
+    @click.option("--steps", type=int, metavar="N", help="Steps in place of the scale's.")
+    @click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of weights and pairs.")
+    @click.option("--device", default="auto", show_default=True, metavar="NAME", help="auto, cpu or cuda.")
+    def command(signing: str, out: str, scale: str, steps: int | None, seed: int, device: str) -> None:
+        _check_extra()
+        from signsplice.train import own, processes
+
+        if steps is not None and steps < 1:
+            raise InputError(f"--steps {steps}, expected at least 1")
+        with processes.joined(device) as here:
+            told = own.Own(network, scale, seed, steps)
+            own.make(told, Path(signing), Path(out), here, _teller if here.first else None)
+            if here.first:
+                print(f"{out}: {network}, scale {scale}, {told.n_steps} steps")
+
+    return command
+
+
+def _check_extra() -> None:
+    try:
+        import onnxscript  # noqa: F401
+        import torch  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError(f"training needs {error.name}: pip install 'signsplice[train]'") from None
+
+
+for _network, _summary in (
+    ("cutter", "Train the network that finds where to leave and enter."),
+    ("duration", "Train the network that tells how long a transition takes."),
+    ("transition", "Train the network that makes the frames between."),
+):
+    train.add_command(_own(_network, f"{_summary} Called again after an interruption, it goes on where it was."))
 
 
 def _teller(part: str) -> Tell:

@@ -8,13 +8,13 @@ say little of twists.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from signsplice.motion.canonical import ROLES, TRUNK
 from signsplice.train.networks.bridge import Bridge
+from signsplice.train.tasks import Accuracy, Task
 from signsplice.train.windows import Gaps
 
 TURN_WEIGHT = 0.1
@@ -56,7 +56,7 @@ def places(turns: Tensor, bones: Tensor, above: Sequence[int]) -> Tensor:
     return torch.stack(at, dim=-2)
 
 
-class BridgeTask(nn.Module):
+class BridgeTask(Task):
     """A network that fills gaps, with its loss."""
 
     def __init__(self, network: Bridge, above: Sequence[int]) -> None:
@@ -85,7 +85,7 @@ class BridgeTask(nn.Module):
         count = batch.real.sum(1)
         return (apart * batch.real).sum(1) / count, (turn * batch.real).sum(1) / count
 
-    def judge(self, batch: Gaps, accuracy: Any) -> dict[str, float]:
+    def judge(self, batch: Gaps, accuracy: Accuracy | None) -> dict[str, float]:
         """Mean error, arm / 1000, beside the classical transition's, for true transitions and for hidden stretches."""
         ours, base = self._errors(batch, self._made(batch))[0], self._errors(batch, batch.base)[0]
         out = {}

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn import functional as F  # noqa: N812
 from torch.nn.utils.rnn import pad_sequence
 
@@ -23,6 +23,7 @@ from signsplice.motion.canonical import ROLES
 from signsplice.motion.features import Course
 from signsplice.synth.rng import stream
 from signsplice.train.networks.cutting import Cutting, Duration
+from signsplice.train.tasks import Accuracy, Task
 
 Float = NDArray[np.float64]
 
@@ -133,7 +134,7 @@ class CutPairs:
         }
 
 
-class CuttingTask(nn.Module):
+class CuttingTask(Task):
     """The network that cuts, with its loss: cross-entropy over all choices of two frames, and over phases."""
 
     def __init__(self, network: Cutting) -> None:
@@ -154,7 +155,7 @@ class CuttingTask(nn.Module):
         phase = (each.sum(1) / batch.mask.sum(1)).mean()
         return F.cross_entropy(scores, target) + PHASE_WEIGHT * phase
 
-    def judge(self, batch: Cuts, accuracy: Any) -> dict[str, float]:
+    def judge(self, batch: Cuts, accuracy: Accuracy | None) -> dict[str, float]:
         """Shares of exact positions, of both, and of both within two frames."""
         best = self._scores(batch)[0].argmax(1)
         size = batch.mask.shape[1]
@@ -168,7 +169,7 @@ class CuttingTask(nn.Module):
         }
 
 
-class DurationTask(nn.Module):
+class DurationTask(Task):
     """The network that times, with its loss: the logarithm's mean error, so that short ones count like long ones."""
 
     def __init__(self, network: Duration) -> None:
@@ -180,7 +181,7 @@ class DurationTask(nn.Module):
         seconds: Tensor = self.network(batch.leaving, batch.entering).float()
         return (seconds.log() - batch.seconds.log()).abs().mean()
 
-    def judge(self, batch: Cuts, accuracy: Any) -> dict[str, float]:
+    def judge(self, batch: Cuts, accuracy: Accuracy | None) -> dict[str, float]:
         """Mean error, ms, and the share of exact numbers of frames."""
         seconds = self.network(batch.leaving, batch.entering).float()
         frames = (seconds * features.RATE).round() == (batch.seconds * features.RATE).round()

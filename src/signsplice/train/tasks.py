@@ -44,11 +44,11 @@ class Task(nn.Module, ABC):
     network: nn.Module
 
     @abstractmethod
-    def forward(self, batch: Batch) -> Tensor:
+    def forward(self, batch: Any) -> Tensor:
         """The loss () of a batch."""
 
     @abstractmethod
-    def judge(self, batch: Batch, accuracy: Accuracy) -> dict[str, float]:
+    def judge(self, batch: Any, accuracy: Accuracy) -> dict[str, float]:
         """Scores of a batch by name, means over its pairs."""
 
 

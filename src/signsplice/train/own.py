@@ -1,0 +1,215 @@
+"""The product's own networks, from signing without end to a bundle: one that cuts, one that times, one that bridges.
+
+Each learns apart, in a folder of its own beside the bundle, and is exported into it when it has learned; a bundle may
+hold some of them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import onnxruntime
+import torch
+from torch import Tensor
+
+from signsplice.errors import InputError
+from signsplice.motion import features
+from signsplice.splicing.bundle import write_bundle
+from signsplice.splicing.networks import SYSTEM
+from signsplice.train import log as logs
+from signsplice.train.ahead import Data, ahead
+from signsplice.train.bridging import BridgeTask
+from signsplice.train.cuts import CutPairs, Cuts, CuttingTask, DurationTask
+from signsplice.train.export import Graph, exported
+from signsplice.train.loop import Loop, Tell, train
+from signsplice.train.networks.bridge import Bridge, BridgeConfig
+from signsplice.train.networks.cutting import Cutting, CuttingConfig, Duration
+from signsplice.train.processes import Processes, only_one
+from signsplice.train.tasks import Task
+from signsplice.train.windows import Gaps, Windows
+
+NETWORKS = ("cutter", "duration", "transition")
+FILES = {"cutter": "cut.onnx", "duration": "duration.onnx", "transition": "bridge.onnx"}
+HELD_BACK = 0.1
+"""Share of the signers, at least one, that are judged on and not learned from."""
+_MEASURED = 8
+"""Batches from which mean and spread of what a network sees are taken."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Sizes and how long: steps, pairs a batch, rate, validation pairs."""
+
+    config: CuttingConfig | BridgeConfig | int
+    steps: int
+    batch: int
+    rate: float
+    n_judged: int
+
+
+COURSES: dict[tuple[str, str], Course] = {
+    ("cutter", "smoke"): Course(CuttingConfig(32, 2, 2, 64), 40, 8, 3e-3, 16),
+    ("cutter", "ship"): Course(CuttingConfig(128, 8, 4, 512), 30_000, 32, 1e-3, 1024),
+    ("duration", "smoke"): Course(32, 40, 8, 3e-3, 16),
+    ("duration", "ship"): Course(192, 20_000, 64, 1e-3, 1024),
+    ("transition", "smoke"): Course(BridgeConfig(32, 2, 2, 64), 20, 4, 3e-3, 8),
+    ("transition", "ship"): Course(BridgeConfig(256, 8, 4, 1024), 20_000, 32, 7e-4, 512),
+}
+"""What each network is at each scale."""
+
+
+@dataclass(frozen=True)
+class Own:
+    """What to train: the network, its scale, seed, and steps in place of the scale's."""
+
+    network: str
+    scale: str = "ship"
+    seed: int = 0
+    steps: int | None = None
+
+    @property
+    def course(self) -> Course:
+        """Sizes and how long. Raises ``InputError`` for an unknown network or scale."""
+        if (self.network, self.scale) not in COURSES:
+            raise InputError(
+                f"no network {self.network!r} at scale {self.scale!r}, expected one of {', '.join(NETWORKS)} at "
+                f"{' or '.join(dict.fromkeys(scale for _, scale in COURSES))}"
+            )
+        return COURSES[self.network, self.scale]
+
+    @property
+    def n_steps(self) -> int:
+        """Steps in all."""
+        return self.course.steps if self.steps is None else self.steps
+
+
+def split(parts: Path) -> tuple[list[Path], list[Path]]:
+    """Parts of signing to learn from and to judge on: the last signers are held back. Raises ``InputError`` for fewer
+    than two.
+    """
+    paths = sorted(parts.glob("signer-*.npz"))
+    if len(paths) < 2:
+        raise InputError(f"{parts}: {len(paths)} signers, expected at least 2; `signsplice synth endless` makes them")
+    n_held = max(1, round(HELD_BACK * len(paths)))
+    return paths[:-n_held], paths[-n_held:]
+
+
+def make(own: Own, parts: Path, out: Path, processes: Processes, tell: Callable[[str], Tell] | None = None) -> None:
+    """Train a network, or go on where an earlier call was, and write it into the bundle ``out``."""
+    learned, held = split(parts)
+    recipe = _recipe(own, learned)
+    folder = out.parent / "parts" / f"{own.network}-{own.scale}-seed{own.seed}-{recipe}"
+    folder.mkdir(parents=True, exist_ok=True)
+    course = own.course
+    data, valid = _data(own, learned, None), _data(own, held, course.n_judged)
+    torch.manual_seed(own.seed)
+    task = build(own, data)
+    loop = Loop(
+        own.n_steps, course.batch, "adamw", course.rate, own.seed, max(1, own.n_steps // 40), course.n_judged,
+        bf16=processes.device.type == "cuda",
+    )  # fmt: skip
+    with only_one(folder), ahead(data, processes.rank, processes.count) as following:
+        train(task, loop, following, valid, folder, recipe, _no_accuracy, processes, tell and tell(own.network))
+    if processes.first:
+        (folder / FILES[own.network]).write_bytes(graph(task, valid))
+        (folder / "facts.json").write_text(json.dumps(_facts(own, task, folder, learned, held), indent=1) + "\n")
+        assemble(out, {own.network: folder})
+
+
+def assemble(out: Path, folders: dict[str, Path]) -> None:
+    """Put networks into a bundle; those that it has already stay, but for the ones that are named."""
+    out.mkdir(parents=True, exist_ok=True)
+    head = out / "bundle.json"
+    networks: dict[str, Any] = json.loads(head.read_text())["networks"] if head.exists() else {}
+    files = {FILES[name]: (out / FILES[name]).read_bytes() for name in networks if (out / FILES[name]).exists()}
+    for name, folder in folders.items():
+        networks[name] = json.loads((folder / "facts.json").read_text())
+        files[FILES[name]] = (folder / FILES[name]).read_bytes()
+    facts = {
+        "system": SYSTEM,
+        "features": features.VERSION,
+        "rate": features.RATE,
+        "networks": {name: networks[name] for name in NETWORKS if name in networks},
+        "versions": {"torch": torch.__version__, "onnx": onnx.__version__, "onnxruntime": onnxruntime.__version__},
+    }
+    write_bundle(out, facts, files)
+
+
+def build(own: Own, data: Data) -> Task:
+    """A network's task; mean and spread of what it sees are those of its first batches."""
+    course = own.course
+    seen = [data.batch(data.rows(step, course.batch, own.seed), step) for step in range(_MEASURED)]
+    if own.network == "transition":
+        assert isinstance(data, Windows)
+        assert isinstance(course.config, BridgeConfig)
+        return BridgeTask(Bridge(course.config, *_spread([b.tokens[b.mask] for b in seen])), data.above.tolist())
+    if own.network == "cutter":
+        assert isinstance(course.config, CuttingConfig)
+        return CuttingTask(Cutting(course.config, *_spread([b.tokens[b.mask] for b in seen])))
+    assert isinstance(course.config, int)
+    return DurationTask(Duration(course.config, *_spread([torch.cat([b.leaving, b.entering]) for b in seen])))
+
+
+def _spread(tokens: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+    whole = torch.cat(list(tokens))
+    return whole.mean(0), whole.std(0).clamp(min=0.02)
+
+
+def _data(own: Own, paths: Sequence[Path], fixed: int | None) -> Data:
+    return (Windows if own.network == "transition" else CutPairs)(paths, own.seed, fixed)
+
+
+def graph(task: Task, valid: Data) -> bytes:
+    """A task's network as ONNX, compared with torch on pairs it has not learned from."""
+    network = task.network.eval().cpu()
+    batches = [valid.batch([k]) for k in range(3)]
+    names: tuple[str, ...]
+    if isinstance(network, Duration):
+        inputs = [{"leaving": b.leaving, "entering": b.entering} for b in batches if isinstance(b, Cuts)]
+        return exported("duration", Graph(network, inputs[0], ("seconds",), {}, tuple(inputs[1:])))
+    tokens = [{"tokens": b.tokens} for b in batches if isinstance(b, Cuts | Gaps)]
+    name, names = ("cut", ("scores", "phases")) if isinstance(network, Cutting) else ("bridge", ("turns",))
+    return exported(name, Graph(network, tokens[0], names, {"tokens": (1,)}, tuple(tokens[1:])))
+
+
+def _recipe(own: Own, paths: Sequence[Path]) -> str:
+    course = own.course
+    config = course.config if isinstance(course.config, int) else asdict(course.config)
+    told = {
+        **asdict(own),
+        "n_steps": own.n_steps,
+        "config": config,
+        "batch": course.batch,
+        "rate": course.rate,
+        "features": features.VERSION,
+        "signers": [path.name for path in paths],
+    }
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def _facts(own: Own, task: Task, folder: Path, learned: Sequence[Path], held: Sequence[Path]) -> dict[str, Any]:
+    judged = [line for line in logs.lines(folder / logs.NAME) if "loss" not in line]
+    return {
+        **asdict(own),
+        "steps": own.n_steps,
+        "recipe": _recipe(own, learned),
+        "n_parameters": sum(p.numel() for p in task.network.parameters()),
+        "signers": [path.stem for path in learned],
+        "held_back": [path.stem for path in held],
+        "scores": {k: v for k, v in judged[-1].items() if k != "step"} if judged else {},
+    }
+
+
+def _no_accuracy(predicted: Any, true: Any) -> float:
+    """Own networks have scores of their own."""
+    return float(np.nan)
+
+
+__all__ = ["COURSES", "FILES", "NETWORKS", "Own", "assemble", "build", "graph", "make", "split"]
