@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_harmonize import in_other_clothes, with_rest_pose
 
-from signing import MIRRORED, word
+from clothes import in_other_clothes, mirror, with_rest_pose
+from signing import word
 from signsplice.errors import InputError
 from signsplice.motion import canonical, rotation
 from signsplice.motion.canonical import LEFT, RIGHT, ROLES, TIPS, signing, turned
@@ -17,18 +17,6 @@ from signsplice.motion.common_pose import common_rotations
 from signsplice.motion.humanoid import find_roles
 
 RNG = np.random.default_rng(3)
-
-
-def mirror(clip: Clip) -> Clip:
-    """A clip of the procedural signer, whose rest pose is its own mirror image."""
-    names = clip.skeleton.names
-    swapped = [n.replace("Left", "?").replace("Right", "Left").replace("?", "Right") for n in names]
-    order = [names.index(name) for name in swapped]
-    return replace(
-        clip,
-        local_rotations=clip.local_rotations[:, order] * MIRRORED,
-        root_positions=clip.root_positions * [-1.0, 1.0, 1.0],
-    )
 
 
 def test_the_common_pose_is_all_identities(words: dict[str, Clip]) -> None:

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_canonical import mirror
 
+from clothes import mirror
 from signing import word
 from signsplice.motion import features, rotation
 from signsplice.motion.canonical import ROLES, signing, turned

@@ -1,0 +1,141 @@
+"""Learned parts on clips: whatever the rig, rate and hand, and beside the classical method they bend.
+
+The bundle has random weights (tests/golden/make_tiny_bundle.py): its answers are arbitrary, and the same for all.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import signsplice as ss
+from clothes import in_other_clothes, mirror
+from signing import word
+from signsplice.errors import InputError
+from signsplice.motion import kinematics, rotation
+from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
+from signsplice.splicing.cut import Cut
+from signsplice.splicing.networks import LearnedCutter, LearnedDuration, LearnedTransition, open_graphs
+from signsplice.splicing.transition import find_transition
+
+TINY = Path(__file__).parents[1] / "golden" / "tiny_bundle"
+GRAPHS = open_graphs(TINY)
+CUTTER, DURATION, TRANSITION = LearnedCutter(GRAPHS), LearnedDuration(GRAPHS), LearnedTransition(GRAPHS)
+P, Q = word("MOTHER").clip, word("BOOK").clip
+TURN = rotation.exp([0.4, -1.1, 2.0])
+
+
+def worn(clip: Clip) -> Clip:
+    """Another rig: turned axes, another unit."""
+    return in_other_clothes(clip, TURN, 0.01)
+
+
+def test_every_rig_hand_and_rate_is_cut_alike() -> None:
+    own = CUTTER.cut(P, Q)
+    assert 0 <= own.pre < len(P)
+    assert 0 <= own.post < len(Q)
+    assert CUTTER.cut(worn(P), worn(Q)) == own
+    assert CUTTER.cut(mirror(P), mirror(Q)) == own
+    fast = CUTTER.cut(resample(P, 60.0), resample(Q, 60.0))
+    assert (abs(fast.pre - 2 * own.pre), abs(fast.post - 2 * own.post)) <= (1, 1)
+
+
+def test_both_frames_are_weighed_together() -> None:
+    scores, first = CUTTER.scores(P, Q)
+    assert scores.shape == (min(60, len(P)), min(60, len(Q)))
+    assert first == max(0, len(P) - 60)
+    by_row = scores - scores.mean(axis=1, keepdims=True)
+    assert np.abs(by_row - by_row[0]).max() > 1e-6, "the best frame to enter depends on the frame to leave"
+    best = CUTTER.cut(P, Q)
+    assert scores[best.pre - first, best.post] == scores.max()
+
+
+def test_every_rig_hand_and_rate_takes_as_long() -> None:
+    cut = Cut(40, 22)
+    own = DURATION.seconds(P, Q, cut)
+    assert 0.02 < own < 5.0
+    assert DURATION.seconds(worn(P), worn(Q), cut) == pytest.approx(own, rel=1e-4)
+    assert DURATION.seconds(mirror(P), mirror(Q), cut) == pytest.approx(own, rel=1e-4)
+    fast = DURATION.seconds(resample(P, 60.0), resample(Q, 60.0), Cut(80, 44))
+    assert fast == pytest.approx(own, rel=1e-2)
+    assert DURATION.seconds(P, Q, Cut(0, len(Q) - 1)) > 0.0
+
+
+def test_a_transition_bends_the_curve_and_keeps_its_ends() -> None:
+    before, after = P[:40], Q[22:]
+    base, made = find_transition("hermite").between(before, after, 40), TRANSITION.between(before, after, 40)
+    away = rotation.angle_between(made.local_rotations, base.local_rotations).max(axis=1)
+    assert away[15:25].max() > 0.02
+    assert away[[0, -1]].max() < 0.02 * away.max(), "end velocities are the curve's"
+    np.testing.assert_array_equal(made.root_positions, base.root_positions)
+    bones = np.linalg.norm(np.diff(kinematics.forward(made)[1][:, [8, 9]], axis=1), axis=-1)
+    assert np.ptp(bones) < 1e-6
+
+
+def test_every_rig_hand_and_rate_is_bridged_alike() -> None:
+    before, after = P[:40], Q[22:]
+    own = TRANSITION.between(before, after, 9)
+    other = TRANSITION.between(worn(before), worn(after), 9)
+    apart = rotation.angle_between(other.local_rotations, worn(own).local_rotations)
+    assert apart.max() < 1e-3
+    flipped = mirror(TRANSITION.between(mirror(before), mirror(after), 9))
+    assert rotation.angle_between(flipped.local_rotations, own.local_rotations).max() < 1e-3
+    fast = TRANSITION.between(resample(before, 60.0), resample(after, 60.0), 19)
+    assert rotation.angle_between(fast.local_rotations[1::2], own.local_rotations).max() < 0.03
+
+
+@pytest.mark.parametrize("n_frames", [1, 46, 90])
+def test_gaps_beyond_its_length_follow_the_curve(n_frames: int) -> None:
+    before, after = P[:40], Q[22:]
+    made, base = (
+        TRANSITION.between(before, after, n_frames),
+        find_transition("hermite").between(before, after, n_frames),
+    )
+    np.testing.assert_array_equal(made.local_rotations, base.local_rotations)
+
+
+def test_signs_of_a_frame_or_two_are_enough() -> None:
+    made = TRANSITION.between(P[40:41], Q[22:23], 6)
+    assert len(made) == 6
+    assert CUTTER.cut(P[:1], Q[:2]).pre == 0
+    assert np.isfinite(concatenate([P[40:41], made, Q[22:23]]).local_rotations).all()
+
+
+def test_a_sentence_by_networks_alone() -> None:
+    options = ss.SpliceOptions(cutter=CUTTER, transition=TRANSITION, duration=DURATION)
+    result = ss.splice([P, Q, word("YES").clip], options)
+    assert (result.cutter, result.transition) == ("learned", "learned")
+    assert [seam.n_transition for seam in result.seams] == [
+        max(1, round(DURATION.seconds(a, b, Cut(seam.pre_frame, seam.post_frame)) * 30.0))
+        for a, b, seam in zip((P, Q), (Q, word("YES").clip), result.seams, strict=True)
+    ]
+    again = ss.splice([P, Q, word("YES").clip], options)
+    np.testing.assert_array_equal(result.clip.local_rotations, again.clip.local_rotations)
+
+
+def test_foreign_old_and_broken_bundles_are_refused(tmp_path: Path) -> None:
+    shutil.copytree(TINY, tmp_path / "b")
+    head = tmp_path / "b" / "bundle.json"
+    facts = json.loads(head.read_text())
+    (tmp_path / "b" / "cut.onnx").write_bytes(b"x")
+    with pytest.raises(InputError, match=r"cut.onnx: is not the file that bundle.json lists"):
+        LearnedCutter(open_graphs(tmp_path / "b")).cut(P, Q)
+    for changed, expected in (
+        ({"system": "lpt"}, "is a bundle of 'lpt'"),
+        ({"features": 0}, "was made for features 0"),
+    ):
+        head.write_text(json.dumps(facts | changed))
+        with pytest.raises(InputError, match=expected):
+            open_graphs(tmp_path / "b")
+
+
+def test_a_rig_without_known_arms_is_refused_in_a_line() -> None:
+    skeleton = Skeleton(("a", "b"), np.array([-1, 0]), np.array([[0.0, 0, 0], [0, 1, 0]]))
+    clip = Clip(skeleton, np.tile([0.0, 0, 0, 1], (5, 2, 1)), np.zeros((5, 3)), 30.0)
+    with pytest.raises(InputError, match="no leftUpperArm or leftLowerArm found among joints a, b"):
+        CUTTER.cut(clip, replace(clip, name="other"))
