@@ -1,0 +1,71 @@
+"""The product's own networks: from signing to a bundle that runs, on signers that were held back, and gone on with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("torch")
+
+from click.testing import CliRunner
+from training_toys import ALONE, data
+
+from signing import word
+from signsplice.cli import app
+from signsplice.errors import InputError
+from signsplice.splicing.bundle import read_facts
+from signsplice.splicing.networks import LearnedCutter, LearnedDuration, open_graphs
+from signsplice.synth import endless
+from signsplice.train import log, own
+from signsplice.train.ahead import ahead
+
+
+@pytest.fixture(scope="module")
+def signing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder: Path = tmp_path_factory.mktemp("own") / "signing"
+    endless.write(endless.Plan(2, 3, 3, seed=8), folder, processes=1)
+    return folder
+
+
+def test_networks_learn_and_meet_in_a_bundle(signing: Path, tmp_path: Path) -> None:
+    bundle = tmp_path / "bundle"
+    own.make(own.Own("duration", "smoke", steps=3), signing, bundle, ALONE)
+    assert list(read_facts(bundle)["files"]) == ["duration.onnx"]
+    called = CliRunner().invoke(
+        app, ["train", "cutter", "--signing", str(signing), "--out", str(bundle), "--scale", "smoke", "--steps", "2"]
+    )
+    assert called.exit_code == 0, called.output
+    facts = read_facts(bundle)
+    assert list(facts["networks"]) == ["cutter", "duration"]
+    assert facts["networks"]["cutter"]["steps"] == 2
+    learned, held = facts["networks"]["cutter"]["signers"], facts["networks"]["cutter"]["held_back"]
+    assert learned
+    assert held
+    assert not set(learned) & set(held)
+    graphs = open_graphs(bundle)
+    cut = LearnedCutter(graphs).cut(word("MOTHER").clip, word("BOOK").clip)
+    assert LearnedDuration(graphs).seconds(word("MOTHER").clip, word("BOOK").clip, cut) > 0.0
+    folder = next((tmp_path / "parts").glob("cutter-*"))
+    before = (folder / log.NAME).read_text()
+    own.make(own.Own("cutter", "smoke", steps=2), signing, bundle, ALONE)
+    assert (folder / log.NAME).read_text() == before, "what has learned does not learn again"
+
+
+def test_what_cannot_be_trained_is_refused(signing: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="0 signers, expected at least 2; `signsplice synth endless` makes them"):
+        own.make(own.Own("cutter", "smoke"), tmp_path, tmp_path / "b", ALONE)
+    with pytest.raises(InputError, match="no network 'cutter' at scale 'huge', expected one of cutter, duration"):
+        own.make(own.Own("cutter", "huge"), signing, tmp_path / "b", ALONE)
+
+
+def test_batches_made_ahead_are_the_same() -> None:
+    plain = data()
+    with ahead(plain) as made:
+        assert len(made) == len(plain)
+        for step in (0, 1, 2, 5):
+            rows = made.rows(step, 4, 0)
+            one, other = made.batch(rows, step), plain.batch(plain.rows(step, 4, 0), step)
+            assert one.step == other.step == step
+            assert (one.x == other.x).all()
+            assert one.numbers.tolist() == other.numbers.tolist()
