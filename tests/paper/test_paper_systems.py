@@ -122,6 +122,8 @@ def test_a_filler_is_asked_for_the_frames_it_guesses() -> None:
 def test_positions_are_decided_by_eq_10() -> None:
     assert decided(tokens(9, 2, 7)["tokens"][0], 5) == (2, 2)
     assert decided(tokens(9, None, None)["tokens"][0], 5) == (None, None)
+    assert decided(tokens(9, 2, 7)["tokens"][0] - [0, 3, 3], 5) == (None, None)
+    assert decided(tokens(9, 2, 7)["tokens"][0] - [0, 3, 3], 5, bias=1.1) == (2, 2), "the frame is the same"
 
 
 def written(folder: Path, **changes: Any) -> Path:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
 
+from torch import Tensor  # noqa: E402
 from training_toys import CONFIGS, FR, GENERATORS, accuracy, data, toy  # noqa: E402
 
 from signsplice.train.networks.filling import Filler, shares  # noqa: E402
 from signsplice.train.networks.generator import FRAME, HIDDEN, START, Generator, generate  # noqa: E402
+from signsplice.train.networks.spsn import Spsn  # noqa: E402
 from signsplice.train.pairs_data import Batch  # noqa: E402
-from signsplice.train.tasks import MOST_FRAMES, fed, positions  # noqa: E402
+from signsplice.train.tasks import MOST_FRAMES, fed, positions, token_bias  # noqa: E402
 
 
 def batch(name: str, n: int = 4) -> Batch:
@@ -172,3 +175,35 @@ def test_a_filler_makes_as_many_frames_as_asked_and_padding_changes_none(name: s
         alone = network.fill(one.x[:1], one.mask[:1], torch.ones(1, 3, dtype=torch.bool))
     assert both.shape == (2, 7, 159)
     torch.testing.assert_close(both[:1, :3], alone, atol=1e-5, rtol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["spsn", "transformer"])
+def test_the_bias_makes_every_network_speak_and_moves_no_position(name: str) -> None:
+    torch.manual_seed(3)
+    task = toy(name)
+    everyone = data("train")
+    batch = everyone.batch(range(len(everyone)))
+    network = task.network.eval()
+
+    def told() -> Tensor:
+        with torch.no_grad():
+            if isinstance(network, Spsn):
+                out: Tensor = network(batch.x, batch.n_before, batch.mask)
+                return out
+            assert isinstance(network, Generator)
+            tokens = network.encode(batch.x, batch.mask, batch.n_before).tokens
+            assert tokens is not None
+            return tokens
+
+    logits = told() - torch.tensor([0.0, 5.0, 5.0])
+    at, emitted = positions(logits, batch.mask)
+    assert not emitted.all()
+    last: Any = network.out if isinstance(network, Spsn) else network.token
+    last.bias.data -= torch.tensor([0.0, 5.0, 5.0])
+    bias = token_bias(task, everyone)
+    assert bias > 0.0
+    again, spoken = positions(told() + bias * torch.tensor([0.0, 1.0, 1.0]), batch.mask)
+    assert spoken.all()
+    assert torch.equal(again, at)
+    last.bias.data += torch.tensor([0.0, 50.0, 50.0])
+    assert token_bias(task, everyone) == 0.0

@@ -28,7 +28,7 @@ from signsplice.train.networks.generator import Generator
 from signsplice.train.pairs_data import PairsData
 from signsplice.train.processes import Processes, only_one
 from signsplice.train.scales import Part, parts, task
-from signsplice.train.tasks import MOST_FRAMES, Accuracy, Task
+from signsplice.train.tasks import MOST_FRAMES, Accuracy, Task, token_bias
 
 _TRAINED_AS = {"unseen-signer": "random"}
 """Splits whose training part is another's."""
@@ -147,7 +147,9 @@ def _write(
     files: dict[str, bytes] = {}
     for part, made, folder in zip(chosen, tasks, folders, strict=True):
         files |= _exported(part, made, folder)
-    write_bundle(out, facts(training, pairs, chosen, tasks, folders), files)
+    told = facts(training, pairs, chosen, tasks, folders)
+    told["runs"]["token_bias"] = token_bias(tasks[0], PairsData(pairs, training.split, "valid"))
+    write_bundle(out, told, files)
     for part, folder in zip(chosen, folders, strict=True):
         shutil.copyfile(folder / logs.NAME, out / f"{part.name}.jsonl")
 

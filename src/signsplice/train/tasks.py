@@ -24,7 +24,7 @@ from signsplice.train.networks.filling import Filler
 from signsplice.train.networks.generator import FRAME, HIDDEN, START, Encoded, Generator, generate
 from signsplice.train.networks.layers import Normaliser
 from signsplice.train.networks.spsn import NONE, POST, PRE, Spsn
-from signsplice.train.pairs_data import Batch
+from signsplice.train.pairs_data import Batch, PairsData
 
 Float = NDArray[np.float64]
 Accuracy = Callable[[Float, Float], float]
@@ -57,6 +57,33 @@ def positions(logits: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
     odds = (logits[..., [PRE, POST]] - logits[..., NONE : NONE + 1]).masked_fill(~mask[..., None], -1e4)
     wins = logits.argmax(-1)[..., None] == torch.tensor([PRE, POST], device=logits.device)
     return odds.argmax(1), (wins & mask[..., None]).any(1)
+
+
+EMITTED = 0.999
+"""Share of validation pairs for which both tokens are emitted at the least."""
+
+
+@torch.no_grad()
+def token_bias(task: Task, valid: PairsData) -> float:
+    """What is added to the logits of both tokens, so that a system speaks on validation pairs as good as always.
+
+    How much a token weighs against "none" in the loss is a choice of ours (``TOKEN_WEIGHT``), and so is then how often
+    a network is silent; this takes that choice back, for every system alike. Positions do not change by it.
+    """
+    if not len(valid):
+        return 0.0
+    task.eval()
+    network: Any = task.network
+    short = []
+    for first in range(0, len(valid), 64):
+        batch = valid.batch(range(first, min(first + 64, len(valid))))
+        if isinstance(network, Spsn):
+            logits = network(batch.x, batch.n_before, batch.mask)
+        else:
+            logits = network.encode(batch.x, batch.mask, batch.n_before).tokens
+        lacking = (logits[..., [NONE]] - logits[..., [PRE, POST]]).masked_fill(~batch.mask[..., None], torch.inf)
+        short.append(lacking.amin(1).amax(1))
+    return max(0.0, float(np.quantile(torch.cat(short).double().numpy(), EMITTED, method="higher")) + 1e-3)
 
 
 def _judge_positions(logits: Tensor, batch: Batch) -> dict[str, float]:

@@ -1,8 +1,8 @@
 """Trained systems that splice two words: positions by one network and frames by another, or both by one.
 
-Positions follow eq. 10: a token is emitted where its class wins at some frame, and the position is the frame at which
-its log-odds against "none" are highest. Frames follow eq. 16: from the start token to the first frame that is called
-the last one.
+Positions follow eq. 10: a token is emitted where its class wins at some frame, with a bias that was chosen on
+validation pairs, and the position is the frame at which its log-odds against "none" are highest. Frames follow eq. 16:
+from the start token to the first frame that is called the last one.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ class Splicer(ABC):
         self.fr: int | None = facts["fr"]
         self.n_fed: int = runs["n_fed"]
         self.most_frames: int = runs["most_frames"]
+        self.token_bias: float = runs.get("token_bias", 0.0)
 
     @abstractmethod
     def predict(self, before: Float, after: Float) -> Prediction:
@@ -79,7 +80,7 @@ class Parted(Splicer):
         logits = self.graphs.run(
             "spsn", {"x": single(np.concatenate([before, after])), "n_before": np.array([len(before)])}
         )["tokens"]
-        return decided(logits[0], len(before))
+        return decided(logits[0], len(before), self.token_bias)
 
     def fill(self, before: Float, after: Float, pre: int, post: int) -> Float:
         """The transition (n, 159) for positions that are told, the true ones say."""
@@ -108,15 +109,15 @@ class Joint(Splicer):
         x = np.concatenate([before, after])
         inputs = {"x": single(x), "mask": np.ones((1, len(x)), bool), "n_before": np.array([len(before)])}
         encoded = self.graphs.run("encoder", inputs)
-        pre, post = decided(encoded["tokens"][0], len(before))
+        pre, post = decided(encoded["tokens"][0], len(before), self.token_bias)
         return Prediction(pre, post, self._generated(encoded))
 
 
-def decided(logits: NDArray[np.float32], n_before: int) -> tuple[int | None, int | None]:
-    """Positions: pre (a frame of P) and post (a frame of Q) of logits (N + M, 3);
-    None for a token whose class wins nowhere.
+def decided(logits: NDArray[np.float32], n_before: int, bias: float = 0.0) -> tuple[int | None, int | None]:
+    """Positions: pre (a frame of P) and post (a frame of Q) of logits (N + M, 3); None for a token whose class wins
+    nowhere, ``bias`` being added to both.
     """
-    wins = logits.argmax(axis=1)
+    wins = (logits + np.array([0.0, bias, bias])).argmax(axis=1)
     pre = int((logits[:n_before, PRE] - logits[:n_before, NONE]).argmax()) if (wins == PRE).any() else None
     post = int((logits[n_before:, POST] - logits[n_before:, NONE]).argmax()) if (wins == POST).any() else None
     return pre, post
