@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from signsplice.motion import rotation
 from signsplice.motion.canonical import LEFT, RIGHT, ROLES, TIPS, Signing, mirrored_deltas, signing
 from signsplice.motion.clip import Clip
 
@@ -42,19 +43,6 @@ class Course:
         return len(self.turns)
 
 
-def to_6d(turns: Float) -> Float:
-    """The first two columns (..., 6) of rotation matrices (..., 3, 3) (Zhou et al. 2019)."""
-    return np.concatenate([turns[..., 0], turns[..., 1]], axis=-1)
-
-
-def from_6d(values: Float) -> Float:
-    """Rotation matrices (..., 3, 3) of six numbers, by Gram and Schmidt."""
-    x = values[..., :3] / np.linalg.norm(values[..., :3], axis=-1, keepdims=True)
-    y = values[..., 3:] - np.sum(values[..., 3:] * x, axis=-1, keepdims=True) * x
-    y = y / np.linalg.norm(y, axis=-1, keepdims=True)
-    return np.stack([x, y, np.cross(x, y)], axis=-1)
-
-
 def course(signing: Signing, times: Float | None = None) -> Course:
     """A signing body at ``times`` (T,), seconds from its first frame; at ``RATE`` over its whole length by default.
 
@@ -69,12 +57,12 @@ def course(signing: Signing, times: Float | None = None) -> Course:
     share = at - low
     if np.all(np.abs(share - np.round(share)) < 1e-9):
         exact = np.round(at).astype(int)
-        return Course(to_6d(signing.turns[exact]), signing.places[exact], signing.there)
+        return Course(rotation.columns(signing.turns[exact]), signing.places[exact], signing.there)
     high = np.minimum(low + 1, n_frames - 1)
-    turns = to_6d(signing.turns)
+    turns = rotation.columns(signing.turns)
     mixed = (1.0 - share)[:, None, None] * turns[low] + share[:, None, None] * turns[high]
     places = (1.0 - share)[:, None, None] * signing.places[low] + share[:, None, None] * signing.places[high]
-    return Course(to_6d(from_6d(mixed)), places, signing.there)
+    return Course(rotation.columns(rotation.matrix_from_6d(mixed)), places, signing.there)
 
 
 def busier_left(*courses: Course) -> bool:

@@ -267,7 +267,12 @@ def nearest_euler(angles: ArrayLike, reference: ArrayLike) -> Float:
 
 def to_6d(q: ArrayLike) -> Float:
     """First two columns of the rotation matrix (..., 6) (Zhou et al. 2019, eq. 13)."""
-    m = to_matrix(q)
+    return columns(to_matrix(q))
+
+
+def columns(m: ArrayLike) -> Float:
+    """The same six numbers (..., 6) of rotation matrices (..., 3, 3)."""
+    m = np.asarray(m, np.float64)
     return np.concatenate([m[..., :, 0], m[..., :, 1]], axis=-1)
 
 
@@ -275,6 +280,11 @@ def from_6d(r: ArrayLike) -> Float:
     """Rotations (..., 4) from 6D (..., 6) by Gram-Schmidt (Zhou et al. 2019, eq. 14). Raises ``ValueError`` if
     degenerate.
     """
+    return from_matrix(matrix_from_6d(r))
+
+
+def matrix_from_6d(r: ArrayLike) -> Float:
+    """The same as matrices (..., 3, 3)."""
     r = np.asarray(r, np.float64)
     a, b = r[..., :3], r[..., 3:]
     na = np.linalg.norm(a, axis=-1, keepdims=True)
@@ -284,4 +294,4 @@ def from_6d(r: ArrayLike) -> Float:
     if np.any(na < _TINY) or np.any(nb < _TINY):
         raise ValueError("6D rotation with a zero or parallel column has no rotation")
     y = b / nb
-    return from_matrix(np.stack([x, y, cross(x, y)], axis=-1))
+    return np.stack([x, y, cross(x, y)], axis=-1)
