@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.paper.systems import Joint, Parted, open_bundle
-from signsplice.paper.systems.splicers import HIDDEN, START, decided
+from signsplice.paper.systems.splicers import DECODINGS, HIDDEN, START, decided
 from signsplice.splicing.bundle import HEAD, read_facts, read_file, write_bundle
 from signsplice.splicing.graphs import Graphs
 
@@ -60,7 +60,7 @@ def encoder(inputs: Mapping[str, Array]) -> dict[str, Array]:
     return {"memory_0": inputs["mask"], "state_0": np.array(0)}
 
 
-@pytest.mark.parametrize("decoding", ["one-by-one", "parallel"])
+@pytest.mark.parametrize("decoding", DECODINGS)
 def test_frames_end_with_the_first_that_is_called_the_last(decoding: str) -> None:
     graphs = Fakes({"spsn": lambda _: tokens(12, 3, 8), "encoder": encoder, "decoder": counting})
     system = Parted("lpt", FACTS, graphs, decoding)
@@ -72,12 +72,28 @@ def test_frames_end_with_the_first_that_is_called_the_last(decoding: str) -> Non
     given = dict(graphs.seen)["encoder"]
     np.testing.assert_array_equal(given["x"][0, :, 0], [2, 3, 12, 13], "culled to two frames on each side")
     steps = [inputs for name, inputs in graphs.seen if name == "decoder"]
-    assert len(steps) == (4 if decoding == "one-by-one" else 1)
+    assert len(steps) == (1 if decoding == "parallel" else 4)
     if decoding == "one-by-one":
         assert [int(step["kinds"][0, 0]) for step in steps] == [START, 1, 1, 1]
         assert [float(step["fed"][0, 0, 0]) for step in steps] == [0, 1, 2, 3]
+    elif decoding == "without-cache":
+        assert [int(step["start"]) for step in steps] == [0, 0, 0, 0]
+        assert steps[3]["kinds"].tolist() == [[START, 1, 1, 1]]
+        assert steps[3]["fed"][0, :, 0].tolist() == [0, 1, 2, 3]
     else:
         assert steps[0]["kinds"].tolist() == [[START, *[HIDDEN] * 5]]
+
+
+@pytest.mark.parametrize("decoding", DECODINGS)
+@pytest.mark.parametrize("kind", [Parted, Joint])
+def test_a_rehearsal_makes_as_many_frames_as_it_is_told(decoding: str, kind: type[Parted | Joint]) -> None:
+    both = {"encoder": lambda given: {**tokens(12, None, None), **encoder(given)}, "decoder": counting}
+    graphs = Fakes({"spsn": lambda _: tokens(12, None, None), **both})
+    before, after = np.zeros((6, 159)), np.zeros((6, 159))
+    for n_frames in (2, 6):
+        made = kind("lpt", FACTS, graphs, decoding).rehearse(before, after, 3, 2, n_frames)
+        np.testing.assert_array_equal(made[:, 0], 1 + np.arange(n_frames))
+    assert ("spsn" in dict(graphs.seen)) == (kind is Parted), "positions are searched for, though they are told"
 
 
 def test_a_decoder_that_never_ends_is_stopped() -> None:
@@ -142,7 +158,7 @@ def test_bundles_are_checked(tmp_path: Path) -> None:
         read_file(tmp_path, facts, "decoder.onnx")
     with pytest.raises(InputError, match="no such file"):
         open_bundle(tmp_path / "nowhere")
-    with pytest.raises(InputError, match="decoding 'beam', expected one of one-by-one, parallel"):
+    with pytest.raises(InputError, match="decoding 'beam', expected one of one-by-one, without-cache, parallel"):
         open_bundle(tmp_path, "beam")
     written(tmp_path, runs={**RUNS, "concurrent": False})
     with pytest.raises(InputError, match="it has no parallel decoding"):

@@ -307,7 +307,7 @@ def quiet(what: str) -> Iterator[None]:
     yield None
 
 
-def stub(monkeypatch: pytest.MonkeyPatch) -> None:
+def without_measuring(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pages, "_matplotlib", lambda: None)
     monkeypatch.setattr(pages, "_life", lambda *a: ["### True to life", "", "| a | b |", ""])
     monkeypatch.setattr(pages, "_difficulty", lambda *a: ["### Not trivial", ""])
@@ -318,7 +318,7 @@ def stub(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_page_is_filled_between_its_marks_alone(
     pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stub(monkeypatch)
+    without_measuring(monkeypatch)
     page = tmp_path / "page.md"
     before, after = "# Corpus\n\nText — with ümlauts.\n\n", "\n\n## More\n"
     page.write_text(f"{before}{pages.BEGIN}\nold, old\n{pages.END}{after}", encoding="utf-8")
@@ -340,7 +340,7 @@ def test_a_page_is_filled_between_its_marks_alone(
 def test_a_page_without_marks_is_refused_and_kept(
     text: str, pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stub(monkeypatch)
+    without_measuring(monkeypatch)
     page = tmp_path / "page.md"
     page.write_text(text)
     with pytest.raises(InputError, match=r"page\.md: has no lines .* expected both") as caught:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -18,7 +19,8 @@ from training_toys import CONFIGS, corpus, data, toy  # noqa: E402
 
 from signsplice.cli import app  # noqa: E402
 from signsplice.errors import InputError, SignspliceError  # noqa: E402
-from signsplice.paper.systems import Parted, Splicer, open_bundle  # noqa: E402
+from signsplice.paper import speed  # noqa: E402
+from signsplice.paper.systems import DECODINGS, Parted, Splicer, open_bundle  # noqa: E402
 from signsplice.splicing.bundle import write_bundle  # noqa: E402
 from signsplice.train import export, run, scales  # noqa: E402
 from signsplice.train.networks.filling import Filler  # noqa: E402
@@ -110,8 +112,7 @@ def test_a_bundle_says_what_torch_says(bundle: tuple[Splicer, list[Task]]) -> No
         found = system.predict(before, after)
         pre, post = torch_positions(tasks[0], batch)
         assert (found.pre, found.post) == (pre, post)
-        decodings = ("one-by-one", "parallel") if system.facts["runs"]["concurrent"] else ("one-by-one",)
-        for decoding in decodings:
+        for decoding in DECODINGS if system.facts["runs"]["concurrent"] else DECODINGS[:2]:
             now = open_bundle(system.graphs.folder, decoding)
             seen = batch
             if isinstance(now, Parted):
@@ -124,6 +125,14 @@ def test_a_bundle_says_what_torch_says(bundle: tuple[Splicer, list[Task]]) -> No
             assert frames.shape == expected.shape
             np.testing.assert_allclose(frames, expected, atol=1e-4)
     assert system.facts["n_parameters"] == sum(p.numel() for t in tasks for p in t.network.parameters())
+
+
+def test_a_graph_tells_nothing_of_where_it_was_made(graphs: dict[str, dict[str, bytes]]) -> None:
+    made = (
+        export.graphs(toy("spsn").network, None)["spsn.onnx"] if "spsn" not in graphs else graphs["spsn"]["spsn.onnx"]
+    )
+    for told in (str(Path(export.__file__).parents[2]), "site-packages", "stack_trace", "/train/networks/"):
+        assert told.encode() not in made, told
 
 
 def test_a_graph_that_differs_is_refused() -> None:
@@ -179,3 +188,16 @@ def test_a_folder_of_other_things_is_left_alone(tmp_path: Path) -> None:
     ]
     with pytest.raises(InputError, match="is there already and is no bundle"):
         CliRunner().invoke(app, call, catch_exceptions=False, standalone_mode=False)
+
+
+def test_systems_are_timed_as_they_are_drawn(tmp_path: Path) -> None:
+    call = ["paper", "speed", "--scale", "smoke", "--limit", "2", "--pairs", str(corpus().folder)]
+    result = CliRunner().invoke(app, [*call, "--out", str(tmp_path)], catch_exceptions=False)
+    assert result.stdout.splitlines() == [str(tmp_path / f"speed-smoke.{kind}") for kind in ("json", "md", "tex")]
+    told = json.loads((tmp_path / "speed-smoke.json").read_text())
+    rows = {(row["system"], row["decoding"], row["writes"]): row for row in told["rows"]}
+    assert len(rows) == len(told["rows"]) == len(list(speed.ways()))
+    assert rows[speed.BASE]["times_base"] == 1.0
+    assert all(row["ms_median"] > 0.0 and row["n_parameters"] > 0 for row in told["rows"])
+    assert "pairs:2" in told["protocol"]
+    assert [speed.Way("lstm", "one-by-one", writes).n_frames(20, 30, (14, 5, 9)) for writes in speed.WRITES] == [9, 49]

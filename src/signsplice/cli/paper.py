@@ -7,7 +7,9 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,7 +25,8 @@ if TYPE_CHECKING:
     from signsplice.paper.plan import Run
     from signsplice.paper.results import Results
 
-WHAT = ("all", "evaluate", "table1", "table3", "figures")
+WHAT = ("all", "evaluate", "table1", "table3", "figures", "speed")
+N_TIMED = 20
 
 
 @click.command()
@@ -38,7 +41,9 @@ WHAT = ("all", "evaluate", "table1", "table3", "figures")
 @click.option("--steps", type=int, metavar="N", help="Training steps, in place of the scale's.")
 @click.option("--workers", type=int, default=1, show_default=True, metavar="N",
               help="Train N systems at once; they share the processor's cores.")  # fmt: skip
-@click.option("--limit", type=int, metavar="N", help="Judge at most N pairs of a split.")
+@click.option(
+    "--limit", type=int, metavar="N", help=f"Judge at most N pairs of a split; time N.  [default: all; {N_TIMED}]"
+)
 @click.option("--again", is_flag=True, help="Judge anew what results.json has already.")
 def paper(
     what: str,
@@ -53,7 +58,8 @@ def paper(
     again: bool,
 ) -> None:
     """Rebuild the paper. all: train what is missing, judge, tables, figures. evaluate: the same without training.
-    table1, table3, figures: from results.json, in seconds, without corpus or networks.
+    table1, table3, figures: from results.json, in seconds, without corpus or networks. speed: time the systems at the
+    scale's sizes side by side, with weights as drawn.
     """
     from signsplice.paper import plan
     from signsplice.paper.judging import RESULTS
@@ -61,6 +67,10 @@ def paper(
 
     folder = Path(out)
     _check(systems, limit, steps, workers)
+    if what == "speed":
+        _make_folder(folder)
+        _speed(folder, Path(pairs), scale, limit or N_TIMED)
+        return
     if what in ("all", "evaluate"):
         _make_folder(folder)
         if what == "all":
@@ -96,16 +106,12 @@ def _make_folder(folder: Path) -> None:
 
 def _train(todo: Sequence[Run], pairs: Path, bundles: Path, steps: int | None, workers: int) -> None:
     """Train every run by the command line's own `train paper`, one after another, or some at once."""
-    from signsplice.cli import app
-
     if not todo:
         return
-    told = f"{len(todo)} of the paper's systems are not trained yet, {todo[0].name} first"
-    train = app.commands.get("train")
-    if importlib.util.find_spec("torch") is None or train is None:
+    if importlib.util.find_spec("torch") is None:
         raise MissingExtraError(
-            f"{told}, and training needs torch: pip install 'signsplice[train]'; "
-            "`signsplice paper evaluate` judges what is there"
+            f"{len(todo)} of the paper's systems are not trained yet, {todo[0].name} first, and training needs torch: "
+            "pip install 'signsplice[train]'; `signsplice paper evaluate` judges what is there"
         )
     _make_folder(bundles)
     if workers > 1:
@@ -113,7 +119,13 @@ def _train(todo: Sequence[Run], pairs: Path, bundles: Path, steps: int | None, w
         return
     for n, run in enumerate(todo, 1):
         click.echo(f"training {n} of {len(todo)}: {run.name}", err=True)
-        app.main(run.arguments(pairs, bundles, steps), standalone_mode=False)
+        _train_here(run.arguments(pairs, bundles, steps))
+
+
+def _train_here(arguments: list[str]) -> None:
+    from signsplice.cli import app
+
+    app.main(arguments, standalone_mode=False)
 
 
 def _train_side_by_side(todo: Sequence[Run], pairs: Path, bundles: Path, steps: int | None, workers: int) -> None:
@@ -166,6 +178,26 @@ def _evaluate(
             results.save(known, folder / judging.RESULTS)
             shots.save(made.shots, folder / judging.SHOTS)
     print(f"{folder / judging.RESULTS}: {n_rows} rows judged, {len(known.rows)} in all")
+
+
+def _speed(folder: Path, pairs: Path, scale: str, n_pairs: int) -> None:
+    """Export the systems as they are drawn, time them, and write speed.json and its table."""
+    from signsplice.paper import protocol, speed
+    from signsplice.paper.plan import Run
+    from signsplice.synth.corpus import Pairs
+
+    corpus = Pairs(pairs)
+    judged = protocol.choose(corpus, "random", limit=n_pairs)
+    with tempfile.TemporaryDirectory(prefix="signsplice-speed-") as temporary:
+        for system in speed.SYSTEMS:
+            call = Run(system, scale, "adamw", "random").arguments(pairs, Path(temporary), steps=0)
+            call[call.index("--out") + 1] = str(Path(temporary) / system)
+            with redirect_stdout(sys.stderr):
+                _train_here(call)
+        with progress("timing") as advance:
+            timed = speed.measure(corpus, Path(temporary), judged, advance)
+    for path in speed.write(timed, folder, scale, judged):
+        print(path)
 
 
 def _tables(results: Results, folder: Path, scale: str, what: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -105,11 +106,9 @@ def _own(network: str, summary: str) -> click.Command:
 
 
 def _check_extra() -> None:
-    try:
-        import onnxscript  # noqa: F401
-        import torch  # noqa: F401
-    except ImportError as error:
-        raise MissingExtraError(f"training needs {error.name}: pip install 'signsplice[train]'") from None
+    missing = [name for name in ("torch", "onnxscript", "filelock") if importlib.util.find_spec(name) is None]
+    if missing:
+        raise MissingExtraError(f"training needs {missing[0]}: pip install 'signsplice[train]'")
 
 
 for _network, _summary in (

@@ -220,9 +220,26 @@ def exported(name: str, graph: Graph) -> bytes:
         )
     if program is None:
         raise SignspliceError(f"{name}: torch gave no ONNX program")
-    content: bytes = program.model_proto.SerializeToString()
+    content: bytes = _bare(program.model_proto).SerializeToString()
     compare(name, graph, content)
     return content
+
+
+def _bare(model: Any) -> Any:
+    """A model without what the exporter notes on the way: source lines with the maker's own folders, which are a third
+    of a small file and differ from machine to machine.
+    """
+
+    def strip(message: Any) -> None:
+        for field, value in message.ListFields():
+            if field.name in ("metadata_props", "doc_string"):
+                message.ClearField(field.name)
+            elif field.message_type is not None:
+                for inner in (value,) if hasattr(value, "ListFields") else value:
+                    strip(inner)
+
+    strip(model)
+    return model
 
 
 def compare(name: str, graph: Graph, content: bytes) -> None:

@@ -112,6 +112,8 @@ def train(
                 if tell is not None:
                     tell(step, loop.steps, scores)
                 checkpoint.save(folder, step, task, optimiser, recipe)
+        if end == 0 and processes.first:
+            checkpoint.save(folder, step, task, optimiser, recipe)
     return step
 
 

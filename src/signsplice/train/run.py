@@ -148,7 +148,8 @@ def _write(
     for part, made, folder in zip(chosen, tasks, folders, strict=True):
         files |= _exported(part, made, folder)
     told = facts(training, pairs, chosen, tasks, folders)
-    told["runs"]["token_bias"] = token_bias(tasks[0], PairsData(pairs, training.split, "valid"))
+    if training.steps != 0:
+        told["runs"]["token_bias"] = token_bias(tasks[0], PairsData(pairs, training.split, "valid"))
     write_bundle(out, told, files)
     for part, folder in zip(chosen, folders, strict=True):
         shutil.copyfile(folder / logs.NAME, out / f"{part.name}.jsonl")

@@ -9,14 +9,16 @@ from signsplice.paper.systems.splicers import DECODINGS, Joint, Parted, Splicer
 from signsplice.splicing.bundle import read_facts
 from signsplice.splicing.graphs import Graphs
 
-__all__ = ["Joint", "Parted", "Splicer", "open_bundle"]
+__all__ = ["DECODINGS", "Joint", "Parted", "Splicer", "open_bundle"]
 
 
 def open_bundle(folder: str | Path, decoding: str = "one-by-one") -> Splicer:
     """The trained system in a folder; its graphs are read and checked when first used.
 
-    decoding: "one-by-one" feeds every frame back, with a cache; "parallel" makes all frames in one pass, where the
-    network can. Raises ``InputError`` for a folder that holds no bundle, or a decoding that its network does not have.
+    decoding: "one-by-one" feeds every frame back, with a cache; "without-cache" reads all frames so far for each new
+    one, to the same end; "parallel" makes all frames in one pass, where the network can.
+
+    Raises ``InputError`` for a folder that holds no bundle, or a decoding that its network does not have.
     """
     folder = Path(folder)
     facts = read_facts(folder)

@@ -18,7 +18,7 @@ from signsplice.paper.prediction import N_NUMBERS, Float, Prediction
 from signsplice.splicing.culling import check, cull
 from signsplice.splicing.graphs import Array, Graphs, single
 
-DECODINGS = ("one-by-one", "parallel")
+DECODINGS = ("one-by-one", "without-cache", "parallel")
 NONE, PRE, POST = 0, 1, 2
 START, FRAME, HIDDEN = 0, 1, 2
 
@@ -39,8 +39,16 @@ class Splicer(ABC):
     def predict(self, before: Float, after: Float) -> Prediction:
         """The splice of ``before`` (N, 159) and ``after`` (M, 159), both in [-0.5, 0.5]."""
 
-    def _generated(self, encoded: Mapping[str, Array]) -> Float:
-        """Transition frames (n, 159) that a decoder makes of what an encoder hands on."""
+    @abstractmethod
+    def rehearse(self, before: Float, after: Float, pre: int, post: int, n_frames: int) -> Float:
+        """The work of a prediction whose outcome is told: positions are searched for, and ``n_frames`` frames made as
+        for pre and post. What it costs depends on the sizes of the networks alone, not on what they have learned.
+        """
+
+    def _generated(self, encoded: Mapping[str, Array], n_frames: int | None = None) -> Float:
+        """Transition frames (n, 159) that a decoder makes of what an encoder hands on; ``n_frames``: so many, wherever
+        it would end.
+        """
         given = {name: value for name, value in encoded.items() if name.startswith(("memory", "state"))}
         if self.decoding == "parallel":
             kinds = np.full((1, self.most_frames), HIDDEN)
@@ -48,18 +56,21 @@ class Splicer(ABC):
             nothing = np.zeros((1, self.most_frames, self.n_fed), np.float32)
             made = self.graphs.run("decoder", {**given, "fed": nothing, "kinds": kinds, "start": np.array(0)})
             ends = np.flatnonzero(made["last"][0] > 0.0)
-            count = int(ends[0]) + 1 if len(ends) else self.most_frames
+            count = (int(ends[0]) + 1 if len(ends) else self.most_frames) if n_frames is None else n_frames
             return made["made"][0, :count, :N_NUMBERS].astype(np.float64)
         frames: list[Array] = []
-        fed = np.zeros((1, 1, self.n_fed), np.float32)
-        while len(frames) < self.most_frames:
-            kinds = np.full((1, 1), FRAME if frames else START)
-            made = self.graphs.run("decoder", {**given, "fed": fed, "kinds": kinds, "start": np.array(len(frames))})
-            fed = made["made"]
-            frames.append(fed[0, 0, :N_NUMBERS])
-            if made["last"][0, 0] > 0.0:
+        fed, kinds, start = np.zeros((1, 1, self.n_fed), np.float32), np.full((1, 1), START), 0
+        while len(frames) < (self.most_frames if n_frames is None else n_frames):
+            made = self.graphs.run("decoder", {**given, "fed": fed, "kinds": kinds, "start": np.array(start)})
+            newest = made["made"][:, -1:]
+            frames.append(newest[0, 0, :N_NUMBERS])
+            if n_frames is None and made["last"][0, -1] > 0.0:
                 break
-            given |= {name.removeprefix("next_"): value for name, value in made.items() if name.startswith("next_")}
+            if self.decoding == "without-cache":
+                fed, kinds = np.concatenate([fed, newest], axis=1), np.append(kinds, [[FRAME]], axis=1)
+            else:
+                fed, kinds, start = newest, np.full((1, 1), FRAME), len(frames)
+                given |= {name.removeprefix("next_"): made[name] for name in made if name.startswith("next_")}
         return np.stack(frames).astype(np.float64)
 
 
@@ -87,7 +98,14 @@ class Parted(Splicer):
         check(before, after, pre, post)
         return self._frames(before, after, pre, post)
 
-    def _frames(self, before: Float, after: Float, pre: int | None, post: int | None) -> Float:
+    def rehearse(self, before: Float, after: Float, pre: int, post: int, n_frames: int) -> Float:
+        """The work of a prediction whose outcome is told."""
+        self.positions(before, after)
+        return self._frames(before, after, pre, post, n_frames)
+
+    def _frames(
+        self, before: Float, after: Float, pre: int | None, post: int | None, n_frames: int | None = None
+    ) -> Float:
         if self.fr is None or pre is None or post is None:
             x, mask = np.concatenate([before, after]), np.ones(len(before) + len(after), bool)
         else:
@@ -95,8 +113,10 @@ class Parted(Splicer):
         n_before = len(before) if self.fr is None else self.fr
         inputs: dict[str, Array] = {"x": single(x), "mask": mask[None], "n_before": np.array([n_before])}
         if self.frames_by == "generator":
-            return self._generated(self.graphs.run("encoder", inputs))
+            return self._generated(self.graphs.run("encoder", inputs), n_frames)
         count = int(self.graphs.run("length", inputs)["numbers"][0].argmax()) + 1
+        if n_frames is not None:
+            count = n_frames
         made = self.graphs.run("fill", {**inputs, "real": np.ones((1, count), bool)})["made"]
         return np.asarray(made[0], np.float64)
 
@@ -106,11 +126,19 @@ class Joint(Splicer):
 
     def predict(self, before: Float, after: Float) -> Prediction:
         """The splice."""
+        encoded, pre, post = self._read(before, after)
+        return Prediction(pre, post, self._generated(encoded))
+
+    def rehearse(self, before: Float, after: Float, pre: int, post: int, n_frames: int) -> Float:
+        """The work of a prediction whose outcome is told; the positions have no part in it."""
+        return self._generated(self._read(before, after)[0], n_frames)
+
+    def _read(self, before: Float, after: Float) -> tuple[Mapping[str, Array], int | None, int | None]:
+        """What the encoder hands on, and the positions in it."""
         x = np.concatenate([before, after])
         inputs = {"x": single(x), "mask": np.ones((1, len(x)), bool), "n_before": np.array([len(before)])}
         encoded = self.graphs.run("encoder", inputs)
-        pre, post = decided(encoded["tokens"][0], len(before), self.token_bias)
-        return Prediction(pre, post, self._generated(encoded))
+        return encoded, *decided(encoded["tokens"][0], len(before), self.token_bias)
 
 
 def decided(logits: NDArray[np.float32], n_before: int, bias: float = 0.0) -> tuple[int | None, int | None]:
