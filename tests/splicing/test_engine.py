@@ -229,7 +229,7 @@ def test_the_report_says_what_the_result_is(sentence: list[Clip]) -> None:
     assert seam["n_transition"] == second["output"][1] - second["output"][0]
     assert list(seam) == [
         "before", "after", "pre_frame", "post_frame", "n_transition", "seconds",
-        "velocity_jump", "peak_speed_m_s", "jerk_ratio", "warnings",
+        "velocity_jump", "peak_speed_m_s", "jerk_ratio", "warnings", "intrusion_mm",
     ]  # fmt: skip
 
 

@@ -11,8 +11,9 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from torch import Tensor  # noqa: E402
-from training_toys import CONFIGS, FR, GENERATORS, accuracy, data, toy  # noqa: E402
+from training_toys import CONFIGS, FR, GENERATORS, accuracy, data, parents, toy  # noqa: E402
 
+from signsplice.train import scales  # noqa: E402
 from signsplice.train.networks.filling import Filler, shares  # noqa: E402
 from signsplice.train.networks.generator import FRAME, HIDDEN, START, Generator, generate  # noqa: E402
 from signsplice.train.networks.spsn import Spsn  # noqa: E402
@@ -38,6 +39,24 @@ def test_every_weight_gets_a_gradient(name: str) -> None:
             assert torch.isfinite(parameter.grad).all(), label
             key_bias = label.endswith("key.bias")  # a shift of all keys changes no softmax
             assert parameter.grad.abs().max() > 0 or key_bias, label
+
+
+def test_many_convolutions_begin_with_states_of_one_size() -> None:
+    """20 + 20 layers at cpu scale: no layer's states are much larger than the first's, and gradients are no explosion,
+    which a toy of three layers does not show.
+    """
+    part = scales.parts("conv-s2s", "cpu")[0]
+    torch.manual_seed(0)
+    made = scales.task(part, data().normaliser(), parents(), 0)
+    sizes: list[float] = []
+    network: Any = made.network
+    for layer in network.encoder:
+        layer.register_forward_hook(lambda _, __, out: sizes.append(float(out.detach().std())))
+    loss = made(data().batch(range(4)))
+    loss.backward()
+    assert len(sizes) == 20
+    assert max(sizes) < 2.0 * min(sizes)
+    assert float(torch.nn.utils.get_total_norm([p.grad for p in made.parameters() if p.grad is not None])) < 1e3
 
 
 @pytest.mark.parametrize("name", GENERATORS)

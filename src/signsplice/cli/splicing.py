@@ -21,6 +21,13 @@ if TYPE_CHECKING:
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
+_BODY_SENSE = click.option(
+    "--body-sense/--no-body-sense",
+    default=None,
+    help="Lead hands around head, trunk and each other.  [default: where the transition is learned]",
+)
+
+
 def splicing_options(command: Command) -> Command:
     """The dials that ``splice`` and ``sentence`` share."""
     for option in reversed(
@@ -49,6 +56,7 @@ def splicing_options(command: Command) -> Command:
                 "--sign-speed", type=float, default=1.0, show_default=True, metavar="X", help="Speed of the signs."
             ),
             click.option("--fps", type=float, metavar="N", help="Output rate; default that of the first clip."),
+            _BODY_SENSE,
             click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name."),
             click.option("--report", metavar="R.json", help="Write spans, seams and timing as JSON."),
         )
@@ -155,10 +163,17 @@ def deliver(result: SpliceResult, output: str, report: str | None, load_ms: floa
 )
 @click.option("-o", "--output", required=True, metavar="OUT", help="File to write: .bvh .npz .png .gif .mp4")
 @click.option("--transition", metavar="NAME", help="How the frames are made; see `signsplice methods`.")
+@_BODY_SENSE
 @click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
 @click.option("--report", metavar="R.json", help="Write spans, seams and timing as JSON.")
 def inbetween(
-    clip: str, gaps: tuple[str, ...], output: str, transition: str | None, roles: str | None, report: str | None
+    clip: str,
+    gaps: tuple[str, ...],
+    output: str,
+    transition: str | None,
+    body_sense: bool | None,
+    roles: str | None,
+    report: str | None,
 ) -> None:
     """Fill frames of a clip anew from what surrounds them; every other frame stays as it is."""
     from signsplice.splicing import engine
@@ -169,7 +184,8 @@ def inbetween(
     began = time.perf_counter()
     loaded = load(clip, roles)
     load_ms = 1e3 * (time.perf_counter() - began)
-    deliver(engine.inbetween(loaded, ranges, _method(transition or DEFAULT_TRANSITION)), output, report, load_ms)
+    result = engine.inbetween(loaded, ranges, _method(transition or DEFAULT_TRANSITION), body_sense)
+    deliver(result, output, report, load_ms)
 
 
 def _gap(text: str) -> tuple[int, int]:

@@ -75,6 +75,32 @@ def hands_inside(skeleton: Skeleton, global_rotations: Float, global_positions: 
     return depth, way
 
 
+def may_touch(skeleton: Skeleton, global_rotations: Float, global_positions: Float) -> NDArray[np.bool_]:
+    """Frames (T,) in which a hand could lie in head, neck, trunk or the other hand: the ball around it reaches a
+    capsule of theirs, or the other's ball. In all others none does; a tenth of the work of ``hands_inside``.
+    """
+    shape = known_body(skeleton)
+    known = groups(shape)
+    starts, ends = place(shape, global_rotations, global_positions)
+    solid = [*known.head, *known.trunk]
+    centres, balls = [], []
+    for own in map(list, (known.left, known.right)):
+        points = np.concatenate([starts[:, own], ends[:, own]], axis=1)
+        centre = points.mean(axis=1)
+        thick = np.concatenate([shape.radii[own, 0], shape.radii[own, 1]])
+        centres.append(centre)
+        balls.append((np.linalg.norm(points - centre[:, None], axis=-1) + thick).max(axis=1, initial=0.0))
+    near = np.linalg.norm(centres[0] - centres[1], axis=-1) < balls[0] + balls[1]
+    q, v = starts[:, solid], ends[:, solid] - starts[:, solid]
+    thickest = shape.radii[solid].max(axis=1)
+    for centre, ball in zip(centres, balls, strict=True):
+        way = centre[:, None] - q
+        share = np.clip(_dot(way, v) / (_dot(v, v) + _TINY), 0.0, 1.0)
+        distance = np.linalg.norm(way - share[..., None] * v, axis=-1)
+        near |= (distance < ball[:, None] + thickest).any(axis=1)
+    return np.asarray(near)
+
+
 @lru_cache(maxsize=64)
 def known_body(skeleton: Skeleton) -> Body:
     """The body of a skeleton, remembered."""

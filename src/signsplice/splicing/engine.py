@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.harmonize import ground, harmonize
+from signsplice.splicing.body_sense import cleared
 from signsplice.splicing.cut import DEFAULT_CUTTER, Cut, Cutter, find_cutter
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration, find_duration
 from signsplice.splicing.seam import Seam, score
@@ -32,6 +33,8 @@ class SpliceOptions:
 
     cutter, transition, duration: by name, or any object of those protocols. transition_time: seconds that stand in for
     the duration. sign_speed: how many times as fast signs play. fps: output rate, the first clip's by default.
+    body_sense: whether hands are led around head, trunk and each other (``body_sense``); None: where the transition is
+    learned.
     """
 
     cutter: str | Cutter = DEFAULT_CUTTER
@@ -40,6 +43,7 @@ class SpliceOptions:
     transition_time: float | None = None
     sign_speed: float = 1.0
     fps: float | None = None
+    body_sense: bool | None = None
 
     def __post_init__(self) -> None:
         limits = (
@@ -191,10 +195,12 @@ class _Sentence:
                 )
             kept = before[max(entry, cut.pre + 1 - _CONTEXT) : cut.pre + 1]
             follows = after[cut.post : cut.post + _CONTEXT]
-            filled = _filled(self.transition, kept, follows, n_frames) if n_frames else None
+            filled, depth = None, None
+            if n_frames:
+                filled, depth = _filled(self.transition, kept, follows, n_frames, self.options.body_sense)
         with self.timed("join"):
             window = concatenate([kept, filled, follows] if filled is not None else [kept, follows])
-            seam = score(window, len(kept), n_frames, before.name, after.name, cut, warnings)
+            seam = score(window, len(kept), n_frames, before.name, after.name, cut, warnings, depth)
         return filled, seam
 
     def _n_frames(self, before: Clip, after: Clip, cut: Cut) -> tuple[int, tuple[str, ...]]:
@@ -223,21 +229,32 @@ class _Sentence:
         return Span(kind, clip, name, source, (start, self._n_out))
 
 
-def _filled(transition: Transition, before: Clip, after: Clip, n_frames: int) -> Clip:
-    """The frames that a transition makes. Raises ``InputError`` where they are not as many as were asked for."""
+def _filled(
+    transition: Transition, before: Clip, after: Clip, n_frames: int, body_sense: bool | None
+) -> tuple[Clip, float | None]:
+    """The frames that a transition makes; how deep a hand is in the body, m, None where nobody looked.
+
+    Raises ``InputError`` where they are not as many as were asked for.
+    """
     filled = transition.between(before, after, n_frames)
     if len(filled) != n_frames:
         raise InputError(f"transition {transition.name} made {len(filled)} frames, expected {n_frames}")
-    return filled
+    if not (transition.learned if body_sense is None else body_sense):
+        return filled, None
+    led = cleared(filled, before, after)
+    return led.clip, led.depth
 
 
 def inbetween(
-    clip: Clip, gaps: Sequence[tuple[int, int]], transition: str | Transition = DEFAULT_TRANSITION
+    clip: Clip,
+    gaps: Sequence[tuple[int, int]],
+    transition: str | Transition = DEFAULT_TRANSITION,
+    body_sense: bool | None = None,
 ) -> SpliceResult:
     """The clip with frames [a, b) of every gap made anew from what surrounds them; every other frame unchanged.
 
-    Gaps are half-open frame ranges with at least one frame kept before, between and after them. Raises ``InputError``
-    for others.
+    Gaps are half-open frame ranges with at least one frame kept before, between and after them; body_sense as in
+    ``SpliceOptions``. Raises ``InputError`` for other gaps.
     """
     method = find_transition(transition) if isinstance(transition, str) else transition
     seconds: dict[str, float] = defaultdict(float)
@@ -258,7 +275,7 @@ def inbetween(
     for (start, stop), kept_until in zip(gaps, ends, strict=True):
         began = time.perf_counter()
         follows = clip[stop:kept_until][:_CONTEXT]
-        filled = _filled(method, clip[at:start][-_CONTEXT:], follows, stop - start)
+        filled, depth = _filled(method, clip[at:start][-_CONTEXT:], follows, stop - start, body_sense)
         seconds["transition"] += time.perf_counter() - began
         pieces += [clip[at:start], filled]
         spans += [
@@ -267,7 +284,8 @@ def inbetween(
         ]
         low = max(at, start - _CONTEXT)
         window = concatenate([clip[low:start], filled, follows])
-        seams.append(score(window, start - low, stop - start, clip.name, clip.name, Cut(start - 1, stop), ()))
+        cut = Cut(start - 1, stop)
+        seams.append(score(window, start - low, stop - start, clip.name, clip.name, cut, (), depth))
         at = stop
     pieces.append(clip[at:])
     spans.append(Span("sign", 0, clip.name, (at, len(clip)), (at, len(clip))))

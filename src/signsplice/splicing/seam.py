@@ -14,6 +14,8 @@ from signsplice.splicing.cut import Cut
 FAST_M_S = 2.5
 """Peaks of isolated words reach 1.7 to 2.5 m/s; a transition beyond that is faster than any sign."""
 _FOOT_SLIDE_M = 0.05
+DEEP_M = 0.005
+"""Deeper than this a hand is seen to be in the body."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,8 @@ class Seam:
 
     pre_frame: last frame kept of ``before``; post_frame: first kept of ``after``; both counted at the output rate.
     seconds: n_transition / fps. velocity_jump, peak_speed_m_s, jerk_ratio: of the wrists, see ``motion.measures``; NaN
-    where unknown.
+    where unknown. intrusion_mm: how deep a hand lies in head, trunk or the other hand in the transition, beyond what
+    the signs themselves do; None where body sense was off.
     """
 
     before: str
@@ -35,12 +38,22 @@ class Seam:
     peak_speed_m_s: float
     jerk_ratio: float
     warnings: tuple[str, ...] = ()
+    intrusion_mm: float | None = None
 
 
 def score(
-    window: Clip, first: int, n_transition: int, before: str, after: str, cut: Cut, warnings: tuple[str, ...]
+    window: Clip,
+    first: int,
+    n_transition: int,
+    before: str,
+    after: str,
+    cut: Cut,
+    warnings: tuple[str, ...],
+    depth: float | None = None,
 ) -> Seam:
-    """Scores of a seam from a window of the output around it, whose frames [first, first + n_transition) are new."""
+    """Scores of a seam from a window of the output around it, whose frames [first, first + n_transition) are new;
+    ``depth``, m, is what body sense said of them.
+    """
     joints = find_roles(window.skeleton).joints
     hands = [joints[role] for role in ("leftHand", "rightHand") if role in joints]
     feet = [joints[role] for role in ("leftFoot", "rightFoot") if role in joints]
@@ -60,6 +73,18 @@ def score(
         slide = float(np.linalg.norm(positions[stop, len(hands) :] - positions[first - 1, len(hands) :], axis=-1).max())
         if slide > _FOOT_SLIDE_M:
             said.append(f"a foot slides by {100.0 * slide:.0f} cm: the two clips stand differently")
+    if depth is not None and depth > DEEP_M:
+        said.append(f"a hand passes {1e3 * depth:.0f} mm deep through the body; another transition time may help")
     return Seam(
-        before, after, cut.pre, cut.post, n_transition, n_transition / window.fps, jump, speed, jerk, tuple(said)
+        before=before,
+        after=after,
+        pre_frame=cut.pre,
+        post_frame=cut.post,
+        n_transition=n_transition,
+        seconds=n_transition / window.fps,
+        velocity_jump=jump,
+        peak_speed_m_s=speed,
+        jerk_ratio=jerk,
+        warnings=tuple(said),
+        intrusion_mm=None if depth is None else 1e3 * depth,
     )

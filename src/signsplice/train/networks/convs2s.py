@@ -3,7 +3,8 @@
 Encoder: frames and learned positions, then layers of convolution, gated linear unit and residual path, scaled by
 sqrt(0.5); a linear layer on its states classifies every frame of X. Decoder: the same layers, causal, each followed by
 attention to the encoder, whose values are its states plus its inputs. Weights begin as the original's do (spread
-sqrt(4 p / n)), without its weight normalisation.
+sqrt(4 p / n), inputs embedded with a spread of 0.1: gated units keep the size of small states, and of larger ones
+double their variance, layer on layer), without its weight normalisation.
 
 After 20 layers of width 3 a frame's state has seen 20 frames to either side and no more, so that at the end of one word
 little is known of the other: a limit of the architecture that the paper chose, left as it is.
@@ -23,6 +24,7 @@ from signsplice.train.networks.spsn import admissible
 
 _KERNEL = 3
 _HALF = 0.5**0.5
+_SPREAD = 0.1
 
 
 @dataclass(frozen=True)
@@ -36,9 +38,10 @@ class ConvS2SConfig:
     most_positions: int = 512
 
 
-def _linear(n_in: int, n_out: int, keep: float = 1.0) -> nn.Linear:
+def _linear(n_in: int, n_out: int, spread: float = 1.0) -> nn.Linear:
+    """A layer whose outputs begin with a spread, where its inputs have 1."""
     layer = nn.Linear(n_in, n_out)
-    nn.init.normal_(layer.weight, std=(keep / n_in) ** 0.5)
+    nn.init.normal_(layer.weight, std=spread * n_in**-0.5)
     nn.init.zeros_(layer.bias)
     return layer
 
@@ -69,16 +72,16 @@ class ConvS2S(Generator):
         super().__init__()
         self.config, self.normaliser = config, normaliser
         width = config.width
-        self.embedding, self.positions = _linear(N_READ, width), nn.Embedding(config.most_positions, width)
+        self.embedding, self.positions = _linear(N_READ, width, _SPREAD), nn.Embedding(config.most_positions, width)
         self.encoder = nn.ModuleList(GatedConvolution(width, config.dropout) for _ in range(config.n_encoder_layers))
         self.token = _linear(width, 3)
-        self.kind, self.fed = nn.Embedding(3, width), _linear(N_NUMBERS, width)
+        self.kind, self.fed = nn.Embedding(3, width), _linear(N_NUMBERS, width, _SPREAD)
         self.decoder = nn.ModuleList(GatedConvolution(width, config.dropout) for _ in range(config.n_decoder_layers))
         self.queries = nn.ModuleList(_linear(width, width) for _ in range(config.n_decoder_layers))
         self.read = nn.ModuleList(_linear(width, width) for _ in range(config.n_decoder_layers))
         self.frame, self.last = _linear(width, N_NUMBERS), _linear(width, 1)
         for table in (self.positions, self.kind):
-            nn.init.normal_(table.weight, std=0.1)
+            nn.init.normal_(table.weight, std=_SPREAD)
 
     def _placed(self, x: Tensor, start: Tensor | int) -> Tensor:
         """With the code of each frame's position added."""

@@ -1,0 +1,78 @@
+"""Wrists led elsewhere: arms of any rig bent so that each wrist moves by so much, bones as long as before.
+
+An arm is two bones from shoulder to elbow to wrist. With the wrist's new place t the elbow turns about the normal of
+the arm's plane until the shoulder's distance to the wrist is |t - s| (law of cosines), and the upper arm turns by the
+least rotation that points the wrist at t. The hand keeps its turn in the world, so that palm and fingers face as they
+did.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.motion import kinematics, rotation
+from signsplice.motion.arms import arm_joints
+from signsplice.motion.clip import Clip
+
+Float = NDArray[np.float64]
+
+_REACH = 0.999
+"""Share of an arm's length that a wrist may be from its shoulder; a straight elbow has no plane to bend in."""
+_TINY = 1e-9
+
+
+def moved(clip: Clip, moves: Float) -> Clip:
+    """The clip with left and right wrist moved by ``moves`` (T, 2, 3), world axes and clip units; what lies beyond an
+    arm's reach is approached as far as it goes.
+
+    Raises ``InputError`` where the rig's arms are not known by name.
+    """
+    known = arm_joints(clip.skeleton)
+    local = np.array(clip.local_rotations)
+    parents = [int(clip.skeleton.parents[joint]) for joint in known[:6]]
+    globals_, places = kinematics.forward(clip, [*known[:6], *parents])
+    for side in (0, 1):
+        rows = np.flatnonzero(np.abs(moves[:, side]).max(axis=1) > 0.0)
+        if not len(rows):
+            continue
+        at = slice(3 * side, 3 * side + 3)
+        above = rotation.from_matrix(globals_[rows, 6 + 3 * side : 9 + 3 * side])
+        s, e, w = np.moveaxis(places[rows, at], 1, 0)
+        bend, aim = _solved(s, e, w, w + moves[rows, side])
+        both = rotation.multiply(aim, bend)
+        for joint, over, turn in zip(
+            known[at], np.moveaxis(above, 1, 0), (aim, bend, rotation.inverse(both)), strict=True
+        ):
+            # A turn R of the world about the joint, all above it being turned already, is A^-1 R A before its own.
+            own = rotation.multiply(rotation.multiply(rotation.inverse(over), turn), over)
+            local[rows, joint] = rotation.multiply(own, local[rows, joint])
+    return replace(clip, local_rotations=local)
+
+
+def _solved(s: Float, e: Float, w: Float, target: Float) -> tuple[Float, Float]:
+    """Turns (T, 4) of the world: of all below the elbow about the elbow, then of the whole arm about the shoulder."""
+    upper, lower = e - s, w - e
+    a, b = _length(upper), _length(lower)
+    now = _length(w - s)
+    wanted = np.clip(_length(target - s), np.abs(a - b) / _REACH + _TINY, _REACH * (a + b))
+    normal = np.cross(upper, lower)
+    straight = _length(normal) < 1e-6 * a * b
+    normal = np.where(straight[:, None], np.cross(upper, np.roll(upper, 1, axis=1) + _TINY), normal)
+    normal = normal / (_length(normal)[:, None] + _TINY)
+    turn = _flexion(a, b, wanted) - _flexion(a, b, now)
+    bend = rotation.exp(normal * turn[:, None])
+    bent = e + rotation.rotate(bend, lower) - s
+    return bend, rotation.between_vectors(bent, target - s)
+
+
+def _flexion(a: Float, b: Float, distance: Float) -> Float:
+    """Radians by which an elbow is bent, 0 when straight."""
+    cosine = (a * a + b * b - distance * distance) / (2.0 * a * b)
+    return np.asarray(np.pi - np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def _length(v: Float) -> Float:
+    return np.asarray(np.linalg.norm(v, axis=-1))

@@ -1,0 +1,128 @@
+"""Body sense: no hand goes through head, trunk or the other hand between two signs.
+
+The body is the capsules of ``motion.body``. Where a transition would lead a hand into it, the wrist is led around:
+pushed out along one way for each stretch of frames that would lie inside, the pushes spread smoothly over the
+neighbouring frames and fading to nothing, with their slope, at both signs. The frames of the signs are never touched.
+A sign may itself press a hand into the capsules (a chin that is touched is not where ours is): a transition may then
+be as deep as a straight line between its two ends is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.errors import InputError
+from signsplice.motion import clearance, contact, kinematics, reach, stance
+from signsplice.motion.arms import arm_joints
+from signsplice.motion.clip import Clip, Skeleton, concatenate
+
+Float = NDArray[np.float64]
+
+TOLERANCE_M = 0.003
+"""Touching may press this deep."""
+_ROUNDS = 16
+_SOFTEST = 0.35
+"""Least cosine between a stretch's one way out and that of a frame by which a push is lengthened."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cleared:
+    """A transition that leads around the body. depth_before and depth: how deep a hand lies in it, m, at the worst
+    frame, as it came and as it is, beyond what its two ends call for; 0 where no hand does.
+    """
+
+    clip: Clip
+    depth_before: float
+    depth: float
+
+
+def cleared(filled: Clip, before: Clip, after: Clip) -> Cleared:
+    """A transition between the last frame of ``before`` and the first of ``after``, led around the body.
+
+    On a rig whose arms are not known by name it comes back as it is, with depths 0.
+    """
+    try:
+        arm_joints(filled.skeleton)
+    except InputError:
+        return Cleared(filled, 0.0, 0.0)
+    metres = stance.sizes(filled.skeleton).unit.metres
+    level = clearance.faded(len(filled))[:, None, None]
+    kernel = _kernel(len(filled))
+    best, first, least = filled, 0.0, np.inf
+    allowed: Float | None = None
+    for n in range(_ROUNDS + 1):
+        window = concatenate([before[-1:], filled, after[:1]])
+        depth, way, ahead = _inside(window)
+        if allowed is None:
+            allowed = _allowed(depth * metres) / metres
+        over = depth[1:-1] - allowed
+        worst = max(0.0, float(over.max()) * metres + TOLERANCE_M) if over.max() > 0.0 else 0.0
+        if n == 0:
+            first = worst
+        if worst < least:
+            best, least = filled, worst
+        if worst == 0.0 or n == _ROUNDS:
+            break
+        push = _pushes(over + 0.3 * TOLERANCE_M / metres, way[1:-1], ahead[1:-1])
+        gain = 0.6 if n < _ROUNDS // 2 else 1.0
+        filled = reach.moved(filled, gain * clearance.spread(push, kernel) * level)
+    return Cleared(best, first, least)
+
+
+def _inside(window: Clip) -> tuple[Float, Float, Float]:
+    """Depths (T, 2) of the hands, -inf where they are far from all, ways out (T, 2, 3), and the way ahead of the chest
+    (T, 3).
+    """
+    turns, places = kinematics.forward(window)
+    depth, way = np.full((len(window), 2), -np.inf), np.zeros((len(window), 2, 3))
+    near = contact.may_touch(window.skeleton, turns, places)
+    if near.any():
+        depth[near], way[near] = contact.hands_inside(window.skeleton, turns[near], places[near])
+    return depth, way, _ahead(window.skeleton, places)
+
+
+def _ahead(skeleton: Skeleton, places: Float) -> Float:
+    """The way ahead of the chest (T, 3): at right angles to the shoulders and the trunk."""
+    known = arm_joints(skeleton)
+    across = places[:, known[0]] - places[:, known[3]]
+    trunk = places[:, known[0]] + places[:, known[3]] - 2.0 * places[:, known[6]]
+    ahead = np.cross(across, trunk)
+    return np.asarray(ahead / (np.linalg.norm(ahead, axis=-1, keepdims=True) + 1e-12))
+
+
+def _allowed(depth: Float) -> Float:
+    """How deep (n, 2) the frames between may lie, m, from the depths (n + 2, 2) with those of both ends."""
+    share = np.linspace(0.0, 1.0, len(depth))[1:-1, None]
+    ends = np.maximum(depth[[0, -1]] - TOLERANCE_M, 0.0)
+    return np.asarray(TOLERANCE_M + (1.0 - share) * ends[0] + share * ends[1])
+
+
+def _pushes(over: Float, way: Float, ahead: Float) -> Float:
+    """The pushes (n, 2, 3) out of what lies deeper than allowed by ``over`` (n, 2): every stretch along one way, the
+    mean of its frames' ways (n, 2, 3) and, where those fall out with one another, ahead.
+    """
+    push = np.zeros_like(way)
+    for side in (0, 1):
+        for stretch in _stretches(over[:, side] > 0.0):
+            deep = over[stretch, side, None]
+            along = (deep * way[stretch, side]).sum(axis=0) + 0.3 * (deep * ahead[stretch]).sum(axis=0)
+            along /= np.linalg.norm(along) + 1e-12
+            cosine = np.maximum(way[stretch, side] @ along, _SOFTEST)
+            push[stretch, side] = deep / cosine[:, None] * along
+    return push
+
+
+def _stretches(inside: NDArray[np.bool_]) -> list[slice]:
+    """Runs of frames that lie inside."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _kernel(n_frames: int) -> Float:
+    """Weights by which a push spreads over a gap: a bell an eighth of the gap wide, three frames at least."""
+    width = max(1.2, n_frames / 8.0)
+    side = int(np.ceil(2.5 * width))
+    return np.asarray(np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2))
