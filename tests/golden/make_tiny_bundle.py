@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
+from dataclasses import asdict
 from pathlib import Path
 
 import torch
@@ -42,10 +43,15 @@ def main(target: Path) -> None:
             network = task.network
             assert isinstance(network, Bridge | Cutting | Duration)
             torch.nn.init.normal_(network.score.weight if isinstance(network, Cutting) else network.out.weight, std=0.2)
+            with torch.no_grad():
+                for weight in network.parameters():  # equal ones would become one in a graph
+                    weight.add_(0.02 * torch.randn_like(weight))
             folder = parts / name
             folder.mkdir(parents=True)
             (folder / own.FILES[name]).write_bytes(own.graph(task, own._data(told, held, 4)))
-            (folder / "facts.json").write_text(json.dumps({"network": name, "scale": "tiny", "weights": "random"}))
+            sizes = course.config if isinstance(course.config, int) else asdict(course.config)
+            facts = {"network": name, "scale": "tiny", "weights": "random", "config": sizes}
+            (folder / "facts.json").write_text(json.dumps(facts))
             folders[name] = folder
         own.assemble(target, folders)
 

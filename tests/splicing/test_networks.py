@@ -5,6 +5,7 @@ The bundle has random weights (tests/golden/make_tiny_bundle.py): its answers ar
 
 from __future__ import annotations
 
+import itertools
 import json
 import shutil
 from dataclasses import replace
@@ -46,13 +47,22 @@ def test_every_rig_hand_and_rate_is_cut_alike() -> None:
 
 
 def test_both_frames_are_weighed_together() -> None:
-    scores, first = CUTTER.scores(P, Q)
+    seen = CUTTER.choices(P, Q)
+    scores, first = seen.scores, seen.first
     assert scores.shape == (min(60, len(P)), min(60, len(Q)))
     assert first == max(0, len(P) - 60)
     by_row = scores - scores.mean(axis=1, keepdims=True)
     assert np.abs(by_row - by_row[0]).max() > 1e-6, "the best frame to enter depends on the frame to leave"
     best = CUTTER.cut(P, Q)
     assert scores[best.pre - first, best.post] == scores.max()
+
+
+def test_a_sentence_is_cut_as_a_whole_and_never_backwards() -> None:
+    clips = [P, Q, word("SEE").clip, P]
+    result = ss.splice(clips, ss.SpliceOptions(cutter=CUTTER, transition="hermite"))
+    cuts = CUTTER.cuts(clips)
+    assert [(seam.pre_frame, seam.post_frame) for seam in result.seams] == [(cut.pre, cut.post) for cut in cuts]
+    assert all(after.pre > before.post for before, after in itertools.pairwise(cuts)), "every word keeps some frames"
 
 
 def test_every_rig_hand_and_rate_takes_as_long() -> None:

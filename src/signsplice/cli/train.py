@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -13,6 +14,8 @@ from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
     from signsplice.train.loop import Tell
+
+Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 @click.group()
@@ -84,25 +87,82 @@ def _own(network: str, summary: str) -> click.Command:
     @click.option(
         "--signing", required=True, metavar="DIR", help="Signing to learn from, of `signsplice synth endless`."
     )
-    @click.option("--out", required=True, metavar="DIR", help="Bundle that the network is written into.")
-    @click.option("--scale", type=click.Choice(("smoke", "ship")), default="ship", show_default=True,
-                  help="How large the network is and how long it learns.")  # fmt: skip
-    @click.option("--steps", type=int, metavar="N", help="Steps in place of the scale's.")
-    @click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of weights and pairs.")
-    @click.option("--device", default="auto", show_default=True, metavar="NAME", help="auto, cpu or cuda.")
+    @_own_options
     def command(signing: str, out: str, scale: str, steps: int | None, seed: int, device: str) -> None:
-        _check_extra()
-        from signsplice.train import own, processes
-
-        if steps is not None and steps < 1:
-            raise InputError(f"--steps {steps}, expected at least 1")
-        with processes.joined(device) as here:
-            told = own.Own(network, scale, seed, steps)
-            own.make(told, Path(signing), Path(out), here, _teller if here.first else None)
-            if here.first:
-                print(f"{out}: {network}, scale {scale}, {told.n_steps} steps")
+        _train_own(network, signing, out, scale, steps, seed, device)
 
     return command
+
+
+def _own_options(command: Command) -> Command:
+    """What the product's own networks share."""
+    for option in reversed(
+        (
+            click.option("--out", required=True, metavar="DIR", help="Bundle that the network is written into."),
+            click.option("--scale", type=click.Choice(("smoke", "ship")), default="ship", show_default=True,
+                         help="How large the network is and how long it learns."),
+            click.option("--steps", type=int, metavar="N", help="Steps in place of the scale's."),
+            click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of weights and pairs."),
+            click.option("--device", default="auto", show_default=True, metavar="NAME", help="auto, cpu or cuda."),
+        )
+    ):  # fmt: skip
+        command = option(command)
+    return command
+
+
+def _train_own(network: str, signing: str, out: str, scale: str, steps: int | None, seed: int, device: str) -> None:
+    _check_steps(steps)
+    _check_extra()
+    from signsplice.train import own, processes
+
+    with processes.joined(device) as here:
+        told = own.Own(network, scale, seed, steps)
+        own.make(told, Path(signing), Path(out), here, _teller if here.first else None)
+        if here.first:
+            print(f"{out}: {network}, scale {scale}, {told.n_steps} steps")
+
+
+def _check_steps(steps: int | None) -> None:
+    if steps is not None and steps < 1:
+        raise InputError(f"--steps {steps}, expected at least 1")
+
+
+@train.command()
+@click.option("--signing", metavar="DIR", help="Signing to learn from, of `signsplice synth endless`.")
+@click.option("--lexicon", metavar="DIR", help="Lexicon to tune a trained network to, of `signsplice lexicon build`.")
+@click.option("--from", "source", metavar="DIR", help="Bundle whose network is tuned.")
+@_own_options
+def transition(
+    signing: str | None,
+    lexicon: str | None,
+    source: str | None,
+    out: str,
+    scale: str,
+    steps: int | None,
+    seed: int,
+    device: str,
+) -> None:
+    """Train the network that makes the frames between, or tune it to a lexicon of your own, and keep it if it is better
+    there. Called again after an interruption, it goes on where it was.
+    """
+    if (signing is None) == (lexicon is None):
+        raise InputError("expected --signing DIR, to train anew, or --lexicon DIR, to tune; one of them")
+    if signing is not None:
+        _train_own("transition", signing, out, scale, steps, seed, device)
+        return
+    if source is None:
+        raise InputError("--lexicon without --from DIR: name the bundle to begin from")
+    _check_steps(steps)
+    _check_extra()
+    from signsplice.train import processes, tuning
+
+    with processes.joined(device) as here:
+        told = tuning.Tuning(seed=seed) if steps is None else tuning.Tuning(steps=steps, seed=seed)
+        tell = _teller("transition") if here.first else None
+        outcome = tuning.make(told, Path(str(lexicon)), Path(source), Path(out), here, tell)
+    errors = f"{outcome.after:.1f} tuned, {outcome.before:.1f} before, {outcome.classical:.1f} classical"
+    print(f"{outcome.n_learned} words taught; error on {outcome.n_held} held back, arm / 1000: {errors}")
+    print(f"{out}: written" if outcome.better else f"{out}: not written, since the tuned network is no better")
 
 
 def _check_extra() -> None:
@@ -114,7 +174,6 @@ def _check_extra() -> None:
 for _network, _summary in (
     ("cutter", "Train the network that finds where to leave and enter."),
     ("duration", "Train the network that tells how long a transition takes."),
-    ("transition", "Train the network that makes the frames between."),
 ):
     train.add_command(_own(_network, f"{_summary} Called again after an interruption, it goes on where it was."))
 

@@ -7,9 +7,9 @@ be two frames of rest, and the arms would drop between the words.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,15 @@ class Cutter(Method, Protocol):
 
     def cut(self, before: Clip, after: Clip) -> Cut:
         """The splice position of two harmonized clips."""
+        ...
+
+
+@runtime_checkable
+class SentenceCutter(Cutter, Protocol):
+    """A cutter that can choose all seams of a sentence together."""
+
+    def cuts(self, clips: Sequence[Clip]) -> list[Cut]:
+        """The splice positions of harmonized clips in order, one fewer than clips."""
         ...
 
 

@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.motion.harmonize import ground, harmonize
+from signsplice.motion.harmonize import Harmonized, ground, harmonize
 from signsplice.splicing.body_sense import cleared
-from signsplice.splicing.cut import DEFAULT_CUTTER, Cut, Cutter, find_cutter
+from signsplice.splicing.cut import DEFAULT_CUTTER, Cut, Cutter, SentenceCutter, find_cutter
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration, find_duration
 from signsplice.splicing.seam import Seam, score
 from signsplice.splicing.transition import DEFAULT_TRANSITION, Transition, find_transition
@@ -106,7 +106,7 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Splic
     nothing in common.
     """
     sentence = _Sentence(options or SpliceOptions())
-    pieces = list(sentence.pieces(clips))
+    pieces = list(sentence.pieces(clips, whole=True))
     if not pieces:
         raise InputError("nothing to splice, expected at least one clip")
     with sentence.timed("join"):
@@ -124,7 +124,8 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Splic
 
 
 def stream(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Iterator[Piece]:
-    """Pieces of the sentence in order, each as soon as the next clip is known; joined, they are what ``splice`` gives.
+    """Pieces of the sentence in order, each as soon as the next clip is known; joined, they are what ``splice`` gives,
+    but for a cutter that chooses all seams of a sentence together, which sees two words at a time here.
 
     Reads ``clips`` one ahead; without any, nothing comes. Raises as ``splice`` does, at the clip that is wrong.
     """
@@ -151,34 +152,47 @@ class _Sentence:
         yield
         self.seconds[part] += time.perf_counter() - start
 
-    def pieces(self, clips: Iterable[Clip]) -> Iterator[Piece]:
-        onto = None
+    def pieces(self, clips: Iterable[Clip], whole: bool = False) -> Iterator[Piece]:
+        """The sentence in pieces; ``whole``: all words may be looked at before the first piece comes."""
+        words: Iterable[Harmonized] = self._words(clips)
+        cuts: Iterator[Cut] | None = None
+        if whole and isinstance(self.cutter, SentenceCutter):
+            words = list(words)
+            with self.timed("cut"):
+                cuts = iter(self.cutter.cuts([word.clip for word in words]))
         before: Clip | None = None
-        entry = 0
+        entry, index = 0, -1
         seam: Seam | None = None
         said: tuple[str, ...] = ()
-        index = -1
-        for index, clip in enumerate(clips):
-            with self.timed("harmonize"):
-                if onto is None:
-                    onto = ground(clip, self.options.fps)
-                harmonized = harmonize(clip, onto, self.options.sign_speed)
-            after = harmonized.clip
+        for index, word in enumerate(words):
+            after = word.clip
             if before is not None:
-                cut = self._cut(before, after, entry)
+                cut = self._checked(self._cut(before, after) if cuts is None else next(cuts), before, after, entry)
                 yield self._sign(before, index - 1, entry, cut.pre + 1, seam, said)
                 filled, seam = self._transition(before, after, cut, entry)
                 if filled is not None:
                     yield Piece(filled, self._span("transition", None, None, None, len(filled)))
                 entry = cut.post
-            before, said = after, harmonized.warnings
+            before, said = after, word.warnings
         if before is not None:
             yield self._sign(before, index, entry, len(before), seam, said)
 
-    def _cut(self, before: Clip, after: Clip, entry: int) -> Cut:
-        """Where to leave and enter; never before the frame at which ``before`` itself was entered."""
+    def _words(self, clips: Iterable[Clip]) -> Iterator[Harmonized]:
+        """Clips on the first one's ground."""
+        onto = None
+        for clip in clips:
+            with self.timed("harmonize"):
+                if onto is None:
+                    onto = ground(clip, self.options.fps)
+                harmonized = harmonize(clip, onto, self.options.sign_speed)
+            yield harmonized
+
+    def _cut(self, before: Clip, after: Clip) -> Cut:
         with self.timed("cut"):
-            cut = self.cutter.cut(before, after)
+            return self.cutter.cut(before, after)
+
+    def _checked(self, cut: Cut, before: Clip, after: Clip, entry: int) -> Cut:
+        """Where to leave and enter; never before the frame at which ``before`` itself was entered."""
         if not (0 <= cut.pre < len(before) and 0 <= cut.post < len(after)):
             raise InputError(
                 f"cutter {self.cutter.name} chose {cut} for clips of {len(before)} and {len(after)} frames"

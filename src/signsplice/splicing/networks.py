@@ -6,7 +6,9 @@ back to the clips' own joints and rate.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
@@ -21,6 +23,7 @@ from signsplice.motion.features import CONTEXT, LEAST, MOST, RATE, Course
 from signsplice.splicing.bundle import read_facts
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.graphs import Graphs
+from signsplice.splicing.joint import Choices, best
 from signsplice.splicing.transition import find_transition
 
 Float = NDArray[np.float64]
@@ -55,7 +58,7 @@ def seen(clip: Clip) -> Course:
 
 
 class LearnedCutter:
-    """Chooses both frames together, by a network over the two words."""
+    """Chooses both frames together, by a network over the two words, and all seams of a sentence together."""
 
     name, learned = NAME, True
     summary = "a network over both words, on the canonical humanoid; weighs both frames together"
@@ -63,20 +66,26 @@ class LearnedCutter:
     def __init__(self, graphs: Graphs) -> None:
         self.graphs = graphs
 
-    def scores(self, before: Clip, after: Clip) -> tuple[Float, int]:
-        """Scores (P, Q) of leaving at one frame and entering at another, both at 30 a second, and the first frame of
-        ``before`` that is weighed.
-        """
+    def choices(self, before: Clip, after: Clip) -> Choices:
+        """Scores of leaving the one at a frame and entering the other at another, both at 30 a second."""
         window = features.cut_window(seen(before), seen(after))
         made = self.graphs.run("cut", {"tokens": window.tokens[None]})["scores"][0]
-        return np.asarray(made[: window.n_before, window.n_before :], np.float64), window.first
+        return Choices(np.asarray(made[: window.n_before, window.n_before :], np.float64), window.first)
 
     def cut(self, before: Clip, after: Clip) -> Cut:
         """The splice position of two harmonized clips."""
-        scores, first = self.scores(before, after)
-        pre, post = np.unravel_index(int(scores.argmax()), scores.shape)
-        at = [round(float(k) / RATE * clip.fps) for k, clip in ((first + pre, before), (post, after))]
-        return Cut(min(at[0], len(before) - 1), min(at[1], len(after) - 1))
+        return self.cuts([before, after])[0]
+
+    def cuts(self, clips: Sequence[Clip]) -> list[Cut]:
+        """The splice positions of a sentence, chosen together (``joint``)."""
+        pairs = list(pairwise(clips))
+        chosen = best([self.choices(before, after) for before, after in pairs])
+        return [Cut(_frame(pre, p), _frame(post, q)) for (pre, post), (p, q) in zip(chosen, pairs, strict=True)]
+
+
+def _frame(at: int, clip: Clip) -> int:
+    """The clip's own frame nearest to one at 30 a second."""
+    return min(round(at / RATE * clip.fps), len(clip) - 1)
 
 
 class LearnedDuration:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from onnx import numpy_helper
 from torch import Tensor, nn
 
 from signsplice.errors import SignspliceError
@@ -26,6 +27,8 @@ from signsplice.train.networks.spsn import Spsn
 TOLERANCE = 1e-4
 """Largest difference of torch and onnxruntime, relative to numbers beyond 1."""
 _FREE = torch.export.Dim.DYNAMIC
+TRANSPOSED = ".T"
+"""Ending of the name of a weight that a graph holds transposed."""
 
 
 @dataclass(frozen=True)
@@ -220,7 +223,8 @@ def exported(name: str, graph: Graph) -> bytes:
         )
     if program is None:
         raise SignspliceError(f"{name}: torch gave no ONNX program")
-    content: bytes = _bare(program.model_proto).SerializeToString()
+    model = _named(_bare(program.model_proto), graph.module)
+    content: bytes = model.SerializeToString()
     compare(name, graph, content)
     return content
 
@@ -239,6 +243,27 @@ def _bare(model: Any) -> Any:
                     strip(inner)
 
     strip(model)
+    return model
+
+
+def _named(model: Any, module: nn.Module) -> Any:
+    """A model whose transposed weights are called by their names again, so that training can go on from the graph."""
+    waiting = [entry for entry in model.graph.initializer if entry.name.startswith("val_")]
+    renamed: dict[str, str] = {}
+    for name, weight in module.state_dict().items():
+        if weight.dim() != 2:
+            continue
+        turned = np.ascontiguousarray(weight.numpy().T)
+        for entry in waiting:
+            if tuple(entry.dims) == turned.shape and np.array_equal(numpy_helper.to_array(entry), turned):
+                renamed[entry.name] = name + TRANSPOSED
+                entry.name = name + TRANSPOSED
+                waiting.remove(entry)
+                break
+    for node in model.graph.node:
+        for k, given in enumerate(node.input):
+            if given in renamed:
+                node.input[k] = renamed[given]
     return model
 
 

@@ -16,7 +16,7 @@ import torch
 from torch import nn
 from torch.nn.parallel import DistributedDataParallel
 
-from signsplice.errors import InputError
+from signsplice.errors import InputError, SignspliceError
 from signsplice.synth.rng import stream
 from signsplice.train import checkpoint
 from signsplice.train.ahead import Data
@@ -102,7 +102,11 @@ def train(
             if step % max(1, loop.every // 10) == 0 or step == end:
                 passed = time.perf_counter() - begun
                 seconds = passed / (step - first)
-                numbers = {"loss": _mean(loss, processes), "rate": rate(loop, step - 1), "seconds_a_step": seconds}
+                numbers = {
+                    "loss": _finite(_mean(loss, processes), step),
+                    "rate": rate(loop, step - 1),
+                    "seconds_a_step": seconds,
+                }
                 log.write(step, **numbers)
                 if tell is not None:
                     tell(step, loop.steps, numbers)
@@ -142,6 +146,12 @@ def _mean(loss: torch.Tensor, processes: Processes) -> float:
         torch.distributed.all_reduce(loss)
         loss = loss / processes.count
     return loss.item()
+
+
+def _finite(loss: float, step: int) -> float:
+    if not math.isfinite(loss):
+        raise SignspliceError(f"the loss of step {step} is {loss}: the training has blown up; a lower rate would help")
+    return loss
 
 
 @torch.no_grad()

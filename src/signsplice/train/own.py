@@ -198,6 +198,7 @@ def _facts(own: Own, task: Task, folder: Path, learned: Sequence[Path], held: Se
     judged = [line for line in logs.lines(folder / logs.NAME) if "loss" not in line]
     return {
         **asdict(own),
+        "config": own.course.config if isinstance(own.course.config, int) else asdict(own.course.config),
         "steps": own.n_steps,
         "recipe": _recipe(own, learned),
         "n_parameters": sum(p.numel() for p in task.network.parameters()),

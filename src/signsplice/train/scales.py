@@ -120,7 +120,7 @@ _COURSES = {
     "tfgn": _Course((60, 3000, 60_000)),
     "tfgn-wc": _Course((60, 2400, 60_000), 32),
     "transformer": _Course((60, 5500, 60_000), 32),
-    "conv-s2s": _Course((60, 5000, 60_000), 32),
+    "conv-s2s": _Course((60, 5000, 60_000), 32, 3e-4),
     "lstm": _Course((60, 12_000, 60_000), 32, 3e-3),
     "progressive": _Course((60, 2000, 60_000)),
     "nat": _Course((60, 2000, 60_000)),

@@ -1,0 +1,61 @@
+"""The best choice over all seams of a sentence together.
+
+A cutter that scores every choice of two frames for every seam cannot take each seam's best alone: a word may not be
+left before it was entered. The best sentence is found by dynamic programming over the frames at which words are
+entered (Viterbi 1967), in time linear in the number of words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+
+_CROSSED = 1e6
+"""What it costs to leave a word before it was entered: more than any score, less than not to answer."""
+
+
+@dataclass(frozen=True, eq=False)
+class Choices:
+    """The scores (P, Q) of a seam: of leaving the word before at frame ``first`` + row, and entering the word after at
+    frame column.
+    """
+
+    scores: Float
+    first: int
+
+
+def best(seams: Sequence[Choices], least: int = 1) -> list[tuple[int, int]]:
+    """The frames (left, entered) of every seam whose scores have the largest sum, among all with at least ``least``
+    frames between a word's being entered and being left; where a word is too short for that, as many as it has.
+    """
+    carried = np.zeros(1)  # best sum so far by the frame at which the word before was entered
+    back: list[tuple[NDArray[np.intp], NDArray[np.intp]]] = []
+    for seam in seams:
+        kept, entered = _entered_before(carried, seam.first + np.arange(len(seam.scores)) - least)
+        sums = seam.scores + kept[:, None]
+        rows = sums.argmax(axis=0)
+        carried = sums[rows, np.arange(sums.shape[1])]
+        back.append((rows, entered))
+    chosen: list[tuple[int, int]] = []
+    column = int(carried.argmax()) if back else 0
+    for seam, (rows, entered) in zip(reversed(seams), reversed(back), strict=True):
+        row = int(rows[column])
+        chosen.append((seam.first + row, column))
+        column = int(entered[row])
+    return chosen[::-1]
+
+
+def _entered_before(carried: Float, latest: NDArray[np.intp]) -> tuple[Float, NDArray[np.intp]]:
+    """The best sum, and its frame of entering, no later than each of ``latest``."""
+    so_far = np.maximum.accumulate(carried)
+    improves = np.concatenate([[True], carried[1:] > so_far[:-1]])
+    where = np.maximum.accumulate(np.where(improves, np.arange(len(carried)), 0))
+    at = np.minimum(latest, len(carried) - 1)
+    possible = at >= 0
+    at = np.maximum(at, 0)
+    return np.where(possible, so_far[at], carried[0] - _CROSSED), np.where(possible, where[at], 0)

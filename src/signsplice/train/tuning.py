@@ -1,0 +1,196 @@
+"""The transition network tuned to a user's own lexicon, on a CPU, and kept only where it is better.
+
+Every fifth word is held back. The others teach by what they are: stretches of them are hidden and filled, as in the
+first training. Whether the tuned network is better is told on the words held back, by the product's own measure
+(``splicing.evaluate.hidden_frames``) of the exported graphs, beside the network it began from and the classical
+transition.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import torch
+from onnx import numpy_helper
+from torch import Tensor
+
+from signsplice.errors import InputError
+from signsplice.lexicon.reader import open_lexicon
+from signsplice.motion import features, rotation
+from signsplice.motion.canonical import bones, signing
+from signsplice.motion.clip import Clip
+from signsplice.splicing.bundle import HEAD, read_facts, read_file, write_bundle
+from signsplice.splicing.evaluate import CONTEXT, LENGTHS, HiddenFrames, hidden_frames
+from signsplice.splicing.networks import LearnedTransition, open_graphs
+from signsplice.splicing.transition import find_transition
+from signsplice.train.ahead import ahead
+from signsplice.train.bridging import BridgeTask
+from signsplice.train.export import TRANSPOSED
+from signsplice.train.loop import Loop, Tell, train
+from signsplice.train.networks.bridge import Bridge, BridgeConfig
+from signsplice.train.own import FILES, graph
+from signsplice.train.processes import Processes, only_one
+from signsplice.train.windows import Part, Windows, canonical_skeleton
+
+EVERY = 5
+"""One word of so many is held back."""
+_SHORTEST = 12
+_FILE = FILES["transition"]
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """How to tune: steps, gaps a batch, rate, seed. As many steps as two cores make in about a quarter of an hour."""
+
+    steps: int = 1500
+    batch: int = 16
+    rate: float = 2e-4
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """What came of it: mean position error (arm / 1000) on the words held back of the classical transition, the network
+    as it was and as it is, over lengths of gaps; how many words taught and judged.
+    """
+
+    classical: float
+    before: float
+    after: float
+    n_learned: int
+    n_held: int
+
+    @property
+    def better(self) -> bool:
+        """Whether the tuned network is kept."""
+        return self.after < self.before
+
+
+def make(
+    tuning: Tuning, lexicon: Path, source: Path, out: Path, processes: Processes, tell: Tell | None = None
+) -> Tuned:
+    """Tune the transition network of the bundle ``source`` to a lexicon; write the bundle ``out`` where it is better.
+
+    Called again after an interruption it goes on from its last checkpoint, in a folder beside ``out``. Raises
+    ``InputError`` where the lexicon has too few words, or the bundle no such network or no weights to go on from.
+    """
+    learned, held = split(lexicon)
+    facts = read_facts(source)
+    content = read_file(source, facts, _FILE)
+    network = begun(facts, content, source)
+    told = {**asdict(tuning), "from": facts["files"][_FILE], "words": [_fingerprint(clip) for clip in learned]}
+    recipe = hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:12]
+    folder = out.parent / "parts" / f"transition-tuned-{recipe}"
+    folder.mkdir(parents=True, exist_ok=True)
+    data, valid = ClipWindows(learned, tuning.seed), ClipWindows(held, tuning.seed, 128)
+    torch.manual_seed(tuning.seed)
+    task = BridgeTask(network, data.above.tolist())
+    loop = Loop(
+        tuning.steps, tuning.batch, "adamw", tuning.rate, tuning.seed, max(1, tuning.steps // 5), 128,
+        bf16=processes.device.type == "cuda",
+    )  # fmt: skip
+    with only_one(folder), ahead(data, processes.rank, processes.count) as following:
+        train(task, loop, following, valid, folder, recipe, lambda *_: float("nan"), processes, tell)
+    trial = folder / "bundle"
+    trial.mkdir(exist_ok=True)
+    files = {name: read_file(source, facts, name) for name in facts["files"]} | {_FILE: graph(task, valid)}
+    networks = facts["networks"] | {
+        "transition": facts["networks"]["transition"] | {"tuned": told | {"words": len(learned)}}
+    }
+    write_bundle(trial, {k: v for k, v in facts.items() if k != "files"} | {"networks": networks}, files)
+    outcome = judged(held, source, trial, len(learned))
+    if outcome.better and processes.first:
+        out.mkdir(parents=True, exist_ok=True)
+        trial_facts = read_facts(trial)
+        scores = {"error": outcome.after, "error_before": outcome.before, "error_classical": outcome.classical}
+        trial_facts["networks"]["transition"]["tuned"]["scores"] = scores
+        write_bundle(out, {k: v for k, v in trial_facts.items() if k != "files"}, files)
+    return outcome
+
+
+def split(lexicon: Path) -> tuple[list[Clip], list[Clip]]:
+    """Words to learn from and to judge on, those without known arms or of fewer than 12 frames left out. Raises
+    ``InputError`` for fewer than ten.
+    """
+    with open_lexicon(lexicon) as words:
+        clips = [words.clip(gloss) for gloss in words]
+    usable = [clip for clip in clips if _usable(clip)]
+    if len(usable) < 2 * EVERY:
+        raise InputError(
+            f"{lexicon}: {len(usable)} of {len(clips)} words can teach (known arms, {_SHORTEST} frames at "
+            f"{features.RATE:g} a second), expected at least {2 * EVERY}"
+        )
+    return [c for k, c in enumerate(usable) if k % EVERY], usable[::EVERY]
+
+
+def _usable(clip: Clip) -> bool:
+    if clip.seconds * features.RATE < _SHORTEST:
+        return False
+    try:
+        signing(clip[:1])
+    except InputError:
+        return False
+    return True
+
+
+def _fingerprint(clip: Clip) -> str:
+    return hashlib.sha256(np.ascontiguousarray(clip.local_rotations).tobytes()).hexdigest()[:16]
+
+
+class ClipWindows(Windows):
+    """Gaps drawn from clips of any rigs, as they are seen at the networks' rate."""
+
+    def __init__(self, clips: Sequence[Clip], seed: int = 0, fixed: int | None = None) -> None:
+        super().__init__((), seed, fixed)
+        self.parts = [_part(clip) for clip in clips]
+
+    def __len__(self) -> int:
+        return self.fixed if self.fixed is not None else sum(len(part.sentences[0]) for part in self.parts)
+
+
+def _part(clip: Clip) -> Part:
+    own = features.course(signing(clip))
+    own_bones = bones(clip.skeleton).astype(np.float32)
+    skeleton, above = canonical_skeleton(own_bones)
+    turns = rotation.from_matrix(rotation.matrix_from_6d(own.turns))
+    return Part(skeleton, above, own_bones, (rotation.continuous(turns),), ())
+
+
+def begun(facts: dict[str, Any], content: bytes, folder: Path) -> Bridge:
+    """The network of a bundle with its weights, which its graph holds by name. Raises ``InputError`` where it does
+    not.
+    """
+    told = facts.get("networks", {}).get("transition", {})
+    if "config" not in told:
+        raise InputError(f"{folder / HEAD}: says no sizes of its transition network, so that it cannot be trained on")
+    network = Bridge(BridgeConfig(**told["config"]))
+    stored: dict[str, Tensor] = {}
+    for entry in onnx.load_model_from_string(content).graph.initializer:
+        name, values = entry.name, torch.from_numpy(np.array(numpy_helper.to_array(entry)))
+        stored[name.removesuffix(TRANSPOSED)] = values.T if name.endswith(TRANSPOSED) else values
+    missing = [name for name in network.state_dict() if name not in stored]
+    if missing:
+        raise InputError(f"{folder / _FILE}: holds no weights named {missing[0]}, so that it cannot be trained on")
+    network.load_state_dict({name: stored[name] for name in network.state_dict()})
+    return network
+
+
+def judged(held: Sequence[Clip], before: Path, after: Path, n_learned: int) -> Tuned:
+    """Both bundles' transitions and the classical one on hidden frames of words that taught neither."""
+    lengths = [n for n in LENGTHS if any(len(clip) >= n + 2 * CONTEXT for clip in held)]
+    if not lengths:
+        raise InputError(f"no word held back has {LENGTHS[0] + 2 * CONTEXT} frames to hide some of")
+    methods = (find_transition("hermite"), *(LearnedTransition(open_graphs(folder)) for folder in (before, after)))
+    classical, was, now = (_mean_error(hidden_frames(held, [method], lengths)) for method in methods)
+    return Tuned(classical, was, now, n_learned, len(held))
+
+
+def _mean_error(rows: Sequence[HiddenFrames]) -> float:
+    return float(np.mean([row.position_error for row in rows]))
