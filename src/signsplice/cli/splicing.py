@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -224,15 +225,25 @@ def methods(as_json: bool) -> None:
 
 
 @click.command()
-@click.option(
-    "--clips", "files", multiple=True, required=True, metavar="FILE", help="Clip to hide frames of; may be repeated."
-)
+@click.option("--clips", "files", multiple=True, metavar="FILE", help="Clip to hide frames of; may be repeated.")
 @click.option("--fps", type=float, metavar="N", help="Bring the clips to this rate first.")
+@click.option("--joins", type=int, metavar="N", help="Join N pairs of words that ship, and look at the seams.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-def evaluate(files: tuple[str, ...], fps: float | None, as_json: bool) -> None:
-    """Hide frames of real clips and measure how well every transition fills them."""
-    from dataclasses import asdict
+def evaluate(files: tuple[str, ...], fps: float | None, joins: int | None, as_json: bool) -> None:
+    """Measure every method: on frames hidden from real clips (--clips), or where words that were recorded apart meet
+    (--joins).
+    """
+    if bool(files) == (joins is not None):
+        raise InputError("expected --clips FILE or --joins N, one of them")
+    signature, rows, lines = _seams(joins) if joins is not None else _hidden(files, fps)
+    if as_json:
+        print(json.dumps({"signature": signature, "rows": [asdict(row) for row in rows]}, indent=2))
+        return
+    print("\n".join(lines))
 
+
+def _hidden(files: tuple[str, ...], fps: float | None) -> tuple[str, Sequence[Any], list[str]]:
+    """Signature, rows and table of frames hidden from clips."""
     from signsplice.motion.clip import resample
     from signsplice.splicing.evaluate import SIGNATURE, hidden_frames, table
     from signsplice.splicing.transition import TRANSITIONS
@@ -242,10 +253,18 @@ def evaluate(files: tuple[str, ...], fps: float | None, as_json: bool) -> None:
         clips = [resample(clip, fps) for clip in clips]
     with progress("evaluate") as advance:
         rows = hidden_frames(clips, list(TRANSITIONS.values()), progress=advance)
-    if as_json:
-        print(json.dumps({"signature": SIGNATURE, "rows": [asdict(row) for row in rows]}, indent=2))
-        return
-    print("\n".join(table(rows)))
+    return SIGNATURE, rows, table(rows)
+
+
+def _seams(n_pairs: int) -> tuple[str, Sequence[Any], list[str]]:
+    """Signature, rows and table of words that were recorded apart."""
+    from signsplice.study import joins
+
+    if n_pairs < 1:
+        raise InputError(f"--joins {n_pairs}, expected at least 1")
+    with progress("joins") as advance:
+        rows = joins.compare(joins.pairs(n_pairs), joins.ways(), advance)
+    return joins.SIGNATURE, rows, joins.table(rows)
 
 
 COMMANDS = (splice, sentence, inbetween, methods, evaluate)

@@ -33,6 +33,8 @@ NOISY = 0.3
 NOISE_RAD = (0.001, 0.008)
 """Least and most spread of a noisy capture's turns, from frame to frame alike by half."""
 TEMPOS = (0.7, 1.4)
+_POOL = 8
+"""Steps that share their gaps out by length."""
 _BASE = find_transition("hermite")
 
 
@@ -94,6 +96,16 @@ class Gaps:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """A gap's signer, its seam's number (None: any stretch), the frames to hide, and what else will be drawn from."""
+
+    rng: np.random.Generator
+    part: Part
+    seam: int | None
+    n_gap: int
+
+
 class Windows:
     """Gaps drawn from some parts; ``fixed``: so many, always the same, for judging."""
 
@@ -110,8 +122,14 @@ class Windows:
         return self.parts[0].above
 
     def rows(self, step: int, size: int, seed: int) -> NDArray[np.int64]:
-        """Numbers of the gaps of a step: no gap is drawn twice."""
-        return np.arange(step * size, (step + 1) * size)
+        """Numbers of the gaps of a step: no gap is drawn twice. Some steps share their gaps out by length, and go
+        through them in any order, so that a batch is hardly padded.
+        """
+        pool, turn = divmod(step, _POOL)
+        numbers = np.arange(pool * _POOL * size, (pool + 1) * _POOL * size)
+        by_length = numbers[np.argsort([self._plan(int(n)).n_gap for n in numbers], kind="stable")]
+        turn = int(stream("pool", seed, pool).permutation(_POOL)[turn])
+        return np.asarray(by_length[turn * size : (turn + 1) * size])
 
     def batch(self, rows: Sequence[int] | NDArray[np.int64], step: int = 0) -> Gaps:
         """The gaps of these numbers side by side."""
@@ -131,23 +149,30 @@ class Windows:
 
     def gap(self, number: int) -> dict[str, Any]:
         """One gap as arrays."""
-        rng = stream("window", self.seed, "fixed" if self.fixed is not None else "endless", number)
-        part = self.parts[int(rng.integers(len(self.parts)))]
-        is_seam = bool(rng.random() < SEAMS) and bool(part.seams)
-        if is_seam:
-            sentence, start, n_gap = part.seams[int(rng.integers(len(part.seams)))]
+        plan = self._plan(number)
+        rng, part, n_gap = plan.rng, plan.part, plan.n_gap
+        if plan.seam is not None:
+            sentence, start, n_gap = part.seams[plan.seam]
             turns = part.sentences[sentence]
         else:
             turns = part.sentences[int(rng.integers(len(part.sentences)))]
             turns = _at_tempo(turns, float(rng.uniform(*TEMPOS)) if rng.random() < 0.5 else 1.0)
-            n_gap = round(float(np.exp(rng.uniform(np.log(features.LEAST), np.log(features.MOST)))))
             n_gap = min(n_gap, len(turns) - 4)
             start = int(rng.integers(2, len(turns) - n_gap - 1))
         low, high = max(0, start - features.CONTEXT), min(len(turns), start + n_gap + features.CONTEXT)
         turns, start = turns[low:high], start - low
         if rng.random() < NOISY:
             turns = _noisy(turns, float(rng.uniform(*NOISE_RAD)), rng)
-        return self._seen(part, turns, start, n_gap) | {"seam": is_seam}
+        return self._seen(part, turns, start, n_gap) | {"seam": plan.seam is not None}
+
+    def _plan(self, number: int) -> _Plan:
+        """What a gap is, before any of it is made."""
+        rng = stream("window", self.seed, "fixed" if self.fixed is not None else "endless", number)
+        part = self.parts[int(rng.integers(len(self.parts)))]
+        if rng.random() < SEAMS and part.seams:
+            seam = int(rng.integers(len(part.seams)))
+            return _Plan(rng, part, seam, part.seams[seam][2])
+        return _Plan(rng, part, None, round(float(np.exp(rng.uniform(np.log(features.LEAST), np.log(features.MOST))))))
 
     def _seen(self, part: Part, turns: Float, start: int, n_gap: int) -> dict[str, Any]:
         local = np.concatenate([np.broadcast_to(rotation.IDENTITY, (len(turns), 1, 4)), turns], axis=1)

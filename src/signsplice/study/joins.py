@@ -1,0 +1,214 @@
+"""True splices: words that were recorded apart, joined by every method, and looked at where they meet.
+
+Frames hidden in one take tell how well a gap is filled whose two ends belong together. At a true splice they do not:
+each word's hands come from rest or go there. There is no true motion to compare with, so what is measured is what a
+viewer would stumble over: jumps of speed and jerk at the seam, arms that drop between words, signs cut into, hands
+that pass through the body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.motion import contact, kinematics, measures, stance
+from signsplice.motion.arms import Arms, arm_joints, arms
+from signsplice.motion.clip import Clip
+from signsplice.splicing.cut import CUTTERS, DEFAULT_CUTTER
+from signsplice.splicing.engine import SpliceOptions, splice
+from signsplice.splicing.seam import DEEP_M
+from signsplice.splicing.transition import DEFAULT_TRANSITION, TRANSITIONS
+from signsplice.study.stitcher import stitch
+from signsplice.synth import notation, planner
+from signsplice.synth.phonology import Sign
+from signsplice.synth.planner import Word
+from signsplice.synth.rng import stream
+
+Float = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+AROUND = 8
+"""Frames of each sign that are looked at beside the transition."""
+DOWN_SHARE = 0.15
+"""An arm is down where it has risen by less than this share of its way from rest to the highest it comes."""
+STITCHER = "stitcher"
+SIGNATURE = (
+    f"joins|words:isolated,synthetic|around:{AROUND}|{measures.VELOCITY_JUMP}|{measures.JERK_RATIO}"
+    f"|arms-down:{DOWN_SHARE:g}-of-rise,between-strokes|whole:first-to-last-posture|deep:{1e3 * DEEP_M:g}mm"
+)
+
+
+@dataclass(frozen=True)
+class Join:
+    """A seam of two words: seconds from the last frame kept of the one to the first of the other; velocity jump (m/s),
+    peak speed (m/s) and jerk ratio of the wrists; frames between the two strokes in which both arms are down; whether
+    both strokes are whole; how deep a hand lies in the body in the transition, m, None where there are only points.
+    """
+
+    seconds: float
+    velocity_jump: float
+    peak_speed: float
+    jerk_ratio: float
+    arms_down: int
+    whole: bool
+    depth: float | None
+
+
+@dataclass(frozen=True)
+class Row:
+    """A method on ``n_joins`` seams: medians, but for arms_down (mean frames a seam), whole and deep (shares of seams)
+    and deepest (m).
+    """
+
+    method: str
+    n_joins: int
+    seconds: float
+    velocity_jump: float
+    peak_speed: float
+    jerk_ratio: float
+    arms_down: float
+    whole: float
+    deep: float | None
+    deepest: float | None
+
+
+def pairs(n_pairs: int, signs: Sequence[Sign] | None = None) -> list[tuple[Word, Word]]:
+    """``n_pairs`` pairs of different words of the standard signer, drawn once and for all; of those that ship by
+    default.
+    """
+    told = list(notation.everyday().values()) if signs is None else signs
+    rng = stream("joins", len(told), n_pairs)
+    drawn = [rng.choice(len(told), 2, replace=False).tolist() for _ in range(n_pairs)]
+    made = {k: planner.isolated(told[k]) for k in sorted({k for pair in drawn for k in pair})}
+    return [(made[p], made[q]) for p, q in drawn]
+
+
+def ways() -> dict[str, SpliceOptions]:
+    """The methods that are compared: every cutter with the default transition, every transition with the default
+    cutter, and the defaults with body sense.
+    """
+    out = {f"{name} + {DEFAULT_TRANSITION}": SpliceOptions(cutter=name) for name in CUTTERS}
+    out |= {f"{DEFAULT_CUTTER} + {name}": SpliceOptions(transition=name) for name in TRANSITIONS}
+    return out | {f"{DEFAULT_CUTTER} + {DEFAULT_TRANSITION}, body sense": SpliceOptions(body_sense=True)}
+
+
+def compare(
+    words: Sequence[tuple[Word, Word]], methods: dict[str, SpliceOptions], progress: Progress | None = None
+) -> list[Row]:
+    """Every method on every pair of words, and the stitcher."""
+    rows = []
+    for done, (name, options) in enumerate([*methods.items(), (STITCHER, None)], 1):
+        joins = [stitched(p, q) if options is None else joined(p, q, options) for p, q in words]
+        rows.append(_row(name, joins))
+        if progress is not None:
+            progress(done, len(methods) + 1)
+    return rows
+
+
+def joined(before: Word, after: Word, options: SpliceOptions) -> Join:
+    """A seam as ``splice`` makes it."""
+    result = splice([before.clip, after.clip], options)
+    (seam,) = result.seams
+    first, stop = next((s.output for s in result.spans if s.kind == "transition"), (seam.pre_frame + 1,) * 2)
+    depth, _ = contact.hands_inside(result.clip.skeleton, *kinematics.forward(result.clip[first - 1 : stop + 1]))
+    metres = stance.sizes(result.clip.skeleton).unit.metres
+    inside = depth[1:-1] if len(depth) > 2 else depth
+    wrists = kinematics.forward(result.clip, _wrists(result.clip))[1]
+    kept = (0, seam.pre_frame + 1), (seam.post_frame, len(after))
+    return _join(wrists, (first, stop), before, after, kept, max(0.0, float(inside.max()) * metres))
+
+
+def stitched(before: Word, after: Word) -> Join:
+    """A seam as the stitcher makes it."""
+    made = stitch(before.clip, after.clip)
+    wrists = made.positions[:, _wrists(before.clip)]
+    return _join(wrists, (made.first, made.stop), before, after, (made.kept_before, made.kept_after), None)
+
+
+def _join(
+    wrists: Float,
+    gap: tuple[int, int],
+    before: Word,
+    after: Word,
+    kept: tuple[tuple[int, int], tuple[int, int]],
+    depth: float | None,
+) -> Join:
+    first, stop = gap
+    low = max(0, first - AROUND)
+    window = wrists[low : stop + AROUND] * stance.sizes(before.clip.skeleton).unit.metres
+    fps, at, end = before.clip.fps, first - low, stop - low
+    return Join(
+        seconds=(stop - first) / fps,
+        velocity_jump=measures.velocity_jump(window, at, end, fps),
+        peak_speed=measures.peak_speed(window, at, end, fps),
+        jerk_ratio=measures.jerk_ratio(window, at, end),
+        arms_down=_down(before, after, kept),
+        whole=_whole(before, *kept[0]) and _whole(after, *kept[1]),
+        depth=depth,
+    )
+
+
+def _whole(word: Word, first: int, stop: int) -> bool:
+    """Whether the sign's first and last posture, and all between, are among frames [first, stop)."""
+    return first <= word.events.start and word.events.end < stop
+
+
+def _down(before: Word, after: Word, kept: tuple[tuple[int, int], tuple[int, int]]) -> int:
+    """Frames kept between the two strokes in which both arms are down."""
+    (_, stop), (first, _) = kept
+    return int(_low(arms(before.clip))[before.events.end + 1 : stop].sum()) + int(
+        _low(arms(after.clip))[first : after.events.start].sum()
+    )
+
+
+def _low(seen: Arms) -> NDArray[np.bool_]:
+    reach = seen.lift.max(axis=1)
+    rest = min(reach[0], reach[-1])
+    return np.asarray(reach < rest + DOWN_SHARE * (reach.max() - rest))
+
+
+def _wrists(clip: Clip) -> list[int]:
+    known = arm_joints(clip.skeleton)
+    return [known[2], known[5]]
+
+
+def _row(name: str, joins: Sequence[Join]) -> Row:
+    depths = [join.depth for join in joins if join.depth is not None]
+
+    def middle(field: str) -> float:
+        return float(np.nanmedian([getattr(join, field) for join in joins]))
+
+    return Row(
+        method=name,
+        n_joins=len(joins),
+        seconds=middle("seconds"),
+        velocity_jump=middle("velocity_jump"),
+        peak_speed=middle("peak_speed"),
+        jerk_ratio=middle("jerk_ratio"),
+        arms_down=float(np.mean([join.arms_down for join in joins])),
+        whole=float(np.mean([join.whole for join in joins])),
+        deep=float(np.mean(np.array(depths) > DEEP_M)) if depths else None,
+        deepest=max(depths) if depths else None,
+    )
+
+
+def table(rows: Sequence[Row]) -> list[str]:
+    """The rows as Markdown, with their signature."""
+    head = (
+        *("method", "seconds", "velocity jump, m/s", "peak, m/s", "jerk ratio"),
+        *("arms down, frames", "strokes whole", "deep in the body", "deepest, mm"),
+    )
+    lines = [f"`{SIGNATURE}`", "", "| " + " | ".join(head) + " |", "| --- |" + " --- |" * (len(head) - 1)]
+    for r in rows:
+        body = (
+            ("-", "-") if r.deep is None or r.deepest is None else (f"{100 * r.deep:.1f} %", f"{1e3 * r.deepest:.0f}")
+        )
+        cells = (
+            *(r.method, f"{r.seconds:.2f}", f"{r.velocity_jump:.2f}", f"{r.peak_speed:.2f}", f"{r.jerk_ratio:.2f}"),
+            *(f"{r.arms_down:.1f}", f"{100 * r.whole:.0f} %", *body),
+        )
+        lines.append("| " + " | ".join(cells) + " |")
+    return [*lines, "", f"{rows[0].n_joins} seams each." if rows else ""]

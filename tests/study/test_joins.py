@@ -1,0 +1,103 @@
+"""Words joined where they truly meet: what is counted there, and the stitcher beside it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from signing import sign, word
+from signsplice.cli import app
+from signsplice.errors import InputError
+from signsplice.motion import kinematics
+from signsplice.motion.arms import arm_joints, arms
+from signsplice.motion.clip import Clip
+from signsplice.splicing.cut import Cut
+from signsplice.splicing.engine import SpliceOptions
+from signsplice.study import joins
+from signsplice.study.stitcher import EMPTY_S, LONGEST_S, stitch
+
+PAIRS = joins.pairs(12, [sign(gloss) for gloss in ("HELLO", "DEAF", "MOTHER", "BOOK", "SEE", "THANK-YOU")])
+
+
+def row(options: SpliceOptions) -> joins.Row:
+    return joins.compare(PAIRS, {"this": options})[0]
+
+
+def test_pairs_are_drawn_once_and_for_all() -> None:
+    again = joins.pairs(12, [sign(gloss) for gloss in ("HELLO", "DEAF", "MOTHER", "BOOK", "SEE", "THANK-YOU")])
+    assert [(p.sign.gloss, q.sign.gloss) for p, q in again] == [(p.sign.gloss, q.sign.gloss) for p, q in PAIRS]
+    assert all(p.sign.gloss != q.sign.gloss for p, q in PAIRS)
+
+
+def test_whole_clips_drop_the_arms_and_keep_the_strokes() -> None:
+    ends, trimmed = row(SpliceOptions(cutter="ends")), row(SpliceOptions(cutter="rest-trim"))
+    assert ends.arms_down > 10.0
+    assert trimmed.arms_down == 0.0
+    assert ends.whole == trimmed.whole == 1.0
+
+
+class IntoTheStroke:
+    """Leaves every word two frames before its last posture."""
+
+    name, summary, learned = "into-the-stroke", "", False
+
+    def cut(self, before: Clip, after: Clip) -> Cut:
+        p, q = next((p, q) for p, q in PAIRS if (p.clip.name, q.clip.name) == (before.name, after.name))
+        return Cut(p.events.end - 2, q.events.start)
+
+
+def test_a_cut_into_the_stroke_is_counted() -> None:
+    assert row(SpliceOptions(cutter=IntoTheStroke())).whole == 0.0
+
+
+def test_a_held_pose_jumps_and_slow_ways_do_not() -> None:
+    held, curved = row(SpliceOptions(transition="hold")), row(SpliceOptions(transition="hermite"))
+    assert held.velocity_jump > 2.0 * curved.velocity_jump
+    assert held.peak_speed > curved.peak_speed
+
+
+def test_body_sense_leaves_no_hand_in_the_body() -> None:
+    clear = row(SpliceOptions(body_sense=True))
+    assert clear.deep == 0.0
+    assert clear.deepest is not None
+    assert clear.deepest <= 0.0031
+
+
+def test_the_stitcher_does_what_is_told_of_it() -> None:
+    before, after = word("HELLO").clip, word("BOOK").clip
+    made = stitch(before, after)
+    assert made.stop - made.first == int(EMPTY_S * 30.0) == 2
+    assert len(made.positions) <= 2 * round(LONGEST_S * 30.0) + 2
+    for clip, (first, stop) in ((before, made.kept_before), (after, made.kept_after)):
+        assert 0 <= first < stop <= len(clip)
+        seen = arms(clip)
+        up = np.any((seen.wrists - seen.elbows) @ seen.up > 0.0, axis=1)
+        assert np.mean(up[first:stop]) > 0.5, "trimmed to the raised arms"
+    elbow, wrist = arm_joints(before.skeleton)[1:3]
+    bone = np.linalg.norm(made.positions[:, wrist] - made.positions[:, elbow], axis=-1)
+    assert np.ptp(bone) > 1e-3, "points know nothing of bones"
+    true = kinematics.forward(before, [wrist])[1][:, 0]
+    assert np.abs(made.positions[0, wrist] - true).sum(axis=-1).min() > 0.0, "its filter goes over the signs too"
+
+
+def test_the_stitcher_leaves_a_short_raised_clip_its_tempo() -> None:
+    clip = word("HELLO").clip[25:37]
+    made = stitch(clip, clip)
+    assert made.kept_before[0] == 0
+    assert made.kept_after[1] == len(clip)
+
+
+def test_the_command_prints_a_table_or_json() -> None:
+    called = CliRunner().invoke(app, ["evaluate", "--joins", "2", "--json"], catch_exceptions=False)
+    told = json.loads(called.stdout)
+    assert told["signature"] == joins.SIGNATURE
+    assert {r["method"] for r in told["rows"]} == {*joins.ways(), joins.STITCHER}
+    assert next(r for r in told["rows"] if r["method"] == joins.STITCHER)["deepest"] is None
+    table = CliRunner().invoke(app, ["evaluate", "--joins", "1"], catch_exceptions=False).stdout
+    assert "| stitcher |" in table
+    for call in ([], ["--joins", "1", "--clips", "x.bvh"], ["--joins", "0"]):
+        with pytest.raises(InputError, match="expected"):
+            CliRunner().invoke(app, ["evaluate", *call], catch_exceptions=False, standalone_mode=False)
