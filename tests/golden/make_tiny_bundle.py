@@ -18,12 +18,11 @@ import torch
 from signsplice.synth import endless
 from signsplice.train import own
 from signsplice.train.networks.bridge import Bridge, BridgeConfig
-from signsplice.train.networks.cutting import Cutting, CuttingConfig, Duration
+from signsplice.train.networks.cutting import Cutting, CuttingConfig
 
 HERE = Path(__file__).parent
 SIZES = {
-    "cutter": own.Course(CuttingConfig(16, 2, 1, 16, 4), 1, 4, 1e-3, 4),
-    "duration": own.Course(8, 1, 4, 1e-3, 4),
+    "cutter": own.Course(CuttingConfig(16, 2, 1, 16, 2, 8, 16), 1, 2, 1e-3, 4),
     "transition": own.Course(BridgeConfig(16, 2, 1, 16), 1, 4, 1e-3, 4),
 }
 
@@ -41,16 +40,18 @@ def main(target: Path) -> None:
             torch.manual_seed(1)
             task = own.build(told, own._data(told, learned, None))
             network = task.network
-            assert isinstance(network, Bridge | Cutting | Duration)
-            torch.nn.init.normal_(network.score.weight if isinstance(network, Cutting) else network.out.weight, std=0.2)
+            assert isinstance(network, Bridge | Cutting)
+            outs = [network.out] if isinstance(network, Bridge) else [network.leaving.out, network.entering.out]
+            for layer in outs:
+                torch.nn.init.normal_(layer.weight, std=0.2)
             with torch.no_grad():
                 for weight in network.parameters():  # equal ones would become one in a graph
                     weight.add_(0.02 * torch.randn_like(weight))
             folder = parts / name
             folder.mkdir(parents=True)
-            (folder / own.FILES[name]).write_bytes(own.graph(task, own._data(told, held, 4)))
-            sizes = course.config if isinstance(course.config, int) else asdict(course.config)
-            facts = {"network": name, "scale": "tiny", "weights": "random", "config": sizes}
+            for file, content in own.graphs(task, own._data(told, held, 4)).items():
+                (folder / file).write_bytes(content)
+            facts = {"network": name, "scale": "tiny", "weights": "random", "config": asdict(course.config)}
             (folder / "facts.json").write_text(json.dumps(facts))
             folders[name] = folder
         own.assemble(target, folders)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import json
 import shutil
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,12 +22,20 @@ from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
 from signsplice.splicing.cut import Cut
-from signsplice.splicing.networks import LearnedCutter, LearnedDuration, LearnedTransition, open_graphs
+from signsplice.splicing.graphs import Array, Graphs
+from signsplice.splicing.networks import (
+    LearnedCutter,
+    LearnedDuration,
+    LearnedTransition,
+    Reader,
+    open_graphs,
+)
 from signsplice.splicing.transition import find_transition
 
 TINY = Path(__file__).parents[1] / "golden" / "tiny_bundle"
 GRAPHS = open_graphs(TINY)
-CUTTER, DURATION, TRANSITION = LearnedCutter(GRAPHS), LearnedDuration(GRAPHS), LearnedTransition(GRAPHS)
+READER = Reader(GRAPHS)
+CUTTER, DURATION, TRANSITION = LearnedCutter(READER), LearnedDuration(READER), LearnedTransition(GRAPHS)
 P, Q = word("MOTHER").clip, word("BOOK").clip
 TURN = rotation.exp([0.4, -1.1, 2.0])
 
@@ -46,15 +55,39 @@ def test_every_rig_hand_and_rate_is_cut_alike() -> None:
     assert (abs(fast.pre - 2 * own.pre), abs(fast.post - 2 * own.post)) <= (1, 1)
 
 
-def test_both_frames_are_weighed_together() -> None:
-    seen = CUTTER.choices(P, Q)
-    scores, first = seen.scores, seen.first
-    assert scores.shape == (min(60, len(P)), min(60, len(Q)))
-    assert first == max(0, len(P) - 60)
-    by_row = scores - scores.mean(axis=1, keepdims=True)
-    assert np.abs(by_row - by_row[0]).max() > 1e-6, "the best frame to enter depends on the frame to leave"
+def test_where_a_word_is_left_depends_on_the_next() -> None:
+    seen, other = CUTTER.choices(P, Q), CUTTER.choices(P, word("SEE").clip)
+    assert seen.scores.shape == (len(P), len(Q))
+    assert np.exp(seen.scores).sum() == pytest.approx(1.0), "log-probabilities of both frames"
+    leaving, instead = (np.exp(c.scores).sum(axis=1) for c in (seen, other))
+    assert np.abs(leaving - instead).max() > 1e-7
     best = CUTTER.cut(P, Q)
-    assert scores[best.pre - first, best.post] == scores.max()
+    assert seen.scores[best.pre - seen.first, best.post] == seen.scores.max()
+
+
+def test_long_words_are_read_at_their_inner_ends() -> None:
+    long = concatenate([P, P, P])
+    before, after = READER.pair(long, long)
+    assert (before.first, after.first) == (len(long) - 150, 0)
+    assert len(before.numbers) == len(after.numbers) == 150
+    assert CUTTER.cut(long, Q).pre >= len(long) - 150
+    assert CUTTER.cut(Q, long).post < 150
+    assert DURATION.seconds(long, long, Cut(len(long) - 1, 0)) > 0.0
+
+
+def test_a_word_is_read_once_for_all_its_seams() -> None:
+    class Counting(Graphs):
+        def run(self, name: str, inputs: Mapping[str, Array]) -> dict[str, Array]:
+            runs.append(name)
+            return super().run(name, inputs)
+
+    runs: list[str] = []
+    graphs = Counting(GRAPHS.folder, GRAPHS.facts)
+    reader = Reader(graphs)
+    words = [P[:], Q[:], word("SEE").clip[:]]
+    ss.splice([*words, *words], ss.SpliceOptions(cutter=LearnedCutter(reader), duration=LearnedDuration(reader)))
+    assert runs.count("cut") == runs.count("duration") == 5
+    assert runs.count("word") <= 6, "each word in one orientation, at most in both"
 
 
 def test_a_sentence_is_cut_as_a_whole_and_never_backwards() -> None:
@@ -134,7 +167,7 @@ def test_foreign_old_and_broken_bundles_are_refused(tmp_path: Path) -> None:
     facts = json.loads(head.read_text())
     (tmp_path / "b" / "cut.onnx").write_bytes(b"x")
     with pytest.raises(InputError, match=r"cut.onnx: is not the file that bundle.json lists"):
-        LearnedCutter(open_graphs(tmp_path / "b")).cut(P, Q)
+        LearnedCutter(Reader(open_graphs(tmp_path / "b"))).cut(P, Q)
     for changed, expected in (
         ({"system": "lpt"}, "is a bundle of 'lpt'"),
         ({"features": 0}, "was made for features 0"),

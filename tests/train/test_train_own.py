@@ -15,7 +15,7 @@ from signing import word
 from signsplice.cli import app
 from signsplice.errors import InputError
 from signsplice.splicing.bundle import read_facts
-from signsplice.splicing.networks import LearnedCutter, LearnedDuration, open_graphs
+from signsplice.splicing.networks import LearnedCutter, LearnedDuration, Reader, open_graphs
 from signsplice.synth import endless
 from signsplice.train import log, own
 from signsplice.train.ahead import ahead
@@ -30,22 +30,23 @@ def signing(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_networks_learn_and_meet_in_a_bundle(signing: Path, tmp_path: Path) -> None:
     bundle = tmp_path / "bundle"
-    own.make(own.Own("duration", "smoke", steps=3), signing, bundle, ALONE)
-    assert list(read_facts(bundle)["files"]) == ["duration.onnx"]
+    own.make(own.Own("transition", "smoke", steps=2), signing, bundle, ALONE)
+    assert list(read_facts(bundle)["files"]) == ["bridge.onnx"]
     called = CliRunner().invoke(
         app, ["train", "cutter", "--signing", str(signing), "--out", str(bundle), "--scale", "smoke", "--steps", "2"]
     )
     assert called.exit_code == 0, called.output
     facts = read_facts(bundle)
-    assert list(facts["networks"]) == ["cutter", "duration"]
+    assert list(facts["networks"]) == ["cutter", "transition"]
+    assert sorted(facts["files"]) == ["bridge.onnx", "cut.onnx", "duration.onnx", "word.onnx"]
     assert facts["networks"]["cutter"]["steps"] == 2
     learned, held = facts["networks"]["cutter"]["signers"], facts["networks"]["cutter"]["held_back"]
     assert learned
     assert held
     assert not set(learned) & set(held)
-    graphs = open_graphs(bundle)
-    cut = LearnedCutter(graphs).cut(word("MOTHER").clip, word("BOOK").clip)
-    assert LearnedDuration(graphs).seconds(word("MOTHER").clip, word("BOOK").clip, cut) > 0.0
+    reader = Reader(open_graphs(bundle))
+    cut = LearnedCutter(reader).cut(word("MOTHER").clip, word("BOOK").clip)
+    assert LearnedDuration(reader).seconds(word("MOTHER").clip, word("BOOK").clip, cut) > 0.0
     folder = next((tmp_path / "parts").glob("cutter-*"))
     before = (folder / log.NAME).read_text()
     own.make(own.Own("cutter", "smoke", steps=2), signing, bundle, ALONE)
@@ -55,7 +56,7 @@ def test_networks_learn_and_meet_in_a_bundle(signing: Path, tmp_path: Path) -> N
 def test_what_cannot_be_trained_is_refused(signing: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="0 signers, expected at least 2; `signsplice synth endless` makes them"):
         own.make(own.Own("cutter", "smoke"), tmp_path, tmp_path / "b", ALONE)
-    with pytest.raises(InputError, match="no network 'cutter' at scale 'huge', expected one of cutter, duration"):
+    with pytest.raises(InputError, match="no network 'cutter' at scale 'huge', expected one of cutter, transition"):
         own.make(own.Own("cutter", "huge"), signing, tmp_path / "b", ALONE)
 
 

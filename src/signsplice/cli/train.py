@@ -80,20 +80,6 @@ def paper(
                 print(f"{folder}: {name}, scale {scale}, {optimiser}, {split}")
 
 
-def _own(network: str, summary: str) -> click.Command:
-    """The command that trains one of the product's own networks."""
-
-    @click.command(network, help=summary)
-    @click.option(
-        "--signing", required=True, metavar="DIR", help="Signing to learn from, of `signsplice synth endless`."
-    )
-    @_own_options
-    def command(signing: str, out: str, scale: str, steps: int | None, seed: int, device: str) -> None:
-        _train_own(network, signing, out, scale, steps, seed, device)
-
-    return command
-
-
 def _own_options(command: Command) -> Command:
     """What the product's own networks share."""
     for option in reversed(
@@ -125,6 +111,16 @@ def _train_own(network: str, signing: str, out: str, scale: str, steps: int | No
 def _check_steps(steps: int | None) -> None:
     if steps is not None and steps < 1:
         raise InputError(f"--steps {steps}, expected at least 1")
+
+
+@train.command()
+@click.option("--signing", required=True, metavar="DIR", help="Signing to learn from, of `signsplice synth endless`.")
+@_own_options
+def cutter(signing: str, out: str, scale: str, steps: int | None, seed: int, device: str) -> None:
+    """Train the network that finds where to leave and enter, and how long the way between takes. Called again after an
+    interruption, it goes on where it was.
+    """
+    _train_own("cutter", signing, out, scale, steps, seed, device)
 
 
 @train.command()
@@ -169,13 +165,6 @@ def _check_extra() -> None:
     missing = [name for name in ("torch", "onnxscript", "filelock") if importlib.util.find_spec(name) is None]
     if missing:
         raise MissingExtraError(f"training needs {missing[0]}: pip install 'signsplice[train]'")
-
-
-for _network, _summary in (
-    ("cutter", "Train the network that finds where to leave and enter."),
-    ("duration", "Train the network that tells how long a transition takes."),
-):
-    train.add_command(_own(_network, f"{_summary} Called again after an interruption, it goes on where it was."))
 
 
 def _teller(part: str) -> Tell:

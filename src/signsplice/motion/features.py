@@ -127,36 +127,18 @@ def window(whole: Course, n_gap: int, real: NDArray[np.bool_], seconds: float) -
     return np.concatenate([own, away, told.astype(np.float32)], axis=1)
 
 
-CUT_FRAMES = 60
-"""Most frames (at ``RATE``) of the word before's end, and of the word after's beginning, that a cutter sees."""
-N_CUT = N_FRAME + 4
+WORD_FRAMES = 150
+"""Most frames (at ``RATE``) of a word that a cutter sees: the last ones of the word before, the first of the one after.
+"""
+N_WORD = N_FRAME + 2
 
 
-@dataclass(frozen=True, eq=False)
-class CutWindow:
-    """Two words as a cutter sees them: tokens (P + Q, N_CUT), of which the first ``n_before`` are of the word before,
-    from its frame ``first`` (at ``RATE``) on.
+def word_window(word: Course) -> NDArray[np.float32]:
+    """What a cutter sees of a word (T, N_WORD): each frame's numbers, and the seconds from the word's first frame and
+    to its last.
     """
-
-    tokens: NDArray[np.float32]
-    n_before: int
-    first: int
-
-
-def cut_window(before: Course, after: Course) -> CutWindow:
-    """The window of two words: the end of the one, the beginning of the other, each frame with the word it is of and
-    its distance from that word's first and last frame.
-    """
-    if busier_left(before, after):
-        before, after = mirrored(before), mirrored(after)
-    first = max(0, len(before) - CUT_FRAMES)
-    parts = []
-    for word, own in ((0.0, before), (1.0, after)):
-        at = np.arange(len(own)) / RATE
-        flags = np.column_stack([np.full(len(own), word), 1.0 - np.full(len(own), word), at, at[-1] - at])
-        parts.append(np.concatenate([frames(own), flags.astype(np.float32)], axis=1))
-    tokens = np.concatenate([parts[0][first:], parts[1][:CUT_FRAMES]])
-    return CutWindow(tokens, len(before) - first, first)
+    at = np.arange(len(word)) / RATE
+    return np.concatenate([frames(word), np.column_stack([at, at[-1] - at]).astype(np.float32)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,22 +7,23 @@ back to the clips' own joints and rate.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import log_softmax
 
 from signsplice.errors import InputError
 from signsplice.motion import features
 from signsplice.motion.canonical import signing, turned
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.motion.features import CONTEXT, LEAST, MOST, RATE, Course
+from signsplice.motion.features import CONTEXT, LEAST, MOST, RATE, WORD_FRAMES, Course
 from signsplice.splicing.bundle import read_facts
 from signsplice.splicing.cut import Cut
-from signsplice.splicing.graphs import Graphs
+from signsplice.splicing.graphs import Array, Graphs
 from signsplice.splicing.joint import Choices, best
 from signsplice.splicing.transition import find_transition
 
@@ -30,7 +31,6 @@ Float = NDArray[np.float64]
 
 SYSTEM = "signsplice"
 NAME = "learned"
-_COURSES: WeakKeyDictionary[Clip, Course] = WeakKeyDictionary()
 
 
 def open_graphs(folder: str | Path) -> Graphs:
@@ -49,28 +49,69 @@ def open_graphs(folder: str | Path) -> Graphs:
     return Graphs(folder, facts)
 
 
-def seen(clip: Clip) -> Course:
-    """A word as networks see it, remembered as long as the clip lives: it stands on both sides of two seams."""
-    found = _COURSES.get(clip)
-    if found is None:
-        found = _COURSES[clip] = features.course(signing(clip))
-    return found
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A word as the cutting network reads it: its frames' numbers (T, N_FRAME), states (1, T, D) and summaries (1, S)
+    for leaving and for entering it; ``first`` is the frame, at ``RATE``, with which they begin.
+    """
+
+    numbers: NDArray[np.float32]
+    states: Array
+    leave: Array
+    enter: Array
+    first: int
 
 
-class LearnedCutter:
-    """Chooses both frames together, by a network over the two words, and all seams of a sentence together."""
-
-    name, learned = NAME, True
-    summary = "a network over both words, on the canonical humanoid; weighs both frames together"
+class Reader:
+    """Reads words by a bundle's graphs; what was read is remembered as long as the clip lives: a word stands on both
+    sides of two seams, and in more than one sentence.
+    """
 
     def __init__(self, graphs: Graphs) -> None:
         self.graphs = graphs
+        self._courses: WeakKeyDictionary[Clip, Course] = WeakKeyDictionary()
+        self._readings: WeakKeyDictionary[Clip, dict[tuple[bool, bool], Reading]] = WeakKeyDictionary()
+
+    def pair(self, before: Clip, after: Clip) -> tuple[Reading, Reading]:
+        """Two words, both seen with the busier hand at the right; of long ones the end and the beginning."""
+        flipped = features.busier_left(self._course(before), self._course(after))
+        return self._read(before, flipped, end=True), self._read(after, flipped, end=False)
+
+    def _course(self, clip: Clip) -> Course:
+        if clip not in self._courses:
+            self._courses[clip] = features.course(signing(clip))
+        return self._courses[clip]
+
+    def _read(self, clip: Clip, flipped: bool, end: bool) -> Reading:
+        known = self._readings.setdefault(clip, {})
+        course = self._course(clip)
+        first = max(0, len(course) - WORD_FRAMES)
+        key = (flipped, end and first > 0)
+        if key not in known:
+            tokens = features.word_window(features.mirrored(course) if flipped else course)
+            tokens = tokens[first:] if key[1] else tokens[:WORD_FRAMES]
+            said = self.graphs.run("word", {"tokens": tokens[None]})
+            numbers = tokens[:, : features.N_FRAME]
+            known[key] = Reading(numbers, said["states"], said["leave"], said["enter"], first if key[1] else 0)
+        return known[key]
+
+
+class LearnedCutter:
+    """Chooses both frames of a seam for one another, and all seams of a sentence together."""
+
+    name, learned = NAME, True
+    summary = "a network that reads both words on the canonical humanoid, and all seams together"
+
+    def __init__(self, reader: Reader) -> None:
+        self.reader = reader
 
     def choices(self, before: Clip, after: Clip) -> Choices:
-        """Scores of leaving the one at a frame and entering the other at another, both at 30 a second."""
-        window = features.cut_window(seen(before), seen(after))
-        made = self.graphs.run("cut", {"tokens": window.tokens[None]})["scores"][0]
-        return Choices(np.asarray(made[: window.n_before, window.n_before :], np.float64), window.first)
+        """Log-probabilities of leaving the one at a frame and entering the other at another, both at 30 a second."""
+        p, q = self.reader.pair(before, after)
+        given = {"before": p.states, "leave": p.leave, "after": q.states, "enter": q.enter}
+        said = self.reader.graphs.run("cut", given)
+        left, entered = (log_softmax(said[name][0].astype(np.float64)) for name in ("left", "entered"))
+        return Choices(left[:, None] + entered, p.first)
 
     def cut(self, before: Clip, after: Clip) -> Cut:
         """The splice position of two harmonized clips."""
@@ -89,22 +130,22 @@ def _frame(at: int, clip: Clip) -> int:
 
 
 class LearnedDuration:
-    """How long a transition takes, by a network over the two frames that it joins."""
+    """How long a transition takes, by the network that cuts: from the two frames that it joins, and both words."""
 
     name, learned = NAME, True
-    summary = "a network over the two frames that are joined"
+    summary = "a network that sees both words and the two frames that are joined"
 
-    def __init__(self, graphs: Graphs) -> None:
-        self.graphs = graphs
+    def __init__(self, reader: Reader) -> None:
+        self.reader = reader
 
     def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
         """Seconds between the last frame kept of the one and the first frame kept of the other."""
-        window = features.cut_window(seen(before), seen(after))
-        pre = round(cut.pre / before.fps * RATE) - window.first
-        post = round(cut.post / after.fps * RATE)
-        rows = np.clip(pre, 0, window.n_before - 1), np.clip(window.n_before + post, 0, len(window.tokens) - 1)
-        leaving, entering = (window.tokens[None, int(row), : features.N_FRAME] for row in rows)
-        return float(self.graphs.run("duration", {"leaving": leaving, "entering": entering})["seconds"][0])
+        p, q = self.reader.pair(before, after)
+        given = {"leave": p.leave, "enter": q.enter}
+        for name, word, frame, clip in (("leaving", p, cut.pre, before), ("entering", q, cut.post, after)):
+            row = round(frame / clip.fps * RATE) - word.first
+            given[name] = word.numbers[None, min(max(row, 0), len(word.numbers) - 1)]
+        return float(self.reader.graphs.run("duration", given)["seconds"][0])
 
 
 class LearnedTransition:

@@ -1,7 +1,7 @@
-"""Pairs of words to be cut, and what the networks that cut and time them learn.
+"""Words to be cut, and what the network that cuts and times them learns.
 
-Every pair of two words of one signer is drawn, in any order, without end; words are seen at a random moment between two
-frames of the rate, and some are noisy, as captures are. A batch is a function of seed and step alone.
+A draw is a few words of one signer, and every pair of them teaches. Some words are noisy, as captures are, and some are
+seen between the frames at which they were made. A batch is a function of seed and step alone.
 """
 
 from __future__ import annotations
@@ -22,12 +22,20 @@ from signsplice.motion import features, rotation
 from signsplice.motion.canonical import ROLES
 from signsplice.motion.features import Course
 from signsplice.synth.rng import stream
-from signsplice.train.networks.cutting import Cutting, Duration
+from signsplice.train.networks.cutting import Cutting
 from signsplice.train.tasks import Accuracy, Task
 
 Float = NDArray[np.float64]
 
 PHASE_WEIGHT = 0.2
+TIME_WEIGHT = 0.5
+N_WORDS = 12
+"""Words of a draw."""
+NOISY = 0.25
+NOISE = (0.001, 0.006)
+"""Least and most spread of a noisy capture: of the turns' columns, and of places in arm lengths."""
+BETWEEN = 0.25
+"""Share of the words that are seen between two frames."""
 _IMPOSSIBLE = -1e4
 
 
@@ -56,21 +64,17 @@ def read_words(path: Path) -> Words:
 
 @dataclass(frozen=True)
 class Cuts:
-    """Pairs side by side: tokens (B, S, N_CUT), mask (B, S), which frames are of the word before and after (B, S),
-    positions ``pre`` and ``post`` (B,) among the tokens, phases (B, S), seconds (B,) of the transition, and the
-    numbers of the two frames it joins (B, N_FRAME).
+    """Draws side by side, W words each: tokens (G, W, T, N_WORD), mask (G, W, T) and phases (G, W, T); for every word
+    (row) before every other (column): the last frame kept ``pre`` and the first kept ``post`` (G, W, W), and the
+    transition's seconds (G, W, W).
     """
 
     tokens: Tensor
     mask: Tensor
-    before: Tensor
-    after: Tensor
+    phases: Tensor
     pre: Tensor
     post: Tensor
-    phases: Tensor
     seconds: Tensor
-    leaving: Tensor
-    entering: Tensor
     step: int = 0
 
     def to(self, device: torch.device) -> Cuts:
@@ -80,112 +84,135 @@ class Cuts:
 
 
 class CutPairs:
-    """Pairs drawn from some signers; ``fixed``: so many, always the same, for judging."""
+    """Words drawn from some signers; ``fixed``: so many draws, always the same and clean, for judging."""
 
     def __init__(self, paths: Sequence[Path], seed: int = 0, fixed: int | None = None) -> None:
         self.signers = [read_words(path) for path in paths]
         self.seed, self.fixed = seed, fixed
+        self.n_words = min(N_WORDS, *(len(signer.courses) for signer in self.signers))
 
     def __len__(self) -> int:
         return self.fixed if self.fixed is not None else sum(len(s.courses) ** 2 for s in self.signers)
 
     def rows(self, step: int, size: int, seed: int) -> NDArray[np.int64]:
-        """Numbers of the pairs of a step."""
+        """Numbers of the draws of a step."""
         return np.arange(step * size, (step + 1) * size)
 
     def batch(self, rows: Sequence[int] | NDArray[np.int64], step: int = 0) -> Cuts:
-        """The pairs of these numbers side by side."""
-        made = [self.pair(int(row)) for row in rows]
+        """The draws of these numbers side by side."""
+        made = [self.draw(int(row)) for row in rows]
+        words = [word for one in made for word in one["words"]]
+        shape = len(made), self.n_words
 
-        def padded(name: str) -> Tensor:
-            return pad_sequence([torch.from_numpy(one[name]) for one in made], batch_first=True)
+        def padded(parts: Sequence[NDArray[Any]]) -> Tensor:
+            whole = pad_sequence([torch.from_numpy(part) for part in parts], batch_first=True)
+            return whole.reshape(*shape, *whole.shape[1:])
 
-        mask = pad_sequence([torch.ones(len(one["tokens"]), dtype=torch.bool) for one in made], batch_first=True)
-        n_before = torch.tensor([one["n_before"] for one in made])
-        before = torch.arange(mask.shape[1])[None] < n_before[:, None]
-        told = {name: torch.tensor([one[name] for one in made]) for name in ("pre", "post")}
-        ends = {name: torch.from_numpy(np.stack([one[name] for one in made])) for name in ("leaving", "entering")}
-        seconds = torch.tensor([one["seconds"] for one in made], dtype=torch.float32)
         return Cuts(
-            padded("tokens"), mask, before, mask & ~before, **told, phases=padded("phases"), seconds=seconds, **ends,
+            tokens=padded([tokens for tokens, _ in words]),
+            mask=padded([np.ones(len(tokens), bool) for tokens, _ in words]),
+            phases=padded([phases for _, phases in words]),
+            **{name: torch.from_numpy(np.stack([one[name] for one in made])) for name in ("pre", "post", "seconds")},
             step=step,
-        )  # fmt: skip
+        )
 
-    def pair(self, number: int) -> dict[str, Any]:
-        """One pair as arrays."""
+    def draw(self, number: int) -> dict[str, Any]:
+        """One draw: words as (tokens, phases), and the truth of every pair."""
         rng = stream("cut", self.seed, "fixed" if self.fixed is not None else "endless", number)
         signer = self.signers[int(rng.integers(len(self.signers)))]
-        p, q = (int(k) for k in rng.integers(len(signer.courses), size=2))
-        pre, post, n_new = signer.pairs[p, q].tolist()
-        seen = features.cut_window(signer.courses[p], signer.courses[q])
-        phases = np.concatenate([signer.phases[p][seen.first :], signer.phases[q][: features.CUT_FRAMES]])
-        pre = min(max(pre - seen.first, 0), seen.n_before - 1)
-        post = min(post, len(seen.tokens) - seen.n_before - 1) + seen.n_before
-        n = features.N_FRAME
+        chosen = rng.choice(len(signer.courses), self.n_words, replace=False)
+        late = np.zeros(self.n_words)
+        words = []
+        for k, word in enumerate(chosen):
+            course, phases = signer.courses[word], signer.phases[word]
+            if self.fixed is None:
+                if rng.random() < BETWEEN:
+                    late[k] = rng.random()
+                    course, phases = _between(course, float(late[k])), phases[: len(phases) - 1]
+                if rng.random() < NOISY:
+                    course = _noisy(course, float(rng.uniform(*NOISE)), rng)
+            words.append((course, phases[: features.WORD_FRAMES]))
+        # One hand leads in all of a signer's words: whether it is the left is told from all together.
+        if features.busier_left(*(course for course, _ in words)):
+            words = [(features.mirrored(course), phases) for course, phases in words]
+        truth = signer.pairs[np.ix_(chosen, chosen)]
+        lengths = np.array([min(len(course), features.WORD_FRAMES) for course, _ in words])
+        at = [np.rint(truth[..., 0] - late[:, None]), np.rint(truth[..., 1] - late)]
+        pre, post = np.clip(at[0], 0, lengths[:, None] - 1), np.clip(at[1], 0, lengths - 1)
+        seen = [(features.word_window(course)[: features.WORD_FRAMES], phases) for course, phases in words]
         return {
-            "tokens": seen.tokens,
-            "n_before": seen.n_before,
-            "pre": pre,
-            "post": post,
-            "phases": phases,
-            "seconds": (n_new + 1) / features.RATE,
-            "leaving": seen.tokens[pre, :n],
-            "entering": seen.tokens[post, :n],
+            "words": seen,
+            "pre": pre.astype(np.int64),
+            "post": post.astype(np.int64),
+            "seconds": ((truth[..., 2] + 1) / features.RATE).astype(np.float32),
         }
 
 
+def _between(course: Course, late: float) -> Course:
+    """The course as it is ``late`` frames after each of its frames."""
+    turns = (1.0 - late) * course.turns[:-1] + late * course.turns[1:]
+    places = (1.0 - late) * course.places[:-1] + late * course.places[1:]
+    return Course(rotation.columns(rotation.matrix_from_6d(turns)), places, course.there)
+
+
+def _noisy(course: Course, spread: float, rng: np.random.Generator) -> Course:
+    turns = course.turns + rng.normal(0.0, spread, course.turns.shape)
+    places = course.places + rng.normal(0.0, spread, course.places.shape)
+    return Course(rotation.columns(rotation.matrix_from_6d(turns)), places, course.there)
+
+
 class CuttingTask(Task):
-    """The network that cuts, with its loss: cross-entropy over all choices of two frames, and over phases."""
+    """The network that cuts and times, with its loss: cross-entropy of both frames of every pair and of the phases, and
+    the mean error of the logarithm of seconds, so that short transitions count like long ones.
+    """
 
     def __init__(self, network: Cutting) -> None:
         super().__init__()
         self.network: Cutting = network
 
-    def _scores(self, batch: Cuts) -> tuple[Tensor, Tensor]:
-        """Scores (B, S * S) of all choices, and phases."""
-        scores, phases = self.network(batch.tokens, batch.mask)
-        possible = batch.before[:, :, None] & batch.after[:, None]
-        return scores.float().masked_fill(~possible, _IMPOSSIBLE).flatten(1), phases.float()
+    def _said(self, batch: Cuts) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Scores of leaving and entering (G, W, W, T), seconds (G, W, W), and phases (G, W, T, 4)."""
+        groups, words = batch.mask.shape[:2]
+        states, leave, enter, phases = (
+            part.float().reshape(groups, words, *part.shape[1:])
+            for part in self.network.read(batch.tokens.flatten(0, 1), batch.mask.flatten(0, 1))
+        )
+        leave = leave[:, :, None].expand(-1, -1, words, -1)
+        enter = enter[:, None].expand(-1, words, -1, -1)
+        condition = self.network.condition(leave, enter)
+        left = self.network.leaving(states[:, :, None], condition).masked_fill(~batch.mask[:, :, None], _IMPOSSIBLE)
+        entered = self.network.entering(states[:, None], condition).masked_fill(~batch.mask[:, None], _IMPOSSIBLE)
+        numbers = batch.tokens[..., : features.N_FRAME]
+        group = torch.arange(groups, device=numbers.device)[:, None, None]
+        word = torch.arange(words, device=numbers.device)
+        seconds = self.network.seconds(
+            numbers[group, word[:, None], batch.pre], numbers[group, word[None], batch.post], leave, enter
+        )
+        return left, entered, seconds.float(), phases
 
     def forward(self, batch: Cuts) -> Tensor:
         """The loss () of a batch."""
-        scores, phases = self._scores(batch)
-        target = batch.pre * batch.mask.shape[1] + batch.post
-        each = F.cross_entropy(phases.transpose(1, 2), batch.phases, reduction="none") * batch.mask
-        phase = (each.sum(1) / batch.mask.sum(1)).mean()
-        return F.cross_entropy(scores, target) + PHASE_WEIGHT * phase
+        left, entered, seconds, phases = self._said(batch)
+        cut = F.cross_entropy(left.flatten(0, 2), batch.pre.flatten())
+        cut = cut + F.cross_entropy(entered.flatten(0, 2), batch.post.flatten())
+        each = F.cross_entropy(phases.flatten(0, 2), batch.phases.flatten(), reduction="none")
+        phase = (each * batch.mask.flatten()).sum() / batch.mask.sum()
+        timed = (seconds.log() - batch.seconds.log()).abs().mean()
+        return cut + PHASE_WEIGHT * phase + TIME_WEIGHT * timed
 
     def judge(self, batch: Cuts, accuracy: Accuracy | None) -> dict[str, float]:
-        """Shares of exact positions, of both, and of both within two frames."""
-        best = self._scores(batch)[0].argmax(1)
-        size = batch.mask.shape[1]
-        off = torch.stack([best // size - batch.pre, best % size - batch.post], dim=1).abs()
+        """Shares of pairs with exact positions, both, and both within two frames; error (ms) and exact frames of the
+        durations, told the true positions.
+        """
+        left, entered, seconds, _ = self._said(batch)
+        off = torch.stack([left.argmax(-1) - batch.pre, entered.argmax(-1) - batch.post], dim=-1).abs()
         exact = off == 0
-        return {
-            "pre": exact[:, 0].float().mean().item(),
-            "post": exact[:, 1].float().mean().item(),
-            "both": exact.all(1).float().mean().item(),
-            "within_2": (off <= 2).all(1).float().mean().item(),
-        }
-
-
-class DurationTask(Task):
-    """The network that times, with its loss: the logarithm's mean error, so that short ones count like long ones."""
-
-    def __init__(self, network: Duration) -> None:
-        super().__init__()
-        self.network: Duration = network
-
-    def forward(self, batch: Cuts) -> Tensor:
-        """The loss () of a batch."""
-        seconds: Tensor = self.network(batch.leaving, batch.entering).float()
-        return (seconds.log() - batch.seconds.log()).abs().mean()
-
-    def judge(self, batch: Cuts, accuracy: Accuracy | None) -> dict[str, float]:
-        """Mean error, ms, and the share of exact numbers of frames."""
-        seconds = self.network(batch.leaving, batch.entering).float()
         frames = (seconds * features.RATE).round() == (batch.seconds * features.RATE).round()
         return {
+            "pre": exact[..., 0].float().mean().item(),
+            "post": exact[..., 1].float().mean().item(),
+            "both": exact.all(-1).float().mean().item(),
+            "within_2": (off <= 2).all(-1).float().mean().item(),
             "error_ms": 1e3 * (seconds - batch.seconds).abs().mean().item(),
-            "exact": frames.float().mean().item(),
+            "length": frames.float().mean().item(),
         }

@@ -1,4 +1,4 @@
-"""The product's own networks, from signing without end to a bundle: one that cuts, one that times, one that bridges.
+"""The product's own networks, from signing without end to a bundle: one that cuts and times, one that bridges.
 
 Each learns apart, in a folder of its own beside the bundle, and is exported into it when it has learned; a bundle may
 hold some of them.
@@ -21,22 +21,23 @@ from torch import Tensor
 
 from signsplice.errors import InputError
 from signsplice.motion import features
+from signsplice.motion.features import N_FRAME
 from signsplice.splicing.bundle import write_bundle
 from signsplice.splicing.networks import SYSTEM
 from signsplice.train import log as logs
 from signsplice.train.ahead import Data, ahead
 from signsplice.train.bridging import BridgeTask
-from signsplice.train.cuts import CutPairs, Cuts, CuttingTask, DurationTask
+from signsplice.train.cuts import CutPairs, CuttingTask
 from signsplice.train.export import Graph, exported
 from signsplice.train.loop import Loop, Tell, train
 from signsplice.train.networks.bridge import Bridge, BridgeConfig
-from signsplice.train.networks.cutting import Cutting, CuttingConfig, Duration
+from signsplice.train.networks.cutting import Choose, Cutting, CuttingConfig, Read, Time
 from signsplice.train.processes import Processes, only_one
 from signsplice.train.tasks import Task
-from signsplice.train.windows import Gaps, Windows
+from signsplice.train.windows import Windows
 
-NETWORKS = ("cutter", "duration", "transition")
-FILES = {"cutter": "cut.onnx", "duration": "duration.onnx", "transition": "bridge.onnx"}
+FILES = {"cutter": ("word.onnx", "cut.onnx", "duration.onnx"), "transition": ("bridge.onnx",)}
+NETWORKS = tuple(FILES)
 HELD_BACK = 0.1
 """Share of the signers, at least one, that are judged on and not learned from."""
 _MEASURED = 8
@@ -45,9 +46,9 @@ _MEASURED = 8
 
 @dataclass(frozen=True)
 class Course:
-    """Sizes and how long: steps, pairs a batch, rate, validation pairs."""
+    """Sizes and how long: steps, draws a batch, rate, draws to judge."""
 
-    config: CuttingConfig | BridgeConfig | int
+    config: CuttingConfig | BridgeConfig
     steps: int
     batch: int
     rate: float
@@ -55,10 +56,8 @@ class Course:
 
 
 COURSES: dict[tuple[str, str], Course] = {
-    ("cutter", "smoke"): Course(CuttingConfig(32, 2, 2, 64), 40, 8, 3e-3, 16),
-    ("cutter", "ship"): Course(CuttingConfig(128, 8, 4, 512), 30_000, 32, 1e-3, 1024),
-    ("duration", "smoke"): Course(32, 40, 8, 3e-3, 16),
-    ("duration", "ship"): Course(192, 20_000, 64, 1e-3, 1024),
+    ("cutter", "smoke"): Course(CuttingConfig(32, 2, 2, 64, 2, 8, 16), 40, 1, 3e-3, 2),
+    ("cutter", "ship"): Course(CuttingConfig(), 20_000, 2, 1e-3, 24),
     ("transition", "smoke"): Course(BridgeConfig(32, 2, 2, 64), 20, 4, 3e-3, 8),
     ("transition", "ship"): Course(BridgeConfig(256, 8, 4, 1024), 20_000, 32, 7e-4, 512),
 }
@@ -118,7 +117,8 @@ def make(own: Own, parts: Path, out: Path, processes: Processes, tell: Callable[
     with only_one(folder), ahead(data, processes.rank, processes.count) as following:
         train(task, loop, following, valid, folder, recipe, _no_accuracy, processes, tell and tell(own.network))
     if processes.first:
-        (folder / FILES[own.network]).write_bytes(graph(task, valid))
+        for name, content in graphs(task, valid).items():
+            (folder / name).write_bytes(content)
         (folder / "facts.json").write_text(json.dumps(_facts(own, task, folder, learned, held), indent=1) + "\n")
         assemble(out, {own.network: folder})
 
@@ -128,10 +128,9 @@ def assemble(out: Path, folders: dict[str, Path]) -> None:
     out.mkdir(parents=True, exist_ok=True)
     head = out / "bundle.json"
     networks: dict[str, Any] = json.loads(head.read_text())["networks"] if head.exists() else {}
-    files = {FILES[name]: (out / FILES[name]).read_bytes() for name in networks if (out / FILES[name]).exists()}
-    for name, folder in folders.items():
-        networks[name] = json.loads((folder / "facts.json").read_text())
-        files[FILES[name]] = (folder / FILES[name]).read_bytes()
+    where = {name: folders.get(name, out) for name in (*networks, *folders)}
+    networks |= {name: json.loads((folder / "facts.json").read_text()) for name, folder in folders.items()}
+    files = {file: (folder / file).read_bytes() for name, folder in where.items() for file in FILES[name]}
     facts = {
         "system": SYSTEM,
         "features": features.VERSION,
@@ -146,15 +145,11 @@ def build(own: Own, data: Data) -> Task:
     """A network's task; mean and spread of what it sees are those of its first batches."""
     course = own.course
     seen = [data.batch(data.rows(step, course.batch, own.seed), step) for step in range(_MEASURED)]
-    if own.network == "transition":
-        assert isinstance(data, Windows)
-        assert isinstance(course.config, BridgeConfig)
-        return BridgeTask(Bridge(course.config, *_spread([b.tokens[b.mask] for b in seen])), data.above.tolist())
-    if own.network == "cutter":
-        assert isinstance(course.config, CuttingConfig)
-        return CuttingTask(Cutting(course.config, *_spread([b.tokens[b.mask] for b in seen])))
-    assert isinstance(course.config, int)
-    return DurationTask(Duration(course.config, *_spread([torch.cat([b.leaving, b.entering]) for b in seen])))
+    spread = _spread([b.tokens[b.mask] for b in seen])
+    if isinstance(course.config, CuttingConfig):
+        return CuttingTask(Cutting(course.config, *spread))
+    assert isinstance(data, Windows)
+    return BridgeTask(Bridge(course.config, *spread), data.above.tolist())
 
 
 def _spread(tokens: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
@@ -166,26 +161,45 @@ def _data(own: Own, paths: Sequence[Path], fixed: int | None) -> Data:
     return (Windows if own.network == "transition" else CutPairs)(paths, own.seed, fixed)
 
 
-def graph(task: Task, valid: Data) -> bytes:
-    """A task's network as ONNX, compared with torch on pairs it has not learned from."""
+def graphs(task: Task, valid: Data) -> dict[str, bytes]:
+    """A task's network as ONNX graphs by file name, compared with torch on what it has not learned from."""
     network = task.network.eval().cpu()
     batches = [valid.batch([k]) for k in range(3)]
-    names: tuple[str, ...]
-    if isinstance(network, Duration):
-        inputs = [{"leaving": b.leaving, "entering": b.entering} for b in batches if isinstance(b, Cuts)]
-        return exported("duration", Graph(network, inputs[0], ("seconds",), {}, tuple(inputs[1:])))
-    tokens = [{"tokens": b.tokens} for b in batches if isinstance(b, Cuts | Gaps)]
-    name, names = ("cut", ("scores", "phases")) if isinstance(network, Cutting) else ("bridge", ("turns",))
-    return exported(name, Graph(network, tokens[0], names, {"tokens": (1,)}, tuple(tokens[1:])))
+    if isinstance(network, Cutting):
+        told = _cutting_graphs(network, batches)
+    else:
+        tokens = [{"tokens": batch.tokens} for batch in batches]
+        told = {"bridge": Graph(network, tokens[0], ("turns",), {"tokens": (1,)}, tuple(tokens[1:]))}
+    return {f"{name}.onnx": exported(name, graph) for name, graph in told.items()}
+
+
+def _cutting_graphs(network: Cutting, batches: Sequence[Any]) -> dict[str, Graph]:
+    words = [batch.tokens[:, k][batch.mask[:, k]][None] for batch in batches for k in (0, 1)]
+    with torch.no_grad():
+        read = [network.read(tokens) for tokens in words]
+    pairs = [
+        {"before": p[0], "leave": p[1], "after": q[0], "enter": q[2]}
+        for p, q in zip(read[::2], read[1::2], strict=True)
+    ]
+    ends = [
+        {"leaving": p[:, 3, :N_FRAME], "entering": q[:, 5, :N_FRAME], "leave": told["leave"], "enter": told["enter"]}
+        for p, q, told in zip(words[::2], words[1::2], pairs, strict=True)
+    ]
+    tokens = [{"tokens": word} for word in words]
+    outputs = ("states", "leave", "enter", "phases")
+    return {
+        "word": Graph(Read(network), tokens[0], outputs, {"tokens": (1,)}, tuple(tokens[1:])),
+        "cut": Graph(Choose(network), pairs[0], ("left", "entered"), {"before": (1,), "after": (1,)}, tuple(pairs[1:])),
+        "duration": Graph(Time(network), ends[0], ("seconds",), {}, tuple(ends[1:])),
+    }
 
 
 def _recipe(own: Own, paths: Sequence[Path]) -> str:
     course = own.course
-    config = course.config if isinstance(course.config, int) else asdict(course.config)
     told = {
         **asdict(own),
         "n_steps": own.n_steps,
-        "config": config,
+        "config": asdict(course.config),
         "batch": course.batch,
         "rate": course.rate,
         "features": features.VERSION,
@@ -198,7 +212,7 @@ def _facts(own: Own, task: Task, folder: Path, learned: Sequence[Path], held: Se
     judged = [line for line in logs.lines(folder / logs.NAME) if "loss" not in line]
     return {
         **asdict(own),
-        "config": own.course.config if isinstance(own.course.config, int) else asdict(own.course.config),
+        "config": asdict(own.course.config),
         "steps": own.n_steps,
         "recipe": _recipe(own, learned),
         "n_parameters": sum(p.numel() for p in task.network.parameters()),
@@ -213,4 +227,4 @@ def _no_accuracy(predicted: Any, true: Any) -> float:
     return float(np.nan)
 
 
-__all__ = ["COURSES", "FILES", "NETWORKS", "Own", "assemble", "build", "graph", "make", "split"]
+__all__ = ["COURSES", "FILES", "NETWORKS", "Own", "assemble", "build", "graphs", "make", "split"]

@@ -35,14 +35,14 @@ from signsplice.train.bridging import BridgeTask
 from signsplice.train.export import TRANSPOSED
 from signsplice.train.loop import Loop, Tell, train
 from signsplice.train.networks.bridge import Bridge, BridgeConfig
-from signsplice.train.own import FILES, graph
+from signsplice.train.own import FILES, graphs
 from signsplice.train.processes import Processes, only_one
 from signsplice.train.windows import Part, Windows, canonical_skeleton
 
 EVERY = 5
 """One word of so many is held back."""
 _SHORTEST = 12
-_FILE = FILES["transition"]
+(_FILE,) = FILES["transition"]
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def make(
         train(task, loop, following, valid, folder, recipe, lambda *_: float("nan"), processes, tell)
     trial = folder / "bundle"
     trial.mkdir(exist_ok=True)
-    files = {name: read_file(source, facts, name) for name in facts["files"]} | {_FILE: graph(task, valid)}
+    files = {name: read_file(source, facts, name) for name in facts["files"]} | graphs(task, valid)
     networks = facts["networks"] | {
         "transition": facts["networks"]["transition"] | {"tuned": told | {"words": len(learned)}}
     }

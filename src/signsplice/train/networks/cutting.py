@@ -1,9 +1,14 @@
-"""The network that cuts: which frame of the word before is the last to keep, and which of the word after the first.
+"""The network that cuts and times: which frame of the word before is the last to keep, which of the word after the
+first, and how long the way between takes.
 
-A Transformer encoder over the end of the one and the beginning of the other (``motion.features.cut_window``), with
-rotary positions. Every frame gets a score as the place to leave or to enter, and a short vector; a choice of two frames
-weighs both scores and how the vectors agree, so that the two are chosen together. Beside it every frame is told apart
-by its phase (Kita et al. 1998), which makes the states know where movements begin.
+Where a word is left depends on the next one, but on little of it: how far and which way the hands have to go, and
+whether the handshape changes. So every word is read alone, once, by a Transformer encoder with rotary positions
+(``motion.features.word_window``), into a state for each frame and two summaries, one for leaving it and one for
+entering it: a few learned looks (attention pooling) at the moments that matter. For a pair the two summaries and their
+difference make a condition, and every frame's score is read off its state under that condition. A word's reading
+serves both of its seams, and any sentence that it stands in.
+
+Beside it every frame is told apart by its phase (Kita et al. 1998), which makes the states know where movements begin.
 """
 
 from __future__ import annotations
@@ -14,7 +19,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
-from signsplice.motion.features import N_CUT, N_FRAME
+from signsplice.motion.features import N_FRAME, N_WORD
 from signsplice.train.networks.bridge import BridgeConfig, RotaryLayer
 
 PHASES = ("rest", "preparation", "sign", "retraction")
@@ -22,18 +27,20 @@ PHASES = ("rest", "preparation", "sign", "retraction")
 
 @dataclass(frozen=True)
 class CuttingConfig:
-    """Sizes; ``agreeing`` numbers in the vectors of a choice."""
+    """Sizes; ``n_looks`` of ``look`` numbers make a summary, ``hidden`` units read a condition and a score."""
 
     width: int = 128
     n_heads: int = 8
     n_layers: int = 4
     inner: int = 512
-    agreeing: int = 16
+    n_looks: int = 4
+    look: int = 48
+    hidden: int = 96
     dropout: float = 0.0
 
 
 class Cutting(nn.Module):
-    """Tokens of two words -> scores of every choice."""
+    """Words read one by one, and what two of them say together."""
 
     mean: Tensor
     deviation: Tensor
@@ -41,49 +48,103 @@ class Cutting(nn.Module):
     def __init__(self, config: CuttingConfig, mean: Tensor | None = None, deviation: Tensor | None = None) -> None:
         super().__init__()
         self.config = config
-        self.register_buffer("mean", torch.zeros(N_CUT) if mean is None else mean)
-        self.register_buffer("deviation", torch.ones(N_CUT) if deviation is None else deviation)
-        width = config.width
-        self.embedding = nn.Linear(N_CUT, width)
+        self.register_buffer("mean", torch.zeros(N_WORD) if mean is None else mean)
+        self.register_buffer("deviation", torch.ones(N_WORD) if deviation is None else deviation)
+        width, hidden, summary = config.width, config.hidden, config.n_looks * config.look
+        self.embedding = nn.Linear(N_WORD, width)
         sizes = BridgeConfig(width, config.n_heads, config.n_layers, config.inner, config.dropout)
         self.layers = nn.ModuleList(RotaryLayer(sizes) for _ in range(config.n_layers))
         self.norm = nn.LayerNorm(width)
-        self.score, self.vector = nn.Linear(width, 2), nn.Linear(width, 2 * config.agreeing)
         self.phase = nn.Linear(width, len(PHASES))
+        self.looks = nn.Linear(width, 2 * config.n_looks)
+        self.look = nn.Linear(width + N_WORD, config.look)
+        self.relation = nn.Sequential(nn.Linear(3 * summary, hidden), nn.GELU(), nn.Linear(hidden, hidden), nn.GELU())
+        self.leaving = _Reading(width, hidden)
+        self.entering = _Reading(width, hidden)
+        self.timing = nn.Sequential(
+            nn.Linear(3 * N_FRAME + 2 * summary, hidden), nn.GELU(), nn.Linear(hidden, hidden), nn.GELU(),
+            nn.Linear(hidden, 1),
+        )  # fmt: skip
 
-    def forward(self, tokens: Tensor, mask: Tensor | None = None) -> tuple[Tensor, Tensor]:
-        """Scores (B, S, S) of leaving at one frame (row) and entering at another, and logits of the phases (B, S, 4),
-        of tokens (B, S, N_CUT); ``mask`` (B, S) is False at padding. Only rows of the word before and columns of the
-        word after mean something.
+    def read(self, tokens: Tensor, mask: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """States (B, T, D), summaries (B, S) for leaving and for entering, and logits of the phases (B, T, 4), of words
+        (B, T, N_WORD); ``mask`` (B, T) is False at padding.
         """
-        states = self.embedding((tokens - self.mean) / self.deviation)
+        seen = (tokens - self.mean) / self.deviation
+        states = self.embedding(seen)
         allowed = None if mask is None else mask[:, None, None]
         for layer in self.layers:
             states = layer(states, allowed)
         states = self.norm(states)
-        leave, enter = self.score(states).unbind(-1)
-        left, right = self.vector(states).chunk(2, dim=-1)
-        agree = left @ right.transpose(1, 2) * self.config.agreeing**-0.5
-        return leave[:, :, None] + enter[:, None] + agree, self.phase(states)
+        weights = self.looks(states)
+        if mask is not None:
+            weights = weights.masked_fill(~mask[..., None], -1e4)
+        looked = weights.softmax(dim=1).transpose(1, 2) @ self.look(torch.cat([states, seen], dim=-1))
+        leave, enter = looked.flatten(1).chunk(2, dim=-1)
+        return states, leave, enter, self.phase(states)
+
+    def condition(self, leave: Tensor, enter: Tensor) -> Tensor:
+        """What two words are to one another (..., H), of the one's summary for leaving (..., S) and the other's for
+        entering (..., S).
+        """
+        made: Tensor = self.relation(torch.cat([leave, enter, enter - leave], dim=-1))
+        return made
+
+    def seconds(self, leaving: Tensor, entering: Tensor, leave: Tensor, enter: Tensor) -> Tensor:
+        """Seconds (...,) of the transition between two frames (..., N_FRAME) of two words with those summaries
+        (..., S).
+        """
+        a, b = ((x - self.mean[:N_FRAME]) / self.deviation[:N_FRAME] for x in (leaving, entering))
+        out: Tensor = self.timing(torch.cat([a, b, b - a, leave, enter], dim=-1))[..., 0]
+        return F.softplus(out - 1.2)
 
 
-class Duration(nn.Module):
-    """Seconds of a transition, of the two frames that it joins."""
+class _Reading(nn.Module):
+    """Scores of frames under a condition."""
 
-    mean: Tensor
-    deviation: Tensor
-
-    def __init__(self, width: int = 128, mean: Tensor | None = None, deviation: Tensor | None = None) -> None:
+    def __init__(self, width: int, hidden: int) -> None:
         super().__init__()
-        self.register_buffer("mean", torch.zeros(N_FRAME) if mean is None else mean)
-        self.register_buffer("deviation", torch.ones(N_FRAME) if deviation is None else deviation)
-        self.first, self.second = nn.Linear(3 * N_FRAME, width), nn.Linear(width, width)
-        self.out = nn.Linear(width, 1)
+        self.state, self.under = nn.Linear(width, hidden), nn.Linear(hidden, hidden)
+        self.out = nn.Linear(hidden, 1)
 
-    def forward(self, leaving: Tensor, entering: Tensor) -> Tensor:
-        """Seconds (B,) of the numbers (B, N_FRAME) of the last frame kept and the first one kept."""
-        a, b = (leaving - self.mean) / self.deviation, (entering - self.mean) / self.deviation
-        x = F.gelu(self.first(torch.cat([a, b, b - a], dim=-1)), approximate="tanh")
-        x = F.gelu(self.second(x), approximate="tanh")
-        out: Tensor = F.softplus(self.out(x)[:, 0] - 1.2)
+    def forward(self, states: Tensor, condition: Tensor) -> Tensor:
+        """Scores (..., T) of states (..., T, D) under a condition (..., H)."""
+        out: Tensor = self.out(F.gelu(self.state(states) + self.under(condition)[..., None, :]))[..., 0]
         return out
+
+
+class Read(nn.Module):
+    """A word's reading, as a graph."""
+
+    def __init__(self, network: Cutting) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, tokens: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """States, both summaries, and the phases, of one word (1, T, N_WORD)."""
+        return self.network.read(tokens)
+
+
+class Choose(nn.Module):
+    """A pair's scores, as a graph."""
+
+    def __init__(self, network: Cutting) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, before: Tensor, leave: Tensor, after: Tensor, enter: Tensor) -> tuple[Tensor, Tensor]:
+        """Scores of leaving (1, P) and entering (1, Q), of both words' states (1, P, D) and (1, Q, D) and summaries."""
+        condition = self.network.condition(leave, enter)
+        return self.network.leaving(before, condition), self.network.entering(after, condition)
+
+
+class Time(nn.Module):
+    """A pair's seconds, as a graph."""
+
+    def __init__(self, network: Cutting) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, leaving: Tensor, entering: Tensor, leave: Tensor, enter: Tensor) -> Tensor:
+        """Seconds (1,)."""
+        return self.network.seconds(leaving, entering, leave, enter)
