@@ -54,3 +54,28 @@ def mirror(clip: Clip) -> Clip:
         local_rotations=clip.local_rotations[:, order] * MIRRORED,
         root_positions=clip.root_positions * [-1.0, 1.0, 1.0],
     )
+
+
+def without(clip: Clip, *parts: str) -> Clip:
+    """The clip by a rig that lacks the joints whose names contain one of ``parts``; what hangs below them hangs from
+    the joint above, and they themselves are taken not to have turned.
+    """
+    skeleton = clip.skeleton
+    gone = [any(part in name for part in parts) for name in skeleton.names]
+    kept = [joint for joint, dropped in enumerate(gone) if not dropped]
+    offsets, parents = [], []
+    for joint in kept:
+        over, offset = int(skeleton.parents[joint]), np.array(skeleton.offsets[joint])
+        while over >= 0 and gone[over]:
+            offset = offset + skeleton.offsets[over]
+            over = int(skeleton.parents[over])
+        offsets.append(offset)
+        parents.append(kept.index(over) if over >= 0 else -1)
+    names = tuple(skeleton.names[joint] for joint in kept)
+    return Clip(
+        Skeleton(names, np.array(parents), np.array(offsets)),
+        clip.local_rotations[:, kept],
+        clip.root_positions,
+        clip.fps,
+        clip.name,
+    )

@@ -79,16 +79,29 @@ def test_beyond_reach_the_arm_stretches_towards_it() -> None:
     np.testing.assert_allclose(cosine, 1.0, atol=1e-9)
 
 
-def test_a_straight_arm_bends_too() -> None:
-    """A T-pose has no plane for the elbow; the wrist comes in all the same."""
-    clip = word("HELLO").clip
-    rest = Clip(clip.skeleton, np.tile(rotation.IDENTITY, (2, len(clip.skeleton), 1)), np.zeros((2, 3)), 30.0)
-    joints = arm_joints(rest.skeleton)[:3]
-    _, before = kinematics.forward(rest, joints)
-    moves = np.zeros((2, 2, 3))
-    moves[:, 0] = 0.2 * (before[:, 0] - before[:, 2])
+STRAIGHT = {"a T-pose": (0.0, 0.0, 0.0), "hanging": (0.0, 0.0, -1.5), "raised": (0.3, -0.4, 0.9)}
+
+
+@pytest.mark.parametrize("pose", STRAIGHT)
+def test_a_straight_arm_bends_as_elbows_do(pose: str) -> None:
+    """It has no plane; the wrists come in all the same, the forearm ahead of the elbow, and both arms alike."""
+    skeleton = word("HELLO").clip.skeleton
+    local = np.tile(rotation.IDENTITY, (1, len(skeleton), 1))
+    left, right = (skeleton.names.index(f"mixamorig:{side}Arm") for side in ("Left", "Right"))
+    x, y, z = STRAIGHT[pose]
+    local[0, left], local[0, right] = rotation.exp([x, y, z]), rotation.exp([x, -y, -z])
+    rest = Clip(skeleton, local, np.zeros((1, 3)), 30.0)
+    joints = arm_joints(skeleton)[:6]
+    turns, before = kinematics.forward(rest, joints)
+    moves = np.stack([0.2 * (before[:, k] - before[:, k + 2]) for k in (0, 3)], axis=1)
     _, after = kinematics.forward(moved(rest, moves), joints)
-    np.testing.assert_allclose(after[:, 2], before[:, 2] + moves[:, 0], atol=1e-6)
+    np.testing.assert_allclose(after[:, 2::3], before[:, 2::3] + moves, atol=1e-6)
+    np.testing.assert_allclose(after[:, :3] * [-1.0, 1.0, 1.0], after[:, 3:], atol=1e-6)
+    for side, at in ((0, slice(0, 3)), (1, slice(3, 6))):
+        shoulder, elbow, wrist = after[0, at]
+        aside = elbow - 0.5 * (shoulder + wrist)
+        ahead = turns[0, 3 * side] @ [0.0, 0.0, 1.0]
+        assert aside @ ahead < -0.9 * np.linalg.norm(aside), "the elbow goes back where the forearm comes ahead"
 
 
 def test_a_rig_without_arms_is_refused() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import signsplice as ss
-from clothes import in_other_clothes, mirror, with_rest_pose
+from clothes import in_other_clothes, mirror, with_rest_pose, without
 from conftest import random_clip
 from signing import word
 from signsplice.motion import contact, kinematics, rotation
@@ -117,6 +117,16 @@ def test_what_the_signs_themselves_press_in_is_no_fault() -> None:
     assert np.abs(wrists(cleared(straight, before, after).clip) - wrists(straight)).max() < 0.5
 
 
+@pytest.mark.parametrize("lacking", [("Thumb", "Index", "Middle", "Ring", "Pinky"), ("Head",), ("Shoulder",)])
+def test_rigs_that_lack_joints_are_led_around_what_there_is(lacking: tuple[str, ...]) -> None:
+    before, after = (without(clip, *lacking) for clip in through("the trunk"))
+    straight = find_transition("slerp").between(before, after, 12)
+    led = cleared(straight, before, after)
+    assert led.depth_before is not None
+    assert led.depth_before > 0.01
+    assert led.depth == 0.0
+
+
 CLOTHES = {
     "other axes and unit": lambda clip: in_other_clothes(clip, TURN, 0.01),
     "another rest pose": lambda clip: with_rest_pose(clip, {"LeftArm": (0.0, 0.3, 0.9)}),
@@ -137,7 +147,7 @@ def test_other_rigs_are_led_alike(clothes: str) -> None:
 def test_a_rig_without_arms_passes() -> None:
     clip = random_clip(2)
     led = cleared(clip[5:9], clip[:5], clip[9:])
-    assert led.depth == 0.0
+    assert led.depth is None
     np.testing.assert_array_equal(led.clip.local_rotations, clip.local_rotations[5:9])
 
 

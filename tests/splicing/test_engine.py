@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from conftest import random_clip, rooted
 from signsplice import demo
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion.clip import Clip, resample
 from signsplice.motion.harmonize import ground, harmonize
 from signsplice.splicing import report
 from signsplice.splicing.cut import CUTTERS, Cut
@@ -345,3 +346,43 @@ def test_no_public_function_edits_its_input(words: dict[str, Clip]) -> None:
     after = (clip.local_rotations, clip.root_positions, clip.skeleton.offsets)
     assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
     assert not any(array.flags.writeable for array in after)
+
+
+@pytest.mark.parametrize(("fps", "expected"), [(24.0, 8), (30.0, 8), (60.0, 15), (120.0, 29)])
+def test_transitions_see_as_much_time_at_any_rate(sentence: list[Clip], fps: float, expected: int) -> None:
+    class Watching:
+        name, summary, learned = "watching", "", False
+
+        def between(self, before: Clip, after: Clip, n_frames: int) -> Clip:
+            seen.append((len(before), len(after)))
+            return find_transition("hermite").between(before, after, n_frames)
+
+    seen: list[tuple[int, int]] = []
+    splice(sentence, SpliceOptions(transition=Watching(), fps=fps))
+    whole = resample(sentence[0], fps)
+    inbetween(whole, [(len(whole) // 2, len(whole) // 2 + 4)], Watching())
+    assert set(seen) == {(expected, expected)}
+
+
+def test_a_cutter_of_sentences_is_asked_once_and_checked(sentence: list[Clip]) -> None:
+    class Whole:
+        name, summary, learned = "whole", "", False
+
+        def __init__(self, n_cuts: int) -> None:
+            self.n_cuts = n_cuts
+
+        def cut(self, before: Clip, after: Clip) -> Cut:
+            return Cut(len(before) - 1, 0)
+
+        def cuts(self, clips: Sequence[Clip]) -> list[Cut]:
+            return [Cut(len(clip) // 2 + 5, 7) for clip in clips[: self.n_cuts]]
+
+    n_seams = len(sentence) - 1
+    result = splice(sentence, SpliceOptions(cutter=Whole(n_seams)))
+    assert [seam.post_frame for seam in result.seams] == [7] * n_seams
+    streamed = list(stream(sentence, SpliceOptions(cutter=Whole(n_seams))))
+    assert [piece.seam.post_frame for piece in streamed if piece.seam] == [0] * n_seams
+    assert len(splice(sentence[:1], SpliceOptions(cutter=Whole(0))).clip) == len(sentence[0])
+    for wrong in (n_seams - 1, n_seams + 1):
+        with pytest.raises(InputError, match=f"cutter whole chose {wrong} cuts for {len(sentence)} clips"):
+            splice(sentence, SpliceOptions(cutter=Whole(wrong)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("torch")
@@ -11,13 +12,17 @@ pytest.importorskip("torch")
 from click.testing import CliRunner
 from training_toys import ALONE
 
+from clothes import without
 from conftest import GOLDEN
 from signing import word
 from signsplice import lexicon
 from signsplice.cli import app
 from signsplice.errors import InputError
+from signsplice.motion import features
+from signsplice.motion.clip import concatenate
 from signsplice.splicing.bundle import read_facts, read_file, write_bundle
 from signsplice.splicing.networks import LearnedTransition, open_graphs
+from signsplice.splicing.transition import find_transition
 from signsplice.train import tuning
 from signsplice.train.export import Graph, compare
 
@@ -48,6 +53,33 @@ def test_a_network_begins_where_its_graph_is() -> None:
     clips = [word("HELLO").clip, word("DEAF").clip]
     tokens = [{"tokens": tuning.ClipWindows(clips, 0, 4).batch([k]).tokens} for k in range(3)]
     compare("bridge", Graph(network.eval(), tokens[0], ("turns",), {}, tuple(tokens[1:])), content)
+
+
+FINGERS = ("Thumb", "Index", "Middle", "Ring", "Pinky")
+LACKING: dict[str, tuple[str, ...]] = {
+    "nothing": ("?",),
+    "fingers": FINGERS,
+    "the middle finger": ("Middle",),
+    "the left hand's fingers": tuple(f"LeftHand{finger}" for finger in FINGERS),
+    "all but the index": tuple(finger for finger in FINGERS if finger != "Index"),
+    "collar bones": ("Shoulder",),
+    "last finger joints": ("3",),
+    "a head": ("Head",),
+    "some of the spine": ("Spine1",),
+}
+
+
+@pytest.mark.parametrize("lacking", LACKING)
+def test_a_rig_that_lacks_joints_teaches_what_it_will_be_shown(lacking: str) -> None:
+    clip = without(word("DEAF").clip, *LACKING[lacking])
+    seen = tuning.ClipWindows([clip], 0)
+    (part,) = seen.parts
+    one = seen._seen(part, part.sentences[0][20:46], 8, 10)
+    before, after = clip[20:28], clip[38:46]
+    base = find_transition("hermite").between(before, after, 10)
+    own = features.seam_window(concatenate([before, base, after]), 8, 10)
+    assert np.isfinite(one["tokens"]).all()
+    np.testing.assert_allclose(one["tokens"], own.tokens, atol=2e-4)
 
 
 def test_what_teaches_is_not_judged(words: Path) -> None:

@@ -68,6 +68,8 @@ def paper(
     folder = Path(out)
     _check(systems, limit, steps, workers)
     if what == "speed":
+        if systems or steps is not None or workers > 1 or again:
+            raise InputError("speed takes --scale, --pairs, --out and --limit; it times all systems, untrained")
         _make_folder(folder)
         _speed(folder, Path(pairs), scale, limit or N_TIMED)
         return

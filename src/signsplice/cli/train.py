@@ -144,6 +144,8 @@ def transition(
     if (signing is None) == (lexicon is None):
         raise InputError("expected --signing DIR, to train anew, or --lexicon DIR, to tune; one of them")
     if signing is not None:
+        if source is not None:
+            raise InputError("--from with --signing: training anew begins from nothing; leave --from out")
         _train_own("transition", signing, out, scale, steps, seed, device)
         return
     if source is None:

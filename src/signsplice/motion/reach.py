@@ -3,7 +3,8 @@
 An arm is two bones from shoulder to elbow to wrist. With the wrist's new place t the elbow turns about the normal of
 the arm's plane until the shoulder's distance to the wrist is |t - s| (law of cosines), and the upper arm turns by the
 least rotation that points the wrist at t. The hand keeps its turn in the world, so that palm and fingers face as they
-did.
+did. A straight arm has no plane: it bends as elbows do, about the hinge that the common pose (``common_pose``) has
+there, which brings the forearm ahead of a T-pose.
 """
 
 from __future__ import annotations
@@ -16,11 +17,16 @@ from numpy.typing import NDArray
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arms import arm_joints
 from signsplice.motion.clip import Clip
+from signsplice.motion.common_pose import common_rotations
 
 Float = NDArray[np.float64]
 
 _REACH = 0.999
 """Share of an arm's length that a wrist may be from its shoulder; a straight elbow has no plane to bend in."""
+_STRAIGHT = 0.05
+"""Sine of the bend (3 degrees) up to which an arm is straight."""
+_HINGES = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
+"""Axes, in the common pose, about which the left and the right elbow bend."""
 _TINY = 1e-9
 
 
@@ -41,7 +47,8 @@ def moved(clip: Clip, moves: Float) -> Clip:
         at = slice(3 * side, 3 * side + 3)
         above = rotation.from_matrix(globals_[rows, 6 + 3 * side : 9 + 3 * side])
         s, e, w = np.moveaxis(places[rows, at], 1, 0)
-        bend, aim = _solved(s, e, w, w + moves[rows, side])
+        rest = rotation.rotate(rotation.inverse(common_rotations(clip.skeleton)[known[at.start]]), _HINGES[side])
+        bend, aim = _solved(s, e, w, w + moves[rows, side], globals_[rows, at.start] @ rest)
         both = rotation.multiply(aim, bend)
         for joint, over, turn in zip(
             known[at], np.moveaxis(above, 1, 0), (aim, bend, rotation.inverse(both)), strict=True
@@ -52,15 +59,19 @@ def moved(clip: Clip, moves: Float) -> Clip:
     return replace(clip, local_rotations=local)
 
 
-def _solved(s: Float, e: Float, w: Float, target: Float) -> tuple[Float, Float]:
-    """Turns (T, 4) of the world: of all below the elbow about the elbow, then of the whole arm about the shoulder."""
+def _solved(s: Float, e: Float, w: Float, target: Float, hinge: Float) -> tuple[Float, Float]:
+    """Turns (T, 4) of the world: of all below the elbow about the elbow, then of the whole arm about the shoulder.
+    ``hinge`` (T, 3): where a straight elbow bends about.
+    """
     upper, lower = e - s, w - e
     a, b = _length(upper), _length(lower)
     now = _length(w - s)
     wanted = np.clip(_length(target - s), np.abs(a - b) / _REACH + _TINY, _REACH * (a + b))
     normal = np.cross(upper, lower)
-    straight = _length(normal) < 1e-6 * a * b
-    normal = np.where(straight[:, None], np.cross(upper, np.roll(upper, 1, axis=1) + _TINY), normal)
+    straight = _length(normal) < _STRAIGHT * a * b
+    along = upper / a[:, None]
+    across = hinge - (hinge * along).sum(-1, keepdims=True) * along
+    normal = np.where(straight[:, None], across, normal)
     normal = normal / (_length(normal)[:, None] + _TINY)
     turn = _flexion(a, b, wanted) - _flexion(a, b, now)
     bend = rotation.exp(normal * turn[:, None])

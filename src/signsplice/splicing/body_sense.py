@@ -31,23 +31,24 @@ _SOFTEST = 0.35
 @dataclass(frozen=True, eq=False)
 class Cleared:
     """A transition that leads around the body. depth_before and depth: how deep a hand lies in it, m, at the worst
-    frame, as it came and as it is, beyond what its two ends call for; 0 where no hand does.
+    frame, as it came and as it is, beyond what its two ends call for; 0 where no hand does, None on a rig whose arms
+    are not known.
     """
 
     clip: Clip
-    depth_before: float
-    depth: float
+    depth_before: float | None
+    depth: float | None
 
 
 def cleared(filled: Clip, before: Clip, after: Clip) -> Cleared:
     """A transition between the last frame of ``before`` and the first of ``after``, led around the body.
 
-    On a rig whose arms are not known by name it comes back as it is, with depths 0.
+    On a rig whose arms are not known by name it comes back as it is.
     """
     try:
         arm_joints(filled.skeleton)
     except InputError:
-        return Cleared(filled, 0.0, 0.0)
+        return Cleared(filled, None, None)
     metres = stance.sizes(filled.skeleton).unit.metres
     level = clearance.faded(len(filled))[:, None, None]
     kernel = _kernel(len(filled))
@@ -94,7 +95,9 @@ def _ahead(skeleton: Skeleton, places: Float) -> Float:
 
 
 def _allowed(depth: Float) -> Float:
-    """How deep (n, 2) the frames between may lie, m, from the depths (n + 2, 2) with those of both ends."""
+    """How deep (n, 2) the frames between may lie, m, from the depths (n + 2, 2) with those of both ends: of each hand,
+    whatever it lies in.
+    """
     share = np.linspace(0.0, 1.0, len(depth))[1:-1, None]
     ends = np.maximum(depth[[0, -1]] - TOLERANCE_M, 0.0)
     return np.asarray(TOLERANCE_M + (1.0 - share) * ends[0] + share * ends[1])

@@ -8,6 +8,7 @@ sign are those of its harmonized clip, bit for bit; only transition frames are n
 
 from __future__ import annotations
 
+import math
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
@@ -24,7 +25,10 @@ from signsplice.splicing.seam import Seam, score
 from signsplice.splicing.transition import DEFAULT_TRANSITION, Transition, find_transition
 
 MAX_TRANSITION_S = 10.0
-_CONTEXT = 8  # frames of each sign that a transition and a seam's scores are shown
+_CONTEXT = 8
+"""Frames of each sign that a seam's scores see, and the least that a transition is shown."""
+_SHOWN_S = 7.0 / 30.0
+"""Time of each sign that a transition is shown: eight frames at 30 a second, at other rates as much time."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +163,10 @@ class _Sentence:
         if whole and isinstance(self.cutter, SentenceCutter):
             words = list(words)
             with self.timed("cut"):
-                cuts = iter(self.cutter.cuts([word.clip for word in words]))
+                chosen = self.cutter.cuts([word.clip for word in words]) if len(words) > 1 else []
+            if len(chosen) != max(0, len(words) - 1):
+                raise InputError(f"cutter {self.cutter.name} chose {len(chosen)} cuts for {len(words)} clips")
+            cuts = iter(chosen)
         before: Clip | None = None
         entry, index = 0, -1
         seam: Seam | None = None
@@ -207,12 +214,14 @@ class _Sentence:
                     *warnings,
                     f"{before.name} is left where it was entered, at frame {entry}: only that frame is kept",
                 )
-            kept = before[max(entry, cut.pre + 1 - _CONTEXT) : cut.pre + 1]
-            follows = after[cut.post : cut.post + _CONTEXT]
+            n_shown = _shown(before.fps)
+            kept = before[max(entry, cut.pre + 1 - n_shown) : cut.pre + 1]
+            follows = after[cut.post : cut.post + n_shown]
             filled, depth = None, None
             if n_frames:
                 filled, depth = _filled(self.transition, kept, follows, n_frames, self.options.body_sense)
         with self.timed("join"):
+            kept, follows = kept[-_CONTEXT:], follows[:_CONTEXT]
             window = concatenate([kept, filled, follows] if filled is not None else [kept, follows])
             seam = score(window, len(kept), n_frames, before.name, after.name, cut, warnings, depth)
         return filled, seam
@@ -241,6 +250,11 @@ class _Sentence:
     ) -> Span:
         start, self._n_out = self._n_out, self._n_out + n_frames
         return Span(kind, clip, name, source, (start, self._n_out))
+
+
+def _shown(fps: float) -> int:
+    """Frames of each sign that a transition is shown."""
+    return max(_CONTEXT, math.ceil(_SHOWN_S * fps - 1e-6) + 1)
 
 
 def _filled(
@@ -288,8 +302,9 @@ def inbetween(
     ends = [start for start, _ in gaps[1:]] + [len(clip)]
     for (start, stop), kept_until in zip(gaps, ends, strict=True):
         began = time.perf_counter()
-        follows = clip[stop:kept_until][:_CONTEXT]
-        filled, depth = _filled(method, clip[at:start][-_CONTEXT:], follows, stop - start, body_sense)
+        n_shown = _shown(clip.fps)
+        follows = clip[stop:kept_until][:n_shown]
+        filled, depth = _filled(method, clip[at:start][-n_shown:], follows, stop - start, body_sense)
         seconds["transition"] += time.perf_counter() - began
         pieces += [clip[at:start], filled]
         spans += [
@@ -297,7 +312,7 @@ def inbetween(
             Span("transition", None, None, None, (start, stop)),
         ]
         low = max(at, start - _CONTEXT)
-        window = concatenate([clip[low:start], filled, follows])
+        window = concatenate([clip[low:start], filled, follows[:_CONTEXT]])
         cut = Cut(start - 1, stop)
         seams.append(score(window, start - low, stop - start, clip.name, clip.name, cut, (), depth))
         at = stop

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 Float = NDArray[np.float64]
 
-_CROSSED = 1e6
-"""What it costs to leave a word before it was entered: more than any score, less than not to answer."""
+_MISSING = 1e6
+"""What every frame costs that a word is left too early: more than any score, less than not to answer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +56,6 @@ def _entered_before(carried: Float, latest: NDArray[np.intp]) -> tuple[Float, ND
     improves = np.concatenate([[True], carried[1:] > so_far[:-1]])
     where = np.maximum.accumulate(np.where(improves, np.arange(len(carried)), 0))
     at = np.minimum(latest, len(carried) - 1)
-    possible = at >= 0
+    missing = np.maximum(-at, 0)  # before the word's first frame there is none to enter at
     at = np.maximum(at, 0)
-    return np.where(possible, so_far[at], carried[0] - _CROSSED), np.where(possible, where[at], 0)
+    return np.where(missing > 0, carried[0], so_far[at]) - _MISSING * missing, np.where(missing > 0, 0, where[at])

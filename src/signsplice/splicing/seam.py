@@ -25,7 +25,7 @@ class Seam:
     pre_frame: last frame kept of ``before``; post_frame: first kept of ``after``; both counted at the output rate.
     seconds: n_transition / fps. velocity_jump, peak_speed_m_s, jerk_ratio: of the wrists, see ``motion.measures``; NaN
     where unknown. intrusion_mm: how deep a hand lies in head, trunk or the other hand in the transition, beyond what
-    the signs themselves do; None where body sense was off.
+    the signs themselves do; None where nobody looked (body sense off, no frames, no known arms).
     """
 
     before: str

@@ -36,7 +36,7 @@ DOWN_SHARE = 0.15
 """An arm is down where it has risen by less than this share of its way from rest to the highest it comes."""
 STITCHER = "stitcher"
 SIGNATURE = (
-    f"joins|words:isolated,synthetic|around:{AROUND}|{measures.VELOCITY_JUMP}|{measures.JERK_RATIO}"
+    f"joins|words:everyday,standard-signer,drawn:once|around:{AROUND}|{measures.VELOCITY_JUMP}|{measures.JERK_RATIO}"
     f"|arms-down:{DOWN_SHARE:g}-of-rise,between-strokes|whole:first-to-last-posture|deep:{1e3 * DEEP_M:g}mm"
 )
 

@@ -28,6 +28,7 @@ OPTIMISERS = ("adamw", "sgd")
 SGD_RATE = 1e-3
 _WARM_UP = 0.05
 _CLIP = 1.0
+_BLOWN_UP = "the training has blown up; its last checkpoint is sound, and another seed or a lower rate may help"
 
 Tell = Callable[[int, int, dict[str, float]], None]
 """Step, all steps, and the newest numbers."""
@@ -110,6 +111,8 @@ def train(
                 log.write(step, **numbers)
                 if tell is not None:
                     tell(step, loop.steps, numbers)
+            if step % loop.every == 0 or step == end:
+                _check_weights(task, step)
             if (step % loop.every == 0 or step == end) and processes.first:
                 scores = judge(task, valid, loop, processes, accuracy)
                 log.write(step, **scores)
@@ -150,8 +153,14 @@ def _mean(loss: torch.Tensor, processes: Processes) -> float:
 
 def _finite(loss: float, step: int) -> float:
     if not math.isfinite(loss):
-        raise SignspliceError(f"the loss of step {step} is {loss}: the training has blown up; a lower rate would help")
+        raise SignspliceError(f"the loss of step {step} is {loss}: {_BLOWN_UP}")
     return loss
+
+
+def _check_weights(task: nn.Module, step: int) -> None:
+    """Raise ``SignspliceError`` before weights are saved that nothing can be learned from any more."""
+    if not all(bool(torch.isfinite(p).all()) for p in task.parameters()):
+        raise SignspliceError(f"a weight is not finite after step {step}: {_BLOWN_UP}")
 
 
 @torch.no_grad()

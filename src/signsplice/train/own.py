@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,7 @@ from signsplice.train.loop import Loop, Tell, train
 from signsplice.train.networks.bridge import Bridge, BridgeConfig
 from signsplice.train.networks.cutting import Choose, Cutting, CuttingConfig, Read, Time
 from signsplice.train.processes import Processes, only_one
+from signsplice.train.run import check_bundle_folder
 from signsplice.train.tasks import Task
 from signsplice.train.windows import Windows
 
@@ -114,7 +116,11 @@ def make(own: Own, parts: Path, out: Path, processes: Processes, tell: Callable[
         own.n_steps, course.batch, "adamw", course.rate, own.seed, max(1, own.n_steps // 40), course.n_judged,
         bf16=processes.device.type == "cuda",
     )  # fmt: skip
-    with only_one(folder), ahead(data, processes.rank, processes.count) as following:
+    check_bundle_folder(out)
+    with (
+        only_one(folder) if processes.first else nullcontext(),
+        ahead(data, processes.rank, processes.count) as following,
+    ):
         train(task, loop, following, valid, folder, recipe, _no_accuracy, processes, tell and tell(own.network))
     if processes.first:
         for name, content in graphs(task, valid).items():

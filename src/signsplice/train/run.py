@@ -69,7 +69,8 @@ def make(
     after an interruption goes on from the last one. ``tell``: part's name -> who is told of its progress.
     """
     chosen = parts(training.system, training.scale, training.fr, training.steps, training.optimiser, training.split)
-    _check_out(out)
+    check_bundle_folder(out)
+    out.mkdir(parents=True, exist_ok=True)
     tasks = []
     for part in chosen:
         folder = part_folder(shared, part, training, pairs)
@@ -82,7 +83,7 @@ def make(
 
 
 def recipe(part: Part, training: Training, pairs: Pairs) -> str:
-    """Twelve hex digits that change with everything that a trained part depends on."""
+    """Twelve hex digits that change with everything that a trained part is told; not with the code that makes it."""
     told = {
         "part": part.name,
         **part.facts(),
@@ -135,10 +136,10 @@ def trained(
     return made
 
 
-def _check_out(out: Path) -> None:
+def check_bundle_folder(out: Path) -> None:
+    """Raise ``InputError`` where a bundle's folder is there already and is something else."""
     if out.is_dir() and any(out.iterdir()) and not (out / HEAD).exists() and not any(out.glob("*.onnx")):
         raise InputError(f"{out}: is there already and is no bundle; choose a new name")
-    out.mkdir(parents=True, exist_ok=True)
 
 
 def _write(

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from signsplice.errors import InputError
 from signsplice.lexicon.reader import open_lexicon
 from signsplice.motion import features, rotation
 from signsplice.motion.canonical import bones, signing
-from signsplice.motion.clip import Clip
+from signsplice.motion.clip import Clip, resample
 from signsplice.splicing.bundle import HEAD, read_facts, read_file, write_bundle
 from signsplice.splicing.evaluate import CONTEXT, LENGTHS, HiddenFrames, hidden_frames
 from signsplice.splicing.networks import LearnedTransition, open_graphs
@@ -37,11 +37,12 @@ from signsplice.train.loop import Loop, Tell, train
 from signsplice.train.networks.bridge import Bridge, BridgeConfig
 from signsplice.train.own import FILES, graphs
 from signsplice.train.processes import Processes, only_one
-from signsplice.train.windows import Part, Windows, canonical_skeleton
+from signsplice.train.run import check_bundle_folder
+from signsplice.train.windows import Part, Windows, part_of
 
 EVERY = 5
 """One word of so many is held back."""
-_SHORTEST = 12
+_SHORTEST = LENGTHS[0] + 2 * CONTEXT
 (_FILE,) = FILES["transition"]
 
 
@@ -81,8 +82,11 @@ def make(
     Called again after an interruption it goes on from its last checkpoint, in a folder beside ``out``. Raises
     ``InputError`` where the lexicon has too few words, or the bundle no such network or no weights to go on from.
     """
+    if processes.count > 1:
+        raise InputError(f"tuning by {processes.count} processes, expected one: it takes minutes")
+    check_bundle_folder(out)
     learned, held = split(lexicon)
-    facts = read_facts(source)
+    facts = open_graphs(source).facts
     content = read_file(source, facts, _FILE)
     network = begun(facts, content, source)
     told = {**asdict(tuning), "from": facts["files"][_FILE], "words": [_fingerprint(clip) for clip in learned]}
@@ -96,7 +100,7 @@ def make(
         tuning.steps, tuning.batch, "adamw", tuning.rate, tuning.seed, max(1, tuning.steps // 5), 128,
         bf16=processes.device.type == "cuda",
     )  # fmt: skip
-    with only_one(folder), ahead(data, processes.rank, processes.count) as following:
+    with only_one(folder), ahead(data) as following:
         train(task, loop, following, valid, folder, recipe, lambda *_: float("nan"), processes, tell)
     trial = folder / "bundle"
     trial.mkdir(exist_ok=True)
@@ -106,7 +110,7 @@ def make(
     }
     write_bundle(trial, {k: v for k, v in facts.items() if k != "files"} | {"networks": networks}, files)
     outcome = judged(held, source, trial, len(learned))
-    if outcome.better and processes.first:
+    if outcome.better:
         out.mkdir(parents=True, exist_ok=True)
         trial_facts = read_facts(trial)
         scores = {"error": outcome.after, "error_before": outcome.before, "error_classical": outcome.classical}
@@ -116,12 +120,12 @@ def make(
 
 
 def split(lexicon: Path) -> tuple[list[Clip], list[Clip]]:
-    """Words to learn from and to judge on, those without known arms or of fewer than 12 frames left out. Raises
-    ``InputError`` for fewer than ten.
+    """Words to learn from and to judge on, at the networks' rate, those without known arms or of fewer than 21 frames
+    left out: a gap with what is shown on either side. Raises ``InputError`` for fewer than ten.
     """
     with open_lexicon(lexicon) as words:
         clips = [words.clip(gloss) for gloss in words]
-    usable = [clip for clip in clips if _usable(clip)]
+    usable = [resample(clip, features.RATE) for clip in clips if _usable(clip)]
     if len(usable) < 2 * EVERY:
         raise InputError(
             f"{lexicon}: {len(usable)} of {len(clips)} words can teach (known arms, {_SHORTEST} frames at "
@@ -131,7 +135,7 @@ def split(lexicon: Path) -> tuple[list[Clip], list[Clip]]:
 
 
 def _usable(clip: Clip) -> bool:
-    if clip.seconds * features.RATE < _SHORTEST:
+    if clip.seconds * features.RATE < _SHORTEST + 1:
         return False
     try:
         signing(clip[:1])
@@ -157,13 +161,11 @@ class ClipWindows(Windows):
 
 def _part(clip: Clip) -> Part:
     own = features.course(signing(clip))
-    own_bones = bones(clip.skeleton).astype(np.float32)
-    skeleton, above = canonical_skeleton(own_bones)
     turns = rotation.from_matrix(rotation.matrix_from_6d(own.turns))
-    return Part(skeleton, above, own_bones, (rotation.continuous(turns),), ())
+    return part_of(bones(clip.skeleton).astype(np.float32), own.there, (rotation.continuous(turns),))
 
 
-def begun(facts: dict[str, Any], content: bytes, folder: Path) -> Bridge:
+def begun(facts: Mapping[str, Any], content: bytes, folder: Path) -> Bridge:
     """The network of a bundle with its weights, which its graph holds by name. Raises ``InputError`` where it does
     not.
     """
@@ -185,8 +187,6 @@ def begun(facts: dict[str, Any], content: bytes, folder: Path) -> Bridge:
 def judged(held: Sequence[Clip], before: Path, after: Path, n_learned: int) -> Tuned:
     """Both bundles' transitions and the classical one on hidden frames of words that taught neither."""
     lengths = [n for n in LENGTHS if any(len(clip) >= n + 2 * CONTEXT for clip in held)]
-    if not lengths:
-        raise InputError(f"no word held back has {LENGTHS[0] + 2 * CONTEXT} frames to hide some of")
     methods = (find_transition("hermite"), *(LearnedTransition(open_graphs(folder)) for folder in (before, after)))
     classical, was, now = (_mean_error(hidden_frames(held, [method], lengths)) for method in methods)
     return Tuned(classical, was, now, n_learned, len(held))

@@ -40,9 +40,12 @@ _BASE = find_transition("hermite")
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A signer: the skeleton of the canonical humanoid in this signer's sizes, and sentences as turns (T, 43, 4)."""
+    """A signer: the skeleton of the canonical humanoid in this signer's sizes, with the rows of the roles that are its
+    joints after the hips, and sentences as turns (T, 43, 4).
+    """
 
     skeleton: Skeleton
+    roles: NDArray[np.intp]
     above: NDArray[np.intp]
     bones: NDArray[np.float32]
     sentences: tuple[Float, ...]
@@ -55,12 +58,32 @@ def read_part(path: Path) -> Part:
         turns = rotation.normalize(stored["turns"].astype(np.float32) / 32767.0)
         sentences = tuple(turns[first : first + n] for first, n in stored["sentences"].tolist())
         bones, seams = stored["bones"].astype(np.float32), stored["seams"].tolist()
-    skeleton, above = canonical_skeleton(bones)
-    return Part(skeleton, above, bones, sentences, tuple((s, start, n) for s, start, n in seams))
+    return part_of(bones, np.ones(len(ROLES), bool), sentences, tuple((s, start, n) for s, start, n in seams))
 
 
-def canonical_skeleton(bones: NDArray[Any]) -> tuple[Skeleton, NDArray[np.intp]]:
-    """Hips and the signing roles in the common pose, and the row above each role (-1: the hips)."""
+def part_of(
+    bones: NDArray[np.float32],
+    there: NDArray[np.bool_],
+    sentences: tuple[Float, ...],
+    seams: tuple[tuple[int, int, int], ...] = (),
+) -> Part:
+    """A part on a skeleton that has the roles that are there, and no others."""
+    above = _above()
+    rows = np.flatnonzero(there)
+    joint = {-1: 0} | {int(row): k + 1 for k, row in enumerate(rows)}
+    parents = []
+    for row in rows.tolist():
+        over = int(above[row])
+        while over >= 0 and not there[over]:
+            over = int(above[over])
+        parents.append(joint[over])
+    names = ("hips", *(ROLES[row] for row in rows))
+    skeleton = Skeleton(names, np.array([-1, *parents]), np.concatenate([np.zeros((1, 3)), bones[rows]]))
+    return Part(skeleton, rows, above, bones, sentences, seams)
+
+
+def _above() -> NDArray[np.intp]:
+    """The row above each role of a whole canonical humanoid (-1: the hips)."""
     lines = {"spine": "", "chest": "spine", "upperChest": "chest", "neck": "upperChest", "head": "neck"}
     for side in ("left", "right"):
         arm = [f"{side}{part}" for part in ("Shoulder", "UpperArm", "LowerArm", "Hand")]
@@ -68,9 +91,7 @@ def canonical_skeleton(bones: NDArray[Any]) -> tuple[Skeleton, NDArray[np.intp]]
         fingers = [role for role in ROLES if role.startswith(side) and role not in arm]
         for k, role in enumerate(fingers):
             lines[role] = arm[-1] if k % 3 == 0 else fingers[k - 1]
-    above = np.array([ROLES.index(lines[role]) if lines[role] else -1 for role in ROLES])
-    offsets = np.concatenate([np.zeros((1, 3)), bones])
-    return Skeleton(("hips", *ROLES), np.concatenate([[-1], above + 1]), offsets), above
+    return np.array([ROLES.index(lines[role]) if lines[role] else -1 for role in ROLES])
 
 
 @dataclass(frozen=True)
@@ -112,6 +133,7 @@ class Windows:
     def __init__(self, paths: Sequence[Path], seed: int = 0, fixed: int | None = None) -> None:
         self.parts = [read_part(path) for path in paths]
         self.seed, self.fixed = seed, fixed
+        self._shared: dict[tuple[int, int, int], NDArray[np.int64]] = {}
 
     def __len__(self) -> int:
         return self.fixed if self.fixed is not None else sum(len(part.seams) for part in self.parts)
@@ -126,10 +148,15 @@ class Windows:
         through them in any order, so that a batch is hardly padded.
         """
         pool, turn = divmod(step, _POOL)
-        numbers = np.arange(pool * _POOL * size, (pool + 1) * _POOL * size)
-        by_length = numbers[np.argsort([self._plan(int(n)).n_gap for n in numbers], kind="stable")]
-        turn = int(stream("pool", seed, pool).permutation(_POOL)[turn])
-        return np.asarray(by_length[turn * size : (turn + 1) * size])
+        key = (pool, size, seed)
+        if key not in self._shared:
+            numbers = np.arange(pool * _POOL * size, (pool + 1) * _POOL * size)
+            by_length = numbers[np.argsort([self._plan(int(n)).n_gap for n in numbers], kind="stable")]
+            order = stream("pool", seed, pool).permutation(_POOL)
+            self._shared = {k: v for k, v in self._shared.items() if k[0] == pool - 1}
+            self._shared[key] = by_length.reshape(_POOL, size)[order]
+        rows: NDArray[np.int64] = self._shared[key][turn]
+        return rows
 
     def batch(self, rows: Sequence[int] | NDArray[np.int64], step: int = 0) -> Gaps:
         """The gaps of these numbers side by side."""
@@ -175,12 +202,14 @@ class Windows:
         return _Plan(rng, part, None, round(float(np.exp(rng.uniform(np.log(features.LEAST), np.log(features.MOST))))))
 
     def _seen(self, part: Part, turns: Float, start: int, n_gap: int) -> dict[str, Any]:
-        local = np.concatenate([np.broadcast_to(rotation.IDENTITY, (len(turns), 1, 4)), turns], axis=1)
+        local = np.concatenate([np.broadcast_to(rotation.IDENTITY, (len(turns), 1, 4)), turns[:, part.roles]], axis=1)
         clip = Clip(part.skeleton, local, np.zeros((len(turns), 3)), features.RATE)
         before, after = clip[:start], clip[start + n_gap :]
         base = _BASE.between(before, after, n_gap)
         seen = features.seam_window(concatenate([before, base, after]), start, n_gap)
-        pair = [base.local_rotations[:, 1:], turns[start : start + n_gap]]
+        whole = np.tile(rotation.IDENTITY, (n_gap, len(ROLES), 1))
+        whole[:, part.roles] = base.local_rotations[:, 1:]
+        pair = [whole, turns[start : start + n_gap]]
         bones = part.bones
         if seen.flipped:
             pair = [q[:, MIRROR] * [1.0, -1.0, -1.0, 1.0] for q in pair]
