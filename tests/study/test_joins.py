@@ -88,8 +88,8 @@ def test_the_stitchers_filter_goes_over_the_signs_too() -> None:
     trembling = replace(
         clip, root_positions=clip.root_positions + [0.0, 1.0, 0.0] * np.cos(at / 3 * 2 * np.pi)[:, None]
     )
-    still, shaken = (stitch(one, one).positions[5:-5, 0, 1] for one in (clip, trembling))
-    assert np.abs(shaken - still).max() < 0.2
+    still, shaken = (stitch(one, one).positions[5:13, 0, 1] for one in (clip, trembling))
+    assert np.abs(shaken - still).max() < 0.1
     assert np.abs(trembling.root_positions - clip.root_positions).max() == pytest.approx(1.0)
 
 
