@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,33 +23,66 @@ def forward(clip: Clip, joints: Sequence[int] | None = None) -> tuple[Float, Flo
     local_j; position_j = position_parent + global_parent offset_j; the root stands at root_positions.
     """
     skeleton = clip.skeleton
+    way = _way(skeleton, None if joints is None else tuple(int(joint) for joint in joints))
+    # Components first, frames last, all joints of one depth together: few operations, on long rows.
+    local = _components_first(clip.local_rotations[:, way.order])  # (3, 3, K, T)
+    rotations, positions = np.empty_like(local), np.empty((3, *local.shape[2:]))
+    rotations[:, :, 0], positions[:, 0] = local[:, :, 0], clip.root_positions.T
+    for rows, parents in way.levels:
+        over = rotations[:, :, parents]
+        rotations[:, :, rows] = np.einsum("abkt,bckt->ackt", over, local[:, :, rows])
+        if clip.translations is None:
+            step = np.einsum("abkt,kb->akt", over, skeleton.offsets[way.order[rows]])
+        else:
+            step = np.einsum("abkt,tkb->akt", over, clip.translations[:, way.order[rows]])
+        positions[:, rows] = positions[:, parents] + step
+    return rotations[:, :, way.wanted].transpose(3, 2, 0, 1), positions[:, way.wanted].transpose(2, 1, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """The way down a skeleton to some joints: ``order``, all that are needed, the root first; ``levels``, the rows of
+    ``order`` of every depth below it with the rows of their parents; ``wanted``, the rows of the joints asked for.
+    """
+
+    order: NDArray[np.intp]
+    levels: tuple[tuple[NDArray[np.intp], NDArray[np.intp]], ...]
+    wanted: NDArray[np.intp]
+
+
+_WAYS: WeakKeyDictionary[Skeleton, dict[tuple[int, ...] | None, _Way]] = WeakKeyDictionary()
+
+
+def _way(skeleton: Skeleton, joints: tuple[int, ...] | None) -> _Way:
+    """The way to some joints (None: all), remembered as long as the skeleton lives."""
+    known = _WAYS.setdefault(skeleton, {})
+    if joints not in known:
+        known[joints] = _new_way(skeleton, range(len(skeleton)) if joints is None else joints)
+    return known[joints]
+
+
+def _new_way(skeleton: Skeleton, wanted: Sequence[int]) -> _Way:
     parents = skeleton.parents.tolist()
-    wanted = range(len(skeleton)) if joints is None else [int(joint) for joint in joints]
-    needed: set[int] = set()
+    needed = {0}
     for joint in wanted:
-        while joint >= 0 and joint not in needed:
+        while joint not in needed:
             needed.add(joint)
             joint = parents[joint]
     order = sorted(needed)
-    # Components first, frames last, a joint at a time: a few operations on long rows that stay in the cache.
-    local = _components_first(clip.local_rotations[:, order])  # (3, 3, K, T)
-    rotations: dict[int, Float] = {}
-    positions: dict[int, Float] = {}
-    for row, joint in enumerate(order):
-        inner, parent = local[:, :, row], parents[joint]
-        if parent < 0:
-            rotations[joint], positions[joint] = inner, clip.root_positions.T
-            continue
-        over = rotations[parent]
-        rotations[joint] = np.einsum("abt,bct->act", over, inner)
-        if clip.translations is None:
-            step = np.einsum("abt,b->at", over, skeleton.offsets[joint])
-        else:
-            step = np.einsum("abt,tb->at", over, clip.translations[:, joint])
-        positions[joint] = positions[parent] + step
-    out_rotations = np.stack([rotations[joint] for joint in wanted])
-    out_positions = np.stack([positions[joint] for joint in wanted])
-    return out_rotations.transpose(3, 0, 1, 2), out_positions.transpose(2, 0, 1)
+    row = {joint: k for k, joint in enumerate(order)}
+    depth = {0: 0}
+    levels: dict[int, list[int]] = {}
+    for joint in order[1:]:
+        depth[joint] = depth[parents[joint]] + 1
+        levels.setdefault(depth[joint], []).append(joint)
+    return _Way(
+        np.array(order),
+        tuple(
+            (np.array([row[joint] for joint in level]), np.array([row[parents[joint]] for joint in level]))
+            for _, level in sorted(levels.items())
+        ),
+        np.array([row[joint] for joint in wanted], np.intp),
+    )
 
 
 def _components_first(q: Float) -> Float:
