@@ -105,7 +105,7 @@ class _Numbers:
         if len(by_fr) < 2:
             return False
         for n, fr in enumerate(sorted(by_fr)):
-            _line(ax, by_fr[fr], f"fr = {fr}", n)
+            _line(ax, by_fr[fr].points, f"fr = {fr}", n)
         return _finish_curves(ax, f"Accuracy over training by fr ({self.told})")
 
     def time_and_error_by_fr(self, ax: Any) -> bool:
@@ -127,14 +127,17 @@ class _Numbers:
         return True
 
     def accuracy(self, ax: Any, systems: Iterable[str]) -> bool:
-        """Figures 4(c) and 5(a)."""
-        drawn = 0
+        """Figures 4(c) and 5(a). Systems that share the network that makes frames share its curve."""
+        drawn: dict[tuple[tuple[float, float], ...], tuple[list[str], int]] = {}
         for n, system in enumerate(systems):
             curves = [c for c in self._curves(system) if c.fr in (None, published.BEST_FR)]
             if curves:
-                _line(ax, min(curves, key=lambda c: c.seed or 0), published.name(system), n)
-                drawn += 1
-        return drawn > 1 and _finish_curves(ax, f"Accuracy over training ({self.told})")
+                curve = min(curves, key=lambda c: c.seed or 0)
+                drawn.setdefault(tuple((a, b) for a, b in curve.points), ([], n))[0].append(published.name(system))
+        for points, (names, n) in drawn.items():
+            _line(ax, points, ", ".join(names), n)
+        n_systems = sum(len(names) for names, _ in drawn.values())
+        return n_systems > 1 and _finish_curves(ax, f"Accuracy over training ({self.told})")
 
     def error_against_time(self, ax: Any, systems: Iterable[str], classical: bool) -> bool:
         """Figures 4(d) and 5(b), and where asked for two classical rows that are told the length."""
@@ -151,8 +154,8 @@ class _Numbers:
                 for row in self.results.find(system=system, told=told, scale=CLASSICAL, split=SPLIT, part="test"):
                     _point(ax, row, f"{system},\ntold {told}", "#9a9a9a", "s")
         ax.axhline(published.VISIBLE, color="#b04a5a", ls=":", lw=1)
-        ax.annotate("seen by viewers above (paper)", (1.0, published.VISIBLE), xycoords=("axes fraction", "data"),
-                    ha="right", va="bottom", fontsize=7, color="#b04a5a")  # fmt: skip
+        ax.annotate("seen by viewers above (paper)", (0.01, published.VISIBLE), xycoords=("axes fraction", "data"),
+                    ha="left", va="bottom", fontsize=7, color="#b04a5a")  # fmt: skip
         ax.set(xscale="log", yscale="log", xlabel="mean prediction time, ms a pair", ylabel="MSE")
         ax.margins(0.3)
         _plain_ticks(ax)
@@ -167,8 +170,8 @@ class _Numbers:
         ]
 
 
-def _line(ax: Any, curve: Curve, name: str, n: int) -> None:
-    steps, values = np.array(curve.points, float).reshape(-1, 2).T
+def _line(ax: Any, points: Sequence[tuple[float, float]], name: str, n: int) -> None:
+    steps, values = np.array(points, float).reshape(-1, 2).T
     ax.plot(steps, values, color=COLOURS[n % len(COLOURS)], lw=1.5, label=name, marker="." if len(steps) < 12 else "")
 
 
