@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from clothes import without
 from signing import mirror, word
-from signsplice.motion import contact, kinematics
+from signsplice.motion import contact, kinematics, rotation
 from signsplice.motion.body import place
 from signsplice.motion.clip import Clip
 from signsplice.synth import planner, pose
@@ -214,3 +215,20 @@ def test_groups_are_the_hands_the_head_and_the_trunk() -> None:
     assert {shape.parts[n] for n in range(len(shape.parts))} - {shape.parts[n] for n in every} == {
         *("sleeve", "cuff", "leg", "shoe", "eye", "mouth")
     }
+
+
+@pytest.mark.parametrize("gloss", ["HELLO", "LEARN", "MOTHER", "BOOK", "SORRY", "HOUSE"])
+def test_looking_only_where_it_may_touch_finds_the_same(gloss: str) -> None:
+    clip = word(gloss).clip
+    rng = np.random.default_rng(len(gloss))
+    shaken = replace(clip, local_rotations=rotation.multiply(
+        clip.local_rotations, rotation.exp(rng.normal(0.0, 0.15, (1, len(clip.skeleton), 3))))
+    )  # fmt: skip
+    for one in (clip, shaken, clip[:1], without(clip, "LeftHand")):
+        globals_ = kinematics.forward(one)
+        depth, way = contact.hands_inside(one.skeleton, *globals_)
+        pressed, out = contact.hands_pressed(one.skeleton, *globals_)
+        inside = depth > 0.0
+        np.testing.assert_array_equal(pressed > 0.0, inside)
+        np.testing.assert_allclose(pressed[inside], depth[inside], rtol=1e-12)
+        np.testing.assert_allclose(out[inside], way[inside], atol=1e-9)

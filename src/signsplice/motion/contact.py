@@ -58,47 +58,78 @@ def hands_inside(skeleton: Skeleton, global_rotations: Float, global_positions: 
     known = groups(shape)
     starts, ends = place(shape, global_rotations, global_positions)
     solid = (*known.head, *known.trunk)
-    n_frames = len(starts)
-    depth, way = np.empty((n_frames, 2)), np.empty((n_frames, 2, 3))
-    between, across = overlap(starts, ends, shape.radii, known.left, known.right)
-    apart = starts[:, known.left].mean(axis=1) - starts[:, known.right].mean(axis=1)
-    across = across + _APART * (apart / (np.linalg.norm(apart, axis=-1, keepdims=True) + _TINY))[:, None, None]
-    across /= np.linalg.norm(across, axis=-1, keepdims=True) + _TINY
-    rows = np.arange(n_frames)
-    for side, own in enumerate((known.left, known.right)):
-        deep, out = overlap(starts, ends, shape.radii, own, solid)
-        other, away = (between, across) if side == 0 else (between.swapaxes(1, 2), -across.swapaxes(1, 2))
-        deep = np.concatenate([deep, other], axis=2).reshape(n_frames, -1)
-        out = np.concatenate([out, away], axis=2).reshape(n_frames, -1, 3)
-        worst = deep.argmax(axis=1)
-        depth[:, side], way[:, side] = deep[rows, worst], out[rows, worst]
-    return depth, way
+    return _deepest(shape, starts, ends, (solid, solid), True)
 
 
-def may_touch(skeleton: Skeleton, global_rotations: Float, global_positions: Float) -> NDArray[np.bool_]:
-    """Frames (T,) in which a hand could lie in head, neck, trunk or the other hand: the ball around it reaches a
-    capsule of theirs, or the other's ball. In all others none does; a tenth of the work of ``hands_inside``.
+def hands_pressed(skeleton: Skeleton, global_rotations: Float, global_positions: Float) -> tuple[Float, Float]:
+    """``hands_inside`` where a hand lies in something, in a part of the time: only capsules that the ball around a hand
+    reaches are looked at. Elsewhere the depth is some number not above 0, and the way means nothing.
     """
     shape = known_body(skeleton)
     known = groups(shape)
     starts, ends = place(shape, global_rotations, global_positions)
+    depth, way = np.full((len(starts), 2), -np.inf), np.zeros((len(starts), 2, 3))
+    near, meeting = _near(shape, known, starts, ends)
+    rows = np.flatnonzero(np.any(near, axis=(1, 2)) | meeting)
+    if len(rows):
+        solid = np.array([*known.head, *known.trunk])
+        reached = np.any(near[rows], axis=0)
+        left, right = (tuple(solid[own].tolist()) for own in reached)
+        depth[rows], way[rows] = _deepest(shape, starts[rows], ends[rows], (left, right), bool(meeting[rows].any()))
+    return depth, way
+
+
+def _near(shape: Body, known: Groups, starts: Float, ends: Float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which capsules of head and trunk the ball around each hand reaches (T, 2, S), and whether the two balls do one
+    another (T,).
+    """
     solid = [*known.head, *known.trunk]
-    centres, balls = [], []
-    for own in map(list, (known.left, known.right)):
-        points = np.concatenate([starts[:, own], ends[:, own]], axis=1)
-        centre = points.mean(axis=1)
-        thick = np.concatenate([shape.radii[own, 0], shape.radii[own, 1]])
-        centres.append(centre)
-        balls.append((np.linalg.norm(points - centre[:, None], axis=-1) + thick).max(axis=1, initial=0.0))
-    near = np.linalg.norm(centres[0] - centres[1], axis=-1) < balls[0] + balls[1]
     q, v = starts[:, solid], ends[:, solid] - starts[:, solid]
     thickest = shape.radii[solid].max(axis=1)
-    for centre, ball in zip(centres, balls, strict=True):
-        way = centre[:, None] - q
-        share = np.clip(_dot(way, v) / (_dot(v, v) + _TINY), 0.0, 1.0)
-        distance = np.linalg.norm(way - share[..., None] * v, axis=-1)
-        near |= (distance < ball[:, None] + thickest).any(axis=1)
-    return np.asarray(near)
+    near = np.zeros((len(starts), 2, len(solid)), bool)
+    centres, balls = [], []
+    for side, own in enumerate(map(list, (known.left, known.right))):
+        points = np.concatenate([starts[:, own], ends[:, own]], axis=1)
+        centre = points.mean(axis=1) if own else np.full((len(starts), 3), np.inf)
+        thick = np.concatenate([shape.radii[own, 0], shape.radii[own, 1]])
+        ball = (np.linalg.norm(points - centre[:, None], axis=-1) + thick).max(axis=1, initial=0.0)
+        if own:
+            way = centre[:, None] - q
+            share = np.clip(_dot(way, v) / (_dot(v, v) + _TINY), 0.0, 1.0)
+            near[:, side] = np.linalg.norm(way - share[..., None] * v, axis=-1) < ball[:, None] + thickest
+        centres.append(centre)
+        balls.append(ball)
+    if not (known.left and known.right):
+        return near, np.zeros(len(starts), bool)
+    return near, np.linalg.norm(centres[0] - centres[1], axis=-1) < balls[0] + balls[1]
+
+
+def _deepest(
+    shape: Body, starts: Float, ends: Float, solid: tuple[tuple[int, ...], tuple[int, ...]], meeting: bool
+) -> tuple[Float, Float]:
+    """How deep (T, 2) each hand lies, and its way out (T, 2, 3), in some capsules for the left and for the right one,
+    and in the other hand where they are ``meeting``.
+    """
+    known = groups(shape)
+    n_frames = len(starts)
+    depth, way = np.full((n_frames, 2), -np.inf), np.zeros((n_frames, 2, 3))
+    meeting = meeting and bool(known.left and known.right)
+    if meeting:
+        between, across = overlap(starts, ends, shape.radii, known.left, known.right)
+        apart = starts[:, known.left].mean(axis=1) - starts[:, known.right].mean(axis=1)
+        across = across + _APART * (apart / (np.linalg.norm(apart, axis=-1, keepdims=True) + _TINY))[:, None, None]
+        across /= np.linalg.norm(across, axis=-1, keepdims=True) + _TINY
+    rows = np.arange(n_frames)
+    for side, own in enumerate((known.left, known.right)):
+        deep, out = overlap(starts, ends, shape.radii, own, solid[side])
+        if meeting:
+            other, away = (between, across) if side == 0 else (between.swapaxes(1, 2), -across.swapaxes(1, 2))
+            deep, out = np.concatenate([deep, other], axis=2), np.concatenate([out, away], axis=2)
+        if deep.size:
+            deep, out = deep.reshape(n_frames, -1), out.reshape(n_frames, -1, 3)
+            worst = deep.argmax(axis=1)
+            depth[:, side], way[:, side] = deep[rows, worst], out[rows, worst]
+    return depth, way
 
 
 @lru_cache(maxsize=64)

@@ -74,14 +74,9 @@ def cleared(filled: Clip, before: Clip, after: Clip) -> Cleared:
 
 
 def _inside(window: Clip) -> tuple[Float, Float, Float]:
-    """Depths (T, 2) of the hands, -inf where they are far from all, ways out (T, 2, 3), and the way ahead of the chest
-    (T, 3).
-    """
+    """Depths (T, 2) and ways out (T, 2, 3) of the hands, and the way ahead of the chest (T, 3)."""
     turns, places = kinematics.forward(window)
-    depth, way = np.full((len(window), 2), -np.inf), np.zeros((len(window), 2, 3))
-    near = contact.may_touch(window.skeleton, turns, places)
-    if near.any():
-        depth[near], way[near] = contact.hands_inside(window.skeleton, turns[near], places[near])
+    depth, way = contact.hands_pressed(window.skeleton, turns, places)
     return depth, way, _ahead(window.skeleton, places)
 
 
