@@ -120,6 +120,32 @@ def test_a_transition_bends_the_curve_and_keeps_its_ends() -> None:
     assert np.ptp(bones) < 1e-6
 
 
+def test_gaps_filled_together_are_each_filled_alone() -> None:
+    gaps = [(P[:40], Q[22:], n) for n in (7, 1, 12, 30, 7, 90)]
+    for one, gap in zip(TRANSITION.between_all(gaps), gaps, strict=True):
+        alone = TRANSITION.between(*gap)
+        assert len(one) == gap[2]
+        np.testing.assert_allclose(one.local_rotations, alone.local_rotations, atol=1e-5)
+    assert TRANSITION.between_all([]) == []
+
+
+def test_a_sentence_is_filled_in_one_pass_and_a_stream_in_many() -> None:
+    class Counting(Graphs):
+        def run(self, name: str, inputs: Mapping[str, Array]) -> dict[str, Array]:
+            runs.append(len(inputs["tokens"]))
+            return super().run(name, inputs)
+
+    runs: list[int] = []
+    options = ss.SpliceOptions(transition=LearnedTransition(Counting(GRAPHS.folder, GRAPHS.facts)), transition_time=0.3)
+    words = [P, Q, word("SEE").clip, P]
+    together = ss.splice(words, options)
+    assert runs == [3]
+    pieces = list(ss.stream(words, options))
+    assert runs == [3, 1, 1, 1]
+    streamed = np.concatenate([piece.clip.local_rotations for piece in pieces])
+    np.testing.assert_allclose(streamed, together.clip.local_rotations, atol=1e-5)
+
+
 def test_every_rig_hand_and_rate_is_bridged_alike() -> None:
     before, after = P[:40], Q[22:]
     own = TRANSITION.between(before, after, 9)

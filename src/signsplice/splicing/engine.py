@@ -14,15 +14,16 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.motion.harmonize import Harmonized, ground, harmonize
+from signsplice.motion.harmonize import ground, harmonize
 from signsplice.splicing.body_sense import cleared
 from signsplice.splicing.cut import DEFAULT_CUTTER, Cut, Cutter, SentenceCutter, find_cutter
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration, find_duration
 from signsplice.splicing.seam import Seam, score
-from signsplice.splicing.transition import DEFAULT_TRANSITION, Transition, find_transition
+from signsplice.splicing.transition import DEFAULT_TRANSITION, Gap, SentenceTransition, Transition, find_transition
 
 MAX_TRANSITION_S = 10.0
 _CONTEXT = 8
@@ -128,12 +129,51 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Splic
 
 
 def stream(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Iterator[Piece]:
-    """Pieces of the sentence in order, each as soon as the next clip is known; joined, they are what ``splice`` gives,
-    but for a cutter that chooses all seams of a sentence together, which sees two words at a time here.
+    """Pieces of the sentence in order, each as soon as the next clip is known; joined, they are what ``splice`` gives.
+    A cutter that chooses all seams of a sentence together sees two words at a time here and may choose otherwise; a
+    transition that fills all gaps in one go makes the same frames up to rounding.
 
     Reads ``clips`` one ahead; without any, nothing comes. Raises as ``splice`` does, at the clip that is wrong.
     """
     return _Sentence(options or SpliceOptions()).pieces(clips)
+
+
+@dataclass(eq=False)
+class _Word:
+    """A word of a sentence on its ground: the frame at which it is entered, and the seam by which."""
+
+    index: int
+    clip: Clip
+    warnings: tuple[str, ...]
+    entry: int = 0
+    seam: Seam | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Join:
+    """Two words, where they are left and entered, the new frames between, and what has to be said."""
+
+    before: _Word
+    after: _Word
+    cut: Cut
+    n_frames: int
+    warnings: tuple[str, ...]
+
+    @property
+    def kept(self) -> Clip:
+        """The last frames kept of the word before, as many as a transition is shown."""
+        stop = self.cut.pre + 1
+        return self.before.clip[max(self.before.entry, stop - _shown(self.before.clip.fps)) : stop]
+
+    @property
+    def follows(self) -> Clip:
+        """The first frames kept of the word after."""
+        return self.after.clip[self.cut.post : self.cut.post + _shown(self.after.clip.fps)]
+
+    @property
+    def gap(self) -> Gap:
+        """What a transition is asked."""
+        return self.kept, self.follows, self.n_frames
 
 
 @dataclass
@@ -157,74 +197,79 @@ class _Sentence:
         self.seconds[part] += time.perf_counter() - start
 
     def pieces(self, clips: Iterable[Clip], whole: bool = False) -> Iterator[Piece]:
-        """The sentence in pieces; ``whole``: all words may be looked at before the first piece comes."""
-        words: Iterable[Harmonized] = self._words(clips)
-        cuts: Iterator[Cut] | None = None
-        if whole and isinstance(self.cutter, SentenceCutter):
-            words = list(words)
-            with self.timed("cut"):
-                chosen = self.cutter.cuts([word.clip for word in words]) if len(words) > 1 else []
-            if len(chosen) != max(0, len(words) - 1):
-                raise InputError(f"cutter {self.cutter.name} chose {len(chosen)} cuts for {len(words)} clips")
-            cuts = iter(chosen)
-        before: Clip | None = None
-        entry, index = 0, -1
-        seam: Seam | None = None
-        said: tuple[str, ...] = ()
-        for index, word in enumerate(words):
-            after = word.clip
-            if before is not None:
-                cut = self._checked(self._cut(before, after) if cuts is None else next(cuts), before, after, entry)
-                yield self._sign(before, index - 1, entry, cut.pre + 1, seam, said)
-                filled, seam = self._transition(before, after, cut, entry)
+        """The sentence in pieces; ``whole``: all words are looked at before the first piece comes, so that seams are
+        chosen together, and filled in one go.
+        """
+        words = self._words(clips)
+        last: _Word | None = None
+        for group in [list(words)] if whole else ([word] for word in words):
+            row = group if last is None else [last, *group]
+            joins = self._joins(row, whole)
+            for join, (filled, depth) in zip(joins, self._fill(joins), strict=True):
+                yield self._sign(join.before, join.cut.pre + 1)
+                join.after.seam = self._score(join, filled, depth)
                 if filled is not None:
                     yield Piece(filled, self._span("transition", None, None, None, len(filled)))
-                entry = cut.post
-            before, said = after, word.warnings
-        if before is not None:
-            yield self._sign(before, index, entry, len(before), seam, said)
+            last = row[-1] if row else None
+        if last is not None:
+            yield self._sign(last, len(last.clip))
 
-    def _words(self, clips: Iterable[Clip]) -> Iterator[Harmonized]:
+    def _words(self, clips: Iterable[Clip]) -> Iterator[_Word]:
         """Clips on the first one's ground."""
         onto = None
-        for clip in clips:
+        for index, clip in enumerate(clips):
             with self.timed("harmonize"):
                 if onto is None:
                     onto = ground(clip, self.options.fps)
                 harmonized = harmonize(clip, onto, self.options.sign_speed)
-            yield harmonized
+            yield _Word(index, harmonized.clip, harmonized.warnings)
 
-    def _cut(self, before: Clip, after: Clip) -> Cut:
-        with self.timed("cut"):
-            return self.cutter.cut(before, after)
-
-    def _checked(self, cut: Cut, before: Clip, after: Clip, entry: int) -> Cut:
-        """Where to leave and enter; never before the frame at which ``before`` itself was entered."""
-        if not (0 <= cut.pre < len(before) and 0 <= cut.post < len(after)):
-            raise InputError(
-                f"cutter {self.cutter.name} chose {cut} for clips of {len(before)} and {len(after)} frames"
-            )
-        return Cut(max(cut.pre, entry), cut.post)
-
-    def _transition(self, before: Clip, after: Clip, cut: Cut, entry: int) -> tuple[Clip | None, Seam]:
-        with self.timed("transition"):
-            n_frames, warnings = self._n_frames(before, after, cut)
-            if cut.pre <= entry and entry > 0:
-                warnings = (
-                    *warnings,
-                    f"{before.name} is left where it was entered, at frame {entry}: only that frame is kept",
+    def _joins(self, words: Sequence[_Word], whole: bool) -> list[_Join]:
+        """Where words in order are joined; every word is told at which frame it is entered."""
+        joins = []
+        for (before, after), cut in zip(pairwise(words), self._cuts([word.clip for word in words], whole), strict=True):
+            n_before, n_after = len(before.clip), len(after.clip)
+            if not (0 <= cut.pre < n_before and 0 <= cut.post < n_after):
+                raise InputError(f"cutter {self.cutter.name} chose {cut} for clips of {n_before} and {n_after} frames")
+            # Never before the frame at which the word itself was entered.
+            cut = Cut(max(cut.pre, before.entry), cut.post)
+            after.entry = cut.post
+            with self.timed("transition"):
+                n_frames, warnings = self._n_frames(before.clip, after.clip, cut)
+            if cut.pre <= before.entry and before.entry > 0:
+                told = (
+                    f"{before.clip.name} is left where it was entered, at frame {before.entry}: only that frame is kept"
                 )
-            n_shown = _shown(before.fps)
-            kept = before[max(entry, cut.pre + 1 - n_shown) : cut.pre + 1]
-            follows = after[cut.post : cut.post + n_shown]
-            filled, depth = None, None
-            if n_frames:
-                filled, depth = _filled(self.transition, kept, follows, n_frames, self.options.body_sense)
+                warnings = (*warnings, told)
+            joins.append(_Join(before, after, cut, n_frames, warnings))
+        return joins
+
+    def _cuts(self, clips: Sequence[Clip], whole: bool) -> Iterable[Cut]:
+        """The cutter's choice for every two clips; together where it can, and all words are there."""
+        with self.timed("cut"):
+            if not (whole and len(clips) > 1 and isinstance(self.cutter, SentenceCutter)):
+                return [self.cutter.cut(before, after) for before, after in pairwise(clips)]
+            cuts = self.cutter.cuts(clips)
+        if len(cuts) != len(clips) - 1:
+            raise InputError(f"cutter {self.cutter.name} chose {len(cuts)} cuts for {len(clips)} clips")
+        return cuts
+
+    def _fill(self, joins: Sequence[_Join]) -> list[tuple[Clip | None, float | None]]:
+        """The transition of every join, None where it has no frames; and how deep a hand is in the body, m, None where
+        nobody looked.
+        """
+        with self.timed("transition"):
+            gaps = [join.gap for join in joins if join.n_frames]
+            filled = iter(_filled(self.transition, gaps, self.options.body_sense))
+            return [next(filled) if join.n_frames else (None, None) for join in joins]
+
+    def _score(self, join: _Join, filled: Clip | None, depth: float | None) -> Seam:
+        before, after, cut = join.before, join.after, join.cut
         with self.timed("join"):
-            kept, follows = kept[-_CONTEXT:], follows[:_CONTEXT]
+            kept, follows = join.kept[-_CONTEXT:], join.follows[:_CONTEXT]
             window = concatenate([kept, filled, follows] if filled is not None else [kept, follows])
-            seam = score(window, len(kept), n_frames, before.name, after.name, cut, warnings, depth)
-        return filled, seam
+            names = before.clip.name, after.clip.name
+            return score(window, len(kept), join.n_frames, *names, cut, join.warnings, depth)
 
     def _n_frames(self, before: Clip, after: Clip, cut: Cut) -> tuple[int, tuple[str, ...]]:
         """Number of transition frames: the user's time, or the rule's; the human median where the rig has no known
@@ -240,10 +285,10 @@ class _Sentence:
             )
         return max(1, round(min(seconds, MAX_TRANSITION_S) * before.fps)), ()
 
-    def _sign(self, clip: Clip, index: int, start: int, stop: int, seam: Seam | None, said: tuple[str, ...]) -> Piece:
+    def _sign(self, word: _Word, stop: int) -> Piece:
         with self.timed("join"):
-            span = self._span("sign", index, clip.name, (start, stop), stop - start)
-            return Piece(clip[start:stop], span, seam, said)
+            span = self._span("sign", word.index, word.clip.name, (word.entry, stop), stop - word.entry)
+            return Piece(word.clip[word.entry : stop], span, word.seam, word.warnings)
 
     def _span(
         self, kind: str, clip: int | None, name: str | None, source: tuple[int, int] | None, n_frames: int
@@ -257,20 +302,25 @@ def _shown(fps: float) -> int:
     return max(_CONTEXT, math.ceil(_SHOWN_S * fps - 1e-6) + 1)
 
 
-def _filled(
-    transition: Transition, before: Clip, after: Clip, n_frames: int, body_sense: bool | None
-) -> tuple[Clip, float | None]:
-    """The frames that a transition makes; how deep a hand is in the body, m, None where nobody looked.
+def _filled(transition: Transition, gaps: Sequence[Gap], body_sense: bool | None) -> list[tuple[Clip, float | None]]:
+    """The frames that a transition makes for every gap; how deep a hand is in the body, m, None where nobody looked.
 
     Raises ``InputError`` where they are not as many as were asked for.
     """
-    filled = transition.between(before, after, n_frames)
-    if len(filled) != n_frames:
-        raise InputError(f"transition {transition.name} made {len(filled)} frames, expected {n_frames}")
-    if not (transition.learned if body_sense is None else body_sense):
-        return filled, None
-    led = cleared(filled, before, after)
-    return led.clip, led.depth
+    if isinstance(transition, SentenceTransition):
+        made = transition.between_all(gaps)
+    else:
+        made = [transition.between(*gap) for gap in gaps]
+    out: list[tuple[Clip, float | None]] = []
+    for filled, (before, after, n_frames) in zip(made, gaps, strict=True):
+        if len(filled) != n_frames:
+            raise InputError(f"transition {transition.name} made {len(filled)} frames, expected {n_frames}")
+        if transition.learned if body_sense is None else body_sense:
+            led = cleared(filled, before, after)
+            out.append((led.clip, led.depth))
+        else:
+            out.append((filled, None))
+    return out
 
 
 def inbetween(
@@ -298,23 +348,27 @@ def inbetween(
                 "frames must remain before, between and after gaps"
             )
         at = stop
+    n_shown = _shown(clip.fps)
+    kept_from = [0, *(stop for _, stop in gaps)]
+    kept_until = [*(start for start, _ in gaps), len(clip)]
+    began = time.perf_counter()
+    asked = [
+        (clip[kept_from[k] : start][-n_shown:], clip[stop : kept_until[k + 1]][:n_shown], stop - start)
+        for k, (start, stop) in enumerate(gaps)
+    ]
+    made = _filled(method, asked, body_sense)
+    seconds["transition"] = time.perf_counter() - began
     at = 0
-    ends = [start for start, _ in gaps[1:]] + [len(clip)]
-    for (start, stop), kept_until in zip(gaps, ends, strict=True):
-        began = time.perf_counter()
-        n_shown = _shown(clip.fps)
-        follows = clip[stop:kept_until][:n_shown]
-        filled, depth = _filled(method, clip[at:start][-n_shown:], follows, stop - start, body_sense)
-        seconds["transition"] += time.perf_counter() - began
+    for (start, stop), (kept, follows, _), (filled, depth) in zip(gaps, asked, made, strict=True):
         pieces += [clip[at:start], filled]
         spans += [
             Span("sign", 0, clip.name, (at, start), (at, start)),
             Span("transition", None, None, None, (start, stop)),
         ]
-        low = max(at, start - _CONTEXT)
-        window = concatenate([clip[low:start], filled, follows[:_CONTEXT]])
+        kept = kept[-_CONTEXT:]
+        window = concatenate([kept, filled, follows[:_CONTEXT]])
         cut = Cut(start - 1, stop)
-        seams.append(score(window, start - low, stop - start, clip.name, clip.name, cut, (), depth))
+        seams.append(score(window, len(kept), stop - start, clip.name, clip.name, cut, (), depth))
         at = stop
     pieces.append(clip[at:])
     spans.append(Span("sign", 0, clip.name, (at, len(clip)), (at, len(clip))))

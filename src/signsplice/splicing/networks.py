@@ -6,10 +6,11 @@ back to the clips' own joints and rate.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
+from typing import TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -25,12 +26,15 @@ from signsplice.splicing.bundle import read_facts
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.graphs import Array, Graphs
 from signsplice.splicing.joint import Choices, best
-from signsplice.splicing.transition import find_transition
+from signsplice.splicing.transition import Gap, find_transition
 
 Float = NDArray[np.float64]
 
 SYSTEM = "signsplice"
 NAME = "learned"
+MOST_AT_ONCE = 32
+"""Gaps that are filled in one pass of the network."""
+Item = TypeVar("Item")
 
 
 def open_graphs(folder: str | Path) -> Graphs:
@@ -164,12 +168,38 @@ class LearnedTransition:
 
     def between(self, before: Clip, after: Clip, n_frames: int) -> Clip:
         """``n_frames`` >= 1 new frames that lead from the last frame of ``before`` to the first of ``after``."""
-        base = self.base.between(before, after, n_frames)
-        if not LEAST <= features.gap_frames((n_frames + 1) / before.fps) <= MOST:
-            return base
-        n_context = int(np.ceil((CONTEXT + 1) / RATE * before.fps)) + 1
-        kept, follows = before[-n_context:], after[:n_context]
-        window = features.seam_window(concatenate([kept, base, follows]), len(kept), n_frames)
-        answer = self.graphs.run("bridge", {"tokens": window.tokens[None]})["turns"][0]
-        turns = features.deltas(answer, window, n_frames)
-        return replace(base, local_rotations=turned(base.skeleton, base.local_rotations, turns))
+        return self.between_all([(before, after, n_frames)])[0]
+
+    def between_all(self, gaps: Sequence[Gap]) -> list[Clip]:
+        """New frames for every gap, ``MOST_AT_ONCE`` gaps in a pass."""
+        made = [self.base.between(*gap) for gap in gaps]
+        seen = {k: window for k, gap in enumerate(gaps) if (window := _window(made[k], gap)) is not None}
+        for some in batched(seen.items(), MOST_AT_ONCE):
+            longest = max(len(window.tokens) for _, window in some)
+            tokens = np.zeros((len(some), longest, features.N_TOKEN), np.float32)
+            mask = np.zeros((len(some), longest), bool)
+            for row, (_, window) in enumerate(some):
+                tokens[row, : len(window.tokens)], mask[row, : len(window.tokens)] = window.tokens, True
+            answers = self.graphs.run("bridge", {"tokens": tokens, "mask": mask})["turns"]
+            for answer, (k, window) in zip(answers, some, strict=True):
+                turns = features.deltas(answer[: window.n_gap], window, len(made[k]))
+                base = made[k]
+                made[k] = replace(base, local_rotations=turned(base.skeleton, base.local_rotations, turns))
+        return made
+
+
+def _window(base: Clip, gap: Gap) -> features.Window | None:
+    """What the network sees of a gap that a classical transition bridges; None where it is too short or too long."""
+    before, after, n_frames = gap
+    if not LEAST <= features.gap_frames((n_frames + 1) / base.fps) <= MOST:
+        return None
+    n_context = int(np.ceil((CONTEXT + 1) / RATE * base.fps)) + 1
+    kept, follows = before[-n_context:], after[:n_context]
+    return features.seam_window(concatenate([kept, base, follows]), len(kept), n_frames)
+
+
+def batched(items: Iterable[Item], most: int) -> Iterator[list[Item]]:
+    """The items in order, ``most`` at a time."""
+    left = iter(items)
+    while some := list(islice(left, most)):
+        yield some

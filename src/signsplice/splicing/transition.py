@@ -18,9 +18,9 @@ costs and gains on hidden frames of real clips and at true splices.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,8 +48,21 @@ class Transition(Method, Protocol):
         ...
 
 
+Gap = tuple[Clip, Clip, int]
+"""The sign before, the sign after, as much of each as is kept and shown, and the number of new frames."""
+
+
+@runtime_checkable
+class SentenceTransition(Transition, Protocol):
+    """A transition that can fill all gaps of a sentence in one go."""
+
+    def between_all(self, gaps: Sequence[Gap]) -> list[Clip]:
+        """New frames for every gap, each as ``between`` makes them."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
-class Gap:
+class Ways:
     """What a curve has to bridge, K ways at once: the ways d (K, 3), the velocities (K, 3) and accelerations (K, 3) at
     both ends along them, a second; fps; and the times (n,) of the new frames and T, in seconds.
     """
@@ -61,12 +74,12 @@ class Gap:
     seconds: float
 
 
-Curve = Callable[[Gap], Float]
+Curve = Callable[[Ways], Float]
 
 
 @dataclass(frozen=True)
 class ClassicalTransition:
-    """A transition that follows a curve: Gap -> places (n, K, 3) along the ways."""
+    """A transition that follows a curve: Ways -> places (n, K, 3) along the ways."""
 
     name: str
     summary: str
@@ -99,7 +112,7 @@ class ClassicalTransition:
         )
 
 
-def _gap(before: Clip, after: Clip, n_frames: int, moving: bool) -> Gap:
+def _gap(before: Clip, after: Clip, n_frames: int, moving: bool) -> Ways:
     """The gap of all joints as rotation vectors in the frames of the pose before, of the root's place, and, where bones
     are ``moving``, of every joint's translation. A clip too short for a step stands still there.
     """
@@ -119,7 +132,7 @@ def _gap(before: Clip, after: Clip, n_frames: int, moving: bool) -> Gap:
     bend = bend + (ahead - behind) / 2e-4 * (len(after) > 2)
     first, second = (turns[1], shifts[1]), (turns[0], shifts[0])
     enough = len(before) > 2
-    return Gap(
+    return Ways(
         way=np.concatenate([way, shifts[2]]),
         velocity=(np.concatenate(first) * fps, np.concatenate([rate, shifts[3] * fps])),
         acceleration=(
@@ -143,25 +156,25 @@ def _ends(before: Float, after: Float) -> tuple[Float, Float]:
     return row[:-1], row[1:]
 
 
-def _share(gap: Gap) -> Float:
+def _share(gap: Ways) -> Float:
     return gap.times[:, None, None] / gap.seconds
 
 
-def _hold(gap: Gap) -> Float:
+def _hold(gap: Ways) -> Float:
     return np.zeros((len(gap.times), *gap.way.shape))
 
 
-def _straight(gap: Gap) -> Float:
+def _straight(gap: Ways) -> Float:
     return np.asarray(_share(gap) * gap.way)
 
 
-def _minimum_jerk(gap: Gap) -> Float:
+def _minimum_jerk(gap: Ways) -> Float:
     """10 u^3 - 15 u^4 + 6 u^5 (Flash and Hogan 1985): from rest to rest."""
     u = _share(gap)
     return np.asarray(u**3 * (10.0 + u * (-15.0 + 6.0 * u)) * gap.way)
 
 
-def _hermite(gap: Gap) -> Float:
+def _hermite(gap: Ways) -> Float:
     u = _share(gap)
     curve = u**2 * (3.0 - 2.0 * u) * gap.way
     for times, way, velocity in _from_both_ends(gap):
@@ -171,7 +184,7 @@ def _hermite(gap: Gap) -> Float:
     return np.asarray(curve)
 
 
-def _quintic(gap: Gap) -> Float:
+def _quintic(gap: Ways) -> Float:
     u = _share(gap)
     curve = u**3 * (10.0 + u * (-15.0 + 6.0 * u)) * gap.way
     for (times, way, velocity), acceleration in zip(_from_both_ends(gap), gap.acceleration, strict=True):
@@ -186,7 +199,7 @@ def _quintic(gap: Gap) -> Float:
     return np.asarray(curve)
 
 
-def _inertialize(gap: Gap) -> Float:
+def _inertialize(gap: Ways) -> Float:
     """Bollo 2018, "Inertialization": jump to the motion after, and let the offset to the motion before die out by a
     quintic.
 
@@ -219,7 +232,7 @@ def _inertialize(gap: Gap) -> Float:
     return np.asarray(target(t) + axis * np.where(t < t1, offset, 0.0))
 
 
-def _from_both_ends(gap: Gap) -> list[tuple[Float, Float, Float]]:
+def _from_both_ends(gap: Ways) -> list[tuple[Float, Float, Float]]:
     """Seen from each end: the time since it (n, 1, 1), the way to the other (K, 3), the velocity away from it (K,
     3).
     """

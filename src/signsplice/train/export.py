@@ -2,7 +2,7 @@
 
 A generator becomes two graphs: ``encoder`` (input -> tokens, memory, state) and ``decoder``, one step or many at once,
 whose state, key-value caches of any length among them, goes in and out. A filler becomes ``length`` and ``fill``.
-Batches are of one; numbers of frames are free, those of culled frames fixed.
+Batches are of one but for the network that makes transitions; numbers of frames are free, those of culled frames fixed.
 """
 
 from __future__ import annotations

@@ -170,12 +170,14 @@ def _data(own: Own, paths: Sequence[Path], fixed: int | None) -> Data:
 def graphs(task: Task, valid: Data) -> dict[str, bytes]:
     """A task's network as ONNX graphs by file name, compared with torch on what it has not learned from."""
     network = task.network.eval().cpu()
-    batches = [valid.batch([k]) for k in range(3)]
     if isinstance(network, Cutting):
-        told = _cutting_graphs(network, batches)
+        told = _cutting_graphs(network, [valid.batch([k]) for k in range(3)])
     else:
-        tokens = [{"tokens": batch.tokens} for batch in batches]
-        told = {"bridge": Graph(network, tokens[0], ("turns",), {"tokens": (1,)}, tuple(tokens[1:]))}
+        # Batches of some, since a size of one would be taken for a constant.
+        several = [valid.batch(rows) for rows in ([0, 1, 2], [3], [4, 5])]
+        given = [{"tokens": batch.tokens, "mask": batch.mask} for batch in several]
+        free: dict[str, tuple[int, ...]] = {"tokens": (0, 1), "mask": (0, 1)}
+        told = {"bridge": Graph(network, given[0], ("turns",), free, tuple(given[1:]))}
     return {f"{name}.onnx": exported(name, graph) for name, graph in told.items()}
 
 
