@@ -122,7 +122,7 @@ class _Numbers:
         other = ax.twinx()
         other.plot(at, [row.score("mse") for row in chosen], "o-", color=COLOURS[1])
         other.set_ylabel("MSE (line)", color=COLOURS[1])
-        other.set_ylim(bottom=0.0)
+        other.set_ylim(0.0, 1.2 * max(row.score("mse") for row in chosen))
         ax.set_title(f"Prediction time and MSE by fr ({self.told})", fontsize=10)
         return True
 
@@ -145,7 +145,8 @@ class _Numbers:
         if len(rows) < 2:
             return False
         for n, row in enumerate(rows):
-            _point(ax, row, published.name(row.system), COLOURS[n], "o")
+            below = any(_close(row, other) for other in rows[:n])
+            _point(ax, row, published.name(row.system), COLOURS[n], "o", below)
         if classical:
             for system, told in (
                 ("pose-velocity+hermite", "length"),
@@ -195,7 +196,12 @@ def _plain_ticks(ax: Any) -> None:
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.10f}".rstrip("0").rstrip(".")))
 
 
-def _point(ax: Any, row: Row, name: str, colour: str, marker: str) -> None:
+def _close(a: Row, b: Row) -> bool:
+    """Whether the names of two points would lie upon one another."""
+    return all(abs(np.log(a.score(name) / b.score(name))) < 0.15 for name in ("ms_mean", "mse"))
+
+
+def _point(ax: Any, row: Row, name: str, colour: str, marker: str, below: bool = False) -> None:
     x, y = row.score("ms_mean"), row.score("mse")
     ax.plot(x, y, marker, color=colour, ms=7)
-    ax.annotate(name, (x, y), xytext=(6, 4), textcoords="offset points", fontsize=7.5)
+    ax.annotate(name, (x, y), xytext=(6, -12 if below else 4), textcoords="offset points", fontsize=7.5)
