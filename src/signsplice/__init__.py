@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from signsplice.formats import load, save
     from signsplice.lexicon.reader import Lexicon, open_lexicon
     from signsplice.motion.clip import Clip, Skeleton
-    from signsplice.splicing.engine import Piece, SpliceOptions, SpliceResult, inbetween, splice, stream
+    from signsplice.splicing.engine import Piece, SpliceOptions, SpliceResult, splice, stream
+    from signsplice.splicing.inbetween import inbetween
 
 _HOMES = {
     "Clip": "motion.clip",
@@ -25,7 +26,7 @@ _HOMES = {
     "Skeleton": "motion.clip",
     "SpliceOptions": "splicing.engine",
     "SpliceResult": "splicing.engine",
-    "inbetween": "splicing.engine",
+    "inbetween": "splicing.inbetween",
     "load": "formats",
     "open_lexicon": "lexicon.reader",
     "save": "formats",

@@ -18,7 +18,8 @@ from signsplice.motion.clip import Clip, resample
 from signsplice.motion.harmonize import ground, harmonize
 from signsplice.splicing import report
 from signsplice.splicing.cut import CUTTERS, Cut
-from signsplice.splicing.engine import SpliceOptions, SpliceResult, inbetween, splice, stream
+from signsplice.splicing.engine import SpliceOptions, SpliceResult, splice, stream
+from signsplice.splicing.inbetween import inbetween
 from signsplice.splicing.transition import TRANSITIONS, find_transition
 
 

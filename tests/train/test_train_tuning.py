@@ -17,7 +17,7 @@ from conftest import GOLDEN
 from signing import word
 from signsplice import lexicon
 from signsplice.cli import app
-from signsplice.errors import InputError
+from signsplice.errors import InputError, SignspliceError
 from signsplice.motion import features
 from signsplice.motion.clip import concatenate
 from signsplice.splicing.bundle import read_facts, read_file, write_bundle
@@ -54,6 +54,9 @@ def test_a_network_begins_where_its_graph_is() -> None:
     seen = [tuning.ClipWindows(clips, 0, 4).batch(rows) for rows in ([0, 1], [2], [3])]
     given = [{"tokens": batch.tokens, "mask": batch.mask} for batch in seen]
     compare("bridge", Graph(network.eval(), given[0], ("turns",), {}, tuple(given[1:])), content)
+    network.out.bias.data.add_(0.1)
+    with pytest.raises(SignspliceError, match="differ in turns"):
+        compare("bridge", Graph(network, given[0], ("turns",), {}, tuple(given[1:])), content)
 
 
 FINGERS = ("Thumb", "Index", "Middle", "Ring", "Pinky")

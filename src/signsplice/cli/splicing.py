@@ -177,7 +177,7 @@ def inbetween(
     report: str | None,
 ) -> None:
     """Fill frames of a clip anew from what surrounds them; every other frame stays as it is."""
-    from signsplice.splicing import engine
+    from signsplice.splicing.inbetween import inbetween as make_anew
     from signsplice.splicing.transition import DEFAULT_TRANSITION
 
     check_outputs(output, report)
@@ -185,7 +185,7 @@ def inbetween(
     began = time.perf_counter()
     loaded = load(clip, roles)
     load_ms = 1e3 * (time.perf_counter() - began)
-    result = engine.inbetween(loaded, ranges, _method(transition or DEFAULT_TRANSITION), body_sense)
+    result = make_anew(loaded, ranges, _method(transition or DEFAULT_TRANSITION), body_sense)
     deliver(result, output, report, load_ms)
 
 

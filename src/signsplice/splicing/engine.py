@@ -8,7 +8,6 @@ sign are those of its harmonized clip, bit for bit; only transition frames are n
 
 from __future__ import annotations
 
-import math
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
@@ -19,17 +18,13 @@ from itertools import pairwise
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.harmonize import ground, harmonize
-from signsplice.splicing.body_sense import cleared
 from signsplice.splicing.cut import DEFAULT_CUTTER, Cut, Cutter, SentenceCutter, find_cutter
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration, find_duration
+from signsplice.splicing.filling import CONTEXT, fill, shown
 from signsplice.splicing.seam import Seam, score
-from signsplice.splicing.transition import DEFAULT_TRANSITION, Gap, SentenceTransition, Transition, find_transition
+from signsplice.splicing.transition import DEFAULT_TRANSITION, Gap, Transition, find_transition
 
 MAX_TRANSITION_S = 10.0
-_CONTEXT = 8
-"""Frames of each sign that a seam's scores see, and the least that a transition is shown."""
-_SHOWN_S = 7.0 / 30.0
-"""Time of each sign that a transition is shown: eight frames at 30 a second, at other rates as much time."""
 
 
 @dataclass(frozen=True)
@@ -163,12 +158,12 @@ class _Join:
     def kept(self) -> Clip:
         """The last frames kept of the word before, as many as a transition is shown."""
         stop = self.cut.pre + 1
-        return self.before.clip[max(self.before.entry, stop - _shown(self.before.clip.fps)) : stop]
+        return self.before.clip[max(self.before.entry, stop - shown(self.before.clip.fps)) : stop]
 
     @property
     def follows(self) -> Clip:
         """The first frames kept of the word after."""
-        return self.after.clip[self.cut.post : self.cut.post + _shown(self.after.clip.fps)]
+        return self.after.clip[self.cut.post : self.cut.post + shown(self.after.clip.fps)]
 
     @property
     def gap(self) -> Gap:
@@ -260,13 +255,13 @@ class _Sentence:
         """
         with self.timed("transition"):
             gaps = [join.gap for join in joins if join.n_frames]
-            filled = iter(_filled(self.transition, gaps, self.options.body_sense))
+            filled = iter(fill(self.transition, gaps, self.options.body_sense))
             return [next(filled) if join.n_frames else (None, None) for join in joins]
 
     def _score(self, join: _Join, filled: Clip | None, depth: float | None) -> Seam:
         before, after, cut = join.before, join.after, join.cut
         with self.timed("join"):
-            kept, follows = join.kept[-_CONTEXT:], join.follows[:_CONTEXT]
+            kept, follows = join.kept[-CONTEXT:], join.follows[:CONTEXT]
             window = concatenate([kept, filled, follows] if filled is not None else [kept, follows])
             names = before.clip.name, after.clip.name
             return score(window, len(kept), join.n_frames, *names, cut, join.warnings, depth)
@@ -295,85 +290,3 @@ class _Sentence:
     ) -> Span:
         start, self._n_out = self._n_out, self._n_out + n_frames
         return Span(kind, clip, name, source, (start, self._n_out))
-
-
-def _shown(fps: float) -> int:
-    """Frames of each sign that a transition is shown."""
-    return max(_CONTEXT, math.ceil(_SHOWN_S * fps - 1e-6) + 1)
-
-
-def _filled(transition: Transition, gaps: Sequence[Gap], body_sense: bool | None) -> list[tuple[Clip, float | None]]:
-    """The frames that a transition makes for every gap; how deep a hand is in the body, m, None where nobody looked.
-
-    Raises ``InputError`` where they are not as many as were asked for.
-    """
-    if isinstance(transition, SentenceTransition):
-        made = transition.between_all(gaps)
-    else:
-        made = [transition.between(*gap) for gap in gaps]
-    out: list[tuple[Clip, float | None]] = []
-    for filled, (before, after, n_frames) in zip(made, gaps, strict=True):
-        if len(filled) != n_frames:
-            raise InputError(f"transition {transition.name} made {len(filled)} frames, expected {n_frames}")
-        if transition.learned if body_sense is None else body_sense:
-            led = cleared(filled, before, after)
-            out.append((led.clip, led.depth))
-        else:
-            out.append((filled, None))
-    return out
-
-
-def inbetween(
-    clip: Clip,
-    gaps: Sequence[tuple[int, int]],
-    transition: str | Transition = DEFAULT_TRANSITION,
-    body_sense: bool | None = None,
-) -> SpliceResult:
-    """The clip with frames [a, b) of every gap made anew from what surrounds them; every other frame unchanged.
-
-    Gaps are half-open frame ranges with at least one frame kept before, between and after them; body_sense as in
-    ``SpliceOptions``. Raises ``InputError`` for other gaps.
-    """
-    method = find_transition(transition) if isinstance(transition, str) else transition
-    seconds: dict[str, float] = defaultdict(float)
-    spans: list[Span] = []
-    seams: list[Seam] = []
-    pieces: list[Clip] = []
-    gaps = sorted(gaps)
-    at = 0
-    for start, stop in gaps:
-        if not at < start < stop < len(clip):
-            raise InputError(
-                f"gap {start}:{stop} in {len(clip)} frames, expected {at + 1} <= A < B <= {len(clip) - 1}: "
-                "frames must remain before, between and after gaps"
-            )
-        at = stop
-    n_shown = _shown(clip.fps)
-    kept_from = [0, *(stop for _, stop in gaps)]
-    kept_until = [*(start for start, _ in gaps), len(clip)]
-    began = time.perf_counter()
-    asked = [
-        (clip[kept_from[k] : start][-n_shown:], clip[stop : kept_until[k + 1]][:n_shown], stop - start)
-        for k, (start, stop) in enumerate(gaps)
-    ]
-    made = _filled(method, asked, body_sense)
-    seconds["transition"] = time.perf_counter() - began
-    at = 0
-    for (start, stop), (kept, follows, _), (filled, depth) in zip(gaps, asked, made, strict=True):
-        pieces += [clip[at:start], filled]
-        spans += [
-            Span("sign", 0, clip.name, (at, start), (at, start)),
-            Span("transition", None, None, None, (start, stop)),
-        ]
-        kept = kept[-_CONTEXT:]
-        window = concatenate([kept, filled, follows[:_CONTEXT]])
-        cut = Cut(start - 1, stop)
-        seams.append(score(window, len(kept), stop - start, clip.name, clip.name, cut, (), depth))
-        at = stop
-    pieces.append(clip[at:])
-    spans.append(Span("sign", 0, clip.name, (at, len(clip)), (at, len(clip))))
-    began = time.perf_counter()
-    joined = concatenate(pieces, name=clip.name)
-    seconds["join"] = time.perf_counter() - began
-    timing = {part: 1e3 * seconds[part] for part in ("harmonize", "cut", "transition", "join")}
-    return SpliceResult(joined, tuple(spans), tuple(seams), (), "none", method.name, timing)

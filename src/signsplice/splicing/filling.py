@@ -1,0 +1,42 @@
+"""Gaps filled: what a transition is shown of both signs, its frames counted, hands led around the body."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from signsplice.errors import InputError
+from signsplice.motion.clip import Clip
+from signsplice.splicing.body_sense import cleared
+from signsplice.splicing.transition import Gap, SentenceTransition, Transition
+
+CONTEXT = 8
+"""Frames of each sign that a seam's scores see, and the least that a transition is shown."""
+_SHOWN_S = 7.0 / 30.0
+"""Time of each sign that a transition is shown: eight frames at 30 a second, at other rates as much time."""
+
+
+def shown(fps: float) -> int:
+    """Frames of each sign that a transition is shown."""
+    return max(CONTEXT, math.ceil(_SHOWN_S * fps - 1e-6) + 1)
+
+
+def fill(transition: Transition, gaps: Sequence[Gap], body_sense: bool | None) -> list[tuple[Clip, float | None]]:
+    """The frames that a transition makes for every gap; how deep a hand is in the body, m, None where nobody looked.
+
+    Raises ``InputError`` where they are not as many as were asked for.
+    """
+    if isinstance(transition, SentenceTransition):
+        made = transition.between_all(gaps)
+    else:
+        made = [transition.between(*gap) for gap in gaps]
+    out: list[tuple[Clip, float | None]] = []
+    for filled, (before, after, n_frames) in zip(made, gaps, strict=True):
+        if len(filled) != n_frames:
+            raise InputError(f"transition {transition.name} made {len(filled)} frames, expected {n_frames}")
+        if transition.learned if body_sense is None else body_sense:
+            led = cleared(filled, before, after)
+            out.append((led.clip, led.depth))
+        else:
+            out.append((filled, None))
+    return out
