@@ -22,7 +22,7 @@ sys.path.insert(0, str(HERE.parent / "paper"))
 
 import reference  # noqa: E402
 
-from signsplice.paper import classical  # noqa: E402
+from signsplice.paper import clip_methods  # noqa: E402
 from signsplice.synth import notation  # noqa: E402
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs  # noqa: E402
 
@@ -42,12 +42,12 @@ def main() -> None:
         arrays = {path.stem: np.load(path) for path in sorted(folder.glob("*.npy"))}
         np.savez_compressed(HERE / "paper_pairs.npz", head=np.array(json.dumps(head)), **arrays)
         pairs = Pairs(folder)
-        rows = [score(pairs, method, numbers) for method in classical.every()]
+        rows = [score(pairs, method, numbers) for method in clip_methods.classical()]
     (HERE / "paper_rows.json").write_text(json.dumps(rows, indent=1) + "\n")
 
 
-def score(pairs: Pairs, method: classical.Classical, numbers: list[int]) -> dict[str, object]:
-    answer = classical.ClassicalAnswers(pairs, method)
+def score(pairs: Pairs, method: clip_methods.ClipMethod, numbers: list[int]) -> dict[str, object]:
+    answer = clip_methods.ClipAnswers(pairs, method)
     made = [answer(k) for k in numbers]
     true = [pairs.truth(k) for k in numbers]
     both = [(p.frames, t[2].astype(np.float64)) for p, t in zip(made, true, strict=True)]

@@ -12,8 +12,8 @@ import pytest
 from toys import GOLDEN, Fake, corpus, golden, write_bundle
 
 from signsplice.errors import InputError
-from signsplice.paper import classical, judging, measures, protocol, results, shots
-from signsplice.paper.classical import Classical, ClassicalAnswers
+from signsplice.paper import clip_methods, judging, measures, protocol, results, shots
+from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice.paper.prediction import Prediction
 
 
@@ -112,20 +112,20 @@ def test_classical_rows_are_told_what_they_say() -> None:
     pairs = corpus()
     number = pairs.split("random", "test")[0]
     pre, post, true = pairs.truth(number)
-    told = ClassicalAnswers(pairs, Classical("true-positions", "hermite", "positions and length"))(number)
+    told = ClipAnswers(pairs, ClipMethod("true-positions", "hermite", "positions and length"))(number)
     assert (told.pre, told.post, len(told.frames)) == (pre, post, len(true))
-    own = ClassicalAnswers(pairs, Classical("pose-velocity", "slerp"))(number)
-    length = ClassicalAnswers(pairs, Classical("pose-velocity", "slerp", "length"))(number)
+    own = ClipAnswers(pairs, ClipMethod("pose-velocity", "slerp"))(number)
+    length = ClipAnswers(pairs, ClipMethod("pose-velocity", "slerp", "length"))(number)
     assert (own.pre, own.post) == (length.pre, length.post)
     assert len(length.frames) == len(true)
     assert np.abs(own.frames).max() <= 0.5
     with pytest.raises(InputError, match="told 'positions'"):
-        Classical("ends", "slerp", "positions")
+        ClipMethod("ends", "slerp", "positions")
     with pytest.raises(InputError, match="no cutter 'nothing'"):
-        Classical("nothing", "slerp")
-    names = [(method.name, method.told) for method in classical.every()]
+        ClipMethod("nothing", "slerp")
+    names = [(method.name, method.told) for method in clip_methods.classical()]
     assert len(set(names)) == len(names) == 20
-    assert shots.BEST in names
+    assert shots.HERMITE in names
 
 
 def test_classical_rows_score_what_the_golden_ones_do() -> None:
@@ -134,7 +134,7 @@ def test_classical_rows_score_what_the_golden_ones_do() -> None:
     assert len(rows) == 20
     for row in rows:
         cutter, transition = row["system"].split("+")
-        answer = ClassicalAnswers(pairs, Classical(cutter, transition, row["told"]))
+        answer = ClipAnswers(pairs, ClipMethod(cutter, transition, row["told"]))
         found = protocol.judge(answer, pairs, protocol.choose(pairs, "random")).scores
         for name in ("accuracy", "mse", "bleu-1", "bleu-2", "bleu-3", "bleu-4", "pta", "paa"):
             assert found[name] == pytest.approx(row[name], rel=1e-6, abs=1e-9), (row["system"], row["told"], name)
@@ -152,8 +152,8 @@ def test_bundles_and_classical_rows_become_rows_curves_and_shots(tmp_path: Path)
         opened.append((path, decoding))
         return Fake(pairs, off=0.001)
 
-    cutter, transition = shots.BEST[0].split("+")
-    method = Classical(cutter, transition, shots.BEST[1])
+    cutter, transition = shots.HERMITE[0].split("+")
+    method = ClipMethod(cutter, transition, shots.HERMITE[1])
     made = list(judging.everything(pairs, [folder], results.Results(), [], quiet, opener, methods=[method]))
     rows = [row for judgement in made for row in judgement.rows]
     assert [(row.system, row.split) for row in rows] == [

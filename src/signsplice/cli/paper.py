@@ -170,7 +170,7 @@ def _evaluate(
     kept = shots.load(folder / judging.SHOTS)
     folders = [f for f in judging.found(bundles, scale) if not systems or judging.facts(f).get("system") in systems]
     if not folders:
-        warn([f"{bundles}: no bundle of scale {scale} there; only classical rows are judged"])
+        warn([f"{bundles}: no bundle of scale {scale} there; only methods on clips are judged"])
     advance: Advance = progress
     n_rows = 0
     for made in judging.everything(corpus, folders, known, kept, advance, limit=limit, again=again):

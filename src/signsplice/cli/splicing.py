@@ -18,10 +18,14 @@ from signsplice.errors import InputError
 
 if TYPE_CHECKING:
     from signsplice.splicing.engine import SpliceOptions, SpliceResult
+    from signsplice.splicing.transition import Transition
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
+_BUNDLE = click.option(
+    "--bundle", metavar="DIR", help="Folder of trained networks.  [default: those that ship]", default=None
+)
 _BODY_SENSE = click.option(
     "--body-sense/--no-body-sense",
     default=None,
@@ -50,13 +54,14 @@ def splicing_options(command: Command) -> Command:
                 "--transition-time",
                 default="auto",
                 show_default=True,
-                metavar="auto|fixed|travel|speed|SECONDS",
-                help="Length of a transition: auto follows the hand's travel and the signer.",
+                metavar="auto|tempo|fixed|travel|speed|SECONDS",
+                help="Length of a transition: auto is learned, and follows the hand's travel and both signs.",
             ),
             click.option(
                 "--sign-speed", type=float, default=1.0, show_default=True, metavar="X", help="Speed of the signs."
             ),
             click.option("--fps", type=float, metavar="N", help="Output rate; default that of the first clip."),
+            _BUNDLE,
             _BODY_SENSE,
             click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name."),
             click.option("--report", metavar="R.json", help="Write spans, seams and timing as JSON."),
@@ -115,28 +120,34 @@ def sentence(
 
 
 def _options(transition_time: str, cutter: str | None, transition: str | None, **dials: Any) -> SpliceOptions:
-    from signsplice.splicing.cut import DEFAULT_CUTTER
-    from signsplice.splicing.duration import find_duration
+    from signsplice.splicing import defaults
     from signsplice.splicing.engine import SpliceOptions
-    from signsplice.splicing.transition import DEFAULT_TRANSITION
 
     try:
-        seconds, rule = float(transition_time), "auto"
+        seconds, rule = float(transition_time), defaults.AUTO
     except ValueError:
-        seconds, rule = None, find_duration(transition_time).name
-    return SpliceOptions(
-        cutter=_method(cutter or DEFAULT_CUTTER),
-        transition=_method(transition or DEFAULT_TRANSITION),
+        seconds, rule = None, transition_time
+    options = SpliceOptions(
+        cutter=_method(cutter),
+        transition=_method(transition),
         duration=rule,
         transition_time=seconds,
         **dials,
     )
+    # Said before any file is read.
+    defaults.choose(options.cutter, options.transition, options.duration, options.bundle)
+    return options
 
 
-def _method(name: str) -> Any:
-    """A method's name as it is; the trained system in a folder that is named in its place."""
-    if not (Path(name) / "bundle.json").is_file():
+def _method(name: str | None) -> Any:
+    """A method's name as it is; the trained system of the paper in a folder that is named in its place."""
+    if name is None or not (Path(name) / "bundle.json").is_file():
         return name
+    from signsplice.splicing.bundle import read_facts
+    from signsplice.splicing.networks import SYSTEM
+
+    if read_facts(Path(name)).get("system") == SYSTEM:
+        raise InputError(f"{name}: holds this project's own networks; give it as --bundle {name}")
     from signsplice.paper.systems.clips import open_clip_splicer
 
     return open_clip_splicer(name)
@@ -164,6 +175,7 @@ def deliver(result: SpliceResult, output: str, report: str | None, load_ms: floa
 )
 @click.option("-o", "--output", required=True, metavar="OUT", help="File to write: .bvh .npz .png .gif .mp4")
 @click.option("--transition", metavar="NAME", help="How the frames are made; see `signsplice methods`.")
+@_BUNDLE
 @_BODY_SENSE
 @click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
 @click.option("--report", metavar="R.json", help="Write spans, seams and timing as JSON.")
@@ -172,20 +184,20 @@ def inbetween(
     gaps: tuple[str, ...],
     output: str,
     transition: str | None,
+    bundle: str | None,
     body_sense: bool | None,
     roles: str | None,
     report: str | None,
 ) -> None:
     """Fill frames of a clip anew from what surrounds them; every other frame stays as it is."""
     from signsplice.splicing.inbetween import inbetween as make_anew
-    from signsplice.splicing.transition import DEFAULT_TRANSITION
 
     check_outputs(output, report)
     ranges = [_gap(text) for text in gaps]
     began = time.perf_counter()
     loaded = load(clip, roles)
     load_ms = 1e3 * (time.perf_counter() - began)
-    result = make_anew(loaded, ranges, _method(transition or DEFAULT_TRANSITION), body_sense)
+    result = make_anew(loaded, ranges, _method(transition), body_sense, bundle)
     deliver(result, output, report, load_ms)
 
 
@@ -200,21 +212,11 @@ def _gap(text: str) -> tuple[int, int]:
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 def methods(as_json: bool) -> None:
     """List every cutter, transition and duration by name."""
-    from signsplice.splicing.cut import CUTTERS, DEFAULT_CUTTER
-    from signsplice.splicing.duration import DURATIONS
-    from signsplice.splicing.transition import DEFAULT_TRANSITION, TRANSITIONS
+    from signsplice.splicing import defaults
 
     rows = [
-        {"kind": kind, "name": m.name, "summary": m.summary, "learned": m.learned, "default": m.name == default}
-        for kind, table, default in (
-            ("cutter", CUTTERS, DEFAULT_CUTTER),
-            ("transition", TRANSITIONS, DEFAULT_TRANSITION),
-        )
-        for m in table.values()
-    ]
-    rows += [
-        {"kind": "duration", "name": d.name, "summary": d.summary, "learned": False, "default": d.name == "auto"}
-        for d in DURATIONS.values()
+        {"kind": kind, "name": part.name, "summary": part.summary, "learned": part.learned, "default": default}
+        for kind, part, default in defaults.every()
     ]
     if as_json:
         print(json.dumps(rows, indent=2))
@@ -225,45 +227,87 @@ def methods(as_json: bool) -> None:
 
 
 @click.command()
+@click.argument("bundle", required=False, metavar="[BUNDLE]")
 @click.option("--clips", "files", multiple=True, metavar="FILE", help="Clip to hide frames of; may be repeated.")
 @click.option("--fps", type=float, metavar="N", help="Bring the clips to this rate first.")
 @click.option("--joins", type=int, metavar="N", help="Join N pairs of words that ship, and look at the seams.")
+@click.option("--pairs", metavar="DIR", help="Corpus of pairs: how deep transitions lead hands into the body.")
+@click.option("--limit", type=int, metavar="N", help="So many of the pairs; default all.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-def evaluate(files: tuple[str, ...], fps: float | None, joins: int | None, as_json: bool) -> None:
-    """Measure every method: on frames hidden from real clips (--clips), or where words that were recorded apart meet
-    (--joins).
+def evaluate(
+    bundle: str | None,
+    files: tuple[str, ...],
+    fps: float | None,
+    joins: int | None,
+    pairs: str | None,
+    limit: int | None,
+    as_json: bool,
+) -> None:
+    """Measure every method, those of BUNDLE (default: those that ship) among them: on frames hidden from real clips
+    (--clips), where words that were recorded apart meet (--joins), or in the body's way (--pairs).
     """
-    if bool(files) == (joins is not None):
-        raise InputError("expected --clips FILE or --joins N, one of them")
-    signature, rows, lines = _seams(joins) if joins is not None else _hidden(files, fps)
+    if sum((bool(files), joins is not None, pairs is not None)) != 1:
+        raise InputError("expected --clips FILE, --joins N or --pairs DIR, one of them")
+    if joins is not None:
+        signature, rows, lines = _seams(joins, bundle)
+    elif pairs is not None:
+        signature, rows, lines = _intrusion(pairs, limit, bundle)
+    else:
+        signature, rows, lines = _hidden(files, fps, bundle)
     if as_json:
         print(json.dumps({"signature": signature, "rows": [asdict(row) for row in rows]}, indent=2))
         return
     print("\n".join(lines))
 
 
-def _hidden(files: tuple[str, ...], fps: float | None) -> tuple[str, Sequence[Any], list[str]]:
+def _hidden(files: tuple[str, ...], fps: float | None, bundle: str | None) -> tuple[str, Sequence[Any], list[str]]:
     """Signature, rows and table of frames hidden from clips."""
     from signsplice.motion.clip import resample
     from signsplice.splicing.evaluate import SIGNATURE, hidden_frames, table
     from signsplice.splicing.transition import TRANSITIONS
 
+    learned = _learned_transition(bundle)
+
     clips = [load(file) for file in files]
     if fps is not None:
         clips = [resample(clip, fps) for clip in clips]
     with progress("evaluate") as advance:
-        rows = hidden_frames(clips, list(TRANSITIONS.values()), progress=advance)
+        rows = hidden_frames(clips, [*TRANSITIONS.values(), *learned], progress=advance)
     return SIGNATURE, rows, table(rows)
 
 
-def _seams(n_pairs: int) -> tuple[str, Sequence[Any], list[str]]:
+def _learned_transition(bundle: str | None) -> list[Transition]:
+    """The learned transition, where there is one; a warning where there is none."""
+    from signsplice.splicing.defaults import choose
+
+    chosen = choose("ends", None, "fixed", bundle)
+    warn(chosen.warnings)
+    return [chosen.transition] if chosen.transition.learned else []
+
+
+def _intrusion(folder: str, limit: int | None, bundle: str | None) -> tuple[str, Sequence[Any], list[str]]:
+    """Signature, rows and table of hands led into the body, over the pairs of a corpus."""
+    from signsplice.study import intrusion
+    from signsplice.synth.corpus import Pairs
+
+    pairs = Pairs(folder)
+    if limit is not None and limit < 1:
+        raise InputError(f"--limit {limit}, expected at least 1")
+    methods = intrusion.ways(*_learned_transition(bundle))
+    numbers = range(len(pairs.index))[:limit]
+    with progress("pairs") as advance:
+        rows = intrusion.compare(pairs, numbers, methods, advance)
+    return intrusion.SIGNATURE, rows, intrusion.table(rows)
+
+
+def _seams(n_pairs: int, bundle: str | None) -> tuple[str, Sequence[Any], list[str]]:
     """Signature, rows and table of words that were recorded apart."""
     from signsplice.study import joins
 
     if n_pairs < 1:
         raise InputError(f"--joins {n_pairs}, expected at least 1")
     with progress("joins") as advance:
-        rows = joins.compare(joins.pairs(n_pairs), joins.ways(), advance)
+        rows = joins.compare(joins.pairs(n_pairs), joins.ways(bundle), advance)
     return joins.SIGNATURE, rows, joins.table(rows)
 
 

@@ -99,6 +99,15 @@ def arm_joints(skeleton: Skeleton) -> list[int]:
     return [*(joints[name] for name in names), joints.get("hips", 0)]
 
 
+def has_arms(skeleton: Skeleton) -> bool:
+    """Whether both arms are known by name."""
+    try:
+        arm_joints(skeleton)
+    except InputError:
+        return False
+    return True
+
+
 def active_span(arms: Arms) -> tuple[int, int]:
     """Frames [start, stop) between the arms' leaving rest and their reaching it again; the whole clip where there is no
     rest.

@@ -13,8 +13,8 @@ import numpy as np
 from signsplice.errors import MissingExtraError
 from signsplice.formats.atomic import replacing
 from signsplice.paper import published
-from signsplice.paper.results import CLASSICAL, Curve, Results, Row
-from signsplice.paper.shots import Shot
+from signsplice.paper.results import Curve, Results, Row
+from signsplice.paper.shots import HERMITE, SIGNSPLICE, Shot
 from signsplice.paper.tables import OPTIMISERS, pick
 
 COLOURS = ("#3f6fa8", "#de8e20", "#5a9367", "#b04a5a", "#7d5ba6", "#6b6b6b", "#2a9d9d", "#a08040")
@@ -140,7 +140,7 @@ class _Numbers:
         return n_systems > 1 and _finish_curves(ax, f"Accuracy over training ({self.told})")
 
     def error_against_time(self, ax: Any, systems: Iterable[str], classical: bool) -> bool:
-        """Figures 4(d) and 5(b), and where asked for two classical rows that are told the length."""
+        """Figures 4(d) and 5(b), and where asked for two classical rows that are told the length, and our networks."""
         rows = list(pick(self.results, self.scale, SPLIT, self.optimiser, systems).values())
         if len(rows) < 2:
             return False
@@ -148,12 +148,13 @@ class _Numbers:
             below = any(_close(row, other) for other in rows[:n])
             _point(ax, row, published.name(row.system), COLOURS[n], "o", below)
         if classical:
-            for system, told in (
-                ("pose-velocity+hermite", "length"),
-                ("true-positions+hermite", "positions and length"),
+            for system, told, name, colour in (
+                ("pose-velocity+hermite", "length", "pose-velocity+hermite,\ntold length", "#9a9a9a"),
+                (*HERMITE, "true-positions+hermite,\ntold positions and length", "#9a9a9a"),
+                (*SIGNSPLICE, "signsplice", "#1b1b1b"),
             ):
-                for row in self.results.find(system=system, told=told, scale=CLASSICAL, split=SPLIT, part="test"):
-                    _point(ax, row, f"{system},\ntold {told}", "#9a9a9a", "s")
+                for row in self.results.find(system=system, told=told, split=SPLIT, part="test"):
+                    _point(ax, row, name, colour, "s")
         ax.axhline(published.VISIBLE, color="#b04a5a", ls=":", lw=1)
         ax.annotate("seen by viewers above (paper)", (0.01, published.VISIBLE), xycoords=("axes fraction", "data"),
                     ha="left", va="bottom", fontsize=7, color="#b04a5a")  # fmt: skip

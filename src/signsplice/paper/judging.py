@@ -1,4 +1,4 @@
-"""Rows of results: every bundle of a folder and every classical method, judged on every split that allows it."""
+"""Rows of results: every bundle of a folder and every method on clips, judged on every split that allows it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import Any
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import read_bytes
-from signsplice.paper import classical, protocol, published, results, shots
-from signsplice.paper.classical import Classical, ClassicalAnswers
+from signsplice.paper import clip_methods, protocol, published, results, shots
+from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice.paper.protocol import Answer, Protocol
-from signsplice.paper.results import CLASSICAL, Curve, Results, Row
+from signsplice.paper.results import CLASSICAL, OWN, Curve, Results, Row
 from signsplice.synth.corpus import Pairs
 
 Advance = Callable[[str], AbstractContextManager[Callable[[int, int], None] | None]]
@@ -65,19 +65,20 @@ def everything(
     opener: Opener | None = None,
     limit: int | None = None,
     again: bool = False,
-    methods: Iterable[Classical] | None = None,
+    methods: Iterable[ClipMethod] | None = None,
 ) -> Iterator[Judgement]:
-    """Judge classical methods and bundles, a judgement for each; what ``known`` has already of the same bundle,
+    """Judge methods on clips and bundles, a judgement for each; what ``known`` has already of the same bundle,
     protocol and measures is passed over unless ``again``.
 
     progress: makes a progress bar by name. opener: the project's own by default.
     """
     protocols = splits(pairs, limit)
     chosen = shots.merge(kept, shots.choose(pairs, protocols[0])) if protocols else []
-    for method in classical.every() if methods is None else methods:
-        answer = ClassicalAnswers(pairs, method)
-        row = Row(method.name, "", CLASSICAL, told=method.told)
-        name = shots.label(method.name, CLASSICAL, "", method.told) if (method.name, method.told) == shots.BEST else ""
+    for method in clip_methods.every() if methods is None else methods:
+        answer = ClipAnswers(pairs, method)
+        scale, sha256 = OWN if method.learned else CLASSICAL, method.parts.bundle
+        row = Row(method.name, "", scale, told=method.told, bundle=sha256 and sha256[:12])
+        name = shots.label(method.name, scale, "", method.told) if (method.name, method.told) in shots.BESIDE else ""
         rows, chosen = _judge(row, name, answer, protocols, pairs, known, chosen, progress, again, answer.prepare)
         yield Judgement(tuple(rows), (), tuple(chosen))
     for folder in bundles:

@@ -43,6 +43,8 @@ SIGNATURES = {
     "paa": "paa|eq:23|both-exact|of:predicted",
     "paa_all": "paa|eq:23|both-exact|of:all",
     "positions_off": "positions-off|frames|mean:pre,post,pairs|of:predicted",
+    "within_2": "positions-within|frames:2|both|of:predicted",
+    "length_off": "length-off|frames|mean:pairs",
     **beside.SIGNATURES,
 }
 
@@ -124,6 +126,8 @@ def summary(scores: Sequence[PairScore]) -> dict[str, float]:
         "paa": exact / len(known) if known else float("nan"),
         "paa_all": exact / len(scores),
         "positions_off": _mean([sum(off) / 2.0 for off in known]),
+        "within_2": _mean([float(max(off) <= 2) for off in known]),
+        "length_off": _mean([float(abs(s.n_predicted - s.n_true)) for s in scores]),
         "length_exact": _mean([float(s.n_predicted == s.n_true) for s in scores]),
     }
     for tolerance in scores[0].ngrams:

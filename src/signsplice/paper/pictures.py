@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.paper import published, shots
-from signsplice.paper.results import CLASSICAL
+from signsplice.paper.results import CLASSICAL, OWN
 from signsplice.paper.shots import Shot
 from signsplice.synth.signer import JOINTS, skeleton
 
@@ -80,9 +80,13 @@ def _rows(shot: Shot, scale: str) -> list[tuple[str, Float]]:
         frames = shot.made.get(shots.label(system, scale, "adamw"))
         if frames is not None and len(frames):
             out.append((published.name(system), frames))
-    hermite = shots.label(shots.BEST[0], CLASSICAL, "", shots.BEST[1])
-    if hermite in shot.made:
-        out.append(("Hermite, told\npositions\nand length", shot.made[hermite]))
+    for (system, told), scale_of, name in (
+        (shots.HERMITE, CLASSICAL, "Hermite, told\npositions\nand length"),
+        (shots.SIGNSPLICE, OWN, "signsplice"),
+    ):
+        frames = shot.made.get(shots.label(system, scale_of, "", told))
+        if frames is not None and len(frames):
+            out.append((name, frames))
     return out
 
 

@@ -21,10 +21,11 @@ from typing import Any
 from signsplice.errors import InputError
 from signsplice.formats.atomic import read_bytes, replacing
 from signsplice.paper import measures
+from signsplice.splicing.bundle import digest
 
 VERSION = 1
-CLASSICAL = "classical"
-"""Scale of rows that were not trained."""
+CLASSICAL, OWN = "classical", "own"
+"""Scales of rows that the paper does not know: methods that were not trained, and this project's networks."""
 PACKAGES = ("signsplice", "numpy", "scipy", "onnxruntime")
 MOST_POINTS = 400
 
@@ -140,8 +141,8 @@ def bundle_row(facts: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def bundle_hash(folder: Path) -> str:
-    """Twelve hex digits of a bundle: of its bundle.json, which holds the hashes of its files."""
-    return hashlib.sha256(read_bytes(folder / "bundle.json")).hexdigest()[:12]
+    """The first twelve hex digits of a bundle's sha256."""
+    return digest(folder)[:12]
 
 
 def surroundings() -> dict[str, Any]:

@@ -22,8 +22,9 @@ COUNT = 3
 SHORTEST = 6
 """Frames that a transition shown has at least."""
 
-BEST = ("true-positions+hermite", "positions and length")
-"""The classical row that is shown beside the systems, and what it is told."""
+HERMITE, SIGNSPLICE = ("true-positions+hermite", "positions and length"), ("learned+learned", "nothing")
+BESIDE = (HERMITE, SIGNSPLICE)
+"""Methods on clips that are shown beside the systems, and what they are told."""
 
 
 @dataclass(frozen=True, eq=False)

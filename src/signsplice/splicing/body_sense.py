@@ -14,9 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.errors import InputError
 from signsplice.motion import clearance, contact, kinematics, reach, stance
-from signsplice.motion.arms import arm_joints
+from signsplice.motion.arms import arm_joints, has_arms
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 
 Float = NDArray[np.float64]
@@ -45,22 +44,17 @@ def cleared(filled: Clip, before: Clip, after: Clip) -> Cleared:
 
     On a rig whose arms are not known by name it comes back as it is.
     """
-    try:
-        arm_joints(filled.skeleton)
-    except InputError:
+    if not has_arms(filled.skeleton):
         return Cleared(filled, None, None)
     metres = stance.sizes(filled.skeleton).unit.metres
     level = clearance.faded(len(filled))[:, None, None]
     kernel = _kernel(len(filled))
     best, first, least = filled, 0.0, np.inf
-    allowed: Float | None = None
     for n in range(_ROUNDS + 1):
         window = concatenate([before[-1:], filled, after[:1]])
         depth, way, ahead = _inside(window)
-        if allowed is None:
-            allowed = _allowed(depth * metres) / metres
-        over = depth[1:-1] - allowed
-        worst = max(0.0, float(over.max()) * metres + TOLERANCE_M) if over.max() > 0.0 else 0.0
+        over = _over(depth * metres) / metres
+        worst = float(_deep(over.max() * metres))
         if n == 0:
             first = worst
         if worst < least:
@@ -71,6 +65,14 @@ def cleared(filled: Clip, before: Clip, after: Clip) -> Cleared:
         gain = 0.6 if n < _ROUNDS // 2 else 1.0
         filled = reach.moved(filled, gain * clearance.spread(push, kernel) * level)
     return Cleared(best, first, least)
+
+
+def depths(filled: Clip, before: Clip, after: Clip) -> Float:
+    """How deep (n,) a hand lies in the body, m, in each frame of a transition, beyond what both ends call for; 0 where none
+    does. Raises ``InputError`` where the rig's arms are not known by name.
+    """
+    depth, _, _ = _inside(concatenate([before[-1:], filled, after[:1]]))
+    return _deep(_over(depth * stance.sizes(filled.skeleton).unit.metres).max(axis=1))
 
 
 def _inside(window: Clip) -> tuple[Float, Float, Float]:
@@ -89,13 +91,18 @@ def _ahead(skeleton: Skeleton, places: Float) -> Float:
     return np.asarray(ahead / (np.linalg.norm(ahead, axis=-1, keepdims=True) + 1e-12))
 
 
-def _allowed(depth: Float) -> Float:
-    """How deep (n, 2) the frames between may lie, m, from the depths (n + 2, 2) with those of both ends: of each hand,
-    whatever it lies in.
+def _over(depth: Float) -> Float:
+    """How much deeper (n, 2) than they may lie the frames between lie, m, from the depths (n + 2, 2) with those of both
+    ends: of each hand, whatever it lies in.
     """
     share = np.linspace(0.0, 1.0, len(depth))[1:-1, None]
     ends = np.maximum(depth[[0, -1]] - TOLERANCE_M, 0.0)
-    return np.asarray(TOLERANCE_M + (1.0 - share) * ends[0] + share * ends[1])
+    return np.asarray(depth[1:-1] - (TOLERANCE_M + (1.0 - share) * ends[0] + share * ends[1]))
+
+
+def _deep(over: Float) -> Float:
+    """Depths beyond what the ends call for, m, of what is too deep by ``over``; 0 where nothing is."""
+    return np.where(over > 0.0, over + TOLERANCE_M, 0.0)
 
 
 def _pushes(over: Float, way: Float, ahead: Float) -> Float:

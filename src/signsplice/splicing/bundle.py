@@ -48,6 +48,13 @@ def read_facts(folder: Path) -> dict[str, Any]:
     return dict(facts)
 
 
+def digest(folder: Path) -> str:
+    """sha256 of a bundle: of its bundle.json, which holds those of its files. Raises ``InputError`` where it is
+    missing.
+    """
+    return hashlib.sha256(read_bytes(Path(folder) / HEAD)).hexdigest()
+
+
 def read_file(folder: Path, facts: Mapping[str, Any], name: str) -> bytes:
     """A bundle's file. Raises ``InputError`` where it is not listed, missing, or not the one that was written."""
     path = Path(folder) / name

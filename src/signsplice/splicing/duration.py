@@ -75,7 +75,7 @@ def _speed(before: Arms, after: Arms, pre: int, post: int) -> float:
     return float(np.clip(way[hand] / mean, 1.0 / before.fps, _SLOWEST_S)) if mean > 0.0 else _SLOWEST_S
 
 
-def _auto(before: Arms, after: Arms, pre: int, post: int) -> float:
+def _tempo(before: Arms, after: Arms, pre: int, post: int) -> float:
     """The travel law, times the signer's tempo (the root of usual over own wrist speed, 0.7 to 1.4), at least 0.25 s.
 
     Deaf viewers of avatars prefer transitions slower than human ones (Al-khazraji et al. 2021), so the human median is
@@ -97,13 +97,16 @@ DURATIONS: dict[str, ClassicalDuration] = {
     duration.name: duration
     for duration in (
         ClassicalDuration(
-            "auto", "the hand's travel and the signer's tempo, at least the human median of 0.25 s", _auto
+            "tempo", "the hand's travel and the signer's tempo, at least the human median of 0.25 s", _tempo
         ),
         ClassicalDuration("fixed", "always the human median, 0.25 s", _fixed),
         ClassicalDuration("travel", "51 + 149 log2(1 + D / 0.15) ms for D shoulder widths (DGS Corpus)", _travel),
         ClassicalDuration("speed", "distance over boundary speed", _speed),
     )
 }
+
+
+DEFAULT_DURATION = "tempo"
 
 
 def find_duration(name: str) -> Duration:

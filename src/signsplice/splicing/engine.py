@@ -14,15 +14,17 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
+from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.harmonize import ground, harmonize
-from signsplice.splicing.cut import DEFAULT_CUTTER, Cut, Cutter, SentenceCutter, find_cutter
-from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration, find_duration
-from signsplice.splicing.filling import CONTEXT, fill, shown
+from signsplice.splicing import defaults
+from signsplice.splicing.cut import Cut, Cutter, SentenceCutter
+from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
+from signsplice.splicing.filling import CONTEXT, Filled, fill, shown
 from signsplice.splicing.seam import Seam, score
-from signsplice.splicing.transition import DEFAULT_TRANSITION, Gap, Transition, find_transition
+from signsplice.splicing.transition import Gap, Transition
 
 MAX_TRANSITION_S = 10.0
 
@@ -31,15 +33,17 @@ MAX_TRANSITION_S = 10.0
 class SpliceOptions:
     """What one call wants.
 
-    cutter, transition, duration: by name, or any object of those protocols. transition_time: seconds that stand in for
-    the duration. sign_speed: how many times as fast signs play. fps: output rate, the first clip's by default.
-    body_sense: whether hands are led around head, trunk and each other (``body_sense``); None: where the transition is
-    learned.
+    cutter, transition, duration: by name, or any object of those protocols; None: learned ones, or classical ones where
+    these cannot be read (``defaults``). bundle: folder of the networks, by default those that ship. transition_time:
+    seconds that stand in for the duration. sign_speed: how many times as fast signs play. fps: output rate, the first
+    clip's by default. body_sense: whether hands are led around head, trunk and each other (``body_sense``); None: where
+    the transition is learned.
     """
 
-    cutter: str | Cutter = DEFAULT_CUTTER
-    transition: str | Transition = DEFAULT_TRANSITION
-    duration: str | Duration = "auto"
+    cutter: str | Cutter | None = None
+    transition: str | Transition | None = None
+    duration: str | Duration | None = None
+    bundle: str | Path | None = None
     transition_time: float | None = None
     sign_speed: float = 1.0
     fps: float | None = None
@@ -87,7 +91,8 @@ class Piece:
 class SpliceResult:
     """A spliced sentence: its clip, where each frame comes from, how good each seam is, and what had to be said.
 
-    timing_ms: time spent in harmonize, cut, transition and join.
+    timing_ms: time spent in harmonize, cut, transition and join. bundle: sha256 of the networks that worked, None where
+    none did.
     """
 
     clip: Clip
@@ -97,6 +102,7 @@ class SpliceResult:
     cutter: str
     transition: str
     timing_ms: dict[str, float]
+    bundle: str | None = None
 
 
 def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> SpliceResult:
@@ -120,6 +126,7 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Splic
         cutter=sentence.cutter.name,
         transition=sentence.transition.name,
         timing_ms={part: 1e3 * sentence.seconds[part] for part in ("harmonize", "cut", "transition", "join")},
+        bundle=sentence.methods.bundle,
     )
 
 
@@ -180,10 +187,9 @@ class _Sentence:
     _n_out: int = 0
 
     def __post_init__(self) -> None:
-        cutter, transition, duration = self.options.cutter, self.options.transition, self.options.duration
-        self.cutter = find_cutter(cutter) if isinstance(cutter, str) else cutter
-        self.transition = find_transition(transition) if isinstance(transition, str) else transition
-        self.duration = find_duration(duration) if isinstance(duration, str) else duration
+        options = self.options
+        self.methods = defaults.choose(options.cutter, options.transition, options.duration, options.bundle)
+        self.cutter, self.transition = self.methods.cutter, self.methods.transition
 
     @contextmanager
     def timed(self, part: str) -> Iterator[None]:
@@ -200,11 +206,11 @@ class _Sentence:
         for group in [list(words)] if whole else ([word] for word in words):
             row = group if last is None else [last, *group]
             joins = self._joins(row, whole)
-            for join, (filled, depth) in zip(joins, self._fill(joins), strict=True):
+            for join, filled in zip(joins, self._fill(joins), strict=True):
                 yield self._sign(join.before, join.cut.pre + 1)
-                join.after.seam = self._score(join, filled, depth)
+                join.after.seam = self._score(join, filled)
                 if filled is not None:
-                    yield Piece(filled, self._span("transition", None, None, None, len(filled)))
+                    yield Piece(filled.clip, self._span("transition", None, None, None, len(filled.clip)))
             last = row[-1] if row else None
         if last is not None:
             yield self._sign(last, len(last.clip))
@@ -217,7 +223,8 @@ class _Sentence:
                 if onto is None:
                     onto = ground(clip, self.options.fps)
                 harmonized = harmonize(clip, onto, self.options.sign_speed)
-            yield _Word(index, harmonized.clip, harmonized.warnings)
+            said = harmonized.warnings if index else (*self.methods.warnings, *harmonized.warnings)
+            yield _Word(index, harmonized.clip, said)
 
     def _joins(self, words: Sequence[_Word], whole: bool) -> list[_Join]:
         """Where words in order are joined; every word is told at which frame it is entered."""
@@ -249,22 +256,22 @@ class _Sentence:
             raise InputError(f"cutter {self.cutter.name} chose {len(cuts)} cuts for {len(clips)} clips")
         return cuts
 
-    def _fill(self, joins: Sequence[_Join]) -> list[tuple[Clip | None, float | None]]:
-        """The transition of every join, None where it has no frames; and how deep a hand is in the body, m, None where
-        nobody looked.
-        """
+    def _fill(self, joins: Sequence[_Join]) -> list[Filled | None]:
+        """The transition of every join, None where it has no frames."""
         with self.timed("transition"):
             gaps = [join.gap for join in joins if join.n_frames]
             filled = iter(fill(self.transition, gaps, self.options.body_sense))
-            return [next(filled) if join.n_frames else (None, None) for join in joins]
+            return [next(filled) if join.n_frames else None for join in joins]
 
-    def _score(self, join: _Join, filled: Clip | None, depth: float | None) -> Seam:
+    def _score(self, join: _Join, filled: Filled | None) -> Seam:
         before, after, cut = join.before, join.after, join.cut
         with self.timed("join"):
             kept, follows = join.kept[-CONTEXT:], join.follows[:CONTEXT]
-            window = concatenate([kept, filled, follows] if filled is not None else [kept, follows])
             names = before.clip.name, after.clip.name
-            return score(window, len(kept), join.n_frames, *names, cut, join.warnings, depth)
+            if filled is None:
+                return score(concatenate([kept, follows]), len(kept), 0, *names, cut, join.warnings)
+            window, said = concatenate([kept, filled.clip, follows]), (*join.warnings, *filled.warnings)
+            return score(window, len(kept), join.n_frames, *names, cut, said, filled.depth)
 
     def _n_frames(self, before: Clip, after: Clip, cut: Cut) -> tuple[int, tuple[str, ...]]:
         """Number of transition frames: the user's time, or the rule's; the human median where the rig has no known
@@ -273,7 +280,7 @@ class _Sentence:
         if self.options.transition_time is not None:
             return round(self.options.transition_time * before.fps), ()
         try:
-            seconds = self.duration.seconds(before, after, cut)
+            seconds = self.methods.duration.seconds(before, after, cut)
         except InputError:
             return max(1, round(HUMAN_MEDIAN_S * before.fps)), (
                 f"no arms known in {before.name}: the transition takes {HUMAN_MEDIAN_S:g} s, whatever the travel",

@@ -9,8 +9,12 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, measures, stance
+from signsplice.motion.arms import has_arms
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.humanoid import find_roles
+from signsplice.splicing.body_sense import depths
+from signsplice.splicing.filling import fill
+from signsplice.splicing.seam import DEEP_M
 from signsplice.splicing.transition import Transition
 
 CONTEXT = 8
@@ -25,7 +29,8 @@ SIGNATURE = f"hidden-frames|context:{CONTEXT}|stride:{STRIDE}|{measures.POSITION
 @dataclass(frozen=True)
 class HiddenFrames:
     """One transition on gaps of one length, means over ``n_gaps``; velocity jumps (m/s) are medians, ``true_`` of the
-    real motion.
+    real motion. deep: share of the gaps in which a hand lies deep in the body beyond what both ends call for, deepest:
+    how deep, m; NaN where the rig's arms are not known.
     """
 
     transition: str
@@ -35,6 +40,8 @@ class HiddenFrames:
     motion_ratio: float
     velocity_jump: float
     true_velocity_jump: float
+    deep: float
+    deepest: float
 
 
 def hidden_frames(
@@ -47,7 +54,8 @@ def hidden_frames(
     """Every transition on every gap of each length, a gap every ``stride`` frames of each clip, 8 frames shown on
     either side.
 
-    Raises ``InputError`` where no clip is long enough for a length.
+    A learned transition has body sense, as it has by default. Raises ``InputError`` where no clip is long enough for a
+    length.
     """
     rows: list[HiddenFrames] = []
     total, done = len(lengths) * len(transitions), 0
@@ -64,8 +72,8 @@ def hidden_frames(
         true_jumps = [_jump(window, n_frames) for window in windows]
         for transition in transitions:
             scores = [_score(window, transition, n_frames) for window in windows]
-            error, ratio, _ = np.nanmean(scores, axis=0)
-            jump = np.median([score[2] for score in scores])
+            error, ratio, _, _ = np.nanmean(scores, axis=0)
+            jump, depth = np.median([score[2] for score in scores]), np.array([score[3] for score in scores])
             rows.append(
                 HiddenFrames(
                     transition.name,
@@ -75,6 +83,8 @@ def hidden_frames(
                     float(ratio),
                     float(jump),
                     float(np.median(true_jumps)),
+                    float(np.mean(depth > DEEP_M)) if np.isfinite(depth).all() else float("nan"),
+                    float(depth.max()),
                 )
             )
             done += 1
@@ -93,10 +103,12 @@ def table(rows: Sequence[HiddenFrames]) -> list[str]:
         ("error, arm/1000", "position_error", 1),
         ("motion ratio", "motion_ratio", 2),
         ("velocity jump, m/s", "velocity_jump", 2),
+        ("deepest in the body, mm", "deepest", 1),
     ):
         lines += ["", "| " + " | ".join([title, *map(str, lengths)]) + " |", "| --- |" + " --- |" * len(lengths)]
         for name in names:
-            values = [f"{getattr(found[name, n], field):.{digits}f}" for n in lengths]
+            scale = 1e3 if field == "deepest" else 1.0
+            values = [f"{scale * getattr(found[name, n], field):.{digits}f}" for n in lengths]
             lines.append("| " + " | ".join([name, *values]) + " |")
         if field == "velocity_jump":
             true = [f"{found[names[0], n].true_velocity_jump:.2f}" for n in lengths]
@@ -105,13 +117,14 @@ def table(rows: Sequence[HiddenFrames]) -> list[str]:
     return [*lines, "", f"Gaps: {gaps} frames."]
 
 
-def _score(window: Clip, transition: Transition, n_frames: int) -> tuple[float, float, float]:
+def _score(window: Clip, transition: Transition, n_frames: int) -> tuple[float, float, float, float]:
     before, true, after = window[:CONTEXT], window[CONTEXT:-CONTEXT], window[-CONTEXT:]
-    filled = transition.between(before, after, n_frames)
+    filled = fill(transition, [(before, after, n_frames)], None)[0].clip
     whole = concatenate([before, filled, after])
     # Motion is counted from the last frame before to the first after, so that a held pose counts its jumps too.
     ratio = measures.motion_ratio(whole[CONTEXT - 1 : 1 - CONTEXT], window[CONTEXT - 1 : 1 - CONTEXT])
-    return measures.position_error(filled, true), ratio, _jump(whole, n_frames)
+    depth = float(depths(filled, before, after).max()) if has_arms(window.skeleton) else float("nan")
+    return measures.position_error(filled, true), ratio, _jump(whole, n_frames), depth
 
 
 def _jump(window: Clip, n_frames: int) -> float:

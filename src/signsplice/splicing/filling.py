@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.splicing.body_sense import cleared
-from signsplice.splicing.transition import Gap, SentenceTransition, Transition
+from signsplice.splicing.transition import Gap, LimitedTransition, SentenceTransition, Transition
 
 CONTEXT = 8
 """Frames of each sign that a seam's scores see, and the least that a transition is shown."""
@@ -21,8 +22,17 @@ def shown(fps: float) -> int:
     return max(CONTEXT, math.ceil(_SHOWN_S * fps - 1e-6) + 1)
 
 
-def fill(transition: Transition, gaps: Sequence[Gap], body_sense: bool | None) -> list[tuple[Clip, float | None]]:
-    """The frames that a transition makes for every gap; how deep a hand is in the body, m, None where nobody looked.
+@dataclass(frozen=True, eq=False)
+class Filled:
+    """New frames of a gap; ``depth``: how deep a hand is in the body in them, m, None where nobody looked."""
+
+    clip: Clip
+    depth: float | None = None
+    warnings: tuple[str, ...] = ()
+
+
+def fill(transition: Transition, gaps: Sequence[Gap], body_sense: bool | None) -> list[Filled]:
+    """The frames that a transition makes for every gap.
 
     Raises ``InputError`` where they are not as many as were asked for.
     """
@@ -30,13 +40,15 @@ def fill(transition: Transition, gaps: Sequence[Gap], body_sense: bool | None) -
         made = transition.between_all(gaps)
     else:
         made = [transition.between(*gap) for gap in gaps]
-    out: list[tuple[Clip, float | None]] = []
-    for filled, (before, after, n_frames) in zip(made, gaps, strict=True):
+    out = []
+    for filled, gap in zip(made, gaps, strict=True):
+        before, after, n_frames = gap
         if len(filled) != n_frames:
             raise InputError(f"transition {transition.name} made {len(filled)} frames, expected {n_frames}")
+        said = transition.limits(gap) if isinstance(transition, LimitedTransition) else ()
         if transition.learned if body_sense is None else body_sense:
             led = cleared(filled, before, after)
-            out.append((led.clip, led.depth))
+            out.append(Filled(led.clip, led.depth, said))
         else:
-            out.append((filled, None))
+            out.append(Filled(filled, None, said))
     return out

@@ -21,6 +21,11 @@ class Graphs:
         self.folder, self.facts = folder, facts
         self._sessions: dict[str, tuple[Any, list[str], list[str]]] = {}
 
+    def check(self) -> None:
+        """Read every file once. Raises ``InputError`` where one is missing, or not the one that was written."""
+        for name in self.facts["files"]:
+            read_file(self.folder, self.facts, name)
+
     def run(self, name: str, inputs: Mapping[str, Array]) -> dict[str, Array]:
         """A graph's outputs by name; inputs that it does not have are left out."""
         session, takes, gives = self._session(name)

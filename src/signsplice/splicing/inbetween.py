@@ -5,28 +5,33 @@ from __future__ import annotations
 import time
 from collections import defaultdict
 from collections.abc import Sequence
+from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
+from signsplice.splicing import defaults
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.engine import Span, SpliceResult
 from signsplice.splicing.filling import CONTEXT, fill, shown
 from signsplice.splicing.seam import Seam, score
-from signsplice.splicing.transition import DEFAULT_TRANSITION, Transition, find_transition
+from signsplice.splicing.transition import Transition
 
 
 def inbetween(
     clip: Clip,
     gaps: Sequence[tuple[int, int]],
-    transition: str | Transition = DEFAULT_TRANSITION,
+    transition: str | Transition | None = None,
     body_sense: bool | None = None,
+    bundle: str | Path | None = None,
 ) -> SpliceResult:
     """The clip with frames [a, b) of every gap made anew from what surrounds them; every other frame unchanged.
 
-    Gaps are half-open frame ranges with at least one frame kept before, between and after them; body_sense as in
-    ``SpliceOptions``. Raises ``InputError`` for other gaps.
+    Gaps are half-open frame ranges with at least one frame kept before, between and after them; transition,
+    body_sense and bundle as in ``SpliceOptions``. Raises ``InputError`` for other gaps.
     """
-    method = find_transition(transition) if isinstance(transition, str) else transition
+    # Nothing is cut or timed here: no network is asked for that.
+    methods = defaults.choose("ends", transition, "fixed", bundle)
+    method = methods.transition
     seconds: dict[str, float] = defaultdict(float)
     spans: list[Span] = []
     seams: list[Seam] = []
@@ -51,16 +56,16 @@ def inbetween(
     made = fill(method, asked, body_sense)
     seconds["transition"] = time.perf_counter() - began
     at = 0
-    for (start, stop), (kept, follows, _), (filled, depth) in zip(gaps, asked, made, strict=True):
-        pieces += [clip[at:start], filled]
+    for (start, stop), (kept, follows, _), filled in zip(gaps, asked, made, strict=True):
+        pieces += [clip[at:start], filled.clip]
         spans += [
             Span("sign", 0, clip.name, (at, start), (at, start)),
             Span("transition", None, None, None, (start, stop)),
         ]
         kept = kept[-CONTEXT:]
-        window = concatenate([kept, filled, follows[:CONTEXT]])
+        window = concatenate([kept, filled.clip, follows[:CONTEXT]])
         cut = Cut(start - 1, stop)
-        seams.append(score(window, len(kept), stop - start, clip.name, clip.name, cut, (), depth))
+        seams.append(score(window, len(kept), stop - start, clip.name, clip.name, cut, filled.warnings, filled.depth))
         at = stop
     pieces.append(clip[at:])
     spans.append(Span("sign", 0, clip.name, (at, len(clip)), (at, len(clip))))
@@ -68,4 +73,6 @@ def inbetween(
     joined = concatenate(pieces, name=clip.name)
     seconds["join"] = time.perf_counter() - began
     timing = {part: 1e3 * seconds[part] for part in ("harmonize", "cut", "transition", "join")}
-    return SpliceResult(joined, tuple(spans), tuple(seams), (), "none", method.name, timing)
+    return SpliceResult(
+        joined, tuple(spans), tuple(seams), methods.warnings, "none", method.name, timing, methods.bundle
+    )

@@ -19,11 +19,13 @@ from scipy.special import log_softmax
 
 from signsplice.errors import InputError
 from signsplice.motion import features
+from signsplice.motion.arms import has_arms
 from signsplice.motion.canonical import signing, turned
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.features import CONTEXT, LEAST, MOST, RATE, WORD_FRAMES, Course
 from signsplice.splicing.bundle import read_facts
 from signsplice.splicing.cut import Cut
+from signsplice.splicing.duration import HUMAN_MEDIAN_S
 from signsplice.splicing.graphs import Array, Graphs
 from signsplice.splicing.joint import Choices, best
 from signsplice.splicing.transition import Gap, find_transition
@@ -134,13 +136,17 @@ def _frame(at: int, clip: Clip) -> int:
 
 
 class LearnedDuration:
-    """How long a transition takes, by the network that cuts: from the two frames that it joins, and both words."""
+    """How long a transition takes, by the network that cuts: from the two frames that it joins, and both words.
+
+    ``least``: at least so many seconds; by default the human median, since viewers of avatars prefer transitions slower
+    than human ones (Al-khazraji et al. 2021).
+    """
 
     name, learned = NAME, True
     summary = "a network that sees both words and the two frames that are joined"
 
-    def __init__(self, reader: Reader) -> None:
-        self.reader = reader
+    def __init__(self, reader: Reader, least: float = HUMAN_MEDIAN_S) -> None:
+        self.reader, self.least = reader, least
 
     def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
         """Seconds between the last frame kept of the one and the first frame kept of the other."""
@@ -149,14 +155,14 @@ class LearnedDuration:
         for name, word, frame, clip in (("leaving", p, cut.pre, before), ("entering", q, cut.post, after)):
             row = round(frame / clip.fps * RATE) - word.first
             given[name] = word.numbers[None, min(max(row, 0), len(word.numbers) - 1)]
-        return float(self.reader.graphs.run("duration", given)["seconds"][0])
+        return max(self.least, float(self.reader.graphs.run("duration", given)["seconds"][0]))
 
 
 class LearnedTransition:
     """The limited Hermite curve, bent by a network over the gap and eight frames on either side.
 
-    End poses and end velocities stay those of the curve; joints without a role, and gaps of fewer than 2 or more than
-    45 frames at 30 a second, follow the curve alone.
+    End poses and end velocities stay those of the curve; joints without a role, gaps of fewer than 2 or more than 45
+    frames at 30 a second, and rigs whose arms are not known by name follow the curve alone.
     """
 
     name, learned = NAME, True
@@ -187,11 +193,20 @@ class LearnedTransition:
                 made[k] = replace(base, local_rotations=turned(base.skeleton, base.local_rotations, turns))
         return made
 
+    def limits(self, gap: Gap) -> tuple[str, ...]:
+        """Said of a gap that is too long."""
+        before, _, n_frames = gap
+        if features.gap_frames((n_frames + 1) / before.fps) <= MOST:
+            return ()
+        return (f"{n_frames / before.fps:.2f} s are longer than the network knows: made by {self.base.name} alone",)
+
 
 def _window(base: Clip, gap: Gap) -> features.Window | None:
-    """What the network sees of a gap that a classical transition bridges; None where it is too short or too long."""
+    """What the network sees of a gap that a classical transition bridges; None where it is too short or too long, or
+    the arms are not known.
+    """
     before, after, n_frames = gap
-    if not LEAST <= features.gap_frames((n_frames + 1) / base.fps) <= MOST:
+    if not LEAST <= features.gap_frames((n_frames + 1) / base.fps) <= MOST or not has_arms(base.skeleton):
         return None
     n_context = int(np.ceil((CONTEXT + 1) / RATE * base.fps)) + 1
     kept, follows = before[-n_context:], after[:n_context]

@@ -28,7 +28,7 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
         "frames": len(result.clip),
         "cutter": result.cutter,
         "transition": result.transition,
-        "bundle": None,
+        "bundle": result.bundle,
         "spans": [asdict(span) for span in result.spans],
         "seams": [asdict(seam) for seam in result.seams],
         "warnings": list(result.warnings),

@@ -61,6 +61,15 @@ class SentenceTransition(Transition, Protocol):
         ...
 
 
+@runtime_checkable
+class LimitedTransition(Transition, Protocol):
+    """A transition that leaves some gaps to another."""
+
+    def limits(self, gap: Gap) -> tuple[str, ...]:
+        """What has to be said of a gap that it leaves to another; nothing where it fills it itself."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Ways:
     """What a curve has to bridge, K ways at once: the ways d (K, 3), the velocities (K, 3) and accelerations (K, 3) at

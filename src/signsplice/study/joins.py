@@ -9,7 +9,8 @@ that pass through the body.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,10 @@ from signsplice.motion import contact, kinematics, measures, stance
 from signsplice.motion.arms import Arms, arm_joints, arms
 from signsplice.motion.clip import Clip
 from signsplice.splicing.cut import CUTTERS, DEFAULT_CUTTER
+from signsplice.splicing.defaults import choose
+from signsplice.splicing.duration import DEFAULT_DURATION
 from signsplice.splicing.engine import SpliceOptions, splice
+from signsplice.splicing.networks import NAME
 from signsplice.splicing.seam import DEEP_M
 from signsplice.splicing.transition import DEFAULT_TRANSITION, TRANSITIONS
 from signsplice.study.stitcher import stitch
@@ -86,13 +90,21 @@ def pairs(n_pairs: int, signs: Sequence[Sign] | None = None) -> list[tuple[Word,
     return [(made[p], made[q]) for p, q in drawn]
 
 
-def ways() -> dict[str, SpliceOptions]:
-    """The methods that are compared: every cutter with the default transition, every transition with the default
-    cutter, and the defaults with body sense.
+def ways(bundle: str | Path | None = None) -> dict[str, SpliceOptions]:
+    """The methods that are compared: every classical cutter with Hermite, every classical transition with the classical
+    default cutter, Hermite with body sense; and learned ones of a bundle, by default that which ships, where it can be
+    read: all of them, and each part alone. Raises ``InputError`` for a bundle that is named and cannot be read.
     """
-    out = {f"{name} + {DEFAULT_TRANSITION}": SpliceOptions(cutter=name) for name in CUTTERS}
-    out |= {f"{DEFAULT_CUTTER} + {name}": SpliceOptions(transition=name) for name in TRANSITIONS}
-    return out | {f"{DEFAULT_CUTTER} + {DEFAULT_TRANSITION}, body sense": SpliceOptions(body_sense=True)}
+    plain = SpliceOptions(DEFAULT_CUTTER, DEFAULT_TRANSITION, DEFAULT_DURATION, body_sense=False)
+    out = {f"{name} + {DEFAULT_TRANSITION}": replace(plain, cutter=name) for name in CUTTERS}
+    out |= {f"{DEFAULT_CUTTER} + {name}": replace(plain, transition=name) for name in TRANSITIONS}
+    out |= {f"{DEFAULT_CUTTER} + {DEFAULT_TRANSITION}, body sense": replace(plain, body_sense=True)}
+    if choose(bundle=bundle).bundle is not None:
+        own = SpliceOptions(NAME, NAME, NAME, bundle)
+        out |= {f"{DEFAULT_CUTTER} + {NAME}": replace(plain, transition=NAME, bundle=bundle)}
+        out |= {f"{NAME} + {DEFAULT_TRANSITION}": replace(own, transition=DEFAULT_TRANSITION, body_sense=False)}
+        out |= {f"{NAME} + {NAME}": replace(own, body_sense=False), f"{NAME} + {NAME}, body sense": own}
+    return out
 
 
 def compare(

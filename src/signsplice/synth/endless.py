@@ -29,7 +29,7 @@ from signsplice.synth.signer import signer
 Array = NDArray[Any]
 Progress = Callable[[int, int], None]
 
-VERSION = 1
+VERSION = 2
 FIRST_SIGNER = 1000
 """Seed of the first signer: those of any corpus of pairs lie below."""
 _SHORTEST, _LONGEST = 3, 12

@@ -6,8 +6,9 @@ hand, few handshapes carry most signs, neutral space and face are the commonest 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -60,29 +61,42 @@ _TRIES = 400
 def sign(seed: int) -> Sign:
     """The pseudo-sign of a seed, ``PSEUDO-<seed>``: lawful by ``phonology.faults``, within reach and joint limits."""
     rng = stream("pseudo", seed)
-    for _ in range(_TRIES):
-        made = _sign(seed, rng)
-        if not faults(made) and all(_at_ease(segment, made) for segment in made.segments):
-            return made
-    raise RuntimeError(f"no pseudo-sign for seed {seed}")  # not met in the first 100,000 seeds
-
-
-def _sign(seed: int, rng: np.random.Generator) -> Sign:
+    # Drawn once: hands that find few postures at ease must not become rare for it.
     hands = _pick(rng, _HANDS)
+    for _ in range(_TRIES):
+        segments = _segments(hands, rng)
+        made = Sign(f"PSEUDO-{seed}", hands, tuple(segments or ()), source="drawn at random", kind="pseudo")
+        if segments and not faults(made):
+            return made
+    raise RuntimeError(f"no pseudo-sign for seed {seed}")  # not met in the first 10,000 seeds
+
+
+def _segments(hands: str, rng: np.random.Generator) -> list[Segment] | None:
+    """Segments at ease one by one; None where none was found for one of them."""
     table = {"base": _BASE_PLACES, "one": _PLACES}.get(hands, _MIRRORED_PLACES)
     base = _BASES[rng.integers(len(_BASES))] if hands == "base" else None
-    here = _posture(rng, _pick(rng, table))
     first = "H" if rng.random() < 0.22 else "X"
-    segments = [Segment(first, here, base)]
+    segments: list[Segment] = []
+
+    def add(draw: Callable[[], Segment]) -> bool:
+        for _ in range(_TRIES):
+            segment = draw()
+            if _at_ease(segment, hands):
+                segments.append(segment)
+                return True
+        return False
+
+    if not add(lambda: Segment(first, _posture(rng, _pick(rng, table)), base)):
+        return None
     for n in range(2 if rng.random() < 0.12 else 1):
-        segment = _movement(rng, here, base, table, again=n > 0)
-        segments.append(segment)
-        here = segment.strong
+        here, again = segments[-1].strong, n > 0
+        if not add(partial(_movement, rng, here, base, table, again=again)):
+            return None
         if n == 0 and rng.random() < 0.1:
-            segments.append(Segment("H", here, base))
+            segments.append(Segment("H", segments[-1].strong, base))
     if rng.random() < 0.36:
-        segments.append(Segment("H", here, base))
-    return Sign(f"PSEUDO-{seed}", hands, tuple(segments), source="drawn at random", kind="pseudo")
+        segments.append(Segment("H", segments[-1].strong, base))
+    return segments
 
 
 def _posture(rng: np.random.Generator, place: str) -> Posture:
@@ -150,17 +164,14 @@ def _pick(rng: np.random.Generator, table: dict[T, float]) -> T:
     return names[int(np.searchsorted(np.cumsum(weights / weights.sum()), rng.random()))]
 
 
-def _at_ease(segment: Segment, sign: Sign) -> bool:
+def _at_ease(segment: Segment, hands: str) -> bool:
     """Whether the standard signer's arms reach a segment's posture with every angle within easy limits."""
-    if (
-        segment.strong.part in ("thumb", "index", "tips")
-        and abs(np.dot(segment.strong.palm, segment.strong.fingers)) > 0.9
-    ):
+    if abs(np.dot(segment.strong.palm, segment.strong.fingers)) > 0.9:
         return False
     base = places.weak(segment.weak, STANDARD) if segment.weak is not None else np.zeros(27)
     if segment.weak is None and segment.strong.place.endswith("-weak") and "arm" in segment.strong.place:
         return False
-    meets = sign.hands in ("symmetric", "alternating")
+    meets = hands in ("symmetric", "alternating")
     numbers = places.strong(segment.strong, STANDARD, base, meets)
     if not (easy(numbers) and _off_the_body(numbers, meets)):
         return False

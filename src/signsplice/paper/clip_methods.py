@@ -1,0 +1,133 @@
+"""Methods that join the words' own clips, as rows beside the paper's systems: every classical cutter with slerp and
+Hermite, and this project's own networks.
+
+They work on rotations; what they make is brought to the 159 numbers by forward kinematics, and the time that this
+takes counts as theirs. How long a transition takes is theirs to say or told: with a length of their own the paper's
+Accuracy and MSE see little but the length. Rows say what they were told. A classical row's own time is the rule
+``tempo``. The networks never saw a word or a signer of the corpus; their own time is the learned one, without the
+floor that it has for viewers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from signsplice.errors import InputError
+from signsplice.motion.clip import Clip
+from signsplice.paper.prediction import Prediction
+from signsplice.splicing.cut import CUTTERS, Cut
+from signsplice.splicing.defaults import Methods, choose
+from signsplice.splicing.duration import DEFAULT_DURATION
+from signsplice.splicing.filling import fill, shown
+from signsplice.splicing.networks import NAME as LEARNED
+from signsplice.splicing.networks import LearnedDuration
+from signsplice.synth.corpus import Pairs, scaled_positions
+
+TRANSITIONS = ("slerp", "hermite")
+TOLD = ("nothing", "length", "positions", "positions and length")
+TRUE_POSITIONS = "true-positions"
+
+
+@dataclass(frozen=True)
+class ClipMethod:
+    """A cutter and a transition by name; ``told`` is what it is told of the truth, one of ``TOLD``; ``bundle`` the
+    folder of learned parts, by default that which ships.
+
+    Raises ``InputError`` for unknown names, and learned ones where the bundle cannot be read.
+    """
+
+    cutter: str
+    transition: str
+    told: str = "nothing"
+    bundle: str | Path | None = None
+
+    def __post_init__(self) -> None:
+        if self.told not in TOLD or ("positions" in self.told) != (self.cutter == TRUE_POSITIONS):
+            raise InputError(
+                f"{self.cutter} told {self.told!r}, expected one of {', '.join(TOLD)}, positions for {TRUE_POSITIONS}"
+            )
+        self.parts  # noqa: B018  # unknown names are refused here
+
+    @property
+    def name(self) -> str:
+        """cutter+transition."""
+        return f"{self.cutter}+{self.transition}"
+
+    @property
+    def learned(self) -> bool:
+        """Whether a network of this project takes part."""
+        return LEARNED in (self.cutter, self.transition)
+
+    @cached_property
+    def parts(self) -> Methods:
+        """What does the work."""
+        cutter = "ends" if self.cutter == TRUE_POSITIONS else self.cutter
+        timed = self.cutter == LEARNED or (self.told == "positions" and self.learned)
+        parts = choose(cutter, self.transition, LEARNED if timed else DEFAULT_DURATION, self.bundle)
+        if not isinstance(parts.duration, LearnedDuration):
+            return parts
+        own = LearnedDuration(parts.duration.reader, least=0.0)
+        return Methods(parts.cutter, parts.transition, own, parts.bundle)
+
+    def splice(self, before: Clip, after: Clip, truth: Cut, n_true: int) -> tuple[Cut, Clip]:
+        """The splice position and the transition between two words' clips; ``truth`` and ``n_true`` are looked at only
+        as far as ``told`` allows.
+        """
+        # A clip of its own for each pair: nothing that was read of it for another pair is remembered.
+        before, after = before[:], after[:]
+        cut = truth if "positions" in self.told else self.parts.cutter.cut(before, after)
+        n_frames = n_true
+        if "length" not in self.told:
+            n_frames = max(1, round(self.parts.duration.seconds(before, after, cut) * before.fps))
+        n_shown = shown(before.fps)
+        kept = before[max(0, cut.pre + 1 - n_shown) : cut.pre + 1]
+        gap = (kept, after[cut.post : cut.post + n_shown], n_frames)
+        return cut, fill(self.parts.transition, [gap], None)[0].clip
+
+
+class ClipAnswers:
+    """A method's row on a corpus: called with a pair's number, it answers with a prediction."""
+
+    def __init__(self, pairs: Pairs, method: ClipMethod) -> None:
+        self.pairs, self.method = pairs, method
+        self._clips: dict[int, Clip] = {}
+
+    def __call__(self, number: int) -> Prediction:
+        """The prediction for a pair."""
+        p, q, pre, post, _, count = self.pairs.index[number].tolist()
+        cut, made = self.method.splice(self._clip(p), self._clip(q), Cut(pre, post), count)
+        who = self.pairs.signers[0 if p < len(self.pairs.head["words"]) // 2 else 1]
+        frames = scaled_positions(made.local_rotations, made.root_positions, who, made.fps)
+        return Prediction(cut.pre, cut.post, frames)
+
+    def prepare(self, numbers: Sequence[int]) -> None:
+        """Read the words of some pairs, so that reading them is not timed."""
+        for p in sorted(set(self.pairs.index[list(numbers), :2].ravel().tolist())):
+            self._clip(p)
+
+    def _clip(self, word: int) -> Clip:
+        if word not in self._clips:
+            self._clips[word] = self.pairs.word_clip(word)
+        return self._clips[word]
+
+
+def classical() -> list[ClipMethod]:
+    """Each classical cutter with each transition, its own length and the true one; and both told the true positions."""
+    rows = [ClipMethod(c, t, told) for told in ("nothing", "length") for c in CUTTERS for t in TRANSITIONS]
+    rows += [ClipMethod(TRUE_POSITIONS, t, told) for told in TOLD[2:] for t in TRANSITIONS]
+    return rows
+
+
+def own(bundle: str | Path | None = None) -> list[ClipMethod]:
+    """The networks of this project: whole, cutter with a classical transition, transition told the truth."""
+    rows = [(LEARNED, LEARNED, "nothing"), (LEARNED, "hermite", "nothing")]
+    rows += [(TRUE_POSITIONS, LEARNED, told) for told in TOLD[2:]]
+    return [ClipMethod(*row, bundle) for row in rows]
+
+
+def every() -> list[ClipMethod]:
+    """All rows; our own where the networks that ship can be read."""
+    return classical() + (own() if choose().bundle is not None else [])

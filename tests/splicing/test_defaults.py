@@ -1,0 +1,164 @@
+"""What serves where nothing is named: networks, and the classical methods where no network can be read."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import signsplice as ss
+from signing import word
+from signsplice.errors import InputError
+from signsplice.splicing import defaults, report
+from signsplice.splicing.bundle import HEAD, digest
+from signsplice.splicing.networks import LearnedCutter, LearnedDuration, LearnedTransition
+
+TINY = Path(__file__).parents[1] / "golden" / "tiny_bundle"
+CLIPS = [word(gloss).clip for gloss in ("MOTHER", "BOOK", "SEE")]
+
+
+@pytest.fixture
+def weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The bundle that ships, for once a copy of the tiny one."""
+    folder = tmp_path / "weights"
+    shutil.copytree(TINY, folder)
+    monkeypatch.setattr(defaults, "WEIGHTS", folder)
+    return folder
+
+
+def kinds(methods: defaults.Methods) -> tuple[bool, bool, bool]:
+    """Which parts are learned."""
+    return (
+        isinstance(methods.cutter, LearnedCutter),
+        isinstance(methods.transition, LearnedTransition),
+        isinstance(methods.duration, LearnedDuration),
+    )
+
+
+def test_networks_are_the_default_and_the_report_names_them(weights: Path) -> None:
+    chosen = defaults.choose()
+    assert kinds(chosen) == (True, True, True)
+    assert chosen.bundle == digest(weights)
+    assert chosen.warnings == ()
+    assert defaults.choose(duration="auto").duration is chosen.duration
+    result = ss.splice(CLIPS)
+    assert report.describe(result)["bundle"] == digest(weights)
+    assert (result.cutter, result.transition) == ("learned", "learned")
+    filled = ss.inbetween(CLIPS[0], [(20, 30)])
+    assert (filled.transition, filled.bundle) == ("learned", digest(weights))
+
+
+def test_what_is_named_is_taken_and_nothing_else_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(defaults, "WEIGHTS", tmp_path / "none")
+    chosen = defaults.choose("ends", "hold", "fixed")
+    assert (chosen.cutter.name, chosen.transition.name, chosen.duration.name) == ("ends", "hold", "fixed")
+    assert (chosen.bundle, chosen.warnings) == (None, ())
+    assert ss.inbetween(CLIPS[0], [(20, 30)], "hermite").bundle is None
+
+
+def test_one_part_learned_is_enough_to_name_the_bundle(weights: Path) -> None:
+    chosen = defaults.choose("ends", None, "fixed")
+    assert kinds(chosen) == (False, True, False)
+    assert chosen.bundle == digest(weights)
+    assert defaults.choose("ends", "hermite", "fixed").bundle is None
+
+
+@pytest.mark.parametrize("broken", ["missing", "head", "graph", "foreign", "features"])
+def test_without_a_readable_bundle_the_classical_methods_serve(weights: Path, broken: str) -> None:
+    before = ss.splice(CLIPS, ss.SpliceOptions("pose-velocity", "hermite", "tempo"))
+    facts = json.loads((weights / HEAD).read_text())
+    if broken == "missing":
+        shutil.rmtree(weights)
+    elif broken == "head":
+        (weights / HEAD).write_text("{")
+    elif broken == "graph":
+        graph = bytearray((weights / "bridge.onnx").read_bytes())
+        graph[len(graph) // 2] ^= 1
+        (weights / "bridge.onnx").write_bytes(graph)
+    elif broken == "foreign":
+        (weights / HEAD).write_text(json.dumps(facts | {"system": "lpt"}))
+    else:
+        (weights / HEAD).write_text(json.dumps(facts | {"features": 0}))
+    result = ss.splice(CLIPS)
+    assert (result.cutter, result.transition, result.bundle) == ("pose-velocity", "hermite", None)
+    np.testing.assert_array_equal(result.clip.local_rotations, before.clip.local_rotations)
+    told = [line for line in result.warnings if "classical" in line]
+    assert len(told) == 1
+    assert str(weights) in told[0]
+    assert sum(len(piece.warnings) for piece in ss.stream(CLIPS)) == 1
+    assert len(ss.inbetween(CLIPS[0], [(20, 30)]).warnings) == 1
+    with pytest.raises(InputError, match="weights"):
+        defaults.choose(cutter="learned")
+    with pytest.raises(InputError, match="weights"):
+        defaults.choose(bundle=weights)
+
+
+def test_a_bundle_may_hold_some_networks(weights: Path) -> None:
+    facts = json.loads((weights / HEAD).read_text())
+    del facts["files"]["bridge.onnx"]
+    (weights / HEAD).write_text(json.dumps(facts))
+    chosen = defaults.choose(bundle=weights)
+    assert kinds(chosen) == (True, False, True)
+    assert chosen.transition.name == "hermite"
+    with pytest.raises(InputError, match="holds no network for the transition"):
+        defaults.choose(transition="learned", bundle=weights)
+
+
+def test_unknown_names_are_told_all_there_are(weights: Path) -> None:
+    with pytest.raises(InputError, match=r"expected one of ends, .*, learned"):
+        defaults.choose(cutter="nearest")
+
+
+def test_a_bundle_written_anew_is_opened_anew(weights: Path) -> None:
+    first = defaults.choose(bundle=weights)
+    assert defaults.choose(bundle=weights).cutter is first.cutter
+    facts = json.loads((weights / HEAD).read_text())
+    (weights / HEAD).write_text(json.dumps(facts | {"seed": 5}))
+    second = defaults.choose(bundle=weights)
+    assert second.cutter is not first.cutter
+    assert second.bundle != first.bundle
+
+
+def test_the_list_of_methods_has_one_default_a_kind(weights: Path) -> None:
+    rows = defaults.every()
+    for kind in ("cutter", "transition", "duration"):
+        assert [part.name for of, part, default in rows if of == kind and default] == ["learned"]
+        names = [part.name for of, part, _ in rows if of == kind]
+        assert len(names) == len(set(names)) > 3
+
+
+def test_a_rig_without_arms_is_bridged_and_timed_by_rule(weights: Path) -> None:
+    clip = CLIPS[0]
+    names = tuple(f"j{k}" for k in range(len(clip.skeleton.names)))
+    bare = ss.Clip(
+        ss.Skeleton(names, clip.skeleton.parents, clip.skeleton.offsets),
+        clip.local_rotations,
+        clip.root_positions,
+        clip.fps,
+    )
+    own = ss.inbetween(bare, [(20, 30)])
+    rule = ss.inbetween(bare, [(20, 30)], "hermite")
+    np.testing.assert_array_equal(own.clip.local_rotations, rule.clip.local_rotations)
+    joined = ss.splice([bare, bare], ss.SpliceOptions(cutter="ends"))
+    assert joined.seams[0].seconds == pytest.approx(0.25, abs=1.0 / clip.fps)
+    with pytest.raises(InputError, match="a cutter that needs no arms"):
+        ss.splice([bare, bare])
+
+
+def test_what_is_longer_than_the_network_knows_is_said(weights: Path) -> None:
+    result = ss.splice(CLIPS[:2], ss.SpliceOptions(transition_time=3.0))
+    assert any("made by hermite alone" in line for line in result.seams[0].warnings)
+    short = ss.splice(CLIPS[:2], ss.SpliceOptions(transition_time=0.4))
+    assert not any("made by" in line for line in short.seams[0].warnings)
+
+
+def test_the_learned_time_is_not_below_the_human_median(weights: Path) -> None:
+    learned = defaults.open_learned(weights)
+    assert learned.cutter is not None
+    assert learned.duration is not None
+    cut = learned.cutter.cut(CLIPS[0], CLIPS[1])
+    raw = LearnedDuration(learned.duration.reader, least=0.0).seconds(CLIPS[0], CLIPS[1], cut)
+    assert learned.duration.seconds(CLIPS[0], CLIPS[1], cut) == max(0.25, raw)
