@@ -143,7 +143,7 @@ def test_methods_lists_every_part(folder: Path) -> None:
     rows = json.loads(signsplice("methods", "--json", cwd=folder).stdout)
     names = {row["name"] for row in rows}
     assert names >= {"ends", "rest-trim", "hand-distance", "pose-velocity", "hold", "linear", "slerp", "minimum-jerk"}
-    assert names >= {"hermite", "quintic", "inertialize", "fixed", "travel", "speed", "auto"}
+    assert names >= {"hermite", "quintic", "inertialize", "fixed", "travel", "speed", "tempo"}
     assert [row["name"] for row in rows if row["default"]] == ["pose-velocity", "hermite", "auto"]
     assert len(signsplice("methods", cwd=folder).stdout.splitlines()) == len(rows)
 

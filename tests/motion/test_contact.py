@@ -227,7 +227,7 @@ def test_looking_only_where_it_may_touch_finds_the_same(gloss: str) -> None:
     for one in (clip, shaken, clip[:1], without(clip, "LeftHand")):
         globals_ = kinematics.forward(one)
         depth, way = contact.hands_inside(one.skeleton, *globals_)
-        pressed, out = contact.hands_pressed(one.skeleton, *globals_)
+        pressed, out = contact.capsules(one.skeleton, *globals_).pressed()
         inside = depth > 0.0
         np.testing.assert_array_equal(pressed > 0.0, inside)
         np.testing.assert_allclose(pressed[inside], depth[inside], rtol=1e-12)

@@ -129,7 +129,7 @@ def test_durations_follow_their_laws(sentence: list[Clip]) -> None:
     width = travel_widths(a, b, pre, post)
     assert find_duration("travel").seconds(p, q, cut) == pytest.approx(0.051 + 0.149 * np.log2(1 + width / 0.15))
     assert find_duration("fixed").seconds(p, q, cut) == 0.25
-    assert find_duration("auto").seconds(p, p, Cut(40, 40)) == 0.25
+    assert find_duration("tempo").seconds(p, p, Cut(40, 40)) == 0.25
     way = np.linalg.norm(b.wrists[post] - a.wrists[pre], axis=-1)
     hand = int(np.argmax(way))
     steps = (a.wrists[pre, hand] - a.wrists[pre - 1, hand], b.wrists[post + 1, hand] - b.wrists[post, hand])

@@ -7,6 +7,7 @@ its arms forward, or bend its fingers; turned into the common pose, all rigs agr
 from __future__ import annotations
 
 from collections.abc import Mapping
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,13 +49,25 @@ _UPRIGHT = (
 )
 
 
+_TURNS: WeakKeyDictionary[Skeleton, Float] = WeakKeyDictionary()
+
+
 def common_rotations(skeleton: Skeleton) -> Float:
-    """Global rotations (J, 4) that pose the rest skeleton in the common pose.
+    """Global rotations (J, 4) that pose the rest skeleton in the common pose, remembered as long as it lives; not to be
+    written to.
 
     The trunk, head and feet are turned as one, from the rest pose's own up and left; limbs and fingers are swung on
     from there until their bones point the common way; a hand is turned by the way to its middle knuckle and its line of
     knuckles. Joints without a role follow their parents.
     """
+    known = _TURNS.get(skeleton)
+    if known is None:
+        known = _TURNS[skeleton] = _common_rotations(skeleton)
+        known.flags.writeable = False
+    return known
+
+
+def _common_rotations(skeleton: Skeleton) -> Float:
     joints = find_roles(skeleton).joints
     role_of = {joint: role for role, joint in joints.items()}
     rest = rest_positions(skeleton)

@@ -61,22 +61,43 @@ def hands_inside(skeleton: Skeleton, global_rotations: Float, global_positions: 
     return _deepest(shape, starts, ends, (solid, solid), True)
 
 
-def hands_pressed(skeleton: Skeleton, global_rotations: Float, global_positions: Float) -> tuple[Float, Float]:
-    """``hands_inside`` where a hand lies in something, in a part of the time: only capsules that the ball around a hand
-    reaches are looked at. Elsewhere the depth is some number not above 0, and the way means nothing.
-    """
+@dataclass(frozen=True, eq=False)
+class Capsules:
+    """A body's capsules over time: starts and ends (T, C, 3) of their axes in the world."""
+
+    shape: Body
+    starts: Float
+    ends: Float
+
+    def moved(self, moves: Float) -> Capsules:
+        """The same with the hands moved by ``moves`` (T, 2, 3), left and right; head, trunk and arms stay."""
+        starts, ends = self.starts.copy(), self.ends.copy()
+        known = groups(self.shape)
+        for side, own in enumerate((known.left, known.right)):
+            starts[:, own] += moves[:, side, None]
+            ends[:, own] += moves[:, side, None]
+        return Capsules(self.shape, starts, ends)
+
+    def pressed(self) -> tuple[Float, Float]:
+        """``hands_inside`` where a hand lies in something, in a part of the time: only capsules that the ball around a
+        hand reaches are looked at. Elsewhere the depth is some number not above 0, and the way means nothing.
+        """
+        known, starts, ends = groups(self.shape), self.starts, self.ends
+        depth, way = np.full((len(starts), 2), -np.inf), np.zeros((len(starts), 2, 3))
+        near, meeting = _near(self.shape, known, starts, ends)
+        rows = np.flatnonzero(np.any(near, axis=(1, 2)) | meeting)
+        if len(rows):
+            solid = np.array([*known.head, *known.trunk])
+            left, right = (tuple(solid[own].tolist()) for own in np.any(near[rows], axis=0))
+            meet = bool(meeting[rows].any())
+            depth[rows], way[rows] = _deepest(self.shape, starts[rows], ends[rows], (left, right), meet)
+        return depth, way
+
+
+def capsules(skeleton: Skeleton, global_rotations: Float, global_positions: Float) -> Capsules:
+    """A skeleton's capsules, from the globals of ``kinematics.forward`` for all joints."""
     shape = known_body(skeleton)
-    known = groups(shape)
-    starts, ends = place(shape, global_rotations, global_positions)
-    depth, way = np.full((len(starts), 2), -np.inf), np.zeros((len(starts), 2, 3))
-    near, meeting = _near(shape, known, starts, ends)
-    rows = np.flatnonzero(np.any(near, axis=(1, 2)) | meeting)
-    if len(rows):
-        solid = np.array([*known.head, *known.trunk])
-        reached = np.any(near[rows], axis=0)
-        left, right = (tuple(solid[own].tolist()) for own in reached)
-        depth[rows], way[rows] = _deepest(shape, starts[rows], ends[rows], (left, right), bool(meeting[rows].any()))
-    return depth, way
+    return Capsules(shape, *place(shape, global_rotations, global_positions))
 
 
 def _near(shape: Body, known: Groups, starts: Float, ends: Float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -23,6 +23,9 @@ Float = NDArray[np.float64]
 TOLERANCE_M = 0.003
 """Touching may press this deep."""
 _ROUNDS = 16
+"""Pushes, at most, until a way around is found."""
+_TRIES = 3
+"""Ways around that are tried: an arm may be too short for the first."""
 _SOFTEST = 0.35
 """Least cosine between a stretch's one way out and that of a frame by which a push is lengthened."""
 
@@ -47,39 +50,50 @@ def cleared(filled: Clip, before: Clip, after: Clip) -> Cleared:
     if not has_arms(filled.skeleton):
         return Cleared(filled, None, None)
     metres = stance.sizes(filled.skeleton).unit.metres
-    level = clearance.faded(len(filled))[:, None, None]
-    kernel = _kernel(len(filled))
     best, first, least = filled, 0.0, np.inf
-    for n in range(_ROUNDS + 1):
+    for n in range(_TRIES + 1):
         window = concatenate([before[-1:], filled, after[:1]])
-        depth, way, ahead = _inside(window)
-        over = _over(depth * metres) / metres
-        worst = float(_deep(over.max() * metres))
+        turns, places = kinematics.forward(window)
+        seen = contact.capsules(window.skeleton, turns, places)
+        worst = _worst(seen.pressed()[0] * metres)
         if n == 0:
             first = worst
         if worst < least:
             best, least = filled, worst
-        if worst == 0.0 or n == _ROUNDS:
+        if worst == 0.0 or n == _TRIES:
             break
-        push = _pushes(over + 0.3 * TOLERANCE_M / metres, way[1:-1], ahead[1:-1])
-        gain = 0.6 if n < _ROUNDS // 2 else 1.0
-        filled = reach.moved(filled, gain * clearance.spread(push, kernel) * level)
+        filled = reach.moved(filled, _way_around(seen, _ahead(window.skeleton, places), metres))
     return Cleared(best, first, least)
 
 
+def _way_around(seen: contact.Capsules, ahead: Float, metres: float) -> Float:
+    """Moves (n, 2, 3) of the hands, were arms long enough, that lead the frames between around what they lie in."""
+    n_between = len(seen.starts) - 2
+    level, kernel = clearance.faded(n_between)[:, None, None], _kernel(n_between)
+    moves = np.zeros((n_between + 2, 2, 3))
+    for n in range(_ROUNDS):
+        depth, way = seen.moved(moves).pressed()
+        over = _over(depth * metres) / metres
+        if over.max() <= 0.0:
+            break
+        push = _pushes(over + 0.3 * TOLERANCE_M / metres, way[1:-1], ahead[1:-1])
+        gain = 0.6 if n < _ROUNDS // 2 else 1.0
+        moves[1:-1] += gain * clearance.spread(push, kernel) * level
+    return moves[1:-1]
+
+
 def depths(filled: Clip, before: Clip, after: Clip) -> Float:
-    """How deep (n,) a hand lies in the body, m, in each frame of a transition, beyond what both ends call for; 0 where none
-    does. Raises ``InputError`` where the rig's arms are not known by name.
+    """How deep (n,) a hand lies in the body, m, in each frame of a transition, beyond what both ends call for, 0 where
+    none does. Raises ``InputError`` where the rig's arms are not known by name.
     """
-    depth, _, _ = _inside(concatenate([before[-1:], filled, after[:1]]))
+    window = concatenate([before[-1:], filled, after[:1]])
+    depth, _ = contact.capsules(window.skeleton, *kinematics.forward(window)).pressed()
     return _deep(_over(depth * stance.sizes(filled.skeleton).unit.metres).max(axis=1))
 
 
-def _inside(window: Clip) -> tuple[Float, Float, Float]:
-    """Depths (T, 2) and ways out (T, 2, 3) of the hands, and the way ahead of the chest (T, 3)."""
-    turns, places = kinematics.forward(window)
-    depth, way = contact.hands_pressed(window.skeleton, turns, places)
-    return depth, way, _ahead(window.skeleton, places)
+def _worst(depth: Float) -> float:
+    """The deepest of the frames between, m, beyond what both ends call for, from depths (n + 2, 2), m."""
+    return float(_deep(_over(depth).max()))
 
 
 def _ahead(skeleton: Skeleton, places: Float) -> Float:
