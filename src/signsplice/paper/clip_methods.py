@@ -19,7 +19,7 @@ from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.paper.prediction import Prediction
 from signsplice.splicing.cut import CUTTERS, Cut
-from signsplice.splicing.defaults import Methods, choose
+from signsplice.splicing.defaults import WEIGHTS, Methods, choose, open_learned
 from signsplice.splicing.duration import DEFAULT_DURATION
 from signsplice.splicing.filling import fill, shown
 from signsplice.splicing.networks import NAME as LEARNED
@@ -60,6 +60,18 @@ class ClipMethod:
     def learned(self) -> bool:
         """Whether a network of this project takes part."""
         return LEARNED in (self.cutter, self.transition)
+
+    @property
+    def n_parameters(self) -> int:
+        """Parameters of the networks that take part, 0 without any."""
+        if not self.learned:
+            return 0
+        facts = open_learned(WEIGHTS if self.bundle is None else self.bundle).networks
+        timed = isinstance(self.parts.duration, LearnedDuration)
+        used = [
+            name for name, takes_part in (("cutter", timed), ("transition", self.transition == LEARNED)) if takes_part
+        ]
+        return sum(facts[name]["n_parameters"] for name in used)
 
     @cached_property
     def parts(self) -> Methods:

@@ -13,6 +13,7 @@ import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +21,17 @@ import numpy as np
 
 from signsplice.formats.atomic import replacing
 from signsplice.paper import layout, protocol, published, results
+from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice.paper.layout import Table
 from signsplice.paper.protocol import Protocol
 from signsplice.paper.systems import DECODINGS, open_bundle
+from signsplice.splicing.networks import NAME as LEARNED
 from signsplice.synth.corpus import Pairs
 
 WRITES = ("transition", "utterance")
 SYSTEMS = ("lpt", "transformer", "lstm", "conv-s2s")
+OWN = "signsplice"
+"""This project's networks, as they ship: words' clips in, whole seam, and the 159 numbers of its frames out."""
 BASE = ("lpt", DECODINGS[0], WRITES[0])
 """What all others are compared with."""
 PAGE = "speed"
@@ -69,13 +74,22 @@ def ways() -> Iterator[Way]:
 
 
 def measure(
-    pairs: Pairs, bundles: Path, judged: Protocol, progress: Callable[[int, int], None] | None = None
+    pairs: Pairs,
+    bundles: Path,
+    judged: Protocol,
+    progress: Callable[[int, int], None] | None = None,
+    own: str | Path | None = None,
 ) -> list[Timed]:
     """Time every way on the pairs of a protocol: all ways on one pair, then on the next, so that a machine's moods fall
-    on all alike. ``bundles`` has a folder for each system. Raises ``InputError`` where one is missing.
+    on all alike. ``bundles`` has a folder for each system; ``own`` is this project's bundle, by default that which
+    ships. Raises ``InputError`` where one is missing.
     """
     told = list(ways())
     opened = {(w.system, w.decoding): open_bundle(bundles / w.system, w.decoding) for w in told}
+    ours = ClipMethod(LEARNED, LEARNED, bundle=own)
+    answers = ClipAnswers(pairs, ours)
+    answers.prepare(judged.numbers)
+    told.append(Way(OWN, DECODINGS[-1], WRITES[0]))
     seconds = np.zeros((len(judged.numbers), len(told)))
     for warm_up in (True, False):
         for at, number in enumerate(judged.numbers[: protocol.WARM_UP] if warm_up else judged.numbers):
@@ -83,9 +97,12 @@ def measure(
             before, after = pairs.word(p).astype(np.float64), pairs.word(q).astype(np.float64)
             pre, post, frames = pairs.truth(number)
             for column, way in enumerate(told):
-                n_frames = way.n_frames(len(before), len(after), (pre, post, len(frames)))
+                run: Callable[[], object] = partial(answers, number)
+                if way.system != OWN:
+                    n_frames = way.n_frames(len(before), len(after), (pre, post, len(frames)))
+                    run = partial(opened[way.system, way.decoding].rehearse, before, after, pre, post, n_frames)
                 begun = time.perf_counter()
-                opened[way.system, way.decoding].rehearse(before, after, pre, post, n_frames)
+                run()
                 seconds[at, column] = time.perf_counter() - begun
             if progress is not None and not warm_up:
                 progress(at + 1, len(judged.numbers))
@@ -97,7 +114,7 @@ def measure(
             1e3 * float(np.median(seconds[:, column])),
             1e3 * float(np.mean(seconds[:, column])),
             float(ratios[column]),
-            int(opened[way.system, way.decoding].facts["n_parameters"]),
+            ours.n_parameters if way.system == OWN else int(opened[way.system, way.decoding].facts["n_parameters"]),
         )
         for column, way in enumerate(told)
     ]
@@ -115,7 +132,8 @@ def table(timed: Sequence[Timed], scale: str, judged: Protocol) -> Table:
     )
     notes = (
         f"{len(judged.numbers)} pairs, all systems on one before the next; sizes of scale {scale}, weights as drawn, "
-        "the number of frames told. Last column: median over pairs of the time by that of the first row.",
+        "the number of frames told; signsplice as it ships, told nothing. "
+        "Last column: median over pairs of the time by that of the first row.",
         f"Timed by `{judged.signature}`.",
         f"Times: {results.machine()}.",
     )

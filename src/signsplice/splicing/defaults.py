@@ -5,10 +5,10 @@ where the networks cannot be read.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from signsplice.errors import InputError
 from signsplice.splicing import networks
@@ -29,12 +29,13 @@ Part = TypeVar("Part", bound=Method)
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """A bundle's parts, each None where it holds no such network; ``sha256`` is the bundle's."""
+    """A bundle's parts, each None where it holds no such network; its sha256; ``networks``: what it tells of each."""
 
     cutter: LearnedCutter | None
     transition: LearnedTransition | None
     duration: LearnedDuration | None
     sha256: str
+    networks: Mapping[str, Any] = field(default_factory=dict)
 
 
 _NOTHING_LEARNED = Learned(None, None, None, "")
@@ -76,6 +77,7 @@ def _opened(folder: Path, sha256: str) -> Learned:
         LearnedTransition(graphs) if "bridge.onnx" in has else None,
         LearnedDuration(reader) if reader else None,
         sha256,
+        graphs.facts.get("networks", {}),
     )
 
 
