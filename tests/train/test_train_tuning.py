@@ -125,7 +125,7 @@ def test_what_cannot_be_tuned_is_refused(words: Path, tmp_path: Path) -> None:
     runner = CliRunner()
     for call, said in (
         ([], "expected --signing DIR, to train anew, or --lexicon DIR, to tune"),
-        (["--lexicon", str(words)], "--lexicon without --from DIR"),
+        (["--lexicon", str(words), "--from", str(tmp_path / "none")], "none/bundle.json: no such file"),
     ):
         with pytest.raises(InputError, match=said):
             runner.invoke(

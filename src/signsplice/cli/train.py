@@ -126,7 +126,7 @@ def cutter(signing: str, out: str, scale: str, steps: int | None, seed: int, dev
 @train.command()
 @click.option("--signing", metavar="DIR", help="Signing to learn from, of `signsplice synth endless`.")
 @click.option("--lexicon", metavar="DIR", help="Lexicon to tune a trained network to, of `signsplice lexicon build`.")
-@click.option("--from", "source", metavar="DIR", help="Bundle whose network is tuned.")
+@click.option("--from", "source", metavar="DIR", help="Bundle whose network is tuned.  [default: that which ships]")
 @_own_options
 def transition(
     signing: str | None,
@@ -148,19 +148,33 @@ def transition(
             raise InputError("--from with --signing: training anew begins from nothing; leave --from out")
         _train_own("transition", signing, out, scale, steps, seed, device)
         return
-    if source is None:
-        raise InputError("--lexicon without --from DIR: name the bundle to begin from")
     _check_steps(steps)
     _check_extra()
+    from signsplice.splicing.defaults import WEIGHTS
     from signsplice.train import processes, tuning
 
     with processes.joined(device) as here:
         told = tuning.Tuning(seed=seed) if steps is None else tuning.Tuning(steps=steps, seed=seed)
         tell = _teller("transition") if here.first else None
-        outcome = tuning.make(told, Path(str(lexicon)), Path(source), Path(out), here, tell)
+        outcome = tuning.make(told, Path(str(lexicon)), Path(source or WEIGHTS), Path(out), here, tell)
     errors = f"{outcome.after:.1f} tuned, {outcome.before:.1f} before, {outcome.classical:.1f} classical"
     print(f"{outcome.n_learned} words taught; error on {outcome.n_held} held back, arm / 1000: {errors}")
     print(f"{out}: written" if outcome.better else f"{out}: not written, since the tuned network is no better")
+
+
+@click.command()
+@click.argument("bundle", metavar="BUNDLE")
+@click.option("-o", "--output", required=True, metavar="DIR", help="Folder for the bundle to write.")
+@click.option("--int8", is_flag=True, required=True, help="With 8-bit weights: smaller and quicker, and less exact.")
+def export(bundle: str, output: str, int8: bool) -> None:
+    """Write the networks of a bundle in another form; needs the extra `train`. `signsplice evaluate` tells what it
+    costs.
+    """
+    _check_extra()
+    from signsplice.train import quantizing
+
+    before, after = quantizing.make(Path(bundle), Path(output))
+    print(f"{output}: {before / 1e6:.1f} MB in {after / 1e6:.1f} MB")
 
 
 def _check_extra() -> None:
@@ -187,4 +201,4 @@ def _teller(part: str) -> Tell:
     return tell
 
 
-COMMANDS = (train,)
+COMMANDS = (train, export)

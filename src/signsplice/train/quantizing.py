@@ -1,0 +1,70 @@
+"""A bundle with 8-bit weights: a quarter of the size, and quicker where processors multiply bytes.
+
+Weights of matrix products become signed bytes with a scale for every column, and what they meet is brought to bytes as
+it comes (onnxruntime's dynamic quantisation). Seven of the eight bits are used: sums of two products of eight overflow
+on processors without VNNI.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import onnx
+
+from signsplice.errors import InputError
+from signsplice.splicing.bundle import read_file, write_bundle
+from signsplice.splicing.networks import open_graphs
+
+INT8 = "int8"
+
+
+def quantized(content: bytes) -> bytes:
+    """A graph with 8-bit weights."""
+    from onnxruntime.quantization import QuantType, quantize_dynamic
+
+    model = onnx.load_model_from_string(content)
+    # Shapes are told anew: the exporter's are those from before it turned weights over.
+    del model.graph.value_info[:]
+    with tempfile.TemporaryDirectory(prefix="signsplice-int8-") as folder, _quiet():
+        path = Path(folder) / "int8.onnx"
+        quantize_dynamic(
+            model, str(path), per_channel=True, reduce_range=True,
+            weight_type=QuantType.QInt8, op_types_to_quantize=["MatMul", "Gemm"],
+        )  # fmt: skip
+        return path.read_bytes()
+
+
+def make(source: Path, out: Path) -> tuple[int, int]:
+    """Write a bundle's graphs with 8-bit weights into another folder; bytes of the graphs before and after.
+
+    Raises ``InputError`` where the source is no bundle of this project's networks, has 8-bit weights already, or is the
+    folder to write.
+    """
+    graphs = open_graphs(source)
+    if graphs.facts.get("precision") == INT8:
+        raise InputError(f"{source}: has 8-bit weights already; name the bundle that it was made from")
+    if out.resolve() == source.resolve():
+        raise InputError(f"{out}: is the bundle itself; name another folder")
+    files = {name: read_file(source, graphs.facts, name) for name in graphs.facts["files"]}
+    small = {name: quantized(content) for name, content in files.items()}
+    out.mkdir(parents=True, exist_ok=True)
+    facts = {k: v for k, v in graphs.facts.items() if k not in ("version", "files")}
+    write_bundle(out, json.loads(json.dumps(facts)) | {"precision": INT8}, small)
+    return sum(map(len, files.values())), sum(map(len, small.values()))
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Advice to prepare graphs in another way first, which changes nothing for these, is left out."""
+    root = logging.getLogger()
+    level = root.level
+    root.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        root.setLevel(level)

@@ -1,0 +1,74 @@
+"""8-bit weights: smaller, nearly the same answers, and a sound bundle."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+from click.testing import CliRunner  # noqa: E402
+
+from signing import word  # noqa: E402
+from signsplice.cli import app  # noqa: E402
+from signsplice.errors import InputError  # noqa: E402
+from signsplice.motion.features import N_TOKEN, N_WORD  # noqa: E402
+from signsplice.splicing import defaults  # noqa: E402
+from signsplice.splicing.networks import open_graphs  # noqa: E402
+from signsplice.train import quantizing  # noqa: E402
+
+TINY = Path(__file__).parents[1] / "golden" / "tiny_bundle"
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("quantized") / "int8"
+    before, after = quantizing.make(TINY, out)
+    assert after < before
+    return out
+
+
+def test_the_answers_are_nearly_the_same(small: Path) -> None:
+    rng = np.random.default_rng(0)
+    given = {
+        "bridge": {"tokens": rng.normal(0.0, 0.3, (1, 26, N_TOKEN)), "mask": np.ones((1, 26), bool)},
+        "word": {"tokens": rng.normal(0.0, 0.3, (1, 60, N_WORD))},
+    }
+    whole, quick = open_graphs(TINY), open_graphs(small)
+    for name, inputs in given.items():
+        told = {k: v if v.dtype == bool else v.astype(np.float32) for k, v in inputs.items()}
+        for key, exact in whole.run(name, told).items():
+            made = quick.run(name, told)[key]
+            off = float(np.sqrt(np.mean((made - exact) ** 2)))
+            assert 0.0 < off < 0.1 * float(np.sqrt(np.mean(exact**2))), (name, key)
+
+
+def test_it_splices_and_says_what_it_is(small: Path) -> None:
+    learned = defaults.open_learned(small)
+    assert learned.cutter is not None
+    before, after = word("MOTHER").clip, word("BOOK").clip
+    cut = learned.cutter.cut(before, after)
+    assert 0 <= cut.pre < len(before)
+    assert open_graphs(small).facts["precision"] == "int8"
+    assert open_graphs(small).facts["networks"] == open_graphs(TINY).facts["networks"]
+    for path in small.glob("*.onnx"):
+        assert not re.search(rb"/tmp/|/home/|/root/", path.read_bytes()), "no path of this machine"
+
+
+def test_the_command(tmp_path: Path) -> None:
+    told = CliRunner().invoke(app, ["export", str(TINY), "-o", str(tmp_path / "b"), "--int8"], catch_exceptions=False)
+    assert re.fullmatch(r".*b: \d\.\d MB in \d\.\d MB\n", told.stdout)
+    assert defaults.choose(bundle=tmp_path / "b").bundle is not None
+
+
+def test_what_cannot_be_made_smaller_is_refused(small: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="8-bit weights already"):
+        quantizing.make(small, tmp_path / "again")
+    with pytest.raises(InputError, match="is the bundle itself"):
+        quantizing.make(TINY, TINY)
+    with pytest.raises(InputError, match="no such file"):
+        quantizing.make(tmp_path / "none", tmp_path / "b")
+    assert not (tmp_path / "again").exists()
