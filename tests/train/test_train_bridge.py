@@ -11,14 +11,14 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from signsplice.motion import features, kinematics, measures, rotation  # noqa: E402
-from signsplice.motion.canonical import ROLES, TIPS, signing  # noqa: E402
+from signsplice.motion.canonical import LEFT, ROLES, TIPS, signing  # noqa: E402
 from signsplice.motion.clip import Clip  # noqa: E402
 from signsplice.splicing.transition import find_transition  # noqa: E402
 from signsplice.synth import endless  # noqa: E402
 from signsplice.train import bridging  # noqa: E402
 from signsplice.train.bridging import BridgeTask  # noqa: E402
-from signsplice.train.networks.bridge import Bridge, BridgeConfig, rotary  # noqa: E402
-from signsplice.train.windows import Gaps, Windows, read_part  # noqa: E402
+from signsplice.train.networks.bridge import Bridge, BridgeConfig, rotary, standard  # noqa: E402
+from signsplice.train.windows import Gaps, Windows, _exchanged, read_part  # noqa: E402
 
 RNG = np.random.default_rng(11)
 TOY = BridgeConfig(32, 2, 2, 48)
@@ -158,3 +158,35 @@ def test_one_batch_is_learned_by_heart(windows: Windows) -> None:
         loss.backward()
         optimiser.step()
     assert loss.item() < 0.6 * first
+
+
+def test_captures_are_feigned_and_judging_is_clean(folder: Path, windows: Windows) -> None:
+    clean = Windows(sorted(folder.glob("*.npz")), fixed=60)
+    chest = ROLES.index("chest")
+    spread = []
+    for drawn in (clean, windows):
+        gaps = [drawn.gap(k) for k in range(60)]
+        spread.append(np.mean([rotation.angle_between(gap["true"][0, chest], rotation.IDENTITY) for gap in gaps]))
+        short = [gap for gap in gaps if len(gap["true"]) <= 5]
+        assert len(short) > 2
+        # Whatever is done to the motion is done to what is shown and to what is hidden alike: they meet.
+        assert max(rotation.angle_between(gap["base"], gap["true"]).mean() for gap in short) < 0.2
+    assert spread[1] > 2.0 * spread[0]
+    np.testing.assert_array_equal(clean.gap(3)["tokens"], clean.gap(3)["tokens"])
+
+
+def test_the_left_arm_of_another_sentence() -> None:
+    rng = np.random.default_rng(0)
+    one, other = (rotation.normalize(rng.normal(size=(n, len(ROLES), 4))) for n in (12, 9))
+    mixed = _exchanged(one, other)
+    assert len(mixed) == 9
+    np.testing.assert_array_equal(mixed[:, LEFT], other[:, LEFT])
+    np.testing.assert_array_equal(mixed[:, : LEFT.start], one[:9, : LEFT.start])
+    np.testing.assert_array_equal(mixed[:, LEFT.stop :], one[:9, LEFT.stop :])
+
+
+def test_numbers_beyond_what_was_learned_are_cut() -> None:
+    x = torch.tensor([[0.0, 1.0, 100.0, -100.0]])
+    torch.testing.assert_close(
+        standard(x, torch.ones(4), torch.full((4,), 2.0)), torch.tensor([[-0.5, 0.0, 5.0, -5.0]])
+    )

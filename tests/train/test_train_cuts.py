@@ -87,7 +87,8 @@ def test_a_word_reads_alike_alone_and_padded_and_every_weight_learns(paths: list
     for k in (1, 2):
         torch.testing.assert_close(together[k][row], alone[k][0], atol=1e-4, rtol=1e-4)
     CuttingTask(network)(batch).backward()
-    assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in network.parameters())
+    still = {name for name, p in network.named_parameters() if p.grad is None or not p.grad.abs().sum() > 0}
+    assert still <= {"leaving.out.bias", "entering.out.bias"}, "a softmax does not see what is added to all"
 
 
 def test_what_a_pair_says_is_what_its_two_words_say_alone(paths: list[Path]) -> None:

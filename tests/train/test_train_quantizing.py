@@ -10,15 +10,15 @@ import pytest
 
 pytest.importorskip("torch")
 
-from click.testing import CliRunner  # noqa: E402
+from click.testing import CliRunner
 
-from signing import word  # noqa: E402
-from signsplice.cli import app  # noqa: E402
-from signsplice.errors import InputError  # noqa: E402
-from signsplice.motion.features import N_TOKEN, N_WORD  # noqa: E402
-from signsplice.splicing import defaults  # noqa: E402
-from signsplice.splicing.networks import open_graphs  # noqa: E402
-from signsplice.train import quantizing  # noqa: E402
+from signing import word
+from signsplice.cli import app
+from signsplice.errors import InputError
+from signsplice.motion.features import N_TOKEN, N_WORD
+from signsplice.splicing import defaults
+from signsplice.splicing.networks import open_graphs
+from signsplice.train import quantizing
 
 TINY = Path(__file__).parents[1] / "golden" / "tiny_bundle"
 

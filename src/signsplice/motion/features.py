@@ -18,7 +18,7 @@ from signsplice.motion.clip import Clip
 
 Float = NDArray[np.float64]
 
-VERSION = 1
+VERSION = 2
 RATE = 30.0
 """Frames a second that networks see."""
 N_TURNS = 6 * len(ROLES)
@@ -168,13 +168,24 @@ def seam_window(joined: Clip, n_before: int, n_between: int) -> Window:
     return Window(window(mirrored(whole) if flipped else whole, n_gap, real, seconds), n_gap, seconds, flipped)
 
 
+FULL_S = 0.6
+"""Time of a gap from which on a network's answer counts in full."""
+
+
+def weight(share: Float, seconds: float) -> Float:
+    """What a network's answer counts (n,) at shares s of a gap: 16 s^2 (1 - s)^2 times min(1, seconds / FULL_S)^1.5, so
+    that both ends and their velocities stay, and short gaps, where a cubic is nearly right, stay near it.
+    """
+    return np.asarray(min(1.0, seconds / FULL_S) ** 1.5 * 16.0 * share**2 * (1.0 - share) ** 2)
+
+
 def deltas(answer: Float, seen: Window, n_between: int) -> Float:
     """Turns (n_between, R, 3), canonical rotation vectors, that a network's answer (n_gap, R, 3) gives the frames of a
-    transition: 16 s^2 (1 - s)^2 times the answer, s the share of the gap, so that both ends and their velocities stay.
+    transition: ``weight`` times the answer.
     """
     at = np.arange(1, seen.n_gap + 1) / (seen.n_gap + 1)
     share = np.arange(1, n_between + 1) / (n_between + 1)
     if seen.n_gap != n_between:
         answer = CubicSpline(at, answer)(share)
-    out = (16.0 * share**2 * (1.0 - share) ** 2)[:, None, None] * np.asarray(answer, np.float64)
+    out = weight(share, seen.seconds)[:, None, None] * np.asarray(answer, np.float64)
     return mirrored_deltas(out) if seen.flipped else out

@@ -32,6 +32,10 @@ TIME_WEIGHT = 0.5
 N_WORDS = 12
 """Words of a draw."""
 NOISY = 0.25
+SET = 0.35
+"""Share of the draws whose joints are turned by so much throughout: bodies are marked and rigged otherwise."""
+SET_RAD = 0.2
+"""Most spread of that."""
 NOISE = (0.001, 0.006)
 """Least and most spread of a noisy capture: of the turns' columns, and of places in arm lengths."""
 BETWEEN = 0.25
@@ -123,8 +127,15 @@ class CutPairs:
         chosen = rng.choice(len(signer.courses), self.n_words, replace=False)
         late = np.zeros(self.n_words)
         words = []
+        aside = None
+        if self.fixed is None and rng.random() < SET:
+            aside = rotation.to_matrix(rotation.exp(rng.normal(0.0, rng.uniform(0.0, SET_RAD), (len(ROLES), 3))))
         for k, word in enumerate(chosen):
             course, phases = signer.courses[word], signer.phases[word]
+            if aside is not None:
+                course = Course(
+                    rotation.columns(rotation.matrix_from_6d(course.turns) @ aside), course.places, course.there
+                )
             if self.fixed is None:
                 if rng.random() < BETWEEN:
                     late[k] = rng.random()

@@ -44,6 +44,8 @@ HELD_BACK = 0.1
 """Share of the signers, at least one, that are judged on and not learned from."""
 _MEASURED = 8
 """Batches from which mean and spread of what a network sees are taken."""
+_LEAST_SPREAD = 0.1
+"""What hardly varies in the signing that was learned from may vary much in a capture: it must not shout there."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +162,7 @@ def build(own: Own, data: Data) -> Task:
 
 def _spread(tokens: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
     whole = torch.cat(list(tokens))
-    return whole.mean(0), whole.std(0).clamp(min=0.02)
+    return whole.mean(0), whole.std(0).clamp(min=_LEAST_SPREAD)
 
 
 def _data(own: Own, paths: Sequence[Path], fixed: int | None) -> Data:

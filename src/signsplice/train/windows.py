@@ -1,8 +1,10 @@
 """Gaps to be filled, drawn without end from signing on the canonical humanoid (``synth.endless``).
 
 Half of them are true transitions between two words; half hide any stretch of a sentence, strokes too, at a tempo of its
-own, since that is what filling a hole in a take asks for. Some are noisy as captures are. A batch is a function of seed
-and step alone.
+own, since that is what filling a hole in a take asks for; in some of these the left arm comes from another sentence.
+Captures hold what the procedural signer does not do: bodies that stand, are marked and rigged a little otherwise,
+trunks and shoulders that sway, noise. So the joints of many gaps are turned by so much throughout, sway slowly, or
+tremble. A batch is a function of seed and step alone.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
 from signsplice.motion import features, rotation
-from signsplice.motion.canonical import MIRROR, ROLES
+from signsplice.motion.canonical import LEFT, MIRROR, ROLES
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.splicing.transition import find_transition
 from signsplice.synth.rng import stream
@@ -32,7 +34,17 @@ SEAMS = 0.5
 NOISY = 0.3
 NOISE_RAD = (0.001, 0.008)
 """Least and most spread of a noisy capture's turns, from frame to frame alike by half."""
-TEMPOS = (0.7, 1.4)
+TEMPOS = (0.6, 1.7)
+SET = 0.6
+"""Share of the gaps whose joints are turned by so much throughout."""
+SET_RAD = 0.25
+"""Most spread of that."""
+SWAYING = 0.4
+SWAY_RAD = 0.1
+"""Most spread of slow turns of all joints, ``SWAY_HZ``."""
+SWAY_HZ = (0.2, 2.0)
+EXCHANGED = 0.3
+"""Share of the hidden stretches whose left arm is another sentence's."""
 _POOL = 8
 """Steps that share their gaps out by length."""
 _BASE = find_transition("hermite")
@@ -97,7 +109,7 @@ def _above() -> NDArray[np.intp]:
 @dataclass(frozen=True)
 class Gaps:
     """Gaps side by side: tokens (B, S, N_TOKEN) and mask (B, S); base and true turns (B, T, R, 4) with real (B, T);
-    share (B, T) of the gap; bones (B, R, 3); seam (B,): whether it is a true transition.
+    weight (B, T) of the answer (``features.weight``); bones (B, R, 3); seam (B,): whether it is a true transition.
     """
 
     tokens: Tensor
@@ -105,7 +117,7 @@ class Gaps:
     base: Tensor
     true: Tensor
     real: Tensor
-    share: Tensor
+    weight: Tensor
     bones: Tensor
     seam: Tensor
     step: int = 0
@@ -163,12 +175,12 @@ class Windows:
         made = [self.gap(int(row)) for row in rows]
         tensors = {
             name: pad_sequence([torch.from_numpy(np.asarray(one[name])) for one in made], batch_first=True)
-            for name in ("tokens", "base", "true", "share")
+            for name in ("tokens", "base", "true", "weight")
         }
         return Gaps(
             **tensors,
             mask=pad_sequence([torch.ones(len(one["tokens"]), dtype=torch.bool) for one in made], batch_first=True),
-            real=pad_sequence([torch.ones(len(one["share"]), dtype=torch.bool) for one in made], batch_first=True),
+            real=pad_sequence([torch.ones(len(one["weight"]), dtype=torch.bool) for one in made], batch_first=True),
             bones=torch.from_numpy(np.stack([one["bones"] for one in made])),
             seam=torch.tensor([one["seam"] for one in made]),
             step=step,
@@ -183,11 +195,15 @@ class Windows:
             turns = part.sentences[sentence]
         else:
             turns = part.sentences[int(rng.integers(len(part.sentences)))]
-            turns = _at_tempo(turns, float(rng.uniform(*TEMPOS)) if rng.random() < 0.5 else 1.0)
+            turns = _at_tempo(turns, float(rng.uniform(*TEMPOS)) if rng.random() < 0.7 else 1.0)
+            if rng.random() < EXCHANGED:
+                turns = _exchanged(turns, part.sentences[int(rng.integers(len(part.sentences)))])
             n_gap = min(n_gap, len(turns) - 4)
             start = int(rng.integers(2, len(turns) - n_gap - 1))
         low, high = max(0, start - features.CONTEXT), min(len(turns), start + n_gap + features.CONTEXT)
         turns, start = turns[low:high], start - low
+        if self.fixed is None:
+            turns = _elsewhere(turns, rng)
         if rng.random() < NOISY:
             turns = _noisy(turns, float(rng.uniform(*NOISE_RAD)), rng)
         return self._seen(part, turns, start, n_gap) | {"seam": plan.seam is not None}
@@ -214,12 +230,12 @@ class Windows:
         if seen.flipped:
             pair = [q[:, MIRROR] * [1.0, -1.0, -1.0, 1.0] for q in pair]
             bones = bones[MIRROR] * np.array([-1.0, 1.0, 1.0], np.float32)
-        share = np.arange(1, n_gap + 1, dtype=np.float32) / (n_gap + 1)
+        share = np.arange(1, n_gap + 1) / (n_gap + 1)
         return {
             "tokens": seen.tokens,
             "base": pair[0].astype(np.float32),
             "true": pair[1].astype(np.float32),
-            "share": share,
+            "weight": features.weight(share, seen.seconds).astype(np.float32),
             "bones": bones,
         }
 
@@ -229,6 +245,27 @@ def _at_tempo(turns: Float, tempo: float) -> Float:
     at = np.arange(0.0, len(turns) - 1.0, tempo)
     low = at.astype(int)
     return rotation.nlerp(turns[low], turns[low + 1], (at - low)[:, None])
+
+
+def _exchanged(turns: Float, other: Float) -> Float:
+    """Turns with the left arm of another sentence, as far as both go."""
+    n_frames = min(len(turns), len(other))
+    out = turns[:n_frames].copy()
+    out[:, LEFT] = other[:n_frames, LEFT]
+    return out
+
+
+def _elsewhere(turns: Float, rng: np.random.Generator) -> Float:
+    """Turns of a body that stands or is rigged a little otherwise, and one that sways."""
+    n_frames, n_roles = turns.shape[:2]
+    if rng.random() < SET:
+        turns = rotation.multiply(turns, rotation.exp(rng.normal(0.0, rng.uniform(0.0, SET_RAD), (n_roles, 3))))
+    if rng.random() < SWAYING:
+        times = np.arange(n_frames)[:, None, None] / features.RATE
+        rate, phase = rng.uniform(*SWAY_HZ, (n_roles, 3)), rng.uniform(0.0, 2.0 * np.pi, (n_roles, 3))
+        size = rng.normal(0.0, rng.uniform(0.0, SWAY_RAD), (n_roles, 3))
+        turns = rotation.multiply(turns, rotation.exp(size * np.sin(2.0 * np.pi * rate * times + phase)))
+    return turns
 
 
 def _noisy(turns: Float, spread: float, rng: np.random.Generator) -> Float:

@@ -17,6 +17,9 @@ from torch.nn import functional as F  # noqa: N812
 from signsplice.motion.canonical import ROLES
 from signsplice.motion.features import CONTEXT, N_TOKEN
 
+FARTHEST = 5.0
+"""Deviations from the mean beyond which numbers are cut."""
+
 
 @dataclass(frozen=True)
 class BridgeConfig:
@@ -37,6 +40,11 @@ def rotary(x: Tensor, places: Tensor) -> Tensor:
     cos, sin = angles.cos().to(x.dtype), angles.sin().to(x.dtype)
     a, b = x[..., :half], x[..., half:]
     return torch.cat([a * cos - b * sin, a * sin + b * cos], dim=-1)
+
+
+def standard(x: Tensor, mean: Tensor, deviation: Tensor) -> Tensor:
+    """Numbers (..., N) as deviations from the mean, ``FARTHEST`` at most: captures may hold what training never had."""
+    return ((x - mean) / deviation).clamp(-FARTHEST, FARTHEST)
 
 
 class RotaryLayer(nn.Module):
@@ -87,7 +95,7 @@ class Bridge(nn.Module):
         """Turns (B, S - 2 CONTEXT, R, 3) of tokens (B, S, N_TOKEN); ``mask`` (B, S) is False at padding, which follows
         a window, and whose turns mean nothing.
         """
-        states = self.embedding((tokens - self.mean) / self.deviation)
+        states = self.embedding(standard(tokens, self.mean, self.deviation))
         allowed = None if mask is None else mask[:, None, None]
         for layer in self.layers:
             states = layer(states, allowed)

@@ -20,7 +20,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
 from signsplice.motion.features import N_FRAME, N_WORD
-from signsplice.train.networks.bridge import BridgeConfig, RotaryLayer
+from signsplice.train.networks.bridge import BridgeConfig, RotaryLayer, standard
 
 PHASES = ("rest", "preparation", "sign", "retraction")
 
@@ -70,7 +70,7 @@ class Cutting(nn.Module):
         """States (B, T, D), summaries (B, S) for leaving and for entering, and logits of the phases (B, T, 4), of words
         (B, T, N_WORD); ``mask`` (B, T) is False at padding.
         """
-        seen = (tokens - self.mean) / self.deviation
+        seen = standard(tokens, self.mean, self.deviation)
         states = self.embedding(seen)
         allowed = None if mask is None else mask[:, None, None]
         for layer in self.layers:
@@ -94,7 +94,7 @@ class Cutting(nn.Module):
         """Seconds (...,) of the transition between two frames (..., N_FRAME) of two words with those summaries
         (..., S).
         """
-        a, b = ((x - self.mean[:N_FRAME]) / self.deviation[:N_FRAME] for x in (leaving, entering))
+        a, b = (standard(x, self.mean[:N_FRAME], self.deviation[:N_FRAME]) for x in (leaving, entering))
         out: Tensor = self.timing(torch.cat([a, b, b - a, leave, enter], dim=-1))[..., 0]
         return F.softplus(out - 1.2)
 
