@@ -144,7 +144,7 @@ def test_methods_lists_every_part(folder: Path) -> None:
     names = {row["name"] for row in rows}
     assert names >= {"ends", "rest-trim", "hand-distance", "pose-velocity", "hold", "linear", "slerp", "minimum-jerk"}
     assert names >= {"hermite", "quintic", "inertialize", "fixed", "travel", "speed", "tempo"}
-    assert [row["name"] for row in rows if row["default"]] == ["pose-velocity", "hermite", "auto"]
+    assert [row["name"] for row in rows if row["default"]] == ["learned", "learned", "learned"]
     assert len(signsplice("methods", cwd=folder).stdout.splitlines()) == len(rows)
 
 

@@ -147,9 +147,22 @@ def test_a_splice_imports_no_torch_and_no_plotting() -> None:
         "from signsplice.lexicon import shipped\n"
         "words = shipped()\n"
         "ss.splice([words.clip('I'), words.clip('SIGN')])\n"
-        "print(sorted({'torch', 'matplotlib', 'PIL', 'onnxruntime', 'click', 'rich', 'pandas'} & set(sys.modules)))"
+        "heavy = {'torch', 'matplotlib', 'PIL', 'onnx', 'click', 'rich', 'pandas'}\n"
+        "print(sorted(heavy & set(sys.modules)))"
     )
     assert heavy.strip() == "[]"
+
+
+def test_a_classical_splice_opens_no_network() -> None:
+    heavy = in_a_fresh_process(
+        "import sys, signsplice as ss\n"
+        "from signsplice.lexicon import shipped\n"
+        "words = shipped()\n"
+        "options = ss.SpliceOptions('pose-velocity', 'hermite', 'tempo')\n"
+        "ss.splice([words.clip('I'), words.clip('SIGN')], options)\n"
+        "print('onnxruntime' in sys.modules)"
+    )
+    assert heavy.strip() == "False"
 
 
 def test_import_and_help_are_light() -> None:
