@@ -137,7 +137,7 @@ def signing(clip: Clip) -> Signing:
     at = {int(row): k + 1 for k, row in enumerate(rows)} | {-1: 0}
     over = [at[int(known.above[row])] for row in rows]
     turns = np.broadcast_to(np.eye(3), (len(clip), len(ROLES), 3, 3)).copy()
-    turns[:, rows] = np.swapaxes(carried[:, over], -1, -2) @ carried[:, 1:n]
+    turns[:, rows] = np.einsum("tkba,tkbc->tkac", carried[:, over], carried[:, 1:n])
     top = carried[:, at[int(known.above[LEFT.start if known.joints[LEFT.start] >= 0 else LEFT.start + 1])]]
     middle = positions[:, n : n + 2].mean(axis=1)
     places = (positions[:, n + 2 :] - middle[:, None]) @ top / known.arm_length

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -28,25 +29,27 @@ def forward(clip: Clip, joints: Sequence[int] | None = None) -> tuple[Float, Flo
     local = _components_first(clip.local_rotations[:, way.order])  # (3, 3, K, T)
     rotations, positions = np.empty_like(local), np.empty((3, *local.shape[2:]))
     rotations[:, :, 0], positions[:, 0] = local[:, :, 0], clip.root_positions.T
+    offsets = skeleton.offsets[way.order]
     for rows, parents in way.levels:
-        over = rotations[:, :, parents]
-        rotations[:, :, rows] = np.einsum("abkt,bckt->ackt", over, local[:, :, rows])
+        over = rotations.take(parents, axis=2)
+        np.einsum("abkt,bckt->ackt", over, local[:, :, rows], out=rotations[:, :, rows])
         if clip.translations is None:
-            step = np.einsum("abkt,kb->akt", over, skeleton.offsets[way.order[rows]])
+            step = np.einsum("abkt,kb->akt", over, offsets[rows])
         else:
             step = np.einsum("abkt,tkb->akt", over, clip.translations[:, way.order[rows]])
-        positions[:, rows] = positions[:, parents] + step
+        np.add(positions.take(parents, axis=1), step, out=positions[:, rows])
     return rotations[:, :, way.wanted].transpose(3, 2, 0, 1), positions[:, way.wanted].transpose(2, 1, 0)
 
 
 @dataclass(frozen=True, eq=False)
 class _Way:
-    """The way down a skeleton to some joints: ``order``, all that are needed, the root first; ``levels``, the rows of
-    ``order`` of every depth below it with the rows of their parents; ``wanted``, the rows of the joints asked for.
+    """The way down a skeleton to some joints: ``order``, all that are needed, by depth, the root first; ``levels``, the
+    rows of ``order`` of every depth below it with the rows of their parents; ``wanted``, the rows of the joints asked
+    for.
     """
 
     order: NDArray[np.intp]
-    levels: tuple[tuple[NDArray[np.intp], NDArray[np.intp]], ...]
+    levels: tuple[tuple[slice, NDArray[np.intp]], ...]
     wanted: NDArray[np.intp]
 
 
@@ -63,26 +66,22 @@ def _way(skeleton: Skeleton, joints: tuple[int, ...] | None) -> _Way:
 
 def _new_way(skeleton: Skeleton, wanted: Sequence[int]) -> _Way:
     parents = skeleton.parents.tolist()
-    needed = {0}
-    for joint in wanted:
-        while joint not in needed:
-            needed.add(joint)
-            joint = parents[joint]
-    order = sorted(needed)
-    row = {joint: k for k, joint in enumerate(order)}
     depth = {0: 0}
-    levels: dict[int, list[int]] = {}
-    for joint in order[1:]:
-        depth[joint] = depth[parents[joint]] + 1
-        levels.setdefault(depth[joint], []).append(joint)
-    return _Way(
-        np.array(order),
-        tuple(
-            (np.array([row[joint] for joint in level]), np.array([row[parents[joint]] for joint in level]))
-            for _, level in sorted(levels.items())
-        ),
-        np.array([row[joint] for joint in wanted], np.intp),
-    )
+    for joint in wanted:
+        chain = []
+        while joint not in depth:
+            chain.append(joint)
+            joint = parents[joint]
+        for below in reversed(chain):
+            depth[below] = depth[parents[below]] + 1
+    order = sorted(depth, key=lambda joint: (depth[joint], joint))
+    row = {joint: k for k, joint in enumerate(order)}
+    levels = []
+    for _, level in groupby(order[1:], key=depth.__getitem__):
+        joints = list(level)
+        rows = slice(row[joints[0]], row[joints[-1]] + 1)
+        levels.append((rows, np.array([row[parents[joint]] for joint in joints])))
+    return _Way(np.array(order), tuple(levels), np.array([row[joint] for joint in wanted], np.intp))
 
 
 def _components_first(q: Float) -> Float:
