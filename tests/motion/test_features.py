@@ -112,10 +112,27 @@ def test_a_mirrored_seam_is_filled_by_the_mirrored_frames() -> None:
 
 def test_an_answer_counts_nothing_at_the_ends_and_less_in_short_gaps() -> None:
     share = np.array([0.0, 1e-3, 0.5, 1.0])
-    full = features.weight(share, 0.6)
-    np.testing.assert_allclose(full, [0.0, 16e-6 * (1.0 - 1e-3) ** 2, 1.0, 0.0])
-    np.testing.assert_allclose(features.weight(share, 0.15), 0.125 * full)
-    np.testing.assert_allclose(features.weight(share, 1.4), full)
+    moving = np.linspace(0.0, 1.0, len(ROLES))
+
+    def weights(seconds: float) -> np.ndarray:
+        return features.weights(share, features.Window(np.zeros((0, 0), np.float32), 9, seconds, False, moving))
+
+    full = weights(0.6)
+    np.testing.assert_allclose(full, np.outer([0.0, 16e-6 * (1.0 - 1e-3) ** 2, 1.0, 0.0], moving))
+    np.testing.assert_allclose(weights(0.15), 0.125 * full)
+    np.testing.assert_allclose(weights(1.4), full)
+
+
+def test_a_hand_that_rests_counts_as_resting() -> None:
+    one_handed = word("MOTHER").clip
+    whole = features.course(signing(one_handed), np.arange(20, 50) / 30.0)
+    shares = features.motion_shares(whole, 1.0)
+    arms = {side: shares[ROLES.index(f"{side}LowerArm")] for side in ("left", "right")}
+    assert arms["left"] < 0.2 < 0.8 < arms["right"] <= 1.0
+    assert shares[ROLES.index("chest")] == arms["right"]
+    other = features.motion_shares(features.mirrored(whole), 1.0)
+    assert other[ROLES.index("leftIndexDistal")] == arms["right"]
+    assert features.motion_shares(whole, 1e9).max() < 1e-6
 
 
 def test_a_seam_at_another_rate_is_filled_by_the_same_motion() -> None:
@@ -124,9 +141,9 @@ def test_a_seam_at_another_rate_is_filled_by_the_same_motion() -> None:
     fast = filled(resample(before, 60.0), resample(after, 60.0), 19)
     assert rotation.angle_between(fast.local_rotations[1::2], slow.local_rotations).max() < 0.02
     share, finer = np.arange(1, 10) / 10, np.arange(1, 28) / 28
-    seen = features.Window(np.zeros((0, 0), np.float32), 9, 1 / 3, False)
+    seen = features.Window(np.zeros((0, 0), np.float32), 9, 1 / 3, False, np.ones(len(ROLES)))
     wave = np.broadcast_to(np.sin(3.0 * share)[:, None, None], (9, len(ROLES), 3))
-    found = features.deltas(wave, seen, 27)[:, 0, 0] / features.weight(finer, 1 / 3)
+    found = features.deltas(wave, seen, 27)[:, 0, 0] / features.weights(finer, seen)[:, 0]
     assert np.abs(found - np.sin(3.0 * finer))[3:-3].max() < 0.005, "smooth between the moments that were looked at"
 
 
@@ -134,7 +151,7 @@ def test_ends_and_their_velocities_stay() -> None:
     before, after = word("MOTHER").clip[20:34], word("BOOK").clip[20:34]
     base = find_transition("hermite").between(before, after, 400)
     share = np.arange(1, 401) / 401
-    seen = features.Window(np.zeros((0, 0), np.float32), 12, 0.8, False)
+    seen = features.Window(np.zeros((0, 0), np.float32), 12, 0.8, False, np.ones(len(ROLES)))
     out = features.deltas(np.ones((12, len(ROLES), 3)), seen, len(base))
     np.testing.assert_allclose(out[:, 0, 0], 16 * share**2 * (1 - share) ** 2, atol=1e-9)
     assert out[0].max() < 1e-3

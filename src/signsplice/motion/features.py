@@ -143,12 +143,16 @@ def word_window(word: Course) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """A gap as the network sees it: tokens (CONTEXT + n_gap + CONTEXT, N_TOKEN), and what brings its answer back."""
+    """A gap as the network sees it: tokens (CONTEXT + n_gap + CONTEXT, N_TOKEN), and what brings its answer back.
+
+    moving (R,): how much of its motion each role's side is in, 0 to 1 (``motion_shares``), as the network sees it.
+    """
 
     tokens: NDArray[np.float32]
     n_gap: int
     seconds: float
     flipped: bool
+    moving: Float
 
 
 def seam_window(joined: Clip, n_before: int, n_between: int) -> Window:
@@ -165,27 +169,51 @@ def seam_window(joined: Clip, n_before: int, n_between: int) -> Window:
     real = (times > -1e-6) & (times < end + 1e-6)
     whole = course(seen, times)
     flipped = busier_left(whole)
-    return Window(window(mirrored(whole) if flipped else whole, n_gap, real, seconds), n_gap, seconds, flipped)
+    whole = mirrored(whole) if flipped else whole
+    long = seconds + 2.0 * (CONTEXT - 1) / RATE
+    return Window(window(whole, n_gap, real, seconds), n_gap, seconds, flipped, motion_shares(whole, long))
+
+
+_FULL_SPEED = 0.4
+"""Mean speed of a hand, arm lengths a second, from which on it counts as moving in full: half of continuous signing."""
+
+
+def motion_shares(whole: Course, seconds: float) -> Float:
+    """How much each role's side moves (R,): the mean way of its wrist and finger joints over ``seconds``, as a share of
+    ``_FULL_SPEED``, 1 at most; for the trunk that of the side that moves more.
+
+    A network's answer counts so much: an arm that rests stays at rest, wherever it hangs.
+    """
+    half = len(TIPS) // 2
+    ways = np.linalg.norm(np.diff(whole.places, axis=0), axis=-1).sum(axis=0)
+    left, right = (
+        min(1.0, float(ways[side].mean()) / seconds / _FULL_SPEED) for side in (slice(half), slice(half, None))
+    )
+    out = np.full(len(ROLES), max(left, right))
+    out[LEFT], out[RIGHT] = left, right
+    return out
 
 
 FULL_S = 0.6
 """Time of a gap from which on a network's answer counts in full."""
 
 
-def weight(share: Float, seconds: float) -> Float:
-    """What a network's answer counts (n,) at shares s of a gap: 16 s^2 (1 - s)^2 times min(1, seconds / FULL_S)^1.5, so
-    that both ends and their velocities stay, and short gaps, where a cubic is nearly right, stay near it.
+def weights(share: Float, seen: Window) -> Float:
+    """What a network's answer counts (n, R) at shares s of a gap: 16 s^2 (1 - s)^2 times min(1, seconds / FULL_S)^1.5
+    times ``moving``. Both ends and their velocities stay, and what a cubic bridges well stays near it: short gaps, and
+    hands that rest.
     """
-    return np.asarray(min(1.0, seconds / FULL_S) ** 1.5 * 16.0 * share**2 * (1.0 - share) ** 2)
+    window = 16.0 * share**2 * (1.0 - share) ** 2
+    return np.asarray(min(1.0, seen.seconds / FULL_S) ** 1.5 * window[:, None] * seen.moving)
 
 
 def deltas(answer: Float, seen: Window, n_between: int) -> Float:
     """Turns (n_between, R, 3), canonical rotation vectors, that a network's answer (n_gap, R, 3) gives the frames of a
-    transition: ``weight`` times the answer.
+    transition: ``weights`` times the answer.
     """
     at = np.arange(1, seen.n_gap + 1) / (seen.n_gap + 1)
     share = np.arange(1, n_between + 1) / (n_between + 1)
     if seen.n_gap != n_between:
         answer = CubicSpline(at, answer)(share)
-    out = weight(share, seen.seconds)[:, None, None] * np.asarray(answer, np.float64)
+    out = weights(share, seen)[..., None] * np.asarray(answer, np.float64)
     return mirrored_deltas(out) if seen.flipped else out

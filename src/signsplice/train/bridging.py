@@ -71,8 +71,8 @@ class BridgeTask(Task):
 
     def _made(self, batch: Gaps) -> Tensor:
         """Turns (B, T, R, 4); the gap's frames lead the network's answer, whatever the window's length."""
-        answer = self.network(batch.tokens, batch.mask)[:, : batch.weight.shape[1]].float()
-        return turned(batch.base, answer * batch.weight[..., None, None])
+        answer = self.network(batch.tokens, batch.mask)[:, : batch.weights.shape[1]].float()
+        return turned(batch.base, answer * batch.weights[..., None])
 
     def _errors(self, batch: Gaps, made: Tensor) -> tuple[Tensor, Tensor]:
         """Mean distance of the judged joints (B,), arm lengths, and mean squared sine of half the turn away (B,)."""

@@ -63,7 +63,7 @@ COURSES: dict[tuple[str, str], Course] = {
     ("cutter", "smoke"): Course(CuttingConfig(32, 2, 2, 64, 2, 8, 16), 40, 1, 3e-3, 2),
     ("cutter", "ship"): Course(CuttingConfig(), 8_000, 2, 1e-3, 24),
     ("transition", "smoke"): Course(BridgeConfig(32, 2, 2, 64), 20, 4, 3e-3, 8),
-    ("transition", "ship"): Course(BridgeConfig(192, 6, 4, 768), 8_000, 32, 8e-4, 512),
+    ("transition", "ship"): Course(BridgeConfig(192, 6, 4, 768), 6_000, 32, 8e-4, 512),
 }
 """What each network is at each scale."""
 

@@ -109,7 +109,7 @@ def _above() -> NDArray[np.intp]:
 @dataclass(frozen=True)
 class Gaps:
     """Gaps side by side: tokens (B, S, N_TOKEN) and mask (B, S); base and true turns (B, T, R, 4) with real (B, T);
-    weight (B, T) of the answer (``features.weight``); bones (B, R, 3); seam (B,): whether it is a true transition.
+    weights (B, T, R) of the answer (``features.weights``); bones (B, R, 3); seam (B,): whether it is a true transition.
     """
 
     tokens: Tensor
@@ -117,7 +117,7 @@ class Gaps:
     base: Tensor
     true: Tensor
     real: Tensor
-    weight: Tensor
+    weights: Tensor
     bones: Tensor
     seam: Tensor
     step: int = 0
@@ -175,12 +175,12 @@ class Windows:
         made = [self.gap(int(row)) for row in rows]
         tensors = {
             name: pad_sequence([torch.from_numpy(np.asarray(one[name])) for one in made], batch_first=True)
-            for name in ("tokens", "base", "true", "weight")
+            for name in ("tokens", "base", "true", "weights")
         }
         return Gaps(
             **tensors,
             mask=pad_sequence([torch.ones(len(one["tokens"]), dtype=torch.bool) for one in made], batch_first=True),
-            real=pad_sequence([torch.ones(len(one["weight"]), dtype=torch.bool) for one in made], batch_first=True),
+            real=pad_sequence([torch.ones(len(one["weights"]), dtype=torch.bool) for one in made], batch_first=True),
             bones=torch.from_numpy(np.stack([one["bones"] for one in made])),
             seam=torch.tensor([one["seam"] for one in made]),
             step=step,
@@ -235,7 +235,7 @@ class Windows:
             "tokens": seen.tokens,
             "base": pair[0].astype(np.float32),
             "true": pair[1].astype(np.float32),
-            "weight": features.weight(share, seen.seconds).astype(np.float32),
+            "weights": features.weights(share, seen).astype(np.float32),
             "bones": bones,
         }
 
