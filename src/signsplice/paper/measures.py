@@ -43,8 +43,6 @@ SIGNATURES = {
     "paa": "paa|eq:23|both-exact|of:predicted",
     "paa_all": "paa|eq:23|both-exact|of:all",
     "positions_off": "positions-off|frames|mean:pre,post,pairs|of:predicted",
-    "within_2": "positions-within|frames:2|both|of:predicted",
-    "length_off": "length-off|frames|mean:pairs",
     **beside.SIGNATURES,
 }
 
@@ -113,7 +111,8 @@ def summary(scores: Sequence[PairScore]) -> dict[str, float]:
     """Scores of a test set, by name; NaN where nothing could be counted.
 
     Accuracy and MSE are means over the pairs (eq. 19 and 21; the print sums). bleu-1 .. bleu-4 at the stated tolerance,
-    ngram-1 .. ngram-4 the precisions behind them, bleu-4@t at others.
+    ngram-1 .. ngram-4 the precisions behind them, bleu-4@t at others. within_2: share of the predicted pairs with both
+    positions within two frames; length_off: frames too many or too few, mean; length_exact: share of exact lengths.
     """
     if not scores:
         return {}
