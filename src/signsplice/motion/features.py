@@ -89,10 +89,13 @@ def frames(one: Course, spacing: float | Float = 1.0 / RATE) -> NDArray[np.float
 
     spacing: seconds from every frame to the next, one number or (T - 1,).
     """
-    flat = np.concatenate([one.turns.reshape(len(one), -1), one.places.reshape(len(one), -1)], axis=1)
-    rates = np.zeros_like(flat)
-    rates[1:] = np.diff(flat, axis=0) * (_PER_SECOND / np.reshape(spacing, (-1, 1)))
-    return np.concatenate([flat, rates], axis=1).astype(np.float32)
+    out = np.empty((len(one), N_FRAME), np.float32)
+    flat, rates = np.split(out, 2, axis=1)
+    flat[:, :N_TURNS], flat[:, N_TURNS:] = one.turns.reshape(len(one), -1), one.places.reshape(len(one), -1)
+    rates[0] = 0.0
+    np.subtract(flat[1:], flat[:-1], out=rates[1:])
+    rates[1:] *= np.reshape(_PER_SECOND / np.asarray(spacing, np.float64), (-1, 1)).astype(np.float32)
+    return out
 
 
 CONTEXT = 8
@@ -137,8 +140,8 @@ def word_window(word: Course) -> NDArray[np.float32]:
     """What a cutter sees of a word (T, N_WORD): each frame's numbers, and the seconds from the word's first frame and
     to its last.
     """
-    at = np.arange(len(word)) / RATE
-    return np.concatenate([frames(word), np.column_stack([at, at[-1] - at]).astype(np.float32)], axis=1)
+    at = np.arange(len(word), dtype=np.float32) / np.float32(RATE)
+    return np.concatenate([frames(word), np.column_stack([at, at[-1] - at])], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
