@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint types unit bench words corpus smoke paper clean
+.PHONY: demo test lint types unit bench words corpus smoke paper weights clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet and a report in out/demo
 	$(BIN)/signsplice demo --out out/demo
@@ -36,6 +36,9 @@ smoke: $(VENV)/.dev            ## the paper's whole way in minutes, systems of a
 
 paper: $(VENV)/.dev            ## the paper whole at cpu scale: hours; SCALE=paper for its sizes, on a GPU
 	runs/paper.sh
+
+weights: $(VENV)/.dev          ## train the networks that ship anew: two hours on two cores
+	runs/weights.sh
 
 clean:                         ## forget the environment and everything made
 	rm -rf $(VENV) out .mypy_cache .ruff_cache .pytest_cache .hypothesis
