@@ -157,8 +157,6 @@ def test_what_is_longer_than_the_network_knows_is_said(weights: Path) -> None:
 
 def test_the_learned_time_is_not_below_the_human_median(weights: Path) -> None:
     learned = defaults.open_learned(weights)
-    assert learned.cutter is not None
-    assert learned.duration is not None
-    cut = learned.cutter.cut(CLIPS[0], CLIPS[1])
-    raw = LearnedDuration(learned.duration.reader, least=0.0).seconds(CLIPS[0], CLIPS[1], cut)
-    assert learned.duration.seconds(CLIPS[0], CLIPS[1], cut) == max(0.25, raw)
+    cut = learned.cutters["learned"].cut(CLIPS[0], CLIPS[1])
+    raw = LearnedDuration(learned.durations["learned"].reader, least=0.0).seconds(CLIPS[0], CLIPS[1], cut)
+    assert learned.durations["learned"].seconds(CLIPS[0], CLIPS[1], cut) == max(0.25, raw)

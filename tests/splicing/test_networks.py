@@ -19,7 +19,8 @@ import signsplice as ss
 from clothes import in_other_clothes, mirror
 from signing import word
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation
+from signsplice.motion import features, kinematics, rotation
+from signsplice.motion.canonical import signing
 from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.graphs import Array, Graphs
@@ -29,13 +30,14 @@ from signsplice.splicing.networks import (
     LearnedTransition,
     Reader,
     open_graphs,
+    stroke,
 )
 from signsplice.splicing.transition import find_transition
 
 TINY = Path(__file__).parents[1] / "golden" / "tiny_bundle"
 GRAPHS = open_graphs(TINY)
 READER = Reader(GRAPHS)
-CUTTER, DURATION, TRANSITION = LearnedCutter(READER), LearnedDuration(READER), LearnedTransition(GRAPHS)
+CUTTER, DURATION, TRANSITION = LearnedCutter(READER, whole=False), LearnedDuration(READER), LearnedTransition(GRAPHS)
 P, Q = word("MOTHER").clip, word("BOOK").clip
 TURN = rotation.exp([0.4, -1.1, 2.0])
 
@@ -178,7 +180,7 @@ def test_signs_of_a_frame_or_two_are_enough() -> None:
 def test_a_sentence_by_networks_alone() -> None:
     options = ss.SpliceOptions(cutter=CUTTER, transition=TRANSITION, duration=DURATION)
     result = ss.splice([P, Q, word("YES").clip], options)
-    assert (result.cutter, result.transition) == ("learned", "learned")
+    assert (result.cutter, result.transition) == ("learned-fluent", "learned")
     assert [seam.n_transition for seam in result.seams] == [
         max(1, round(DURATION.seconds(a, b, Cut(seam.pre_frame, seam.post_frame)) * 30.0))
         for a, b, seam in zip((P, Q), (Q, word("YES").clip), result.seams, strict=True)
@@ -208,3 +210,59 @@ def test_a_rig_without_known_arms_is_refused_in_a_line() -> None:
     clip = Clip(skeleton, np.tile([0.0, 0, 0, 1], (5, 2, 1)), np.zeros((5, 3)), 30.0)
     with pytest.raises(InputError, match="no leftUpperArm or leftLowerArm found among joints a, b"):
         CUTTER.cut(clip, replace(clip, name="other"))
+
+
+def numbers_of(clip: Clip) -> np.ndarray:
+    return features.frames(features.course(signing(clip)))
+
+
+@pytest.mark.parametrize("gloss", ["HELLO", "MOTHER", "BOOK", "SEE", "THANK-YOU"])
+def test_a_stroke_is_the_movements_without_the_holds(gloss: str) -> None:
+    one = word(gloss)
+    events, n = one.events, len(one.clip)
+    at = np.arange(n)
+    number = np.select([at <= events.up, at < events.start, at <= events.end, at < events.down], [0, 1, 2, 3], 0)
+    found = stroke(numbers_of(one.clip), np.eye(4)[number])
+    assert found is not None
+    assert events.first is not None
+    # Movements begin and end at rest: their first and last step may be too small to be seen.
+    assert abs(found[0] - events.first[0]) <= 2
+    assert abs(found[1] - events.passes[-1][1]) <= 2
+
+
+def test_a_sign_that_is_all_hold_has_its_middle() -> None:
+    still = concatenate([P[30:31]] * 9)
+    phases = np.eye(4)[[0, 1, 2, 2, 2, 2, 2, 3, 0]]
+    assert stroke(numbers_of(still), phases) == (4, 4)
+    assert stroke(numbers_of(still), np.eye(4)[[0, 0, 1, 1, 1, 3, 3, 0, 0]]) is None
+
+
+class PhasesTold:
+    """The tiny bundle's graphs, and the true phases of P and Q."""
+
+    facts: Mapping[str, object] = {}
+
+    def run(self, name: str, inputs: Mapping[str, Array]) -> dict[str, Array]:
+        said = GRAPHS.run(name, inputs)
+        if name == "word":
+            events = word("MOTHER" if inputs["tokens"].shape[1] == len(P) else "BOOK").events
+            at = np.arange(inputs["tokens"].shape[1])
+            said["phases"] = np.eye(4)[np.where((at >= events.start) & (at <= events.end), 2, 0)][None]
+        return said
+
+
+def test_a_whole_cut_leaves_movements_whole_and_a_fluent_one_need_not() -> None:
+    assert len(P) != len(Q)
+    reader = Reader(PhasesTold())  # type: ignore[arg-type]
+    fluent, whole = LearnedCutter(reader, whole=False), LearnedCutter(reader)
+    assert (fluent.name, whole.name) == ("learned-fluent", "learned")
+    p, q = reader.pair(P, Q)
+    assert p.stroke is not None
+    assert q.stroke is not None
+    free, cut = fluent.cut(P, Q), whole.cut(P, Q)
+    assert cut.pre == max(free.pre, p.stroke[1])
+    assert cut.post == min(free.post, q.stroke[0])
+    joined = ss.splice([P, Q, P], ss.SpliceOptions(whole, "hermite", "fixed"))
+    middle = next(span for span in joined.spans if span.clip == 1)
+    assert middle.source is not None
+    assert middle.source[0] <= q.stroke[0] < q.stroke[1] < middle.source[1]

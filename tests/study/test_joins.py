@@ -40,13 +40,13 @@ def test_whole_clips_drop_the_arms_and_keep_the_strokes() -> None:
 
 
 class IntoTheStroke:
-    """Leaves every word two frames before its last posture."""
+    """Leaves every word two frames before its last movement ends."""
 
     name, summary, learned = "into-the-stroke", "", False
 
     def cut(self, before: Clip, after: Clip) -> Cut:
         p, q = next((p, q) for p, q in PAIRS if (p.clip.name, q.clip.name) == (before.name, after.name))
-        return Cut(p.events.end - 2, q.events.start)
+        return Cut(p.events.passes[-1][1] - 2, q.events.start)
 
 
 def test_a_cut_into_the_stroke_is_counted() -> None:

@@ -48,9 +48,8 @@ def test_the_answers_are_nearly_the_same(small: Path) -> None:
 
 def test_it_splices_and_says_what_it_is(small: Path) -> None:
     learned = defaults.open_learned(small)
-    assert learned.cutter is not None
     before, after = word("MOTHER").clip, word("BOOK").clip
-    cut = learned.cutter.cut(before, after)
+    cut = learned.cutters["learned"].cut(before, after)
     assert 0 <= cut.pre < len(before)
     assert open_graphs(small).facts["precision"] == "int8"
     assert open_graphs(small).facts["networks"] == open_graphs(TINY).facts["networks"]

@@ -98,6 +98,14 @@ def frames(one: Course, spacing: float | Float = 1.0 / RATE) -> NDArray[np.float
     return out
 
 
+def tip_speeds(numbers: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Speeds (T, 12) of the joints of ``TIPS`` in numbers (T, N_FRAME) of ``frames``, arm lengths a second, into each
+    frame.
+    """
+    rates = numbers[:, N_FRAME // 2 + N_TURNS :].reshape(len(numbers), len(TIPS), 3)
+    return np.asarray(np.linalg.norm(rates, axis=-1) / _PER_SECOND)
+
+
 CONTEXT = 8
 """Frames of each sign that the network which makes transitions sees."""
 LEAST, MOST = 2, 45

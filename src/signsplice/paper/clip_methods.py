@@ -4,8 +4,8 @@ Hermite, and this project's own networks.
 They work on rotations; what they make is brought to the 159 numbers by forward kinematics, and the time that this
 takes counts as theirs. How long a transition takes is theirs to say or told: with a length of their own the paper's
 Accuracy and MSE see little but the length. Rows say what they were told. A classical row's own time is the rule
-``tempo``. The networks never saw a word or a signer of the corpus; their own time is the learned one, without the
-floor that it has for viewers.
+``tempo``. The networks never saw a word or a signer of the corpus. They cut as the corpus does, which shortens signs
+(``learned-fluent``), and their own time is the learned one without the floor that it has for viewers.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.paper.prediction import Prediction
 from signsplice.splicing.cut import CUTTERS, Cut
-from signsplice.splicing.defaults import WEIGHTS, Methods, choose, open_learned
+from signsplice.splicing.defaults import Methods, choose, open_learned
 from signsplice.splicing.duration import DEFAULT_DURATION
 from signsplice.splicing.filling import fill, shown
+from signsplice.splicing.networks import FLUENT, LearnedDuration
 from signsplice.splicing.networks import NAME as LEARNED
-from signsplice.splicing.networks import LearnedDuration
 from signsplice.synth.corpus import Pairs, scaled_positions
 
 TRANSITIONS = ("slerp", "hermite")
@@ -59,14 +59,14 @@ class ClipMethod:
     @property
     def learned(self) -> bool:
         """Whether a network of this project takes part."""
-        return LEARNED in (self.cutter, self.transition)
+        return self.cutter == FLUENT or self.transition == LEARNED
 
     @property
     def n_parameters(self) -> int:
         """Parameters of the networks that take part, 0 without any."""
         if not self.learned:
             return 0
-        facts = open_learned(WEIGHTS if self.bundle is None else self.bundle).networks
+        facts = open_learned(self.bundle).networks
         timed = isinstance(self.parts.duration, LearnedDuration)
         used = [
             name for name, takes_part in (("cutter", timed), ("transition", self.transition == LEARNED)) if takes_part
@@ -77,7 +77,7 @@ class ClipMethod:
     def parts(self) -> Methods:
         """What does the work."""
         cutter = "ends" if self.cutter == TRUE_POSITIONS else self.cutter
-        timed = self.cutter == LEARNED or (self.told == "positions" and self.learned)
+        timed = self.cutter == FLUENT or (self.told == "positions" and self.learned)
         parts = choose(cutter, self.transition, LEARNED if timed else DEFAULT_DURATION, self.bundle)
         if not isinstance(parts.duration, LearnedDuration):
             return parts
@@ -135,7 +135,7 @@ def classical() -> list[ClipMethod]:
 
 def own(bundle: str | Path | None = None) -> list[ClipMethod]:
     """The networks of this project: whole, cutter with a classical transition, transition told the truth."""
-    rows = [(LEARNED, LEARNED, "nothing"), (LEARNED, "hermite", "nothing")]
+    rows = [(FLUENT, LEARNED, "nothing"), (FLUENT, "hermite", "nothing")]
     rows += [(TRUE_POSITIONS, LEARNED, told) for told in TOLD[2:]]
     return [ClipMethod(*row, bundle) for row in rows]
 

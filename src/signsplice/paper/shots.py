@@ -22,7 +22,7 @@ COUNT = 3
 SHORTEST = 6
 """Frames that a transition shown has at least."""
 
-HERMITE, SIGNSPLICE = ("true-positions+hermite", "positions and length"), ("learned+learned", "nothing")
+HERMITE, SIGNSPLICE = ("true-positions+hermite", "positions and length"), ("learned-fluent+learned", "nothing")
 BESIDE = (HERMITE, SIGNSPLICE)
 """Methods on clips that are shown beside the systems, and what they are told."""
 

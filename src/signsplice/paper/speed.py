@@ -25,6 +25,7 @@ from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice.paper.layout import Table
 from signsplice.paper.protocol import Protocol
 from signsplice.paper.systems import DECODINGS, open_bundle
+from signsplice.splicing.networks import FLUENT
 from signsplice.splicing.networks import NAME as LEARNED
 from signsplice.synth.corpus import Pairs
 
@@ -86,7 +87,7 @@ def measure(
     """
     told = list(ways())
     opened = {(w.system, w.decoding): open_bundle(bundles / w.system, w.decoding) for w in told}
-    ours = ClipMethod(LEARNED, LEARNED, bundle=own)
+    ours = ClipMethod(FLUENT, LEARNED, bundle=own)
     answers = ClipAnswers(pairs, ours)
     answers.prepare(judged.numbers)
     told.append(Way(OWN, DECODINGS[-1], WRITES[0]))

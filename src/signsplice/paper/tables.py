@@ -24,7 +24,7 @@ IN_TABLE_1 = (
     ("true-positions+slerp", "positions and length"),
     ("true-positions+hermite", "positions and length"),
     ("true-positions+learned", "positions and length"),
-    ("learned+learned", "nothing"),
+    ("learned-fluent+learned", "nothing"),
 )
 """Methods on clips that stand in table 1: the traditional ones that the paper names, what they could be at best, and
 this project's networks.

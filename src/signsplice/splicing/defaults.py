@@ -16,7 +16,7 @@ from signsplice.splicing.bundle import digest
 from signsplice.splicing.cut import CUTTERS, DEFAULT_CUTTER, Cutter
 from signsplice.splicing.duration import DEFAULT_DURATION, DURATIONS, Duration
 from signsplice.splicing.method import Method, find
-from signsplice.splicing.networks import NAME, LearnedCutter, LearnedDuration, LearnedTransition, Reader
+from signsplice.splicing.networks import FLUENT, NAME, LearnedCutter, LearnedDuration, LearnedTransition, Reader
 from signsplice.splicing.transition import DEFAULT_TRANSITION, TRANSITIONS, Transition
 
 WEIGHTS = Path(__file__).parent / "weights"
@@ -29,16 +29,13 @@ Part = TypeVar("Part", bound=Method)
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """A bundle's parts, each None where it holds no such network; its sha256; ``networks``: what it tells of each."""
+    """A bundle's parts by name; its sha256; ``networks``: what it tells of each."""
 
-    cutter: LearnedCutter | None
-    transition: LearnedTransition | None
-    duration: LearnedDuration | None
-    sha256: str
+    cutters: Mapping[str, LearnedCutter] = field(default_factory=dict)
+    transitions: Mapping[str, LearnedTransition] = field(default_factory=dict)
+    durations: Mapping[str, LearnedDuration] = field(default_factory=dict)
+    sha256: str | None = None
     networks: Mapping[str, Any] = field(default_factory=dict)
-
-
-_NOTHING_LEARNED = Learned(None, None, None, "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,13 +53,13 @@ class Methods:
     warnings: tuple[str, ...] = ()
 
 
-def open_learned(folder: str | Path = WEIGHTS) -> Learned:
-    """A bundle's parts; opened once, as long as it is not written anew.
+def open_learned(folder: str | Path | None = None) -> Learned:
+    """A bundle's parts, by default that which ships; opened once, as long as it is not written anew.
 
     Raises ``InputError`` where the folder holds no bundle, another system's, or one whose files are not those that it
     lists.
     """
-    folder = Path(folder).resolve()
+    folder = Path(WEIGHTS if folder is None else folder).resolve()
     return _opened(folder, digest(folder))
 
 
@@ -71,11 +68,12 @@ def _opened(folder: Path, sha256: str) -> Learned:
     graphs = networks.open_graphs(folder)
     graphs.check()
     has = graphs.facts["files"].keys()
-    reader = Reader(graphs) if "word.onnx" in has else None
+    reader = Reader(graphs)
+    cutters = [LearnedCutter(reader), LearnedCutter(reader, whole=False)] if "word.onnx" in has else []
     return Learned(
-        LearnedCutter(reader) if reader else None,
-        LearnedTransition(graphs) if "bridge.onnx" in has else None,
-        LearnedDuration(reader) if reader else None,
+        {cutter.name: cutter for cutter in cutters},
+        {NAME: LearnedTransition(graphs)} if "bridge.onnx" in has else {},
+        {NAME: LearnedDuration(reader)} if "word.onnx" in has else {},
         sha256,
         graphs.facts.get("networks", {}),
     )
@@ -95,47 +93,43 @@ def choose(
     """
     named = (cutter, transition, None if duration == AUTO else duration)
     where = Path(WEIGHTS if bundle is None else bundle)
-    own, warnings = _NOTHING_LEARNED, tuple[str, ...]()
-    if bundle is not None or None in named or NAME in named:
+    own, warnings = Learned(), tuple[str, ...]()
+    called_for = any(name in (NAME, FLUENT) for name in named)
+    if bundle is not None or None in named or called_for:
         try:
             own = open_learned(where)
         except InputError as error:
-            if bundle is not None or NAME in named:
+            if bundle is not None or called_for:
                 raise
             warnings = (f"no learned methods, classical ones serve: {error}",)
     chosen = (
-        _part("cutter", named[0], own.cutter, CUTTERS, DEFAULT_CUTTER, where),
-        _part("transition", named[1], own.transition, TRANSITIONS, DEFAULT_TRANSITION, where),
-        _part("duration", named[2], own.duration, DURATIONS, DEFAULT_DURATION, where),
+        _part("cutter", named[0], own.cutters, CUTTERS, DEFAULT_CUTTER, where),
+        _part("transition", named[1], own.transitions, TRANSITIONS, DEFAULT_TRANSITION, where),
+        _part("duration", named[2], own.durations, DURATIONS, DEFAULT_DURATION, where),
     )
-    works = any(one is part for one, part in zip(chosen, (own.cutter, own.transition, own.duration), strict=True))
-    return Methods(*chosen, own.sha256 if works else None, warnings)
+    theirs = [*own.cutters.values(), *own.transitions.values(), *own.durations.values()]
+    return Methods(*chosen, own.sha256 if any(part in theirs for part in chosen) else None, warnings)
 
 
 def _part(
-    kind: str, named: str | Part | None, own: Part | None, table: Mapping[str, Part], classical: str, where: Path
+    kind: str, named: str | Part | None, own: Mapping[str, Part], table: Mapping[str, Part], classical: str, where: Path
 ) -> Part:
     if named is None:
-        return table[classical] if own is None else own
+        return own.get(NAME, table[classical])
     if not isinstance(named, str):
         return named
-    if own is not None:
-        return find(kind, named, {**table, NAME: own})
-    if named == NAME:
+    if named in (NAME, FLUENT) and not own:
         raise InputError(f"{where}: holds no network for the {kind}; name another bundle, or a classical {kind}")
-    return find(kind, named, table)
+    return find(kind, named, {**table, **own})
 
 
 def every() -> list[tuple[str, Method, bool]]:
-    """Every part as (kind, part, whether it is the default), learned ones of the bundle that ships among them."""
+    """Every part as (kind, part, whether it is the default), those of the bundle that ships among them."""
     now = choose()
+    own = open_learned() if now.bundle is not None else Learned()
     tables: tuple[tuple[str, dict[str, Method], Method], ...] = (
-        ("cutter", dict(CUTTERS), now.cutter),
-        ("transition", dict(TRANSITIONS), now.transition),
-        ("duration", dict(DURATIONS), now.duration),
+        ("cutter", {**CUTTERS, **own.cutters}, now.cutter),
+        ("transition", {**TRANSITIONS, **own.transitions}, now.transition),
+        ("duration", {**DURATIONS, **own.durations}, now.duration),
     )
-    return [
-        (kind, part, part is default)
-        for kind, table, default in tables
-        for part in dict.fromkeys((*table.values(), default))
-    ]
+    return [(kind, part, part is default) for kind, table, default in tables for part in table.values()]

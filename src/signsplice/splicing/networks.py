@@ -33,7 +33,11 @@ from signsplice.splicing.transition import Gap, find_transition
 Float = NDArray[np.float64]
 
 SYSTEM = "signsplice"
-NAME = "learned"
+NAME, FLUENT = "learned", "learned-fluent"
+_SIGN = 2
+"""Which of a frame's phases is the sign itself (rest, preparation, sign, retraction)."""
+_STILL = 0.12
+"""Speed of the wrist or finger joint that moves most, arm lengths a second, up to which hands are held still."""
 MOST_AT_ONCE = 32
 """Gaps that are filled in one pass of the network."""
 Item = TypeVar("Item")
@@ -58,7 +62,8 @@ def open_graphs(folder: str | Path) -> Graphs:
 @dataclass(frozen=True, eq=False)
 class Reading:
     """A word as the cutting network reads it: its frames' numbers (T, N_FRAME), states (1, T, D) and summaries (1, S)
-    for leaving and for entering it; ``first`` is the frame, at ``RATE``, with which they begin.
+    for leaving and for entering it; ``first`` is the frame, at ``RATE``, with which they begin; ``stroke``: first and
+    last frame of its movements, counted from there, None where no sign is seen.
     """
 
     numbers: NDArray[np.float32]
@@ -66,6 +71,23 @@ class Reading:
     leave: Array
     enter: Array
     first: int
+    stroke: tuple[int, int] | None
+
+
+def stroke(numbers: NDArray[np.float32], phases: Array) -> tuple[int, int] | None:
+    """First and last frame of a word's movements: of the frames (T, N_FRAME) from the first to the last that are the
+    sign, by their phases (T, 4), without the holds at both ends; the middle one of a sign that is all hold. None where
+    no frame is.
+    """
+    rows = np.flatnonzero(phases.argmax(axis=-1) == _SIGN)
+    if not len(rows):
+        return None
+    first, last = int(rows[0]), int(rows[-1])
+    # A movement's first frame is the one that its first step sets out from.
+    steps = np.flatnonzero(features.tip_speeds(numbers[first + 1 : last + 1]).max(axis=-1, initial=0.0) > _STILL)
+    if not len(steps):
+        return (first + last) // 2, (first + last) // 2
+    return first + int(steps[0]), first + 1 + int(steps[-1])
 
 
 class Reader:
@@ -98,18 +120,28 @@ class Reader:
             tokens = tokens[first:] if key[1] else tokens[:WORD_FRAMES]
             said = self.graphs.run("word", {"tokens": tokens[None]})
             numbers = tokens[:, : features.N_FRAME]
-            known[key] = Reading(numbers, said["states"], said["leave"], said["enter"], first if key[1] else 0)
+            known[key] = Reading(
+                numbers, said["states"], said["leave"], said["enter"], first if key[1] else 0,
+                stroke(numbers, said["phases"][0]),
+            )  # fmt: skip
         return known[key]
 
 
 class LearnedCutter:
-    """Chooses both frames of a seam for one another, and all seams of a sentence together."""
+    """Chooses both frames of a seam for one another, and all seams of a sentence together.
 
-    name, learned = NAME, True
-    summary = "a network that reads both words on the canonical humanoid, and all seams together"
+    The signing that it learned from shortens signs as running signing does: repetitions go, and the outer part of
+    movements. ``whole``: no movement is cut into; a word is left after its last and entered before its first.
+    """
 
-    def __init__(self, reader: Reader) -> None:
-        self.reader = reader
+    learned = True
+
+    def __init__(self, reader: Reader, whole: bool = True) -> None:
+        self.reader, self.whole = reader, whole
+        self.name = NAME if whole else FLUENT
+        self.summary = "a network that reads both words, and all seams together; " + (
+            "movements stay whole" if whole else "signs are shortened as in running signing"
+        )
 
     def choices(self, before: Clip, after: Clip) -> Choices:
         """Log-probabilities of leaving the one at a frame and entering the other at another, both at 30 a second."""
@@ -127,7 +159,17 @@ class LearnedCutter:
         """The splice positions of a sentence, chosen together (``joint``)."""
         pairs = list(pairwise(clips))
         chosen = best([self.choices(before, after) for before, after in pairs])
+        if self.whole:
+            chosen = [self._around(cut, *pair) for cut, pair in zip(chosen, pairs, strict=True)]
         return [Cut(_frame(pre, p), _frame(post, q)) for (pre, post), (p, q) in zip(chosen, pairs, strict=True)]
+
+    def _around(self, cut: tuple[int, int], before: Clip, after: Clip) -> tuple[int, int]:
+        """A choice that leaves both words' movements whole."""
+        (pre, post), (p, q) = cut, self.reader.pair(before, after)
+        return (
+            pre if p.stroke is None else max(pre, p.first + p.stroke[1]),
+            post if q.stroke is None else min(post, q.stroke[0]),
+        )
 
 
 def _frame(at: int, clip: Clip) -> int:

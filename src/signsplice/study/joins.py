@@ -22,7 +22,7 @@ from signsplice.splicing.cut import CUTTERS, DEFAULT_CUTTER
 from signsplice.splicing.defaults import choose
 from signsplice.splicing.duration import DEFAULT_DURATION
 from signsplice.splicing.engine import SpliceOptions, splice
-from signsplice.splicing.networks import NAME
+from signsplice.splicing.networks import FLUENT, NAME
 from signsplice.splicing.seam import DEEP_M
 from signsplice.splicing.transition import DEFAULT_TRANSITION, TRANSITIONS
 from signsplice.study.stitcher import stitch
@@ -41,7 +41,7 @@ DOWN_SHARE = 0.15
 STITCHER = "stitcher"
 SIGNATURE = (
     f"joins|words:everyday,standard-signer,drawn:once|around:{AROUND}|{measures.VELOCITY_JUMP}|{measures.JERK_RATIO}"
-    f"|arms-down:{DOWN_SHARE:g}-of-rise,between-strokes|whole:first-to-last-posture|deep:{1e3 * DEEP_M:g}mm"
+    f"|arms-down:{DOWN_SHARE:g}-of-rise,between-strokes|whole:first-to-last-movement|deep:{1e3 * DEEP_M:g}mm"
 )
 
 
@@ -103,6 +103,7 @@ def ways(bundle: str | Path | None = None) -> dict[str, SpliceOptions]:
         own = SpliceOptions(NAME, NAME, NAME, bundle)
         out |= {f"{DEFAULT_CUTTER} + {NAME}": replace(plain, transition=NAME, bundle=bundle)}
         out |= {f"{NAME} + {DEFAULT_TRANSITION}": replace(own, transition=DEFAULT_TRANSITION, body_sense=False)}
+        out |= {f"{FLUENT} + {NAME}": replace(own, cutter=FLUENT, body_sense=False)}
         out |= {f"{NAME} + {NAME}": replace(own, body_sense=False), f"{NAME} + {NAME}, body sense": own}
     return out
 
@@ -164,8 +165,13 @@ def _join(
 
 
 def _whole(word: Word, first: int, stop: int) -> bool:
-    """Whether the sign's first and last posture, and all between, are among frames [first, stop)."""
-    return first <= word.events.start and word.events.end < stop
+    """Whether frames [first, stop) hold all movements of the sign, from first begin to last end, or a frame of its only
+    posture.
+    """
+    events = word.events
+    if events.first is None or not events.passes:
+        return max(first, events.start) < min(stop, events.end + 1)
+    return first <= events.first[0] and events.passes[-1][1] < stop
 
 
 def _down(before: Word, after: Word, kept: tuple[tuple[int, int], tuple[int, int]]) -> int:
