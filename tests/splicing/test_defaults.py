@@ -12,8 +12,11 @@ import pytest
 import signsplice as ss
 from signing import word
 from signsplice.errors import InputError
+from signsplice.motion.arms import arms
 from signsplice.splicing import defaults, report
 from signsplice.splicing.bundle import HEAD, digest
+from signsplice.splicing.cut import Cut
+from signsplice.splicing.duration import travel_widths
 from signsplice.splicing.networks import LearnedCutter, LearnedDuration, LearnedTransition
 
 TINY = Path(__file__).parents[1] / "golden" / "tiny_bundle"
@@ -155,8 +158,16 @@ def test_what_is_longer_than_the_network_knows_is_said(weights: Path) -> None:
     assert not any("made by" in line for line in short.seams[0].warnings)
 
 
-def test_the_learned_time_is_not_below_the_human_median(weights: Path) -> None:
+def test_the_learned_time_is_not_quicker_than_people(weights: Path) -> None:
     learned = defaults.open_learned(weights)
-    cut = learned.cutters["learned"].cut(CLIPS[0], CLIPS[1])
-    raw = LearnedDuration(learned.durations["learned"].reader, least=0.0).seconds(CLIPS[0], CLIPS[1], cut)
-    assert learned.durations["learned"].seconds(CLIPS[0], CLIPS[1], cut) == max(0.25, raw)
+    slow = learned.durations["learned"]
+    quick = LearnedDuration(slow.reader, unhurried=False)
+    p, q = CLIPS[:2]
+    held = 0
+    for cut in (Cut(10, 20), Cut(36, 30), Cut(36, len(q) - 3), Cut(24, 24)):
+        law = 0.051 + 0.149 * np.log2(1.0 + travel_widths(arms(p), arms(q), cut.pre, cut.post) / 0.15)
+        raw = quick.seconds(p, q, cut)
+        # The body's size in arm lengths is told from its rest, the arms' own from the clip.
+        assert slow.seconds(p, q, cut) == pytest.approx(max(raw, 0.25, law), rel=0.02)
+        held += law > 0.25
+    assert held

@@ -37,7 +37,11 @@ from signsplice.splicing.transition import find_transition
 TINY = Path(__file__).parents[1] / "golden" / "tiny_bundle"
 GRAPHS = open_graphs(TINY)
 READER = Reader(GRAPHS)
-CUTTER, DURATION, TRANSITION = LearnedCutter(READER, whole=False), LearnedDuration(READER), LearnedTransition(GRAPHS)
+CUTTER, DURATION, TRANSITION = (
+    LearnedCutter(READER, whole=False),
+    LearnedDuration(READER, unhurried=False),
+    LearnedTransition(GRAPHS),
+)
 P, Q = word("MOTHER").clip, word("BOOK").clip
 TURN = rotation.exp([0.4, -1.1, 2.0])
 

@@ -98,6 +98,12 @@ def frames(one: Course, spacing: float | Float = 1.0 / RATE) -> NDArray[np.float
     return out
 
 
+def wrists(numbers: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Places (..., 2, 3) of both wrists in numbers (..., N_FRAME) of ``frames``, arm lengths."""
+    places = numbers[..., N_TURNS : N_TURNS + N_PLACES].reshape(*numbers.shape[:-1], len(TIPS), 3)
+    return places[..., [0, len(TIPS) // 2], :]
+
+
 def tip_speeds(numbers: NDArray[np.float32]) -> NDArray[np.float32]:
     """Speeds (T, 12) of the joints of ``TIPS`` in numbers (T, N_FRAME) of ``frames``, arm lengths a second, into each
     frame.

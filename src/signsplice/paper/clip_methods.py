@@ -81,7 +81,7 @@ class ClipMethod:
         parts = choose(cutter, self.transition, LEARNED if timed else DEFAULT_DURATION, self.bundle)
         if not isinstance(parts.duration, LearnedDuration):
             return parts
-        own = LearnedDuration(parts.duration.reader, least=0.0)
+        own = LearnedDuration(parts.duration.reader, unhurried=False)
         return Methods(parts.cutter, parts.transition, own, parts.bundle)
 
     def splice(self, before: Clip, after: Clip, truth: Cut, n_true: int) -> tuple[Cut, Clip]:
