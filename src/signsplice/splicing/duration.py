@@ -28,8 +28,8 @@ class Duration(Method, Protocol):
     """Chooses how long the transition between two clips of one skeleton and rate takes."""
 
     def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
-        """Seconds between the last frame kept of the one and the first kept of the other. Raises ``InputError`` where
-        the rig's arms are not known by name.
+        """Seconds that the new frames between the last frame kept of the one and the first kept of the other take:
+        their number over the rate. Raises ``InputError`` where the rig's arms are not known by name.
         """
         ...
 
@@ -44,7 +44,7 @@ class ClassicalDuration:
     learned: bool = False
 
     def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
-        """Seconds between the last frame kept of the one and the first kept of the other."""
+        """Seconds that the new frames take."""
         return self.rule(arms(before), arms(after), cut.pre, cut.post)
 
 

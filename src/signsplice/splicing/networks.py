@@ -192,13 +192,13 @@ class LearnedDuration:
         self.reader, self.unhurried = reader, unhurried
 
     def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
-        """Seconds between the last frame kept of the one and the first frame kept of the other."""
+        """Seconds that the new frames take: the network's, from the last frame kept to the first, less one frame."""
         p, q = self.reader.pair(before, after)
         given = {"leave": p.leave, "enter": q.enter}
         for name, word, frame, clip in (("leaving", p, cut.pre, before), ("entering", q, cut.post, after)):
             row = round(frame / clip.fps * RATE) - word.first
             given[name] = word.numbers[None, min(max(row, 0), len(word.numbers) - 1)]
-        seconds = float(self.reader.graphs.run("duration", given)["seconds"][0])
+        seconds = float(self.reader.graphs.run("duration", given)["seconds"][0]) - 1.0 / before.fps
         if not self.unhurried:
             return seconds
         return max(seconds, HUMAN_MEDIAN_S, travel_law(_travel(given["leaving"][0], given["entering"][0], before)))
