@@ -21,6 +21,8 @@ from signsplice.splicing.bundle import read_file, write_bundle
 from signsplice.splicing.networks import open_graphs
 
 INT8 = "int8"
+_LARGE = ("word.onnx", "bridge.onnx")
+"""Graphs whose weights become bytes; the small ones, which choose frames and tell times, stay as exact as they are."""
 
 
 def quantized(content: bytes) -> bytes:
@@ -51,7 +53,7 @@ def make(source: Path, out: Path) -> tuple[int, int]:
     if out.resolve() == source.resolve():
         raise InputError(f"{out}: is the bundle itself; name another folder")
     files = {name: read_file(source, graphs.facts, name) for name in graphs.facts["files"]}
-    small = {name: quantized(content) for name, content in files.items()}
+    small = {name: quantized(content) if name in _LARGE else content for name, content in files.items()}
     out.mkdir(parents=True, exist_ok=True)
     facts = {k: v for k, v in graphs.facts.items() if k not in ("version", "files")}
     write_bundle(out, json.loads(json.dumps(facts)) | {"precision": INT8}, small)
