@@ -220,8 +220,8 @@ def test_bundles_are_judged_tabled_and_drawn(tmp_path: Path, monkeypatch: pytest
     call = ("evaluate", "--scale", "smoke", "--pairs", str(pairs.folder), "--bundles", str(bundles), "--out", str(out))
     code, said = run(*call)
     assert code == 0, said
-    assert "66 rows judged, 66 in all" in said, "twenty classical ones on three splits, two bundles on two"
+    assert "78 rows judged, 78 in all" in said, "twenty classical and four own ones on three splits, two bundles on three"
     assert {"table1.md", "table1.tex", "classical.md", "figure6.png", "figure4c.svg"} <= {p.name for p in out.iterdir()}
     assert "| LSTM | AdamW, 20 steps |" in (out / "table1.md").read_text()
     assert len(json.loads((out / "results.json").read_text())["curves"]) == 2
-    assert "0 rows judged, 66 in all" in run(*call)[1]
+    assert "0 rows judged, 78 in all" in run(*call)[1]
