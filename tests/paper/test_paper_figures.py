@@ -220,7 +220,7 @@ def test_bundles_are_judged_tabled_and_drawn(tmp_path: Path, monkeypatch: pytest
     call = ("evaluate", "--scale", "smoke", "--pairs", str(pairs.folder), "--bundles", str(bundles), "--out", str(out))
     code, said = run(*call)
     assert code == 0, said
-    assert "78 rows judged, 78 in all" in said, "twenty classical and four own ones on three splits, two bundles on three"
+    assert "78 rows judged, 78 in all" in said, "24 on clips and two bundles, on three splits"
     assert {"table1.md", "table1.tex", "classical.md", "figure6.png", "figure4c.svg"} <= {p.name for p in out.iterdir()}
     assert "| LSTM | AdamW, 20 steps |" in (out / "table1.md").read_text()
     assert len(json.loads((out / "results.json").read_text())["curves"]) == 2
