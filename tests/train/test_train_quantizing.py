@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,9 @@ def test_it_splices_and_says_what_it_is(small: Path) -> None:
     assert open_graphs(small).facts["precision"] == "int8"
     assert open_graphs(small).facts["networks"] == open_graphs(TINY).facts["networks"]
     for path in small.glob("*.onnx"):
-        assert not re.search(rb"/tmp/|/home/|/root/", path.read_bytes()), "no path of this machine"
+        content = path.read_bytes()
+        here = (Path(__file__).parents[2], Path.home(), tempfile.gettempdir())
+        assert not any(str(folder).encode() in content for folder in here), "no path of this machine"
 
 
 def test_the_command(tmp_path: Path) -> None:
