@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
+torch = pytest.importorskip("torch")
 
-from click.testing import CliRunner
+from click.testing import CliRunner  # noqa: E402
 
-from signing import word
-from signsplice.cli import app
-from signsplice.errors import InputError
-from signsplice.motion.features import N_TOKEN, N_WORD
-from signsplice.splicing import defaults
-from signsplice.splicing.networks import open_graphs
-from signsplice.train import quantizing
+from signing import word  # noqa: E402
+from signsplice.cli import app  # noqa: E402
+from signsplice.errors import InputError  # noqa: E402
+from signsplice.motion.features import N_TOKEN, N_WORD  # noqa: E402
+from signsplice.splicing import defaults  # noqa: E402
+from signsplice.splicing.networks import open_graphs  # noqa: E402
+from signsplice.train import quantizing, tuning  # noqa: E402
 
 TINY = Path(__file__).parents[1] / "golden" / "tiny_bundle"
 
@@ -58,6 +58,26 @@ def test_it_splices_and_says_what_it_is(small: Path) -> None:
         content = path.read_bytes()
         here = (Path(__file__).parents[2], Path.home(), tempfile.gettempdir())
         assert not any(str(folder).encode() in content for folder in here), "no path of this machine"
+
+
+def test_weights_are_told_as_the_numbers_they_stand_for(small: Path) -> None:
+    whole, bytes_ = (quantizing.weights_of((folder / "bridge.onnx").read_bytes()) for folder in (TINY, small))
+    named = [name for name, values in whole.items() if ".weight" in name and values.ndim == 2]
+    assert len(named) == 6
+    for name in named:
+        # Seven bits of the largest weight of a column.
+        assert np.all(np.abs(bytes_[name] - whole[name]).max(axis=0) <= np.abs(whole[name]).max(axis=0) / 63.0 + 1e-7)
+
+
+def test_what_ships_can_be_tuned() -> None:
+    facts = open_graphs(defaults.WEIGHTS).facts
+    network = tuning.begun(facts, (defaults.WEIGHTS / "bridge.onnx").read_bytes(), defaults.WEIGHTS)
+    rng = np.random.default_rng(1)
+    tokens, mask = rng.normal(0.0, 0.3, (1, 26, N_TOKEN)).astype(np.float32), np.ones((1, 26), bool)
+    with torch.no_grad():
+        own = network(torch.from_numpy(tokens), torch.from_numpy(mask)).numpy()
+    told = open_graphs(defaults.WEIGHTS).run("bridge", {"tokens": tokens, "mask": mask})["turns"]
+    assert np.sqrt(np.mean((own - told) ** 2)) < 0.1 * np.sqrt(np.mean(own**2))
 
 
 def test_the_command(tmp_path: Path) -> None:

@@ -14,13 +14,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import onnx
+from onnx import numpy_helper
 
 from signsplice.errors import InputError
 from signsplice.splicing.bundle import read_file, write_bundle
+from signsplice.splicing.graphs import Array
 from signsplice.splicing.networks import open_graphs
 
 INT8 = "int8"
+_BYTES = "_quantized"
+"""How onnxruntime names a weight of bytes."""
 _LARGE = ("word.onnx", "bridge.onnx")
 """Graphs whose weights become bytes; the small ones, which choose frames and tell times, stay as exact as they are."""
 
@@ -39,6 +44,20 @@ def quantized(content: bytes) -> bytes:
             weight_type=QuantType.QInt8, op_types_to_quantize=["MatMul", "Gemm"],
         )  # fmt: skip
         return path.read_bytes()
+
+
+def weights_of(content: bytes) -> dict[str, Array]:
+    """A graph's weights by name; those that are bytes as the numbers that they stand for, (byte - zero point) * scale a
+    column.
+    """
+    held = {
+        entry.name: numpy_helper.to_array(entry) for entry in onnx.load_model_from_string(content).graph.initializer
+    }
+    for name in [name for name in held if name.endswith(_BYTES)]:
+        plain = name.removesuffix(_BYTES)
+        zero, scale = held[f"{plain}_zero_point"].astype(np.float32), held[f"{plain}_scale"]
+        held[plain] = (held[name].astype(np.float32) - zero) * scale
+    return held
 
 
 def make(source: Path, out: Path) -> tuple[int, int]:

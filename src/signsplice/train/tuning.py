@@ -16,9 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnx
 import torch
-from onnx import numpy_helper
 from torch import Tensor
 
 from signsplice.errors import InputError
@@ -37,6 +35,7 @@ from signsplice.train.loop import Loop, Tell, train
 from signsplice.train.networks.bridge import Bridge, BridgeConfig
 from signsplice.train.own import FILES, graphs
 from signsplice.train.processes import Processes, only_one
+from signsplice.train.quantizing import weights_of
 from signsplice.train.run import check_bundle_folder
 from signsplice.train.windows import Part, Windows, part_of
 
@@ -86,7 +85,7 @@ def make(
         raise InputError(f"tuning by {processes.count} processes, expected one: it takes minutes")
     check_bundle_folder(out)
     learned, held = split(lexicon)
-    facts = open_graphs(source).facts
+    facts = {k: v for k, v in open_graphs(source).facts.items() if k != "precision"}
     content = read_file(source, facts, _FILE)
     network = begun(facts, content, source)
     told = {**asdict(tuning), "from": facts["files"][_FILE], "words": [_fingerprint(clip) for clip in learned]}
@@ -174,9 +173,9 @@ def begun(facts: Mapping[str, Any], content: bytes, folder: Path) -> Bridge:
         raise InputError(f"{folder / HEAD}: says no sizes of its transition network, so that it cannot be trained on")
     network = Bridge(BridgeConfig(**told["config"]))
     stored: dict[str, Tensor] = {}
-    for entry in onnx.load_model_from_string(content).graph.initializer:
-        name, values = entry.name, torch.from_numpy(np.array(numpy_helper.to_array(entry)))
-        stored[name.removesuffix(TRANSPOSED)] = values.T if name.endswith(TRANSPOSED) else values
+    for name, values in weights_of(content).items():
+        tensor = torch.from_numpy(np.array(values))
+        stored[name.removesuffix(TRANSPOSED)] = tensor.T if name.endswith(TRANSPOSED) else tensor
     missing = [name for name in network.state_dict() if name not in stored]
     if missing:
         raise InputError(f"{folder / _FILE}: holds no weights named {missing[0]}, so that it cannot be trained on")
