@@ -29,7 +29,7 @@ def demo(out: str) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 def bench(repeats: int, as_json: bool) -> None:
     """Measure the speed of every part beside its baselines, in one run."""
-    from signsplice.bench import measure, table
+    from signsplice.bench.parts import measure, table
 
     with progress("bench") as advance:
         figures = measure(repeats, advance)

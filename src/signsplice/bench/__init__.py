@@ -1,0 +1,1 @@
+"""`signsplice bench`: speed of every part beside its baselines."""
