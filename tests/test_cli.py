@@ -17,7 +17,7 @@ from signsplice.motion.clip import Clip
 
 def signsplice(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
     """A run of the real program, without a terminal."""
-    command = [sys.executable, "-m", "signsplice.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "signsplice", *map(str, arguments)]
     return subprocess.run(
         command, cwd=cwd, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120, check=False
     )
@@ -69,7 +69,7 @@ BAD_CALLS = [
     (("splice", "nowhere.bvh", "-o", "out.bvh"), "nowhere.bvh: no such file"),
     (("splice", "HELLO.bvh", "-o", "no/out.bvh"), "folder no does not exist"),
     (("splice", "HELLO.bvh", "-o", "out.fbx"), "suffix .fbx cannot be written"),
-    (("splice", "HELLO.bvh", "-o", "out.glb"), "glTF files cannot be written yet"),
+    (("splice", "HELLO.bvh", "-o", "out.pose"), "landmark files cannot be written yet"),
     (("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", "--cutter", "x"), "no cutter 'x', expected one of"),
     (("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", "--transition", "x"), "no transition 'x'"),
     (("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", "--transition-time", "x"), "no duration 'x'"),
@@ -199,7 +199,7 @@ def test_long_work_can_be_interrupted(folder: Path) -> None:
     import time
 
     process = subprocess.Popen(
-        [sys.executable, "-m", "signsplice.cli", "render", "SIGN.bvh", "out.gif"],
+        [sys.executable, "-m", "signsplice", "render", "SIGN.bvh", "out.gif"],
         cwd=folder,
         stderr=subprocess.PIPE,
         stdout=subprocess.DEVNULL,

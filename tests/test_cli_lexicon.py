@@ -18,7 +18,7 @@ from signsplice.motion.clip import Clip
 
 
 def signsplice(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "signsplice.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "signsplice", *map(str, arguments)]
     return subprocess.run(
         command, cwd=cwd, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120, check=False
     )
@@ -155,7 +155,7 @@ def test_a_build_can_be_interrupted(tmp_path: Path, words: dict[str, Clip]) -> N
     for n in range(1, 400):
         (tmp_path / "clips" / f"W{n}.bvh").write_text(text)
     process = subprocess.Popen(
-        [sys.executable, "-m", "signsplice.cli", "lexicon", "build", "clips", "-o", "lex"],
+        [sys.executable, "-m", "signsplice", "lexicon", "build", "clips", "-o", "lex"],
         cwd=tmp_path,
         stderr=subprocess.PIPE,
         stdout=subprocess.DEVNULL,

@@ -32,7 +32,7 @@ KNOCK  hands=one
 
 
 def signsplice(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "signsplice.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "signsplice", *map(str, arguments)]
     return subprocess.run(
         command, cwd=cwd, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120, check=False
     )
@@ -173,7 +173,7 @@ def test_bad_calls_get_one_line_and_write_nothing(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """In this process, as ``python -m signsplice.cli`` would run them."""
+    """In this process, as ``python -m signsplice`` would run them."""
     from signsplice import cli
 
     texts = {"own": NOTATION, "broken": BROKEN, "unlawful": UNLAWFUL, "empty": "# nothing\n"}

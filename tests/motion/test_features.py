@@ -19,15 +19,17 @@ RNG = np.random.default_rng(7)
 
 def test_six_numbers_come_back() -> None:
     turns = signing(word("BOOK").clip).turns
-    np.testing.assert_allclose(rotation.matrix_from_6d(rotation.columns(turns)), turns, atol=1e-9)
-    np.testing.assert_allclose(rotation.matrix_from_6d(rotation.columns(turns) * 1.7), turns, atol=1e-9)
+    matrices = rotation.to_matrix(turns)
+    np.testing.assert_allclose(rotation.to_6d(turns), rotation.columns(matrices), atol=1e-15)
+    np.testing.assert_allclose(rotation.matrix_from_6d(rotation.to_6d(turns)), matrices, atol=1e-9)
+    np.testing.assert_allclose(rotation.matrix_from_6d(rotation.to_6d(turns) * 1.7), matrices, atol=1e-9)
 
 
 def test_another_rate_shows_the_same_motion() -> None:
     clip = word("MOTHER").clip
     own = features.course(signing(clip))
     assert len(own) == len(clip)
-    np.testing.assert_array_equal(rotation.matrix_from_6d(own.turns).shape, signing(clip).turns.shape)
+    np.testing.assert_array_equal(own.turns, rotation.to_6d(signing(clip).turns))
     for fps, tolerance in ((60.0, 1e-6), (24.0, 0.05), (100.0, 0.02)):
         other = features.course(signing(resample(clip, fps)))
         n = min(len(own), len(other))

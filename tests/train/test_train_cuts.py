@@ -11,9 +11,10 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from signsplice.motion import features  # noqa: E402
+from signsplice.motion.features import PHASES  # noqa: E402
 from signsplice.synth import endless  # noqa: E402
-from signsplice.train.cuts import CutPairs, CuttingTask, read_words  # noqa: E402
-from signsplice.train.networks.cutting import PHASES, Cutting, CuttingConfig  # noqa: E402
+from signsplice.train.cuts import CutPairs, CuttingTask, phases_of, read_words  # noqa: E402
+from signsplice.train.networks.cutting import Cutting, CuttingConfig  # noqa: E402
 
 TOY = CuttingConfig(32, 2, 2, 48, 2, 12, 24)
 
@@ -35,7 +36,9 @@ def test_a_draw_is_words_of_one_signer_and_their_truth(paths: list[Path]) -> Non
     which = [next(k for k, own in enumerate(known) if np.array_equal(own, tokens)) for tokens, _ in one["words"]]
     assert sorted(which) == [0, 1, 2, 3, 4]
     for row, p in enumerate(which):
-        np.testing.assert_array_equal(one["words"][row][1], words.phases[p])
+        tokens, phases = one["words"][row]
+        assert len(tokens) == len(phases)
+        np.testing.assert_array_equal(phases[: len(words.phases[p])], words.phases[p])
         for column, q in enumerate(which):
             pre, post, n = words.pairs[p, q]
             assert (one["pre"][row, column], one["post"][row, column]) == (pre, post)
@@ -44,24 +47,40 @@ def test_a_draw_is_words_of_one_signer_and_their_truth(paths: list[Path]) -> Non
 
 def test_what_teaches_is_noisy_or_between_frames_and_the_truth_moves_along(paths: list[Path]) -> None:
     words, seen = read_words(paths[0]), CutPairs(paths)
-    clean = [features.word_window(c)[:, 0] for c in words.courses]
-    lengths = sorted(len(tokens) for number in range(6) for tokens, _ in seen.draw(number)["words"])
-    assert set(lengths) & {len(c) - 1 for c in clean}, "between two frames there is one fewer"
-    assert set(lengths) & {len(c) for c in clean}
+    clean = {len(c) for c in words.courses}
+    # The last frame's seconds since the first tell how many there are, but for the one that is there twice.
+    lengths = {
+        round(float(tokens[-1, -2]) * features.RATE) + 1
+        for number in range(6)
+        for tokens, _ in seen.draw(number)["words"]
+    }
+    assert lengths & {n - 1 for n in clean}, "between two frames there is one fewer"
+    assert lengths & clean
     for number in range(6):
         one = seen.draw(number)
         for k, (tokens, phases) in enumerate(one["words"]):
             assert len(tokens) == len(phases)
             assert one["pre"][k].max() < len(tokens)
             assert one["post"][:, k].max() < len(tokens)
-            sign = np.flatnonzero(phases == PHASES.index("sign"))
+            sign = np.flatnonzero(np.isin(phases, [PHASES.index("hold"), PHASES.index("stroke")]))
             assert (one["pre"][k] > sign[0] - 3).all(), "no word is left before its sign"
 
 
 def test_phases_follow_one_another(paths: list[Path]) -> None:
+    signs = set()
     for phases in read_words(paths[0]).phases:
-        order = [int(phases[0]), *(int(b) for a, b in pairwise(phases) if a != b)]
-        assert [PHASES[k] for k in order] == ["rest", "preparation", "sign", "retraction", "rest"]
+        order = [PHASES[k] for k in (int(phases[0]), *(int(b) for a, b in pairwise(phases) if a != b))]
+        assert (order[:2], order[-2:]) == (["rest", "preparation"], ["retraction", "rest"])
+        signs.add(tuple(order[2:-2]))
+    assert signs <= {("hold",), ("stroke",), ("hold", "stroke"), ("stroke", "hold"), ("hold", "stroke", "hold")}
+
+
+def test_a_posture_is_a_hold_and_movements_a_stroke() -> None:
+    at = np.arange(9)
+    still = phases_of(at, (1, 3, 6, 8, -1, -1, -1, -1))
+    assert [PHASES[k] for k in still] == ["rest"] * 2 + ["preparation"] + ["hold"] * 4 + ["retraction", "rest"]
+    moving = phases_of(at, (1, 3, 6, 8, 3, 4, 4, 5))
+    assert [PHASES[k] for k in moving[3:7]] == ["stroke"] * 3 + ["hold"]
 
 
 def test_only_frames_of_the_word_are_chosen(paths: list[Path]) -> None:

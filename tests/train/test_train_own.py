@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,8 +18,9 @@ from signsplice.errors import InputError
 from signsplice.splicing.bundle import read_facts
 from signsplice.splicing.networks import LearnedCutter, LearnedDuration, Reader, open_graphs
 from signsplice.synth import endless
-from signsplice.train import log, own
+from signsplice.train import checkpoint, log, own
 from signsplice.train.ahead import ahead
+from signsplice.train.cuts import CutPairs
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +53,27 @@ def test_networks_learn_and_meet_in_a_bundle(signing: Path, tmp_path: Path) -> N
     before = (folder / log.NAME).read_text()
     own.make(own.Own("cutter", "smoke", steps=2), signing, bundle, ALONE)
     assert (folder / log.NAME).read_text() == before, "what has learned does not learn again"
+
+
+def test_a_training_goes_on_from_the_weights_of_another(signing: Path, tmp_path: Path) -> None:
+    own.make(own.Own("cutter", "smoke", steps=2), signing, tmp_path / "first", ALONE)
+    (earlier,) = (tmp_path / "parts").iterdir()
+    own.make(own.Own("cutter", "smoke", steps=1), signing, tmp_path / "second", ALONE, earlier=earlier)
+    begun = checkpoint.read(earlier)
+    assert read_facts(tmp_path / "second")["networks"]["cutter"]["begins_with"] == begun["recipe"]
+    (later,) = (folder for folder in (tmp_path / "parts").iterdir() if folder != earlier)
+    after = checkpoint.read(later)
+    assert (begun["step"], after["step"]) == (2, 1)
+    fresh = own.build(own.Own("cutter", "smoke"), CutPairs(sorted(signing.glob("*.npz")))).state_dict()
+
+    def way(one: dict[str, Any], other: dict[str, Any]) -> float:
+        return sum(float((one[name] - other[name]).abs().sum()) for name in one)
+
+    assert 0.0 < way(begun["network"], after["network"]) < 0.2 * way(begun["network"], fresh)
+    with pytest.raises(InputError, match=r"checkpoint.pt: cannot be read"):
+        own.make(own.Own("transition", "smoke", steps=1), signing, tmp_path / "b", ALONE, earlier=earlier)
+    with pytest.raises(InputError, match=r"nowhere/checkpoint.pt: cannot be read"):
+        own.make(own.Own("cutter", "smoke"), signing, tmp_path / "b", ALONE, earlier=tmp_path / "nowhere")
 
 
 def test_what_cannot_be_trained_is_refused(signing: Path, tmp_path: Path) -> None:

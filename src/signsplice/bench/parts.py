@@ -264,7 +264,7 @@ def _from_file(clip: Clip) -> Clip:
 
 def _start(repeats: int) -> dict[str, Any]:
     """Whole processes: the help, beside a bare interpreter."""
-    help_run = [sys.executable, "-m", "signsplice.cli", "--help"]
+    help_run = [sys.executable, "-m", "signsplice", "--help"]
     bare_run = [sys.executable, "-c", "pass"]
     own, bare = _in_turns(
         min(repeats, 9),

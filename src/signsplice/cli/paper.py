@@ -142,7 +142,7 @@ def _train_side_by_side(todo: Sequence[Run], pairs: Path, bundles: Path, steps: 
             while waiting and len(running) < workers:
                 n, run = waiting.pop(0)
                 click.echo(f"training {n} of {len(todo)}: {run.name}", err=True)
-                call = [sys.executable, "-m", "signsplice.cli", *run.arguments(pairs, bundles, steps)]
+                call = [sys.executable, "-m", "signsplice", *run.arguments(pairs, bundles, steps)]
                 running[run.name] = subprocess.Popen(call, env=around)
             time.sleep(0.2)
             for name, process in list(running.items()):

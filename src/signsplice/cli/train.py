@@ -57,7 +57,7 @@ def paper(
 ) -> None:
     """Train a system of the paper and export it. Called again after an interruption, it goes on where it was.
 
-    Several processes share the work: torchrun --nproc-per-node 2 -m signsplice.cli train paper ...
+    Several processes share the work: torchrun --nproc-per-node 2 -m signsplice train paper ...
     """
     _check_extra()
     from signsplice.paper.measures import accuracy
@@ -85,7 +85,7 @@ def _own_options(command: Command) -> Command:
     for option in reversed(
         (
             click.option("--out", required=True, metavar="DIR", help="Bundle that the network is written into."),
-            click.option("--scale", type=click.Choice(("smoke", "ship")), default="ship", show_default=True,
+            click.option("--scale", type=click.Choice(("smoke", "ship", "more")), default="ship", show_default=True,
                          help="How large the network is and how long it learns."),
             click.option("--steps", type=int, metavar="N", help="Steps in place of the scale's."),
             click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of weights and pairs."),
@@ -96,14 +96,24 @@ def _own_options(command: Command) -> Command:
     return command
 
 
-def _train_own(network: str, signing: str, out: str, scale: str, steps: int | None, seed: int, device: str) -> None:
+def _train_own(
+    network: str,
+    signing: str,
+    out: str,
+    scale: str,
+    steps: int | None,
+    seed: int,
+    device: str,
+    earlier: str | None = None,
+) -> None:
     _check_steps(steps)
     _check_extra()
     from signsplice.train import own, processes
 
     with processes.joined(device) as here:
         told = own.Own(network, scale, seed, steps)
-        own.make(told, Path(signing), Path(out), here, _teller if here.first else None)
+        begun = None if earlier is None else Path(earlier)
+        own.make(told, Path(signing), Path(out), here, _teller if here.first else None, begun)
         if here.first:
             print(f"{out}: {network}, scale {scale}, {told.n_steps} steps")
 
@@ -115,12 +125,13 @@ def _check_steps(steps: int | None) -> None:
 
 @train.command()
 @click.option("--signing", required=True, metavar="DIR", help="Signing to learn from, of `signsplice synth endless`.")
+@click.option("--from", "earlier", metavar="DIR", help="Folder of an earlier training, whose weights are the first.")
 @_own_options
-def cutter(signing: str, out: str, scale: str, steps: int | None, seed: int, device: str) -> None:
+def cutter(signing: str, earlier: str | None, out: str, scale: str, steps: int | None, seed: int, device: str) -> None:
     """Train the network that finds where to leave and enter, and how long the way between takes. Called again after an
     interruption, it goes on where it was.
     """
-    _train_own("cutter", signing, out, scale, steps, seed, device)
+    _train_own("cutter", signing, out, scale, steps, seed, device, earlier)
 
 
 @train.command()

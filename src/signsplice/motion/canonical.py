@@ -56,14 +56,21 @@ class Rig:
     """How a skeleton carries the roles.
 
     joints (R,): joint of every role, -1 where there is none. above (R,): row of the nearest role above it, -1 where
-    the hips are. common (J, 4): rotations of the common pose. tips (12,): joints of ``TIPS``, -1 where there is none.
-    arm_length: shoulder to wrist, clip units.
+    the hips are. common (J, 4): rotations of the common pose. ways: for every role that is there, the joints whose
+    local rotations lead from the joint above it to its own, with True where the way goes up. into (K, 4, 4): what makes
+    the canonical turns of those K roles of such rotations, as matrices on quaternions. arms: joints of ``TIPS`` (the
+    wrist's where a finger is missing) and, last, both shoulders. origin: the nearest joint above all of them and
+    ``chest``, in whose axes, those of the trunk, places are told. arm_length: shoulder to wrist, clip units.
     """
 
     joints: NDArray[np.intp]
     above: NDArray[np.intp]
     common: Float
-    tips: NDArray[np.intp]
+    ways: tuple[tuple[tuple[int, bool], ...], ...]
+    into: Float
+    arms: tuple[int, ...]
+    chest: int
+    origin: int
     arm_length: float
 
     @property
@@ -88,24 +95,52 @@ def rig(skeleton: Skeleton) -> Rig:
 def _rig(skeleton: Skeleton) -> Rig:
     arm_joints(skeleton)
     roles = find_roles(skeleton).joints
+    hips = roles.get("hips", 0)
     joints = np.array([roles.get(role, -1) for role in ROLES])
     row_of = {int(joint): row for row, joint in enumerate(joints) if joint >= 0}
     above = np.full(len(ROLES), -1)
     for row, joint in enumerate(joints):
-        over = int(skeleton.parents[joint]) if joint >= 0 else -1
-        while over >= 0 and over not in row_of:
-            over = int(skeleton.parents[over])
-        above[row] = row_of.get(over, -1)
+        if joint >= 0:
+            above[row] = next((row_of[over] for over in kinematics.lineage(skeleton, joint)[1:] if over in row_of), -1)
+    common = common_rotations(skeleton)
+    own, over = joints[joints >= 0], np.where(above >= 0, joints[above], hips)[joints >= 0]
     tips = np.array([roles.get(role, -1) for role in TIPS])
-    return Rig(joints, above, common_rotations(skeleton), tips, stance.sizes(skeleton).arm_length)
+    tips = np.where(tips >= 0, tips, np.repeat(tips[[0, len(TIPS) // 2]], len(TIPS) // 2))
+    arms = (*tips.tolist(), int(joints[LEFT.start + 1]), int(joints[RIGHT.start + 1]))
+    shoulder = LEFT.start if joints[LEFT.start] >= 0 else LEFT.start + 1
+    chest = int(joints[above[shoulder]]) if above[shoulder] >= 0 else hips
+    return Rig(
+        joints=joints,
+        above=above,
+        common=common,
+        ways=tuple(_way(skeleton, int(a), int(b)) for a, b in zip(over, own, strict=True)),
+        into=_on_quaternions(common[over], rotation.inverse(common[own])),
+        arms=arms,
+        chest=chest,
+        origin=kinematics.meeting(skeleton, (*arms, chest)),
+        arm_length=stance.sizes(skeleton).arm_length,
+    )
+
+
+def _way(skeleton: Skeleton, start: int, end: int) -> tuple[tuple[int, bool], ...]:
+    """The joints whose local rotations lead from one joint to another, True where they are undone on the way up."""
+    up, down = kinematics.lineage(skeleton, start), kinematics.lineage(skeleton, end)
+    common = set(up) & set(down)
+    ups = [(joint, True) for joint in up if joint not in common]
+    return (*ups, *((joint, False) for joint in reversed(down) if joint not in common))
+
+
+def _on_quaternions(before: Float, after: Float) -> Float:
+    """Matrices (K, 4, 4) that take a quaternion q to before q after, for quaternions (K, 4)."""
+    return np.stack([rotation.multiply(rotation.multiply(before, q), after) for q in np.eye(4)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
 class Signing:
     """A clip's signing body.
 
-    turns (T, R, 3, 3): canonical turns A; identity where the rig has no such joint. places (T, 12, 3): the joints of
-    ``TIPS`` from the middle between the shoulders, in the axes of the trunk (left +X, up +Y, forward +Z), in
+    turns (T, R, 4): canonical turns A, quaternions; identity where the rig has no such joint. places (T, 12, 3): the
+    joints of ``TIPS`` from the middle between the shoulders, in the axes of the trunk (left +X, up +Y, forward +Z), in
     arm lengths; the wrist's where a finger is missing. there (R,): roles that the rig has.
     """
 
@@ -118,7 +153,7 @@ class Signing:
         """The same seen in the mirror: left and right change places."""
         flip = np.array([-1.0, 1.0, 1.0])
         half = len(TIPS) // 2
-        turns = self.turns[:, MIRROR] * flip[:, None] * flip
+        turns = self.turns[:, MIRROR] * np.array([1.0, -1.0, -1.0, 1.0])
         places = np.concatenate([self.places[:, half:], self.places[:, :half]], axis=1) * flip
         return Signing(turns, places, self.there[MIRROR], self.fps)
 
@@ -126,22 +161,28 @@ class Signing:
 def signing(clip: Clip) -> Signing:
     """The signing body of a clip. Raises ``InputError`` where its arms are not known by name."""
     known = rig(clip.skeleton)
-    hips = find_roles(clip.skeleton).joints.get("hips", 0)
-    shoulders = [known.joints[LEFT.start + 1], known.joints[RIGHT.start + 1]]
-    rows = np.flatnonzero(known.there)
-    tips = np.where(known.tips >= 0, known.tips, np.repeat(known.tips[[0, len(TIPS) // 2]], len(TIPS) // 2))
-    asked = [hips, *known.joints[rows].tolist(), *shoulders, *tips.tolist()]
-    globals_, positions = kinematics.forward(clip, asked)
-    n = len(rows) + 1
-    carried = np.einsum("tkab,kcb->tkac", globals_[:, :n], rotation.to_matrix(known.common[asked[:n]]))  # K
-    at = {int(row): k + 1 for k, row in enumerate(rows)} | {-1: 0}
-    over = [at[int(known.above[row])] for row in rows]
-    turns = np.broadcast_to(np.eye(3), (len(clip), len(ROLES), 3, 3)).copy()
-    turns[:, rows] = np.einsum("tkba,tkbc->tkac", carried[:, over], carried[:, 1:n])
-    top = carried[:, at[int(known.above[LEFT.start if known.joints[LEFT.start] >= 0 else LEFT.start + 1])]]
-    middle = positions[:, n : n + 2].mean(axis=1)
-    places = (positions[:, n + 2 :] - middle[:, None]) @ top / known.arm_length
+    # A = C_above G_above^-1 G C^-1: of the rotations between the two joints alone, no kinematics.
+    local = clip.local_rotations
+    between = local[:, [way[-1][0] for way in known.ways]]
+    for k, way in enumerate(known.ways):
+        if len(way) > 1 or way[0][1]:
+            between[:, k] = _along(local, way)
+    turns = np.empty((len(clip), len(ROLES), 4))
+    turns[:] = rotation.IDENTITY
+    turns[:, known.there] = (known.into @ between.transpose(1, 2, 0)).transpose(2, 0, 1)
+    globals_, positions = kinematics.forward(clip, [known.chest, *known.arms], known.origin)
+    middle = positions[:, -2:].mean(axis=1)
+    trunk = globals_[:, 0] @ rotation.to_matrix(rotation.inverse(known.common[known.chest]))
+    places = (positions[:, 1:-2] - middle[:, None]) @ trunk / known.arm_length
     return Signing(turns, places, known.there, clip.fps)
+
+
+def _along(local: Float, way: tuple[tuple[int, bool], ...]) -> Float:
+    """The rotation (T, 4) from one joint to another, of local rotations (T, J, 4)."""
+    out = np.broadcast_to(rotation.IDENTITY, (len(local), 4))
+    for joint, up in way:
+        out = rotation.multiply(out, rotation.inverse(local[:, joint]) if up else local[:, joint])
+    return out
 
 
 def turned(skeleton: Skeleton, local_rotations: Float, deltas: Float) -> Float:

@@ -57,8 +57,25 @@ def hands_inside(skeleton: Skeleton, global_rotations: Float, global_positions: 
     shape = known_body(skeleton)
     known = groups(shape)
     starts, ends = place(shape, global_rotations, global_positions)
-    solid = (*known.head, *known.trunk)
-    return _deepest(shape, starts, ends, (solid, solid), True)
+    n_frames, solid = len(starts), (*known.head, *known.trunk)
+    depth, way = np.full((n_frames, 2), -np.inf), np.zeros((n_frames, 2, 3))
+    meeting = bool(known.left and known.right)
+    if meeting:
+        between, across = overlap(starts, ends, shape.radii, known.left, known.right)
+        apart = starts[:, known.left].mean(axis=1) - starts[:, known.right].mean(axis=1)
+        across = across + _APART * (apart / (np.linalg.norm(apart, axis=-1, keepdims=True) + _TINY))[:, None, None]
+        across /= np.linalg.norm(across, axis=-1, keepdims=True) + _TINY
+    rows = np.arange(n_frames)
+    for side, own in enumerate((known.left, known.right)):
+        deep, out = overlap(starts, ends, shape.radii, own, solid)
+        if meeting:
+            other, away = (between, across) if side == 0 else (between.swapaxes(1, 2), -across.swapaxes(1, 2))
+            deep, out = np.concatenate([deep, other], axis=2), np.concatenate([out, away], axis=2)
+        if deep.size:
+            deep, out = deep.reshape(n_frames, -1), out.reshape(n_frames, -1, 3)
+            worst = deep.argmax(axis=1)
+            depth[:, side], way[:, side] = deep[rows, worst], out[rows, worst]
+    return depth, way
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,88 +86,107 @@ class Capsules:
     starts: Float
     ends: Float
 
-    def moved(self, moves: Float) -> Capsules:
-        """The same with the hands moved by ``moves`` (T, 2, 3), left and right; head, trunk and arms stay."""
-        starts, ends = self.starts.copy(), self.ends.copy()
+    def near(self, slack: float = 0.0) -> Near:
+        """What a hand may come to lie in where it moves by up to ``slack``, clip units: the pairs of a hand's capsule
+        and one of head, trunk or the other hand whose balls come so near.
+        """
         known = groups(self.shape)
-        for side, own in enumerate((known.left, known.right)):
-            starts[:, own] += moves[:, side, None]
-            ends[:, own] += moves[:, side, None]
-        return Capsules(self.shape, starts, ends)
+        hands = np.array([*known.left, *known.right], np.intp)
+        others = np.array([*known.head, *known.trunk, *known.right], np.intp)
+        (p, u, ball), (q, v, other) = self._balls(hands), self._balls(others)
+        # Squares of distances by a product of matrices: few numbers on the way.
+        squares = _dot(p, p)[:, :, None] + _dot(q, q)[:, None] - 2.0 * p @ q.transpose(0, 2, 1)
+        close = squares < (ball[:, :, None] + other[:, None] + slack) ** 2
+        n_left, n_solid = len(known.left), len(known.head) + len(known.trunk)
+        close[:, n_left:, n_solid:] = False  # the right hand and itself
+        frames, i, j = np.nonzero(close)
+        p, u, q, v = p[frames, i], u[frames, i], q[frames, j], v[frames, j]
+        left, meeting = i < n_left, j >= n_solid
+        apart = np.zeros((len(p), 3))
+        if meeting.any():
+            middles = [self.starts[:, own].mean(axis=1) for own in (known.left, known.right)]
+            apart = (middles[0] - middles[1])[frames]
+        return Near(
+            n_frames=len(self.starts),
+            frames=frames,
+            hands=np.column_stack([left, np.where(meeting, -1.0, ~left)]),
+            meeting=meeting,
+            gaps=p - u - (q - v),
+            axes=(2.0 * u, 2.0 * v),
+            radii=(self.shape.radii[hands[i]], self.shape.radii[others[j]]),
+            apart=apart,
+        )
 
     def pressed(self) -> tuple[Float, Float]:
-        """``hands_inside`` where a hand lies in something, in a part of the time: only capsules that the ball around a
-        hand reaches are looked at. Elsewhere the depth is some number not above 0, and the way means nothing.
+        """``hands_inside`` where a hand lies in something, in a small part of the time: only capsules whose balls meet
+        are looked at. Elsewhere the depth is some number not above 0, and the way means nothing.
         """
-        known, starts, ends = groups(self.shape), self.starts, self.ends
-        depth, way = np.full((len(starts), 2), -np.inf), np.zeros((len(starts), 2, 3))
-        near, meeting = _near(self.shape, known, starts, ends)
-        rows = np.flatnonzero(np.any(near, axis=(1, 2)) | meeting)
-        if len(rows):
-            solid = np.array([*known.head, *known.trunk])
-            left, right = (tuple(solid[own].tolist()) for own in np.any(near[rows], axis=0))
-            meet = bool(meeting[rows].any())
-            depth[rows], way[rows] = _deepest(self.shape, starts[rows], ends[rows], (left, right), meet)
+        return self.near().pressed()
+
+    def _balls(self, own: NDArray[np.intp]) -> tuple[Float, Float, Float]:
+        """Middles (T, K, 3) of capsules, seen from the first frame's middle of all, halves of their axes (T, K, 3), and
+        radii (T, K) of balls around them.
+        """
+        starts, ends = self.starts[:, own], self.ends[:, own]
+        half = 0.5 * (ends - starts)
+        middles = starts + half - self.starts[0].mean(axis=0)
+        return middles, half, np.sqrt(_dot(half, half)) + self.shape.radii[own].max(axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Near:
+    """K pairs of capsules that lie near one another, each of a hand and of what it must not lie in, over some frames.
+
+    frames (K,): in order. hands (K, 2): how a pair's gap follows the left and the right hand; of two hands 1 and -1.
+    meeting (K,): whether it is of two hands. gaps (K, 3): from the start of what is near to that of the hand's capsule;
+    axes and radii of both, (K, 3) and (K, 2). apart (K, 3): from the right to the left hand.
+    """
+
+    n_frames: int
+    frames: NDArray[np.intp]
+    hands: Float
+    meeting: NDArray[np.bool_]
+    gaps: Float
+    axes: tuple[Float, Float]
+    radii: tuple[Float, Float]
+    apart: Float
+
+    def pressed(self, moves: Float | None = None) -> tuple[Float, Float]:
+        """How deep (T, 2) each hand lies in something, and the way out (T, 2, 3), with the hands moved by ``moves`` (T,
+        2, 3); as ``Capsules.pressed``.
+        """
+        depth, way = np.full((self.n_frames, 2), -np.inf), np.zeros((self.n_frames, 2, 3))
+        if not len(self.frames):
+            return depth, way
+        gaps = self.gaps
+        moved = None if moves is None else _dot_rows(self.hands, moves[self.frames])
+        if moved is not None:
+            gaps = gaps + moved
+        depths, ways = _depths(gaps, *self.axes, *self.radii)
+        both = self.meeting
+        if both.any():
+            apart = self.apart[both] if moved is None else self.apart[both] + moved[both]
+            across = ways[both] + _APART * apart / (np.linalg.norm(apart, axis=-1, keepdims=True) + _TINY)
+            ways[both] = across / (np.linalg.norm(across, axis=-1, keepdims=True) + _TINY)
+        for side in (0, 1):
+            own = np.flatnonzero(self.hands[:, side])
+            if len(own):
+                order = own[np.lexsort((depths[own], self.frames[own]))]
+                last = order[np.append(np.flatnonzero(np.diff(self.frames[order])), len(order) - 1)]
+                depth[self.frames[last], side] = depths[last]
+                way[self.frames[last], side] = ways[last] * self.hands[last, side, None]
         return depth, way
+
+
+def _dot_rows(weights: Float, rows: Float) -> Float:
+    """Sums (K, 3) of rows (K, S, 3), each times its weight (K, S)."""
+    return np.asarray((weights[:, :, None] * rows).sum(axis=1))
 
 
 def capsules(skeleton: Skeleton, global_rotations: Float, global_positions: Float) -> Capsules:
     """A skeleton's capsules, from the globals of ``kinematics.forward`` for all joints."""
     shape = known_body(skeleton)
     return Capsules(shape, *place(shape, global_rotations, global_positions))
-
-
-def _near(shape: Body, known: Groups, starts: Float, ends: Float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which capsules of head and trunk the ball around each hand reaches (T, 2, S), and whether the two balls do one
-    another (T,).
-    """
-    solid = [*known.head, *known.trunk]
-    q, v = starts[:, solid], ends[:, solid] - starts[:, solid]
-    thickest = shape.radii[solid].max(axis=1)
-    near = np.zeros((len(starts), 2, len(solid)), bool)
-    centres, balls = [], []
-    for side, own in enumerate(map(list, (known.left, known.right))):
-        points = np.concatenate([starts[:, own], ends[:, own]], axis=1)
-        centre = points.mean(axis=1) if own else np.full((len(starts), 3), np.inf)
-        thick = np.concatenate([shape.radii[own, 0], shape.radii[own, 1]])
-        ball = (np.linalg.norm(points - centre[:, None], axis=-1) + thick).max(axis=1, initial=0.0)
-        if own:
-            way = centre[:, None] - q
-            share = np.clip(_dot(way, v) / (_dot(v, v) + _TINY), 0.0, 1.0)
-            near[:, side] = np.linalg.norm(way - share[..., None] * v, axis=-1) < ball[:, None] + thickest
-        centres.append(centre)
-        balls.append(ball)
-    if not (known.left and known.right):
-        return near, np.zeros(len(starts), bool)
-    return near, np.linalg.norm(centres[0] - centres[1], axis=-1) < balls[0] + balls[1]
-
-
-def _deepest(
-    shape: Body, starts: Float, ends: Float, solid: tuple[tuple[int, ...], tuple[int, ...]], meeting: bool
-) -> tuple[Float, Float]:
-    """How deep (T, 2) each hand lies, and its way out (T, 2, 3), in some capsules for the left and for the right one,
-    and in the other hand where they are ``meeting``.
-    """
-    known = groups(shape)
-    n_frames = len(starts)
-    depth, way = np.full((n_frames, 2), -np.inf), np.zeros((n_frames, 2, 3))
-    meeting = meeting and bool(known.left and known.right)
-    if meeting:
-        between, across = overlap(starts, ends, shape.radii, known.left, known.right)
-        apart = starts[:, known.left].mean(axis=1) - starts[:, known.right].mean(axis=1)
-        across = across + _APART * (apart / (np.linalg.norm(apart, axis=-1, keepdims=True) + _TINY))[:, None, None]
-        across /= np.linalg.norm(across, axis=-1, keepdims=True) + _TINY
-    rows = np.arange(n_frames)
-    for side, own in enumerate((known.left, known.right)):
-        deep, out = overlap(starts, ends, shape.radii, own, solid[side])
-        if meeting:
-            other, away = (between, across) if side == 0 else (between.swapaxes(1, 2), -across.swapaxes(1, 2))
-            deep, out = np.concatenate([deep, other], axis=2), np.concatenate([out, away], axis=2)
-        if deep.size:
-            deep, out = deep.reshape(n_frames, -1), out.reshape(n_frames, -1, 3)
-            worst = deep.argmax(axis=1)
-            depth[:, side], way[:, side] = deep[rows, worst], out[rows, worst]
-    return depth, way
 
 
 @lru_cache(maxsize=64)
@@ -169,7 +205,13 @@ def overlap(starts: Float, ends: Float, radii: Float, a: Sequence[int], b: Seque
     rows, columns = np.asarray(a, np.intp), np.asarray(b, np.intp)
     p, q = starts[:, rows, None], starts[:, None, columns]
     u, v = ends[:, rows, None] - p, ends[:, None, columns] - q
-    r = p - q
+    return _depths(p - q, u, v, radii[rows, None], radii[columns])
+
+
+def _depths(r: Float, u: Float, v: Float, one: Float, two: Float) -> tuple[Float, Float]:
+    """How deep (...) capsules with axes u lie in those with axes v (..., 3), which start r (..., 3) from one another,
+    and the unit ways out (..., 3); radii (..., 2).
+    """
     uu, vv, uv = _dot(u, u) + _TINY, _dot(v, v) + _TINY, _dot(u, v)
     ur, vr = _dot(u, r), _dot(v, r)
     s = np.clip((uv * vr - ur * vv) / np.maximum(uu * vv - uv * uv, _TINY), 0.0, 1.0)
@@ -177,9 +219,8 @@ def overlap(starts: Float, ends: Float, radii: Float, a: Sequence[int], b: Seque
     s = np.clip((uv * t - ur) / uu, 0.0, 1.0)
     way = r + s[..., None] * u - t[..., None] * v
     distance = np.sqrt(_dot(way, way)) + _TINY
-    thick_a = radii[rows, 0, None] + s * (radii[rows, 1] - radii[rows, 0])[:, None]
-    thick_b = radii[columns, 0] + t * (radii[columns, 1] - radii[columns, 0])
-    return thick_a + thick_b - distance, way / distance[..., None]
+    thick = one[..., 0] + s * (one[..., 1] - one[..., 0]) + two[..., 0] + t * (two[..., 1] - two[..., 0])
+    return thick - distance, way / distance[..., None]
 
 
 def _dot(a: Float, b: Float) -> Float:

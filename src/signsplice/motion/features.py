@@ -18,7 +18,8 @@ from signsplice.motion.clip import Clip
 
 Float = NDArray[np.float64]
 
-VERSION = 2
+VERSION = 3
+"""Of what networks are shown, and of what they say: raised when either changes."""
 RATE = 30.0
 """Frames a second that networks see."""
 N_TURNS = 6 * len(ROLES)
@@ -57,9 +58,9 @@ def course(signing: Signing, times: Float | None = None) -> Course:
     share = at - low
     if np.all(np.abs(share - np.round(share)) < 1e-9):
         exact = np.round(at).astype(int)
-        return Course(rotation.columns(signing.turns[exact]), signing.places[exact], signing.there)
+        return Course(rotation.to_6d(signing.turns[exact]), signing.places[exact], signing.there)
     high = np.minimum(low + 1, n_frames - 1)
-    turns = rotation.columns(signing.turns)
+    turns = rotation.to_6d(signing.turns)
     mixed = (1.0 - share)[:, None, None] * turns[low] + share[:, None, None] * turns[high]
     places = (1.0 - share)[:, None, None] * signing.places[low] + share[:, None, None] * signing.places[high]
     return Course(rotation.columns(rotation.matrix_from_6d(mixed)), places, signing.there)
@@ -104,14 +105,6 @@ def wrists(numbers: NDArray[np.float32]) -> NDArray[np.float32]:
     return places[..., [0, len(TIPS) // 2], :]
 
 
-def tip_speeds(numbers: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Speeds (T, 12) of the joints of ``TIPS`` in numbers (T, N_FRAME) of ``frames``, arm lengths a second, into each
-    frame.
-    """
-    rates = numbers[:, N_FRAME // 2 + N_TURNS :].reshape(len(numbers), len(TIPS), 3)
-    return np.asarray(np.linalg.norm(rates, axis=-1) / _PER_SECOND)
-
-
 CONTEXT = 8
 """Frames of each sign that the network which makes transitions sees."""
 LEAST, MOST = 2, 45
@@ -144,6 +137,10 @@ def window(whole: Course, n_gap: int, real: NDArray[np.bool_], seconds: float) -
     return np.concatenate([own, away, told.astype(np.float32)], axis=1)
 
 
+PHASES = ("rest", "preparation", "hold", "stroke", "retraction")
+"""What a frame of a word is (Kita et al. 1998): the stroke goes from the first movement's begin to the last one's end,
+what stands before and after it is a hold.
+"""
 WORD_FRAMES = 150
 """Most frames (at ``RATE``) of a word that a cutter sees: the last ones of the word before, the first of the one after.
 """
@@ -152,10 +149,11 @@ N_WORD = N_FRAME + 2
 
 def word_window(word: Course) -> NDArray[np.float32]:
     """What a cutter sees of a word (T, N_WORD): each frame's numbers, and the seconds from the word's first frame and
-    to its last.
+    to its last. It sees two frames at once: of a word with an odd number the last one is there twice.
     """
     at = np.arange(len(word), dtype=np.float32) / np.float32(RATE)
-    return np.concatenate([frames(word), np.column_stack([at, at[-1] - at])], axis=1)
+    seen = np.concatenate([frames(word), np.column_stack([at, at[-1] - at])], axis=1)
+    return np.concatenate([seen, seen[-1:]]) if len(word) % 2 else seen
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,18 +17,22 @@ from signsplice.motion.clip import Clip, Skeleton
 Float = NDArray[np.float64]
 
 
-def forward(clip: Clip, joints: Sequence[int] | None = None) -> tuple[Float, Float]:
+def forward(clip: Clip, joints: Sequence[int] | None = None, origin: int | None = None) -> tuple[Float, Float]:
     """Global rotations (T, K, 3, 3) and positions (T, K, 3) of joints in the world.
 
     ``joints``: K joint indices, all by default. Only they and their ancestors are computed. global_j = global_parent
-    local_j; position_j = position_parent + global_parent offset_j; the root stands at root_positions.
+    local_j; position_j = position_parent + global_parent offset_j; the root stands at root_positions. ``origin``: a
+    joint above all of them, in whose axes and from whose place they are seen; by default the world's.
     """
     skeleton = clip.skeleton
-    way = _way(skeleton, None if joints is None else tuple(int(joint) for joint in joints))
+    way = _way(skeleton, None if joints is None else tuple(int(joint) for joint in joints), origin or 0)
     # Components first, frames last, all joints of one depth together: few operations, on long rows.
     local = _components_first(clip.local_rotations[:, way.order])  # (3, 3, K, T)
     rotations, positions = np.empty_like(local), np.empty((3, *local.shape[2:]))
-    rotations[:, :, 0], positions[:, 0] = local[:, :, 0], clip.root_positions.T
+    if origin is None:
+        rotations[:, :, 0], positions[:, 0] = local[:, :, 0], clip.root_positions.T
+    else:
+        rotations[:, :, 0], positions[:, 0] = np.eye(3)[..., None], 0.0
     offsets = skeleton.offsets[way.order]
     for rows, parents in way.levels:
         over = rotations.take(parents, axis=2)
@@ -43,9 +47,9 @@ def forward(clip: Clip, joints: Sequence[int] | None = None) -> tuple[Float, Flo
 
 @dataclass(frozen=True, eq=False)
 class _Way:
-    """The way down a skeleton to some joints: ``order``, all that are needed, by depth, the root first; ``levels``, the
-    rows of ``order`` of every depth below it with the rows of their parents; ``wanted``, the rows of the joints asked
-    for.
+    """The way down a skeleton to some joints: ``order``, all that are needed, by depth, the first above all;
+    ``levels``, the rows of ``order`` of every depth below it with the rows of their parents; ``wanted``, the rows of
+    the joints asked for.
     """
 
     order: NDArray[np.intp]
@@ -53,20 +57,20 @@ class _Way:
     wanted: NDArray[np.intp]
 
 
-_WAYS: WeakKeyDictionary[Skeleton, dict[tuple[int, ...] | None, _Way]] = WeakKeyDictionary()
+_WAYS: WeakKeyDictionary[Skeleton, dict[tuple[tuple[int, ...] | None, int], _Way]] = WeakKeyDictionary()
 
 
-def _way(skeleton: Skeleton, joints: tuple[int, ...] | None) -> _Way:
+def _way(skeleton: Skeleton, joints: tuple[int, ...] | None, origin: int) -> _Way:
     """The way to some joints (None: all), remembered as long as the skeleton lives."""
-    known = _WAYS.setdefault(skeleton, {})
-    if joints not in known:
-        known[joints] = _new_way(skeleton, range(len(skeleton)) if joints is None else joints)
-    return known[joints]
+    known, key = _WAYS.setdefault(skeleton, {}), (joints, origin)
+    if key not in known:
+        known[key] = _new_way(skeleton, range(len(skeleton)) if joints is None else joints, origin)
+    return known[key]
 
 
-def _new_way(skeleton: Skeleton, wanted: Sequence[int]) -> _Way:
+def _new_way(skeleton: Skeleton, wanted: Sequence[int], origin: int) -> _Way:
     parents = skeleton.parents.tolist()
-    depth = {0: 0}
+    depth = {origin: 0}
     for joint in wanted:
         chain = []
         while joint not in depth:
@@ -82,6 +86,29 @@ def _new_way(skeleton: Skeleton, wanted: Sequence[int]) -> _Way:
         rows = slice(row[joints[0]], row[joints[-1]] + 1)
         levels.append((rows, np.array([row[parents[joint]] for joint in joints])))
     return _Way(np.array(order), tuple(levels), np.array([row[joint] for joint in wanted], np.intp))
+
+
+def lineage(skeleton: Skeleton, joint: int) -> list[int]:
+    """A joint and all above it, the root last."""
+    out = [joint]
+    while skeleton.parents[out[-1]] >= 0:
+        out.append(int(skeleton.parents[out[-1]]))
+    return out
+
+
+def descent(skeleton: Skeleton, joint: int) -> list[int]:
+    """A joint and all below it."""
+    out = [joint]
+    for below in range(joint + 1, len(skeleton)):
+        if int(skeleton.parents[below]) in out:
+            out.append(below)
+    return out
+
+
+def meeting(skeleton: Skeleton, joints: Sequence[int]) -> int:
+    """The nearest joint that is, or lies above, each of these."""
+    shared = set.intersection(*(set(lineage(skeleton, joint)) for joint in joints))
+    return max(shared)
 
 
 def _components_first(q: Float) -> Float:

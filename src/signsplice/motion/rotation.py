@@ -267,7 +267,14 @@ def nearest_euler(angles: ArrayLike, reference: ArrayLike) -> Float:
 
 def to_6d(q: ArrayLike) -> Float:
     """First two columns of the rotation matrix (..., 6) (Zhou et al. 2019, eq. 13)."""
-    return columns(to_matrix(q))
+    q = np.asarray(q, np.float64)
+    x, y, z, w = (q[..., k] for k in range(4))
+    x2, y2, z2 = x + x, y + y, z + z
+    xx, xy, zz, wz = x * x2, x * y2, z * z2, w * z2
+    out = np.empty((*q.shape[:-1], 6))
+    out[..., 0], out[..., 1], out[..., 2] = 1.0 - y * y2 - zz, xy + wz, x * z2 - w * y2
+    out[..., 3], out[..., 4], out[..., 5] = xy - wz, 1.0 - xx - zz, y * z2 + w * x2
+    return out
 
 
 def columns(m: ArrayLike) -> Float:

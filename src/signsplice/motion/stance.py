@@ -125,14 +125,24 @@ def shoulder_width(skeleton: Skeleton) -> float:
     return float(np.linalg.norm(left - right))
 
 
+_STANDS: WeakKeyDictionary[Clip, Stand] = WeakKeyDictionary()
+
+
 def stand(clip: Clip) -> Stand:
-    """How the clip's signer stands, over a few frames spread evenly: the median place, the mean facing.
+    """How the clip's signer stands, over a few frames spread evenly: the median place, the mean facing; remembered as
+    long as the clip lives.
 
     Up is the world axis nearest to the way from the hips to the head; forward is at right angles to it and to the line
     of hips and shoulders. Skeletons without those roles stand at their root, up +Y, facing +Z (BVH's usual axes).
     """
-    humanoid = find_roles(clip.skeleton)
-    joints = humanoid.joints
+    found = _STANDS.get(clip)
+    if found is None:
+        found = _STANDS[clip] = _stand(clip)
+    return found
+
+
+def _stand(clip: Clip) -> Stand:
+    joints = find_roles(clip.skeleton).joints
     wanted = [r for r in _BODY if r in joints]
     frames = np.unique(np.linspace(0, len(clip) - 1, min(_SAMPLES, len(clip))).round().astype(np.intp))
     sample = Clip(

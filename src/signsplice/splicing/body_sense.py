@@ -22,10 +22,14 @@ Float = NDArray[np.float64]
 
 TOLERANCE_M = 0.003
 """Touching may press this deep."""
-_ROUNDS = 16
+_ROUNDS = 30
 """Pushes, at most, until a way around is found."""
-_TRIES = 3
+_SLACK_M = 0.03
+"""How much farther hands may go before what is near them is looked for anew."""
+_TRIES = 10
 """Ways around that are tried: an arm may be too short for the first."""
+_WORTH = 0.05
+"""Share of the depth that is left by which a try has to lessen it, for another to follow."""
 _SOFTEST = 0.35
 """Least cosine between a stretch's one way out and that of a frame by which a push is lengthened."""
 
@@ -55,30 +59,37 @@ def cleared(filled: Clip, before: Clip, after: Clip) -> Cleared:
         window = concatenate([before[-1:], filled, after[:1]])
         turns, places = kinematics.forward(window)
         seen = contact.capsules(window.skeleton, turns, places)
-        worst = _worst(seen.pressed()[0] * metres)
+        near = seen.near(_SLACK_M / metres)
+        worst = _worst(near.pressed()[0] * metres)
         if n == 0:
             first = worst
-        if worst < least:
+        gained = least - worst
+        if gained > 0.0:
             best, least = filled, worst
-        if worst == 0.0 or n == _TRIES:
+        if worst == 0.0 or gained < _WORTH * worst or n == _TRIES:
             break
-        filled = reach.moved(filled, _way_around(seen, _ahead(window.skeleton, places), metres))
+        filled = reach.moved(filled, _way_around(seen, near, _ahead(window.skeleton, places), metres))
     return Cleared(best, first, least)
 
 
-def _way_around(seen: contact.Capsules, ahead: Float, metres: float) -> Float:
-    """Moves (n, 2, 3) of the hands, were arms long enough, that lead the frames between around what they lie in."""
+def _way_around(seen: contact.Capsules, near: contact.Near, ahead: Float, metres: float) -> Float:
+    """Moves (n, 2, 3) of the hands, were arms long enough, that lead the frames between around what they lie in;
+    ``near``: what lies within ``_SLACK_M`` of them.
+    """
     n_between = len(seen.starts) - 2
     level, kernel = clearance.faded(n_between)[:, None, None], _kernel(n_between)
-    moves = np.zeros((n_between + 2, 2, 3))
-    for n in range(_ROUNDS):
-        depth, way = seen.moved(moves).pressed()
+    moves, slack = np.zeros((n_between + 2, 2, 3)), _SLACK_M / metres
+    for _ in range(_ROUNDS):
+        farthest = 2.0 * float(np.linalg.norm(moves, axis=-1).max())  # of two hands apart
+        if farthest > slack:
+            slack = farthest + _SLACK_M / metres
+            near = seen.near(slack)
+        depth, way = near.pressed(moves)
         over = _over(depth * metres) / metres
         if over.max() <= 0.0:
             break
         push = _pushes(over + 0.3 * TOLERANCE_M / metres, way[1:-1], ahead[1:-1])
-        gain = 0.6 if n < _ROUNDS // 2 else 1.0
-        moves[1:-1] += gain * clearance.spread(push, kernel) * level
+        moves[1:-1] += clearance.spread(push, kernel) * level
     return moves[1:-1]
 
 

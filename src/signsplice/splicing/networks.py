@@ -20,7 +20,7 @@ from scipy.special import log_softmax
 from signsplice.errors import InputError
 from signsplice.motion import features
 from signsplice.motion.arms import has_arms
-from signsplice.motion.canonical import signing, turned
+from signsplice.motion.canonical import Signing, signing, turned
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.features import CONTEXT, LEAST, MOST, RATE, WORD_FRAMES, Course
 from signsplice.motion.stance import sizes
@@ -35,10 +35,7 @@ Float = NDArray[np.float64]
 
 SYSTEM = "signsplice"
 NAME, FLUENT = "learned", "learned-fluent"
-_SIGN = 2
-"""Which of a frame's phases is the sign itself (rest, preparation, sign, retraction)."""
-_STILL = 0.12
-"""Speed of the wrist or finger joint that moves most, arm lengths a second, up to which hands are held still."""
+_HOLD, _STROKE = (features.PHASES.index(name) for name in ("hold", "stroke"))
 MOST_AT_ONCE = 32
 """Gaps that are filled in one pass of the network."""
 Item = TypeVar("Item")
@@ -75,20 +72,16 @@ class Reading:
     stroke: tuple[int, int] | None
 
 
-def stroke(numbers: NDArray[np.float32], phases: Array) -> tuple[int, int] | None:
-    """First and last frame of a word's movements: of the frames (T, N_FRAME) from the first to the last that are the
-    sign, by their phases (T, 4), without the holds at both ends; the middle one of a sign that is all hold. None where
-    no frame is.
+def stroke(phases: Array) -> tuple[int, int] | None:
+    """First and last frame of a word's movements by its frames' phases (T, 5); the middle one of a sign that is all
+    hold. None where neither is seen.
     """
-    rows = np.flatnonzero(phases.argmax(axis=-1) == _SIGN)
-    if not len(rows):
-        return None
-    first, last = int(rows[0]), int(rows[-1])
-    # A movement's first frame is the one that its first step sets out from.
-    steps = np.flatnonzero(features.tip_speeds(numbers[first + 1 : last + 1]).max(axis=-1, initial=0.0) > _STILL)
-    if not len(steps):
-        return (first + last) // 2, (first + last) // 2
-    return first + int(steps[0]), first + 1 + int(steps[-1])
+    told = phases.argmax(axis=-1)
+    rows = np.flatnonzero(told == _STROKE)
+    if len(rows):
+        return int(rows[0]), int(rows[-1])
+    held = np.flatnonzero(told == _HOLD)
+    return (int(held[len(held) // 2]),) * 2 if len(held) else None
 
 
 class Reader:
@@ -103,28 +96,34 @@ class Reader:
 
     def pair(self, before: Clip, after: Clip) -> tuple[Reading, Reading]:
         """Two words, both seen with the busier hand at the right; of long ones the end and the beginning."""
-        flipped = features.busier_left(self._course(before), self._course(after))
+        self.look(before, after)
+        flipped = features.busier_left(self._courses[before], self._courses[after])
         return self._read(before, flipped, end=True), self._read(after, flipped, end=False)
 
-    def _course(self, clip: Clip) -> Course:
-        if clip not in self._courses:
-            self._courses[clip] = features.course(signing(clip))
-        return self._courses[clip]
+    def look(self, *clips: Clip) -> None:
+        """See words that were not seen before, harmonized ones, all in one go."""
+        new = [clip for clip in clips if clip not in self._courses]
+        if not new:
+            return
+        together, at = signing(concatenate(new)), 0
+        for clip in new:
+            own = slice(at, at := at + len(clip))
+            seen = Signing(together.turns[own], together.places[own], together.there, clip.fps)
+            self._courses[clip] = features.course(seen)
 
     def _read(self, clip: Clip, flipped: bool, end: bool) -> Reading:
         known = self._readings.setdefault(clip, {})
-        course = self._course(clip)
-        first = max(0, len(course) - WORD_FRAMES)
-        key = (flipped, end and first > 0)
+        course = self._courses[clip]
+        key = (flipped, end and len(course) > WORD_FRAMES)
         if key not in known:
             tokens = features.word_window(features.mirrored(course) if flipped else course)
-            tokens = tokens[first:] if key[1] else tokens[:WORD_FRAMES]
+            first = len(tokens) - WORD_FRAMES if key[1] else 0
+            tokens = tokens[first : first + WORD_FRAMES]
             said = self.graphs.run("word", {"tokens": tokens[None]})
             numbers = tokens[:, : features.N_FRAME]
             known[key] = Reading(
-                numbers, said["states"], said["leave"], said["enter"], first if key[1] else 0,
-                stroke(numbers, said["phases"][0]),
-            )  # fmt: skip
+                numbers, said["states"], said["leave"], said["enter"], first, stroke(said["phases"][0])
+            )
         return known[key]
 
 
@@ -158,6 +157,7 @@ class LearnedCutter:
 
     def cuts(self, clips: Sequence[Clip]) -> list[Cut]:
         """The splice positions of a sentence, chosen together (``joint``)."""
+        self.reader.look(*clips)
         pairs = list(pairwise(clips))
         chosen = best([self.choices(before, after) for before, after in pairs])
         if self.whole:

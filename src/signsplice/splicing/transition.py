@@ -19,7 +19,7 @@ costs and gains on hidden frames of real clips and at true splices.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -72,15 +72,16 @@ class LimitedTransition(Transition, Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Ways:
-    """What a curve has to bridge, K ways at once: the ways d (K, 3), the velocities (K, 3) and accelerations (K, 3) at
-    both ends along them, a second; fps; and the times (n,) of the new frames and T, in seconds.
+    """What a curve has to bridge, K ways at once: the ways d (K, 3), the velocities (K, 3) at both ends along them, a
+    second, and accelerations (K, 3), empty where the curve does not ask for them; the times (n,) of the new frames and
+    T, in seconds.
     """
 
     way: Float
     velocity: tuple[Float, Float]
-    acceleration: tuple[Float, Float]
     times: Float
     seconds: float
+    acceleration: tuple[Float, ...] = ()
 
 
 Curve = Callable[[Ways], Float]
@@ -94,6 +95,7 @@ class ClassicalTransition:
     summary: str
     curve: Curve
     normalised_lerp: bool = False
+    accelerates: bool = False
     learned: bool = False
 
     def between(self, before: Clip, after: Clip, n_frames: int) -> Clip:
@@ -103,7 +105,7 @@ class ClassicalTransition:
         n_joints = len(before.skeleton)
         before, after = before[-3:], after[:3]
         moving = before.translations is not None or after.translations is not None
-        gap = _gap(before, after, n_frames, moving)
+        gap = _gap(before, after, n_frames, moving, self.accelerates)
         start = before.local_rotations[-1]
         curved = self.curve(gap)
         if self.normalised_lerp:
@@ -121,7 +123,7 @@ class ClassicalTransition:
         )
 
 
-def _gap(before: Clip, after: Clip, n_frames: int, moving: bool) -> Ways:
+def _gap(before: Clip, after: Clip, n_frames: int, moving: bool, accelerates: bool) -> Ways:
     """The gap of all joints as rotation vectors in the frames of the pose before, of the root's place, and, where bones
     are ``moving``, of every joint's translation. A clip too short for a step stands still there.
     """
@@ -132,25 +134,25 @@ def _gap(before: Clip, after: Clip, n_frames: int, moving: bool) -> Ways:
     if moving:
         places.append(np.diff(_in_a_row(bone_translations(before), bone_translations(after)), axis=0))
     shifts = np.concatenate(places, axis=1)
-    way, v1, w1 = turns[2], turns[3] * fps, (turns[4] - turns[3]) * fps**2 * (len(after) > 2)
-    # At the far end the rotation vector's rate is not the angular velocity (the chain rule of exp), and its second
-    # rate has a part from the way itself: x' = J(x) w, x'' = J(x) w' + (dJ/dt) w, the last by a small step along x'.
-    rate, bend = rotation.right_jacobian_inverse(way, np.stack([v1, w1]))
-    step = 1e-4 * rate
-    ahead, behind = (rotation.right_jacobian_inverse(way + side * step, v1) for side in (1.0, -1.0))
-    bend = bend + (ahead - behind) / 2e-4 * (len(after) > 2)
-    first, second = (turns[1], shifts[1]), (turns[0], shifts[0])
-    enough = len(before) > 2
-    return Ways(
+    way, v1 = turns[2], turns[3] * fps
+    # At the far end the rotation vector's rate is not the angular velocity (the chain rule of exp).
+    rate = rotation.right_jacobian_inverse(way, v1)
+    gap = Ways(
         way=np.concatenate([way, shifts[2]]),
-        velocity=(np.concatenate(first) * fps, np.concatenate([rate, shifts[3] * fps])),
-        acceleration=(
-            (np.concatenate(first) - np.concatenate(second)) * fps**2 * enough,
-            np.concatenate([bend, (shifts[4] - shifts[3]) * fps**2 * (len(after) > 2)]),
-        ),
+        velocity=(np.concatenate([turns[1], shifts[1]]) * fps, np.concatenate([rate, shifts[3] * fps])),
         times=np.arange(1, n_frames + 1) / fps,
         seconds=(n_frames + 1) / fps,
     )
+    if not accelerates:
+        return gap
+    # Nor is its second rate, x'' = J(x) w' + (dJ/dt) w, the last by a small step along x'.
+    bend = rotation.right_jacobian_inverse(way, (turns[4] - turns[3]) * fps**2)
+    step = 1e-4 * rate
+    ahead, behind = (rotation.right_jacobian_inverse(way + side * step, v1) for side in (1.0, -1.0))
+    bend = bend + (ahead - behind) / 2e-4
+    leaving = np.concatenate([turns[1] - turns[0], shifts[1] - shifts[0]]) * fps**2 * (len(before) > 2)
+    entering = np.concatenate([bend, (shifts[4] - shifts[3]) * fps**2]) * (len(after) > 2)
+    return replace(gap, acceleration=(leaving, entering))
 
 
 def _in_a_row(before: Float, after: Float) -> Float:
@@ -273,7 +275,9 @@ TRANSITIONS: dict[str, Transition] = {
         ClassicalTransition("slerp", "great-circle interpolation at even speed", _straight),
         ClassicalTransition("minimum-jerk", "from rest to rest (Flash and Hogan 1985)", _minimum_jerk),
         ClassicalTransition("hermite", "cubic that keeps both ends' velocities, limited", _hermite),
-        ClassicalTransition("quintic", "keeps both ends' velocities and accelerations, limited", _quintic),
+        ClassicalTransition(
+            "quintic", "keeps both ends' velocities and accelerations, limited", _quintic, accelerates=True
+        ),
         ClassicalTransition("inertialize", "the offset to the next sign dies out (Bollo 2018)", _inertialize),
     )
 }

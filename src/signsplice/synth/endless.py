@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
-from signsplice.motion import rotation
 from signsplice.motion.canonical import bones, signing
 from signsplice.motion.clip import Clip
 from signsplice.synth import planner, pseudo, running, truth
@@ -29,10 +28,11 @@ from signsplice.synth.signer import signer
 Array = NDArray[Any]
 Progress = Callable[[int, int], None]
 
-VERSION = 2
+VERSION = 4
 FIRST_SIGNER = 1000
 """Seed of the first signer: those of any corpus of pairs lie below."""
 _SHORTEST, _LONGEST = 3, 12
+_NO_MOVEMENT = (-1, -1)
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def part(plan: Plan, number: int) -> dict[str, Array]:
     ``bones`` (43, 3): each role's joint from the one above it, arm lengths, common pose. ``turns`` (F, 43, 4) int16
     quaternions times 32767 and ``places`` (F, 12, 3) float32 of all frames, words first, then sentences. ``words`` (W,
     2): first frame, frames. ``events`` (W, 8): up, start, end, down, begin and end of the first movement and of the
-    last (of the posture, where there is no movement). ``pairs`` (W, W, 3): the truth, pre, post and the transition's
+    last (-1 where there is none). ``pairs`` (W, W, 3): the truth, pre, post and the transition's
     frames (but for detours around the body), of every word after every other. ``sentences`` (S, 2): first frame,
     frames. ``seams`` (N, 3): sentence, first transition frame in it, their number.
     """
@@ -120,14 +120,14 @@ def part(plan: Plan, number: int) -> dict[str, Array]:
 
 def _packed(clip: Clip) -> tuple[Array, Array]:
     seen = signing(clip)
-    turns = np.round(rotation.from_matrix(seen.turns) * 32767.0).astype(np.int16)
+    turns = np.round(seen.turns * 32767.0).astype(np.int16)
     return turns, seen.places.astype(np.float32)
 
 
 def _events(word: Word) -> tuple[int, ...]:
     e = word.events
-    first = e.first or (e.start, e.end)
-    last = e.passes[-1] if e.passes else (e.start, e.end)
+    first = e.first or _NO_MOVEMENT
+    last = e.passes[-1] if e.passes else _NO_MOVEMENT
     return (e.up, e.start, e.end, e.down, *first, *last)
 
 

@@ -6,7 +6,7 @@ Everything is in the chest's axes of a right-handed signer, cm: X = -out, Y = up
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -180,13 +180,20 @@ def strong(posture: Posture, who: Signer, weak: Float, meets: bool = False, size
     weak: the weak hand's numbers at the time, for places on it. meets: the hands mirror one another, so that at a place
     on the midline they touch. size: of offsets in space.
     """
+    return _numbers(*strong_at(posture, who, weak, meets, size), who)
+
+
+def strong_at(
+    posture: Posture, who: Signer, weak: Float, meets: bool = False, size: float = 1.0
+) -> tuple[Float, Float, Float]:
+    """The same as the wrist's place (3,), the hand's rotation (4,) and its angles."""
     place = _place(posture, who, weak)
     angles = HANDSHAPES[posture.shape].angles
     size = size * who.scale
     turned = facing(posture.palm, posture.fingers)
-    names, skin, _ = _PARTS[posture.part]
+    skin = _PARTS[posture.part][1]
     unit = who.hands * who.scale
-    part = rotation.rotate(turned, part_of(hand.points(angles), names)) * unit
+    part = rotation.rotate(turned, _part_in(posture.part, posture.shape)) * unit
     shift = axes(posture.shift) * size
     if place.out.any():
         target = place.point + (skin * unit + posture.off * who.scale) * place.out + shift
@@ -194,7 +201,13 @@ def strong(posture: Posture, who: Signer, weak: Float, meets: bool = False, size
         target = place.point + axes((skin * unit + posture.off * size, 0.0, 0.0)) + shift
     else:
         target = place.point + shift
-    return _numbers(target - part, turned, angles, who)
+    return target - part, turned, angles
+
+
+@cache
+def _part_in(part: str, shape: str) -> Float:
+    """Where a part of the hand is in a handshape (3,), seen from the wrist of the standard hand."""
+    return part_of(hand.points(HANDSHAPES[shape].angles), _PARTS[part][0])
 
 
 def weak(posture: Posture, who: Signer, size: float = 1.0) -> Float:
@@ -233,6 +246,12 @@ def _place(posture: Posture, who: Signer, weak_hand: Float) -> Place:
 
 def _weak_arm(numbers: Float, who: Signer) -> tuple[Float, Float, Float, Float]:
     """Shoulder, elbow, wrist (3,) and the hand's rotation (4,) of a weak arm, as a right arm."""
+    return _known_weak_arm(numbers.tobytes(), who)
+
+
+@lru_cache(maxsize=64)
+def _known_weak_arm(content: bytes, who: Signer) -> tuple[Float, Float, Float, Float]:
+    numbers = np.frombuffer(content)
     local, root = pose.rotations(np.concatenate([numbers, numbers, np.zeros(9)])[None], _right_handed(who))
     joints = [JOINTS[name] for name in ("Spine2", "RightArm", "RightForeArm", "RightHand")]
     turns, places = forward(Clip(skeleton(who), local, root, 30.0), joints)

@@ -2,6 +2,8 @@
 
 Frequencies follow what is known of American Sign Language's lexicon in round numbers: about half of the signs use one
 hand, few handshapes carry most signs, neutral space and face are the commonest places (ASL-LEX 2.0, Sehyr et al. 2021).
+Kinds of movement are those of the lexicon that ships, touching and parting among them, in round numbers too; rare kinds
+are drawn more often than they are met, so that what learns from pseudo-signs has seen all.
 """
 
 from __future__ import annotations
@@ -12,10 +14,22 @@ from functools import partial
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signsplice.synth import places, pose
 from signsplice.synth.clearance import intrusion
-from signsplice.synth.phonology import DIRECTIONS, NEUTRAL, Local, Path, Posture, Segment, Sign, Vector, faults
+from signsplice.synth.phonology import (
+    DIRECTIONS,
+    IN_SPACE,
+    NEUTRAL,
+    Local,
+    Path,
+    Posture,
+    Segment,
+    Sign,
+    Vector,
+    faults,
+)
 from signsplice.synth.places import MIRROR
 from signsplice.synth.planner import resting
 from signsplice.synth.rng import stream
@@ -34,6 +48,7 @@ _PLACES = {
     **dict.fromkeys(("chin", "forehead", "mouth", "cheek", "chest", "temple", "nose"), 2.0),
     **dict.fromkeys(("ear", "eye", "shoulder", "chest-strong", "heart", "belly", "throat", "jaw", "mouth-corner"), 0.7),
     **dict.fromkeys(("space-in", "space-far", "side-space", "shoulder-weak", "space-high-out"), 0.8),
+    **dict.fromkeys(("crown", "under-chin", "cheek-weak", "chin-weak", "waist", "upper-arm-weak", "above-head"), 0.5),
 }
 _MIRRORED_PLACES = {
     **{"space": 5.0, "space-mid": 5.0, "space-out": 2.0, "space-low": 2.0, "space-high": 2.0, "space-low-mid": 1.5},
@@ -42,6 +57,7 @@ _MIRRORED_PLACES = {
 _BASE_PLACES = {
     **{"base-palm": 5.0, "base-back": 3.0, "base-radial": 2.0, "base-fingertips": 1.0, "base-index": 1.0},
     **{"base-wrist": 1.0, "forearm-weak": 1.0, "base-fingers": 1.0},
+    **dict.fromkeys(("base-ulnar", "base-heel", "base-fingers-back"), 0.5),
 }
 _PARTS = {
     **dict.fromkeys(("palm", "index", "tips", "fingertips"), 3.0),
@@ -54,8 +70,21 @@ _BASES = (
     Posture("1", "space-mid", "palm", (-1.0, 0.0, 0.0), (-0.2, 0.6, 0.7)),
     Posture("B", "space-mid", "palm", (-1.0, 0.0, 0.0), (0.0, 0.5, 0.85)),
 )
+_MANNERS = {"free": 0.70, "touch": 0.16, "part": 0.10, "still": 0.04}
+"""How a sign is made: it moves freely; comes to touch the body or its fellow, once or more; touches it and parts from
+it; or is a posture alone.
+"""
+_MOVEMENTS = {
+    **{"move": 0.40, "turn": 0.13, "circle": 0.11, "local": 0.13, "shape": 0.08, "zigzag": 0.05, "far": 0.06},
+    "base": 0.04,
+}
+_LOCAL_RANGES = {
+    **{"wiggle": (18.0, 26.0), "twist": (22.0, 36.0), "nod": (20.0, 34.0), "bend": (40.0, 62.0), "tremble": (0.6, 1.4)},
+}
 _SHOWN = tuple(DIRECTIONS.values())
 _TRIES = 400
+_AT_ONCE = 16
+"""Draws that are looked at together."""
 
 
 def sign(seed: int) -> Sign:
@@ -75,28 +104,65 @@ def _segments(hands: str, rng: np.random.Generator) -> list[Segment] | None:
     """Segments at ease one by one; None where none was found for one of them."""
     table = {"base": _BASE_PLACES, "one": _PLACES}.get(hands, _MIRRORED_PLACES)
     base = _BASES[rng.integers(len(_BASES))] if hands == "base" else None
-    first = "H" if rng.random() < 0.22 else "X"
+    manner = _pick(rng, _MANNERS)
+    if manner in ("touch", "part"):
+        table = {place: weight for place, weight in table.items() if place not in IN_SPACE}
+    held = {"free": 0.22, "touch": 0.15, "part": 0.70, "still": 1.0}[manner]
+    first = "H" if rng.random() < held else "X"
     segments: list[Segment] = []
 
     def add(draw: Callable[[], Segment]) -> bool:
-        for _ in range(_TRIES):
-            segment = draw()
-            if _at_ease(segment, hands):
-                segments.append(segment)
+        for _ in range(_TRIES // _AT_ONCE):
+            found = _at_ease([draw() for _ in range(_AT_ONCE)], hands)
+            if found is not None:
+                segments.append(found)
                 return True
         return False
 
-    if not add(lambda: Segment(first, _posture(rng, _pick(rng, table)), base)):
+    def begin() -> Segment:
+        here = _posture(rng, _pick(rng, table))
+        if manner == "touch":
+            here = _shifted(rng, replace(here, off=float(rng.uniform(3.0, 8.0))), float(rng.uniform(0.0, 3.0)))
+        return Segment(first, replace(here, off=0.0) if manner == "part" else here, base)
+
+    if not add(begin):
         return None
-    for n in range(2 if rng.random() < 0.12 else 1):
+    if manner == "still":
+        return segments
+    for n in range(_pick(rng, {1: 0.82, 2: 0.12, 3: 0.05, 4: 0.01})):
         here, again = segments[-1].strong, n > 0
-        if not add(partial(_movement, rng, here, base, table, again=again)):
+        if n == 0 and manner == "touch":
+            draw = partial(_touch, rng, here, base)
+        elif n == 0 and manner == "part":
+            draw = partial(_part, rng, here, base)
+        else:
+            draw = partial(_movement, rng, here, segments[-1].weak, table, again=again)
+        if not add(draw):
             return None
         if n == 0 and rng.random() < 0.1:
-            segments.append(Segment("H", segments[-1].strong, base))
-    if rng.random() < 0.36:
-        segments.append(Segment("H", segments[-1].strong, base))
+            segments.append(Segment("H", segments[-1].strong, segments[-1].weak))
+    if rng.random() < (0.60 if manner == "touch" else 0.36) and segments[-1].kind == "M":
+        segments.append(Segment("H", segments[-1].strong, segments[-1].weak))
     return segments
+
+
+def _touch(rng: np.random.Generator, here: Posture, base: Posture | None) -> Segment:
+    """A movement that ends in a touch, or in several, one after another."""
+    there = replace(here, off=0.0, shift=(0.0, 0.0, 0.0))
+    if rng.random() < 0.15:
+        there = replace(there, palm=_way(rng))
+    path = _bow(rng) if rng.random() < 0.4 else Path()
+    return Segment("M", there, base, path, times=_pick(rng, {1: 0.55, 2: 0.35, 3: 0.10}))
+
+
+def _part(rng: np.random.Generator, here: Posture, base: Posture | None) -> Segment:
+    """A movement away from a touch, the hand changed or turned by the way or not."""
+    there = _shifted(rng, replace(here, off=float(rng.uniform(3.0, 13.0))), float(rng.uniform(0.0, 5.0)))
+    if rng.random() < 0.3:
+        there = replace(there, shape=_pick(rng, _SHAPES))
+    if rng.random() < 0.25:
+        there = replace(there, palm=_way(rng))
+    return Segment("M", there, base, _bow(rng), times=_pick(rng, {1: 0.85, 2: 0.15}))
 
 
 def _posture(rng: np.random.Generator, place: str) -> Posture:
@@ -110,32 +176,40 @@ def _posture(rng: np.random.Generator, place: str) -> Posture:
 def _movement(
     rng: np.random.Generator, here: Posture, base: Posture | None, table: dict[str, float], again: bool
 ) -> Segment:
-    """A movement from ``here``: to another place or posture, round, to and fro, or within the hand."""
-    kind = _pick(
-        rng, {"move": 0.42, "turn": 0.14, "circle": 0.12, "local": 0.14, "shape": 0.08, "zigzag": 0.02, "far": 0.05}
-    )
+    """A movement from ``here``: to another place or posture, round, to and fro, within the hand, or with the base."""
+    kind = _pick(rng, _MOVEMENTS)
+    if kind == "base" and base is None:
+        kind = "move"
     times = _pick(rng, {1: 0.76, 2: 0.19, 3: 0.05}) if not again else 1
     if kind == "circle":
-        path = Path("circle", plane=_pick(rng, {"frontal": 1.0, "sagittal": 1.0, "horizontal": 1.0}))
-        turns = float(_pick(rng, {1.0: 0.55, 2.0: 0.25, -1.0: 0.15, -2.0: 0.05}))
-        return Segment(
-            "M", here, base, Path("circle", plane=path.plane, size=float(rng.uniform(2.0, 4.5)), turns=turns)
-        )
+        plane = _pick(rng, {"frontal": 1.0, "sagittal": 1.0, "horizontal": 1.0})
+        turns = float(_pick(rng, {1.0: 0.50, 2.0: 0.28, 3.0: 0.02, -1.0: 0.15, -2.0: 0.05}))
+        return Segment("M", here, base, Path("circle", plane=plane, size=float(rng.uniform(1.5, 4.5)), turns=turns))
     if kind == "local":
-        local = _pick(rng, {"wiggle": 0.3, "twist": 0.3, "nod": 0.2, "bend": 0.15, "tremble": 0.05})
-        amplitude = {"wiggle": 22.0, "twist": 28.0, "nod": 25.0, "bend": 45.0, "tremble": 0.7}[local]
-        return Segment("M", here, base, local=Local(local, amplitude, float(_pick(rng, {1.5: 0.6, 2.5: 0.4}))))
+        local = _pick(rng, {"wiggle": 0.25, "twist": 0.35, "nod": 0.17, "bend": 0.15, "tremble": 0.08})
+        cycles = _pick(rng, {1.5: 0.25, 2.0: 0.35, 2.5: 0.15, 3.0: 0.2, 5.0: 0.05})
+        return Segment("M", here, base, local=Local(local, float(rng.uniform(*_LOCAL_RANGES[local])), cycles))
     if kind == "shape":
+        times = _pick(rng, {1: 0.5, 2: 0.3, 3: 0.2})
         return Segment("M", replace(here, shape=_pick(rng, _SHAPES)), base, times=times)
     if kind == "zigzag":
-        there = _shifted(rng, here, 12.0)
-        return Segment("M", there, base, Path("zigzag", _way(rng), size=float(rng.uniform(2, 4)), turns=2.0))
+        there = here if rng.random() < 0.5 else _shifted(rng, here, float(rng.uniform(5.0, 12.0)))
+        turns = float(_pick(rng, {2.0: 0.5, 3.0: 0.4, 4.0: 0.1}))
+        return Segment("M", there, base, Path("zigzag", _way(rng), size=float(rng.uniform(1.0, 4.0)), turns=turns))
+    if kind == "base" and base is not None:
+        # Both hands go together, or the base alone; it may turn over.
+        moved = _shifted(rng, base, float(rng.uniform(3.0, 9.0)))
+        if rng.random() < 0.25:
+            moved = replace(moved, palm=_way(rng))
+        return Segment("M", here, moved, _bow(rng), times=times)
     if kind == "far":
         there = _posture(rng, _pick(rng, table))
         return Segment("M", replace(there, shape=here.shape), base, _bow(rng))
-    there = _shifted(rng, here, float(rng.uniform(3.0, 10.0)))
+    there = _shifted(rng, here, float(rng.uniform(3.0, 14.0)))
     if kind == "turn":
-        there = replace(_shifted(rng, here, 4.0), palm=_way(rng))
+        there = replace(_shifted(rng, here, float(rng.uniform(0.0, 5.0))), palm=_way(rng))
+    if rng.random() < 0.1:
+        there = replace(there, shape=_pick(rng, _SHAPES))
     return Segment("M", there, base, _bow(rng), times=times)
 
 
@@ -164,35 +238,44 @@ def _pick(rng: np.random.Generator, table: dict[T, float]) -> T:
     return names[int(np.searchsorted(np.cumsum(weights / weights.sum()), rng.random()))]
 
 
-def _at_ease(segment: Segment, hands: str) -> bool:
-    """Whether the standard signer's arms reach a segment's posture with every angle within easy limits."""
-    if abs(np.dot(segment.strong.palm, segment.strong.fingers)) > 0.9:
-        return False
-    base = places.weak(segment.weak, STANDARD) if segment.weak is not None else np.zeros(27)
-    if segment.weak is None and segment.strong.place.endswith("-weak") and "arm" in segment.strong.place:
-        return False
-    meets = hands in ("symmetric", "alternating")
-    numbers = places.strong(segment.strong, STANDARD, base, meets)
-    if not (easy(numbers) and _off_the_body(numbers, meets)):
-        return False
-    other = numbers if meets else base if segment.weak is not None else resting(STANDARD)[27:54]
-    return bool(intrusion(np.concatenate([numbers, other, np.zeros(9)])[None], STANDARD)[0].max() < 0.5)
-
-
-def easy(numbers: np.ndarray) -> bool:
-    """Whether a hand's 27 numbers ask no more than 85 % of any wrist or forearm limit of the standard signer, and a
-    place for which the elbow stays bent by 20 degrees or more.
+def _at_ease(segments: Sequence[Segment], hands: str) -> Segment | None:
+    """The first of some segments whose posture the standard signer's arms reach with every angle within easy limits,
+    and without a hand in the body; None where there is none.
     """
-    arm = pose.reach(numbers[pose.WRIST], STANDARD)
-    wrist = pose.wrist_angles(arm, numbers[pose.TURN], STANDARD)
+    meets = hands in ("symmetric", "alternating")
+    bases = {s.weak: np.zeros(27) if s.weak is None else places.weak(s.weak, STANDARD) for s in segments}
+    lawful = [s for s in segments if abs(np.dot(s.strong.palm, s.strong.fingers)) <= 0.9 and not _out_of_reach(s)]
+    if not lawful:
+        return None
+    held = [places.strong_at(s.strong, STANDARD, bases[s.weak], meets) for s in lawful]
+    wrists, turned, angles = (np.stack(parts) for parts in zip(*held, strict=True))
+    numbers = np.concatenate([wrists, pose.turn_of(wrists, turned, STANDARD), angles], axis=-1)
+    for k in np.flatnonzero(easy(numbers) & _off_the_body(numbers, meets)):
+        other = bases[lawful[k].weak] if lawful[k].weak is not None else resting(STANDARD)[27:54]
+        state = np.concatenate([numbers[k], numbers[k] if meets else other, np.zeros(9)])
+        if intrusion(state[None], STANDARD)[0].max() < 0.5:
+            return lawful[k]
+    return None
+
+
+def _out_of_reach(segment: Segment) -> bool:
+    """Whether it is at a weak arm that hangs."""
+    return segment.weak is None and segment.strong.place == "forearm-weak"
+
+
+def easy(numbers: np.ndarray) -> NDArray[np.bool_]:
+    """Whether a hand's numbers (..., 27) ask no more than 85 % of any wrist or forearm limit of the standard signer,
+    and a place for which the elbow stays bent by 20 degrees or more.
+    """
+    arm = pose.reach(numbers[..., pose.WRIST], STANDARD)
+    wrist = pose.wrist_angles(arm, numbers[..., pose.TURN], STANDARD)
     low, high = 0.85 * pose.WRIST_LIMITS.T
-    asked = np.array([wrist.deviation, wrist.flexion])
-    return bool(
-        np.all(asked > low) and np.all(asked < high) and abs(wrist.turn) < 0.85 * pose.FOREARM_LIMIT and arm.bend > 0.35
-    )
+    asked = np.stack([wrist.deviation, wrist.flexion], axis=-1)
+    bent = np.all((asked > low) & (asked < high), axis=-1)
+    return np.asarray(bent & (np.abs(wrist.turn) < 0.85 * pose.FOREARM_LIMIT) & (arm.bend > 0.35))
 
 
-def _off_the_body(numbers: np.ndarray, meets: bool) -> bool:
-    """Whether wrist and knuckles lie before the chest and on the strong side where hands mirror one another."""
-    wrist = numbers[pose.WRIST] * MIRROR
-    return bool(wrist[2] > 2.0 and (not meets or wrist[0] > 1.0))
+def _off_the_body(numbers: np.ndarray, meets: bool) -> NDArray[np.bool_]:
+    """Whether wrists lie before the chest, and on the strong side where hands mirror one another."""
+    wrists = numbers[..., pose.WRIST] * MIRROR
+    return np.asarray((wrists[..., 2] > 2.0) & ((wrists[..., 0] > 1.0) | (not meets)))

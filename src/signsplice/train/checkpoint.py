@@ -6,6 +6,8 @@ Random numbers need no state: batches, noise and dropout are drawn from the seed
 from __future__ import annotations
 
 import pickle
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -33,14 +35,36 @@ def load(folder: Path, network: nn.Module, optimiser: torch.optim.Optimizer | No
     path = folder / NAME
     if not path.exists():
         return 0
-    try:
-        state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-        if state["recipe"] != recipe:
-            raise InputError(f"{path}: of another training ({state['recipe']}, not {recipe}); choose another folder")
+    state = read(folder)
+    if state["recipe"] != recipe:
+        raise InputError(f"{path}: of another training ({state['recipe']}, not {recipe}); choose another folder")
+    with _readable(path):
         network.load_state_dict(state["network"])
         if optimiser is not None:
             optimiser.load_state_dict(state["optimiser"])
-        return int(state["step"])
+    return int(state["step"])
+
+
+def read(folder: Path) -> dict[str, Any]:
+    """A checkpoint's step, recipe, network and optimiser. Raises ``InputError`` where there is none, or it is
+    broken.
+    """
+    with _readable(folder / NAME):
+        state: dict[str, Any] = torch.load(folder / NAME, map_location="cpu", weights_only=True)
+        return {name: state[name] for name in ("step", "recipe", "network", "optimiser")}
+
+
+def begin(folder: Path, network: nn.Module) -> None:
+    """Give a network the weights of an earlier training. Raises ``InputError`` where that was of another network."""
+    state = read(folder)
+    with _readable(folder / NAME):
+        network.load_state_dict(state["network"])
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    try:
+        yield
     except (RuntimeError, KeyError, ValueError, OSError, EOFError, pickle.UnpicklingError) as error:
         told = str(error).splitlines()[0]
         raise InputError(f"{path}: cannot be read ({told}); remove it to begin anew") from error

@@ -20,14 +20,14 @@ from torch.nn.utils.rnn import pad_sequence
 
 from signsplice.motion import features, rotation
 from signsplice.motion.canonical import ROLES
-from signsplice.motion.features import Course
+from signsplice.motion.features import PHASES, Course
 from signsplice.synth.rng import stream
 from signsplice.train.networks.cutting import Cutting
 from signsplice.train.tasks import Accuracy, Task
 
 Float = NDArray[np.float64]
 
-PHASE_WEIGHT = 0.2
+PHASE_WEIGHT = 0.5
 TIME_WEIGHT = 0.5
 N_WORDS = 12
 """Words of a draw."""
@@ -58,12 +58,20 @@ def read_words(path: Path) -> Words:
     courses, phases = [], []
     with np.load(path) as stored:
         turns, places, events, pairs = (stored[name] for name in ("turns", "places", "events", "pairs"))
-        for (first, n), (up, start, end, down, *_) in zip(stored["words"].tolist(), events.tolist(), strict=True):
+        for (first, n), told in zip(stored["words"].tolist(), events.tolist(), strict=True):
             own = rotation.to_6d(rotation.normalize(turns[first : first + n] / 32767.0))
             courses.append(Course(own, places[first : first + n], there))
-            at = np.arange(n)
-            phases.append(np.select([at <= up, at < start, at <= end, at < down], [0, 1, 2, 3], 0))
+            phases.append(phases_of(np.arange(n), tuple(told)))
     return Words(tuple(courses), tuple(phases), pairs.astype(np.int64))
+
+
+def phases_of(at: NDArray[np.int64], events: Sequence[int]) -> NDArray[np.int64]:
+    """Which of ``PHASES`` frames ``at`` (T,) of a word with such events (8,) are; events as ``synth.endless`` tells."""
+    up, start, end, down, begin, _, _, stop = events
+    stroke = (at >= begin) & (at <= stop) & (begin >= 0)
+    rest, preparation, hold, moving, retraction = range(len(PHASES))
+    after = [at <= up, at < start, stroke, at <= end, at < down]
+    return np.select(after, [rest, preparation, moving, hold, retraction], rest)
 
 
 @dataclass(frozen=True)
@@ -150,13 +158,18 @@ class CutPairs:
         lengths = np.array([min(len(course), features.WORD_FRAMES) for course, _ in words])
         at = [np.rint(truth[..., 0] - late[:, None]), np.rint(truth[..., 1] - late)]
         pre, post = np.clip(at[0], 0, lengths[:, None] - 1), np.clip(at[1], 0, lengths - 1)
-        seen = [(features.word_window(course)[: features.WORD_FRAMES], phases) for course, phases in words]
+        seen = [_seen(course, phases) for course, phases in words]
         return {
             "words": seen,
             "pre": pre.astype(np.int64),
             "post": post.astype(np.int64),
             "seconds": ((truth[..., 2] + 1) / features.RATE).astype(np.float32),
         }
+
+
+def _seen(course: Course, phases: NDArray[np.int64]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    tokens = features.word_window(course)[: features.WORD_FRAMES]
+    return tokens, np.concatenate([phases, phases[-1:]])[: len(tokens)]
 
 
 def _between(course: Course, late: float) -> Course:
@@ -182,7 +195,7 @@ class CuttingTask(Task):
         self.network: Cutting = network
 
     def _said(self, batch: Cuts) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """Scores of leaving and entering (G, W, W, T), seconds (G, W, W), and phases (G, W, T, 4)."""
+        """Scores of leaving and entering (G, W, W, T), seconds (G, W, W), and phases (G, W, T, 5)."""
         groups, words = batch.mask.shape[:2]
         states, leave, enter, phases = (
             part.float().reshape(groups, words, *part.shape[1:])

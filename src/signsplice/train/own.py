@@ -10,7 +10,7 @@ import hashlib
 import json
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from signsplice.motion import features
 from signsplice.motion.features import N_FRAME
 from signsplice.splicing.bundle import write_bundle
 from signsplice.splicing.networks import SYSTEM
+from signsplice.train import checkpoint
 from signsplice.train import log as logs
 from signsplice.train.ahead import Data, ahead
 from signsplice.train.bridging import BridgeTask
@@ -61,21 +62,25 @@ class Course:
 
 COURSES: dict[tuple[str, str], Course] = {
     ("cutter", "smoke"): Course(CuttingConfig(32, 2, 2, 64, 2, 8, 16), 40, 1, 3e-3, 2),
-    ("cutter", "ship"): Course(CuttingConfig(), 8_000, 2, 1e-3, 24),
+    ("cutter", "ship"): Course(CuttingConfig(), 12_000, 2, 1e-3, 24),
+    ("cutter", "more"): Course(CuttingConfig(), 5_000, 2, 5e-4, 24),
     ("transition", "smoke"): Course(BridgeConfig(32, 2, 2, 64), 20, 4, 3e-3, 8),
     ("transition", "ship"): Course(BridgeConfig(192, 6, 4, 768), 6_000, 32, 8e-4, 512),
 }
-"""What each network is at each scale."""
+"""What each network is at each scale; ``more`` goes on from an earlier training, on other signing."""
 
 
 @dataclass(frozen=True)
 class Own:
-    """What to train: the network, its scale, seed, and steps in place of the scale's."""
+    """What to train: the network, its scale, seed, and steps in place of the scale's; the recipe of an earlier training
+    whose weights it begins with.
+    """
 
     network: str
     scale: str = "ship"
     seed: int = 0
     steps: int | None = None
+    begins_with: str | None = None
 
     @property
     def course(self) -> Course:
@@ -104,9 +109,22 @@ def split(parts: Path) -> tuple[list[Path], list[Path]]:
     return paths[:-n_held], paths[-n_held:]
 
 
-def make(own: Own, parts: Path, out: Path, processes: Processes, tell: Callable[[str], Tell] | None = None) -> None:
-    """Train a network, or go on where an earlier call was, and write it into the bundle ``out``."""
+def make(
+    own: Own,
+    parts: Path,
+    out: Path,
+    processes: Processes,
+    tell: Callable[[str], Tell] | None = None,
+    earlier: Path | None = None,
+) -> None:
+    """Train a network, or go on where an earlier call was, and write it into the bundle ``out``.
+
+    ``earlier``: folder of a training whose checkpoint gives the first weights. Raises ``InputError`` where that holds
+    none, or one of another network.
+    """
     learned, held = split(parts)
+    if earlier is not None:
+        own = replace(own, begins_with=checkpoint.read(earlier)["recipe"])
     recipe = _recipe(own, learned)
     folder = out.parent / "parts" / f"{own.network}-{own.scale}-seed{own.seed}-{recipe}"
     folder.mkdir(parents=True, exist_ok=True)
@@ -114,6 +132,8 @@ def make(own: Own, parts: Path, out: Path, processes: Processes, tell: Callable[
     data, valid = _data(own, learned, None), _data(own, held, course.n_judged)
     torch.manual_seed(own.seed)
     task = build(own, data)
+    if earlier is not None:
+        checkpoint.begin(earlier, task)
     loop = Loop(
         own.n_steps, course.batch, "adamw", course.rate, own.seed, max(1, own.n_steps // 40), course.n_judged,
         bf16=processes.device.type == "cuda",
@@ -207,7 +227,7 @@ def _cutting_graphs(network: Cutting, batches: Sequence[Any]) -> dict[str, Graph
 def _recipe(own: Own, paths: Sequence[Path]) -> str:
     course = own.course
     told = {
-        **asdict(own),
+        **{name: value for name, value in asdict(own).items() if name != "begins_with" or value is not None},
         "n_steps": own.n_steps,
         "config": asdict(course.config),
         "batch": course.batch,

@@ -3,10 +3,10 @@ first, and how long the way between takes.
 
 Where a word is left depends on the next one, but on little of it: how far and which way the hands have to go, and
 whether the handshape changes. So every word is read alone, once, by a Transformer encoder with rotary positions
-(``motion.features.word_window``), into a state for each frame and two summaries, one for leaving it and one for
-entering it: a few learned looks (attention pooling) at the moments that matter. For a pair the two summaries and their
-difference make a condition, and every frame's score is read off its state under that condition. A word's reading
-serves both of its seams, and any sentence that it stands in.
+(``motion.features.word_window``), two frames to a token, into a state for each frame and two summaries, one for
+leaving it and one for entering it: a few learned looks (attention pooling) at the moments that matter. For a pair the
+two summaries and their difference make a condition, and every frame's score is read off its state under that condition.
+A word's reading serves both of its seams, and any sentence that it stands in.
 
 Beside it every frame is told apart by its phase (Kita et al. 1998), which makes the states know where movements begin.
 """
@@ -19,10 +19,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
-from signsplice.motion.features import N_FRAME, N_WORD
+from signsplice.motion.features import N_FRAME, N_WORD, PHASES
 from signsplice.train.networks.bridge import BridgeConfig, RotaryLayer, standard
-
-PHASES = ("rest", "preparation", "sign", "retraction")
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,8 @@ class Cutting(nn.Module):
         self.register_buffer("mean", torch.zeros(N_WORD) if mean is None else mean)
         self.register_buffer("deviation", torch.ones(N_WORD) if deviation is None else deviation)
         width, hidden, summary = config.width, config.hidden, config.n_looks * config.look
-        self.embedding = nn.Linear(N_WORD, width)
+        self.embedding = nn.Linear(2 * N_WORD, width)
+        self.apart, self.own = nn.Linear(width, 2 * width), nn.Linear(N_WORD, width)
         sizes = BridgeConfig(width, config.n_heads, config.n_layers, config.inner, config.dropout)
         self.layers = nn.ModuleList(RotaryLayer(sizes) for _ in range(config.n_layers))
         self.norm = nn.LayerNorm(width)
@@ -67,15 +66,16 @@ class Cutting(nn.Module):
         )  # fmt: skip
 
     def read(self, tokens: Tensor, mask: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """States (B, T, D), summaries (B, S) for leaving and for entering, and logits of the phases (B, T, 4), of words
-        (B, T, N_WORD); ``mask`` (B, T) is False at padding.
+        """States (B, T, D), summaries (B, S) for leaving and for entering, and logits of the phases (B, T, 5), of words
+        (B, T, N_WORD) of even lengths; ``mask`` (B, T) is False at padding.
         """
         seen = standard(tokens, self.mean, self.deviation)
-        states = self.embedding(seen)
-        allowed = None if mask is None else mask[:, None, None]
+        n_words, n_frames, width = *seen.shape[:2], self.config.width
+        pairs = self.embedding(seen.reshape(n_words, n_frames // 2, 2 * N_WORD))
+        allowed = None if mask is None else mask[:, None, None, ::2]
         for layer in self.layers:
-            states = layer(states, allowed)
-        states = self.norm(states)
+            pairs = layer(pairs, allowed)
+        states = self.norm(self.apart(pairs).reshape(n_words, n_frames, width) + self.own(seen))
         weights = self.looks(states)
         if mask is not None:
             weights = weights.masked_fill(~mask[..., None], -1e4)

@@ -1,4 +1,4 @@
-"""``python -m signsplice.cli``."""
+"""``python -m signsplice``: the command line."""
 
 from signsplice.cli import main
 
