@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+VIEWER := viewer/node_modules/.package-lock.json
 
 .PHONY: demo test lint types unit bench words corpus smoke paper weights clean
 
@@ -17,7 +18,7 @@ lint: $(VENV)/.dev             ## style
 types: $(VENV)/.dev            ## mypy --strict
 	$(BIN)/mypy
 
-unit: $(VENV)/.dev             ## pytest
+unit: $(VENV)/.dev $(VIEWER)   ## pytest
 	$(BIN)/python -m pytest
 
 bench: $(VENV)/.dev            ## speed of every part beside its baselines, in one run
@@ -37,7 +38,7 @@ smoke: $(VENV)/.dev            ## the paper's whole way in minutes, systems of a
 paper: $(VENV)/.dev            ## the paper whole at cpu scale: hours; SCALE=paper for its sizes, on a GPU
 	runs/paper.sh
 
-weights: $(VENV)/.dev          ## train the networks that ship anew: two hours on two cores
+weights: $(VENV)/.dev          ## train the networks that ship anew: three hours on two cores
 	runs/weights.sh
 
 clean:                         ## forget the environment and everything made
@@ -46,6 +47,10 @@ clean:                         ## forget the environment and everything made
 $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "signsplice needs Python 3.11 or newer; set PYTHON=python3.x")'
 	$(PYTHON) -m venv $(VENV)
+
+$(VIEWER): viewer/package-lock.json
+	@if command -v npm >/dev/null; then cd viewer && npm ci --no-audit --no-fund --silent; \
+	else echo "no npm: what other programs make of our glTF files is not tested"; fi
 
 $(VENV)/.demo: pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[video]'

@@ -94,8 +94,8 @@ def test_unsound_archives_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("a.glb", "glTF files cannot be read yet, expected .bvh or .npz"),
-        ("a.pose", "landmark files cannot be read yet"),
+        ("a.glb", "a.glb: no such file"),
+        ("a.pose", "landmark files cannot be read yet, expected .bvh, .npz, .glb, .gltf, .vrm or .vrma"),
         ("a.txt", "suffix .txt cannot be read"),
         ("a", r"suffix \(none\) cannot be read"),
         ("missing.bvh", "missing.bvh: no such file"),

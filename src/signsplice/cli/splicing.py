@@ -38,7 +38,11 @@ def splicing_options(command: Command) -> Command:
     for option in reversed(
         (
             click.option(
-                "-o", "--output", required=True, metavar="OUT", help="File to write: .bvh .npz .png .gif .mp4"
+                "-o",
+                "--output",
+                required=True,
+                metavar="OUT",
+                help="File to write: .bvh .glb .vrma .npz .png .gif .mp4",
             ),
             click.option(
                 "--cutter",
@@ -173,7 +177,7 @@ def deliver(result: SpliceResult, output: str, report: str | None, load_ms: floa
 @click.option(
     "--gap", "gaps", multiple=True, required=True, metavar="A:B", help="Frames A..B-1 to make anew; may be repeated."
 )
-@click.option("-o", "--output", required=True, metavar="OUT", help="File to write: .bvh .npz .png .gif .mp4")
+@click.option("-o", "--output", required=True, metavar="OUT", help="File to write: .bvh .glb .vrma .npz .png .gif .mp4")
 @click.option("--transition", metavar="NAME", help="How the frames are made; see `signsplice methods`.")
 @_BUNDLE
 @_BODY_SENSE

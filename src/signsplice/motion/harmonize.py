@@ -66,7 +66,7 @@ def harmonize(clip: Clip, onto: Ground, speed: float = 1.0) -> Harmonized:
     pose, which one warning says. Raises ``RigMismatchError`` where the two rigs have nothing in common.
     """
     carried, warnings = _carry(clip, onto)
-    moved = _move(carried, onto.stand)
+    moved = placed(carried, onto.stand)
     return Harmonized(resample(moved, onto.fps, speed), warnings)
 
 
@@ -215,7 +215,7 @@ def _global_rotations(clip: Clip) -> list[Float]:
     return rotations
 
 
-def _move(clip: Clip, onto: Stand) -> Clip:
+def placed(clip: Clip, onto: Stand) -> Clip:
     """The clip moved and turned as one rigid whole, so that its signer stands as ``onto`` says."""
     own = stand(clip)
     turn = rotation.between_vectors(own.up, onto.up)

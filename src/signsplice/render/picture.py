@@ -1,4 +1,4 @@
-"""A clip's signer as pictures: what colours the body has, and how the camera is set for a whole clip."""
+"""A clip's signer as pictures: how the camera is set for a whole clip, and what is drawn."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from signsplice.motion import kinematics, stance
 from signsplice.motion.body import Body, body, place
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.motion.humanoid import find_roles
+from signsplice.motion.mannequin import CLOTHES, SKIN, TIPS, colour
 from signsplice.render.raster import Canvas
 
 Float = NDArray[np.float64]
@@ -19,18 +20,6 @@ Image = NDArray[np.uint8]
 
 VIEWS = {"front": 0.0, "three-quarter": 40.0, "side": 90.0}
 
-_SKIN = {"right": (0.93, 0.72, 0.58), "left": (0.80, 0.58, 0.47), "": (0.90, 0.69, 0.56)}
-_TIP = {"right": (0.97, 0.63, 0.55), "left": (0.85, 0.50, 0.45)}
-_CLOTHES = {
-    "shirt": (0.26, 0.31, 0.40),
-    "sleeve": (0.30, 0.36, 0.46),
-    "cuff": (0.30, 0.36, 0.46),
-    "leg": (0.33, 0.33, 0.36),
-    "shoe": (0.20, 0.20, 0.22),
-    "hair": (0.27, 0.20, 0.17),
-    "eye": (0.16, 0.13, 0.13),
-    "mouth": (0.66, 0.36, 0.34),
-}
 _BLEND = {"shirt": 0.032, "face": 0.020, "sleeve": 0.012}
 """Depth, in statures, within which capsules of one thing flow together; hands keep the creases of their joints."""
 
@@ -140,22 +129,16 @@ def _drawn(
         thing = "sleeve" if part == "cuff" else part.removesuffix("Tip")
         group = groups.setdefault((thing, side), len(groups))
         size = float(radii[c, 0]), float(radii[c, 1])
-        canvas.capsule(starts[c], ends[c], size, _colour(part, side), group, _BLEND.get(thing, 0.0) * zoom)
+        canvas.capsule(starts[c], ends[c], size, colour(part, side), group, _BLEND.get(thing, 0.0) * zoom)
     depths = np.concatenate([scene.starts[..., 2], scene.ends[..., 2]])
     return canvas.finish(
         step=0.010 * zoom, near=float(depths.max()) * zoom, far=float(np.median(depths)) * zoom - 0.1 * zoom
     )
 
 
-def _colour(part: str, side: str) -> tuple[float, float, float]:
-    if part in _CLOTHES:
-        return _CLOTHES[part]
-    return _TIP[side] if part.endswith("Tip") and side else _SKIN[side]
-
-
 def small_colours() -> list[tuple[int, int, int]]:
     """Colours 0..255 of small things that tell much, hands, fingertips and mouth, from bright to shaded."""
-    tints = [*_TIP.values(), *_SKIN.values(), _CLOTHES["mouth"]]
+    tints = [*TIPS.values(), *SKIN.values(), CLOTHES["mouth"]]
     shades = np.linspace(1.0, 0.5, 6)[:, None] * 255.0
     return [(int(r), int(g), int(b)) for tint in tints for r, g, b in shades * np.array(tint)]
 
