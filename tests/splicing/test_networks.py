@@ -215,13 +215,22 @@ def test_a_rig_without_known_arms_is_refused_in_a_line() -> None:
         CUTTER.cut(clip, replace(clip, name="other"))
 
 
-def test_a_stroke_is_the_movements_without_the_holds() -> None:
-    assert stroke(np.eye(5)[[0, 1, 2, 3, 3, 2, 3, 2, 4, 0]]) == (3, 6)
+def sure(*phases: int) -> np.ndarray:
+    """Scores of frames that are surely what they are."""
+    return 20.0 * np.eye(5)[list(phases)]
+
+
+def test_a_stroke_is_the_movements_without_the_holds_and_a_frame_around() -> None:
+    assert stroke(sure(0, 1, 2, 2, 3, 3, 2, 3, 2, 4, 0)) == (3, 8)
+    assert stroke(sure(3, 3)) == (0, 1)
+    doubtful = sure(0, 1, 2, 2, 3, 3, 2, 2, 4)
+    doubtful[6] = np.log([0.01, 0.01, 0.89, 0.08, 0.01])
+    assert stroke(doubtful) == (3, 7)
 
 
 def test_a_sign_that_is_all_hold_has_its_middle() -> None:
-    assert stroke(np.eye(5)[[0, 1, 2, 2, 2, 2, 2, 4, 0]]) == (4, 4)
-    assert stroke(np.eye(5)[[0, 0, 1, 1, 1, 4, 4, 0, 0]]) is None
+    assert stroke(sure(0, 1, 2, 2, 2, 2, 2, 4, 0)) == (4, 4)
+    assert stroke(sure(0, 0, 1, 1, 1, 4, 4, 0, 0)) is None
 
 
 class PhasesTold:
@@ -234,7 +243,7 @@ class PhasesTold:
         if name == "word":
             events = word("MOTHER" if inputs["tokens"].shape[1] == len(P) else "BOOK").events
             at = np.arange(inputs["tokens"].shape[1])
-            said["phases"] = np.eye(5)[np.where((at >= events.start) & (at <= events.end), 3, 0)][None]
+            said["phases"] = 20.0 * np.eye(5)[np.where((at >= events.start) & (at <= events.end), 3, 0)][None]
         return said
 
 

@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_softmax
+from scipy.special import log_softmax, softmax
 
 from signsplice.errors import InputError
 from signsplice.motion import features
@@ -36,6 +36,8 @@ Float = NDArray[np.float64]
 SYSTEM = "signsplice"
 NAME, FLUENT = "learned", "learned-fluent"
 _HOLD, _STROKE = (features.PHASES.index(name) for name in ("hold", "stroke"))
+_MAY_BE = 0.05
+"""Probability from which a frame may be part of a movement."""
 MOST_AT_ONCE = 32
 """Gaps that are filled in one pass of the network."""
 Item = TypeVar("Item")
@@ -73,14 +75,15 @@ class Reading:
 
 
 def stroke(phases: Array) -> tuple[int, int] | None:
-    """First and last frame of a word's movements by its frames' phases (T, 5); the middle one of a sign that is all
-    hold. None where neither is seen.
+    """First and last frame of a word's movements by the scores of its frames' phases (T, 5): of all frames that are
+    not surely something else, and one more at both ends, where movements are too slow to be told from holds. The middle
+    frame of a sign that is all hold; None where neither is seen.
     """
-    told = phases.argmax(axis=-1)
-    rows = np.flatnonzero(told == _STROKE)
+    shares = softmax(phases.astype(np.float64), axis=-1)
+    rows = np.flatnonzero(shares[:, _STROKE] > _MAY_BE)
     if len(rows):
-        return int(rows[0]), int(rows[-1])
-    held = np.flatnonzero(told == _HOLD)
+        return max(int(rows[0]) - 1, 0), min(int(rows[-1]) + 1, len(phases) - 1)
+    held = np.flatnonzero(shares[:, _HOLD] > 0.5)
     return (int(held[len(held) // 2]),) * 2 if len(held) else None
 
 
