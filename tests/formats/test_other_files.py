@@ -95,7 +95,7 @@ def test_unsound_archives_are_refused(tmp_path: Path) -> None:
     ("name", "message"),
     [
         ("a.glb", "a.glb: no such file"),
-        ("a.pose", "landmark files cannot be read yet, expected .bvh, .npz, .glb, .gltf, .vrm or .vrma"),
+        ("a.pose", "landmark files cannot be read yet, expected .bvh, .npz, .glb, .gltf or .vrma"),
         ("a.txt", "suffix .txt cannot be read"),
         ("a", r"suffix \(none\) cannot be read"),
         ("missing.bvh", "missing.bvh: no such file"),

@@ -31,7 +31,7 @@ def _write_vrma(clip: Clip, path: str | Path) -> None:
 _READERS: dict[str, Callable[[str | Path], Clip]] = {
     ".bvh": bvh.read,
     ".npz": npz.read,
-    **dict.fromkeys((".glb", ".gltf", ".vrm", ".vrma"), _read_gltf),
+    **dict.fromkeys((".glb", ".gltf", ".vrma"), _read_gltf),
 }
 _WRITERS: dict[str, Callable[[Clip, str | Path], None]] = {
     ".bvh": bvh.write,
@@ -45,7 +45,7 @@ _PLANNED = {".pose": "landmark"}
 
 
 def load(path: str | Path) -> Clip:
-    """The clip in a file, by its suffix (.bvh, .npz, .glb, .gltf, .vrm, .vrma). Raises ``InputError`` for a suffix or a
+    """The clip in a file, by its suffix (.bvh, .npz, .glb, .gltf, .vrma). Raises ``InputError`` for a suffix or a
     file that cannot be read.
     """
     return _READERS[_suffix(path, "read", _READERS)](path)

@@ -1,4 +1,4 @@
-"""Skeletal animation out of glTF 2.0 files: .glb, .gltf, and VRM's .vrm and .vrma.
+"""Skeletal animation out of glTF 2.0 files: .glb, .gltf, and VRM's .vrma.
 
 Joints keep their hierarchy and names. The pose in which a skin is bound (the file's own rest, where there is none)
 becomes the clip's rest pose: with B a joint's global rotation there and L its local rotation in the file, a clip's is
