@@ -200,6 +200,86 @@ def test_numbers_of_two_bytes_and_rows_with_gaps(tmp_path: Path) -> None:
     assert load_made(tmp_path, document).fps == 30.0
 
 
+def test_a_place_that_is_held_elsewhere_than_at_rest_is_the_bones(tmp_path: Path) -> None:
+    held = {"node": 1, "path": "translation", "times": [0, 1], "values": [[0, 2, 0], [0, 2, 0]]}
+    clip = load_made(tmp_path, made_of(ARM, [turning(), held]))
+    np.testing.assert_allclose(kinematics.forward(clip)[1][0, 1], [0.0, 2.0, 0.0], atol=1e-6)
+    assert clip.translations is None
+
+
+@pytest.mark.parametrize("fps", [12.0, 24000 / 1001, 25.0, 29.97, 30.0, 1 / 0.033333, 59.94, 1 / 0.008333])
+def test_rates_come_back(tmp_path: Path, fps: float) -> None:
+    """Our own files tell their rate; of others' it is read off the keys, which are in 32 bits."""
+    for n_frames in (1, 10, 1000):
+        clip = Clip(BOOK.skeleton, np.repeat(BOOK.local_rotations[:1], n_frames, axis=0), np.zeros((n_frames, 3)), fps)
+        ss.save(clip, tmp_path / "a.vrma")
+        back = ss.load(tmp_path / "a.vrma")
+        assert (back.fps, len(back)) == (fps, n_frames)
+        if n_frames > 1:
+            times = (np.arange(n_frames) / fps).astype("f4")
+            other = load_made(tmp_path, made_of(ARM, [turning(times=times, values=[STILL] * n_frames)]))
+            assert len(other) == n_frames
+            assert other.fps == pytest.approx(fps, rel=1e-4)
+
+
+def test_steps_come_at_their_own_frames(tmp_path: Path) -> None:
+    values = rotation.exp(np.linspace(0.0, 3.0, 200)[:, None] * [0.0, 0.0, 1.0])
+    channel = turning(times=np.arange(200) / 30.0, values=values, between="STEP")
+    clip = load_made(tmp_path, made_of(ARM, [channel]))
+    np.testing.assert_allclose(rotation.angle_between(clip.local_rotations[:, 0], values), 0.0, atol=1e-6)
+
+
+def test_a_year_of_signing_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="at 30 a second are more than a clip may hold"):
+        load_made(tmp_path, made_of(ARM, [turning(times=[0, 3e7])]))
+
+
+def test_what_is_no_joint_does_not_count(tmp_path: Path) -> None:
+    """A prop that grows and a camera that goes on for minutes, beside a skin."""
+    nodes: list[dict[str, Any]] = [*ARM, {"name": "prop"}, {"name": "camera"}]
+    grows = {"node": 2, "path": "scale", "times": [0, 1], "values": [[1, 1, 1], [1, 2, 1]]}
+    films = {"node": 3, "path": "translation", "times": [0, 300], "values": [[0, 0, 0], [1, 0, 0]]}
+    document = made_of(nodes, [turning(), grows, films], skins=[{"joints": [0, 1]}])
+    assert len(load_made(tmp_path, document)) == 31
+    larger = {"node": 0, "path": "scale", "times": [0, 1], "values": [[2, 2, 2], [2, 2, 2]]}
+    clip = load_made(tmp_path, made_of(ARM, [turning(), larger]))
+    np.testing.assert_allclose(kinematics.forward(clip)[1][0, 1], [0.0, 2.0, 0.0], atol=1e-6)
+
+
+def test_soles_are_on_the_floor_and_hips_as_high_as_at_rest(tmp_path: Path) -> None:
+    made = gltf.person(BOOK)
+    lowest = min(made.accessors[p.attributes.POSITION].min[1] for p in made.meshes[0].primitives)
+    assert lowest < -0.5, "bound with the root at the origin"
+    hips = BOOK.skeleton.index["mixamorig:Hips"]
+    soles = places_of(BOOK)[0, hips, 1] + lowest
+    assert abs(soles) < 0.02, "the mannequin's lowest point, with the hips where they are"
+    told = gltf.vrm_animation(BOOK)
+    assert told.nodes[0].name == "hips"
+    assert told.nodes[0].translation[1] == pytest.approx(places_of(BOOK)[0, hips, 1], abs=0.02)
+
+
+def test_a_body_without_legs_has_hips_where_others_have_them() -> None:
+    keep = [n for n, name in enumerate(BOOK.skeleton.names) if not any(p in name for p in ("Leg", "Foot", "Toe"))]
+    parents = np.array([keep.index(int(p)) if p >= 0 else -1 for p in BOOK.skeleton.parents[keep]])
+    names = tuple(BOOK.skeleton.names[n] for n in keep)
+    skeleton = Skeleton(names, parents, BOOK.skeleton.offsets[keep])
+    told = gltf.vrm_animation(Clip(skeleton, BOOK.local_rotations[:, keep], BOOK.root_positions, 30.0))
+    assert 0.7 < told.nodes[0].translation[1] < 1.2
+
+
+def test_eyes_are_not_told(tmp_path: Path) -> None:
+    head = BOOK.skeleton.index["mixamorig:Head"]
+    skeleton = Skeleton(
+        (*BOOK.skeleton.names, "LeftEye"),
+        np.append(BOOK.skeleton.parents, head),
+        np.concatenate([BOOK.skeleton.offsets, [[3.0, 8.0, 8.0]]]),
+    )
+    local = np.concatenate([BOOK.local_rotations, np.tile(rotation.IDENTITY, (len(BOOK), 1, 1))], axis=1)
+    clip = Clip(skeleton, local, BOOK.root_positions, BOOK.fps)
+    assert "leftEye" in find_roles(skeleton).joints
+    assert "leftEye" not in {node.name for node in gltf.vrm_animation(clip).nodes}
+
+
 def test_names_that_come_twice_are_told_apart(tmp_path: Path) -> None:
     nodes: list[dict[str, Any]] = [{"name": "bone", "children": [1, 2]}, {"name": "bone"}, {"name": "bone 2"}]
     channels = [turning(node=node) for node in range(3)]
@@ -226,13 +306,17 @@ WRONG: dict[str, tuple[Any, str]] = {
     "a node above itself": (lambda d: d["nodes"][1].update(children=[0]), "lies above itself"),
     "uneven scale": (lambda d: d["nodes"][1].update(scale=[1, 2, 1]), "is scaled by"),
     "no such buffer": (lambda d: d["bufferViews"][0].update(byteLength=3), "reaches beyond"),
-    "beyond the buffer": (lambda d: d["accessors"][0].update(count=10**9), "reaches beyond"),
+    "beyond the buffer": (lambda d: d["accessors"][0].update(count=10**6), "reaches beyond"),
     "times that fall": (lambda d: d["accessors"][0].update(bufferView=1, count=2), "rising times"),
     "a file elsewhere": (lambda d: d["buffers"][0].update(uri="../secret.bin"), "expected a file beside this one"),
     "a file that is not there": (lambda d: d["buffers"][0].update(uri="gone.bin"), "no such file"),
     "no base64": (lambda d: d["buffers"][0].update(uri="data:x;base64,$$"), "is no base64"),
     "sparse": (lambda d: d["accessors"][1].update(sparse={
         "count": 1, "indices": {"bufferView": 0, "componentType": 5125}, "values": {"bufferView": 0}}), "is sparse"),
+    "more than memory": (lambda d: d["accessors"][0].update(count=10**9), "more than a clip may"),
+    "glTF 1": (lambda d: d["asset"].update(version="1.0"), "is glTF 1.0, expected 2.0"),
+    "packed": (lambda d: d.update(extensionsRequired=["EXT_meshopt_compression"]), "which is not read"),
+    "numbers below 0": (lambda d: d["animations"][0]["samplers"][0].update(input=-2), "accessor -2 is no such"),
     "no such node": (lambda d: d["animations"][0]["channels"][0]["target"].update(node=7), "is no node"),
 }  # fmt: skip
 

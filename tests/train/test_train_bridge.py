@@ -75,9 +75,11 @@ def test_batches_follow_seed_and_number_and_gaps_never_repeat(windows: Windows, 
     assert not set(windows.rows(0, 8, 0).tolist()) & set(windows.rows(1, 8, 0).tolist())
     fixed = Windows(sorted(folder.glob("*.npz")), fixed=12)
     assert len(fixed) == 12
-    whole = windows.batch(windows.rows(0, 24, 0))
-    assert whole.seam.any()
-    assert (~whole.seam).any()
+    several = [windows.batch(windows.rows(step, 12, 0)) for step in range(4)]
+    seams = torch.cat([batch.seam for batch in several])
+    assert seams.any()
+    assert (~seams).any()
+    whole = several[0]
     assert whole.mask.sum(1).tolist() == (whole.real.sum(1) + 16).tolist()
 
 

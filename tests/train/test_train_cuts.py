@@ -134,7 +134,7 @@ def test_one_batch_is_learned_by_heart(paths: list[Path]) -> None:
     flat = batch.tokens[batch.mask]
     task = CuttingTask(Cutting(TOY, flat.mean(0), flat.std(0).clamp(min=0.05)))
     optimiser = torch.optim.AdamW(task.parameters(), 3e-3)
-    for _ in range(250):
+    for _ in range(400):
         loss = task(batch)
         optimiser.zero_grad()
         loss.backward()

@@ -11,7 +11,7 @@ bound (the file's own rest, where there is no skin) becomes the rest pose of the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,8 @@ from pygltflib import (
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.motion import kinematics, rotation, stance
-from signsplice.motion.clip import Clip, bone_translations
+from signsplice.motion.body import body, place
+from signsplice.motion.clip import Clip, Skeleton, bone_translations
 from signsplice.motion.common_pose import common_positions, common_rotations
 from signsplice.motion.harmonize import placed
 from signsplice.motion.humanoid import find_roles
@@ -52,7 +53,12 @@ Float = NDArray[np.float64]
 Array = NDArray[Any]
 
 VRM_ANIMATION = "VRMC_vrm_animation"
-_FRONT = Stand(np.zeros(3), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+FPS = "fps"
+"""What tells an animation's frame rate, among its extras."""
+_NOT_TOLD = ("leftEye", "rightEye")
+"""Roles that a VRM animation must not turn as bones."""
+_HIPS = 0.53
+"""Height of the hips as a share of stature (Drillis and Contini 1966)."""
 _STILL = 1e-9
 """Turns and ways smaller than this are no movement."""
 _FLOAT, _UBYTE, _USHORT, _UINT = 5126, 5121, 5123, 5125
@@ -107,7 +113,7 @@ def person(clip: Clip) -> GLTF2:
             made.channel(node, "rotation", times, turns[:, joint])
         if np.abs(translations[:, joint] - translations[:1, joint]).max() > _STILL or joint == 0:
             made.channel(node, "translation", times, translations[:, joint])
-    return made.finished(clip.name)
+    return made.finished(clip.name, clip.fps)
 
 
 def vrm_animation(clip: Clip) -> GLTF2:
@@ -121,7 +127,9 @@ def vrm_animation(clip: Clip) -> GLTF2:
         raise InputError("no hips found among the joints, which a VRM animation needs; name them with a roles file")
     clip = in_front(clip)
     metres = stance.sizes(clip.skeleton).unit.metres
-    below = {role: joint for role, joint in roles.items() if role == "hips" or _above(clip, joint, roles)}
+    hips = roles["hips"]
+    below = {role: joint for role, joint in roles.items()
+             if role not in _NOT_TOLD and hips in kinematics.lineage(clip.skeleton, joint)}  # fmt: skip
     globals_, positions = kinematics.forward(clip, list(below.values()))
     carried = rotation.from_matrix(globals_)
     carried = rotation.multiply(carried, rotation.inverse(common_rotations(clip.skeleton)[list(below.values())]))
@@ -132,29 +140,52 @@ def vrm_animation(clip: Clip) -> GLTF2:
     times = made.times(clip)
     row = {role: k for k, role in enumerate(below)}
     for role, joint in below.items():
-        over = _above(clip, joint, roles)
+        over = _above(clip, joint, below)
         own = carried[:, row[role]]
         if over is None:
-            feet = min((rest[joint, 1] for joint in below.values()), default=0.0)
-            made.gltf.nodes[nodes[role]].translation = (metres * (rest[joint] - [0.0, feet, 0.0])).tolist()
-            made.channel(nodes[role], "translation", times, metres * positions[:, row[role]])
+            feet = [rest[below[foot], 1] for foot in ("leftFoot", "rightFoot") if foot in below]
+            # Players measure an avatar by the height of its hips: a body without feet has them where others do.
+            height = rest[hips, 1] - np.mean(feet) + _sole(clip.skeleton) if feet else _HIPS * _size(clip.skeleton)
+            lift = 0.0 if feet else height
+            made.gltf.nodes[nodes[role]].translation = [0.0, metres * float(height), 0.0]
+            made.channel(nodes[role], "translation", times, metres * (positions[:, row[role]] + [0.0, lift, 0.0]))
         else:
-            made.gltf.nodes[nodes[role]].translation = (metres * (rest[joint] - rest[roles[over]])).tolist()
+            made.gltf.nodes[nodes[role]].translation = (metres * (rest[joint] - rest[below[over]])).tolist()
             own = rotation.multiply(rotation.inverse(carried[:, row[over]]), own)
             made.gltf.nodes[nodes[over]].children.append(nodes[role])
         made.channel(nodes[role], "rotation", times, rotation.continuous(own))
     bones = {role: {"node": node} for role, node in nodes.items()}
     made.gltf.extensionsUsed.append(VRM_ANIMATION)
     made.gltf.extensions[VRM_ANIMATION] = {"specVersion": "1.0", "humanoid": {"humanBones": bones}}
-    return made.finished(clip.name)
+    return made.finished(clip.name, clip.fps)
 
 
 def in_front(clip: Clip) -> Clip:
-    """The clip moved as one rigid whole so that its signer stands at the origin, up +Y, and faces +Z."""
-    return placed(clip, _FRONT)
+    """The clip moved as one rigid whole so that its signer stands at the origin, soles at 0, up +Y, and faces +Z."""
+    ankles = np.array([0.0, _sole(clip.skeleton), 0.0])
+    return placed(clip, Stand(ankles, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])))
 
 
-def _above(clip: Clip, joint: int, roles: dict[str, int] | Any) -> str | None:
+def _sole(skeleton: Skeleton) -> float:
+    """How far below the foot joints the mannequin's soles are, clip units; 0 where no feet are known."""
+    joints = find_roles(skeleton).joints
+    feet = [joints[role] for role in ("leftFoot", "rightFoot") if role in joints]
+    shape = body(skeleton)
+    shoes = [n for n, part in enumerate(shape.parts) if part in ("leg", "shoe")]
+    if not feet or not shoes:
+        return 0.0
+    rotations, places = bound(skeleton)
+    starts, ends = place(shape, rotation.to_matrix(rotations)[None], places[None])
+    low = min((points[0, shoes, 1] - shape.radii[shoes, k]).min() for k, points in enumerate((starts, ends)))
+    return float(places[feet, 1].mean() - low)
+
+
+def _size(skeleton: Skeleton) -> float:
+    """Body height, clip units; 1 m where a skeleton has none."""
+    return stance.stature(skeleton) or 1.0 / stance.sizes(skeleton).unit.metres
+
+
+def _above(clip: Clip, joint: int, roles: Mapping[str, int]) -> str | None:
     """The nearest role above a joint, None where there is none."""
     role_of = {number: role for role, number in roles.items()}
     return next((role_of[k] for k in kinematics.lineage(clip.skeleton, joint)[1:] if k in role_of), None)
@@ -253,8 +284,9 @@ class _Document:
         target = AnimationChannelTarget(node=node, path=path)
         animation.channels.append(AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
 
-    def finished(self, name: str) -> GLTF2:
+    def finished(self, name: str, fps: float) -> GLTF2:
         self.gltf.animations[0].name = name or "signing"
+        self.gltf.animations[0].extras = {FPS: fps}
         self.content += b"\0" * (-len(self.content) % 4)
         self.gltf.buffers = [Buffer(byteLength=len(self.content))]
         self.gltf.set_binary_blob(bytes(self.content))

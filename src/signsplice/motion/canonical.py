@@ -163,9 +163,9 @@ def signing(clip: Clip) -> Signing:
     known = rig(clip.skeleton)
     # A = C_above G_above^-1 G C^-1: of the rotations between the two joints alone, no kinematics.
     local = clip.local_rotations
-    between = local[:, [way[-1][0] for way in known.ways]]
+    between = local[:, [way[-1][0] if way else 0 for way in known.ways]]
     for k, way in enumerate(known.ways):
-        if len(way) > 1 or way[0][1]:
+        if len(way) != 1 or way[0][1]:
             between[:, k] = _along(local, way)
     turns = np.empty((len(clip), len(ROLES), 4))
     turns[:] = rotation.IDENTITY

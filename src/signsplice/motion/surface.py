@@ -16,6 +16,7 @@ Float = NDArray[np.float64]
 Field = Callable[[Float], Float]
 """Points (N, 3) -> how far they lie outside (N,), negative inside."""
 
+_BLOCK = 20_000
 _COARSE = 4
 _ONTO = 2
 """Steps by which a vertex goes onto the surface."""
@@ -27,6 +28,7 @@ def surface(field: Field, low: Float, high: Float, step: float) -> tuple[Float, 
     low, high (3,): corners of a box that holds the whole surface. step: the grid's, in the same unit. Raises
     ``ValueError`` where the box holds no surface.
     """
+    field = _in_blocks(field)
     origin = np.asarray(low, np.float64) - step
     counts = (np.ceil((np.asarray(high) - origin) / (_COARSE * step)).astype(int) + 1) * _COARSE + 1
     values = _sampled(field, origin, counts, step)
@@ -45,6 +47,15 @@ def surface(field: Field, low: Float, high: Float, step: float) -> tuple[Float, 
         slopes = [field(vertices + move) - here for move in 0.05 * step * np.eye(3)]
         vertices = vertices - np.clip(here, -step, step)[:, None] * _unit(np.stack(slopes, axis=-1))
     return vertices, _gradient(field, vertices, 0.05 * step), triangles
+
+
+def _in_blocks(field: Field) -> Field:
+    """The same field, asked for so many points at a time: memory stays small."""
+
+    def asked(points: Float) -> Float:
+        return np.concatenate([field(points[at : at + _BLOCK]) for at in range(0, max(len(points), 1), _BLOCK)])
+
+    return asked
 
 
 def _shifted(shift: tuple[int, ...], shape: tuple[int, ...]) -> tuple[slice, ...]:
