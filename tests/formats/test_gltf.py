@@ -246,6 +246,15 @@ def test_what_is_no_joint_does_not_count(tmp_path: Path) -> None:
     np.testing.assert_allclose(kinematics.forward(clip)[1][0, 1], [0.0, 2.0, 0.0], atol=1e-6)
 
 
+def test_roles_of_a_roles_file_come_back(tmp_path: Path) -> None:
+    joints = find_roles(BOOK.skeleton).joints
+    names = tuple(f"j{n}" for n in range(len(BOOK.skeleton)))
+    told = {role: names[joint] for role, joint in joints.items()}
+    skeleton = Skeleton(names, BOOK.skeleton.parents, BOOK.skeleton.offsets, roles=told)
+    ss.save(Clip(skeleton, BOOK.local_rotations, BOOK.root_positions, BOOK.fps), tmp_path / "a.glb")
+    assert ss.load(tmp_path / "a.glb").skeleton.roles == told
+
+
 def test_soles_are_on_the_floor_and_hips_as_high_as_at_rest(tmp_path: Path) -> None:
     made = gltf.person(BOOK)
     lowest = min(made.accessors[p.attributes.POSITION].min[1] for p in made.meshes[0].primitives)

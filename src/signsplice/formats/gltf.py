@@ -53,8 +53,8 @@ Float = NDArray[np.float64]
 Array = NDArray[Any]
 
 VRM_ANIMATION = "VRMC_vrm_animation"
-FPS = "fps"
-"""What tells an animation's frame rate, among its extras."""
+FPS, ROLES = "fps", "roles"
+"""What tells an animation's frame rate, among its extras, and the joints' roles (role -> name), among the file's."""
 _NOT_TOLD = ("leftEye", "rightEye")
 """Roles that a VRM animation must not turn as bones."""
 _HIPS = 0.53
@@ -105,6 +105,8 @@ def person(clip: Clip) -> GLTF2:
         if children:
             made.gltf.nodes[node].children = children
     made.scene(joints[0])
+    if clip.skeleton.roles:
+        made.gltf.extras = {ROLES: dict(clip.skeleton.roles)}
     made.skin(joints, _bind(clip, metres), joints[0])
     made.mesh(mannequin(clip.skeleton), metres)
     times = made.times(clip)

@@ -26,6 +26,7 @@ from pygltflib import GLTF2
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.atomic import read_bytes
 from signsplice.formats.gltf import FPS
+from signsplice.formats.gltf import ROLES as TOLD_ROLES
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.motion.humanoid import ROLES
@@ -138,7 +139,7 @@ class _File:
         offsets, ways = rotation.rotate(over, offsets), rotation.rotate(over, ways)
         moving = len(order) > 1 and float(np.ptp(ways[:, 1:], axis=0).max()) > _HELD * float(np.abs(offsets).max())
         names = _different([_name(self.gltf.nodes[node].name, node) for node in order])
-        told = {role: names[rows[node]] for role, node in roles.items() if node in rows}
+        told = {role: names[rows[node]] for role, node in roles.items() if node in rows} or self._told_roles(names)
         return Clip(
             Skeleton(tuple(names), parents, np.concatenate([np.zeros((1, 3)), offsets[1:]]), roles=told or None),
             rotation.continuous(local),
@@ -176,6 +177,12 @@ class _File:
             known = ", ".join(repr(animation.name) for animation in there[:8])
             raise self._wrong(f"holds no animation {name!r}, expected one of {known}")
         return named[0]
+
+    def _told_roles(self, names: Sequence[str]) -> dict[str, str]:
+        """Roles that a file of ours tells, of joints that are there."""
+        told = (self.gltf.extras or {}).get(TOLD_ROLES) if isinstance(self.gltf.extras, dict) else None
+        pairs = told.items() if isinstance(told, dict) else ()
+        return {role: name for role, name in pairs if role in ROLES and name in names}
 
     def _targets(self, animation: Any) -> dict[tuple[int, str], int]:
         """Which node's rotation, translation or scale each sampler moves."""
