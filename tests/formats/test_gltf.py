@@ -34,24 +34,25 @@ def places_of(clip: Clip) -> np.ndarray:
     return np.asarray(kinematics.forward(placed)[1] * stance.sizes(clip.skeleton).unit.metres)
 
 
-def comes_back(clip: Clip, path: Path) -> None:
+def came_back(clip: Clip, path: Path) -> float:
+    """How far a written and read clip is off at most, in metres and in six-number turns."""
     ss.save(clip, path)
     back = ss.load(path)
     assert len(back) == len(clip)
     assert back.fps == pytest.approx(clip.fps)
     columns = [back.skeleton.names.index(name) for name in clip.skeleton.names]
-    np.testing.assert_allclose(kinematics.forward(back)[1][:, columns], places_of(clip), atol=1e-5)
-    np.testing.assert_allclose(rotation.to_6d(signing(back).turns), rotation.to_6d(signing(clip).turns), atol=1e-5)
+    places = np.abs(kinematics.forward(back)[1][:, columns] - places_of(clip)).max()
+    return float(max(places, np.abs(rotation.to_6d(signing(back).turns) - rotation.to_6d(signing(clip).turns)).max()))
 
 
 def test_a_person_comes_back(tmp_path: Path) -> None:
-    comes_back(BOOK, tmp_path / "book.glb")
-    comes_back(in_other_clothes(BOOK, rotation.exp([0.4, -1.1, 2.0]), 0.01), tmp_path / "lying.glb")
+    assert came_back(BOOK, tmp_path / "book.glb") < 1e-5
+    assert came_back(in_other_clothes(BOOK, rotation.exp([0.4, -1.1, 2.0]), 0.01), tmp_path / "lying.glb") < 1e-5
 
 
 def test_a_real_person_comes_back(tmp_path: Path, real_clips: dict[str, Clip]) -> None:
     for name in ("isl_thanks", "kateBVH"):
-        comes_back(real_clips[name][:40], tmp_path / "real.glb")
+        assert came_back(real_clips[name][:40], tmp_path / "real.glb") < 1e-5
 
 
 def test_a_vrm_animation_turns_the_bones_of_a_t_pose(tmp_path: Path) -> None:
