@@ -10,7 +10,7 @@ import sys
 
 import click
 
-from signsplice.cli import files, lexicon, paper, showing, splicing, synth, train
+from signsplice.cli import files, lexicon, paper, service, showing, splicing, synth, train
 from signsplice.errors import InputError, SignspliceError
 
 
@@ -55,6 +55,7 @@ for _command in (
     *synth.COMMANDS,
     *paper.COMMANDS,
     *train.COMMANDS,
+    *service.COMMANDS,
     *showing.COMMANDS,
 ):
     app.add_command(_command)

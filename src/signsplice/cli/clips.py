@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from signsplice.cli.terminal import progress
 from signsplice.errors import InputError
@@ -58,3 +59,21 @@ def write(clip: Clip, output: str, spans: Spans = (), view: str = "front") -> No
         from signsplice.formats import save
 
         save(clip, output)
+
+
+def read_report(path: str, n_frames: int) -> dict[str, Any]:
+    """A splice's report, checked against the clip that it tells of. Raises ``InputError``."""
+    from signsplice.formats.atomic import read_bytes
+
+    try:
+        report: dict[str, Any] = json.loads(read_bytes(path))
+        ends = [(str(span["kind"]), int(span["output"][0]), int(span["output"][1])) for span in report["spans"]]
+        for key in ("seams", "warnings"):
+            report[key] = list(report[key])
+    except (ValueError, KeyError, TypeError, IndexError) as error:
+        raise InputError(f"{path}: is no report of a splice ({error})") from error
+    if ends and ends[-1][2] != n_frames:
+        raise InputError(
+            f"{path}: tells of {ends[-1][2]} frames, but the clip has {n_frames}; is it another clip's report?"
+        )
+    return report

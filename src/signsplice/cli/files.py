@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from signsplice.cli.clips import PICTURES, Spans, check_outputs, load, write
+from signsplice.cli.clips import PICTURES, Spans, check_outputs, load, read_report, write
 from signsplice.errors import InputError
 
 
@@ -64,18 +64,8 @@ def render(source: str, output: str, report: str | None, view: str) -> None:
 
 def _reported_spans(path: str, n_frames: int) -> Spans:
     """Spans of a splice's report, checked against the clip they are to mark."""
-    from signsplice.formats.atomic import read_bytes
-
-    try:
-        report = json.loads(read_bytes(path))
-        spans = [(str(s["kind"]), s["name"] or "", int(s["output"][0]), int(s["output"][1])) for s in report["spans"]]
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path}: is no report of a splice ({error})") from error
-    if spans and spans[-1][3] != n_frames:
-        raise InputError(
-            f"{path}: tells of {spans[-1][3]} frames, but the clip has {n_frames}; is it another clip's report?"
-        )
-    return spans
+    spans = read_report(path, n_frames)["spans"]
+    return [(str(span["kind"]), span["name"] or "", *span["output"]) for span in spans]
 
 
 COMMANDS = (inspect, convert, render)

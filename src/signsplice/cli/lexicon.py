@@ -55,13 +55,8 @@ def build(folder: str, output: str, compact: bool, signer: str, roles: str | Non
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 def list_words(path: str | None, search: str | None, as_json: bool) -> None:
     """List the words of a lexicon; default the one that ships."""
-    from signsplice.lexicon.entry import fold
-
     with open_words(path) as words:
-        wanted = fold(search or "")
-        entries = [
-            entry for entry in words.entries() if any(wanted in fold(name) for name in (entry.gloss, *entry.synonyms))
-        ]
+        entries = words.search(search or "")
         if as_json:
             told = {"version": 1, "lexicon": str(words.path), "form": words.form, "bytes": words.n_bytes}
             print(json.dumps(told | {"words": [_facts(entry) for entry in entries]}, indent=2, ensure_ascii=False))

@@ -16,6 +16,16 @@ def _read_gltf(path: str | Path) -> Clip:
     return gltf_reading.read(path)
 
 
+def _parse_gltf(content: bytes, file: str) -> Clip:
+    from signsplice.formats import gltf_reading
+
+    return gltf_reading.parse(content, file)
+
+
+def _parse_bvh(content: bytes, file: str) -> Clip:
+    return bvh.parse(content, file, Path(file).stem)
+
+
 def _write_glb(clip: Clip, path: str | Path) -> None:
     from signsplice.formats import gltf
 
@@ -41,6 +51,10 @@ _WRITERS: dict[str, Callable[[Clip, str | Path], None]] = {
 }
 SUFFIXES = tuple(_READERS)
 """What ``load`` reads."""
+_PARSERS: dict[str, Callable[[bytes, str], Clip]] = {
+    ".bvh": _parse_bvh,
+    **dict.fromkeys((".glb", ".vrma"), _parse_gltf),
+}
 _PLANNED = {".pose": "landmark"}
 
 
@@ -49,6 +63,13 @@ def load(path: str | Path) -> Clip:
     file that cannot be read.
     """
     return _READERS[_suffix(path, "read", _READERS)](path)
+
+
+def parse(content: bytes, file: str) -> Clip:
+    """The clip that the bytes of a file hold, by the suffix of its name (.bvh, .glb, .vrma), named after it; for what
+    comes over a wire: no file is opened, whatever the bytes ask for. Raises as ``load`` does.
+    """
+    return _PARSERS[_suffix(file, "taken", _PARSERS)](content, file)
 
 
 def save(clip: Clip, path: str | Path) -> None:

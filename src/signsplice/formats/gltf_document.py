@@ -27,14 +27,16 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
 class Document:
-    """A file that is being read; ``parents``: every node's parent. Raises ``FormatError`` where it is no sound glTF."""
+    """A file that is being read; ``parents``: every node's parent. ``beside``: the folder of files that it may ask for,
+    None where it may ask for none. Raises ``FormatError`` where it is no sound glTF.
+    """
 
-    def __init__(self, path: Path, content: bytes) -> None:
-        self.path = path
+    def __init__(self, file: str, content: bytes, beside: Path | None) -> None:
+        self.file, self.beside = file, beside
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about extensions that mean nothing here
             if content[:4] == b"glTF":
-                self.gltf, self.blob = _binary(path, content)
+                self.gltf, self.blob = _binary(file, content)
             else:
                 self.gltf, self.blob = GLTF2.from_json(content.decode("utf-8-sig"), infer_missing=True), b""
         self.buffers: dict[int, bytes] = {}
@@ -127,33 +129,35 @@ class Document:
                 name = unquote(uri)
                 if not name or Path(name).name != name or "\\" in name or "\0" in name:
                     raise self._wrong(f"buffer {number} lies at {uri!r}, expected a file beside this one")
-                self.buffers[number] = read_bytes(self.path.parent / name)
+                if self.beside is None:
+                    raise self._wrong(f"buffer {number} lies in another file, {uri!r}, expected all in one")
+                self.buffers[number] = read_bytes(self.beside / name)
         return self.buffers[number]
 
     def _wrong(self, what: str) -> FormatError:
-        return FormatError(what, file=str(self.path))
+        return FormatError(what, file=self.file)
 
 
-def _binary(path: Path, content: bytes) -> tuple[GLTF2, bytes]:
+def _binary(file: str, content: bytes) -> tuple[GLTF2, bytes]:
     """The document and the binary part of a .glb."""
     if len(content) < 20:
-        raise FormatError(f"{len(content)} bytes are no glTF file, expected 20 at least", file=str(path))
+        raise FormatError(f"{len(content)} bytes are no glTF file, expected 20 at least", file=file)
     version, length = struct.unpack_from("<II", content, 4)
     if version != 2:
-        raise FormatError(f"is glTF {version}, expected 2", file=str(path))
+        raise FormatError(f"is glTF {version}, expected 2", file=file)
     if length > len(content):
-        raise FormatError(f"has {len(content)} of its {length} bytes; it is cut short", file=str(path))
+        raise FormatError(f"has {len(content)} of its {length} bytes; it is cut short", file=file)
     parts: dict[bytes, bytes] = {}
     at = 12
     while at + 8 <= length:
         (size,), kind = struct.unpack_from("<I", content, at), content[at + 4 : at + 8]
         if at + 8 + size > length:
-            raise FormatError(f"a chunk of {size} bytes at {at} reaches beyond the file's end", file=str(path))
+            raise FormatError(f"a chunk of {size} bytes at {at} reaches beyond the file's end", file=file)
         parts.setdefault(kind, content[at + 8 : at + 8 + size])
         at += 8 + size
     if b"JSON" not in parts:
-        raise FormatError("has no JSON chunk, expected one", file=str(path))
+        raise FormatError("has no JSON chunk, expected one", file=file)
     told = parts[b"JSON"].decode("utf-8")
     if not isinstance(json.loads(told), dict):
-        raise FormatError("its JSON is no object", file=str(path))
+        raise FormatError("its JSON is no object", file=file)
     return GLTF2.from_json(told, infer_missing=True), parts.get(b"BIN\0", b"")

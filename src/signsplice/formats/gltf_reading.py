@@ -40,24 +40,34 @@ def read(path: str | Path, animation: str | None = None) -> Clip:
     Raises ``FormatError`` where the file is no sound glTF, has no animation (of that name) or scales joints unevenly;
     ``InputError`` where it cannot be read.
     """
-    content = read_bytes(path)
+    return _read(read_bytes(path), str(path), Path(path).parent, animation)
+
+
+def parse(content: bytes, file: str = "") -> Clip:
+    """The clip that the bytes of a .glb hold; ``file`` is its name. Opens no other file: one that keeps its numbers
+    beside itself is refused. Raises ``FormatError``.
+    """
+    return _read(content, file, None, None)
+
+
+def _read(content: bytes, file: str, beside: Path | None, animation: str | None) -> Clip:
     try:
-        return _File(Path(path), content).clip(animation)
+        return _File(file, content, beside).clip(animation)
     except FormatError:
         raise
     except InputError as error:
-        raise FormatError(f"holds no sound clip ({error})", file=str(path)) from error
+        raise FormatError(f"holds no sound clip ({error})", file=file) from error
     except (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError, RecursionError, MemoryError,
             struct.error) as error:  # fmt: skip
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise FormatError(f"is no sound glTF file ({reason[:200]})", file=str(path)) from error
+        raise FormatError(f"is no sound glTF file ({reason[:200]})", file=file) from error
 
 
 class _File(Document):
     """A file whose animation is being read."""
 
-    def __init__(self, path: Path, content: bytes) -> None:
-        super().__init__(path, content)
+    def __init__(self, file: str, content: bytes, beside: Path | None) -> None:
+        super().__init__(file, content, beside)
         self.sizes: dict[int, Float] = {}
 
     def clip(self, name: str | None) -> Clip:
@@ -106,7 +116,7 @@ class _File(Document):
             rotation.continuous(local),
             roots,
             fps,
-            name=name or self.path.stem,
+            name=name or Path(self.file).stem,
             translations=np.concatenate([np.zeros((len(times), 1, 3)), ways[:, 1:]], axis=1) if moving else None,
         )
 

@@ -105,6 +105,14 @@ class Lexicon:
         """What is told of every word, in the order of ``glosses``."""
         return (entry for entry, _ in self._index.words())
 
+    def search(self, text: str) -> list[Entry]:
+        """Words that have ``text`` in their gloss or a synonym, in any case: those that begin with it first."""
+        wanted = fold(text)
+        named = [(entry, [fold(name) for name in (entry.gloss, *entry.synonyms)]) for entry in self.entries()]
+        found = [(entry, names) for entry, names in named if any(wanted in name for name in names)]
+        found.sort(key=lambda one: not any(name.startswith(wanted) for name in one[1]))
+        return [entry for entry, _ in found]
+
     def entry(self, gloss: str) -> Entry:
         """What is told of the word that has a gloss or synonym. Raises ``UnknownGlossError``, which names the nearest
         ones.

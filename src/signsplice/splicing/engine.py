@@ -18,7 +18,7 @@ from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.motion.harmonize import ground, harmonize
+from signsplice.motion.harmonize import Ground, ground, harmonize
 from signsplice.splicing import defaults
 from signsplice.splicing.cut import Cut, Cutter, SentenceCutter
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
@@ -112,7 +112,7 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Splic
     nothing in common.
     """
     sentence = _Sentence(options or SpliceOptions())
-    pieces = list(sentence.pieces(clips, whole=True))
+    pieces = [*sentence.add(clips, whole=True), *sentence.end()]
     if not pieces:
         raise InputError("nothing to splice, expected at least one clip")
     with sentence.timed("join"):
@@ -137,7 +137,29 @@ def stream(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Itera
 
     Reads ``clips`` one ahead; without any, nothing comes. Raises as ``splice`` does, at the clip that is wrong.
     """
-    return _Sentence(options or SpliceOptions()).pieces(clips)
+    growing = Stream(options)
+    for clip in clips:
+        yield from growing.push(clip)
+    yield from growing.end()
+
+
+class Stream:
+    """A sentence that grows a word at a time, for callers that are told of words as they come: what ``stream`` gives,
+    pushed in place of pulled. It holds one word and no more, however long the sentence.
+    """
+
+    def __init__(self, options: SpliceOptions | None = None) -> None:
+        self._sentence = _Sentence(options or SpliceOptions())
+
+    def push(self, clip: Clip) -> list[Piece]:
+        """The pieces that are final now that one more word is known: none for the first. Raises as ``splice`` does;
+        the word that is wrong is then not part of the sentence.
+        """
+        return list(self._sentence.add([clip]))
+
+    def end(self) -> list[Piece]:
+        """The rest of the last word; nothing where there was none, or where it was taken already."""
+        return list(self._sentence.end())
 
 
 @dataclass(eq=False)
@@ -185,6 +207,9 @@ class _Sentence:
     options: SpliceOptions
     seconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     _n_out: int = 0
+    _n_words: int = 0
+    _onto: Ground | None = None
+    _last: _Word | None = None
 
     def __post_init__(self) -> None:
         options = self.options
@@ -197,34 +222,36 @@ class _Sentence:
         yield
         self.seconds[part] += time.perf_counter() - start
 
-    def pieces(self, clips: Iterable[Clip], whole: bool = False) -> Iterator[Piece]:
-        """The sentence in pieces; ``whole``: all words are looked at before the first piece comes, so that seams are
-        chosen together, and filled in one go.
+    def add(self, clips: Iterable[Clip], whole: bool = False) -> Iterator[Piece]:
+        """The pieces that are final once these words are known too; ``whole``: they are all, so that seams are chosen
+        together, and filled in one go.
         """
-        words = self._words(clips)
-        last: _Word | None = None
-        for group in [list(words)] if whole else ([word] for word in words):
-            row = group if last is None else [last, *group]
-            joins = self._joins(row, whole)
-            for join, filled in zip(joins, self._fill(joins), strict=True):
-                yield self._sign(join.before, join.cut.pre + 1)
-                join.after.seam = self._score(join, filled)
-                if filled is not None:
-                    yield Piece(filled.clip, self._span("transition", None, None, None, len(filled.clip)))
-            last = row[-1] if row else None
+        words = [self._word(clip, self._n_words + k) for k, clip in enumerate(clips)]
+        row = words if self._last is None else [self._last, *words]
+        joins = self._joins(row, whole)
+        filled = self._fill(joins)
+        self._n_words += len(words)
+        self._last = row[-1] if row else None
+        for join, new in zip(joins, filled, strict=True):
+            yield self._sign(join.before, join.cut.pre + 1)
+            join.after.seam = self._score(join, new)
+            if new is not None:
+                yield Piece(new.clip, self._span("transition", None, None, None, len(new.clip)))
+
+    def end(self) -> Iterator[Piece]:
+        """The rest of the last word."""
+        last, self._last = self._last, None
         if last is not None:
             yield self._sign(last, len(last.clip))
 
-    def _words(self, clips: Iterable[Clip]) -> Iterator[_Word]:
-        """Clips on the first one's ground."""
-        onto = None
-        for index, clip in enumerate(clips):
-            with self.timed("harmonize"):
-                if onto is None:
-                    onto = ground(clip, self.options.fps)
-                harmonized = harmonize(clip, onto, self.options.sign_speed)
-            said = harmonized.warnings if index else (*self.methods.warnings, *harmonized.warnings)
-            yield _Word(index, harmonized.clip, said)
+    def _word(self, clip: Clip, index: int) -> _Word:
+        """A clip on the first one's ground."""
+        with self.timed("harmonize"):
+            onto = self._onto or ground(clip, self.options.fps)
+            harmonized = harmonize(clip, onto, self.options.sign_speed)
+            self._onto = onto
+        said = harmonized.warnings if index else (*self.methods.warnings, *harmonized.warnings)
+        return _Word(index, harmonized.clip, said)
 
     def _joins(self, words: Sequence[_Word], whole: bool) -> list[_Join]:
         """Where words in order are joined; every word is told at which frame it is entered."""

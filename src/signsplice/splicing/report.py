@@ -34,7 +34,7 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
         "warnings": list(result.warnings),
         "timing_ms": {part: round(ms, 3) for part, ms in (timing | result.timing_ms | dict(timing_ms or {})).items()},
     }
-    rounded: dict[str, Any] = _plain(report)
+    rounded: dict[str, Any] = plain(report)
     return rounded
 
 
@@ -44,12 +44,12 @@ def write(report: Mapping[str, Any], path: str | Path) -> None:
         temporary.write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Values as JSON has them: tuples as lists, what is not finite as null."""
     if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
+        return {key: plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
