@@ -2,9 +2,10 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-VIEWER := viewer/node_modules/.package-lock.json
+NODE := viewer/node_modules/.package-lock.json
+PAGE := src/signsplice/service/page/index.html
 
-.PHONY: demo test lint types unit bench words corpus smoke paper weights clean
+.PHONY: demo test lint types unit viewer bench words corpus smoke paper weights clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet and a report in out/demo
 	$(BIN)/signsplice demo --out out/demo
@@ -18,7 +19,9 @@ lint: $(VENV)/.dev             ## style
 types: $(VENV)/.dev            ## mypy --strict
 	$(BIN)/mypy
 
-unit: $(VENV)/.dev $(VIEWER)   ## pytest
+viewer: $(PAGE)                ## the browser viewer's page, built into the package (needs Node 20 or newer)
+
+unit: $(VENV)/.dev $(PAGE)     ## pytest
 	$(BIN)/python -m pytest
 
 bench: $(VENV)/.dev            ## speed of every part beside its baselines, in one run
@@ -48,9 +51,13 @@ $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "signsplice needs Python 3.11 or newer; set PYTHON=python3.x")'
 	$(PYTHON) -m venv $(VENV)
 
-$(VIEWER): viewer/package-lock.json
+$(NODE): viewer/package-lock.json
 	@if command -v npm >/dev/null; then cd viewer && npm ci --no-audit --no-fund --silent; \
 	else echo "no npm: what other programs make of our glTF files is not tested"; fi
+
+$(PAGE): $(NODE) $(wildcard viewer/src/*) viewer/build.mjs
+	@if command -v npm >/dev/null; then cd viewer && npm run --silent build; \
+	else echo "no npm: the viewer is not built, nor tested"; fi
 
 $(VENV)/.demo: pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[video]'

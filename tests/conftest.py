@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import httpx
 import numpy as np
 import pytest
 from hypothesis import settings
 
+from serving import serving
 from signsplice.formats import bvh
 from signsplice.lexicon import shipped
 from signsplice.motion import rotation
@@ -71,3 +74,41 @@ def random_clip(seed: int, n_frames: int = 20, n_joints: int = 12, fps: float = 
     )
     roots = rng.normal(size=3) + 0.1 * np.cumsum(rng.normal(size=(n_frames, 3)), axis=0)
     return Clip(skeleton, rotation.exp(waves), roots, fps, f"random{seed}")
+
+
+TIGHT = {
+    "max_body_bytes": 300_000,
+    "max_files": 3,
+    "max_glosses": 6,
+    "max_frames": 600,
+    "max_streams": 2,
+    "max_stream_words": 2,
+    "head_seconds": 1.0,
+    "idle_seconds": 1.0,
+    "work_seconds": 12.0,
+    "stream_idle_seconds": 2.0,
+}
+
+
+@pytest.fixture(scope="session")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    """A client of a service with its default limits."""
+    folder = tmp_path_factory.mktemp("service")
+    with serving("serve", cwd=folder) as address, httpx.Client(base_url=address, timeout=60.0) as client:
+        yield client
+
+
+@pytest.fixture(scope="session")
+def tight_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the tight service runs, its temporary files too; nothing may be left there."""
+    return tmp_path_factory.mktemp("tight")
+
+
+@pytest.fixture(scope="session")
+def tight(tight_folder: Path) -> Iterator[httpx.Client]:
+    """A client of a service with tight limits and one worker."""
+    limits = [f"--limit={name}={value}" for name, value in TIGHT.items()]
+    call = ("serve", "--workers=1", *limits)
+    with serving(*call, cwd=tight_folder) as address, httpx.Client(base_url=address, timeout=60.0) as client:
+        client.post("/v1/sentence", json={"glosses": ["HELLO"]})  # the worker is up
+        yield client

@@ -112,16 +112,30 @@ def test_the_product_needs_only_its_own_dependencies() -> None:
     assert names == {"numpy", "scipy", "onnxruntime", "click", "rich", "pygltflib"}
     optional = {"PIL", "imageio_ffmpeg", "matplotlib", "pybvh"}  # imported inside functions, for those who have them
     training = {"torch", "onnx", "onnxscript", "filelock"}
+    serving = {"fastapi", "starlette", "uvicorn", "pydantic", "prometheus_client", "python_multipart"}
+    loading = {"httpx", "psutil", "websockets"}  # what calls the service to measure it
     for path in MODULES:
-        if room(module_name(path)) == "train":
+        if room(module_name(path)) in ("train", "service"):
             continue
         outside = {t.split(".")[0] for t in imports(path)} - set(sys.stdlib_module_names) - {"signsplice"}
         if path.parent.name == "cli":
             assert not outside & training or path.name == "train.py", path
             outside -= training
+        if path.name == "service.py":
+            assert path.parent.name in ("cli", "bench"), path
+            outside -= serving if path.parent.name == "cli" else loading
         assert outside <= names | optional, path
         at_top = {t.split(".")[0] for t in imports(path, inside_functions=False)}
-        assert not at_top & (optional | training), path
+        assert not at_top & (optional | training | serving | loading), path
+
+
+def test_the_service_is_a_room_of_its_own() -> None:
+    allowed = {"numpy", "fastapi", "starlette", "uvicorn", "pydantic", "prometheus_client", "signsplice"}
+    for path in MODULES:
+        if room(module_name(path)) == "service":
+            assert {t.split(".")[0] for t in imports(path)} <= allowed | set(sys.stdlib_module_names), path
+        elif path.name != "service.py" and room(module_name(path)) != "":
+            assert not any(t.startswith("signsplice.service") for t in imports(path)), path
 
 
 def test_training_is_a_room_of_its_own() -> None:

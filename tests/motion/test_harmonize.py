@@ -12,8 +12,9 @@ from conftest import rooted
 from signsplice.errors import RigMismatchError
 from signsplice.motion import kinematics, rotation, stance
 from signsplice.motion.clip import Clip, Skeleton
-from signsplice.motion.harmonize import ground, harmonize
+from signsplice.motion.harmonize import ground, harmonize, placed, unmoved
 from signsplice.motion.humanoid import find_roles
+from signsplice.motion.stance import stand
 
 Float = rotation.Float
 
@@ -43,6 +44,16 @@ def test_place_facing_and_height_are_undone(words: dict[str, Clip]) -> None:
     out = harmonize(moved, ground(clip)).clip
     assert np.allclose(positions(out), positions(clip), atol=2e-3), "the signer sways, and medians depend on the axes"
     assert np.array_equal(out.local_rotations[:, 1:], clip.local_rotations[:, 1:]), "only the root is moved"
+
+
+def test_a_moved_clip_knows_what_it_was_moved_from(words: dict[str, Clip]) -> None:
+    onto, word = ground(words["HELLO"]), words["DEAF"]
+    moved = harmonize(word, onto).clip
+    again = placed(moved, stand(words["SIGN"]))
+    assert moved is not word
+    assert unmoved(moved) is unmoved(again) is unmoved(word) is word
+    faster = harmonize(word, onto, speed=2.0).clip
+    assert unmoved(faster) is faster, "another motion is another clip"
 
 
 @pytest.mark.parametrize("unit", ["m", "inch", "mm"])

@@ -131,6 +131,22 @@ def test_nearest_euler_undoes_turns_and_the_other_triple() -> None:
     assert np.allclose(rotation.nearest_euler(far, reference), reference)
 
 
+@pytest.mark.parametrize("begun", [True, False])
+def test_nearest_course_is_nearest_euler_frame_by_frame(begun: bool) -> None:
+    rng = np.random.default_rng(6)
+    walk = np.cumsum(rng.normal(size=(80, 7, 3)) * 0.6, axis=0)  # far beyond a turn, and over the poles
+    angles = rotation.to_euler(rotation.from_euler(walk, "ZXY"), "ZXY")
+    before = rng.uniform(-9.0, 9.0, (7, 3)) if begun else None
+    expected, last = [], before
+    for frame in angles:
+        last = frame if last is None else rotation.nearest_euler(frame, last)
+        expected.append(last)
+    course = rotation.nearest_course(angles, before)
+    assert np.allclose(course, expected, atol=1e-9)
+    assert same(rotation.from_euler(course, "ZXY"), rotation.from_euler(walk, "ZXY"))
+    assert np.ptp(course) > 4.0 * np.pi
+
+
 @pytest.mark.parametrize("bad", [np.zeros(4), np.zeros((2, 4))])
 def test_zero_quaternion_is_refused(bad: rotation.Float) -> None:
     with pytest.raises(ValueError, match="length 0"):

@@ -16,7 +16,7 @@ from signsplice.motion import contact, kinematics, rotation
 from signsplice.motion.arms import arm_joints
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.reach import moved
-from signsplice.splicing.body_sense import TOLERANCE_M, cleared
+from signsplice.splicing.body_sense import TOLERANCE_M, all_cleared, cleared
 from signsplice.splicing.transition import find_transition
 
 CM = 0.01
@@ -73,6 +73,24 @@ def test_hands_are_led_around(what: str, transition: str) -> None:
     steps = np.linalg.norm(np.diff(wrists(concatenate([before[-1:], led.clip, after[:1]])), axis=0), axis=-1)
     longest = np.linalg.norm(np.diff(wrists(concatenate([before[-1:], straight, after[:1]])), axis=0), axis=-1).max()
     assert steps.max() < 2.5 * longest, "around, and not by a leap"
+
+
+def test_gaps_that_are_looked_at_together_are_each_led_alone() -> None:
+    hermite = find_transition("hermite")
+    ends = [through("the head"), held_twice(), through("the trunk")]
+    gaps = [(hermite.between(*pair, 9 + n), *pair) for n, pair in enumerate(ends)]
+    together, alone = all_cleared(gaps), [cleared(*gap) for gap in gaps]
+    for one, other in zip(together, alone, strict=True):
+        np.testing.assert_array_equal(one.clip.local_rotations, other.clip.local_rotations)
+        assert (one.depth_before, one.depth) == (other.depth_before, other.depth)
+    assert together[0].depth_before
+    assert together[1].depth_before == 0.0
+    assert all_cleared([]) == []
+
+
+def held_twice() -> tuple[Clip, Clip]:
+    """Two poses with nothing between them."""
+    return held((26.0, -12.0, 30.0), (-26.0, -12.0, 30.0)), held((28.0, -4.0, 32.0), (-24.0, -8.0, 31.0))
 
 
 def test_bones_and_everything_but_arms_stay() -> None:

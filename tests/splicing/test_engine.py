@@ -18,7 +18,7 @@ from signsplice.motion.clip import Clip, resample
 from signsplice.motion.harmonize import ground, harmonize
 from signsplice.splicing import report
 from signsplice.splicing.cut import CUTTERS, Cut
-from signsplice.splicing.engine import SpliceOptions, SpliceResult, splice, stream
+from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
 from signsplice.splicing.inbetween import inbetween
 from signsplice.splicing.transition import TRANSITIONS, find_transition
 
@@ -113,6 +113,29 @@ def test_pieces_come_as_soon_as_the_next_word_is_known(sentence: list[Clip]) -> 
     assert asked == [0, 1]
     next(pieces)
     assert asked == [0, 1, 2]
+
+
+def test_words_that_are_pushed_come_out_as_words_that_are_pulled(sentence: list[Clip]) -> None:
+    pulled = list(stream(sentence, CLASSICAL))
+    growing = Stream(CLASSICAL)
+    pushed = [growing.push(clip) for clip in sentence]
+    assert [len(pieces) for pieces in pushed] == [0, *[2] * (len(sentence) - 1)]
+    rest = growing.end()
+    assert growing.end() == []
+    for a, b in zip([*(piece for pieces in pushed for piece in pieces), *rest], pulled, strict=True):
+        assert np.array_equal(a.clip.local_rotations, b.clip.local_rotations)
+        assert (a.span, a.warnings, a.seam is None) == (b.span, b.warnings, b.seam is None)
+
+
+def test_a_word_that_cannot_be_joined_is_not_part_of_the_sentence(sentence: list[Clip]) -> None:
+    growing = Stream(CLASSICAL)
+    growing.push(sentence[0])
+    with pytest.raises(ss.SignspliceError):
+        growing.push(random_clip(0))
+    pieces = [*growing.push(sentence[1]), *growing.end()]
+    for a, b in zip(pieces, stream(sentence[:2], CLASSICAL), strict=True):
+        assert np.array_equal(a.clip.local_rotations, b.clip.local_rotations)
+        assert a.span == b.span
 
 
 def test_the_transition_time_is_the_users(sentence: list[Clip]) -> None:

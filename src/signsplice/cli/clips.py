@@ -48,13 +48,13 @@ def check_outputs(output: str, report: str | None = None) -> None:
             check_writable(path)
 
 
-def write(clip: Clip, output: str, spans: Spans = (), view: str = "front") -> None:
-    """Write a clip by suffix; ``spans`` are marked in pictures, which are seen from ``view``."""
+def write(clip: Clip, output: str, spans: Spans = (), view: str = "front", size: tuple[int, int] | None = None) -> None:
+    """Write a clip by suffix; ``spans`` are marked in pictures, which are seen from ``view``; films have a ``size``."""
     if Path(output).suffix.lower() in PICTURES:
         from signsplice.render import film
 
         with progress(f"rendering {Path(output).name}") as advance:
-            film.write(clip, output, [film.Mark(*span) for span in spans], view, advance)
+            film.write(clip, output, [film.Mark(*span) for span in spans], view, advance, size)
     else:
         from signsplice.formats import save
 

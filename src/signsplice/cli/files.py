@@ -52,14 +52,25 @@ def convert(source: str, output: str) -> None:
 @click.argument("output", metavar="OUT.(png|gif|mp4)")
 @click.option("--report", metavar="R.json", help="The splice's report, so that its transitions are marked.")
 @click.option("--view", default="front", show_default=True, metavar="VIEW", help="front, three-quarter or side.")
-def render(source: str, output: str, report: str | None, view: str) -> None:
+@click.option(
+    "--size", metavar="WxH", help="Of a film, pixels, e.g. 1920x1080.  [default: .mp4 1080x1080, .gif 480x480]"
+)
+def render(source: str, output: str, report: str | None, view: str, size: str | None) -> None:
     """Draw the signer: a contact sheet (.png), or a film (.gif, .mp4)."""
     if Path(output).suffix.lower() not in PICTURES:
         raise InputError(f"{output}: expected a name that ends in {', '.join(PICTURES)}; use convert for other files")
     check_outputs(output)
     clip = load(source)
-    write(clip, output, _reported_spans(report, len(clip)) if report is not None else (), view)
+    spans = _reported_spans(report, len(clip)) if report is not None else ()
+    write(clip, output, spans, view, None if size is None else _size(size))
     print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal()):
+        raise InputError(f"--size {text!r}, expected WIDTHxHEIGHT in pixels, e.g. 1920x1080")
+    return int(width), int(height)
 
 
 def _reported_spans(path: str, n_frames: int) -> Spans:

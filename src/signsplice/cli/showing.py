@@ -26,9 +26,23 @@ def demo(out: str) -> None:
 @click.option(
     "--repeats", type=click.IntRange(3), default=15, show_default=True, help="Runs of each part; medians are shown."
 )
+@click.option("--service", is_flag=True, help="The service under load, in place of the parts.")
+@click.option("--streams", type=click.IntRange(1), default=50, show_default=True, help="Of the service, at one time.")
+@click.option("--rate", type=float, default=20.0, show_default=True, help="Requests to the service, a second.")
+@click.option("--seconds", type=float, default=60.0, show_default=True, help="Of streams, and of requests.")
+@click.option("--minutes", type=float, default=10.0, show_default=True, help="At half the load, to watch the memory.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-def bench(repeats: int, as_json: bool) -> None:
-    """Measure the speed of every part beside its baselines, in one run."""
+def bench(
+    repeats: int, service: bool, streams: int, rate: float, seconds: float, minutes: float, as_json: bool
+) -> None:
+    """Measure the speed of every part beside its baselines, in one run; or the service under load."""
+    if service:
+        from signsplice.bench import service as under_load
+
+        with progress("bench --service") as advance:
+            loaded = under_load.measure(streams, seconds, rate, minutes, advance)
+        print(json.dumps(loaded, indent=2) if as_json else under_load.table(loaded))
+        return
     from signsplice.bench.parts import measure, table
 
     with progress("bench") as advance:

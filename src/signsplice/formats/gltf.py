@@ -53,8 +53,10 @@ Float = NDArray[np.float64]
 Array = NDArray[Any]
 
 VRM_ANIMATION = "VRMC_vrm_animation"
-FPS, ROLES = "fps", "roles"
-"""What tells an animation's frame rate, among its extras, and the joints' roles (role -> name), among the file's."""
+FPS, ROLES, HUMANOID = "fps", "roles", "humanoid"
+"""What tells an animation's frame rate, among its extras; and among the file's, the roles that a user gave to joints
+(role -> name), and all that are known, for those who show the file.
+"""
 _NOT_TOLD = ("leftEye", "rightEye")
 """Roles that a VRM animation must not turn as bones."""
 _HIPS = 0.53
@@ -105,8 +107,10 @@ def person(clip: Clip) -> GLTF2:
         if children:
             made.gltf.nodes[node].children = children
     made.scene(joints[0])
+    known = find_roles(clip.skeleton).joints
+    made.gltf.extras = {HUMANOID: {role: clip.skeleton.names[joint] for role, joint in known.items()}}
     if clip.skeleton.roles:
-        made.gltf.extras = {ROLES: dict(clip.skeleton.roles)}
+        made.gltf.extras[ROLES] = dict(clip.skeleton.roles)
     made.skin(joints, _bind(clip, metres), joints[0])
     made.mesh(mannequin(clip.skeleton), metres)
     times = made.times(clip)

@@ -127,10 +127,10 @@ class Document:
                     raise self._wrong(f"buffer {number} is no base64 ({error})") from error
             else:
                 name = unquote(uri)
-                if not name or Path(name).name != name or "\\" in name or "\0" in name:
-                    raise self._wrong(f"buffer {number} lies at {uri!r}, expected a file beside this one")
                 if self.beside is None:
                     raise self._wrong(f"buffer {number} lies in another file, {uri!r}, expected all in one")
+                if not name or Path(name).name != name or "\\" in name or "\0" in name:
+                    raise self._wrong(f"buffer {number} lies at {uri!r}, expected a file beside this one")
                 self.buffers[number] = read_bytes(self.beside / name)
         return self.buffers[number]
 

@@ -20,6 +20,8 @@ Float = NDArray[np.float64]
 
 _WIDEN_DEG = 1e-4
 """A joint gets the rotation channels it lacks only where it turns by more than this about their axes."""
+_LOCKED = 1e-6
+"""Below this cosine of the middle angle only the sum or difference of the other two is told."""
 
 
 def complete(clip: Clip) -> tuple[Names, Float]:
@@ -123,10 +125,12 @@ def _derived(rotations: Float, axes: str, before: Float | None) -> Float:
     angles = rotation.to_euler(rotations, axes)
     sign = 1.0 if axes in ("XYZ", "YZX", "ZXY") else -1.0
     previous = None if before is None else np.deg2rad(before)
+    if not (np.cos(angles[..., 1]) < _LOCKED).any():
+        return np.rad2deg(rotation.nearest_course(angles, previous))
     for frame in range(len(angles)):
         if previous is not None:
             a, b, c = angles[frame].T
-            locked = np.cos(b) < 1e-6
+            locked = np.cos(b) < _LOCKED
             if locked.any():  # only a +- c is fixed there: the first angle stays, the third takes the rest
                 c = np.where(locked, c - sign * np.sign(b) * (previous[:, 0] - a), c)
                 a = np.where(locked, previous[:, 0], a)
@@ -140,13 +144,11 @@ def _written(clip: Clip, given: Channels, axes: Sequence[str], angles: Float) ->
     them.
     """
     names: list[tuple[str, ...]] = []
-    values: list[Float] = []
+    curves: list[Float] = []
+    kept: list[Float] = []
+    nothing = np.full(len(clip), np.nan)
     for joint, (start, channels) in enumerate(zip(columns(given.names), given.names, strict=True)):
         place = _place(clip, joint)
-        kept = [
-            _number(given.values[:, start + i], name, axes[joint], angles[:, joint], place)
-            for i, name in enumerate(channels)
-        ]
         wider: list[str] = []
         for axis, name in enumerate(POSITIONS):
             if name not in channels and np.any(place[:, axis] != given.offsets[joint, axis]):
@@ -155,8 +157,11 @@ def _written(clip: Clip, given: Channels, axes: Sequence[str], angles: Float) ->
         if n_axes < 3 and np.abs(angles[:, joint, n_axes:]).max() > _WIDEN_DEG:
             wider += [f"{letter}rotation" for letter in axes[joint][n_axes:]]
         names.append((*channels, *wider))
-        values += kept + [_number(None, name, axes[joint], angles[:, joint], place) for name in wider]
-    return tuple(names), np.stack(values, axis=1) if values else np.empty((len(clip), 0))
+        curves += [_curve(name, axes[joint], angles[:, joint], place) for name in names[-1]]
+        kept += [*given.values[:, start : start + len(channels)].T, *(nothing for _ in wider)]
+    if not curves:
+        return tuple(names), np.empty((len(clip), 0))
+    return tuple(names), _rounded(np.stack(curves, axis=1), np.stack(kept, axis=1), names)
 
 
 def _place(clip: Clip, joint: int) -> Float:
@@ -168,15 +173,15 @@ def _place(clip: Clip, joint: int) -> Float:
     return np.broadcast_to(clip.skeleton.offsets[joint], (len(clip), 3))
 
 
-def _number(given: Float | None, name: str, axes: str, angles: Float, place: Float) -> Float:
-    """One channel's curve (T,): an angle of ``angles`` (T, 3), or a component of ``place`` (T, 3), where none was
-    given.
+def _curve(name: str, axes: str, angles: Float, place: Float) -> Float:
+    """One channel's curve (T,): an angle of ``angles`` (T, 3), or a component of ``place`` (T, 3)."""
+    return place[:, POSITIONS.index(name)] if name in POSITIONS else angles[:, axes.index(name[0].upper())]
 
-    Numbers that are not the given ones are rounded to 8 decimals, far below what any capture resolves.
+
+def _rounded(curves: Float, given: Float, names: Sequence[Sequence[str]]) -> Float:
+    """Curves (T, C), numbers that were given (T, C) among them, the others rounded to 8 decimals, far below what any
+    capture resolves. An angle that was given counts as long as its curve was not led elsewhere.
     """
-    curve = place[:, POSITIONS.index(name)] if name in POSITIONS else angles[:, axes.index(name[0].upper())]
-    if given is None:
-        return np.round(curve, 8)
-    if name in POSITIONS:
-        return np.where(np.isnan(given), np.round(curve, 8), given)
-    return np.where(curve == given, given, np.round(curve, 8))
+    places = np.array([name in POSITIONS for channels in names for name in channels])
+    stays = np.where(places, ~np.isnan(given), curves == given)
+    return np.where(stays, given, np.round(curves, 8))

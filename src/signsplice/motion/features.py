@@ -7,6 +7,7 @@ rig; and with the busier hand at the right, so that a mirrored clip is shown the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,12 @@ class Course:
     def __len__(self) -> int:
         return len(self.turns)
 
+    @cached_property
+    def ways(self) -> Float:
+        """How far (2,) the left and the right wrist go, arm lengths."""
+        steps = np.diff(self.places[:, [0, len(TIPS) // 2]], axis=0)
+        return np.asarray(np.linalg.norm(steps, axis=-1).sum(axis=0))
+
 
 def course(signing: Signing, times: Float | None = None) -> Course:
     """A signing body at ``times`` (T,), seconds from its first frame; at ``RATE`` over its whole length by default.
@@ -68,9 +75,7 @@ def course(signing: Signing, times: Float | None = None) -> Course:
 
 def busier_left(*courses: Course) -> bool:
     """Whether the left wrist goes a longer way than the right one, over all courses together."""
-    half = len(TIPS) // 2
-    ways = [np.linalg.norm(np.diff(c.places[:, [0, half]], axis=0), axis=-1).sum(axis=0) for c in courses]
-    left, right = np.sum(ways, axis=0)
+    left, right = np.sum([course.ways for course in courses], axis=0)
     return bool(left > right)
 
 

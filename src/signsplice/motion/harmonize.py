@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -215,6 +216,16 @@ def _global_rotations(clip: Clip) -> list[Float]:
     return rotations
 
 
+_UNMOVED: WeakKeyDictionary[Clip, Clip] = WeakKeyDictionary()
+
+
+def unmoved(clip: Clip) -> Clip:
+    """The clip that this one is moved from as one rigid whole, or itself: what does not ask where a signer stands need
+    be told of it only once, wherever the word is signed.
+    """
+    return _UNMOVED.get(clip, clip)
+
+
 def placed(clip: Clip, onto: Stand) -> Clip:
     """The clip moved and turned as one rigid whole, so that its signer stands as ``onto`` says."""
     own = stand(clip)
@@ -228,9 +239,11 @@ def placed(clip: Clip, onto: Stand) -> Clip:
         return clip
     local = np.array(clip.local_rotations)
     local[:, 0] = rotation.normalize(rotation.multiply(turn, local[:, 0]))
-    return replace(
+    moved = replace(
         clip,
         local_rotations=local,
         root_positions=rotation.rotate(turn, clip.root_positions) + shift,
         channels=None if clip.channels is None else clip.channels.without_root(),
     )
+    _UNMOVED[moved] = unmoved(clip)
+    return moved

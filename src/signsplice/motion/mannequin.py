@@ -7,6 +7,7 @@ of each has a tint of its own, so that handshapes can be read.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
@@ -51,6 +52,10 @@ _SOFT = {"shirt": 0.45}
 """How softly a vertex goes from one joint to the next, as a share of the capsule's thickness."""
 _SPREAD_DEG = {"Index": 7.0, "Middle": 1.0, "Ring": -6.0, "Little": -14.0}
 """How far fingers are spread in the pose in which the skin is bound, so that they do not grow together."""
+_BENT = 0.25
+"""At elbows and knees it goes quicker by this: half-way between two bones that lie along one another, a skin that is
+carried by both would be pinched.
+"""
 _CUFF_END = 0.90
 """Share of the forearm that the sleeve covers; from there on a wrist of skin leads into the palm."""
 _WRIST = (0.0125, 0.0135)
@@ -145,8 +150,46 @@ def _mannequin(skeleton: Skeleton) -> tuple[Thing, ...]:
             made = _with_wrist(made, starts, ends, shape, side, height)
         made = replace(made, radii=made.radii + height * _GROWN.get(kind, 0.0))
         tint = colour(kind if kind in CLOTHES else parts[0], side)
-        things.append(_skin(f"{side} {kind}".strip(), kind, tint, made, height))
+        bends = _bends(made, [part in ("cuff", "leg") for part in parts])
+        thing = _skin(f"{side} {kind}".strip(), kind, tint, made, height, bends)
+        if bends.any():
+            grown = np.log(2.0) * height * _FLOW.get(kind, 0.0)  # as much as two capsules that flow together
+            thing = _together([thing, *(_skin("", kind, tint, ball, height) for ball in _balls(made, bends, grown))])
+        things.append(thing)
     return tuple(things)
+
+
+def _bends(own: _Capsules, may: Sequence[bool]) -> NDArray[np.bool_]:
+    """Which capsules (C,) of those that ``may`` begin where another ends that another joint carries: at elbows and
+    knees.
+    """
+    apart = np.linalg.norm(own.ends[None] - own.starts[:, None], axis=-1)
+    follows = (apart < 0.2 * own.radii[:, :1]) & (own.joints[:, None] != own.joints)
+    return np.asarray(follows.any(axis=1) & np.resize(np.array(may), len(own.starts)))
+
+
+def _balls(own: _Capsules, bends: NDArray[np.bool_], grown: float) -> list[_Capsules]:
+    """A ball in every elbow and knee, thicker than the limb by ``grown``: the skins on both sides end in it when the
+    limb bends.
+    """
+    return [
+        _Capsules(at := own.starts[n : n + 1], at.copy(), own.radii[n : n + 1, :1].repeat(2, axis=1) + grown,
+                  own.joints[n : n + 1], np.zeros(1, np.intp))
+        for n in np.flatnonzero(bends)
+    ]  # fmt: skip
+
+
+def _together(things: Sequence[Thing]) -> Thing:
+    """Things as one, named and coloured as the first."""
+    starts = np.cumsum([0, *(len(thing.vertices) for thing in things)])
+    return replace(
+        things[0],
+        vertices=np.concatenate([thing.vertices for thing in things]),
+        normals=np.concatenate([thing.normals for thing in things]),
+        triangles=np.concatenate([thing.triangles + k for thing, k in zip(things, starts[:-1], strict=True)]),
+        joints=np.concatenate([thing.joints for thing in things]),
+        weights=np.concatenate([thing.weights for thing in things]),
+    )
 
 
 def _thing(part: str, side: str) -> tuple[str, str]:
@@ -178,7 +221,14 @@ def _with_wrist(own: _Capsules, starts: Float, ends: Float, shape: Body, side: s
     )
 
 
-def _skin(name: str, kind: str, tint: tuple[float, float, float], own: _Capsules, height: float) -> Thing:
+def _skin(
+    name: str,
+    kind: str,
+    tint: tuple[float, float, float],
+    own: _Capsules,
+    height: float,
+    bends: NDArray[np.bool_] | None = None,
+) -> Thing:
     flow = height * _FLOW.get(kind, 0.0006)
 
     def distances(points: Float) -> Float:
@@ -196,7 +246,10 @@ def _skin(name: str, kind: str, tint: tuple[float, float, float], own: _Capsules
     low, high = np.minimum(own.starts, own.ends).min(axis=0) - margin, np.maximum(own.starts, own.ends).max(axis=0)
     step = max(height * _STEP.get(kind, 0.0020), _COARSEST * float(own.radii.max()))
     vertices, normals, triangles = surface(field, low, high + margin, step)
-    joints, weights = _carried(distances(vertices), _SOFT.get(kind, 0.28) * own.radii.mean(axis=1), own.joints)
+    softness = _SOFT.get(kind, 0.28) * own.radii.mean(axis=1)
+    if bends is not None:
+        softness[bends] *= _BENT
+    joints, weights = _carried(distances(vertices), softness, own.joints)
     return Thing(name, tint, vertices, normals, triangles, joints, weights)
 
 
@@ -233,8 +286,12 @@ def _distances(points: Float, own: _Capsules) -> Float:
 
 
 def _carried(distances: Float, softness: Float, joints: NDArray[np.intp]) -> tuple[NDArray[np.int64], Float]:
-    """Joints and weights (V, 4) of vertices, by their distances (V, C) from the capsules that each joint carries."""
-    shares = np.exp(-(distances - distances.min(axis=1, keepdims=True)) / softness)
+    """Joints and weights (V, 4) of vertices, by their distances (V, C) from the capsules that each joint carries; how
+    softly a vertex goes over to a capsule (C,) counts at both ends of the way.
+    """
+    nearest = distances.argmin(axis=1)
+    soft = np.minimum(softness, softness[nearest, None])
+    shares = np.exp(-(distances - distances.min(axis=1, keepdims=True)) / soft)
     names = np.unique(joints)
     whole = np.stack([shares[:, joints == joint].max(axis=1) for joint in names], axis=1)
     whole = np.pad(whole, ((0, 0), (0, max(0, N_JOINTS - len(names)))))

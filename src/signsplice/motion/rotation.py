@@ -265,6 +265,33 @@ def nearest_euler(angles: ArrayLike, reference: ArrayLike) -> Float:
     return np.where(cost_far < cost_near, far, near)
 
 
+def nearest_course(angles: ArrayLike, before: ArrayLike | None = None) -> Float:
+    """Euler angles (T, ..., 3) of the same rotations, in every frame those nearest to the frame before's, in the first
+    nearest to ``before`` (..., 3), where there is one: ``nearest_euler`` again and again, for all frames at once.
+    """
+    angles = np.asarray(angles, np.float64)
+    turn = 2.0 * np.pi
+    other = np.stack([angles[..., 0] + np.pi, np.pi - angles[..., 1], angles[..., 2] + np.pi], axis=-1)
+    both = np.stack([angles, other])
+    # What it costs to go on from either triple to either, whole turns apart.
+    step = both[:, None, :-1] - both[None, :, 1:]
+    cost = np.abs(step - turn * np.round(step / turn)).sum(axis=-1)
+    goes_over = cost[:, 1] < cost[:, 0]  # (from, T - 1, ...)
+    is_other = np.zeros(angles.shape[:-1], bool)
+    if before is not None:
+        step = np.asarray(before, np.float64) - both[:, 0]
+        first = np.abs(step - turn * np.round(step / turn)).sum(axis=-1)
+        is_other[0] = first[1] < first[0]
+    for frame in range(1, len(angles)):
+        is_other[frame] = np.where(is_other[frame - 1], goes_over[1, frame - 1], goes_over[0, frame - 1])
+    out = np.where(is_other[..., None], other, angles)
+    turns = np.zeros_like(out)
+    turns[1:] = np.round((out[:-1] - out[1:]) / turn)
+    if before is not None:
+        turns[0] = np.round((np.asarray(before, np.float64) - out[0]) / turn)
+    return np.asarray(out + turn * np.cumsum(turns, axis=0))
+
+
 def to_6d(q: ArrayLike) -> Float:
     """First two columns of the rotation matrix (..., 6) (Zhou et al. 2019, eq. 13)."""
     q = np.asarray(q, np.float64)

@@ -2,42 +2,69 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, stance
-from signsplice.motion.body import Body, body, place
+from signsplice.motion import kinematics, rotation, stance
+from signsplice.motion.body import FINGERS, Body, body, place
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.motion.humanoid import find_roles
-from signsplice.motion.mannequin import CLOTHES, SKIN, TIPS, colour
-from signsplice.render.raster import Canvas
+from signsplice.motion.mannequin import CLOTHES, SKIN, TIPS, Thing, bound, mannequin
+from signsplice.render.raster import Canvas, Pixels, lit
 
 Float = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 VIEWS = {"front": 0.0, "three-quarter": 40.0, "side": 90.0}
 
-_BLEND = {"shirt": 0.032, "face": 0.020, "sleeve": 0.012}
-"""Depth, in statures, within which capsules of one thing flow together; hands keep the creases of their joints."""
+_PLAIN = ("leg", "shoe")
+"""Parts that nothing is said with: a picture may leave them out of its frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """A mannequin in one piece: vertices and normals (V, 3) in the pose it is bound in, the joints' shares of each
+    vertex (V, J), triangles (F, 3), and of each triangle its tint (F, 3), its group (F,), a number for each finger and
+    0 for all else, and its hand (F,): "left", "right" or "".
+
+    rotations (J, 3, 3), places (J, 3): of the joints in that pose.
+    """
+
+    vertices: Pixels
+    normals: Pixels
+    shares: csr_array
+    triangles: NDArray[np.intp]
+    tints: Pixels
+    groups: NDArray[np.int16]
+    hands: NDArray[np.str_]
+    rotations: Float
+    places: Float
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A clip ready to be drawn: capsules' ends (T, C, 3) in camera axes (right, up, towards the viewer), in statures.
+    """A clip ready to be drawn in camera axes (right, up, towards the viewer), in statures.
 
-    window: (left, right, bottom, top) that holds head and hands of every frame. hands: (T, 2, 3) centres of left and
-    right hand.
+    rotations (T, J, 3, 3) and places (T, J, 3) of joints in the world; axes (3, 3), origin (3,) and height: what takes
+    the world into the camera's view. window: (left, right, bottom, top) that holds head and hands of every frame.
+    hands: (T, 2, 3) centres of left and right hand. depths: (median, largest) distance towards the viewer.
     """
 
-    body: Body
-    starts: Float
-    ends: Float
-    radii: Float
+    skin: Skin
+    rotations: Float
+    places: Float
+    axes: Float
+    origin: Float
+    height: float
     window: tuple[float, float, float, float]
     hands: Float
+    depths: tuple[float, float]
 
 
 def scene(clip: Clip, view: str = "front") -> Scene:
@@ -56,11 +83,74 @@ def scene(clip: Clip, view: str = "front") -> Scene:
     towards = np.cos(angle) * standing.forward + np.sin(angle) * left
     axes = np.stack([np.cross(standing.up, towards), standing.up, towards])
     shape = body(skeleton)
-    starts, ends = place(shape, *kinematics.forward(clip))
+    rotations, places = kinematics.forward(clip)
+    starts, ends = place(shape, rotations, places)
     origin = np.median(starts.reshape(-1, 3), axis=0)
     starts, ends = ((points - origin) @ axes.T / height for points in (starts, ends))
-    radii = shape.radii / height
-    return Scene(shape, starts, ends, radii, _window(shape, starts, ends, radii), _hand_centres(shape, starts, ends))
+    towards_viewer = np.concatenate([starts[..., 2], ends[..., 2]])
+    return Scene(
+        skin=_skin(skeleton),
+        rotations=rotations,
+        places=places,
+        axes=axes,
+        origin=origin,
+        height=height,
+        window=_window(shape, starts, ends, shape.radii / height),
+        hands=_hand_centres(shape, starts, ends),
+        depths=(float(np.median(towards_viewer)), float(towards_viewer.max())),
+    )
+
+
+_SKINS: WeakKeyDictionary[Skeleton, Skin] = WeakKeyDictionary()
+
+
+def _skin(skeleton: Skeleton) -> Skin:
+    found = _SKINS.get(skeleton)
+    if found is None:
+        found = _SKINS[skeleton] = _whole(skeleton, mannequin(skeleton))
+    return found
+
+
+def _whole(skeleton: Skeleton, things: Sequence[Thing]) -> Skin:
+    """Things in one piece. Every finger is a group of its own, so that fingers are told from one another."""
+    finger_of = {
+        joint: FINGERS.index(finger) + 1
+        for role, joint in find_roles(skeleton).joints.items()
+        for finger in FINGERS
+        if finger in role
+    }
+    fingers = np.array([finger_of.get(joint, 0) for joint in range(len(skeleton))])
+    starts = np.cumsum([0, *(len(thing.vertices) for thing in things)])
+    joints = np.concatenate([thing.joints for thing in things])
+    weights = np.concatenate([thing.weights for thing in things])
+    n_vertices, width = joints.shape
+    shares = csr_array(
+        (weights.ravel().astype(np.float32), joints.ravel(), np.arange(0, n_vertices * width + 1, width)),
+        (n_vertices, len(skeleton)),
+    )
+    mostly = fingers[np.take_along_axis(joints, weights.argmax(axis=1)[:, None], axis=1)[:, 0]]
+    counts = [len(thing.triangles) for thing in things]
+    triangles = np.concatenate([thing.triangles + k for thing, k in zip(things, starts[:-1], strict=True)])
+    sides = np.repeat(np.array([_hand_of(thing) for thing in things]), counts)
+    finger = mostly[triangles[:, 0]]
+    turns, places = bound(skeleton)
+    return Skin(
+        vertices=np.concatenate([thing.vertices for thing in things]).astype(np.float32),
+        normals=np.concatenate([thing.normals for thing in things]).astype(np.float32),
+        shares=shares,
+        triangles=triangles,
+        tints=np.repeat(np.array([thing.colour for thing in things], np.float32), counts, axis=0),
+        groups=np.where(finger > 0, finger + len(FINGERS) * (sides == "left"), 0).astype(np.int16),
+        hands=sides,
+        rotations=rotation.to_matrix(turns),
+        places=places,
+    )
+
+
+def _hand_of(thing: Thing) -> str:
+    """Which hand a thing is, or is a fingertip of: "left", "right" or ""."""
+    side, _, kind = thing.name.partition(" ")
+    return side if kind == "hand" or kind.endswith("Tip") else ""
 
 
 def _as_moved(clip: Clip) -> Skeleton:
@@ -74,7 +164,7 @@ def _as_moved(clip: Clip) -> Skeleton:
 
 def _window(shape: Body, starts: Float, ends: Float, radii: Float) -> tuple[float, float, float, float]:
     """The frame of the camera: everything but the legs, from a little below the hips."""
-    upper = np.array([part not in ("leg", "shoe") for part in shape.parts])
+    upper = np.array([part not in _PLAIN for part in shape.parts])
     points = np.concatenate([starts[:, upper] - radii[upper, :1], ends[:, upper] + radii[upper, :1]], axis=1)
     wide = np.concatenate([starts[:, upper] + radii[upper, :1], ends[:, upper] - radii[upper, :1]], axis=1)
     low = np.minimum(points, wide).min(axis=(0, 1))
@@ -115,25 +205,28 @@ def _drawn(
 ) -> Image:
     canvas = Canvas(2 * width, 2 * height)
     zoom = 2.0 * scale
-    middle = np.array([width, height, 0.0])
+    skin = scene.skin
+    points, normals = posed(scene, frame)
+    points = (points - np.array([*centre, 0.0], np.float32)) * np.float32(zoom)
+    points += np.array([width, height, 0.0], np.float32)
+    shown = slice(None) if only is None else np.flatnonzero(skin.hands == only)
+    canvas.mesh(points, lit(normals), skin.triangles[shown], skin.tints[shown], skin.groups[shown])
+    middle, near = scene.depths
+    return canvas.finish(step=0.010 * zoom, near=near * zoom, far=(middle - 0.1) * zoom)
 
-    def pixels(points: Float) -> Float:
-        return np.asarray(middle + (points - np.array([*centre, 0.0])) * np.array([zoom, -zoom, zoom]))
 
-    starts, ends = pixels(scene.starts[frame]), pixels(scene.ends[frame])
-    radii = scene.radii * zoom
-    groups: dict[tuple[str, str], int] = {}
-    for c, (part, side) in enumerate(zip(scene.body.parts, scene.body.sides, strict=True)):
-        if only is not None and (side != only or part in ("sleeve", "leg", "shoe")):
-            continue
-        thing = "sleeve" if part == "cuff" else part.removesuffix("Tip")
-        group = groups.setdefault((thing, side), len(groups))
-        size = float(radii[c, 0]), float(radii[c, 1])
-        canvas.capsule(starts[c], ends[c], size, colour(part, side), group, _BLEND.get(thing, 0.0) * zoom)
-    depths = np.concatenate([scene.starts[..., 2], scene.ends[..., 2]])
-    return canvas.finish(
-        step=0.010 * zoom, near=float(depths.max()) * zoom, far=float(np.median(depths)) * zoom - 0.1 * zoom
-    )
+def posed(scene: Scene, frame: int) -> tuple[Pixels, Pixels]:
+    """Vertices and normals (V, 3) of the skin in a frame, in camera axes, statures (linear blend skinning)."""
+    skin = scene.skin
+    turns = scene.rotations[frame] @ skin.rotations.transpose(0, 2, 1)
+    moves = scene.places[frame] - np.einsum("jab,jb->ja", turns, skin.places) - scene.origin
+    turns, moves = scene.axes @ turns, moves @ scene.axes.T / scene.height
+    carried = np.concatenate([turns.reshape(len(turns), 9), moves], axis=1).astype(np.float32)
+    each = skin.shares @ carried
+    turn = each[:, :9].reshape(-1, 3, 3)
+    points = np.einsum("vab,vb->va", turn, skin.vertices / np.float32(scene.height)) + each[:, 9:]
+    normals = np.einsum("vab,vb->va", turn, skin.normals)
+    return points, normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
 def small_colours() -> list[tuple[int, int, int]]:

@@ -1,22 +1,31 @@
-"""A z-buffer of shaded tapered capsules, seen straight on (orthographic)."""
+"""A z-buffer of shaded triangles, seen straight on (orthographic)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 Pixels = NDArray[np.float32]
 
+Indices = NDArray[np.intp]
+
 _LIGHT = np.array([-0.45, 0.62, 0.78], np.float32) / np.float32(np.linalg.norm([-0.45, 0.62, 0.78]))
 _AMBIENT, _DIFFUSE, _RIM = 0.50, 0.52, 0.10
+_BOXES = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 64, 128, 512, 4096)
+"""Triangles whose boxes are about as large are drawn together, pixels."""
+_AT_ONCE = 1 << 21
+"""Pixels that are looked at in one go."""
+_EDGE = np.float32(-1e-4)
+"""So little outside of a triangle is in it: no gap is left between two."""
 
 
 @dataclass(eq=False)
 class Canvas:
     """A picture in the making: colour (H, W, 3) 0..1, depth (H, W) towards the viewer, and which group each pixel
-    shows.
+    shows: -1 nothing, 0 what needs no outline where it meets something at one depth.
     """
 
     width: int
@@ -32,63 +41,43 @@ class Canvas:
         self.depth = np.full((self.height, self.width), -np.inf, np.float32)
         self.group = np.full((self.height, self.width), -1, np.int16)
 
-    def capsule(
-        self,
-        start: NDArray[np.float64],
-        end: NDArray[np.float64],
-        radii: tuple[float, float],
-        colour: tuple[float, float, float],
-        group: int,
-        blend: float = 0.0,
-    ) -> None:
-        """Draw one capsule; start, end: (3,) pixels right, pixels down, pixels towards the viewer; radii in pixels.
+    def mesh(self, points: Pixels, light: Pixels, triangles: Indices, tints: Pixels, groups: NDArray[np.int16]) -> None:
+        """Draw a closed skin of triangles (F, 3), seen from outside where their corners run against the clock.
 
-        A capsule is the ball of radius r swept along its axis. Over a pixel whose way to the axis is h on the picture
-        plane, with rho = sqrt(r^2 - h^2), the ball that comes nearest to the viewer stands rho b_z / |b| beyond the
-        foot of that way (b the axis), where the height of the swept surface is stationary. A taper is followed by a
-        second look with the radius there. Within ``blend`` pixels of depth it flows into what its group has drawn
-        already (Quilez's polynomial smooth maximum), so that a trunk of several capsules is one smooth body.
+        points: (V, 3) pixels right, pixels up, pixels towards the viewer. light: (V,) of each vertex, spread over the
+        triangles between (Gouraud 1971). tints: (F, 3) colours; groups: (F,) which each belongs to.
         """
-        big = max(radii) + 1.0
-        x0, y0 = np.floor(np.minimum(start, end)[:2] - big).astype(int)
-        x1, y1 = np.ceil(np.maximum(start, end)[:2] + big).astype(int) + 1
-        x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, self.width), min(y1, self.height)
-        if x0 >= x1 or y0 >= y1:
+        x, y, z = (points[:, k][triangles] for k in range(3))
+        y = np.float32(self.height) - y
+        area = (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0])
+        left, right = np.ceil(x.min(axis=1)), np.floor(x.max(axis=1))
+        top, bottom = np.ceil(y.min(axis=1)), np.floor(y.max(axis=1))
+        left, top = np.maximum(left, 0.0), np.maximum(top, 0.0)
+        right, bottom = np.minimum(right, self.width - 1.0), np.minimum(bottom, self.height - 1.0)
+        sizes = np.maximum(right - left, bottom - top) + 1.0
+        seen = (area < 0.0) & (right >= left) & (bottom >= top)
+        samples = [
+            part
+            for least, most in pairwise(_BOXES)
+            for some in _portions(np.flatnonzero(seen & (sizes > least) & (sizes <= most)), int(most))
+            for part in [_samples(x[some], y[some], area[some], left[some], top[some], int(most), some)]
+        ]
+        if not samples:
             return
-        px = np.arange(x0, x1, dtype=np.float32)[None, :] - np.float32(start[0])
-        py = np.arange(y0, y1, dtype=np.float32)[:, None] - np.float32(start[1])
-        bx, by, bz = (np.float32(v) for v in end - start)
-        flat = np.float32(max(np.hypot(bx, by), 1e-3))
-        foot = (px * bx + py * by) / flat
-        across = (px * by - py * bx) ** 2 / (flat * flat) if flat > 1e-3 else px * px + py * py
-        lean = bz / np.float32(np.hypot(flat, bz))
-        t = np.clip(foot / flat, 0.0, 1.0)
-        for _ in range(2 if bz else 0):
-            radius = np.float32(radii[0]) + t * np.float32(radii[1] - radii[0])
-            t = np.clip((foot + lean * np.sqrt(np.maximum(radius * radius - across, 0.0))) / flat, 0.0, 1.0)
-        radius = np.float32(radii[0]) + t * np.float32(radii[1] - radii[0])
-        dx, dy = px - t * bx, py - t * by
-        nz = np.sqrt(np.maximum(1.0 - (dx * dx + dy * dy) / (radius * radius), 0.0))
-        z = np.float32(start[2]) + t * bz + radius * nz
-        window = (slice(y0, y1), slice(x0, x1))
-        depth = self.depth[window]
-        seen = (nz > 0.0) & (z > depth - np.float32(blend))
-        if blend:
-            seen &= (z > depth) | (self.group[window] == group)
-        nz, front = nz[seen], z[seen]
-        light = np.maximum((dx[seen] * _LIGHT[0] - dy[seen] * _LIGHT[1]) / radius[seen] + nz * _LIGHT[2], 0.0)
-        shade = _AMBIENT + _DIFFUSE * light - _RIM * (1.0 - nz) ** 3
-        new = shade[:, None] * np.asarray(colour, np.float32)
-        if blend:
-            before = depth[seen]
-            near = np.flatnonzero((self.group[window][seen] == group) & (front < before + np.float32(blend)))
-            share = 0.5 + 0.5 * (front[near] - before[near]) / np.float32(blend)
-            front[near] = share * front[near] + (1.0 - share) * (before[near] + np.float32(blend) * share)
-            share = share[:, None]
-            new[near] = share * new[near] + (1.0 - share) * self.colour[window][seen][near]
-        depth[seen] = front
-        self.group[window][seen] = group
-        self.colour[window][seen] = new
+        owner, column, row, first, second = (np.concatenate(part) for part in zip(*samples, strict=True))
+        inside = (column < self.width) & (row < self.height)
+        owner, first, second = owner[inside], first[inside], second[inside]
+        at = row[inside] * self.width + column[inside]
+        third = np.float32(1.0) - first - second
+        height = first * z[owner, 0] + second * z[owner, 1] + third * z[owner, 2]
+        depth, group, colour = self.depth.reshape(-1), self.group.reshape(-1), self.colour.reshape(-1, 3)
+        np.maximum.at(depth, at, height)
+        front = np.flatnonzero(height == depth[at])
+        owner, at = owner[front], at[front]
+        corners = light[triangles[owner]]
+        shade = first[front] * corners[:, 0] + second[front] * corners[:, 1] + third[front] * corners[:, 2]
+        group[at] = groups[owner]
+        colour[at] = shade[:, None] * tints[owner]
 
     def finish(self, step: float, near: float, far: float) -> NDArray[np.uint8]:
         """The picture (H/2, W/2, 3), 0..255: outlined, toned by depth, and halved in size to smooth edges.
@@ -117,6 +106,40 @@ class Canvas:
         return shown
 
 
+def lit(normals: Pixels) -> Pixels:
+    """Light (V,) that falls on a skin with normals (V, 3): right, up, towards the viewer."""
+    facing = np.clip(normals[:, 2], 0.0, 1.0)
+    light = _AMBIENT + _DIFFUSE * np.maximum(normals @ _LIGHT, 0.0) - _RIM * (1.0 - facing) ** 3
+    return np.asarray(light, np.float32)
+
+
+def _portions(chosen: Indices, side: int) -> list[Indices]:
+    """Triangles whose boxes have so many pixels to a side, as many at a time as are looked at in one go."""
+    most = max(1, _AT_ONCE // side**2)
+    return [chosen[k : k + most] for k in range(0, len(chosen), most)]
+
+
+def _samples(
+    x: Pixels, y: Pixels, area: Pixels, left: Pixels, top: Pixels, side: int, numbers: Indices
+) -> tuple[Indices, Indices, Indices, Pixels, Pixels]:
+    """Pixels of boxes with ``side`` pixels to a side that lie in their triangles: the triangle's number, column and row
+    of each, and how near it is to the first and to the second corner (barycentric).
+    """
+    across, down = (part.ravel() for part in np.meshgrid(*[np.arange(side, dtype=np.float32)] * 2))
+    near: list[Pixels] = []
+    for one, other in ((1, 2), (2, 0)):
+        # Linear over the picture: its value at the box's corner, and how it grows to the right and down.
+        right, below = (y[:, one] - y[:, other]) / area, (x[:, other] - x[:, one]) / area
+        corner = ((x[:, one] - left) * (y[:, other] - top) - (x[:, other] - left) * (y[:, one] - top)) / area
+        near.append(corner[:, None] + right[:, None] * across + below[:, None] * down)
+    first, second = near
+    inside = (first >= _EDGE) & (second >= _EDGE) & (first + second <= 1.0 - _EDGE)
+    owner, cell = np.nonzero(inside)
+    column = left[owner].astype(np.intp) + across[cell].astype(np.intp)
+    row = top[owner].astype(np.intp) + down[cell].astype(np.intp)
+    return numbers[owner], column, row, first[inside], second[inside]
+
+
 def _outlines(group: NDArray[np.int16], depth: Pixels, step: float) -> Pixels:
     """Darkening (H, W): strong behind an edge of something nearer, light where two groups meet at one depth."""
     dark = np.ones(depth.shape, np.float32)
@@ -130,6 +153,6 @@ def _outlines(group: NDArray[np.int16], depth: Pixels, step: float) -> Pixels:
             edge = nearer > step
             view = dark[here]
             view[edge] = np.minimum(view[edge], np.float32(strong))
-            meets = (group[there] != group[here]) & (nearer > -step) & ~edge & (group[here] >= 0)
+            meets = (group[there] != group[here]) & (nearer > -step) & ~edge & (group[here] > 0) & (group[there] > 0)
             view[meets] = np.minimum(view[meets], np.float32(light))
     return dark

@@ -62,7 +62,6 @@ class Service:
     def __init__(self, settings: Settings, scenes: Sequence[Mapping[str, Any]]) -> None:
         self.settings, self.scenes = settings, scenes
         self.lexicon = work.open_words(settings)
-        self.page = page.html(scenes, live=True) if page.BUILT.is_dir() else None
         self.requests: Workers
         self.streamers: Workers
         self.load: dict[Worker, int] = {}
@@ -125,9 +124,8 @@ def _routes(app: FastAPI, service: Service) -> None:
 
     @app.get("/", include_in_schema=False)
     async def viewer() -> Response:
-        if service.page is None:
-            raise MissingExtraError("this build has no viewer; `make viewer` makes it. The service's routes: /docs")
-        return HTMLResponse(service.page, headers={"X-Frame-Options": "DENY", "Cache-Control": "no-cache"})
+        shown = page.html(service.scenes, live=True)
+        return HTMLResponse(shown, headers={"X-Frame-Options": "DENY", "Cache-Control": "no-cache"})
 
     @app.get("/healthz", response_model=Health, responses=_some(421))
     async def health() -> Health:
@@ -173,7 +171,9 @@ def _routes(app: FastAPI, service: Service) -> None:
 
     @app.post("/v1/splice", response_model=Spliced, responses={**_RAW, **_FAILURES})
     async def splice(
-        files: Annotated[list[UploadFile], File(description=".bvh, .glb or .vrma, in the order of signing.")],
+        files: Annotated[
+            list[UploadFile], File(min_length=1, description=".bvh, .glb or .vrma, in the order of signing.")
+        ],
         options: Annotated[str, Form(description="JSON: the dials of a splice, and formats.")] = "{}",
         file: Annotated[Format | None, Query(description="Answer with this one file, not with JSON.")] = None,
     ) -> Response:

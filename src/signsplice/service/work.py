@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from multiprocessing import parent_process
 from multiprocessing.process import BaseProcess
 from typing import Any
@@ -23,6 +24,9 @@ from signsplice.service.wire import Dials, Format, Rule, SentenceRequest, Splice
 from signsplice.splicing import defaults
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
 from signsplice.splicing.report import plain
+
+_N_KEPT = 256
+"""Words that a process keeps in memory, some 0.3 MB each."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +50,14 @@ class _Growing:
 
 
 class _Worker:
-    """What a process keeps between jobs."""
+    """What a process keeps between jobs: the lexicon, the words that were signed last, sentences that grow. A word that
+    is kept need not be read again, nor told again what a network sees in it.
+    """
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.lexicon: Lexicon = open_words(settings)
+        self.clip = lru_cache(_N_KEPT)(self.lexicon.clip)
         self.growing: dict[str, _Growing] = {}
 
 
@@ -97,13 +104,11 @@ def identity() -> int:
 
 def sign(request: SentenceRequest, file: Format | None) -> Answer:
     """The answer to a sentence. Raises ``InputError``."""
-    settings, words = _worker.settings, _worker.lexicon
     units = _units(request.glosses, request.spell)
     line = [gloss for unit in units for gloss in unit.glosses]
-    if len(line) > settings.max_glosses:
-        raise InputError(f"{len(line)} words and letters, expected at most {settings.max_glosses}")
-    clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(line)}
-    return _answer([clips[gloss] for gloss in line], request, file, units)
+    if len(line) > _worker.settings.max_glosses:
+        raise InputError(f"{len(line)} words and letters, expected at most {_worker.settings.max_glosses}")
+    return _answer([_worker.clip(gloss) for gloss in line], request, file, units)
 
 
 def join(files: Sequence[tuple[str, bytes]], request: SpliceRequest, file: Format | None) -> Answer:
@@ -178,7 +183,7 @@ def feed(key: str, token: str) -> list[dict[str, Any] | bytes]:
         if unit.warning:
             out.append({"type": "warning", "warning": unit.warning})
         for gloss in unit.glosses:
-            out += _messages(growing, growing.stream.push(_worker.lexicon.clip(gloss)))
+            out += _messages(growing, growing.stream.push(_worker.clip(gloss)))
     return out
 
 

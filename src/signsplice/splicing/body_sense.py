@@ -9,6 +9,7 @@ be as deep as a straight line between its two ends is.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,6 +71,22 @@ def cleared(filled: Clip, before: Clip, after: Clip) -> Cleared:
             break
         filled = reach.moved(filled, _way_around(seen, near, _ahead(window.skeleton, places), metres))
     return Cleared(best, first, least)
+
+
+def all_cleared(gaps: Sequence[tuple[Clip, Clip, Clip]]) -> list[Cleared]:
+    """``cleared`` of transitions on one skeleton, each with the signs before and after it. All are looked at in one go;
+    most have nothing to be led around.
+    """
+    if not gaps or not has_arms(gaps[0][0].skeleton):
+        return [Cleared(filled, None, None) for filled, _, _ in gaps]
+    windows = [concatenate([before[-1:], filled, after[:1]]) for filled, before, after in gaps]
+    together = concatenate(windows)
+    skeleton = together.skeleton
+    seen = contact.capsules(skeleton, *kinematics.forward(together))
+    depth = seen.pressed()[0] * stance.sizes(skeleton).unit.metres
+    ends = np.cumsum([len(window) for window in windows])
+    worst = [_worst(own) for own in np.split(depth, ends[:-1])]
+    return [cleared(*gap) if deep > 0.0 else Cleared(gap[0], 0.0, 0.0) for gap, deep in zip(gaps, worst, strict=True)]
 
 
 def _way_around(seen: contact.Capsules, near: contact.Near, ahead: Float, metres: float) -> Float:

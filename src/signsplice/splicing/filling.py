@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
-from signsplice.splicing.body_sense import cleared
+from signsplice.splicing.body_sense import all_cleared
 from signsplice.splicing.transition import Gap, LimitedTransition, SentenceTransition, Transition
 
 CONTEXT = 8
@@ -40,15 +40,11 @@ def fill(transition: Transition, gaps: Sequence[Gap], body_sense: bool | None) -
         made = transition.between_all(gaps)
     else:
         made = [transition.between(*gap) for gap in gaps]
-    out = []
-    for filled, gap in zip(made, gaps, strict=True):
-        before, after, n_frames = gap
+    for filled, (_, _, n_frames) in zip(made, gaps, strict=True):
         if len(filled) != n_frames:
             raise InputError(f"transition {transition.name} made {len(filled)} frames, expected {n_frames}")
-        said = transition.limits(gap) if isinstance(transition, LimitedTransition) else ()
-        if transition.learned if body_sense is None else body_sense:
-            led = cleared(filled, before, after)
-            out.append(Filled(led.clip, led.depth, said))
-        else:
-            out.append(Filled(filled, None, said))
-    return out
+    said = [transition.limits(gap) if isinstance(transition, LimitedTransition) else () for gap in gaps]
+    if not (transition.learned if body_sense is None else body_sense):
+        return [Filled(filled, None, lines) for filled, lines in zip(made, said, strict=True)]
+    led = all_cleared([(filled, before, after) for filled, (before, after, _) in zip(made, gaps, strict=True)])
+    return [Filled(one.clip, one.depth, lines) for one, lines in zip(led, said, strict=True)]

@@ -41,6 +41,7 @@ class Graphs:
             import onnxruntime
 
             content = read_file(self.folder, self.facts, f"{name}.onnx")
+            onnxruntime.disable_telemetry_events()
             options = onnxruntime.SessionOptions()
             options.intra_op_num_threads = options.inter_op_num_threads = 1
             options.log_severity_level = 3

@@ -23,6 +23,7 @@ from signsplice.motion.arms import has_arms
 from signsplice.motion.canonical import Signing, signing, turned
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.features import CONTEXT, LEAST, MOST, RATE, WORD_FRAMES, Course
+from signsplice.motion.harmonize import unmoved
 from signsplice.motion.stance import sizes
 from signsplice.splicing.bundle import read_facts
 from signsplice.splicing.cut import Cut
@@ -88,8 +89,8 @@ def stroke(phases: Array) -> tuple[int, int] | None:
 
 
 class Reader:
-    """Reads words by a bundle's graphs; what was read is remembered as long as the clip lives: a word stands on both
-    sides of two seams, and in more than one sentence.
+    """Reads words by a bundle's graphs; what was read is remembered as long as the clip lives that a word comes from:
+    it stands on both sides of two seams, and in more than one sentence.
     """
 
     def __init__(self, graphs: Graphs) -> None:
@@ -99,13 +100,14 @@ class Reader:
 
     def pair(self, before: Clip, after: Clip) -> tuple[Reading, Reading]:
         """Two words, both seen with the busier hand at the right; of long ones the end and the beginning."""
+        before, after = unmoved(before), unmoved(after)
         self.look(before, after)
         flipped = features.busier_left(self._courses[before], self._courses[after])
         return self._read(before, flipped, end=True), self._read(after, flipped, end=False)
 
     def look(self, *clips: Clip) -> None:
         """See words that were not seen before, harmonized ones, all in one go."""
-        new = [clip for clip in clips if clip not in self._courses]
+        new = [clip for clip in dict.fromkeys(map(unmoved, clips)) if clip not in self._courses]
         if not new:
             return
         together, at = signing(concatenate(new)), 0

@@ -1,0 +1,190 @@
+/** Every word of the page, in every language that it speaks. */
+
+const en = {
+  skip: 'Skip to the controls',
+  glosses: 'Glosses, in the order of signing',
+  glossesHint: 'HELLO MY NAME fs-ANNA',
+  suggestions: 'Words of the lexicon',
+  sign: 'Sign it',
+  openFiles: 'Open files',
+  openFilesHint: 'Clips (.bvh, .glb, .vrma) to splice in order, or an avatar (.vrm)',
+  stage: 'The signer',
+  drop: 'Drop clips to splice, or a .vrm avatar',
+  timeLine: 'Time line',
+  frame: 'Frame',
+  controls: 'Controls',
+  play: 'Play',
+  pause: 'Pause',
+  back: 'One frame back',
+  on: 'One frame on',
+  speed: 'Speed',
+  loop: 'Loop',
+  noLoop: 'nothing',
+  everything: 'everything',
+  camera: 'Camera',
+  front: 'Front',
+  side: 'Side',
+  hands: 'Hands',
+  mirror: 'Mirror',
+  mirrorHint: 'As if you looked into a mirror',
+  captions: 'Glosses',
+  panel: 'Dials, seams and downloads',
+  dials: 'Dials',
+  transitionTime: 'Transition time',
+  auto: 'automatic, word by word',
+  signSpeed: 'Sign speed',
+  cutter: 'Where to cut',
+  transition: 'Transition',
+  beside: 'Beside it, show',
+  nothing: 'nothing',
+  standard: 'default',
+  seams: 'Seams',
+  seam: 'Seam',
+  seconds: 's',
+  peak: 'peak m/s',
+  jump: 'jump m/s',
+  downloads: 'Download',
+  film: 'Film',
+  report: 'Report',
+  page: 'This page',
+  pageHint: 'One file that opens from disk, without a network',
+  keys: 'Keys',
+  note: 'No Deaf signer has judged this animation yet. Glosses are labels of signs, not a translation. Faces are not animated.',
+  loading: 'Making the animation …',
+  shown: '{name}: {seconds} s, {frames} frames',
+  filming: 'Making the film: {done} of {total} frames',
+  noFilm: 'This browser cannot make films here (WebCodecs is missing: use https or localhost).',
+  noFile: 'There is no {file} of this clip.',
+  needsService: 'Clips are spliced by the service: `signsplice serve`. A saved page shows avatars (.vrm) only.',
+  noAvatar: '{name} is no VRM avatar that can be shown: {why}',
+  notRead: '{name} is not read here; expected .bvh, .glb, .vrma or .vrm',
+  noVrma: 'This clip has no VRM animation, so no avatar can play it.',
+  lost: 'The service does not answer. Is it still running?',
+  transitionTo: 'transition from {before} to {after}; loop it',
+  goTo: 'go to {name}',
+  frameTold: 'frame {frame} of {frames}, {caption}',
+  key_space: 'play or pause',
+  key_arrows: 'one frame back or on',
+  key_shift: 'the seam before or after; loop it',
+  key_l: 'loop nothing',
+  key_views: 'camera: front, side, hands',
+  key_m: 'mirror',
+  key_speed: 'slower, faster',
+};
+
+const zh: typeof en = {
+  skip: '跳到控制栏',
+  glosses: '按打手语的顺序输入词目',
+  glossesHint: 'HELLO MY NAME fs-ANNA',
+  suggestions: '词库中的词',
+  sign: '打手语',
+  openFiles: '打开文件',
+  openFilesHint: '按顺序拼接的片段（.bvh、.glb、.vrma），或虚拟形象（.vrm）',
+  stage: '手语者',
+  drop: '拖入要拼接的片段，或 .vrm 虚拟形象',
+  timeLine: '时间线',
+  frame: '帧',
+  controls: '控制',
+  play: '播放',
+  pause: '暂停',
+  back: '后退一帧',
+  on: '前进一帧',
+  speed: '速度',
+  loop: '循环',
+  noLoop: '不循环',
+  everything: '全部',
+  camera: '镜头',
+  front: '正面',
+  side: '侧面',
+  hands: '手部',
+  mirror: '镜像',
+  mirrorHint: '像照镜子一样',
+  captions: '词目字幕',
+  panel: '调节、接缝与下载',
+  dials: '调节',
+  transitionTime: '过渡时间',
+  auto: '自动，逐词确定',
+  signSpeed: '手语速度',
+  cutter: '切点方法',
+  transition: '过渡方法',
+  beside: '并排显示',
+  nothing: '无',
+  standard: '默认',
+  seams: '接缝',
+  seam: '接缝',
+  seconds: '秒',
+  peak: '峰值 m/s',
+  jump: '跳变 m/s',
+  downloads: '下载',
+  film: '视频',
+  report: '报告',
+  page: '本页',
+  pageHint: '一个文件，可离线打开',
+  keys: '快捷键',
+  note: '尚无聋人手语者评判过此动画。词目只是手语的标签，不是翻译。面部没有动画。',
+  loading: '正在生成动画……',
+  shown: '{name}：{seconds} 秒，{frames} 帧',
+  filming: '正在生成视频：{done} / {total} 帧',
+  noFilm: '此浏览器在这里无法生成视频（缺少 WebCodecs：请使用 https 或 localhost）。',
+  noFile: '此片段没有 {file} 文件。',
+  needsService: '拼接片段需要服务：`signsplice serve`。保存的页面只能显示虚拟形象（.vrm）。',
+  noAvatar: '{name} 不是可显示的 VRM 虚拟形象：{why}',
+  notRead: '无法读取 {name}；应为 .bvh、.glb、.vrma 或 .vrm',
+  noVrma: '此片段没有 VRM 动画，虚拟形象无法播放。',
+  lost: '服务没有响应。它还在运行吗？',
+  transitionTo: '从 {before} 到 {after} 的过渡；循环播放',
+  goTo: '跳到 {name}',
+  frameTold: '第 {frame} 帧，共 {frames} 帧，{caption}',
+  key_space: '播放或暂停',
+  key_arrows: '后退或前进一帧',
+  key_shift: '上一个或下一个接缝，并循环',
+  key_l: '取消循环',
+  key_views: '镜头：正面、侧面、手部',
+  key_m: '镜像',
+  key_speed: '减速、加速',
+};
+
+export type Text = keyof typeof en;
+const languages = { en, zh };
+export type Language = keyof typeof languages;
+
+let current: Language = 'en';
+
+export function language(): Language {
+  return current;
+}
+
+/** The language that a reader most likely wants: the one chosen before, else the browser's. */
+export function wanted(): Language {
+  const kept = (() => {
+    try {
+      return localStorage.getItem('signsplice-language');
+    } catch {
+      return null; // pages from disk may not keep anything
+    }
+  })();
+  return kept === 'en' || kept === 'zh' ? kept : navigator.language.toLowerCase().startsWith('zh') ? 'zh' : 'en';
+}
+
+/** A text, with {names} filled in. */
+export function say(text: Text, told: Record<string, string | number> = {}): string {
+  return languages[current][text].replace(/\{(\w+)\}/g, (_, name: string) => String(told[name] ?? ''));
+}
+
+/** Turn the page to a language. */
+export function speak(chosen: Language): void {
+  current = chosen;
+  try {
+    localStorage.setItem('signsplice-language', chosen);
+  } catch {
+    /* see wanted() */
+  }
+  document.documentElement.lang = chosen === 'zh' ? 'zh-CN' : 'en';
+  for (const node of document.querySelectorAll<HTMLElement>('[data-text], [data-label], [data-title], [data-placeholder]')) {
+    const { text, label, title, placeholder } = node.dataset as Record<string, Text | undefined>;
+    if (text) node.textContent = say(text);
+    if (label) node.setAttribute('aria-label', say(label));
+    if (title) node.title = say(title);
+    if (placeholder) node.setAttribute('placeholder', say(placeholder));
+  }
+}

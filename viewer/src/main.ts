@@ -1,0 +1,517 @@
+/** The page: what was put into it or what the service makes is shown, played, compared and taken away. */
+
+import { decode, download, fileName } from './bytes.js';
+import * as films from './film.js';
+import { type Language, say, speak, wanted } from './languages.js';
+import { Person } from './person.js';
+import { Player } from './player.js';
+import { caption, plain, seams } from './scene.js';
+import { SentenceBox } from './sentence.js';
+import * as service from './service.js';
+import { Stage, type View } from './stage.js';
+import { TimeLine } from './timeline.js';
+import type { Dials, Format, Part, Spliced } from './wire.js';
+
+interface Given {
+  scenes: Spliced[];
+  live: boolean;
+}
+
+/** What is shown was made of glosses or of files; so can be made again with other dials. */
+type Source = { glosses: string[] } | { files: File[] };
+
+const AROUND_S = 0.5; // what a seam's loop shows before and after it
+const FORMATS: Format[] = ['glb', 'bvh', 'vrma'];
+const FIRST = ['HELLO', 'MY', 'NAME'];
+const UNTOUCHED = document.documentElement.outerHTML; // what a saved page is made of
+
+const find = <Kind extends HTMLElement>(query: string) => document.querySelector<Kind>(query)!;
+const given = JSON.parse(find('#signsplice').textContent) as Given | null;
+const live = given?.live ?? false;
+
+class App {
+  private scenes: Spliced[] = given?.scenes ?? [];
+  private source: Source | null = null;
+  private avatar: { name: string; bytes: Uint8Array<ArrayBuffer> } | null = null;
+  private people: Person[] = [];
+  private asked: AbortController | null = null;
+  private last = performance.now();
+  private dirty = true;
+  private filming = false;
+
+  private readonly stage = new Stage(find('#stage canvas'), () => (this.dirty = true));
+  private readonly player = new Player(() => this.moved());
+  private readonly line = new TimeLine(find('#time'), {
+    frame: (frame) => this.player.seek(frame),
+    seam: (seam) => this.loop(seam),
+  });
+  private readonly box = new SentenceBox(find('#sentence'), (glosses) => void this.make({ glosses }));
+
+  async start(): Promise<void> {
+    document.body.classList.toggle('is-live', live);
+    this.wire();
+    this.turn(wanted());
+    new ResizeObserver(() => this.stage.resize()).observe(find('#stage'));
+    requestAnimationFrame((now) => this.tick(now));
+    if (live) await this.methods();
+    if (this.scenes.length) await this.show(this.scenes);
+    else if (live) await this.greet();
+  }
+
+  // --- what is shown ---
+
+  private async greet(): Promise<void> {
+    const asked = new URLSearchParams(location.search).get('s')?.split(/\s+/).filter(Boolean);
+    if (asked?.length) {
+      this.box.glosses = asked;
+      return this.make({ glosses: asked });
+    }
+    const known = await Promise.all(FIRST.map((gloss) => service.words(gloss, 1)));
+    const mine = known.every(({ words }, k) => words[0]?.gloss === FIRST[k]);
+    const first = mine ? FIRST : (await service.words('', 3)).words.map(({ gloss }) => gloss);
+    this.box.glosses = first;
+    await this.make({ glosses: first });
+  }
+
+  private dials(): Dials {
+    const chosen = (query: string) => find<HTMLSelectElement>(query).value || null;
+    const auto = find<HTMLInputElement>('#transition-auto').checked;
+    return {
+      cutter: chosen('#cutter'),
+      transition: chosen('#transition'),
+      transition_time: auto ? 'auto' : Number(find<HTMLInputElement>('#transition-time').value),
+      sign_speed: Number(find<HTMLInputElement>('#sign-speed').value),
+    };
+  }
+
+  /** Ask the service for what the source and the dials say, and for the same by another method where one is beside. */
+  private async make(source: Source): Promise<void> {
+    this.asked?.abort();
+    const asked = (this.asked = new AbortController());
+    const beside = find<HTMLSelectElement>('#beside').value;
+    const wishes: Dials[] = [this.dials()];
+    if (beside) {
+      const [kind, name] = beside.split(':') as ['cutter' | 'transition', string];
+      wishes.push({ ...wishes[0], [kind]: name });
+    }
+    this.busy(true);
+    try {
+      const made = await Promise.all(
+        wishes.map((dials) =>
+          'glosses' in source
+            ? service.sentence({ ...dials, glosses: source.glosses, formats: FORMATS }, asked.signal)
+            : service.splice(source.files, { ...dials, formats: FORMATS }, asked.signal),
+        ),
+      );
+      this.source = source;
+      this.alert('');
+      await this.show(made);
+    } catch (error) {
+      if (!asked.signal.aborted) this.alert(told(error));
+    } finally {
+      if (this.asked === asked) this.busy(false);
+    }
+  }
+
+  private async show(scenes: Spliced[]): Promise<void> {
+    const people = await Promise.all(scenes.map((scene) => this.person(scene)));
+    this.scenes = scenes;
+    this.people = people;
+    this.stage.show(people);
+    const { frames, fps } = scenes[0]!.report;
+    this.player.open(frames, fps);
+    this.panel();
+    this.status(say('shown', { name: scenes[0]!.name, frames, seconds: (frames / fps).toFixed(2) }));
+    find('#stage').dataset['ready'] = String(Number(find('#stage').dataset['ready'] ?? 0) + 1);
+    if (!matchMedia('(prefers-reduced-motion: reduce)').matches) this.player.play();
+  }
+
+  private async person(scene: Spliced): Promise<Person> {
+    const { glb, vrma } = scene.files;
+    if (this.avatar && vrma) return Person.avatar(this.avatar.bytes, decode(vrma));
+    if (!glb) throw new Error(say('noFile', { file: 'GLB' }));
+    return Person.mannequin(decode(glb));
+  }
+
+  private async take(files: File[]): Promise<void> {
+    const suffix = (file: File) => file.name.toLowerCase().replace(/^.*(?=\.)/, '');
+    const stranger = files.find((file) => !['.bvh', '.glb', '.vrma', '.vrm'].includes(suffix(file)));
+    if (stranger) return this.alert(say('notRead', { name: stranger.name }));
+    const avatar = files.find((file) => suffix(file) === '.vrm');
+    const clips = files.filter((file) => file !== avatar);
+    if (avatar) await this.wear(avatar);
+    if (!clips.length) return;
+    if (!live) return this.alert(say('needsService'));
+    this.box.glosses = [];
+    await this.make({ files: clips });
+  }
+
+  private async wear(file: File): Promise<void> {
+    const before = this.avatar;
+    if (this.scenes.some((scene) => !scene.files.vrma)) return this.alert(say('noVrma'));
+    this.avatar = { name: file.name, bytes: new Uint8Array(await file.arrayBuffer()) };
+    try {
+      if (this.scenes.length) await this.show(this.scenes);
+      this.alert('');
+    } catch (error) {
+      this.avatar = before;
+      this.alert(say('noAvatar', { name: file.name, why: told(error) }));
+    }
+  }
+
+  // --- time ---
+
+  private tick(now: number): void {
+    const seconds = Math.min(0.25, (now - this.last) / 1000);
+    this.last = now;
+    if (!this.filming) {
+      this.player.tick(seconds);
+      if (this.dirty) this.draw(this.player.playing ? seconds : 0);
+    }
+    requestAnimationFrame((next) => this.tick(next));
+  }
+
+  /** A second side whose seams lie elsewhere is led to the same seam, at the same speed. */
+  private timeOf(side: number): number {
+    const { loop, time } = this.player;
+    if (!side || !loop || this.looped === null) return time;
+    const from = seams(this.scenes[side]!.report)[this.looped]?.from;
+    const own = seams(this.scenes[0]!.report)[this.looped]?.from;
+    return from === undefined || own === undefined ? time : time + (from - own) / this.player.fps;
+  }
+
+  private draw(seconds: number): void {
+    if (!this.people.length) return;
+    this.people.forEach((person, side) => person.at(this.timeOf(side)));
+    this.stage.follow(seconds);
+    this.stage.draw();
+    this.dirty = false;
+  }
+
+  private looped: number | null = null;
+
+  /** Go over a seam again and again; null: over nothing. */
+  private loop(seam: number | null): void {
+    const at = seam === null ? undefined : seams(this.scenes[0]!.report)[seam];
+    this.looped = at ? seam : null;
+    const { fps } = this.player;
+    this.player.over(at ? { from: at.from / fps - AROUND_S, to: at.to / fps + AROUND_S } : null);
+    if (at) this.player.play();
+  }
+
+  private seamBy(by: number): void {
+    const all = this.scenes[0] ? seams(this.scenes[0].report) : [];
+    if (!all.length) return;
+    const { frame } = this.player;
+    const after = all.findIndex((seam) => seam.to > frame);
+    const here = this.looped ?? (after < 0 ? all.length : after) - (by > 0 ? 1 : 0);
+    this.loop((here + by + all.length) % all.length);
+  }
+
+  private moved(): void {
+    this.dirty = true;
+    const { frame, playing, loop } = this.player;
+    if (!loop) this.looped = null;
+    this.line.at(frame, playing);
+    const button = find<HTMLButtonElement>('#play');
+    button.textContent = playing ? '❚❚' : '▶';
+    button.ariaLabel = button.title = say(playing ? 'pause' : 'play');
+    find<HTMLSelectElement>('#loop').value = this.looped !== null ? String(this.looped) : loop ? 'all' : '';
+    document.querySelectorAll<HTMLElement>('.side').forEach((side, k) => {
+      const scene = this.scenes[k];
+      if (!scene) return;
+      const at = Math.min(scene.report.frames - 1, Math.max(0, Math.floor(this.timeOf(k) * scene.report.fps + 1e-6)));
+      const { parts, between } = caption(scene, at);
+      const place = side.querySelector<HTMLElement>('.caption')!;
+      place.classList.toggle('between', between);
+      const middle = document.createElement(parts[0] || parts[2] ? 'b' : 'span');
+      middle.textContent = parts[1];
+      place.replaceChildren(parts[0], middle, parts[2]);
+    });
+  }
+
+  // --- panel ---
+
+  private panel(): void {
+    const [scene] = this.scenes;
+    if (!scene) return;
+    this.line.show(scene);
+    document.querySelectorAll<HTMLElement>('.side').forEach((side, k) => {
+      side.hidden = k >= this.scenes.length;
+      const report = this.scenes[k]?.report;
+      const differs = this.scenes.length > 1 && report;
+      side.querySelector('.method')!.textContent = differs ? named(this.scenes, k) : '';
+    });
+    const all = seams(scene.report);
+    const select = find<HTMLSelectElement>('#loop');
+    select.replaceChildren(option('', say('noLoop')), option('all', say('everything')));
+    const rows = all.map((seam, k) => {
+      select.append(option(String(k), `${seam.before} → ${seam.after}`));
+      const row = document.createElement('tr');
+      const name = document.createElement('td');
+      const button = document.createElement('button');
+      button.type = 'button';
+      button.textContent = `${seam.before} → ${seam.after}`;
+      button.ariaLabel = `${button.textContent}: ${say('loop')}`;
+      button.addEventListener('click', () => this.loop(k));
+      name.append(button);
+      row.append(name, ...[seam.seconds, seam.peak, seam.jump].map((value) => cell(value)));
+      return row;
+    });
+    find('#seams').replaceChildren(...rows);
+    const units = scene.units.map((unit) => unit.warning).filter(Boolean);
+    const warnings = [...units, ...scene.report.warnings, ...all.flatMap((s) => s.warnings.map((w) => `${s.before} → ${s.after}: ${w}`))];
+    find('#warnings').replaceChildren(
+      ...[...new Set(warnings)].map((text) => Object.assign(document.createElement('li'), { textContent: text })),
+    );
+    find('#told').hidden = !all.length && !warnings.length;
+    for (const button of document.querySelectorAll<HTMLButtonElement>('[data-file]')) {
+      const file = button.dataset['file'] as Format | 'film' | 'report' | 'page';
+      const there = file === 'film' ? films.possible() : file === 'report' || file === 'page' || scene.files[file] !== null;
+      button.disabled = !there;
+      if (!there) button.title = file === 'film' ? say('noFilm') : say('noFile', { file: file.toUpperCase() });
+    }
+    this.moved();
+  }
+
+  private async methods(): Promise<void> {
+    const parts = await service.methods().catch(() => [] as Part[]);
+    const fill = (query: string, kind: Part['kind']) => {
+      const own = parts.filter((part) => part.kind === kind);
+      const usual = own.find((part) => part.default)?.name ?? '';
+      const options = own.filter((part) => !part.default).map((part) => option(part.name, part.name, part.summary));
+      find(query).replaceChildren(option('', `${usual} (${say('standard')})`), ...options);
+    };
+    fill('#cutter', 'cutter');
+    fill('#transition', 'transition');
+    const beside = parts.filter((part) => part.kind !== 'duration');
+    find('#beside').replaceChildren(
+      option('', say('nothing')),
+      ...(['transition', 'cutter'] as const).map((kind) => {
+        const group = Object.assign(document.createElement('optgroup'), { label: say(kind) });
+        group.append(...beside.filter((part) => part.kind === kind).map((p) => option(`${kind}:${p.name}`, p.name, p.summary)));
+        return group;
+      }),
+    );
+  }
+
+  private async save(file: string): Promise<void> {
+    const [scene] = this.scenes;
+    if (!scene) return;
+    const name = fileName(scene.name);
+    if (file === 'report') return download(`${name}.json`, JSON.stringify(scene.report, null, 2), 'application/json');
+    if (file === 'page') return download(`${name}.html`, saved(this.scenes), 'text/html');
+    if (file === 'film') return this.film(name);
+    const content = scene.files[file as Format];
+    if (content) download(`${name}.${file}`, decode(content), file === 'bvh' ? 'text/plain' : 'model/gltf-binary');
+  }
+
+  private async film(name: string): Promise<void> {
+    const { frames, fps } = this.player;
+    const { width, height } = films.SIZE;
+    const mirrored = find('#stage').classList.contains('mirrored');
+    const captioned = !document.body.classList.contains('no-captions');
+    this.player.pause();
+    this.filming = true;
+    this.busy(true);
+    try {
+      await this.stage.sized(width, height, async () => {
+        const made = await films.film(
+          frames,
+          fps,
+          (pen, frame) => {
+            this.people.forEach((person) => person.at(frame / fps));
+            this.stage.follow(1 / fps);
+            this.stage.draw();
+            pen.setTransform(mirrored ? -1 : 1, 0, 0, 1, mirrored ? width : 0, 0);
+            pen.drawImage(this.stage.renderer.domElement, 0, 0, width, height);
+            pen.setTransform(1, 0, 0, 1, 0, 0);
+            if (!captioned) return;
+            this.scenes.forEach((scene, k) => {
+              const said = caption(scene, Math.min(frame, scene.report.frames - 1));
+              films.write(pen, plain(said), said.between, ((k + 0.5) * width) / this.scenes.length);
+            });
+          },
+          (done) => this.status(say('filming', { done, total: frames })),
+        );
+        if (made) download(`${name}.${made.suffix}`, made.bytes, `video/${made.suffix}`);
+        else this.alert(say('noFilm'));
+      });
+    } catch (error) {
+      this.alert(told(error));
+    } finally {
+      this.filming = false;
+      this.busy(false);
+      this.dirty = true;
+    }
+  }
+
+  // --- the page ---
+
+  private turn(chosen: Language): void {
+    speak(chosen);
+    find<HTMLSelectElement>('#language').value = chosen;
+    const keys = [
+      ['␣', 'key_space'], ['← →', 'key_arrows'], ['⇧← ⇧→', 'key_shift'], ['L', 'key_l'], ['1 2 3', 'key_views'],
+      ['M', 'key_m'], ['[ ]', 'key_speed'],
+    ] as const;
+    find('#keys').replaceChildren(
+      ...keys.flatMap(([key, text]) => {
+        const term = document.createElement('dt');
+        term.append(Object.assign(document.createElement('kbd'), { textContent: key }));
+        return [term, Object.assign(document.createElement('dd'), { textContent: say(text) })];
+      }),
+    );
+    this.tellDials();
+    this.panel();
+  }
+
+  private wire(): void {
+    const on = (query: string, event: string, act: (target: HTMLInputElement) => void) =>
+      document.querySelectorAll<HTMLInputElement>(query).forEach((one) => one.addEventListener(event, () => act(one)));
+    on('#play', 'click', () => this.toggle());
+    on('#back', 'click', () => this.player.step(-1));
+    on('#on', 'click', () => this.player.step(1));
+    on('#speed', 'change', ({ value }) => (this.player.speed = Number(value)));
+    on('#loop', 'change', ({ value }) => {
+      if (value === 'all') this.player.over({ from: 0, to: this.player.duration });
+      else this.loop(value === '' ? null : Number(value));
+    });
+    on('[data-view]', 'click', (button) => this.look(button.dataset['view'] as View));
+    on('#mirror', 'click', () => this.mirror());
+    on('#captions', 'click', (button) => {
+      button.ariaPressed = String(!document.body.classList.toggle('no-captions'));
+    });
+    on('#language', 'change', ({ value }) => {
+      this.turn(value as Language);
+      if (live) void this.methods();
+    });
+    on('[data-file]', 'click', (button) => void this.save(button.dataset['file']!));
+    on('#open', 'click', () => find<HTMLInputElement>('#files').click());
+    on('#files', 'change', (input) => {
+      void this.take([...(input.files ?? [])]);
+      input.value = '';
+    });
+    on('#dials input, #dials select', 'input', () => this.tellDials());
+    on('#dials input, #dials select', 'change', (input) => {
+      if (input.id === 'transition-time') find<HTMLInputElement>('#transition-auto').checked = false;
+      this.tellDials();
+      if (this.source) void this.make(this.source);
+    });
+    this.dropping();
+    document.addEventListener('keydown', (event) => this.key(event));
+  }
+
+  private tellDials(): void {
+    const auto = find<HTMLInputElement>('#transition-auto').checked;
+    find('#transition-time-told').textContent = auto ? '' : `${Number(find<HTMLInputElement>('#transition-time').value).toFixed(2)} s`;
+    find('#sign-speed-told').textContent = `${Number(find<HTMLInputElement>('#sign-speed').value).toFixed(2)}×`;
+  }
+
+  private dropping(): void {
+    let depth = 0;
+    const mark = () => document.body.classList.toggle('dropping', depth > 0);
+    addEventListener('dragenter', (event) => (event.preventDefault(), depth++, mark()));
+    addEventListener('dragover', (event) => event.preventDefault());
+    addEventListener('dragleave', () => (depth--, mark()));
+    addEventListener('drop', (event) => {
+      event.preventDefault();
+      depth = 0;
+      mark();
+      const files = [...(event.dataTransfer?.files ?? [])];
+      if (files.length) void this.take(files);
+    });
+  }
+
+  private key(event: KeyboardEvent): void {
+    const target = event.target as HTMLElement;
+    if (event.ctrlKey || event.metaKey || event.altKey || target.matches('select, input:not([type=range]), textarea')) return;
+    const slider = target.matches('input[type=range]');
+    if (event.key === ' ' && target.matches('button, summary')) return;
+    const acts: Record<string, () => void> = {
+      ' ': () => this.toggle(),
+      ArrowLeft: () => (event.shiftKey ? this.seamBy(-1) : this.player.step(-1)),
+      ArrowRight: () => (event.shiftKey ? this.seamBy(1) : this.player.step(1)),
+      l: () => this.loop(null),
+      m: () => this.mirror(),
+      '1': () => this.look('front'),
+      '2': () => this.look('side'),
+      '3': () => this.look('hands'),
+      '[': () => this.faster(-1),
+      ']': () => this.faster(1),
+    };
+    const act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    if (!act || (slider && target.id !== 'frame' && event.key.startsWith('Arrow'))) return;
+    event.preventDefault();
+    act();
+  }
+
+  private toggle(): void {
+    if (this.player.playing) this.player.pause();
+    else this.player.play();
+  }
+
+  private faster(by: number): void {
+    const select = find<HTMLSelectElement>('#speed');
+    select.selectedIndex = Math.max(0, Math.min(select.options.length - 1, select.selectedIndex + by));
+    this.player.speed = Number(select.value);
+  }
+
+  private mirror(): void {
+    find('#mirror').ariaPressed = String(find('#stage').classList.toggle('mirrored'));
+    // Sides change places in the mirror; their names must too.
+    find('.sides').style.flexDirection = find('#stage').classList.contains('mirrored') ? 'row-reverse' : '';
+  }
+
+  private look(view: View): void {
+    this.stage.look(view);
+    document.querySelectorAll<HTMLElement>('[data-view]').forEach((one) => (one.ariaPressed = String(one.dataset['view'] === view)));
+  }
+
+  private busy(on: boolean): void {
+    find('#stage').classList.toggle('busy', on && !this.filming);
+    find('#stage').ariaBusy = String(on);
+    if (on && !this.filming) this.status(say('loading'));
+  }
+
+  private status(text: string): void {
+    find('#status').textContent = text;
+  }
+
+  private alert(text: string): void {
+    const place = find('#alert');
+    place.textContent = text;
+    place.hidden = !text;
+    if (text) this.status('');
+  }
+}
+
+/** A saved page: this one as it came, with what is shown in it, and no service. */
+function saved(scenes: Spliced[]): string {
+  const told = JSON.stringify({ scenes, live: false } satisfies Given).replaceAll('<', '\\u003c');
+  const mark = /(<script type="application\/json" id="signsplice">)[^<]*/;
+  return '<!doctype html>\n' + UNTOUCHED.replace(mark, (_, open: string) => open + told);
+}
+
+/** What tells two sides apart. */
+function named(scenes: Spliced[], side: number): string {
+  const { cutter, transition } = scenes[side]!.report;
+  const other = scenes[1 - side]!.report;
+  if (transition && transition !== other.transition) return transition;
+  if (cutter && cutter !== other.cutter) return cutter;
+  return scenes[side]!.name;
+}
+
+function told(error: unknown): string {
+  return error instanceof Error ? error.message : String(error);
+}
+
+function option(value: string, text: string, title = ''): HTMLOptionElement {
+  return Object.assign(document.createElement('option'), { value, textContent: text, title });
+}
+
+function cell(value: number | null): HTMLTableCellElement {
+  return Object.assign(document.createElement('td'), { textContent: value === null ? '–' : value.toFixed(2) });
+}
+
+void new App().start();

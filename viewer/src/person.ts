@@ -1,0 +1,81 @@
+/** Someone who signs: the clip's own mannequin, or an avatar that plays its VRM animation. */
+
+import { VRMLoaderPlugin, VRMUtils, type VRM } from '@pixiv/three-vrm';
+import { VRMAnimationLoaderPlugin, createVRMAnimationClip, type VRMAnimation } from '@pixiv/three-vrm-animation';
+import { AnimationMixer, Group, type AnimationClip, type Object3D, Vector3 } from 'three';
+import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
+
+const END = 1e-4; // seconds before a clip's end: at its very end a looping action is at its start again
+
+export class Person {
+  readonly root = new Group();
+  private readonly mixer: AnimationMixer;
+  private readonly duration: number;
+  private shown = 0;
+
+  private constructor(body: Object3D, clip: AnimationClip, private readonly hands: Object3D[], private readonly vrm?: VRM) {
+    this.root.add(body);
+    body.traverse((node) => {
+      node.frustumCulled = false; // a skin is not where its mesh is
+      node.castShadow = node.receiveShadow = true;
+    });
+    this.mixer = new AnimationMixer(body);
+    this.mixer.clipAction(clip).play();
+    this.duration = clip.duration;
+    this.at(0);
+  }
+
+  /** The mannequin of a .glb. */
+  static async mannequin(glb: Uint8Array<ArrayBuffer>): Promise<Person> {
+    const gltf = await new GLTFLoader().parseAsync(glb.buffer, '');
+    const clip = gltf.animations[0];
+    if (!clip) throw new Error('the file holds no animation');
+    const roles = (gltf.parser.json as { extras?: { humanoid?: Record<string, string> } }).extras?.humanoid ?? {};
+    const nodes = gltf.parser.json.nodes as { name: string }[];
+    const hands: Object3D[] = [];
+    for (const role of ['leftHand', 'rightHand']) {
+      // three.js gives nodes names of its own; numbers stay.
+      const number = nodes.findIndex((node) => node.name === roles[role]);
+      if (number >= 0) hands.push((await gltf.parser.getDependency('node', number)) as Object3D);
+    }
+    return new Person(gltf.scene, clip, hands);
+  }
+
+  /** An avatar (.vrm) with the motion of a .vrma. */
+  static async avatar(vrm: Uint8Array<ArrayBuffer>, vrma: Uint8Array<ArrayBuffer>): Promise<Person> {
+    const body = await new GLTFLoader().register((parser) => new VRMLoaderPlugin(parser)).parseAsync(vrm.slice().buffer, '');
+    const motion = await new GLTFLoader()
+      .register((parser) => new VRMAnimationLoaderPlugin(parser))
+      .parseAsync(vrma.slice().buffer, '');
+    const avatar = body.userData['vrm'] as VRM | undefined;
+    const animation = (motion.userData['vrmAnimations'] as VRMAnimation[] | undefined)?.[0];
+    if (!avatar) throw new Error('it has no VRM part');
+    if (!animation) throw new Error('the clip has no VRM animation');
+    VRMUtils.rotateVRM0(avatar);
+    const bones = (['leftHand', 'rightHand'] as const).map((name) => avatar.humanoid.getNormalizedBoneNode(name));
+    const hands = bones.filter((bone): bone is Object3D => bone !== null);
+    return new Person(avatar.scene, createVRMAnimationClip(animation, avatar), hands, avatar);
+  }
+
+  /** Show the pose at a moment, seconds. */
+  at(seconds: number): void {
+    this.mixer.setTime(Math.max(0, Math.min(seconds, this.duration - END)));
+    this.vrm?.update(Math.min(0.1, Math.abs(seconds - this.shown)));
+    this.shown = seconds;
+    this.root.updateMatrixWorld(true);
+  }
+
+  /** The middle of the hands that are raised above a height, metres, or of both where none is; null: no hand is known. */
+  handsAt(height: number): Vector3 | null {
+    const places = this.hands.map((hand) => hand.getWorldPosition(new Vector3()));
+    const raised = places.filter((place) => place.y > height);
+    const seen = raised.length ? raised : places;
+    if (!seen.length) return null;
+    return seen.reduce((sum, place) => sum.add(place), new Vector3()).divideScalar(seen.length);
+  }
+
+  dispose(): void {
+    this.mixer.stopAllAction();
+    VRMUtils.deepDispose(this.root);
+  }
+}

@@ -1,0 +1,82 @@
+/** A spliced sentence as it is shown: what is said of each moment, and where its seams are. */
+
+import type { Report, Span, Spliced } from './wire.js';
+
+export interface SeamAt {
+  before: string;
+  after: string;
+  /** Frames of the transition, half-open; empty where two signs meet at once. */
+  from: number;
+  to: number;
+  seconds: number;
+  peak: number | null;
+  jump: number | null;
+  warnings: string[];
+}
+
+/** Seams in order, each at its place in the output. */
+export function seams(report: Report): SeamAt[] {
+  const signs = report.spans.filter((span) => span.kind === 'sign');
+  return report.seams.map((seam, k) => ({
+    before: seam.before,
+    after: seam.after,
+    from: signs[k]?.output[1] ?? 0,
+    to: signs[k + 1]?.output[0] ?? 0,
+    seconds: seam.seconds,
+    peak: seam.peak_speed_m_s,
+    jump: seam.velocity_jump,
+    warnings: seam.warnings,
+  }));
+}
+
+export function spanAt(report: Report, frame: number): number {
+  const found = report.spans.findIndex((span) => frame < span.output[1]);
+  return found < 0 ? report.spans.length - 1 : found;
+}
+
+export interface Caption {
+  /** Before, of, and after the letter that is signed; a word has only the middle. */
+  parts: [string, string, string];
+  between: boolean;
+}
+
+const NOTHING: Caption = { parts: ['', '', ''], between: false };
+
+/** What is signed in a frame: a word, a letter within its spelled word, or the way from one to the next. */
+export function caption(scene: Spliced, frame: number): Caption {
+  const { spans } = scene.report;
+  const at = spanAt(scene.report, frame);
+  const span = spans[at];
+  if (!span) return NOTHING;
+  if (span.kind === 'sign') return { parts: named(scene, span), between: false };
+  const [before, after] = [spans[at - 1], spans[at + 1]];
+  const [from, to] = [unit(scene, before), unit(scene, after)];
+  if (from && to && from.unit === to.unit && after) return { parts: named(scene, after), between: true };
+  return { parts: ['', `${from?.text ?? before?.name ?? ''} → ${to?.text ?? after?.name ?? ''}`, ''], between: true };
+}
+
+function named(scene: Spliced, span: Span): [string, string, string] {
+  const found = unit(scene, span);
+  if (!found?.letters) return ['', found?.text ?? span.name ?? '', ''];
+  const { letters, letter } = found;
+  return [letters.slice(0, letter).join(''), letters[letter] ?? '', letters.slice(letter + 1).join('')];
+}
+
+/** The token of the sentence that a span belongs to. */
+function unit(scene: Spliced, span: Span | undefined) {
+  if (!span || span.clip === null || !scene.units.length) return null;
+  let clip = span.clip;
+  for (const [k, one] of scene.units.entries()) {
+    if (clip < one.glosses.length) {
+      const letters = one.spelled ? one.glosses.map((gloss) => gloss.replace(/^fs-/i, '')) : null;
+      return { unit: k, text: letters ? letters.join('') : (one.glosses[0] ?? one.token), letters, letter: clip };
+    }
+    clip -= one.glosses.length;
+  }
+  return null;
+}
+
+/** A caption in one line of text. */
+export function plain({ parts }: Caption): string {
+  return parts.join('');
+}

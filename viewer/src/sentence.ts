@@ -1,0 +1,121 @@
+/** The sentence box: a combobox (ARIA 1.2) that completes the gloss at the caret. */
+
+import * as service from './service.js';
+
+const MOST = 8;
+const PAUSE_MS = 120;
+
+export class SentenceBox {
+  private readonly input: HTMLInputElement;
+  private readonly list: HTMLUListElement;
+  private chosen = -1;
+  private timer = 0;
+  private asked: AbortController | null = null;
+
+  constructor(form: HTMLFormElement, private readonly submitted: (glosses: string[]) => void) {
+    this.input = form.querySelector('input')!;
+    this.list = form.querySelector('ul')!;
+    form.addEventListener('submit', (event) => {
+      event.preventDefault();
+      this.close();
+      if (this.glosses.length) this.submitted(this.glosses);
+    });
+    this.input.addEventListener('input', () => {
+      clearTimeout(this.timer);
+      this.timer = window.setTimeout(() => void this.suggest(), PAUSE_MS);
+    });
+    this.input.addEventListener('keydown', (event) => this.key(event));
+    this.input.addEventListener('blur', () => setTimeout(() => this.close(), 150));
+    this.list.addEventListener('mousedown', (event) => {
+      const item = (event.target as Element).closest('li');
+      if (!item) return;
+      event.preventDefault(); // the caret stays in the box
+      this.take(item.dataset['gloss']!);
+    });
+  }
+
+  get glosses(): string[] {
+    return this.input.value.split(/\s+/).filter(Boolean);
+  }
+
+  set glosses(line: string[]) {
+    this.input.value = line.join(' ');
+  }
+
+  /** The gloss at the caret: where it begins and ends. */
+  private at(): [number, number] {
+    const { value } = this.input;
+    const caret = this.input.selectionStart ?? value.length;
+    const from = value.slice(0, caret).search(/\S*$/);
+    const more = value.slice(caret).search(/\s|$/);
+    return [from, caret + more];
+  }
+
+  private async suggest(): Promise<void> {
+    const [from, to] = this.at();
+    const begun = this.input.value.slice(from, to);
+    this.asked?.abort();
+    if (!begun || document.activeElement !== this.input) return this.close();
+    this.asked = new AbortController();
+    try {
+      const { words } = await service.words(begun, MOST, this.asked.signal);
+      this.list.replaceChildren(
+        ...words.map((word, k) => {
+          const item = document.createElement('li');
+          item.id = `suggestion-${k}`;
+          item.role = 'option';
+          item.dataset['gloss'] = word.gloss;
+          item.ariaSelected = 'false';
+          const more = document.createElement('small');
+          more.textContent = word.synonyms.join(', ');
+          item.append(word.gloss, more);
+          return item;
+        }),
+      );
+      this.chosen = -1;
+      const only = words.length === 1 && words[0]!.gloss.toLowerCase() === begun.toLowerCase();
+      this.list.hidden = !words.length || only;
+      this.input.ariaExpanded = String(!this.list.hidden);
+    } catch {
+      this.close(); // a suggestion that does not come is no fault worth telling
+    }
+  }
+
+  private key(event: KeyboardEvent): void {
+    const items = [...this.list.children];
+    if (this.list.hidden || event.isComposing) return;
+    if (event.key === 'ArrowDown' || event.key === 'ArrowUp') {
+      const by = event.key === 'ArrowDown' ? 1 : -1;
+      this.chosen = ((this.chosen + by + (this.chosen < 0 && by < 0 ? 1 : 0)) + items.length) % items.length;
+      items.forEach((item, k) => (item.ariaSelected = String(k === this.chosen)));
+      this.input.setAttribute('aria-activedescendant', items[this.chosen]!.id);
+      items[this.chosen]!.scrollIntoView({ block: 'nearest' });
+      event.preventDefault();
+    } else if ((event.key === 'Enter' || event.key === 'Tab') && this.chosen >= 0) {
+      this.take((items[this.chosen] as HTMLElement).dataset['gloss']!);
+      event.preventDefault();
+    } else if (event.key === 'Escape') {
+      this.close();
+      event.preventDefault();
+    }
+  }
+
+  private take(gloss: string): void {
+    const [from, to] = this.at();
+    const { value } = this.input;
+    const after = value.slice(to).trimStart();
+    this.input.value = `${value.slice(0, from)}${gloss} ${after}`;
+    this.input.setSelectionRange(from + gloss.length + 1, from + gloss.length + 1);
+    this.close();
+    this.input.focus();
+  }
+
+  private close(): void {
+    clearTimeout(this.timer);
+    this.asked?.abort();
+    this.list.hidden = true;
+    this.chosen = -1;
+    this.input.ariaExpanded = 'false';
+    this.input.removeAttribute('aria-activedescendant');
+  }
+}
