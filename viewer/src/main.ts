@@ -1,8 +1,13 @@
 /** The page: what was put into it or what the service makes is shown, played, compared and taken away. */
 
 import { decode, download, fileName } from './bytes.js';
+import * as dials from './dials.js';
+import { find } from './dom.js';
+import { onFiles } from './dropping.js';
 import * as films from './film.js';
+import * as keys from './keys.js';
 import { type Language, say, speak, wanted } from './languages.js';
+import * as panel from './panel.js';
 import { Person } from './person.js';
 import { Player } from './player.js';
 import { caption, plain, seams } from './scene.js';
@@ -10,7 +15,7 @@ import { SentenceBox } from './sentence.js';
 import * as service from './service.js';
 import { Stage, type View } from './stage.js';
 import { TimeLine } from './timeline.js';
-import type { Dials, Format, Part, Spliced } from './wire.js';
+import type { Format, Spliced } from './wire.js';
 
 interface Given {
   scenes: Spliced[];
@@ -25,7 +30,6 @@ const FORMATS: Format[] = ['glb', 'bvh', 'vrma'];
 const FIRST = ['HELLO', 'MY', 'NAME'];
 const UNTOUCHED = document.documentElement.outerHTML; // what a saved page is made of
 
-const find = <Kind extends HTMLElement>(query: string) => document.querySelector<Kind>(query)!;
 const given = JSON.parse(find('#signsplice').textContent) as Given | null;
 const live = given?.live ?? false;
 
@@ -53,7 +57,7 @@ class App {
     this.turn(wanted());
     new ResizeObserver(() => this.stage.resize()).observe(find('#stage'));
     requestAnimationFrame((now) => this.tick(now));
-    if (live) await this.methods();
+    if (live) await dials.offer();
     if (this.scenes.length) await this.show(this.scenes);
     else if (live) await this.greet();
   }
@@ -73,34 +77,17 @@ class App {
     await this.make({ glosses: first });
   }
 
-  private dials(): Dials {
-    const chosen = (query: string) => find<HTMLSelectElement>(query).value || null;
-    const auto = find<HTMLInputElement>('#transition-auto').checked;
-    return {
-      cutter: chosen('#cutter'),
-      transition: chosen('#transition'),
-      transition_time: auto ? 'auto' : Number(find<HTMLInputElement>('#transition-time').value),
-      sign_speed: Number(find<HTMLInputElement>('#sign-speed').value),
-    };
-  }
-
   /** Ask the service for what the source and the dials say, and for the same by another method where one is beside. */
   private async make(source: Source): Promise<void> {
     this.asked?.abort();
     const asked = (this.asked = new AbortController());
-    const beside = find<HTMLSelectElement>('#beside').value;
-    const wishes: Dials[] = [this.dials()];
-    if (beside) {
-      const [kind, name] = beside.split(':') as ['cutter' | 'transition', string];
-      wishes.push({ ...wishes[0], [kind]: name });
-    }
     this.busy(true);
     try {
       const made = await Promise.all(
-        wishes.map((dials) =>
+        dials.wishes().map((wish) =>
           'glosses' in source
-            ? service.sentence({ ...dials, glosses: source.glosses, formats: FORMATS }, asked.signal)
-            : service.splice(source.files, { ...dials, formats: FORMATS }, asked.signal),
+            ? service.sentence({ ...wish, glosses: source.glosses, formats: FORMATS }, asked.signal)
+            : service.splice(source.files, { ...wish, formats: FORMATS }, asked.signal),
         ),
       );
       this.source = source;
@@ -120,7 +107,7 @@ class App {
     this.stage.show(people);
     const { frames, fps } = scenes[0]!.report;
     this.player.open(frames, fps);
-    this.panel();
+    this.fill();
     this.status(say('shown', { name: scenes[0]!.name, frames, seconds: (frames / fps).toFixed(2) }));
     find('#stage').dataset['ready'] = String(Number(find('#stage').dataset['ready'] ?? 0) + 1);
     if (!matchMedia('(prefers-reduced-motion: reduce)').matches) this.player.play();
@@ -230,69 +217,14 @@ class App {
     });
   }
 
-  // --- panel ---
+  // --- what is taken away ---
 
-  private panel(): void {
+  private fill(): void {
     const [scene] = this.scenes;
     if (!scene) return;
     this.line.show(scene);
-    document.querySelectorAll<HTMLElement>('.side').forEach((side, k) => {
-      side.hidden = k >= this.scenes.length;
-      const report = this.scenes[k]?.report;
-      const differs = this.scenes.length > 1 && report;
-      side.querySelector('.method')!.textContent = differs ? named(this.scenes, k) : '';
-    });
-    const all = seams(scene.report);
-    const select = find<HTMLSelectElement>('#loop');
-    select.replaceChildren(option('', say('noLoop')), option('all', say('everything')));
-    const rows = all.map((seam, k) => {
-      select.append(option(String(k), `${seam.before} → ${seam.after}`));
-      const row = document.createElement('tr');
-      const name = document.createElement('td');
-      const button = document.createElement('button');
-      button.type = 'button';
-      button.textContent = `${seam.before} → ${seam.after}`;
-      button.ariaLabel = `${button.textContent}: ${say('loop')}`;
-      button.addEventListener('click', () => this.loop(k));
-      name.append(button);
-      row.append(name, ...[seam.seconds, seam.peak, seam.jump].map((value) => cell(value)));
-      return row;
-    });
-    find('#seams').replaceChildren(...rows);
-    const units = scene.units.map((unit) => unit.warning).filter(Boolean);
-    const warnings = [...units, ...scene.report.warnings, ...all.flatMap((s) => s.warnings.map((w) => `${s.before} → ${s.after}: ${w}`))];
-    find('#warnings').replaceChildren(
-      ...[...new Set(warnings)].map((text) => Object.assign(document.createElement('li'), { textContent: text })),
-    );
-    find('#told').hidden = !all.length && !warnings.length;
-    for (const button of document.querySelectorAll<HTMLButtonElement>('[data-file]')) {
-      const file = button.dataset['file'] as Format | 'film' | 'report' | 'page';
-      const there = file === 'film' ? films.possible() : file === 'report' || file === 'page' || scene.files[file] !== null;
-      button.disabled = !there;
-      if (!there) button.title = file === 'film' ? say('noFilm') : say('noFile', { file: file.toUpperCase() });
-    }
+    panel.show(this.scenes, (seam) => this.loop(seam));
     this.moved();
-  }
-
-  private async methods(): Promise<void> {
-    const parts = await service.methods().catch(() => [] as Part[]);
-    const fill = (query: string, kind: Part['kind']) => {
-      const own = parts.filter((part) => part.kind === kind);
-      const usual = own.find((part) => part.default)?.name ?? '';
-      const options = own.filter((part) => !part.default).map((part) => option(part.name, part.name, part.summary));
-      find(query).replaceChildren(option('', `${usual} (${say('standard')})`), ...options);
-    };
-    fill('#cutter', 'cutter');
-    fill('#transition', 'transition');
-    const beside = parts.filter((part) => part.kind !== 'duration');
-    find('#beside').replaceChildren(
-      option('', say('nothing')),
-      ...(['transition', 'cutter'] as const).map((kind) => {
-        const group = Object.assign(document.createElement('optgroup'), { label: say(kind) });
-        group.append(...beside.filter((part) => part.kind === kind).map((p) => option(`${kind}:${p.name}`, p.name, p.summary)));
-        return group;
-      }),
-    );
   }
 
   private async save(file: string): Promise<void> {
@@ -351,19 +283,9 @@ class App {
   private turn(chosen: Language): void {
     speak(chosen);
     find<HTMLSelectElement>('#language').value = chosen;
-    const keys = [
-      ['␣', 'key_space'], ['← →', 'key_arrows'], ['⇧← ⇧→', 'key_shift'], ['L', 'key_l'], ['1 2 3', 'key_views'],
-      ['M', 'key_m'], ['[ ]', 'key_speed'],
-    ] as const;
-    find('#keys').replaceChildren(
-      ...keys.flatMap(([key, text]) => {
-        const term = document.createElement('dt');
-        term.append(Object.assign(document.createElement('kbd'), { textContent: key }));
-        return [term, Object.assign(document.createElement('dd'), { textContent: say(text) })];
-      }),
-    );
-    this.tellDials();
-    this.panel();
+    keys.tell();
+    dials.tell();
+    this.fill();
   }
 
   private wire(): void {
@@ -384,66 +306,20 @@ class App {
     });
     on('#language', 'change', ({ value }) => {
       this.turn(value as Language);
-      if (live) void this.methods();
+      if (live) void dials.offer();
     });
     on('[data-file]', 'click', (button) => void this.save(button.dataset['file']!));
-    on('#open', 'click', () => find<HTMLInputElement>('#files').click());
-    on('#files', 'change', (input) => {
-      void this.take([...(input.files ?? [])]);
-      input.value = '';
+    onFiles((files) => void this.take(files));
+    dials.onChange(() => this.source && void this.make(this.source));
+    keys.listen({
+      toggle: () => this.toggle(),
+      step: (frames) => this.player.step(frames),
+      seam: (by) => this.seamBy(by),
+      unloop: () => this.loop(null),
+      mirror: () => this.mirror(),
+      look: (view) => this.look(view),
+      faster: (by) => this.faster(by),
     });
-    on('#dials input, #dials select', 'input', () => this.tellDials());
-    on('#dials input, #dials select', 'change', (input) => {
-      if (input.id === 'transition-time') find<HTMLInputElement>('#transition-auto').checked = false;
-      this.tellDials();
-      if (this.source) void this.make(this.source);
-    });
-    this.dropping();
-    document.addEventListener('keydown', (event) => this.key(event));
-  }
-
-  private tellDials(): void {
-    const auto = find<HTMLInputElement>('#transition-auto').checked;
-    find('#transition-time-told').textContent = auto ? '' : `${Number(find<HTMLInputElement>('#transition-time').value).toFixed(2)} s`;
-    find('#sign-speed-told').textContent = `${Number(find<HTMLInputElement>('#sign-speed').value).toFixed(2)}×`;
-  }
-
-  private dropping(): void {
-    let depth = 0;
-    const mark = () => document.body.classList.toggle('dropping', depth > 0);
-    addEventListener('dragenter', (event) => (event.preventDefault(), depth++, mark()));
-    addEventListener('dragover', (event) => event.preventDefault());
-    addEventListener('dragleave', () => (depth--, mark()));
-    addEventListener('drop', (event) => {
-      event.preventDefault();
-      depth = 0;
-      mark();
-      const files = [...(event.dataTransfer?.files ?? [])];
-      if (files.length) void this.take(files);
-    });
-  }
-
-  private key(event: KeyboardEvent): void {
-    const target = event.target as HTMLElement;
-    if (event.ctrlKey || event.metaKey || event.altKey || target.matches('select, input:not([type=range]), textarea')) return;
-    const slider = target.matches('input[type=range]');
-    if (event.key === ' ' && target.matches('button, summary')) return;
-    const acts: Record<string, () => void> = {
-      ' ': () => this.toggle(),
-      ArrowLeft: () => (event.shiftKey ? this.seamBy(-1) : this.player.step(-1)),
-      ArrowRight: () => (event.shiftKey ? this.seamBy(1) : this.player.step(1)),
-      l: () => this.loop(null),
-      m: () => this.mirror(),
-      '1': () => this.look('front'),
-      '2': () => this.look('side'),
-      '3': () => this.look('hands'),
-      '[': () => this.faster(-1),
-      ']': () => this.faster(1),
-    };
-    const act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-    if (!act || (slider && target.id !== 'frame' && event.key.startsWith('Arrow'))) return;
-    event.preventDefault();
-    act();
   }
 
   private toggle(): void {
@@ -493,25 +369,8 @@ function saved(scenes: Spliced[]): string {
   return '<!doctype html>\n' + UNTOUCHED.replace(mark, (_, open: string) => open + told);
 }
 
-/** What tells two sides apart. */
-function named(scenes: Spliced[], side: number): string {
-  const { cutter, transition } = scenes[side]!.report;
-  const other = scenes[1 - side]!.report;
-  if (transition && transition !== other.transition) return transition;
-  if (cutter && cutter !== other.cutter) return cutter;
-  return scenes[side]!.name;
-}
-
 function told(error: unknown): string {
   return error instanceof Error ? error.message : String(error);
-}
-
-function option(value: string, text: string, title = ''): HTMLOptionElement {
-  return Object.assign(document.createElement('option'), { value, textContent: text, title });
-}
-
-function cell(value: number | null): HTMLTableCellElement {
-  return Object.assign(document.createElement('td'), { textContent: value === null ? '–' : value.toFixed(2) });
 }
 
 void new App().start();

@@ -49,16 +49,13 @@ class Counting:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        began, status = time.perf_counter(), 500
+        began = time.perf_counter()
 
         async def noting(message: Message) -> None:
-            nonlocal status
-            status = message.get("status", status)
+            if message["type"] == "http.response.start":  # before the answer is out, so that the next one sees it
+                route = getattr(scope.get("route"), "path", "none")
+                self.metrics.requests.labels(route, scope["method"], str(message["status"])).inc()
+                self.metrics.seconds.labels(route).observe(time.perf_counter() - began)
             await send(message)
 
-        try:
-            await self.app(scope, receive, noting)
-        finally:
-            route = getattr(scope.get("route"), "path", "none")
-            self.metrics.requests.labels(route, scope["method"], str(status)).inc()
-            self.metrics.seconds.labels(route).observe(time.perf_counter() - began)
+        await self.app(scope, receive, noting)
