@@ -46,8 +46,8 @@ _COARSEST = 0.06
 """No thing needs a smaller distance than this share of its thickest capsule."""
 _FLOW = {"shirt": 0.0085, "face": 0.0035, "leg": 0.0040, "hand": 0.0014}
 """How far capsules of one thing flow together, as a share of stature; 1 mm where nothing is told."""
-_PALM_FLOW, _FINGER_FLOW = 0.0045, 0.0005
-"""How far those of a palm and of a finger do, before these flow together."""
+_PALM_FLOW, _LIMB_FLOW = 0.0045, 0.0005
+"""How far those of a palm, and of a finger, an arm or a leg do, before these flow together."""
 _SOFT = {"shirt": 0.45}
 """How softly a vertex goes from one joint to the next, as a share of the capsule's thickness."""
 _SPREAD_DEG = {"Index": 7.0, "Middle": 1.0, "Ring": -6.0, "Little": -14.0}
@@ -141,8 +141,8 @@ def _mannequin(skeleton: Skeleton) -> tuple[Thing, ...]:
         groups.setdefault(_thing(part, side), []).append(n)
     things = []
     for (kind, side), own in groups.items():
-        parts = [shape.parts[n] for n in own]
-        made = _Capsules(starts[own], ends[own].copy(), shape.radii[own], shape.joints[own], _bundles(parts))
+        parts, sides = [shape.parts[n] for n in own], [shape.sides[n] for n in own]
+        made = _Capsules(starts[own], ends[own].copy(), shape.radii[own], shape.joints[own], _bundles(parts, sides))
         if kind == "shirt":
             cuffs = [k for k, part in enumerate(parts) if part == "cuff"]
             made.ends[cuffs] = made.starts[cuffs] + _CUFF_END * (made.ends[cuffs] - made.starts[cuffs])
@@ -153,8 +153,7 @@ def _mannequin(skeleton: Skeleton) -> tuple[Thing, ...]:
         bends = _bends(made, [part in ("cuff", "leg") for part in parts])
         thing = _skin(f"{side} {kind}".strip(), kind, tint, made, height, bends)
         if bends.any():
-            grown = np.log(2.0) * height * _FLOW.get(kind, 0.0)  # as much as two capsules that flow together
-            thing = _together([thing, *(_skin("", kind, tint, ball, height) for ball in _balls(made, bends, grown))])
+            thing = _together([thing, *(_skin("", kind, tint, ball, height) for ball in _balls(made, bends))])
         things.append(thing)
     return tuple(things)
 
@@ -168,12 +167,10 @@ def _bends(own: _Capsules, may: Sequence[bool]) -> NDArray[np.bool_]:
     return np.asarray(follows.any(axis=1) & np.resize(np.array(may), len(own.starts)))
 
 
-def _balls(own: _Capsules, bends: NDArray[np.bool_], grown: float) -> list[_Capsules]:
-    """A ball in every elbow and knee, thicker than the limb by ``grown``: the skins on both sides end in it when the
-    limb bends.
-    """
+def _balls(own: _Capsules, bends: NDArray[np.bool_]) -> list[_Capsules]:
+    """A ball in every elbow and knee: the skins on both sides end in it when the limb bends."""
     return [
-        _Capsules(at := own.starts[n : n + 1], at.copy(), own.radii[n : n + 1, :1].repeat(2, axis=1) + grown,
+        _Capsules(at := own.starts[n : n + 1], at.copy(), own.radii[n : n + 1, :1].repeat(2, axis=1),
                   own.joints[n : n + 1], np.zeros(1, np.intp))
         for n in np.flatnonzero(bends)
     ]  # fmt: skip
@@ -200,9 +197,13 @@ def _thing(part: str, side: str) -> tuple[str, str]:
     return ("hand" if part in ("palm", *FINGERS) else part), side
 
 
-def _bundles(parts: list[str]) -> NDArray[np.intp]:
-    """Which capsules flow together first: a hand's palm and each of its fingers, else each alone."""
-    names = [part if part in ("palm", *FINGERS) else str(n) for n, part in enumerate(parts)]
+def _bundles(parts: list[str], sides: list[str]) -> NDArray[np.intp]:
+    """Which capsules flow together first: a hand's palm and each of its fingers, an arm, a leg, else each alone."""
+    limbs = {"sleeve": "arm", "cuff": "arm", "leg": "leg"} | {part: part for part in ("palm", *FINGERS)}
+    names = [
+        f"{limbs[part]} {side}" if part in limbs else str(n)
+        for n, (part, side) in enumerate(zip(parts, sides, strict=True))
+    ]
     return np.unique(names, return_inverse=True)[1]
 
 
@@ -236,10 +237,10 @@ def _skin(
 
     def field(points: Float) -> Float:
         each = distances(points)
+        flows = {int(k): _LIMB_FLOW * height for k in own.bundles}
         if kind == "hand":
-            # The palm comes first.
-            flows = {int(k): _FINGER_FLOW * height for k in own.bundles} | {int(own.bundles[0]): _PALM_FLOW * height}
-            each = np.stack([_union(each[:, own.bundles == k], flow) for k, flow in flows.items()], axis=1)
+            flows[int(own.bundles[0])] = _PALM_FLOW * height  # the palm comes first
+        each = np.stack([_union(each[:, own.bundles == k], flow) for k, flow in flows.items()], axis=1)
         return _union(each, flow)
 
     margin = own.radii.max() + 2.0 * flow
