@@ -56,6 +56,8 @@ _BENT = 0.25
 """At elbows and knees it goes quicker by this: half-way between two bones that lie along one another, a skin that is
 carried by both would be pinched.
 """
+_BALL = 0.95
+"""Thickness of the ball in an elbow or a knee, as a share of the limb's."""
 _CUFF_END = 0.90
 """Share of the forearm that the sleeve covers; from there on a wrist of skin leads into the palm."""
 _WRIST = (0.0125, 0.0135)
@@ -170,7 +172,7 @@ def _bends(own: _Capsules, may: Sequence[bool]) -> NDArray[np.bool_]:
 def _balls(own: _Capsules, bends: NDArray[np.bool_]) -> list[_Capsules]:
     """A ball in every elbow and knee: the skins on both sides end in it when the limb bends."""
     return [
-        _Capsules(at := own.starts[n : n + 1], at.copy(), own.radii[n : n + 1, :1].repeat(2, axis=1),
+        _Capsules(at := own.starts[n : n + 1], at.copy(), _BALL * own.radii[n : n + 1, :1].repeat(2, axis=1),
                   own.joints[n : n + 1], np.zeros(1, np.intp))
         for n in np.flatnonzero(bends)
     ]  # fmt: skip
