@@ -17,13 +17,15 @@ class ViewerHook(BuildHookInterface):  # type: ignore[misc]
     """A wheel holds the page that ``make viewer`` makes; one built without Node goes without, and says so."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Build the page, unless it is there already or the install is editable."""
+        """Build the page, unless it is newer than its source or the install is editable."""
         root = Path(self.root)
-        if version == "editable" or (root / PAGE / "index.html").is_file():
+        page, sources = root / PAGE / "index.html", [*(root / "viewer").glob("*.*"), *(root / "viewer/src").glob("*")]
+        made = page.stat().st_mtime if page.is_file() else 0.0
+        if version == "editable" or made > max((source.stat().st_mtime for source in sources), default=0.0):
             return
         npm = shutil.which("npm")
-        if npm is None or not (root / "viewer" / "package-lock.json").is_file():
-            print("no npm: this wheel goes without the viewer", file=sys.stderr)
-            return
-        for command in (["ci", "--no-audit", "--no-fund", "--silent"], ["run", "--silent", "build"]):
-            subprocess.run([npm, *command], cwd=root / "viewer", check=True)
+        try:
+            for command in (["ci", "--no-audit", "--no-fund", "--silent"], ["run", "--silent", "build"]):
+                subprocess.run([npm or "npm", *command], cwd=root / "viewer", check=True)
+        except (OSError, subprocess.CalledProcessError) as error:
+            print(f"this wheel goes without a viewer of today: {error}", file=sys.stderr)

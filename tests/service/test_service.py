@@ -18,7 +18,7 @@ from serving import talking
 from signsplice.formats import bvh, gltf_reading, parse
 from signsplice.lexicon import shipped
 from signsplice.motion.clip import Clip
-from signsplice.service import typescript, wire
+from signsplice.service import page, typescript, wire
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceOptions, splice, stream
 
@@ -192,6 +192,23 @@ def test_a_word_that_is_not_known_is_left_out_and_the_stream_goes_on(service: ht
     errors = [part for part in said if isinstance(part, dict) and part["type"] == "error"]
     assert list(errors[0]["unknown"]) == ["NO-SUCH-WORD"]
     np.testing.assert_array_equal(frames(said), frames(streamed(service, ["HELLO", "DEAF"])))
+
+
+def test_a_message_of_several_words_is_each_of_them(service: httpx.Client) -> None:
+    said = streamed(service, ["HELLO", "MY  NAME\n", "DEAF"])
+    np.testing.assert_array_equal(frames(said), frames(streamed(service, ["HELLO", "MY", "NAME", "DEAF"])))
+
+
+def test_what_a_page_is_told_is_json_whatever_it_is_called(words: dict[str, Clip]) -> None:
+    if not page.BUILT.is_dir():
+        pytest.skip("the viewer is not built (make viewer)")
+    told = {"name": "\udcff</script><b>", "report": {"seams": [float("nan")]}}
+    text = page.html([told], live=False)
+    text.encode()
+    mark = '<script type="application/json" id="signsplice">'
+    inside = text[text.index(mark) + len(mark) :].split("</script>")[0]
+    assert "<" not in inside
+    assert json.loads(inside)["scenes"] == [{"name": told["name"], "report": {"seams": [None]}}]
 
 
 def test_the_pages_types_are_the_services(tmp_path: Path) -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import gzip
 import io
 import json
+import os
+import signal
 import socket
 import struct
 import subprocess
@@ -25,6 +28,9 @@ from broken_bvh import BROKEN, SOUND, wide
 from serving import talking
 from signsplice.formats import gltf
 from signsplice.motion.clip import Clip
+from signsplice.service import work
+from signsplice.service.settings import Settings
+from signsplice.service.workers import Worker
 
 
 def refused(answer: httpx.Response, status: int = 422) -> str:
@@ -144,8 +150,9 @@ def test_pages_of_other_origins(tight: httpx.Client) -> None:
     assert told.value.response.status_code == 403
     with pytest.raises(InvalidStatus), talking(tight, origin="null"):
         pass
-    answer = tight.post("/v1/sentence", json={"glosses": ["HELLO"]}, headers={"origin": "https://evil.example"})
-    assert "evil.example" in refused(answer, 403)
+    for origin in ("https://evil.example", "http://[::1", "null"):
+        answer = tight.post("/v1/sentence", json={"glosses": ["HELLO"]}, headers={"origin": origin})
+        assert origin in refused(answer, 403)
     with talking(tight, origin=str(tight.base_url).rstrip("/")) as own:
         own.send('{"type": "open"}')
 
@@ -153,6 +160,58 @@ def test_pages_of_other_origins(tight: httpx.Client) -> None:
 def test_another_name_that_leads_here(tight: httpx.Client) -> None:
     assert "evil.example" in refused(tight.get("/healthz", headers={"host": "evil.example"}), 421)
     refused(tight.get("/healthz", headers={"host": "127.0.0.1.evil.example:80"}), 421)
+    refused(tight.get("/healthz", headers={"host": "192.0.2.1"}), 421)
+    assert tight.get("/healthz", headers={"host": "LOCALHOST:80"}).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("host", "allowed", "asked", "let_in"),
+    [
+        ("127.0.0.1", (), "evil.example", False),
+        ("127.0.0.1", (), "[::1]", True),
+        ("127.0.0.1", ("signs.example",), "Signs.Example", True),
+        ("0.0.0.0", (), "evil.example", False),
+        ("0.0.0.0", (), "192.0.2.1", True),
+        ("0.0.0.0", ("signs.example",), "signs.example", True),
+        ("0.0.0.0", ("*",), "evil.example", True),
+    ],
+)
+def test_names_that_a_service_answers_to(host: str, allowed: tuple[str, ...], asked: str, let_in: bool) -> None:
+    assert Settings(host=host, allowed_hosts=allowed).answers_to(asked) is let_in
+
+
+def test_a_worker_that_died_while_idle_costs_nobody_anything() -> None:
+    async def killed() -> tuple[int, int, int]:
+        worker = Worker(Settings(), skin=False)
+        try:
+            before = await worker.run(work.identity)
+            await worker.run(work.warm, False)
+            os.kill(before, signal.SIGKILL)
+            await asyncio.sleep(1.0)
+            return before, await worker.run(work.identity), worker.n_lost
+        finally:
+            worker.close()
+
+    before, after, n_lost = asyncio.run(killed())
+    assert after != before
+    assert n_lost == 1
+
+
+def test_many_wrong_glosses_are_told_by_the_first(tight: httpx.Client) -> None:
+    body = json.dumps({"glosses": [1] * 50_000})
+    told = refused(tight.post("/v1/sentence", content=body, headers={"content-type": "application/json"}))
+    assert len(told) < 200
+    long = json.dumps({"glosses": ["A" * 100] * 3000})
+    refused(tight.post("/v1/sentence", content=long, headers={"content-type": "application/json"}), 413)
+
+
+def test_a_word_of_too_many_frames_is_no_part_of_a_stream(tight: httpx.Client) -> None:
+    with talking(tight) as line:
+        line.send('{"type": "open", "paced": false, "fps": 240, "sign_speed": 0.1}')
+        line.send('{"type": "word", "gloss": "fs-ABC"}')
+        assert "expected at most 600" in json.loads(line.recv(timeout=20))["error"]
+        line.send('{"type": "end"}')
+        assert json.loads(line.recv(timeout=20)) == {"type": "done", "frames": 0}
 
 
 @pytest.mark.parametrize(
@@ -294,8 +353,10 @@ def test_more_streams_than_are_allowed(tight: httpx.Client) -> None:
     with talking(tight) as one, talking(tight) as two:
         for line in (one, two):
             line.send('{"type": "open"}')
-        with pytest.raises(InvalidStatus), talking(tight):
-            pass
+        with talking(tight) as three:
+            assert "too many streams" in json.loads(three.recv(timeout=20))["error"]
+            with pytest.raises(ConnectionClosed):
+                three.recv(timeout=20)
         one.send('{"type": "end"}')
         assert json.loads(one.recv(timeout=20))["type"] == "done"
 

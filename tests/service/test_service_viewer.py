@@ -113,6 +113,7 @@ def test_a_seam_is_looped(told: dict[str, Any]) -> None:
     start, end = told["loop"]["ends"]
     seen = told["loop"]["seen"]
     assert told["loop"]["chosen"] == "0"
+    assert told["everything"] == "all"
     assert told["unlooped"] == ""
     assert min(seen) >= start - 16
     assert max(seen) <= end + 16
@@ -141,6 +142,7 @@ def test_what_is_taken_away_is_the_animation(told: dict[str, Any]) -> None:
 
 
 def test_an_avatar_takes_the_mannequins_place(told: dict[str, Any]) -> None:
+    assert told["junk"].startswith("junk.vrm is no VRM avatar")
     assert told["avatar"]["alert"] == ""
     assert min(told["avatar"]["drawn"]) > 0.1
 

@@ -78,6 +78,9 @@ for (const late = Date.now() + 60_000; Date.now() < late && !cameBack(); await p
 told.loop = { ends, seen, chosen: await page.locator('#loop').inputValue() };
 await page.keyboard.press('l');
 told.unlooped = await page.locator('#loop').inputValue();
+await page.selectOption('#loop', '0');
+await page.selectOption('#loop', 'all');
+told.everything = await page.locator('#loop').inputValue();
 
 // Keys: pause, one frame on, two back, the next seam.
 await pause(page);
@@ -123,6 +126,13 @@ for (const file of ['bvh', 'glb', 'vrma', 'report', 'page']) {
 // An avatar in place of the mannequin.
 await page.selectOption('#beside', '');
 await shown(page, 8);
+await page.evaluate(() => {
+  const transfer = new DataTransfer();
+  transfer.items.add(new File(['junk'], 'junk.vrm'));
+  document.body.dispatchEvent(new DragEvent('drop', { bubbles: true, cancelable: true, dataTransfer: transfer }));
+});
+await page.waitForSelector('#alert:not([hidden])');
+told.junk = await page.locator('#alert').textContent();
 await drop([avatar]);
 await shown(page, 9);
 await pause(page);

@@ -27,10 +27,11 @@ const TOLD = [
 export function listen(acts: Acts): void {
   document.addEventListener('keydown', (event) => {
     const target = event.target as HTMLElement;
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || !find<HTMLInputElement>('#keys-on').checked) return;
     if (target.matches('select, input:not([type=range]), textarea')) return;
     if (event.key === ' ' && target.matches('button, summary')) return;
-    if (target.matches('input[type=range]:not(#frame)') && event.key.startsWith('Arrow')) return;
+    // Elsewhere arrows move what they always move: a dial, a list that scrolls.
+    if (event.key.startsWith('Arrow') && target !== document.body && !target.closest('#stage, #time, #controls')) return;
     const known: Record<string, () => void> = {
       ' ': () => acts.toggle(),
       ArrowLeft: () => (event.shiftKey ? acts.seam(-1) : acts.step(-1)),

@@ -39,6 +39,7 @@ class App {
   private avatar: { name: string; bytes: Uint8Array<ArrayBuffer> } | null = null;
   private people: Person[] = [];
   private asked: AbortController | null = null;
+  private shows = 0; // of show(): one that is overtaken leaves nothing behind
   private last = performance.now();
   private dirty = true;
   private filming = false;
@@ -79,6 +80,7 @@ class App {
 
   /** Ask the service for what the source and the dials say, and for the same by another method where one is beside. */
   private async make(source: Source): Promise<void> {
+    if (this.filming) return;
     this.asked?.abort();
     const asked = (this.asked = new AbortController());
     this.busy(true);
@@ -101,12 +103,19 @@ class App {
   }
 
   private async show(scenes: Spliced[]): Promise<void> {
+    const turn = ++this.shows;
     const people = await Promise.all(scenes.map((scene) => this.person(scene)));
+    if (turn !== this.shows || this.filming) {
+      for (const person of people) person.dispose();
+      return;
+    }
     this.scenes = scenes;
     this.people = people;
+    this.looped = null;
     this.stage.show(people);
     const { frames, fps } = scenes[0]!.report;
-    this.player.open(frames, fps);
+    const seconds = Math.max(...scenes.map(({ report }) => (report.frames - 1) / report.fps));
+    this.player.open(Math.round(seconds * fps) + 1, fps);
     this.fill();
     this.status(say('shown', { name: scenes[0]!.name, frames, seconds: (frames / fps).toFixed(2) }));
     find('#stage').dataset['ready'] = String(Number(find('#stage').dataset['ready'] ?? 0) + 1);
@@ -121,6 +130,7 @@ class App {
   }
 
   private async take(files: File[]): Promise<void> {
+    if (this.filming) return;
     const suffix = (file: File) => file.name.toLowerCase().replace(/^.*(?=\.)/, '');
     const stranger = files.find((file) => !['.bvh', '.glb', '.vrma', '.vrm'].includes(suffix(file)));
     if (stranger) return this.alert(say('notRead', { name: stranger.name }));
@@ -136,8 +146,10 @@ class App {
   private async wear(file: File): Promise<void> {
     const before = this.avatar;
     if (this.scenes.some((scene) => !scene.files.vrma)) return this.alert(say('noVrma'));
-    this.avatar = { name: file.name, bytes: new Uint8Array(await file.arrayBuffer()) };
     try {
+      const bytes = new Uint8Array(await file.arrayBuffer());
+      await Person.checkAvatar(bytes);
+      this.avatar = { name: file.name, bytes };
       if (this.scenes.length) await this.show(this.scenes);
       this.alert('');
     } catch (error) {
@@ -222,7 +234,7 @@ class App {
   private fill(): void {
     const [scene] = this.scenes;
     if (!scene) return;
-    this.line.show(scene);
+    this.line.show(scene, this.player.frames);
     panel.show(this.scenes, (seam) => this.loop(seam));
     this.moved();
   }
@@ -243,8 +255,11 @@ class App {
     const { width, height } = films.SIZE;
     const mirrored = find('#stage').classList.contains('mirrored');
     const captioned = !document.body.classList.contains('no-captions');
+    const [people, scenes] = [this.people, this.scenes];
+    const held = ['header', '#time', '#controls', 'aside'].map((query) => find(query));
     this.player.pause();
     this.filming = true;
+    for (const part of held) part.inert = true; // what is filmed must not change meanwhile
     this.busy(true);
     try {
       await this.stage.sized(width, height, async () => {
@@ -252,19 +267,22 @@ class App {
           frames,
           fps,
           (pen, frame) => {
-            this.people.forEach((person) => person.at(frame / fps));
+            people.forEach((person) => person.at(frame / fps));
             this.stage.follow(1 / fps);
             this.stage.draw();
             pen.setTransform(mirrored ? -1 : 1, 0, 0, 1, mirrored ? width : 0, 0);
             pen.drawImage(this.stage.renderer.domElement, 0, 0, width, height);
             pen.setTransform(1, 0, 0, 1, 0, 0);
             if (!captioned) return;
-            this.scenes.forEach((scene, k) => {
-              const said = caption(scene, Math.min(frame, scene.report.frames - 1));
-              films.write(pen, plain(said), said.between, ((k + 0.5) * width) / this.scenes.length);
+            scenes.forEach((scene, k) => {
+              const { report } = scene;
+              const said = caption(scene, Math.min(report.frames - 1, Math.floor((frame / fps) * report.fps + 1e-6)));
+              const place = mirrored ? scenes.length - 1 - k : k; // sides change places in the mirror
+              films.write(pen, plain(said), said.between, ((place + 0.5) * width) / scenes.length);
             });
           },
-          (done) => this.status(say('filming', { done, total: frames })),
+          // Not every frame: what is written here is read aloud.
+          (done) => done % Math.ceil(frames / 10) || this.status(say('filming', { done, total: frames })),
         );
         if (made) download(`${name}.${made.suffix}`, made.bytes, `video/${made.suffix}`);
         else this.alert(say('noFilm'));
@@ -273,7 +291,9 @@ class App {
       this.alert(told(error));
     } finally {
       this.filming = false;
+      for (const part of held) part.inert = false;
       this.busy(false);
+      this.status('');
       this.dirty = true;
     }
   }
@@ -296,8 +316,8 @@ class App {
     on('#on', 'click', () => this.player.step(1));
     on('#speed', 'change', ({ value }) => (this.player.speed = Number(value)));
     on('#loop', 'change', ({ value }) => {
+      this.loop(value === '' || value === 'all' ? null : Number(value));
       if (value === 'all') this.player.over({ from: 0, to: this.player.duration });
-      else this.loop(value === '' ? null : Number(value));
     });
     on('[data-view]', 'click', (button) => this.look(button.dataset['view'] as View));
     on('#mirror', 'click', () => this.mirror());
@@ -373,4 +393,16 @@ function told(error: unknown): string {
   return error instanceof Error ? error.message : String(error);
 }
 
-void new App().start();
+/** What goes wrong before the page can say so itself. */
+function lost(error: unknown): void {
+  const place = find('#alert');
+  place.textContent = `${say('broken')} ${told(error)}`;
+  place.hidden = false;
+}
+
+try {
+  new App().start().catch(lost);
+} catch (error) {
+  speak(wanted()); // no WebGL, as a rule: the page at least speaks
+  lost(error);
+}

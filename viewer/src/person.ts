@@ -41,15 +41,18 @@ export class Person {
     return new Person(gltf.scene, clip, hands);
   }
 
+  /** Raises where a file is no avatar that can be shown. */
+  static async checkAvatar(vrm: Uint8Array<ArrayBuffer>): Promise<void> {
+    VRMUtils.deepDispose((await readAvatar(vrm)).scene);
+  }
+
   /** An avatar (.vrm) with the motion of a .vrma. */
   static async avatar(vrm: Uint8Array<ArrayBuffer>, vrma: Uint8Array<ArrayBuffer>): Promise<Person> {
-    const body = await new GLTFLoader().register((parser) => new VRMLoaderPlugin(parser)).parseAsync(vrm.slice().buffer, '');
+    const avatar = await readAvatar(vrm);
     const motion = await new GLTFLoader()
       .register((parser) => new VRMAnimationLoaderPlugin(parser))
       .parseAsync(vrma.slice().buffer, '');
-    const avatar = body.userData['vrm'] as VRM | undefined;
     const animation = (motion.userData['vrmAnimations'] as VRMAnimation[] | undefined)?.[0];
-    if (!avatar) throw new Error('it has no VRM part');
     if (!animation) throw new Error('the clip has no VRM animation');
     VRMUtils.rotateVRM0(avatar);
     const bones = (['leftHand', 'rightHand'] as const).map((name) => avatar.humanoid.getNormalizedBoneNode(name));
@@ -78,4 +81,11 @@ export class Person {
     this.mixer.stopAllAction();
     VRMUtils.deepDispose(this.root);
   }
+}
+
+async function readAvatar(vrm: Uint8Array<ArrayBuffer>): Promise<VRM> {
+  const file = await new GLTFLoader().register((parser) => new VRMLoaderPlugin(parser)).parseAsync(vrm.slice().buffer, '');
+  const avatar = file.userData['vrm'] as VRM | undefined;
+  if (!avatar) throw new Error('it has no VRM part');
+  return avatar;
 }

@@ -38,6 +38,7 @@ export class Stage {
   private view: View = 'front';
   private stature = 1.7;
   private follows: Vector3 | null = null;
+  private sizedFor = false; // a film, whose size is not the page's
 
   constructor(private readonly canvas: HTMLCanvasElement, private readonly changed: () => void) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
@@ -57,6 +58,7 @@ export class Stage {
     for (const person of this.people) person.dispose();
     const same = this.people.length === people.length;
     this.people = people;
+    for (const scene of this.scenes) drop(scene);
     this.scenes.length = 0;
     for (const person of people) this.scenes.push(lit(person));
     const height = new Box3().setFromObject(people[0]!.root, true).max.y;
@@ -106,7 +108,7 @@ export class Stage {
   /** Fit the picture to its place on the page. */
   resize(): void {
     const { clientWidth, clientHeight } = this.canvas;
-    if (!clientWidth || !clientHeight) return;
+    if (!clientWidth || !clientHeight || this.sizedFor) return;
     this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
     this.renderer.setSize(clientWidth, clientHeight, false);
     this.look(this.view);
@@ -127,17 +129,29 @@ export class Stage {
   /** Draw in another size for a while, for a film; the page's own size comes back afterwards. */
   async sized(width: number, height: number, work: () => Promise<void>): Promise<void> {
     const ratio = this.renderer.getPixelRatio();
-    const { clientWidth, clientHeight } = this.canvas;
     this.renderer.setPixelRatio(1);
     this.renderer.setSize(width, height, false);
+    this.sizedFor = true;
     try {
       await work();
     } finally {
+      this.sizedFor = false;
       this.renderer.setPixelRatio(ratio);
-      this.renderer.setSize(clientWidth, clientHeight, false);
+      this.renderer.setSize(this.canvas.clientWidth, this.canvas.clientHeight, false);
       this.changed();
     }
   }
+}
+
+/** Give back what a scene holds beside its person. */
+function drop(scene: Scene): void {
+  scene.traverse((node) => {
+    if (node instanceof DirectionalLight) node.dispose();
+    if (node instanceof Mesh) {
+      node.geometry.dispose();
+      for (const material of [node.material].flat()) material.dispose();
+    }
+  });
 }
 
 /** A person in even light from the front, with a shadow that tells how far hands are from the body. */

@@ -23,10 +23,11 @@ export class TimeLine {
     this.slider.addEventListener('input', () => this.told.frame(Number(this.slider.value)));
   }
 
-  show(scene: Spliced): void {
+  /** ``frames``: how many there are to play, more than the scene's own where a longer one is beside it. */
+  show(scene: Spliced, frames: number): void {
     this.scene = scene;
     this.now = -1;
-    const { frames, fps, spans } = scene.report;
+    const { fps, spans } = scene.report;
     (this.place.querySelector('.track') as HTMLElement).style.width = `max(100%, ${(frames / fps) * PIXELS_A_SECOND}px)`;
     this.slider.max = String(frames - 1);
     const all = seams(scene.report);
@@ -66,8 +67,12 @@ export class TimeLine {
     this.slider.setAttribute('aria-valuetext', say('frameTold', { frame: frame + 1, frames: report.frames, caption: told }));
     const now = spanAt(report, frame);
     if (now !== this.now) {
-      this.spans.children[this.now]?.classList.remove('now');
+      for (const item of this.spans.querySelectorAll('.now')) {
+        item.classList.remove('now');
+        item.removeAttribute('aria-current');
+      }
       this.spans.children[now]?.classList.add('now');
+      this.spans.children[now]?.setAttribute('aria-current', 'true');
       this.now = now;
     }
     const track = this.place.scrollWidth;

@@ -70,6 +70,7 @@ def read_report(path: str, n_frames: int) -> dict[str, Any]:
         ends = [(str(span["kind"]), int(span["output"][0]), int(span["output"][1])) for span in report["spans"]]
         for key in ("seams", "warnings"):
             report[key] = list(report[key])
+        report |= {"fps": float(report["fps"]), "frames": int(report["frames"])}
     except (ValueError, KeyError, TypeError, IndexError) as error:
         raise InputError(f"{path}: is no report of a splice ({error})") from error
     if ends and ends[-1][2] != n_frames:

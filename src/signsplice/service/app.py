@@ -82,7 +82,9 @@ class Service:
     async def stream(self, socket: WebSocket) -> None:
         """One client's stream, on the worker that has the fewest."""
         if sum(self.load.values()) >= self.settings.max_streams:
-            await socket.close(AGAIN, "too many streams; try again in a moment")
+            await socket.accept()
+            await socket.send_json({"type": "error", "error": "too many streams; try again in a moment", "unknown": {}})
+            await socket.close(AGAIN)
             return
         worker = self.streamers.pick(lambda one: self.load.get(one, 0))
         self.load[worker] = self.load.get(worker, 0) + 1

@@ -40,7 +40,7 @@ class Limits:
         elif scope["type"] == "websocket":
             await self.app(scope, receive, send)
         else:
-            reading = _Reading(self, receive)
+            reading = _Reading(self, receive, self.most(scope))
             try:
                 await self.app(scope, reading, _Sending(send, self.settings.idle_seconds))
             finally:
@@ -49,9 +49,10 @@ class Limits:
     def _refused(self, scope: Scope) -> tuple[int, str] | None:
         """Status and reason, where a request is not let in."""
         headers = {name: value.decode("latin-1") for name, value in scope["headers"]}
-        host, hosts = headers.get(b"host", ""), self.settings.hosts
-        if "*" not in hosts and _bare(host) not in hosts:
-            return 421, f"called as {host!r}; this service answers to {', '.join(hosts)} (--allow-host)"
+        host = headers.get(b"host", "")
+        if not self.settings.answers_to(_bare(host)):
+            names = ", ".join(self.settings.hosts)
+            return 421, f"called as {host!r}; this service answers to {names} (--allow-host)"
         origin = headers.get(b"origin")
         acts = scope["type"] == "websocket" or scope["method"] not in _SAFE
         if origin is not None and acts and not self._known(origin, host):
@@ -59,13 +60,25 @@ class Limits:
         if headers.get(b"content-encoding", "identity") != "identity":
             return 415, "compressed bodies are not read; send it as it is"
         length = headers.get(b"content-length", "0")
-        if length.isdecimal() and int(length) > self.settings.max_body_bytes:
-            return 413, too_long(self.settings.max_body_bytes)
+        most = self.most(scope)
+        if length.isdecimal() and int(length) > most:
+            return 413, too_long(most)
         return None
+
+    def most(self, scope: Scope) -> int:
+        """How many bytes a request's body may have; only forms, which hold files, may be long."""
+        kind = dict(scope["headers"]).get(b"content-type", b"")
+        settings = self.settings
+        if kind.startswith(b"multipart/form-data"):
+            return settings.max_body_bytes
+        return min(settings.max_body_bytes, settings.max_json_bytes)
 
     def _known(self, origin: str, host: str) -> bool:
         """Whether a page of this origin may call."""
-        return urlsplit(origin).netloc == host or origin in self.settings.allowed_origins
+        try:
+            return urlsplit(origin).netloc.lower() == host.lower() or origin.lower() in self.settings.allowed_origins
+        except ValueError:
+            return False
 
 
 def too_long(limit: int) -> str:
@@ -82,8 +95,8 @@ def _bare(host: str) -> str:
 class _Reading:
     """The parts of a body, counted and timed as they come."""
 
-    def __init__(self, limits: Limits, receive: Receive) -> None:
-        self._limits, self._receive = limits, receive
+    def __init__(self, limits: Limits, receive: Receive, most: int) -> None:
+        self._limits, self._receive, self._most = limits, receive, most
         self._n_bytes, self._began = 0, time.monotonic()
         self._whole = self._slot = False
 
@@ -100,8 +113,8 @@ class _Reading:
             return message
         self._whole = not message.get("more_body", False)
         self._n_bytes += len(message.get("body", b""))
-        if self._n_bytes > settings.max_body_bytes:
-            raise HTTPException(413, too_long(settings.max_body_bytes), _CLOSE)
+        if self._n_bytes > self._most:
+            raise HTTPException(413, too_long(self._most), _CLOSE)
         if self._n_bytes > MIB and not self._slot:
             if self._limits.uploads >= settings.max_uploads:
                 raise HTTPException(

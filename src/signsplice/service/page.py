@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from signsplice.errors import MissingExtraError
+from signsplice.splicing.report import plain
 
 BUILT = Path(__file__).parent / "page"
 _INDEX = BUILT / "index.html"
@@ -30,5 +31,5 @@ def html(scenes: Sequence[Mapping[str, Any]], live: bool) -> str:
         raise MissingExtraError(
             "this build of signsplice has no viewer; `make viewer` makes it (Node 20 or newer), and wheels hold it"
         ) from error
-    told = json.dumps({"scenes": list(scenes), "live": live}, ensure_ascii=False).replace("<", "\\u003c")
+    told = json.dumps(plain({"scenes": list(scenes), "live": live}), allow_nan=False).replace("<", "\\u003c")
     return page.replace(_MARK, _MARK.replace("null", told), 1)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import socket
 from dataclasses import dataclass, fields
+from functools import cached_property
+from ipaddress import ip_address
 from pathlib import Path
 
 from signsplice.errors import InputError
@@ -31,10 +34,14 @@ class Settings:
 
     max_body_bytes: int = 64 * MIB
     """Of a request; reading stops there."""
+    max_json_bytes: int = 256 * 1024
+    """Of a sentence: what is read as JSON is checked by the process that listens."""
     max_files: int = 100
     max_glosses: int = 200
     max_frames: int = 40_000
-    """Of all clips of a request at the output's rate, and of one file: 22 minutes at 30 a second."""
+    """Of all clips of a request, or one word of a stream, at the output's rate, and of one file: 22 minutes at 30 a
+    second.
+    """
     max_waiting: int = 64
     """Requests that wait for a worker; more are sent away."""
     max_uploads: int = 8
@@ -58,8 +65,9 @@ class Settings:
     """Memory that a worker may take, where the system can tell (Linux)."""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if name in limits() and not value > 0:
+        for name in limits():
+            value = getattr(self, name)
+            if not value > 0:
                 raise InputError(f"{name} is {value}, expected a positive number")
         if not 0 <= self.port < 65536:
             raise InputError(f"port {self.port}, expected 0 to 65535")
@@ -72,14 +80,26 @@ class Settings:
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         return self.n_workers or cores
 
-    @property
+    @cached_property
     def hosts(self) -> tuple[str, ...]:
-        """Names by which it may be called: what browsers send in Host. A page of another name that is led to this
-        address (DNS rebinding) is thereby kept out.
+        """Names by which it may be called: what browsers send in Host."""
+        own = () if self.host in LOOPBACK else (socket.gethostname(), socket.getfqdn())
+        return tuple(dict.fromkeys(name.lower() for name in (*LOOPBACK, self.host, *own, *self.allowed_hosts)))
+
+    def answers_to(self, host: str) -> bool:
+        """Whether it may be called so. A page of another name that is led to this address by its name's server (DNS
+        rebinding) is kept out; addresses themselves are let in where it listens beyond loopback.
         """
-        if "*" in self.allowed_hosts or (not self.allowed_hosts and self.host not in LOOPBACK):
-            return ("*",)
-        return (*LOOPBACK, self.host, *self.allowed_hosts)
+        host = host.lower()
+        return "*" in self.allowed_hosts or host in self.hosts or (self.host not in LOOPBACK and _is_address(host))
+
+
+def _is_address(host: str) -> bool:
+    try:
+        ip_address(host.removeprefix("[").removesuffix("]"))
+    except ValueError:
+        return False
+    return True
 
 
 def limits() -> dict[str, type]:

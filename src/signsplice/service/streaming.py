@@ -147,15 +147,17 @@ class StreamSession:
                     await self._out.put((made, time.monotonic()))
                 await self._out.put(None)
                 return
-            gloss, came = word
+            token, came = word
             try:
-                messages = await self._worker.run(work.feed, self._key, gloss)
+                glosses, warnings = await self._worker.run(work.read, self._key, token)
+                for warning in warnings:
+                    await self._out.put(({"type": "warning", "warning": warning}, came))
+                for gloss in glosses:  # a job each: others have their turn between the letters of a long name
+                    for made in await self._worker.run(work.feed, self._key, gloss):
+                        await self._out.put((made, came))
+                    self._metrics.words.inc()
             except InputError as error:
                 await self._out.put(({"type": "error", **failure(error)}, came))
-                continue
-            self._metrics.words.inc()
-            for made in messages:
-                await self._out.put((made, came))
 
     async def _send(self, paced: bool) -> None:
         zero, fps = 0.0, 30.0

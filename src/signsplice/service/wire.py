@@ -49,16 +49,16 @@ class Dials:
 class SentenceRequest(Dials):
     """A line of glosses to sign. spell: letters sign what is no word. formats: of the files that are wanted."""
 
-    glosses: Annotated[list[Gloss], Field(min_length=1)]
+    glosses: Annotated[list[Gloss], Field(min_length=1, max_length=1000, fail_fast=True)]
     spell: bool = True
-    formats: Annotated[list[Format], Field(max_length=3)] = field(default_factory=lambda: ["bvh"])
+    formats: Annotated[list[Format], Field(max_length=3, fail_fast=True)] = field(default_factory=lambda: ["bvh"])
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpliceRequest(Dials):
     """What is told beside the files of a splice, in its field ``options``."""
 
-    formats: Annotated[list[Format], Field(max_length=3)] = field(default_factory=lambda: ["bvh"])
+    formats: Annotated[list[Format], Field(max_length=3, fail_fast=True)] = field(default_factory=lambda: ["bvh"])
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,7 @@ class _Growing:
     """A stream's sentence; n_out: frames that were sent."""
 
     stream: Stream
+    options: SpliceOptions
     spell: bool
     named: tuple[str, str]
     n_out: int = 0
@@ -172,19 +173,25 @@ def open_stream(key: str, dials: Dials, spell: bool) -> None:
     """Begin a sentence that grows. Raises ``InputError``."""
     chosen = options(dials)
     methods = defaults.choose(chosen.cutter, chosen.transition, chosen.duration)
-    _worker.growing[key] = _Growing(Stream(chosen), spell, (methods.cutter.name, methods.transition.name))
+    _worker.growing[key] = _Growing(Stream(chosen), chosen, spell, (methods.cutter.name, methods.transition.name))
 
 
-def feed(key: str, token: str) -> list[dict[str, Any] | bytes]:
-    """The messages that are final now that a stream has one more word. Raises ``InputError``."""
-    growing = _worker.growing[key]
-    out: list[dict[str, Any] | bytes] = []
-    for unit in _units([token], growing.spell):
-        if unit.warning:
-            out.append({"type": "warning", "warning": unit.warning})
-        for gloss in unit.glosses:
-            out += _messages(growing, growing.stream.push(_worker.clip(gloss)))
-    return out
+def read(key: str, token: str) -> tuple[list[str], list[str]]:
+    """The words and letters that sign a stream's token, and what has to be said of it. Raises ``InputError``."""
+    units = _units([token], _worker.growing[key].spell)
+    return [gloss for unit in units for gloss in unit.glosses], [unit.warning for unit in units if unit.warning]
+
+
+def feed(key: str, gloss: str) -> list[dict[str, Any] | bytes]:
+    """The messages that are final now that a stream has one more word or letter. Raises ``InputError``; the word is
+    then no part of the sentence.
+    """
+    growing, clip = _worker.growing[key], _worker.clip(gloss)
+    options, limit = growing.options, _worker.settings.max_frames
+    n_frames = clip.seconds / options.sign_speed * (options.fps or clip.fps)
+    if n_frames > limit:
+        raise InputError(f"{gloss} has {n_frames:.0f} frames so slowly, expected at most {limit}")
+    return _messages(growing, growing.stream.push(clip))
 
 
 def end_stream(key: str) -> list[dict[str, Any] | bytes]:

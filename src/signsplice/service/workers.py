@@ -65,7 +65,13 @@ class Worker:
         limit = self._settings.work_seconds
         try:
             await asyncio.wrap_future(self._pid)  # the process is up: starting it is not the job's time
-            return await asyncio.wait_for(asyncio.wrap_future(self._pool.submit(job, *args)), limit)
+            try:
+                begun = self._pool.submit(job, *args)
+            except BrokenProcessPool:  # it ended while it had nothing to do, which is no fault of this job
+                self._replace()
+                await asyncio.wrap_future(self._pid)
+                begun = self._pool.submit(job, *args)
+            return await asyncio.wait_for(asyncio.wrap_future(begun), limit)
         except TimeoutError:
             self._replace()
             raise InputError(f"took more than {limit:g} s of work; send less, or shorter clips") from None
