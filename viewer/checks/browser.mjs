@@ -26,9 +26,10 @@ export async function watched(browser, options = {}) {
   return { page, context, faults, hosts };
 }
 
-/** Wait until the page has shown so many animations. */
-export async function shown(page, times) {
+/** Wait until the page has shown so many animations; it is stopped then, since software takes long to draw, or let run. */
+export async function shown(page, times, run = false) {
   await page.waitForFunction((n) => Number(document.querySelector('#stage').dataset.ready ?? 0) >= n, times);
+  if (!run) await pause(page);
 }
 
 export const frame = (page) => page.evaluate(() => Number(document.querySelector('#frame').value));

@@ -14,11 +14,12 @@ const texts = (query) => page.locator(query).allTextContents();
 
 // The page comes up and signs.
 await page.goto(address);
-await shown(page, 1);
+await shown(page, 1, true);
 told.greeted = await texts('#spans .sign button');
 told.plays = await page.locator('#play').textContent();
 told.drawn = await drawn(page);
 told.runs = [await frame(page), await later(page)];
+await pause(page);
 
 // A sentence is typed, a gloss of it completed.
 await page.fill('#glosses', '');
@@ -30,7 +31,7 @@ told.active = await page.getAttribute('#glosses', 'aria-activedescendant');
 await page.keyboard.press('Enter');
 told.typed = await page.inputValue('#glosses');
 await page.keyboard.press('Enter');
-await shown(page, 2);
+await shown(page, 2, true);
 told.typedSigns = await texts('#spans .sign button');
 told.typedPlays = await page.locator('#play').textContent();
 await pause(page);
@@ -179,7 +180,7 @@ told.phone.faults = phone.faults;
 // The saved page, from disk, without a network.
 const saved = await watched(browser, { offline: true, viewport: { width: 1360, height: 860 } });
 await saved.page.goto(`file://${told.saved.page}`);
-await shown(saved.page, 1);
+await shown(saved.page, 1, true);
 const run = [await frame(saved.page), await later(saved.page)];
 await pause(saved.page);
 await seek(saved.page, 30);
