@@ -12,6 +12,7 @@ import pytest
 from conftest import GOLDEN, random_clip
 from signsplice.errors import InputError
 from signsplice.formats import bvh
+from signsplice.formats.numbers import format_rows
 from signsplice.motion import rotation
 from signsplice.motion.channels import ROTATIONS
 from signsplice.motion.clip import Clip, concatenate
@@ -271,3 +272,17 @@ def test_gimbal_lock_does_not_make_curves_jump() -> None:
     assert again.channels is not None
     assert np.abs(np.diff(again.channels.values[:, 6:9], axis=0)).max() < 5.0
     assert np.all(rotation.angle_between(again.local_rotations, local) < 1e-6)
+
+
+def test_rows_of_numbers_are_read_back_as_the_very_same() -> None:
+    rng = np.random.default_rng(0)
+    plain = np.round(rng.normal(size=(40, 23)) * 10.0 ** rng.integers(-6, 6, (40, 23)), 8).astype(np.float64)
+    plain[0, :8] = [0.0, -0.0, 1.0, -1e-8, 999999.99999999, 5e-5, 10.0, -100.5]
+    wild = np.array([[1e9, 2.0, 3.0], [0.1, -0.25, 7.0], [np.pi, 1e-12, -1.0]])
+    for rows in (plain, wild, plain[:1, :1]):
+        lines = format_rows(rows).split("\n")
+        back = np.array([[float(number) for number in line.split(" ")] for line in lines])
+        np.testing.assert_array_equal(back, rows)
+        assert (np.signbit(back) == np.signbit(rows)).all()
+    assert format_rows(plain[:1, :8]) == "0.0 -0.0 1.0 -0.00000001 999999.99999999 0.00005 10.0 -100.5"
+    assert format_rows(wild[1:2]) == "0.1 -0.25 7.0"

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.atomic import read_bytes, replacing
 from signsplice.formats.bvh_hierarchy import Hierarchy, number_of, short
-from signsplice.formats.numbers import parse_plain
+from signsplice.formats.numbers import format_rows, parse_plain
 from signsplice.motion import channels, curves
 from signsplice.motion.channels import Channels
 from signsplice.motion.clip import Clip, EndSite, Skeleton
@@ -98,8 +98,7 @@ def render(clip: Clip) -> str:
     lines = ["HIERARCHY"]
     _write_joint(lines, clip.skeleton, names, offsets)
     lines += ["MOTION", f"Frames: {len(values)}", f"Frame Time: {frame_time!r}"]
-    lines += [" ".join(map(repr, row)) for row in values.tolist()]
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, format_rows(values)]) + "\n"
 
 
 def _branch_by_branch(skeleton: Skeleton) -> list[int]:

@@ -24,6 +24,10 @@ _CLASS[48:58] = _DIGIT
 _CLASS[46] = _DOT
 _CLASS[[43, 45]] = _SIGN
 
+_WHOLE, _FRACTION = 6, 8
+"""Digits before and after the point of a number that is written plainly."""
+_PAIRS = np.frombuffer("".join(f"{n:02d}" for n in range(100)).encode(), np.uint8).reshape(100, 2)
+
 _MAX_DIGITS = 15
 """So many digits are an integer below 2^53; with a power of ten below 10^22 one division is correctly rounded (Clinger
 1990).
@@ -90,3 +94,36 @@ def _whole_number(words: NDArray[np.uint64], n_digits: NDArray[np.intp]) -> Floa
     w = (w * np.uint64(100) + (w >> np.uint64(16))) & np.uint64(0x0000FFFF0000FFFF)
     w = (w * np.uint64(10000) + (w >> np.uint64(32))) & np.uint64(0x00000000FFFFFFFF)
     return w.astype(np.float64)
+
+
+def format_rows(values: Float) -> str:
+    """Rows of numbers (R, C) as lines of text, each number one that ``float`` reads as the very same.
+
+    Those of at most 6 digits before and 8 after the point are written plainly, without a zero too many, all side by
+    side; others are the shortest that Python knows.
+    """
+    scaled = np.abs(values) * 10.0**_FRACTION
+    whole = np.rint(scaled)
+    plain = (whole < 10.0 ** (_WHOLE + _FRACTION)) & (whole / 10.0**_FRACTION == np.abs(values))
+    if not plain.all():
+        return "\n".join(
+            format_rows(row[None]) if fits else " ".join(map(repr, row.tolist()))
+            for row, fits in zip(values, plain.all(axis=1), strict=True)
+        )
+    n_rows, n_columns = values.shape
+    left = whole.astype(np.int64).ravel()
+    # Sign, digits, point, digits, space; then what is not wanted is left out.
+    text = np.empty((left.size, 1 + _WHOLE + 1 + _FRACTION + 1), np.uint8)
+    text[:, 0], text[:, 1 + _WHOLE], text[:, -1] = ord("-"), ord("."), ord(" ")
+    text.reshape(n_rows, n_columns, -1)[:, -1, -1] = ord("\n")
+    for pair in range((_WHOLE + _FRACTION) // 2):
+        left, two = np.divmod(left, 100)
+        at = text.shape[1] - 3 - 2 * pair - (2 * pair >= _FRACTION)
+        text[:, at : at + 2] = _PAIRS[two]
+    keep = np.ones(text.shape, bool)
+    keep[:, 0] = np.signbit(values).ravel()
+    digits = text != ord("0")
+    keep[:, 1:_WHOLE] = np.logical_or.accumulate(digits[:, 1:_WHOLE], axis=1)
+    after = digits[:, _WHOLE + 2 : -1]
+    keep[:, _WHOLE + 3 : -1] = np.logical_or.accumulate(after[:, :0:-1], axis=1)[:, ::-1]
+    return text[keep].tobytes()[:-1].decode("ascii")

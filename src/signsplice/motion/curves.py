@@ -20,6 +20,8 @@ Float = NDArray[np.float64]
 
 _WIDEN_DEG = 1e-4
 """A joint gets the rotation channels it lacks only where it turns by more than this about their axes."""
+_DECIMALS = 8
+"""Of numbers that no file gave: far below what any capture resolves."""
 _LOCKED = 1e-6
 """Below this cosine of the middle angle only the sum or difference of the other two is told."""
 
@@ -34,6 +36,9 @@ def complete(clip: Clip) -> tuple[Names, Float]:
     """
     given = None if clip.channels is None else clip.channels.settled()
     n_frames, n_joints = len(clip), len(clip.skeleton)
+    if given is None and clip.translations is None:
+        angles = _derived(clip.local_rotations, _three(""), None).reshape(n_frames, -1)
+        return default_names(n_joints), np.round(np.concatenate([clip.root_positions, angles], axis=1), _DECIMALS)
     if given is not None:
         given, edited = _still_meant(clip, given)
         if not edited and len(given.starts) == 1 and not np.isnan(given.values).any():
@@ -179,9 +184,9 @@ def _curve(name: str, axes: str, angles: Float, place: Float) -> Float:
 
 
 def _rounded(curves: Float, given: Float, names: Sequence[Sequence[str]]) -> Float:
-    """Curves (T, C), numbers that were given (T, C) among them, the others rounded to 8 decimals, far below what any
-    capture resolves. An angle that was given counts as long as its curve was not led elsewhere.
+    """Curves (T, C), numbers that were given (T, C) among them, the others rounded. An angle that was given counts as
+    long as its curve was not led elsewhere.
     """
     places = np.array([name in POSITIONS for channels in names for name in channels])
     stays = np.where(places, ~np.isnan(given), curves == given)
-    return np.where(stays, given, np.round(curves, 8))
+    return np.where(stays, given, np.round(curves, _DECIMALS))
