@@ -21,8 +21,8 @@ types: $(VENV)/.dev            ## mypy --strict
 
 viewer: $(PAGE)                ## the browser viewer's page, built into the package (needs Node 20 or newer)
 
-unit: $(VENV)/.dev $(PAGE)     ## pytest
-	$(BIN)/python -m pytest
+unit: $(VENV)/.dev $(PAGE)     ## pytest, a process a core; each file's tests stay together
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
 bench: $(VENV)/.dev            ## speed of every part beside its baselines, in one run
 	$(BIN)/signsplice bench

@@ -55,7 +55,7 @@ class StreamSession:
 
     def __init__(self, socket: WebSocket, settings: Settings, worker: Worker, metrics: Metrics) -> None:
         self._socket, self._settings, self._worker, self._metrics = socket, settings, worker, metrics
-        self._key, self._generation = uuid4().hex, worker.generation
+        self._key, self._generation = uuid4().hex, 0
         self._words: asyncio.Queue[tuple[str, float] | None] = asyncio.Queue(settings.max_stream_words)
         self._out: asyncio.Queue[tuple[dict[str, Any] | bytes, float] | None] = asyncio.Queue(_OUT)
         self._heard = time.monotonic()
@@ -66,6 +66,7 @@ class StreamSession:
         try:
             opened = await self._opened()
             await self._worker.run(work.open_stream, self._key, opened, opened.spell)
+            self._generation = self._worker.generation
             async with asyncio.TaskGroup() as tasks:
                 reading = tasks.create_task(self._read())
                 making = tasks.create_task(self._make())
