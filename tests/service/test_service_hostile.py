@@ -60,10 +60,12 @@ def upload(client: httpx.Client, content: bytes | str, name: str = "a.bvh", **da
 
 @pytest.mark.parametrize("name", BROKEN)
 def test_broken_bvh(tight: httpx.Client, name: str) -> None:
-    content, _ = BROKEN[name]
+    content, said = BROKEN[name]
     if len(content) > 200_000:
         pytest.skip("longer than this service reads")
-    refused(upload(tight, content))
+    told = refused(upload(tight, content))
+    assert told.startswith("a.bvh:")
+    assert " ".join(said.split()) in told
 
 
 def zipped(n_bytes: int) -> bytes:
@@ -254,7 +256,7 @@ def test_glb_of_more_numbers_than_there_are(tight: httpx.Client, words: dict[str
     made = gltf.vrm_animation(words["DEAF"][:3])
     for accessor in made.accessors:
         accessor.count, accessor.bufferView = 2_000_000_000, None
-    refused(upload(tight, b"".join(made.save_to_bytes()), "a.vrma"))
+    assert refused(upload(tight, b"".join(made.save_to_bytes()), "a.vrma")).startswith("a.vrma:")
 
 
 def many(n_frames: int, seconds: float) -> str:

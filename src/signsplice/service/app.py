@@ -109,7 +109,8 @@ def create(settings: Settings, scenes: Sequence[Mapping[str, Any]] = ()) -> Fast
         docs_url=None,
         redoc_url=None,
     )
-    _routes(app, service)
+    _told(app, service)
+    _made(app, service)
     _docs(app)
     _errors(app)
     app.add_middleware(Counting, metrics=service.metrics)
@@ -121,8 +122,8 @@ def create(settings: Settings, scenes: Sequence[Mapping[str, Any]] = ()) -> Fast
     return app
 
 
-def _routes(app: FastAPI, service: Service) -> None:
-    settings = service.settings
+def _told(app: FastAPI, service: Service) -> None:
+    """The page, and routes that tell what there is."""
 
     @app.get("/", include_in_schema=False)
     async def viewer() -> Response:
@@ -160,6 +161,11 @@ def _routes(app: FastAPI, service: Service) -> None:
             for e in found[start : start + limit]
         ]
         return WordList(words, len(found))
+
+
+def _made(app: FastAPI, service: Service) -> None:
+    """Routes that make animations."""
+    settings = service.settings
 
     @app.post("/v1/sentence", response_model=Spliced, responses={**_RAW, **_FAILURES})
     async def sentence(
