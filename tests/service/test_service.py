@@ -12,6 +12,7 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 from websockets.sync.client import ClientConnection
 
 from serving import talking
@@ -209,6 +210,18 @@ def test_what_a_page_is_told_is_json_whatever_it_is_called(words: dict[str, Clip
     inside = text[text.index(mark) + len(mark) :].split("</script>")[0]
     assert "<" not in inside
     assert json.loads(inside)["scenes"] == [{"name": told["name"], "report": {"seams": [None]}}]
+
+
+def test_what_is_said_is_what_the_wire_tells(service: httpx.Client) -> None:
+    """Answers are written by workers, past the checks of the framework: nothing in them is more or less than told."""
+    spliced = TypeAdapter(wire.Spliced)
+    answer = service.post("/v1/sentence", json={"glosses": ["HELLO", "fs-AB"]}).json()
+    assert json.loads(spliced.dump_json(spliced.validate_python(answer))) == answer
+    message = TypeAdapter(wire.FromService)
+    said = [part for part in streamed(service, ["HELLO", "HELO9", "NO SUCH", "DEAF"]) if isinstance(part, dict)]
+    assert {part["type"] for part in said} >= {"skeleton", "span", "seam", "warning", "done"}
+    for part in said:
+        assert json.loads(message.dump_json(message.validate_python(part))) == part
 
 
 def test_the_pages_types_are_the_services(tmp_path: Path) -> None:

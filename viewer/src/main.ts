@@ -174,9 +174,12 @@ class App {
   private timeOf(side: number): number {
     const { loop, time } = this.player;
     if (!side || !loop || this.looped === null) return time;
-    const from = seams(this.scenes[side]!.report)[this.looped]?.from;
-    const own = seams(this.scenes[0]!.report)[this.looped]?.from;
-    return from === undefined || own === undefined ? time : time + (from - own) / this.player.fps;
+    const [own, other] = [0, side].map((k) => {
+      const { report } = this.scenes[k]!;
+      const seam = seams(report)[this.looped!];
+      return seam && seam.from / report.fps;
+    });
+    return own === undefined || other === undefined ? time : time + other - own;
   }
 
   private draw(seconds: number): void {

@@ -20,7 +20,7 @@ from signsplice.lexicon.sentence import Unit, parse
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
-from signsplice.service.wire import Dials, Format, Rule, SentenceRequest, SpliceRequest
+from signsplice.service.wire import Dials, Format, SentenceRequest, SpliceRequest
 from signsplice.splicing import defaults
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
 from signsplice.splicing.report import plain
@@ -45,7 +45,6 @@ class _Growing:
     stream: Stream
     options: SpliceOptions
     spell: bool
-    named: tuple[str, str]
     n_out: int = 0
     begun: bool = False
 
@@ -140,21 +139,17 @@ def _answer(
 
 
 def options(dials: Dials) -> SpliceOptions:
-    """A caller's dials as the engine has them. Raises ``InputError`` for a method that there is not."""
-    rules: tuple[Rule, ...] = ("auto", "tempo", "fixed", "travel", "speed")
+    """A caller's dials as the engine has them."""
     time = dials.transition_time
-    rule = time if time in rules else defaults.AUTO
-    made = SpliceOptions(
+    return SpliceOptions(
         cutter=dials.cutter,
         transition=dials.transition,
-        duration=str(rule),
+        duration=time if isinstance(time, str) else defaults.AUTO,
         transition_time=None if isinstance(time, str) else time,
         sign_speed=dials.sign_speed,
         fps=dials.fps,
         body_sense=dials.body_sense,
     )
-    defaults.choose(made.cutter, made.transition, made.duration)
-    return made
 
 
 def _units(tokens: Sequence[str], spell: bool) -> list[Unit]:
@@ -172,8 +167,7 @@ def _units(tokens: Sequence[str], spell: bool) -> list[Unit]:
 def open_stream(key: str, dials: Dials, spell: bool) -> None:
     """Begin a sentence that grows. Raises ``InputError``."""
     chosen = options(dials)
-    methods = defaults.choose(chosen.cutter, chosen.transition, chosen.duration)
-    _worker.growing[key] = _Growing(Stream(chosen), chosen, spell, (methods.cutter.name, methods.transition.name))
+    _worker.growing[key] = _Growing(Stream(chosen), chosen, spell)
 
 
 def read(key: str, token: str) -> tuple[list[str], list[str]]:
@@ -211,8 +205,8 @@ def _messages(growing: _Growing, pieces: Iterable[Piece]) -> list[dict[str, Any]
     for piece in pieces:
         if not growing.begun:
             growing.begun = True
-            cutter, transition = growing.named
-            out.append({**scene.skeleton(piece.clip), "cutter": cutter, "transition": transition})
+            named = {"cutter": growing.stream.cutter, "transition": growing.stream.transition}
+            out.append({**scene.skeleton(piece.clip), **named})
         out += [{"type": "warning", "warning": line} for line in piece.warnings]
         if piece.seam is not None:
             out.append({"type": "seam", "seam": plain(asdict(piece.seam))})

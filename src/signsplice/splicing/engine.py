@@ -146,10 +146,13 @@ def stream(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Itera
 class Stream:
     """A sentence that grows a word at a time, for callers that are told of words as they come: what ``stream`` gives,
     pushed in place of pulled. It holds one word and no more, however long the sentence.
+
+    cutter, transition: names of what does the work. Raises ``InputError`` for a method that there is not.
     """
 
     def __init__(self, options: SpliceOptions | None = None) -> None:
         self._sentence = _Sentence(options or SpliceOptions())
+        self.cutter, self.transition = self._sentence.cutter.name, self._sentence.transition.name
 
     def push(self, clip: Clip) -> list[Piece]:
         """The pieces that are final now that one more word is known: none for the first. Raises as ``splice`` does;
