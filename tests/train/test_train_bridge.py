@@ -38,7 +38,7 @@ def windows(folder: Path) -> Windows:
 
 def clip_of(windows: Windows, turns: np.ndarray) -> Clip:
     local = np.concatenate([np.broadcast_to(rotation.IDENTITY, (len(turns), 1, 4)), turns], axis=1)
-    return Clip(windows.parts[0].skeleton, local, np.zeros((len(turns), 3)), 30.0)
+    return Clip(windows.parts[0][0].skeleton, local, np.zeros((len(turns), 3)), 30.0)
 
 
 def test_the_canonical_skeleton_carries_what_the_signer_showed(folder: Path, windows: Windows) -> None:
@@ -51,7 +51,7 @@ def test_the_canonical_skeleton_carries_what_the_signer_showed(folder: Path, win
 
 
 def test_a_gap_hides_what_was_signed(windows: Windows) -> None:
-    part = windows.parts[0]
+    part = windows.parts[0][0]
     sentence, start, n = part.seams[0]
     turns = part.sentences[sentence][start - 8 : start + n + 8]
     one = windows._seen(part, turns, 8, n)
@@ -96,7 +96,7 @@ def test_the_loss_is_the_measure(windows: Windows) -> None:
     batch = windows.batch([1])
     n = int(batch.real.sum())
     error = BridgeTask(Bridge(TOY), windows.above.tolist())._errors(batch, batch.base)[0]
-    skeleton = windows.parts[0].skeleton
+    skeleton = windows.parts[0][0].skeleton
     skeleton = replace(skeleton, offsets=np.concatenate([np.zeros((1, 3)), batch.bones[0].numpy()]).astype(float))
     clips = [
         Clip(skeleton, np.insert(q[0, :n].numpy().astype(float), 0, rotation.IDENTITY, axis=1), np.zeros((n, 3)), 30.0)
@@ -114,7 +114,7 @@ def test_turns_and_places_are_those_of_the_motion_room() -> None:
 
 
 def test_places_are_forward_kinematics(windows: Windows) -> None:
-    part = windows.parts[0]
+    part = windows.parts[0][0]
     clip = clip_of(windows, part.sentences[0][:5])
     positions = kinematics.forward(clip)[1][:, 1:]
     turns = torch.tensor(rotation.to_matrix(part.sentences[0][:5]))

@@ -32,7 +32,7 @@ def signing(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_networks_learn_and_meet_in_a_bundle(signing: Path, tmp_path: Path) -> None:
     bundle = tmp_path / "bundle"
-    own.make(own.Own("transition", "smoke", steps=2), signing, bundle, ALONE)
+    own.make(own.Own("transition", "smoke", steps=2), [signing], bundle, ALONE)
     assert list(read_facts(bundle)["files"]) == ["bridge.onnx"]
     called = CliRunner().invoke(
         app, ["train", "cutter", "--signing", str(signing), "--out", str(bundle), "--scale", "smoke", "--steps", "2"]
@@ -51,14 +51,14 @@ def test_networks_learn_and_meet_in_a_bundle(signing: Path, tmp_path: Path) -> N
     assert LearnedDuration(reader).seconds(word("MOTHER").clip, word("BOOK").clip, cut) > 0.0
     folder = next((tmp_path / "parts").glob("cutter-*"))
     before = (folder / log.NAME).read_text()
-    own.make(own.Own("cutter", "smoke", steps=2), signing, bundle, ALONE)
+    own.make(own.Own("cutter", "smoke", steps=2), [signing], bundle, ALONE)
     assert (folder / log.NAME).read_text() == before, "what has learned does not learn again"
 
 
 def test_a_training_goes_on_from_the_weights_of_another(signing: Path, tmp_path: Path) -> None:
-    own.make(own.Own("cutter", "smoke", steps=2), signing, tmp_path / "first", ALONE)
+    own.make(own.Own("cutter", "smoke", steps=2), [signing], tmp_path / "first", ALONE)
     (earlier,) = (tmp_path / "parts").iterdir()
-    own.make(own.Own("cutter", "smoke", steps=1), signing, tmp_path / "second", ALONE, earlier=earlier)
+    own.make(own.Own("cutter", "smoke", steps=1), [signing], tmp_path / "second", ALONE, earlier=earlier)
     begun = checkpoint.read(earlier)
     assert read_facts(tmp_path / "second")["networks"]["cutter"]["begins_with"] == begun["recipe"]
     (later,) = (folder for folder in (tmp_path / "parts").iterdir() if folder != earlier)
@@ -71,16 +71,16 @@ def test_a_training_goes_on_from_the_weights_of_another(signing: Path, tmp_path:
 
     assert 0.0 < way(begun["network"], after["network"]) < 0.2 * way(begun["network"], fresh)
     with pytest.raises(InputError, match=r"checkpoint.pt: cannot be read"):
-        own.make(own.Own("transition", "smoke", steps=1), signing, tmp_path / "b", ALONE, earlier=earlier)
+        own.make(own.Own("transition", "smoke", steps=1), [signing], tmp_path / "b", ALONE, earlier=earlier)
     with pytest.raises(InputError, match=r"nowhere/checkpoint.pt: cannot be read"):
-        own.make(own.Own("cutter", "smoke"), signing, tmp_path / "b", ALONE, earlier=tmp_path / "nowhere")
+        own.make(own.Own("cutter", "smoke"), [signing], tmp_path / "b", ALONE, earlier=tmp_path / "nowhere")
 
 
 def test_what_cannot_be_trained_is_refused(signing: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="0 signers, expected at least 2; `signsplice synth endless` makes them"):
-        own.make(own.Own("cutter", "smoke"), tmp_path, tmp_path / "b", ALONE)
+        own.make(own.Own("cutter", "smoke"), [tmp_path], tmp_path / "b", ALONE)
     with pytest.raises(InputError, match="no network 'cutter' at scale 'huge', expected one of cutter, transition"):
-        own.make(own.Own("cutter", "huge"), signing, tmp_path / "b", ALONE)
+        own.make(own.Own("cutter", "huge"), [signing], tmp_path / "b", ALONE)
 
 
 def test_batches_made_ahead_are_the_same() -> None:

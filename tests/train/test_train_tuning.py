@@ -77,7 +77,7 @@ LACKING: dict[str, tuple[str, ...]] = {
 def test_a_rig_that_lacks_joints_teaches_what_it_will_be_shown(lacking: str) -> None:
     clip = without(word("DEAF").clip, *LACKING[lacking])
     seen = tuning.ClipWindows([clip], 0)
-    (part,) = seen.parts
+    ((part,),) = seen.parts
     one = seen._seen(part, part.sentences[0][20:46], 8, 10)
     before, after = clip[20:28], clip[38:46]
     base = find_transition("hermite").between(before, after, 10)

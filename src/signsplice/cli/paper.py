@@ -162,7 +162,7 @@ def _evaluate(
     folder: Path, pairs: Path, bundles: Path, scale: str, systems: Sequence[str], limit: int | None, again: bool
 ) -> None:
     """Judge, and write results.json and the kept frames after every system, so that an interrupted call loses one."""
-    from signsplice.paper import judging, results, shots
+    from signsplice.paper import clip_methods, judging, results, shots
     from signsplice.synth.corpus import Pairs
 
     corpus = Pairs(pairs)
@@ -173,7 +173,8 @@ def _evaluate(
         warn([f"{bundles}: no bundle of scale {scale} there; only methods on clips are judged"])
     advance: Advance = progress
     n_rows = 0
-    for made in judging.everything(corpus, folders, known, kept, advance, limit=limit, again=again):
+    methods = [*clip_methods.every(), *judging.taught(bundles)]
+    for made in judging.everything(corpus, folders, known, kept, advance, limit=limit, again=again, methods=methods):
         n_rows += len(made.rows)
         if made.rows or made.curves:
             known = known.merged(made.rows, made.curves)

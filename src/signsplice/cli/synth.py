@@ -142,6 +142,19 @@ def endless(output: str, signers: int, words: int, seams: int, seed: int, fps: f
 
 @synth.command()
 @click.argument("corpus", metavar="PAIRS")
+@click.option("--split", default="random", show_default=True, metavar="NAME", help="Split whose parts are written.")
+@click.option("-o", "--output", required=True, metavar="DIR", help="Folder to write them into.")
+def signing(corpus: str, split: str, output: str) -> None:
+    """The training and the validation part of a corpus of pairs, as signing to train networks on."""
+    from signsplice.synth import corpus_signing
+    from signsplice.synth.corpus import Pairs
+
+    for path in corpus_signing.write(Pairs(corpus), split, Path(output)):
+        print(f"{path}: {path.stat().st_size / 1e6:.0f} MB")
+
+
+@synth.command()
+@click.argument("corpus", metavar="PAIRS")
 @click.option("--page", required=True, metavar="FILE.md", help="Page with two marks, between which the tables go.")
 @click.option("--images", required=True, metavar="DIR", help="Folder for plots and contact sheets.")
 @click.option("--real", metavar="DIR", help="BVH of real signing, for columns beside ours.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -85,8 +85,8 @@ def _own_options(command: Command) -> Command:
     for option in reversed(
         (
             click.option("--out", required=True, metavar="DIR", help="Bundle that the network is written into."),
-            click.option("--scale", type=click.Choice(("smoke", "ship", "more")), default="ship", show_default=True,
-                         help="How large the network is and how long it learns."),
+            click.option("--scale", type=click.Choice(("smoke", "ship", "more", "corpus")), default="ship",
+                         show_default=True, help="How large the network is and how long it learns."),
             click.option("--steps", type=int, metavar="N", help="Steps in place of the scale's."),
             click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of weights and pairs."),
             click.option("--device", default="auto", show_default=True, metavar="NAME", help="auto, cpu or cuda."),
@@ -98,7 +98,7 @@ def _own_options(command: Command) -> Command:
 
 def _train_own(
     network: str,
-    signing: str,
+    signing: Sequence[str],
     out: str,
     scale: str,
     steps: int | None,
@@ -113,7 +113,7 @@ def _train_own(
     with processes.joined(device) as here:
         told = own.Own(network, scale, seed, steps)
         begun = None if earlier is None else Path(earlier)
-        own.make(told, Path(signing), Path(out), here, _teller if here.first else None, begun)
+        own.make(told, [Path(folder) for folder in signing], Path(out), here, _teller if here.first else None, begun)
         if here.first:
             print(f"{out}: {network}, scale {scale}, {told.n_steps} steps")
 
@@ -123,11 +123,16 @@ def _check_steps(steps: int | None) -> None:
         raise InputError(f"--steps {steps}, expected at least 1")
 
 
+_SIGNING = "Signing to learn from, of `signsplice synth endless`; several are drawn from as often."
+
+
 @train.command()
-@click.option("--signing", required=True, metavar="DIR", help="Signing to learn from, of `signsplice synth endless`.")
+@click.option("--signing", required=True, multiple=True, metavar="DIR", help=_SIGNING)
 @click.option("--from", "earlier", metavar="DIR", help="Folder of an earlier training, whose weights are the first.")
 @_own_options
-def cutter(signing: str, earlier: str | None, out: str, scale: str, steps: int | None, seed: int, device: str) -> None:
+def cutter(
+    signing: tuple[str, ...], earlier: str | None, out: str, scale: str, steps: int | None, seed: int, device: str
+) -> None:
     """Train the network that finds where to leave and enter, and how long the way between takes. Called again after an
     interruption, it goes on where it was.
     """
@@ -135,12 +140,13 @@ def cutter(signing: str, earlier: str | None, out: str, scale: str, steps: int |
 
 
 @train.command()
-@click.option("--signing", metavar="DIR", help="Signing to learn from, of `signsplice synth endless`.")
+@click.option("--signing", multiple=True, metavar="DIR", help=_SIGNING)
 @click.option("--lexicon", metavar="DIR", help="Lexicon to tune a trained network to, of `signsplice lexicon build`.")
-@click.option("--from", "source", metavar="DIR", help="Bundle whose network is tuned.  [default: that which ships]")
+@click.option("--from", "source", metavar="DIR", help="With --lexicon the bundle whose network is tuned "
+              "[default: that which ships]; with --signing the folder of an earlier training.")  # fmt: skip
 @_own_options
 def transition(
-    signing: str | None,
+    signing: tuple[str, ...],
     lexicon: str | None,
     source: str | None,
     out: str,
@@ -152,12 +158,10 @@ def transition(
     """Train the network that makes the frames between, or tune it to a lexicon of your own, and keep it if it is better
     there. Called again after an interruption, it goes on where it was.
     """
-    if (signing is None) == (lexicon is None):
+    if bool(signing) == (lexicon is not None):
         raise InputError("expected --signing DIR, to train anew, or --lexicon DIR, to tune; one of them")
-    if signing is not None:
-        if source is not None:
-            raise InputError("--from with --signing: training anew begins from nothing; leave --from out")
-        _train_own("transition", signing, out, scale, steps, seed, device)
+    if signing:
+        _train_own("transition", signing, out, scale, steps, seed, device, source)
         return
     _check_steps(steps)
     _check_extra()

@@ -62,6 +62,21 @@ class ClipMethod:
         return self.cutter == FLUENT or self.transition == LEARNED
 
     @property
+    def taught(self) -> dict[str, str] | None:
+        """Which ``corpus`` and ``split`` the networks that take part learned from; None where they never saw one.
+
+        Raises ``InputError`` where they learned from two.
+        """
+        if not self.learned:
+            return None
+        found = {
+            tuple(facts["taught"].items()) for facts in open_learned(self.bundle).networks.values() if "taught" in facts
+        }
+        if len(found) > 1:
+            raise InputError(f"{self.bundle}: its networks learned from {len(found)} splits, expected one")
+        return dict(found.pop()) if found else None
+
+    @property
     def n_parameters(self) -> int:
         """Parameters of the networks that take part, 0 without any."""
         if not self.learned:

@@ -14,7 +14,8 @@ from signsplice.formats.atomic import read_bytes
 from signsplice.paper import clip_methods, protocol, published, results, shots
 from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice.paper.protocol import Answer, Protocol
-from signsplice.paper.results import CLASSICAL, OWN, Curve, Results, Row
+from signsplice.paper.results import CLASSICAL, OWN, TAUGHT, Curve, Results, Row
+from signsplice.splicing.networks import SYSTEM
 from signsplice.synth.corpus import Pairs
 
 Advance = Callable[[str], AbstractContextManager[Callable[[int, int], None] | None]]
@@ -51,6 +52,13 @@ def found(bundles: Path, scale: str) -> list[Path]:
     return [path.parent for path in sorted(bundles.glob("*/bundle.json")) if facts(path.parent).get("scale") == scale]
 
 
+def taught(bundles: Path) -> list[ClipMethod]:
+    """Rows of this project's networks in a folder of bundles, those that learned from a corpus of pairs."""
+    told = [] if not bundles.is_dir() else [path.parent for path in sorted(bundles.glob("*/bundle.json"))]
+    methods = [m for folder in told if facts(folder).get("system") == SYSTEM for m in clip_methods.own(folder)]
+    return [method for method in methods if method.taught is not None]
+
+
 def splits(pairs: Pairs, limit: int | None = None) -> list[Protocol]:
     """The test part of every split that has a pair in it."""
     return [protocol.choose(pairs, split, limit=limit) for split in protocol.SPLITS if pairs.split(split, "test")]
@@ -75,11 +83,13 @@ def everything(
     protocols = splits(pairs, limit)
     chosen = shots.merge(kept, shots.choose(pairs, protocols[0])) if protocols else []
     for method in clip_methods.every() if methods is None else methods:
-        answer = ClipAnswers(pairs, method)
-        scale, sha256 = OWN if method.learned else CLASSICAL, method.parts.bundle
+        answer, taught = ClipAnswers(pairs, method), method.taught
+        allowed = [p for p in protocols if taught is None or protocol.may_judge(taught, pairs, p)]
+        scale, sha256 = (OWN if taught is None else TAUGHT) if method.learned else CLASSICAL, method.parts.bundle
         row = Row(method.name, "", scale, told=method.told, bundle=sha256 and sha256[:12])
-        name = shots.label(method.name, scale, "", method.told) if (method.name, method.told) in shots.BESIDE else ""
-        rows, chosen = _judge(row, name, answer, protocols, pairs, known, chosen, progress, again, answer.prepare)
+        shown = taught is None and (method.name, method.told) in shots.BESIDE
+        name = shots.label(method.name, scale, "", method.told) if shown else ""
+        rows, chosen = _judge(row, name, answer, allowed, pairs, known, chosen, progress, again, answer.prepare)
         yield Judgement(tuple(rows), (), tuple(chosen))
     for folder in bundles:
         told = facts(folder)

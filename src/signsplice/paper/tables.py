@@ -13,7 +13,7 @@ from signsplice.formats.atomic import read_bytes, replacing
 from signsplice.paper import layout, order, published
 from signsplice.paper.layout import RULE, Table, number, short
 from signsplice.paper.protocol import SPLITS
-from signsplice.paper.results import CLASSICAL, OWN, Results, Row, check_alike
+from signsplice.paper.results import CLASSICAL, ON_CLIPS, OWN, TAUGHT, Results, Row, check_alike
 
 OPTIMISERS = {"adamw": "AdamW", "sgd": "SGD"}
 HEAD = ("system", "from", *published.METRICS, "PAA of all", "Accuracy", "MSE", "ms a pair")
@@ -85,7 +85,7 @@ def table_fr(results: Results, scale: str, split: str = "random") -> list[Table]
 
 def table_classical(results: Results, split: str = "random") -> list[Table]:
     """Every method on clips, with what the paper does not measure."""
-    rows = [row for scale in (CLASSICAL, OWN) for row in results.find(scale=scale, split=split, part="test")]
+    rows = [row for scale in ON_CLIPS for row in results.find(scale=scale, split=split, part="test")]
     if not rows:
         return []
     check_alike(rows)
@@ -182,13 +182,15 @@ def _told(row: Row) -> str:
         return f"classical, told {row.told}"
     if row.scale == OWN:
         return f"signsplice, told {row.told}"
+    if row.scale == TAUGHT:
+        return f"signsplice, taught this split, told {row.told}"
     steps = f", {row.steps} steps" if row.steps is not None else ""
     return OPTIMISERS.get(row.optimiser, row.optimiser) + steps
 
 
 def _on_clips(results: Results, split: str, system: str, told: str) -> list[Row]:
     rows = results.find(system=system, told=told, split=split, part="test")
-    return [row for row in rows if row.scale in (CLASSICAL, OWN)]
+    return [row for row in rows if row.scale in ON_CLIPS]
 
 
 def _notes(results: Results, rows: Sequence[Row]) -> tuple[str, ...]:

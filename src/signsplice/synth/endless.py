@@ -20,7 +20,7 @@ from signsplice.formats.atomic import replacing
 from signsplice.motion.canonical import bones, signing
 from signsplice.motion.clip import Clip
 from signsplice.synth import planner, pseudo, running, truth
-from signsplice.synth.planner import Word
+from signsplice.synth.planner import Events, Word
 from signsplice.synth.pool import Pool
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import signer
@@ -73,7 +73,11 @@ def path_of(folder: Path, plan: Plan, number: int) -> Path:
 
 def _write_part(job: tuple[Plan, int, Path]) -> None:
     plan, number, path = job
-    arrays = part(plan, number)
+    save(path, part(plan, number))
+
+
+def save(path: Path, arrays: dict[str, Array]) -> None:
+    """Write a part, whole or not at all."""
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez(file, allow_pickle=False, **arrays)
 
@@ -92,7 +96,7 @@ def part(plan: Plan, number: int) -> dict[str, Array]:
     who = signer(FIRST_SIGNER + 10_000 * plan.seed + number)
     seeds = rng.integers(2**40, size=plan.n_words).tolist()
     words = [planner.isolated(pseudo.sign(int(k)), who, fps=plan.fps) for k in seeds]
-    frames = [_packed(word.clip) for word in words]
+    frames = [packed(word.clip) for word in words]
     lengths = [len(word) for word in words]
     sentences: list[tuple[int, int]] = []
     seams: list[tuple[int, int, int]] = []
@@ -100,7 +104,7 @@ def part(plan: Plan, number: int) -> dict[str, Array]:
     while len(seams) < plan.n_seams:
         chosen = rng.choice(plan.n_words, min(int(rng.integers(_SHORTEST, _LONGEST + 1)), plan.n_words), replace=False)
         said = running.utter([words[k] for k in chosen], changes=bool(rng.random() < 0.5))
-        frames.append(_packed(said.clip))
+        frames.append(packed(said.clip))
         seams += [(len(sentences), s.start, s.stop - s.start) for s in said.stretches if s.word is None]
         sentences.append((at, len(said.clip)))
         at += len(said.clip)
@@ -111,21 +115,22 @@ def part(plan: Plan, number: int) -> dict[str, Array]:
         "turns": turns,
         "places": places,
         "words": np.stack([starts, lengths], axis=1),
-        "events": np.array([_events(word) for word in words]),
+        "events": np.array([event_frames(word.events) for word in words]),
         "pairs": np.array([[_cut(p, q) for q in words] for p in words]),
         "sentences": np.array(sentences).reshape(-1, 2),
         "seams": np.array(seams).reshape(-1, 3),
     }
 
 
-def _packed(clip: Clip) -> tuple[Array, Array]:
+def packed(clip: Clip) -> tuple[Array, Array]:
+    """A clip's ``turns`` and ``places`` as a part keeps them."""
     seen = signing(clip)
     turns = np.round(seen.turns * 32767.0).astype(np.int16)
     return turns, seen.places.astype(np.float32)
 
 
-def _events(word: Word) -> tuple[int, ...]:
-    e = word.events
+def event_frames(e: Events) -> tuple[int, ...]:
+    """A word's events as a part keeps them (8,)."""
     first = e.first or _NO_MOVEMENT
     last = e.passes[-1] if e.passes else _NO_MOVEMENT
     return (e.up, e.start, e.end, e.down, *first, *last)

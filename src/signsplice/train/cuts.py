@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from signsplice.motion import features, rotation
 from signsplice.motion.canonical import ROLES
 from signsplice.motion.features import PHASES, Course
 from signsplice.synth.rng import stream
+from signsplice.train.drawing import by_folder, drawn
 from signsplice.train.networks.cutting import Cutting
 from signsplice.train.tasks import Accuracy, Task
 
@@ -41,11 +43,14 @@ NOISE = (0.001, 0.006)
 BETWEEN = 0.25
 """Share of the words that are seen between two frames."""
 _IMPOSSIBLE = -1e4
+_TRUTH = ("pre", "post", "seconds", "known")
 
 
 @dataclass(frozen=True, eq=False)
 class Words:
-    """A signer's words: courses, phases (T,) by number in ``PHASES``, and the truth of every pair (W, W, 3)."""
+    """A signer's words: courses, phases (T,) by number in ``PHASES``, and the truth of every pair (W, W, 3), -1 where
+    there is none.
+    """
 
     courses: tuple[Course, ...]
     phases: tuple[NDArray[np.int64], ...]
@@ -78,7 +83,7 @@ def phases_of(at: NDArray[np.int64], events: Sequence[int]) -> NDArray[np.int64]
 class Cuts:
     """Draws side by side, W words each: tokens (G, W, T, N_WORD), mask (G, W, T) and phases (G, W, T); for every word
     (row) before every other (column): the last frame kept ``pre`` and the first kept ``post`` (G, W, W), and the
-    transition's seconds (G, W, W).
+    transition's seconds (G, W, W); ``known`` (G, W, W) which of these pairs have a truth.
     """
 
     tokens: Tensor
@@ -87,6 +92,7 @@ class Cuts:
     pre: Tensor
     post: Tensor
     seconds: Tensor
+    known: Tensor
     step: int = 0
 
     def to(self, device: torch.device) -> Cuts:
@@ -96,15 +102,17 @@ class Cuts:
 
 
 class CutPairs:
-    """Words drawn from some signers; ``fixed``: so many draws, always the same and clean, for judging."""
+    """Words drawn from some signers, as often from each folder; ``fixed``: so many draws, always the same and clean,
+    for judging; ``as_made``: no noise, nothing turned aside or seen between frames.
+    """
 
-    def __init__(self, paths: Sequence[Path], seed: int = 0, fixed: int | None = None) -> None:
-        self.signers = [read_words(path) for path in paths]
-        self.seed, self.fixed = seed, fixed
-        self.n_words = min(N_WORDS, *(len(signer.courses) for signer in self.signers))
+    def __init__(self, paths: Sequence[Path], seed: int = 0, fixed: int | None = None, as_made: bool = False) -> None:
+        self.signers = [[read_words(path) for path in folder] for folder in by_folder(paths)]
+        self.seed, self.fixed, self.as_made = seed, fixed, as_made or fixed is not None
+        self.n_words = min(N_WORDS, *(len(signer.courses) for signer in chain(*self.signers)))
 
     def __len__(self) -> int:
-        return self.fixed if self.fixed is not None else sum(len(s.courses) ** 2 for s in self.signers)
+        return self.fixed if self.fixed is not None else sum(len(s.courses) ** 2 for s in chain(*self.signers))
 
     def rows(self, step: int, size: int, seed: int) -> NDArray[np.int64]:
         """Numbers of the draws of a step."""
@@ -124,19 +132,19 @@ class CutPairs:
             tokens=padded([tokens for tokens, _ in words]),
             mask=padded([np.ones(len(tokens), bool) for tokens, _ in words]),
             phases=padded([phases for _, phases in words]),
-            **{name: torch.from_numpy(np.stack([one[name] for one in made])) for name in ("pre", "post", "seconds")},
+            **{name: torch.from_numpy(np.stack([one[name] for one in made])) for name in _TRUTH},
             step=step,
         )
 
     def draw(self, number: int) -> dict[str, Any]:
         """One draw: words as (tokens, phases), and the truth of every pair."""
         rng = stream("cut", self.seed, "fixed" if self.fixed is not None else "endless", number)
-        signer = self.signers[int(rng.integers(len(self.signers)))]
+        signer = drawn(self.signers, rng)
         chosen = rng.choice(len(signer.courses), self.n_words, replace=False)
         late = np.zeros(self.n_words)
         words = []
         aside = None
-        if self.fixed is None and rng.random() < SET:
+        if not self.as_made and rng.random() < SET:
             aside = rotation.to_matrix(rotation.exp(rng.normal(0.0, rng.uniform(0.0, SET_RAD), (len(ROLES), 3))))
         for k, word in enumerate(chosen):
             course, phases = signer.courses[word], signer.phases[word]
@@ -144,7 +152,7 @@ class CutPairs:
                 course = Course(
                     rotation.columns(rotation.matrix_from_6d(course.turns) @ aside), course.places, course.there
                 )
-            if self.fixed is None:
+            if not self.as_made:
                 if rng.random() < BETWEEN:
                     late[k] = rng.random()
                     course, phases = _between(course, float(late[k])), phases[: len(phases) - 1]
@@ -155,6 +163,7 @@ class CutPairs:
         if features.busier_left(*(course for course, _ in words)):
             words = [(features.mirrored(course), phases) for course, phases in words]
         truth = signer.pairs[np.ix_(chosen, chosen)]
+        known = truth[..., 2] >= 0
         lengths = np.array([min(len(course), features.WORD_FRAMES) for course, _ in words])
         at = [np.rint(truth[..., 0] - late[:, None]), np.rint(truth[..., 1] - late)]
         pre, post = np.clip(at[0], 0, lengths[:, None] - 1), np.clip(at[1], 0, lengths - 1)
@@ -163,7 +172,8 @@ class CutPairs:
             "words": seen,
             "pre": pre.astype(np.int64),
             "post": post.astype(np.int64),
-            "seconds": ((truth[..., 2] + 1) / features.RATE).astype(np.float32),
+            "seconds": (np.where(known, truth[..., 2] + 1, 1) / features.RATE).astype(np.float32),
+            "known": known,
         }
 
 
@@ -217,11 +227,13 @@ class CuttingTask(Task):
     def forward(self, batch: Cuts) -> Tensor:
         """The loss () of a batch."""
         left, entered, seconds, phases = self._said(batch)
-        cut = F.cross_entropy(left.flatten(0, 2), batch.pre.flatten())
-        cut = cut + F.cross_entropy(entered.flatten(0, 2), batch.post.flatten())
+        known = batch.known
+        n_known = known.sum().clamp(min=1)
+        cut = F.cross_entropy(left[known], batch.pre[known], reduction="sum")
+        cut = (cut + F.cross_entropy(entered[known], batch.post[known], reduction="sum")) / n_known
         each = F.cross_entropy(phases.flatten(0, 2), batch.phases.flatten(), reduction="none")
         phase = (each * batch.mask.flatten()).sum() / batch.mask.sum()
-        timed = (seconds.log() - batch.seconds.log()).abs().mean()
+        timed = (seconds[known].log() - batch.seconds[known].log()).abs().sum() / n_known
         return cut + PHASE_WEIGHT * phase + TIME_WEIGHT * timed
 
     def judge(self, batch: Cuts, accuracy: Accuracy | None) -> dict[str, float]:
@@ -229,14 +241,15 @@ class CuttingTask(Task):
         durations, told the true positions.
         """
         left, entered, seconds, _ = self._said(batch)
-        off = torch.stack([left.argmax(-1) - batch.pre, entered.argmax(-1) - batch.post], dim=-1).abs()
+        known, told = batch.known, batch.seconds[batch.known]
+        off = torch.stack([left.argmax(-1) - batch.pre, entered.argmax(-1) - batch.post], dim=-1).abs()[known]
         exact = off == 0
-        frames = (seconds * features.RATE).round() == (batch.seconds * features.RATE).round()
+        frames = (seconds[known] * features.RATE).round() == (told * features.RATE).round()
         return {
             "pre": exact[..., 0].float().mean().item(),
             "post": exact[..., 1].float().mean().item(),
             "both": exact.all(-1).float().mean().item(),
             "within_2": (off <= 2).all(-1).float().mean().item(),
-            "error_ms": 1e3 * (seconds - batch.seconds).abs().mean().item(),
+            "error_ms": 1e3 * (seconds[known] - told).abs().mean().item(),
             "length": frames.float().mean().item(),
         }

@@ -51,23 +51,29 @@ _LEAST_SPREAD = 0.1
 
 @dataclass(frozen=True)
 class Course:
-    """Sizes and how long: steps, draws a batch, rate, draws to judge."""
+    """Sizes and how long: steps, draws a batch, rate, draws to judge; whether signing is seen as it was made."""
 
     config: CuttingConfig | BridgeConfig
     steps: int
     batch: int
     rate: float
     n_judged: int
+    as_made: bool = False
 
 
 COURSES: dict[tuple[str, str], Course] = {
     ("cutter", "smoke"): Course(CuttingConfig(32, 2, 2, 64, 2, 8, 16), 40, 1, 3e-3, 2),
     ("cutter", "ship"): Course(CuttingConfig(), 12_000, 2, 1e-3, 24),
     ("cutter", "more"): Course(CuttingConfig(), 5_000, 2, 5e-4, 24),
+    ("cutter", "corpus"): Course(CuttingConfig(), 8_000, 2, 5e-4, 24, as_made=True),
     ("transition", "smoke"): Course(BridgeConfig(32, 2, 2, 64), 20, 4, 3e-3, 8),
     ("transition", "ship"): Course(BridgeConfig(192, 6, 4, 768), 6_000, 32, 8e-4, 512),
+    ("transition", "more"): Course(BridgeConfig(192, 6, 4, 768), 4_000, 32, 4e-4, 512),
+    ("transition", "corpus"): Course(BridgeConfig(192, 6, 4, 768), 4_000, 32, 4e-4, 512, as_made=True),
 }
-"""What each network is at each scale; ``more`` goes on from an earlier training, on other signing."""
+"""What each network is at each scale. ``more`` goes on from an earlier training, on other signing, and ``corpus`` does
+so on a corpus of pairs, whose words and transitions it sees as they are.
+"""
 
 
 @dataclass(frozen=True)
@@ -98,35 +104,43 @@ class Own:
         return self.course.steps if self.steps is None else self.steps
 
 
-def split(parts: Path) -> tuple[list[Path], list[Path]]:
-    """Parts of signing to learn from and to judge on: the last signers are held back. Raises ``InputError`` for fewer
-    than two.
+def split(*folders: Path) -> tuple[list[Path], list[Path]]:
+    """Parts of signing to learn from and to judge on: the last signers of each folder are held back. Raises
+    ``InputError`` for fewer than two.
     """
-    paths = sorted(parts.glob("signer-*.npz"))
-    if len(paths) < 2:
-        raise InputError(f"{parts}: {len(paths)} signers, expected at least 2; `signsplice synth endless` makes them")
-    n_held = max(1, round(HELD_BACK * len(paths)))
-    return paths[:-n_held], paths[-n_held:]
+    learned: list[Path] = []
+    held: list[Path] = []
+    for folder in folders:
+        paths = sorted(folder.glob("signer-*.npz"))
+        if len(paths) < 2:
+            raise InputError(
+                f"{folder}: {len(paths)} signers, expected at least 2; `signsplice synth endless` makes them"
+            )
+        n_held = max(1, round(HELD_BACK * len(paths)))
+        learned += paths[:-n_held]
+        held += paths[-n_held:]
+    return learned, held
 
 
 def make(
     own: Own,
-    parts: Path,
+    signing: Sequence[Path],
     out: Path,
     processes: Processes,
     tell: Callable[[str], Tell] | None = None,
     earlier: Path | None = None,
 ) -> None:
-    """Train a network, or go on where an earlier call was, and write it into the bundle ``out``.
+    """Train a network on folders of signing, or go on where an earlier call was, and write it into the bundle ``out``.
 
     ``earlier``: folder of a training whose checkpoint gives the first weights. Raises ``InputError`` where that holds
     none, or one of another network.
     """
-    learned, held = split(parts)
+    learned, held = split(*signing)
     if earlier is not None:
         own = replace(own, begins_with=checkpoint.read(earlier)["recipe"])
     recipe = _recipe(own, learned)
     folder = out.parent / "parts" / f"{own.network}-{own.scale}-seed{own.seed}-{recipe}"
+    _taught(learned)
     folder.mkdir(parents=True, exist_ok=True)
     course = own.course
     data, valid = _data(own, learned, None), _data(own, held, course.n_judged)
@@ -186,7 +200,8 @@ def _spread(tokens: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
 
 
 def _data(own: Own, paths: Sequence[Path], fixed: int | None) -> Data:
-    return (Windows if own.network == "transition" else CutPairs)(paths, own.seed, fixed)
+    kind = Windows if own.network == "transition" else CutPairs
+    return kind(paths, own.seed, fixed, own.course.as_made)
 
 
 def graphs(task: Task, valid: Data) -> dict[str, bytes]:
@@ -234,14 +249,17 @@ def _recipe(own: Own, paths: Sequence[Path]) -> str:
         "rate": course.rate,
         "features": features.VERSION,
         "signers": [path.name for path in paths],
+        **({"as_made": True} if course.as_made else {}),
     }
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:12]
 
 
 def _facts(own: Own, task: Task, folder: Path, learned: Sequence[Path], held: Sequence[Path]) -> dict[str, Any]:
     judged = [line for line in logs.lines(folder / logs.NAME) if "loss" not in line]
+    taught = _taught(learned)
     return {
         **asdict(own),
+        **({} if taught is None else {"taught": taught}),
         "config": asdict(own.course.config),
         "steps": own.n_steps,
         "recipe": _recipe(own, learned),
@@ -250,6 +268,20 @@ def _facts(own: Own, task: Task, folder: Path, learned: Sequence[Path], held: Se
         "held_back": [path.stem for path in held],
         "scores": {k: v for k, v in judged[-1].items() if k != "step"} if judged else {},
     }
+
+
+def _taught(paths: Sequence[Path]) -> dict[str, str] | None:
+    """Which corpus of pairs, and which split of it, is among parts of signing; None where there is none. Raises
+    ``InputError`` for two.
+    """
+    found = set()
+    for path in paths:
+        with np.load(path) as stored:
+            if "corpus" in stored:
+                found.add((str(stored["corpus"]), str(stored["split"])))
+    if len(found) > 1:
+        raise InputError(f"signing of {len(found)} parts of corpora of pairs, expected one: what is judged must be new")
+    return dict(zip(("corpus", "split"), *found, strict=True)) if found else None
 
 
 def _no_accuracy(predicted: Any, true: Any) -> float:

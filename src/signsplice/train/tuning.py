@@ -152,10 +152,10 @@ class ClipWindows(Windows):
 
     def __init__(self, clips: Sequence[Clip], seed: int = 0, fixed: int | None = None) -> None:
         super().__init__((), seed, fixed)
-        self.parts = [_part(clip) for clip in clips]
+        self.parts = [[_part(clip) for clip in clips]]
 
     def __len__(self) -> int:
-        return self.fixed if self.fixed is not None else sum(len(part.sentences[0]) for part in self.parts)
+        return self.fixed if self.fixed is not None else sum(len(part.sentences[0]) for part in self.parts[0])
 
 
 def _part(clip: Clip) -> Part:

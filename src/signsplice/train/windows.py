@@ -1,7 +1,9 @@
 """Gaps to be filled, drawn without end from signing on the canonical humanoid (``synth.endless``).
 
-Half of them are true transitions between two words; half hide any stretch of a sentence, strokes too, at a tempo of its
-own, since that is what filling a hole in a take asks for; in some of these the left arm comes from another sentence.
+Half of them are true transitions between two words; half hide any stretch of a sentence or of a word alone, strokes
+too, since that is what filling a hole in a take asks for. Those have a tempo of their own, which wavers, and joints
+that run ahead or behind, and in some the left arm comes from another take: people are not as regular as the procedural
+signer, and a network that could tell a stretch from its ends alone would be too sure of itself on captures.
 Captures hold what the procedural signer does not do: bodies that stand, are marked and rigged a little otherwise,
 trunks and shoulders that sway, noise. So the joints of many gaps are turned by so much throughout, sway slowly, or
 tremble. A batch is a function of seed and step alone.
@@ -12,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +29,7 @@ from signsplice.motion.canonical import LEFT, MIRROR, ROLES
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.splicing.transition import find_transition
 from signsplice.synth.rng import stream
+from signsplice.train.drawing import by_folder, drawn
 
 Float = NDArray[np.float64]
 
@@ -34,7 +38,18 @@ SEAMS = 0.5
 NOISY = 0.3
 NOISE_RAD = (0.001, 0.008)
 """Least and most spread of a noisy capture's turns, from frame to frame alike by half."""
+ALONE = 0.5
+"""Share of the hidden stretches that are a word's alone, with its way from rest and back, holds and all."""
 TEMPOS = (0.6, 1.7)
+WAVERING = 0.7
+"""Share of the hidden stretches whose tempo wavers."""
+WAVERS = 0.5
+"""Most spread of that, of the tempo's logarithm, ``WAVER_HZ``."""
+WAVER_HZ = (0.5, 3.0)
+SKEWED = 0.6
+"""Share of the hidden stretches whose joints run ahead or behind."""
+SKEW = 2.5
+"""Most spread of that, frames."""
 SET = 0.6
 """Share of the gaps whose joints are turned by so much throughout."""
 SET_RAD = 0.25
@@ -44,16 +59,18 @@ SWAY_RAD = 0.1
 """Most spread of slow turns of all joints, ``SWAY_HZ``."""
 SWAY_HZ = (0.2, 2.0)
 EXCHANGED = 0.3
-"""Share of the hidden stretches whose left arm is another sentence's."""
+"""Share of the hidden stretches whose left arm is another take's."""
 _POOL = 8
 """Steps that share their gaps out by length."""
+_SHORTEST = features.LEAST + 2 * features.CONTEXT
+"""Frames of a take in which a gap can be hidden well."""
 _BASE = find_transition("hermite")
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
     """A signer: the skeleton of the canonical humanoid in this signer's sizes, with the rows of the roles that are its
-    joints after the hips, and sentences as turns (T, 43, 4).
+    joints after the hips, and sentences and words alone as turns (T, 43, 4).
     """
 
     skeleton: Skeleton
@@ -62,15 +79,23 @@ class Part:
     bones: NDArray[np.float32]
     sentences: tuple[Float, ...]
     seams: tuple[tuple[int, int, int], ...]
+    words: tuple[Float, ...]
+
+    def take(self, rng: np.random.Generator) -> Float:
+        """A sentence or a word."""
+        among = self.words if self.words and (not self.sentences or rng.random() < ALONE) else self.sentences
+        return among[int(rng.integers(len(among)))]
 
 
 def read_part(path: Path) -> Part:
     """A part of ``synth.endless``."""
     with np.load(path) as stored:
         turns = rotation.normalize(stored["turns"].astype(np.float32) / 32767.0)
-        sentences = tuple(turns[first : first + n] for first, n in stored["sentences"].tolist())
+        sentences, words = (
+            tuple(turns[first : first + n] for first, n in stored[kind].tolist()) for kind in ("sentences", "words")
+        )
         bones, seams = stored["bones"].astype(np.float32), stored["seams"].tolist()
-    return part_of(bones, np.ones(len(ROLES), bool), sentences, tuple((s, start, n) for s, start, n in seams))
+    return part_of(bones, np.ones(len(ROLES), bool), sentences, tuple((s, start, n) for s, start, n in seams), words)
 
 
 def part_of(
@@ -78,6 +103,7 @@ def part_of(
     there: NDArray[np.bool_],
     sentences: tuple[Float, ...],
     seams: tuple[tuple[int, int, int], ...] = (),
+    words: tuple[Float, ...] = (),
 ) -> Part:
     """A part on a skeleton that has the roles that are there, and no others."""
     above = _above()
@@ -91,7 +117,7 @@ def part_of(
         parents.append(joint[over])
     names = ("hips", *(ROLES[row] for row in rows))
     skeleton = Skeleton(names, np.array([-1, *parents]), np.concatenate([np.zeros((1, 3)), bones[rows]]))
-    return Part(skeleton, rows, above, bones, sentences, seams)
+    return Part(skeleton, rows, above, bones, sentences, seams, words)
 
 
 def _above() -> NDArray[np.intp]:
@@ -140,20 +166,22 @@ class _Plan:
 
 
 class Windows:
-    """Gaps drawn from some parts; ``fixed``: so many, always the same, for judging."""
+    """Gaps drawn from some parts, as often from each folder; ``fixed``: so many, always the same, for judging;
+    ``as_made``: true transitions alone, without noise, sway or joints turned aside.
+    """
 
-    def __init__(self, paths: Sequence[Path], seed: int = 0, fixed: int | None = None) -> None:
-        self.parts = [read_part(path) for path in paths]
-        self.seed, self.fixed = seed, fixed
+    def __init__(self, paths: Sequence[Path], seed: int = 0, fixed: int | None = None, as_made: bool = False) -> None:
+        self.parts = [[read_part(path) for path in folder] for folder in by_folder(paths)]
+        self.seed, self.fixed, self.as_made = seed, fixed, as_made
         self._shared: dict[tuple[int, int, int], NDArray[np.int64]] = {}
 
     def __len__(self) -> int:
-        return self.fixed if self.fixed is not None else sum(len(part.seams) for part in self.parts)
+        return self.fixed if self.fixed is not None else sum(len(part.seams) for part in chain(*self.parts))
 
     @cached_property
     def above(self) -> NDArray[np.intp]:
         """The row above each role."""
-        return self.parts[0].above
+        return self.parts[0][0].above
 
     def rows(self, step: int, size: int, seed: int) -> NDArray[np.int64]:
         """Numbers of the gaps of a step: no gap is drawn twice. Some steps share their gaps out by length, and go
@@ -194,25 +222,26 @@ class Windows:
             sentence, start, n_gap = part.seams[plan.seam]
             turns = part.sentences[sentence]
         else:
-            turns = part.sentences[int(rng.integers(len(part.sentences)))]
-            turns = _at_tempo(turns, float(rng.uniform(*TEMPOS)) if rng.random() < 0.7 else 1.0)
+            turns = _at_any_tempo(part.take(rng), rng)
             if rng.random() < EXCHANGED:
-                turns = _exchanged(turns, part.sentences[int(rng.integers(len(part.sentences)))])
+                turns = _exchanged(turns, part.take(rng))
+            if rng.random() < SKEWED:
+                turns = _skewed(turns, rng)
             n_gap = min(n_gap, len(turns) - 4)
             start = int(rng.integers(2, len(turns) - n_gap - 1))
         low, high = max(0, start - features.CONTEXT), min(len(turns), start + n_gap + features.CONTEXT)
         turns, start = turns[low:high], start - low
-        if self.fixed is None:
+        if self.fixed is None and not self.as_made:
             turns = _elsewhere(turns, rng)
-        if rng.random() < NOISY:
+        if not self.as_made and rng.random() < NOISY:
             turns = _noisy(turns, float(rng.uniform(*NOISE_RAD)), rng)
         return self._seen(part, turns, start, n_gap) | {"seam": plan.seam is not None}
 
     def _plan(self, number: int) -> _Plan:
         """What a gap is, before any of it is made."""
         rng = stream("window", self.seed, "fixed" if self.fixed is not None else "endless", number)
-        part = self.parts[int(rng.integers(len(self.parts)))]
-        if rng.random() < SEAMS and part.seams:
+        part = drawn(self.parts, rng)
+        if (self.as_made or rng.random() < SEAMS) and part.seams:
             seam = int(rng.integers(len(part.seams)))
             return _Plan(rng, part, seam, part.seams[seam][2])
         return _Plan(rng, part, None, round(float(np.exp(rng.uniform(np.log(features.LEAST), np.log(features.MOST))))))
@@ -240,15 +269,42 @@ class Windows:
         }
 
 
-def _at_tempo(turns: Float, tempo: float) -> Float:
-    """The same motion ``tempo`` times as fast."""
-    at = np.arange(0.0, len(turns) - 1.0, tempo)
+def _at_any_tempo(turns: Float, rng: np.random.Generator) -> Float:
+    """A take at a tempo of its own, unless too little were left of it."""
+    tempo = float(rng.uniform(*TEMPOS)) if rng.random() < 0.7 else 1.0
+    out = _at_tempo(turns, _wavering(tempo, len(turns), rng) if rng.random() < WAVERING else tempo)
+    return out if len(out) >= _SHORTEST else turns
+
+
+def _at_tempo(turns: Float, tempo: float | Float) -> Float:
+    """The same motion ``tempo`` times as fast, one number or one for each frame."""
+    if isinstance(tempo, float):
+        at = np.arange(0.0, len(turns) - 1.0, tempo)
+    else:
+        at = np.cumsum(tempo) - tempo[0]
+        at = at[at < len(turns) - 1.0]
     low = at.astype(int)
     return rotation.nlerp(turns[low], turns[low + 1], (at - low)[:, None])
 
 
+def _wavering(tempo: float, n_frames: int, rng: np.random.Generator) -> Float:
+    """Tempos that waver around one, as many as its frames need."""
+    times = np.arange(int(2.0 * n_frames / tempo) + 1) / features.RATE
+    rates, phases = rng.uniform(*WAVER_HZ, 3), rng.uniform(0.0, 2.0 * np.pi, 3)
+    waves = np.sin(2.0 * np.pi * rates * times[:, None] + phases).sum(axis=1) * np.sqrt(2.0 / 3.0)
+    return np.asarray(tempo * np.exp(rng.uniform(0.0, WAVERS) * waves))
+
+
+def _skewed(turns: Float, rng: np.random.Generator) -> Float:
+    """Turns whose joints run ahead or behind, each by so much throughout."""
+    late = rng.normal(0.0, rng.uniform(0.0, SKEW), turns.shape[1])
+    at = np.clip(np.arange(len(turns))[:, None] + late, 0.0, len(turns) - 1.001)
+    low, rows = at.astype(int), np.arange(turns.shape[1])
+    return rotation.nlerp(turns[low, rows], turns[low + 1, rows], at - low)
+
+
 def _exchanged(turns: Float, other: Float) -> Float:
-    """Turns with the left arm of another sentence, as far as both go."""
+    """Turns with the left arm of another take, as far as both go."""
     n_frames = min(len(turns), len(other))
     out = turns[:n_frames].copy()
     out[:, LEFT] = other[:n_frames, LEFT]
