@@ -18,7 +18,8 @@ from signsplice.synth import endless  # noqa: E402
 from signsplice.train import bridging  # noqa: E402
 from signsplice.train.bridging import BridgeTask  # noqa: E402
 from signsplice.train.networks.bridge import Bridge, BridgeConfig, rotary, standard  # noqa: E402
-from signsplice.train.windows import Gaps, Windows, _exchanged, read_part  # noqa: E402
+from signsplice.train.variety import exchanged  # noqa: E402
+from signsplice.train.windows import Gaps, Windows, read_part  # noqa: E402
 
 RNG = np.random.default_rng(11)
 TOY = BridgeConfig(32, 2, 2, 48)
@@ -178,7 +179,7 @@ def test_captures_are_feigned_and_judging_is_clean(folder: Path, windows: Window
 def test_the_left_arm_of_another_sentence() -> None:
     rng = np.random.default_rng(0)
     one, other = (rotation.normalize(rng.normal(size=(n, len(ROLES), 4))) for n in (12, 9))
-    mixed = _exchanged(one, other)
+    mixed = exchanged(one, other)
     assert len(mixed) == 9
     np.testing.assert_array_equal(mixed[:, LEFT], other[:, LEFT])
     np.testing.assert_array_equal(mixed[:, : LEFT.start], one[:9, : LEFT.start])

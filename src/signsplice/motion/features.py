@@ -200,14 +200,15 @@ _FULL_SPEED = 0.4
 
 def motion_shares(whole: Course, seconds: float) -> Float:
     """How much each role's side moves (R,): the mean way of its wrist and finger joints over ``seconds``, as a share of
-    ``_FULL_SPEED``, 1 at most; for the trunk that of the side that moves more.
+    ``_FULL_SPEED``, 1 at most, to the third power; for the trunk that of the side that moves more.
 
-    A network's answer counts so much: an arm that rests stays at rest, wherever it hangs.
+    A network's answer counts so much: an arm that rests stays at rest, wherever it hangs, and one that idles hardly
+    does otherwise (lab/LOG.md, What idles).
     """
     half = len(TIPS) // 2
     ways = np.linalg.norm(np.diff(whole.places, axis=0), axis=-1).sum(axis=0)
     left, right = (
-        min(1.0, float(ways[side].mean()) / seconds / _FULL_SPEED) for side in (slice(half), slice(half, None))
+        min(1.0, float(ways[side].mean()) / seconds / _FULL_SPEED) ** 3 for side in (slice(half), slice(half, None))
     )
     out = np.full(len(ROLES), max(left, right))
     out[LEFT], out[RIGHT] = left, right

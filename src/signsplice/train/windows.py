@@ -1,12 +1,8 @@
 """Gaps to be filled, drawn without end from signing on the canonical humanoid (``synth.endless``).
 
 Half of them are true transitions between two words; half hide any stretch of a sentence or of a word alone, strokes
-too, since that is what filling a hole in a take asks for. Those have a tempo of their own, which wavers, and joints
-that run ahead or behind, and in some the left arm comes from another take: people are not as regular as the procedural
-signer, and a network that could tell a stretch from its ends alone would be too sure of itself on captures.
-Captures hold what the procedural signer does not do: bodies that stand, are marked and rigged a little otherwise,
-trunks and shoulders that sway, noise. So the joints of many gaps are turned by so much throughout, sway slowly, or
-tremble. A batch is a function of seed and step alone.
+too, since that is what filling a hole in a take asks for, made as various as captures are (``variety``). A batch is a
+function of seed and step alone.
 """
 
 from __future__ import annotations
@@ -25,45 +21,21 @@ from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
 from signsplice.motion import features, rotation
-from signsplice.motion.canonical import LEFT, MIRROR, ROLES
+from signsplice.motion.canonical import MIRROR, ROLES
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.splicing.transition import find_transition
 from signsplice.synth.rng import stream
+from signsplice.train import variety
 from signsplice.train.drawing import by_folder, drawn
 
 Float = NDArray[np.float64]
 
 SEAMS = 0.5
 """Share of the gaps that are true transitions."""
-NOISY = 0.3
-NOISE_RAD = (0.001, 0.008)
-"""Least and most spread of a noisy capture's turns, from frame to frame alike by half."""
-ALONE = 0.5
+ALONE = 0.3
 """Share of the hidden stretches that are a word's alone, with its way from rest and back, holds and all."""
-TEMPOS = (0.6, 1.7)
-WAVERING = 0.7
-"""Share of the hidden stretches whose tempo wavers."""
-WAVERS = 0.5
-"""Most spread of that, of the tempo's logarithm, ``WAVER_HZ``."""
-WAVER_HZ = (0.5, 3.0)
-SKEWED = 0.6
-"""Share of the hidden stretches whose joints run ahead or behind."""
-SKEW = 2.5
-"""Most spread of that, frames."""
-SET = 0.6
-"""Share of the gaps whose joints are turned by so much throughout."""
-SET_RAD = 0.25
-"""Most spread of that."""
-SWAYING = 0.4
-SWAY_RAD = 0.1
-"""Most spread of slow turns of all joints, ``SWAY_HZ``."""
-SWAY_HZ = (0.2, 2.0)
-EXCHANGED = 0.3
-"""Share of the hidden stretches whose left arm is another take's."""
 _POOL = 8
 """Steps that share their gaps out by length."""
-_SHORTEST = features.LEAST + 2 * features.CONTEXT
-"""Frames of a take in which a gap can be hidden well."""
 _BASE = find_transition("hermite")
 
 
@@ -222,19 +194,15 @@ class Windows:
             sentence, start, n_gap = part.seams[plan.seam]
             turns = part.sentences[sentence]
         else:
-            turns = _at_any_tempo(part.take(rng), rng)
-            if rng.random() < EXCHANGED:
-                turns = _exchanged(turns, part.take(rng))
-            if rng.random() < SKEWED:
-                turns = _skewed(turns, rng)
+            turns = variety.stretch(lambda: part.take(rng), rng)
             n_gap = min(n_gap, len(turns) - 4)
             start = int(rng.integers(2, len(turns) - n_gap - 1))
         low, high = max(0, start - features.CONTEXT), min(len(turns), start + n_gap + features.CONTEXT)
         turns, start = turns[low:high], start - low
         if self.fixed is None and not self.as_made:
-            turns = _elsewhere(turns, rng)
-        if not self.as_made and rng.random() < NOISY:
-            turns = _noisy(turns, float(rng.uniform(*NOISE_RAD)), rng)
+            turns = variety.elsewhere(turns, rng)
+        if not self.as_made and rng.random() < variety.NOISY:
+            turns = variety.noisy(turns, float(rng.uniform(*variety.NOISE_RAD)), rng)
         return self._seen(part, turns, start, n_gap) | {"seam": plan.seam is not None}
 
     def _plan(self, number: int) -> _Plan:
@@ -267,64 +235,3 @@ class Windows:
             "weights": features.weights(share, seen).astype(np.float32),
             "bones": bones,
         }
-
-
-def _at_any_tempo(turns: Float, rng: np.random.Generator) -> Float:
-    """A take at a tempo of its own, unless too little were left of it."""
-    tempo = float(rng.uniform(*TEMPOS)) if rng.random() < 0.7 else 1.0
-    out = _at_tempo(turns, _wavering(tempo, len(turns), rng) if rng.random() < WAVERING else tempo)
-    return out if len(out) >= _SHORTEST else turns
-
-
-def _at_tempo(turns: Float, tempo: float | Float) -> Float:
-    """The same motion ``tempo`` times as fast, one number or one for each frame."""
-    if isinstance(tempo, float):
-        at = np.arange(0.0, len(turns) - 1.0, tempo)
-    else:
-        at = np.cumsum(tempo) - tempo[0]
-        at = at[at < len(turns) - 1.0]
-    low = at.astype(int)
-    return rotation.nlerp(turns[low], turns[low + 1], (at - low)[:, None])
-
-
-def _wavering(tempo: float, n_frames: int, rng: np.random.Generator) -> Float:
-    """Tempos that waver around one, as many as its frames need."""
-    times = np.arange(int(2.0 * n_frames / tempo) + 1) / features.RATE
-    rates, phases = rng.uniform(*WAVER_HZ, 3), rng.uniform(0.0, 2.0 * np.pi, 3)
-    waves = np.sin(2.0 * np.pi * rates * times[:, None] + phases).sum(axis=1) * np.sqrt(2.0 / 3.0)
-    return np.asarray(tempo * np.exp(rng.uniform(0.0, WAVERS) * waves))
-
-
-def _skewed(turns: Float, rng: np.random.Generator) -> Float:
-    """Turns whose joints run ahead or behind, each by so much throughout."""
-    late = rng.normal(0.0, rng.uniform(0.0, SKEW), turns.shape[1])
-    at = np.clip(np.arange(len(turns))[:, None] + late, 0.0, len(turns) - 1.001)
-    low, rows = at.astype(int), np.arange(turns.shape[1])
-    return rotation.nlerp(turns[low, rows], turns[low + 1, rows], at - low)
-
-
-def _exchanged(turns: Float, other: Float) -> Float:
-    """Turns with the left arm of another take, as far as both go."""
-    n_frames = min(len(turns), len(other))
-    out = turns[:n_frames].copy()
-    out[:, LEFT] = other[:n_frames, LEFT]
-    return out
-
-
-def _elsewhere(turns: Float, rng: np.random.Generator) -> Float:
-    """Turns of a body that stands or is rigged a little otherwise, and one that sways."""
-    n_frames, n_roles = turns.shape[:2]
-    if rng.random() < SET:
-        turns = rotation.multiply(turns, rotation.exp(rng.normal(0.0, rng.uniform(0.0, SET_RAD), (n_roles, 3))))
-    if rng.random() < SWAYING:
-        times = np.arange(n_frames)[:, None, None] / features.RATE
-        rate, phase = rng.uniform(*SWAY_HZ, (n_roles, 3)), rng.uniform(0.0, 2.0 * np.pi, (n_roles, 3))
-        size = rng.normal(0.0, rng.uniform(0.0, SWAY_RAD), (n_roles, 3))
-        turns = rotation.multiply(turns, rotation.exp(size * np.sin(2.0 * np.pi * rate * times + phase)))
-    return turns
-
-
-def _noisy(turns: Float, spread: float, rng: np.random.Generator) -> Float:
-    white = rng.normal(0.0, spread, (len(turns), turns.shape[1], 3))
-    white[1:] = 0.5 * white[:-1] + np.sqrt(0.75) * white[1:]
-    return rotation.multiply(turns, rotation.exp(white))
