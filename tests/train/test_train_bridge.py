@@ -16,6 +16,7 @@ from signsplice.motion.clip import Clip  # noqa: E402
 from signsplice.splicing.transition import find_transition  # noqa: E402
 from signsplice.synth import endless  # noqa: E402
 from signsplice.train import bridging  # noqa: E402
+from signsplice.train import windows as windows_room  # noqa: E402
 from signsplice.train.bridging import BridgeTask  # noqa: E402
 from signsplice.train.networks.bridge import Bridge, BridgeConfig, rotary, standard  # noqa: E402
 from signsplice.train.variety import exchanged  # noqa: E402
@@ -174,6 +175,22 @@ def test_captures_are_feigned_and_judging_is_clean(folder: Path, windows: Window
         assert max(rotation.angle_between(gap["base"], gap["true"]).mean() for gap in short) < 0.2
     assert spread[1] > 2.0 * spread[0]
     np.testing.assert_array_equal(clean.gap(3)["tokens"], clean.gap(3)["tokens"])
+
+
+def test_hidden_stretches_teach_some_of_the_way_and_transitions_all_of_it(folder: Path) -> None:
+    paths = sorted(folder.glob("*.npz"))
+    taught, whole = Windows(paths, seed=4), Windows(paths, seed=4)
+    whole.sure = 1.0
+    shares: dict[bool, list[float]] = {True: [], False: []}
+    for number in range(40):
+        one, other = taught.gap(number), whole.gap(number)
+        np.testing.assert_array_equal(one["tokens"], other["tokens"])
+        way = rotation.angle_between(other["base"].astype(float), other["true"].astype(float))
+        gone = rotation.angle_between(other["base"].astype(float), one["true"].astype(float))
+        if way.sum() > 1e-3:  # some stand still
+            shares[bool(one["seam"])].append(gone.sum() / way.sum())
+    np.testing.assert_allclose(shares[True], 1.0, atol=1e-5)
+    np.testing.assert_allclose(shares[False], windows_room.SURE, atol=0.01)
 
 
 def test_the_left_arm_of_another_sentence() -> None:

@@ -34,6 +34,11 @@ SEAMS = 0.5
 """Share of the gaps that are true transitions."""
 ALONE = 0.3
 """Share of the hidden stretches that are a word's alone, with its way from rest and back, holds and all."""
+SURE = 0.6
+"""How much of the way from the classical transition to the truth hidden stretches teach: the procedural signer can be
+told from its ends better than people can, and captures are filled best with about half of what was learned in full
+(lab/LOG.md, Half of it).
+"""
 _POOL = 8
 """Steps that share their gaps out by length."""
 _BASE = find_transition("hermite")
@@ -142,6 +147,8 @@ class Windows:
     ``as_made``: true transitions alone, without noise, sway or joints turned aside.
     """
 
+    sure = SURE
+
     def __init__(self, paths: Sequence[Path], seed: int = 0, fixed: int | None = None, as_made: bool = False) -> None:
         self.parts = [[read_part(path) for path in folder] for folder in by_folder(paths)]
         self.seed, self.fixed, self.as_made = seed, fixed, as_made
@@ -203,7 +210,10 @@ class Windows:
             turns = variety.elsewhere(turns, rng)
         if not self.as_made and rng.random() < variety.NOISY:
             turns = variety.noisy(turns, float(rng.uniform(*variety.NOISE_RAD)), rng)
-        return self._seen(part, turns, start, n_gap) | {"seam": plan.seam is not None}
+        seen = self._seen(part, turns, start, n_gap)
+        if plan.seam is None and self.fixed is None:
+            seen["true"] = rotation.slerp(seen["base"], seen["true"], self.sure).astype(np.float32)
+        return seen | {"seam": plan.seam is not None}
 
     def _plan(self, number: int) -> _Plan:
         """What a gap is, before any of it is made."""
