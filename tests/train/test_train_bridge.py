@@ -18,7 +18,7 @@ from signsplice.synth import endless  # noqa: E402
 from signsplice.train import bridging  # noqa: E402
 from signsplice.train import windows as windows_room  # noqa: E402
 from signsplice.train.bridging import BridgeTask  # noqa: E402
-from signsplice.train.networks.bridge import Bridge, BridgeConfig, rotary, standard  # noqa: E402
+from signsplice.train.networks.bridge import Bridge, BridgeConfig, circles, rotary, standard  # noqa: E402
 from signsplice.train.variety import exchanged  # noqa: E402
 from signsplice.train.windows import Gaps, Windows, read_part  # noqa: E402
 
@@ -141,8 +141,8 @@ def test_padding_changes_nothing_and_every_weight_learns(windows: Windows) -> No
 
 def test_rotary_scores_depend_on_distance_alone() -> None:
     q, k = torch.randn(1, 1, 1, 8).expand(-1, -1, 9, -1), torch.randn(1, 1, 1, 8).expand(-1, -1, 9, -1)
-    places = torch.arange(9)
-    scores = rotary(q, places) @ rotary(k, places).transpose(-1, -2)
+    turns = circles(9, 8, q)
+    scores = rotary(q, turns) @ rotary(k, turns).transpose(-1, -2)
     for offset in range(-4, 5):
         diagonal = torch.diagonal(scores[0, 0], offset)
         torch.testing.assert_close(diagonal, diagonal[:1].expand_as(diagonal), atol=1e-5, rtol=1e-5)

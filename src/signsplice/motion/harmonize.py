@@ -231,7 +231,7 @@ def placed(clip: Clip, onto: Stand) -> Clip:
     own = stand(clip)
     turn = rotation.between_vectors(own.up, onto.up)
     forward = rotation.rotate(turn, own.forward)
-    yaw = np.arctan2(np.cross(forward, onto.forward) @ onto.up, forward @ onto.forward)
+    yaw = np.arctan2(rotation.cross(forward, onto.forward) @ onto.up, forward @ onto.forward)
     turn = rotation.multiply(rotation.exp(yaw * onto.up), turn)
     shift = onto.place - rotation.rotate(turn, own.place)
     size = float(np.abs(clip.skeleton.offsets).max())

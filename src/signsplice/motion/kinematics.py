@@ -26,23 +26,25 @@ def forward(clip: Clip, joints: Sequence[int] | None = None, origin: int | None 
     """
     skeleton = clip.skeleton
     way = _way(skeleton, None if joints is None else tuple(int(joint) for joint in joints), origin or 0)
-    # Components first, frames last, all joints of one depth together: few operations, on long rows.
-    local = _components_first(clip.local_rotations[:, way.order])  # (3, 3, K, T)
-    rotations, positions = np.empty_like(local), np.empty((3, *local.shape[2:]))
-    if origin is None:
-        rotations[:, :, 0], positions[:, 0] = local[:, :, 0], clip.root_positions.T
+    # Components first, frames last, all joints of one depth together: few operations, on long rows. Rotation and place
+    # go down together, as the three columns of a matrix and a fourth.
+    local = np.empty((3, 4, len(way.order), len(clip)))
+    _components_first(clip.local_rotations[:, way.order], out=local[:, :3])
+    if clip.translations is None:
+        local[:, 3] = skeleton.offsets[way.order].T[..., None]
     else:
-        rotations[:, :, 0], positions[:, 0] = np.eye(3)[..., None], 0.0
-    offsets = skeleton.offsets[way.order]
+        local[:, 3] = clip.translations[:, way.order].transpose(2, 1, 0)
+    if origin is None:
+        local[:, 3, 0] = clip.root_positions.T
+    else:
+        local[:, :, 0] = np.eye(3, 4)[..., None]
     for rows, parents in way.levels:
-        over = rotations.take(parents, axis=2)
-        np.einsum("abkt,bckt->ackt", over, local[:, :, rows], out=rotations[:, :, rows])
-        if clip.translations is None:
-            step = np.einsum("abkt,kb->akt", over, offsets[rows])
-        else:
-            step = np.einsum("abkt,tkb->akt", over, clip.translations[:, way.order[rows]])
-        np.add(positions.take(parents, axis=1), step, out=positions[:, rows])
-    return rotations[:, :, way.wanted].transpose(3, 2, 0, 1), positions[:, way.wanted].transpose(2, 1, 0)
+        over = local.take(parents, axis=2)
+        below = np.einsum("abkt,bckt->ackt", over[:, :3], local[:, :, rows])
+        below[:, 3] += over[:, 3]
+        local[:, :, rows] = below
+    found = local[:, :, way.wanted].transpose(3, 2, 0, 1)
+    return found[..., :3], found[..., 3]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,18 +113,16 @@ def meeting(skeleton: Skeleton, joints: Sequence[int]) -> int:
     return max(shared)
 
 
-def _components_first(q: Float) -> Float:
-    """Rotation matrices (3, 3, K, T) of quaternions (T, K, 4)."""
+def _components_first(q: Float, out: Float) -> None:
+    """Rotation matrices, written to ``out`` (3, 3, K, T), of quaternions (T, K, 4)."""
     x, y, z, w = np.ascontiguousarray(q.transpose(2, 1, 0))
     x2, y2, z2 = x + x, y + y, z + z
     xx, yy, zz = x * x2, y * y2, z * z2
     xy, xz, yz = x * y2, x * z2, y * z2
     wx, wy, wz = w * x2, w * y2, w * z2
-    m = np.empty((3, 3, *x.shape))
-    m[0, 0], m[0, 1], m[0, 2] = 1.0 - yy - zz, xy - wz, xz + wy
-    m[1, 0], m[1, 1], m[1, 2] = xy + wz, 1.0 - xx - zz, yz - wx
-    m[2, 0], m[2, 1], m[2, 2] = xz - wy, yz + wx, 1.0 - xx - yy
-    return m
+    out[0, 0], out[0, 1], out[0, 2] = 1.0 - yy - zz, xy - wz, xz + wy
+    out[1, 0], out[1, 1], out[1, 2] = xy + wz, 1.0 - xx - zz, yz - wx
+    out[2, 0], out[2, 1], out[2, 2] = xz - wy, yz + wx, 1.0 - xx - yy
 
 
 def tip_positions(clip: Clip, global_rotations: Float, global_positions: Float) -> Float:

@@ -67,7 +67,7 @@ def _solved(s: Float, e: Float, w: Float, target: Float, hinge: Float) -> tuple[
     a, b = _length(upper), _length(lower)
     now = _length(w - s)
     wanted = np.clip(_length(target - s), np.abs(a - b) / _REACH + _TINY, _REACH * (a + b))
-    normal = np.cross(upper, lower)
+    normal = rotation.cross(upper, lower)
     straight = _length(normal) < _STRAIGHT * a * b
     along = upper / a[:, None]
     across = hinge - (hinge * along).sum(-1, keepdims=True) * along

@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion import kinematics
+from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.motion.common_pose import common_positions
 from signsplice.motion.humanoid import Humanoid, find_roles
@@ -191,7 +191,7 @@ def _forward(at: dict[str, Float], up: Float) -> Float:
         if pair[0] in at and pair[1] in at:
             line = at[pair[0]] - at[pair[1]]
             across += np.mean(line / np.maximum(np.linalg.norm(line, axis=-1, keepdims=True), 1e-12), axis=0)
-    forward = np.cross(across, up)
+    forward = rotation.cross(across, up)
     length = np.linalg.norm(forward)
     if length > 1e-6:
         return np.asarray(forward / length)

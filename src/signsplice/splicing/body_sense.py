@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion import clearance, contact, kinematics, reach, stance
+from signsplice.motion import clearance, contact, kinematics, reach, rotation, stance
 from signsplice.motion.arms import arm_joints, has_arms
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 
@@ -129,7 +129,7 @@ def _ahead(skeleton: Skeleton, places: Float) -> Float:
     known = arm_joints(skeleton)
     across = places[:, known[0]] - places[:, known[3]]
     trunk = places[:, known[0]] + places[:, known[3]] - 2.0 * places[:, known[6]]
-    ahead = np.cross(across, trunk)
+    ahead = rotation.cross(across, trunk)
     return np.asarray(ahead / (np.linalg.norm(ahead, axis=-1, keepdims=True) + 1e-12))
 
 

@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_softmax, softmax
+from scipy.special import log_softmax
 
 from signsplice.errors import InputError
 from signsplice.motion import features
@@ -80,7 +80,8 @@ def stroke(phases: Array) -> tuple[int, int] | None:
     not surely something else, and one more at both ends, where movements are too slow to be told from holds. The middle
     frame of a sign that is all hold; None where neither is seen.
     """
-    shares = softmax(phases.astype(np.float64), axis=-1)
+    shares = np.exp(phases.astype(np.float64) - phases.max(axis=-1, keepdims=True))
+    shares /= shares.sum(axis=-1, keepdims=True)
     rows = np.flatnonzero(shares[:, _STROKE] > _MAY_BE)
     if len(rows):
         return max(int(rows[0]) - 1, 0), min(int(rows[-1]) + 1, len(phases) - 1)

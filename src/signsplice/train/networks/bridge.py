@@ -32,14 +32,19 @@ class BridgeConfig:
     dropout: float = 0.0
 
 
-def rotary(x: Tensor, places: Tensor) -> Tensor:
-    """Queries or keys (B, H, S, D / H), each pair of numbers turned by its frame's place (S,) times a rate."""
-    half = x.shape[-1] // 2
-    rates = 100.0 ** (-torch.arange(half, device=x.device, dtype=torch.float32) / half)
-    angles = places[:, None].float() * rates
-    cos, sin = angles.cos().to(x.dtype), angles.sin().to(x.dtype)
-    a, b = x[..., :half], x[..., half:]
-    return torch.cat([a * cos - b * sin, a * sin + b * cos], dim=-1)
+def circles(n_frames: int, width: int, like: Tensor) -> tuple[Tensor, Tensor]:
+    """Cosines and sines (S, W) by which ``rotary`` turns S frames' queries and keys of W numbers."""
+    half = width // 2
+    rates = 100.0 ** (-torch.arange(half, device=like.device, dtype=torch.float32) / half)
+    angles = torch.arange(n_frames, device=like.device)[:, None].float() * rates
+    cos, sin = angles.cos().to(like.dtype), angles.sin().to(like.dtype)
+    return torch.cat([cos, cos], dim=-1), torch.cat([-sin, sin], dim=-1)
+
+
+def rotary(x: Tensor, turns: tuple[Tensor, Tensor]) -> Tensor:
+    """Queries or keys (..., S, W), each pair of numbers turned by its frame's place times a rate (``circles``)."""
+    a, b = x.chunk(2, dim=-1)
+    return x * turns[0] + torch.cat([b, a], dim=-1) * turns[1]
 
 
 def standard(x: Tensor, mean: Tensor, deviation: Tensor) -> Tensor:
@@ -59,14 +64,14 @@ class RotaryLayer(nn.Module):
         self.first, self.second = nn.Linear(width, config.inner), nn.Linear(config.inner, width)
         self.dropout = nn.Dropout(config.dropout)
 
-    def forward(self, x: Tensor, allowed: Tensor | None) -> Tensor:
-        """States (B, S, D) of the next layer; ``allowed`` (B, 1, 1, S): which frames may be looked at."""
+    def forward(self, x: Tensor, turns: tuple[Tensor, Tensor], allowed: Tensor | None) -> Tensor:
+        """States (B, S, D) of the next layer; ``turns``: the ``circles`` of its heads; ``allowed`` (B, 1, 1, S): which
+        frames may be looked at.
+        """
         n_batch, n_frames, width = x.shape
         parts = self.mixed(self.before(x)).reshape(n_batch, n_frames, 3, self.n_heads, -1).permute(2, 0, 3, 1, 4)
-        places = torch.arange(n_frames, device=x.device)
-        seen = F.scaled_dot_product_attention(
-            rotary(parts[0], places), rotary(parts[1], places), parts[2], attn_mask=allowed
-        )
+        turned = rotary(parts[:2], turns)
+        seen = F.scaled_dot_product_attention(turned[0], turned[1], parts[2], attn_mask=allowed)
         x = x + self.dropout(self.out(seen.transpose(1, 2).reshape(n_batch, n_frames, width)))
         inner = F.gelu(self.first(self.between(x)), approximate="tanh")
         out: Tensor = x + self.dropout(self.second(inner))
@@ -97,8 +102,9 @@ class Bridge(nn.Module):
         """
         states = self.embedding(standard(tokens, self.mean, self.deviation))
         allowed = None if mask is None else mask[:, None, None]
+        turns = circles(states.shape[1], self.config.width // self.config.n_heads, states)
         for layer in self.layers:
-            states = layer(states, allowed)
+            states = layer(states, turns, allowed)
         gap = self.norm(states[:, CONTEXT : states.shape[1] - CONTEXT])
         out: Tensor = self.out(gap)
         return out.reshape(*out.shape[:2], len(ROLES), 3)

@@ -20,7 +20,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
 from signsplice.motion.features import N_FRAME, N_WORD, PHASES
-from signsplice.train.networks.bridge import BridgeConfig, RotaryLayer, standard
+from signsplice.train.networks.bridge import BridgeConfig, RotaryLayer, circles, standard
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,9 @@ class Cutting(nn.Module):
         n_words, n_frames, width = *seen.shape[:2], self.config.width
         pairs = self.embedding(seen.reshape(n_words, n_frames // 2, 2 * N_WORD))
         allowed = None if mask is None else mask[:, None, None, ::2]
+        turns = circles(pairs.shape[1], width // self.config.n_heads, pairs)
         for layer in self.layers:
-            pairs = layer(pairs, allowed)
+            pairs = layer(pairs, turns, allowed)
         states = self.norm(self.apart(pairs).reshape(n_words, n_frames, width) + self.own(seen))
         weights = self.looks(states)
         if mask is not None:
