@@ -19,7 +19,7 @@ from signsplice.motion.clip import Clip
 
 Float = NDArray[np.float64]
 
-VERSION = 3
+VERSION = 4
 """Of what networks are shown, and of what they say: raised when either changes."""
 RATE = 30.0
 """Frames a second that networks see."""
