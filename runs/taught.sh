@@ -26,7 +26,7 @@ for split in random unseen-words; do
     transition=(train transition --scale corpus --signing "$OUT/$split" --signing "$SIGNING" --from "$TRANSITION" "$@")
     $run "${cutter[@]}" --out "$into/cutter" &
     other=$!
-    trap 'kill -INT $other 2>/dev/null || true' EXIT
+    trap 'kill -TERM $other 2>/dev/null || true' EXIT
     $run "${transition[@]}" --out "$into/transition"
     wait $other
     trap - EXIT

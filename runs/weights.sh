@@ -16,7 +16,7 @@ $run synth endless -o "$SIGNING"
 $run synth endless --seed 1 --signers 44 --words 250 --seams 0 -o "$WORDS"
 $run train cutter --signing "$WORDS" --out "$OUT/cutter" "$@" &
 cutter=$!
-trap 'kill -INT $cutter 2>/dev/null || true' EXIT
+trap 'kill -TERM $cutter 2>/dev/null || true' EXIT
 $run train transition --signing "$SIGNING" --out "$OUT/transition" "$@"
 wait $cutter
 trap - EXIT

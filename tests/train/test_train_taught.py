@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -18,11 +19,12 @@ from training_toys import corpus as slow_corpus
 
 from signsplice.cli import app
 from signsplice.errors import InputError
-from signsplice.motion import rotation
+from signsplice.motion import features, rotation
 from signsplice.motion.canonical import signing
 from signsplice.paper import judging
 from signsplice.paper.results import TAUGHT, Results
 from signsplice.splicing.bundle import read_facts
+from signsplice.splicing.defaults import WEIGHTS
 from signsplice.synth import corpus_signing, endless, notation
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.train import own
@@ -70,6 +72,8 @@ def test_what_is_no_split_to_learn_from_is_refused(pairs: Pairs, tmp_path: Path)
         corpus_signing.write(pairs, "first", tmp_path)
     with pytest.raises(InputError, match="12 frames a second, expected 30 to learn from"):
         corpus_signing.write(slow_corpus(), "random", tmp_path)
+    with pytest.raises(InputError, match="split unseen-words has fewer than two words to valid"):
+        corpus_signing.write(pairs, "unseen-words", tmp_path)
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file: cannot be made"):
         corpus_signing.write(pairs, "random", tmp_path / "file")
@@ -93,6 +97,7 @@ def test_pairs_without_a_truth_teach_nothing(taught: Path) -> None:
         truth["seconds"][batch.known] *= 2.0
         assert task(replace(batch, **truth)) != loss
         nothing = task(replace(batch, known=torch.zeros_like(batch.known)))
+        assert task.judge(replace(batch, known=torch.zeros_like(batch.known)), None) == {}
     assert 0.0 < float(nothing) < float(loss), "phases alone"
 
 
@@ -126,9 +131,11 @@ def test_networks_that_were_taught_are_judged_where_nothing_of_it_was_seen(
         own.make(own.Own(network, "smoke", steps=1), [taught], bundle, ALONE)
         told = read_facts(bundle)["networks"][network]["taught"]
         assert told == {"corpus": pairs.head["hash"], "split": "random"}
-    methods = judging.taught(bundle.parent)
+    said: list[str] = []
+    methods = judging.taught(bundle.parent, said.append)
     assert (methods[0].name, methods[0].told) == ("learned-fluent+learned", "nothing")
-    assert judging.taught(tmp_path / "nowhere") == []
+    assert judging.taught(tmp_path / "nowhere", said.append) == []
+    assert said == []
 
     def quiet(_: str) -> AbstractContextManager[None]:
         return nullcontext()
@@ -136,6 +143,38 @@ def test_networks_that_were_taught_are_judged_where_nothing_of_it_was_seen(
     (made,) = judging.everything(pairs, [], Results(), [], quiet, methods=methods[:1])
     assert [(row.split, row.scale) for row in made.rows] == [("random", TAUGHT), ("unseen-signer", TAUGHT)]
     assert made.rows[0].score("pta") == 1.0
+
+
+def test_bundles_that_cannot_be_judged_are_passed_over(pairs: Pairs, taught: Path, tmp_path: Path) -> None:
+    bundles = tmp_path / "bundles"
+    for name in ("cutter", "transition"):
+        own.make(own.Own(name, "smoke", steps=1), [taught], bundles / "own", ALONE)
+    shutil.copytree(bundles / "own", bundles / "twice")
+    shutil.copytree(WEIGHTS, bundles / "untaught")
+    shutil.copytree(bundles / "own", bundles / "old")
+    head = bundles / "old" / "bundle.json"
+    head.write_text(head.read_text().replace(f'"features": {features.VERSION}', '"features": 1'))
+    own.make(own.Own("cutter", "smoke", steps=1), [taught], bundles / "half", ALONE)
+    said: list[str] = []
+    methods = judging.taught(bundles, said.append)
+    assert {Path(str(method.bundle)).name for method in methods} == {"own"}
+    assert [line.split(": ")[1].rsplit("/", 1)[1] for line in said] == ["half", "old", "twice"]
+    assert "taught" in said[2]
+    assert "move one away" in said[2]
+
+
+def test_what_was_taught_is_told_of_those_that_go_on(taught: Path, tmp_path: Path) -> None:
+    other = tmp_path / "signing"
+    endless.write(endless.Plan(2, 3, 0, seed=2), other, processes=1)
+    own.make(own.Own("cutter", "smoke", steps=2), [taught], tmp_path / "first", ALONE)
+    (earlier,) = (tmp_path / "parts").iterdir()
+    own.make(own.Own("cutter", "smoke", steps=1), [other], tmp_path / "second", ALONE, earlier=earlier)
+    assert read_facts(tmp_path / "second")["networks"]["cutter"]["taught"]["split"] == "random"
+    for scale in ("more", "corpus"):
+        with pytest.raises(InputError, match=f"scale {scale} goes on from an earlier training"):
+            own.make(own.Own("cutter", scale, steps=1), [other], tmp_path / "third", ALONE)
+    with pytest.raises(InputError, match="holds no transition; name folders with seams"):
+        Windows(sorted(other.glob("*.npz")), as_made=True)
 
 
 def test_signing_of_two_splits_is_refused(pairs: Pairs, taught: Path, tmp_path: Path) -> None:

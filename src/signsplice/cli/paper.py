@@ -173,7 +173,7 @@ def _evaluate(
         warn([f"{bundles}: no bundle of scale {scale} there; only methods on clips are judged"])
     advance: Advance = progress
     n_rows = 0
-    methods = [*clip_methods.every(), *judging.taught(bundles)]
+    methods = [*clip_methods.every(), *judging.taught(bundles, lambda line: warn([line]))]
     for made in judging.everything(corpus, folders, known, kept, advance, limit=limit, again=again, methods=methods):
         n_rows += len(made.rows)
         if made.rows or made.curves:

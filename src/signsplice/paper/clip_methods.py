@@ -4,7 +4,8 @@ Hermite, and this project's own networks.
 They work on rotations; what they make is brought to the 159 numbers by forward kinematics, and the time that this
 takes counts as theirs. How long a transition takes is theirs to say or told: with a length of their own the paper's
 Accuracy and MSE see little but the length. Rows say what they were told. A classical row's own time is the rule
-``tempo``. The networks never saw a word or a signer of the corpus. They cut as the corpus does, which shortens signs
+``tempo``. The networks that ship never saw a word or a signer of the corpus; others may
+have been taught a split's training part. They cut as the corpus does, which shortens signs
 (``learned-fluent``), and their own time is the learned one without the floor that it has for viewers.
 """
 

@@ -52,11 +52,24 @@ def found(bundles: Path, scale: str) -> list[Path]:
     return [path.parent for path in sorted(bundles.glob("*/bundle.json")) if facts(path.parent).get("scale") == scale]
 
 
-def taught(bundles: Path) -> list[ClipMethod]:
-    """Rows of this project's networks in a folder of bundles, those that learned from a corpus of pairs."""
-    told = [] if not bundles.is_dir() else [path.parent for path in sorted(bundles.glob("*/bundle.json"))]
-    methods = [m for folder in told if facts(folder).get("system") == SYSTEM for m in clip_methods.own(folder)]
-    return [method for method in methods if method.taught is not None]
+def taught(bundles: Path, warn: Callable[[str], object]) -> list[ClipMethod]:
+    """Rows of this project's networks in a folder of bundles, those that learned from a corpus of pairs. A bundle that
+    cannot be judged, or the second of a split, is passed over with a line to ``warn``.
+    """
+    made: dict[tuple[str, ...], list[ClipMethod]] = {}
+    for path in sorted(bundles.glob("*/bundle.json")) if bundles.is_dir() else []:
+        told = facts(path.parent)
+        if told.get("system") != SYSTEM or not any("taught" in network for network in told["networks"].values()):
+            continue
+        try:
+            methods = clip_methods.own(path.parent)
+            known = tuple((methods[0].taught or {}).values())
+            if known in made:
+                raise InputError(f"{path.parent}: taught {' '.join(known)} as another bundle is; move one away")
+            made[known] = methods
+        except InputError as error:
+            warn(f"not judged: {error}")
+    return [method for methods in made.values() for method in methods]
 
 
 def splits(pairs: Pairs, limit: int | None = None) -> list[Protocol]:

@@ -183,7 +183,7 @@ def _told(row: Row) -> str:
     if row.scale == OWN:
         return f"signsplice, told {row.told}"
     if row.scale == TAUGHT:
-        return f"signsplice, taught this split, told {row.told}"
+        return f"signsplice, taught its training part, told {row.told}"
     steps = f", {row.steps} steps" if row.steps is not None else ""
     return OPTIMISERS.get(row.optimiser, row.optimiser) + steps
 

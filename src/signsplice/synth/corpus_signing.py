@@ -33,15 +33,17 @@ def write(pairs: Pairs, split: str, folder: Path) -> list[Path]:
     """Write both parts of a split, training before validation by name, each with ``corpus`` (hash) and ``split``; their
     paths.
 
-    Raises ``InputError`` for a split that there is not, one without pairs, a corpus at another rate than the networks
-    see, or a folder that cannot be written.
+    Raises ``InputError`` for a split that there is not, a part of fewer than two words, a corpus at another rate than
+    the networks see, or a folder that cannot be written.
     """
     if not same_fps(pairs.head["fps"], RATE):
         raise InputError(f"{pairs.folder}: {pairs.head['fps']:g} frames a second, expected {RATE:g} to learn from")
     chosen = [pairs.split(split, name) for name in PARTS]
     for name, numbers in zip(PARTS, chosen, strict=True):
-        if not numbers:
-            raise InputError(f"{pairs.folder}: split {split} has no {name} pair; make a corpus of more words")
+        if len(set(pairs.index[numbers, :2].ravel().tolist())) < 2:
+            raise InputError(
+                f"{pairs.folder}: split {split} has fewer than two words to {name}; make a corpus of more words"
+            )
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -238,8 +238,10 @@ class CuttingTask(Task):
 
     def judge(self, batch: Cuts, accuracy: Accuracy | None) -> dict[str, float]:
         """Shares of pairs with exact positions, both, and both within two frames; error (ms) and exact frames of the
-        durations, told the true positions.
+        durations, told the true positions; nothing where no pair has a truth.
         """
+        if not bool(batch.known.any()):
+            return {}
         left, entered, seconds, _ = self._said(batch)
         known, told = batch.known, batch.seconds[batch.known]
         off = torch.stack([left.argmax(-1) - batch.pre, entered.argmax(-1) - batch.post], dim=-1).abs()[known]

@@ -45,6 +45,10 @@ HELD_BACK = 0.1
 """Share of the signers, at least one, that are judged on and not learned from."""
 _MEASURED = 8
 """Batches from which mean and spread of what a network sees are taken."""
+_GOES_ON = ("more", "corpus")
+"""Scales that go on from an earlier training."""
+_TAUGHT = "taught.json"
+"""What a training was taught of a corpus of pairs, in its folder."""
 _LEAST_SPREAD = 0.1
 """What hardly varies in the signing that was learned from may vary much in a capture: it must not shout there."""
 
@@ -133,15 +137,19 @@ def make(
     """Train a network on folders of signing, or go on where an earlier call was, and write it into the bundle ``out``.
 
     ``earlier``: folder of a training whose checkpoint gives the first weights. Raises ``InputError`` where that holds
-    none, or one of another network.
+    none, or one of another network, and where the scale asks for one and there is none.
     """
+    if earlier is None and own.scale in _GOES_ON:
+        raise InputError(f"scale {own.scale} goes on from an earlier training: name its folder with --from")
     learned, held = split(*signing)
     if earlier is not None:
         own = replace(own, begins_with=checkpoint.read(earlier)["recipe"])
     recipe = _recipe(own, learned)
     folder = out.parent / "parts" / f"{own.network}-{own.scale}-seed{own.seed}-{recipe}"
-    _taught(learned)
+    taught = _taught(learned, earlier)
     folder.mkdir(parents=True, exist_ok=True)
+    if taught is not None:
+        (folder / _TAUGHT).write_text(json.dumps(taught) + "\n")
     course = own.course
     data, valid = _data(own, learned, None), _data(own, held, course.n_judged)
     torch.manual_seed(own.seed)
@@ -161,7 +169,9 @@ def make(
     if processes.first:
         for name, content in graphs(task, valid).items():
             (folder / name).write_bytes(content)
-        (folder / "facts.json").write_text(json.dumps(_facts(own, task, folder, learned, held), indent=1) + "\n")
+        (folder / "facts.json").write_text(
+            json.dumps(_facts(own, task, folder, learned, held, taught), indent=1) + "\n"
+        )
         assemble(out, {own.network: folder})
 
 
@@ -254,9 +264,15 @@ def _recipe(own: Own, paths: Sequence[Path]) -> str:
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:12]
 
 
-def _facts(own: Own, task: Task, folder: Path, learned: Sequence[Path], held: Sequence[Path]) -> dict[str, Any]:
+def _facts(
+    own: Own,
+    task: Task,
+    folder: Path,
+    learned: Sequence[Path],
+    held: Sequence[Path],
+    taught: dict[str, str] | None,
+) -> dict[str, Any]:
     judged = [line for line in logs.lines(folder / logs.NAME) if "loss" not in line]
-    taught = _taught(learned)
     return {
         **asdict(own),
         **({} if taught is None else {"taught": taught}),
@@ -270,11 +286,13 @@ def _facts(own: Own, task: Task, folder: Path, learned: Sequence[Path], held: Se
     }
 
 
-def _taught(paths: Sequence[Path]) -> dict[str, str] | None:
-    """Which corpus of pairs, and which split of it, is among parts of signing; None where there is none. Raises
-    ``InputError`` for two.
+def _taught(paths: Sequence[Path], earlier: Path | None) -> dict[str, str] | None:
+    """Which corpus of pairs, and which split of it, is among parts of signing, or taught the earlier training; None
+    where there is none. Raises ``InputError`` for two.
     """
     found = set()
+    if earlier is not None and (earlier / _TAUGHT).exists():
+        found.add(tuple(json.loads((earlier / _TAUGHT).read_text()).values()))
     for path in paths:
         with np.load(path) as stored:
             if "corpus" in stored:

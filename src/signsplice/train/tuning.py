@@ -148,9 +148,11 @@ def _fingerprint(clip: Clip) -> str:
 
 
 class ClipWindows(Windows):
-    """Gaps drawn from clips of any rigs, as they are seen at the networks' rate; what people did is taught whole."""
+    """Gaps drawn from clips of any rigs, as they are seen at the networks' rate; what people did is taught whole, and
+    nothing else.
+    """
 
-    sure = 1.0
+    sure, idle = 1.0, False
 
     def __init__(self, clips: Sequence[Clip], seed: int = 0, fixed: int | None = None) -> None:
         super().__init__((), seed, fixed)

@@ -50,10 +50,12 @@ _SHORTEST = features.LEAST + 2 * features.CONTEXT
 """Frames of a take in which a gap can be hidden well."""
 
 
-def stretch(take: Callable[[], Float], rng: np.random.Generator) -> Float:
-    """A take of ``take``, at least as many frames of it as a gap is hidden in, as various as people are."""
+def stretch(take: Callable[[], Float], rng: np.random.Generator, idle: bool = True) -> Float:
+    """A take of ``take``, at least as many frames of it as a gap is hidden in, as various as people are; ``idle``: in
+    some nothing is signed.
+    """
     turns = at_any_tempo(take(), rng)
-    kind = rng.random()
+    kind = rng.random() if idle else 1.0
     if kind < STILL or rng.random() < 0.5 * (kind < STILL + WANDERING):
         turns = np.repeat(turns[int(rng.integers(len(turns)))][None], len(turns), axis=0)
     if STILL <= kind < STILL + WANDERING:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
+from signsplice.errors import InputError
 from signsplice.motion import features, rotation
 from signsplice.motion.canonical import MIRROR, ROLES
 from signsplice.motion.clip import Clip, Skeleton, concatenate
@@ -36,7 +37,7 @@ ALONE = 0.3
 """Share of the hidden stretches that are a word's alone, with its way from rest and back, holds and all."""
 SURE = 0.6
 """How much of the way from the classical transition to the truth hidden stretches teach: the procedural signer can be
-told from its ends better than people can, and captures are filled best with about half of what was learned in full
+told from its ends better than people can, and most captures are filled better with half of what was learned in full
 (lab/LOG.md, Half of it).
 """
 _POOL = 8
@@ -147,11 +148,13 @@ class Windows:
     ``as_made``: true transitions alone, without noise, sway or joints turned aside.
     """
 
-    sure = SURE
+    sure, idle = SURE, True
 
     def __init__(self, paths: Sequence[Path], seed: int = 0, fixed: int | None = None, as_made: bool = False) -> None:
         self.parts = [[read_part(path) for path in folder] for folder in by_folder(paths)]
         self.seed, self.fixed, self.as_made = seed, fixed, as_made
+        if as_made and not all(part.seams for part in chain(*self.parts)):
+            raise InputError("signing that is seen as it was made holds no transition; name folders with seams")
         self._shared: dict[tuple[int, int, int], NDArray[np.int64]] = {}
 
     def __len__(self) -> int:
@@ -201,7 +204,7 @@ class Windows:
             sentence, start, n_gap = part.seams[plan.seam]
             turns = part.sentences[sentence]
         else:
-            turns = variety.stretch(lambda: part.take(rng), rng)
+            turns = variety.stretch(lambda: part.take(rng), rng, self.idle)
             n_gap = min(n_gap, len(turns) - 4)
             start = int(rng.integers(2, len(turns) - n_gap - 1))
         low, high = max(0, start - features.CONTEXT), min(len(turns), start + n_gap + features.CONTEXT)
