@@ -155,6 +155,8 @@ def test_bundles_that_cannot_be_judged_are_passed_over(pairs: Pairs, taught: Pat
     head = bundles / "old" / "bundle.json"
     head.write_text(head.read_text().replace(f'"features": {features.VERSION}', '"features": 1'))
     own.make(own.Own("cutter", "smoke", steps=1), [taught], bundles / "half", ALONE)
+    (bundles / "bare").mkdir()
+    (bundles / "bare" / "bundle.json").write_text('{"system": "signsplice"}')
     said: list[str] = []
     methods = judging.taught(bundles, said.append)
     assert {Path(str(method.bundle)).name for method in methods} == {"own"}
