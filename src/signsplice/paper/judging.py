@@ -59,7 +59,8 @@ def taught(bundles: Path, warn: Callable[[str], object]) -> list[ClipMethod]:
     made: dict[tuple[str, ...], list[ClipMethod]] = {}
     for path in sorted(bundles.glob("*/bundle.json")) if bundles.is_dir() else []:
         told = facts(path.parent)
-        if told.get("system") != SYSTEM or not any("taught" in network for network in told.get("networks", {}).values()):
+        networks = told.get("networks", {}) if told.get("system") == SYSTEM else {}
+        if not any("taught" in network for network in networks.values()):
             continue
         try:
             methods = clip_methods.own(path.parent)
