@@ -96,7 +96,7 @@ MATRIX = RNG.normal(0.0, 0.01, (features.N_TOKEN, len(ROLES) * 3))
 def filled(before: Clip, after: Clip, n_frames: int) -> Clip:
     """A transition by a network that is one fixed matrix."""
     base = find_transition("hermite").between(before, after, n_frames)
-    seen = features.seam_window(concatenate([before, base, after]), len(before), n_frames)
+    seen = features.seam_window(signing(concatenate([before, base, after])), len(before), n_frames)
     said = (seen.tokens[features.CONTEXT : features.CONTEXT + seen.n_gap] @ MATRIX).reshape(-1, len(ROLES), 3)
     turns = turned(base.skeleton, base.local_rotations, features.deltas(said, seen, n_frames))
     return replace(base, local_rotations=turns)

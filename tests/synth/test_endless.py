@@ -48,6 +48,11 @@ def test_words_pairs_and_events_are_the_signers(folder: Path) -> None:
             expected = [truth.leave(words[p], seen_both), truth.enter(words[q], seen_both)]
             assert part["pairs"][p, q, :2].tolist() == expected
             assert part["pairs"][p, q, 2] <= len(truth.splice(words[p], words[q]).states)
+            pre, post, n = part["asides"][p, q]
+            assert n == truth.transition_frames(words[p].states[pre], words[q].states[post], words[p])
+    asides, cuts = part["asides"][..., :2], part["pairs"][..., :2]
+    assert np.abs(asides - cuts).max() < 20, "near the true cut"
+    assert (asides != cuts).mean() > 0.5, "and seldom at it"
 
 
 def test_bones_and_turns_put_the_hands_where_they_are(folder: Path) -> None:

@@ -66,6 +66,20 @@ def test_what_teaches_is_noisy_or_between_frames_and_the_truth_moves_along(paths
             assert (one["pre"][k] > sign[0] - 3).all(), "no word is left before its sign"
 
 
+def test_half_of_the_pairs_teach_the_time_between_other_frames(paths: list[Path]) -> None:
+    words, seen = read_words(paths[0]), CutPairs(paths)
+    told = {(int(n) + 1) / 30.0 for n in (*words.pairs[..., 2].flat, *words.asides[..., 2].flat)}
+    aside = []
+    for number in range(20):
+        one = seen.draw(number)
+        assert {round(float(s), 4) for s in one["seconds"].flat} <= {round(s, 4) for s in told}
+        aside.append((one["leaving"] != one["pre"]) | (one["entering"] != one["post"]))
+    assert 0.3 < np.mean(aside) < 0.6
+    clean = CutPairs(paths, fixed=1).draw(0)
+    assert (clean["leaving"] == clean["pre"]).all()
+    assert (clean["entering"] == clean["post"]).all()
+
+
 def test_phases_follow_one_another(paths: list[Path]) -> None:
     signs = set()
     for phases in read_words(paths[0]).phases:

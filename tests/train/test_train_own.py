@@ -18,7 +18,7 @@ from signsplice.errors import InputError
 from signsplice.splicing.bundle import read_facts
 from signsplice.splicing.networks import LearnedCutter, LearnedDuration, Reader, open_graphs
 from signsplice.synth import endless
-from signsplice.train import checkpoint, log, own
+from signsplice.train import checkpoint, earlier, log, own
 from signsplice.train.ahead import ahead
 from signsplice.train.cuts import CutPairs
 
@@ -57,11 +57,11 @@ def test_networks_learn_and_meet_in_a_bundle(signing: Path, tmp_path: Path) -> N
 
 def test_a_training_goes_on_from_the_weights_of_another(signing: Path, tmp_path: Path) -> None:
     own.make(own.Own("cutter", "smoke", steps=2), [signing], tmp_path / "first", ALONE)
-    (earlier,) = (tmp_path / "parts").iterdir()
-    own.make(own.Own("cutter", "smoke", steps=1), [signing], tmp_path / "second", ALONE, earlier=earlier)
-    begun = checkpoint.read(earlier)
+    (begins,) = (tmp_path / "parts").iterdir()
+    own.make(own.Own("cutter", "smoke", steps=1), [signing], tmp_path / "second", ALONE, earlier=begins)
+    begun = checkpoint.read(begins)
     assert read_facts(tmp_path / "second")["networks"]["cutter"]["begins_with"] == begun["recipe"]
-    (later,) = (folder for folder in (tmp_path / "parts").iterdir() if folder != earlier)
+    (later,) = (folder for folder in (tmp_path / "parts").iterdir() if folder != begins)
     after = checkpoint.read(later)
     assert (begun["step"], after["step"]) == (2, 1)
     fresh = own.build(own.Own("cutter", "smoke"), CutPairs(sorted(signing.glob("*.npz")))).state_dict()
@@ -71,9 +71,29 @@ def test_a_training_goes_on_from_the_weights_of_another(signing: Path, tmp_path:
 
     assert 0.0 < way(begun["network"], after["network"]) < 0.2 * way(begun["network"], fresh)
     with pytest.raises(InputError, match=r"checkpoint.pt: cannot be read"):
-        own.make(own.Own("transition", "smoke", steps=1), [signing], tmp_path / "b", ALONE, earlier=earlier)
+        own.make(own.Own("transition", "smoke", steps=1), [signing], tmp_path / "b", ALONE, earlier=begins)
     with pytest.raises(InputError, match=r"nowhere/checkpoint.pt: cannot be read"):
         own.make(own.Own("cutter", "smoke"), [signing], tmp_path / "b", ALONE, earlier=tmp_path / "nowhere")
+
+
+def test_a_training_goes_on_from_a_bundle(signing: Path, tmp_path: Path) -> None:
+    first = tmp_path / "first"
+    own.make(own.Own("cutter", "smoke", steps=2), [signing], first, ALONE)
+    (part,) = (tmp_path / "parts").iterdir()
+    network = own.build(own.Own("cutter", "smoke"), CutPairs(sorted(signing.glob("*.npz")))).network
+    found = earlier.found(first, "cutter", own.FILES["cutter"])
+    assert found.recipe == checkpoint.read(part)["recipe"]
+    earlier.load(network, [(first / name).read_bytes() for name in own.FILES["cutter"]], first)
+    kept = checkpoint.read(part)["network"]
+    for name, values in network.state_dict().items():
+        assert values.equal(kept[f"network.{name}"]), name
+    own.make(own.Own("cutter", "smoke", steps=1), [signing], tmp_path / "second", ALONE, earlier=first)
+    assert read_facts(tmp_path / "second")["networks"]["cutter"]["begins_with"] == found.recipe
+    with pytest.raises(InputError, match=r"first/bundle.json: tells of no transition, so that it cannot be gone on"):
+        own.make(own.Own("transition", "smoke", steps=1), [signing], tmp_path / "b", ALONE, earlier=first)
+    wide = own.build(own.Own("cutter", "ship"), CutPairs(sorted(signing.glob("*.npz")))).network
+    with pytest.raises(InputError, match=r"first: holds no weights named .* of such a size"):
+        earlier.load(wide, [(first / name).read_bytes() for name in own.FILES["cutter"]], first)
 
 
 def test_what_cannot_be_trained_is_refused(signing: Path, tmp_path: Path) -> None:

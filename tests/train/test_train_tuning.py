@@ -19,6 +19,7 @@ from signsplice import lexicon
 from signsplice.cli import app
 from signsplice.errors import InputError, SignspliceError
 from signsplice.motion import features
+from signsplice.motion.canonical import signing
 from signsplice.motion.clip import concatenate
 from signsplice.splicing.bundle import read_facts, read_file, write_bundle
 from signsplice.splicing.networks import LearnedTransition, open_graphs
@@ -81,7 +82,7 @@ def test_a_rig_that_lacks_joints_teaches_what_it_will_be_shown(lacking: str) -> 
     one = seen._seen(part, part.sentences[0][20:46], 8, 10)
     before, after = clip[20:28], clip[38:46]
     base = find_transition("hermite").between(before, after, 10)
-    own = features.seam_window(concatenate([before, base, after]), 8, 10)
+    own = features.seam_window(signing(concatenate([before, base, after])), 8, 10)
     assert np.isfinite(one["tokens"]).all()
     np.testing.assert_allclose(one["tokens"], own.tokens, atol=2e-4)
 

@@ -128,7 +128,7 @@ _SIGNING = "Signing to learn from, of `signsplice synth endless`; several are dr
 
 @train.command()
 @click.option("--signing", required=True, multiple=True, metavar="DIR", help=_SIGNING)
-@click.option("--from", "earlier", metavar="DIR", help="Folder of an earlier training, whose weights are the first.")
+@click.option("--from", "earlier", metavar="DIR", help="An earlier training's folder, or a bundle: the first weights.")
 @_own_options
 def cutter(
     signing: tuple[str, ...], earlier: str | None, out: str, scale: str, steps: int | None, seed: int, device: str
@@ -143,7 +143,7 @@ def cutter(
 @click.option("--signing", multiple=True, metavar="DIR", help=_SIGNING)
 @click.option("--lexicon", metavar="DIR", help="Lexicon to tune a trained network to, of `signsplice lexicon build`.")
 @click.option("--from", "source", metavar="DIR", help="With --lexicon the bundle whose network is tuned "
-              "[default: that which ships]; with --signing the folder of an earlier training.")  # fmt: skip
+              "[default: that which ships]; with --signing that too, or an earlier training's folder.")  # fmt: skip
 @_own_options
 def transition(
     signing: tuple[str, ...],

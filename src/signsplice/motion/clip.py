@@ -6,7 +6,6 @@ Both are frozen and checked once, when made. Verbs stand outside: ``concatenate`
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -158,7 +157,7 @@ class Clip:
         if stop <= start:
             raise InputError(f"frames {start}:{stop} of clip {self.name!r}: none left, expected at least one")
         frames = slice(start, stop)
-        return _sound(
+        return sound(
             self,
             local_rotations=self.local_rotations[frames],
             root_positions=self.root_positions[frames],
@@ -203,7 +202,7 @@ def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
     translations = None
     if any(clip.translations is not None for clip in clips):
         translations = np.concatenate([bone_translations(clip) for clip in clips])
-    return _sound(
+    return sound(
         first,
         local_rotations=np.concatenate([clip.local_rotations for clip in clips]),
         root_positions=np.concatenate([clip.root_positions for clip in clips]),
@@ -213,13 +212,14 @@ def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
     )
 
 
-def _sound(like: Clip, **changes: object) -> Clip:
-    """``like`` with some fields changed to parts or joins of sound clips, which are sound: not checked a second
-    time.
+def sound(like: Clip, **changes: object) -> Clip:
+    """``like`` with some fields changed to what is sound by its making, such as parts, joins and rigid moves of sound
+    clips: not checked a second time.
     """
-    clip = copy(like)
-    for field, value in changes.items():
-        object.__setattr__(clip, field, _frozen(value) if isinstance(value, np.ndarray) else value)
+    clip = object.__new__(Clip)
+    clip.__dict__.update(like.__dict__)
+    for name, value in changes.items():
+        clip.__dict__[name] = _frozen(value) if isinstance(value, np.ndarray) and value.flags.writeable else value
     return clip
 
 

@@ -86,34 +86,45 @@ class Capsules:
     starts: Float
     ends: Float
 
+    def __getitem__(self, frames: slice) -> Capsules:
+        """Those of some frames."""
+        return Capsules(self.shape, self.starts[frames], self.ends[frames])
+
     def near(self, slack: float = 0.0) -> Near:
-        """What a hand may come to lie in where it moves by up to ``slack``, clip units: the pairs of a hand's capsule
-        and one of head, trunk or the other hand whose balls come so near.
+        """What a hand may come to lie in where it moves by up to ``slack``, clip units: the pairs of a hand's capsule,
+        taken as a ball about its middle, and one of head, trunk or the other hand that come so near.
+
+        Whole hands are looked at first, as balls too: most of the time they are near to nothing.
         """
-        known = groups(self.shape)
-        hands = np.array([*known.left, *known.right], np.intp)
+        known, radii = groups(self.shape), self.shape.radii
+        hands = [np.array(own, np.intp) for own in (known.left, known.right)]
         others = np.array([*known.head, *known.trunk, *known.right], np.intp)
-        (p, u, ball), (q, v, other) = self._balls(hands), self._balls(others)
-        # Squares of distances by a product of matrices: few numbers on the way.
-        squares = _dot(p, p)[:, :, None] + _dot(q, q)[:, None] - 2.0 * p @ q.transpose(0, 2, 1)
-        close = squares < (ball[:, :, None] + other[:, None] + slack) ** 2
-        n_left, n_solid = len(known.left), len(known.head) + len(known.trunk)
-        close[:, n_left:, n_solid:] = False  # the right hand and itself
-        frames, i, j = np.nonzero(close)
-        p, u, q, v = p[frames, i], u[frames, i], q[frames, j], v[frames, j]
-        left, meeting = i < n_left, j >= n_solid
-        apart = np.zeros((len(p), 3))
+        starts, axes = self.starts - self.starts[0].mean(axis=0), self.ends - self.starts
+        middles, thick = starts + 0.5 * axes, radii.max(axis=1)
+        reach = 0.5 * np.sqrt(_dot(axes, axes)) + thick
+        whole = [_ball(middles[:, hand], reach[:, hand]) for hand in hands]
+        balls, radius = (np.hstack([ball[k] for ball in whole]) for k in (0, 1))
+        met = _meet(balls, radius, starts[:, others], axes[:, others], thick[others] + slack)
+        met[:, 1, len(known.head) + len(known.trunk) :] = False  # the right hand and itself
+        at, columns = np.flatnonzero(met.any(axis=(1, 2))), np.flatnonzero(met.any(axis=(0, 1)))
+        own, others = np.concatenate(hands), others[columns]
+        rows, box = np.ix_(at, own), np.ix_(at, others)
+        near = _meet(middles[rows], reach[rows], starts[box], axes[box], thick[others] + slack)
+        of_side = np.repeat([0, 1], [len(hands[0]), len(hands[1])])
+        frames, i, j = np.nonzero(near & met[np.ix_(at, np.arange(2), columns)][:, of_side])
+        frames, left, meeting = at[frames], of_side[i] == 0, columns[j] >= len(known.head) + len(known.trunk)
+        i, j = own[i], others[j]
+        apart = np.zeros((len(i), 3))
         if meeting.any():
-            middles = [self.starts[:, own].mean(axis=1) for own in (known.left, known.right)]
-            apart = (middles[0] - middles[1])[frames]
+            apart = (starts[:, hands[0]].mean(axis=1) - starts[:, hands[1]].mean(axis=1))[frames]
         return Near(
-            n_frames=len(self.starts),
+            n_frames=len(starts),
             frames=frames,
             hands=np.column_stack([left, np.where(meeting, -1.0, ~left)]),
             meeting=meeting,
-            gaps=p - u - (q - v),
-            axes=(2.0 * u, 2.0 * v),
-            radii=(self.shape.radii[hands[i]], self.shape.radii[others[j]]),
+            gaps=starts[frames, i] - starts[frames, j],
+            axes=(axes[frames, i], axes[frames, j]),
+            radii=(radii[i], radii[j]),
             apart=apart,
         )
 
@@ -123,21 +134,34 @@ class Capsules:
         """
         return self.near().pressed()
 
-    def _balls(self, own: NDArray[np.intp]) -> tuple[Float, Float, Float]:
-        """Middles (T, K, 3) of capsules, seen from the first frame's middle of all, halves of their axes (T, K, 3), and
-        radii (T, K) of balls around them.
-        """
-        starts, ends = self.starts[:, own], self.ends[:, own]
-        half = 0.5 * (ends - starts)
-        middles = starts + half - self.starts[0].mean(axis=0)
-        return middles, half, np.sqrt(_dot(half, half)) + self.shape.radii[own].max(axis=1)
+
+def _ball(middles: Float, reach: Float) -> tuple[Float, Float]:
+    """Middles (T, 1, 3) and radii (T, 1) of balls about balls (T, K, 3), (T, K); none about none."""
+    if not middles.shape[1]:
+        return np.zeros((len(middles), 1, 3)), np.full((len(middles), 1), -np.inf)
+    whole = middles.mean(axis=1, keepdims=True)
+    away = middles - whole
+    return whole, (np.sqrt(_dot(away, away)) + reach).max(axis=1, keepdims=True)
+
+
+def _meet(middles: Float, reach: Float, starts: Float, axes: Float, thick: Float) -> NDArray[np.bool_]:
+    """Whether balls (T, A, 3), (T, A) meet capsules (T, B, 3), twice, of thickness (B,): (T, A, B)."""
+    # Squares of distances by products of matrices: few numbers on the way.
+    over = axes.transpose(0, 2, 1)
+    squares = _dot(axes, axes)[:, None] + _TINY
+    along = middles @ over - _dot(starts, axes)[:, None]
+    share = np.clip(along / squares, 0.0, 1.0)
+    away = (
+        _dot(middles, middles)[:, :, None] + _dot(starts, starts)[:, None] - 2.0 * middles @ starts.transpose(0, 2, 1)
+    )
+    return np.asarray(away - share * (2.0 * along - share * squares) < np.maximum(reach[:, :, None] + thick, 0.0) ** 2)
 
 
 @dataclass(frozen=True, eq=False)
 class Near:
     """K pairs of capsules that lie near one another, each of a hand and of what it must not lie in, over some frames.
 
-    frames (K,): in order. hands (K, 2): how a pair's gap follows the left and the right hand; of two hands 1 and -1.
+    frames (K,). hands (K, 2): how a pair's gap follows the left and the right hand; of two hands 1 and -1.
     meeting (K,): whether it is of two hands. gaps (K, 3): from the start of what is near to that of the hand's capsule;
     axes and radii of both, (K, 3) and (K, 2). apart (K, 3): from the right to the left hand.
     """
@@ -168,13 +192,11 @@ class Near:
             apart = self.apart[both] if moved is None else self.apart[both] + moved[both]
             across = ways[both] + _APART * apart / (np.linalg.norm(apart, axis=-1, keepdims=True) + _TINY)
             ways[both] = across / (np.linalg.norm(across, axis=-1, keepdims=True) + _TINY)
+        deeper = np.argsort(depths, kind="stable")
         for side in (0, 1):
-            own = np.flatnonzero(self.hands[:, side])
-            if len(own):
-                order = own[np.lexsort((depths[own], self.frames[own]))]
-                last = order[np.append(np.flatnonzero(np.diff(self.frames[order])), len(order) - 1)]
-                depth[self.frames[last], side] = depths[last]
-                way[self.frames[last], side] = ways[last] * self.hands[last, side, None]
+            own = deeper[self.hands[deeper, side] != 0.0]  # of a frame's several the last one stays: the deepest
+            depth[self.frames[own], side] = depths[own]
+            way[self.frames[own], side] = ways[own] * self.hands[own, side, None]
         return depth, way
 
 

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from signsplice.motion import rotation
-from signsplice.motion.canonical import LEFT, RIGHT, ROLES, TIPS, Signing, mirrored_deltas, signing
-from signsplice.motion.clip import Clip
+from signsplice.motion.canonical import LEFT, RIGHT, ROLES, TIPS, Signing, mirrored_deltas
 
 Float = NDArray[np.float64]
 
@@ -175,19 +174,18 @@ class Window:
     moving: Float
 
 
-def seam_window(joined: Clip, n_before: int, n_between: int) -> Window:
+def seam_window(joined: Signing, n_before: int, n_between: int) -> Window:
     """The window of a seam: ``n_before`` frames of the sign before, ``n_between`` of a classical transition, then the
-    sign after. Raises ``InputError`` where the rig's arms are not known by name.
+    sign after.
     """
-    seen = signing(joined)
     seconds = (n_between + 1) / joined.fps
     n_gap = gap_frames(seconds)
     last, first = (n_before - 1) / joined.fps, (n_before + n_between) / joined.fps
     steps = np.arange(CONTEXT) / RATE
     times = np.concatenate([last - steps[::-1], last + seconds * np.arange(1, n_gap + 1) / (n_gap + 1), first + steps])
-    end = (len(joined) - 1) / joined.fps
+    end = (len(joined.turns) - 1) / joined.fps
     real = (times > -1e-6) & (times < end + 1e-6)
-    whole = course(seen, times)
+    whole = course(joined, times)
     flipped = busier_left(whole)
     whole = mirrored(whole) if flipped else whole
     long = seconds + 2.0 * (CONTEXT - 1) / RATE

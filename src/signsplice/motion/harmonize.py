@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from signsplice.errors import RigMismatchError
 from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, Skeleton, resample
+from signsplice.motion.clip import Clip, Skeleton, resample, sound
 from signsplice.motion.common_pose import common_rotations
 from signsplice.motion.humanoid import find_roles, simplify
 from signsplice.motion.kinematics import forward, rest_positions
@@ -229,6 +229,8 @@ def unmoved(clip: Clip) -> Clip:
 def placed(clip: Clip, onto: Stand) -> Clip:
     """The clip moved and turned as one rigid whole, so that its signer stands as ``onto`` says."""
     own = stand(clip)
+    if own is onto:
+        return clip
     turn = rotation.between_vectors(own.up, onto.up)
     forward = rotation.rotate(turn, own.forward)
     yaw = np.arctan2(rotation.cross(forward, onto.forward) @ onto.up, forward @ onto.forward)
@@ -239,7 +241,7 @@ def placed(clip: Clip, onto: Stand) -> Clip:
         return clip
     local = np.array(clip.local_rotations)
     local[:, 0] = rotation.normalize(rotation.multiply(turn, local[:, 0]))
-    moved = replace(
+    moved = sound(
         clip,
         local_rotations=local,
         root_positions=rotation.rotate(turn, clip.root_positions) + shift,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.clip import Clip, Skeleton, sound
 from signsplice.motion.common_pose import common_positions
 from signsplice.motion.humanoid import Humanoid, find_roles
 from signsplice.motion.kinematics import rest_positions
@@ -144,13 +144,14 @@ def stand(clip: Clip) -> Stand:
 def _stand(clip: Clip) -> Stand:
     joints = find_roles(clip.skeleton).joints
     wanted = [r for r in _BODY if r in joints]
-    frames = np.unique(np.linspace(0, len(clip) - 1, min(_SAMPLES, len(clip))).round().astype(np.intp))
-    sample = Clip(
-        clip.skeleton,
-        clip.local_rotations[frames],
-        clip.root_positions[frames],
-        clip.fps,
+    n = min(_SAMPLES, len(clip))
+    frames = np.round(np.arange(n) * ((len(clip) - 1) / max(n - 1, 1))).astype(np.intp)
+    sample = sound(
+        clip,
+        local_rotations=clip.local_rotations[frames],
+        root_positions=clip.root_positions[frames],
         translations=None if clip.translations is None else clip.translations[frames],
+        channels=None,
     )
     _, positions = kinematics.forward(sample, [0, *(joints[r] for r in wanted)])
     at = {role: positions[:, n + 1] for n, role in enumerate(wanted)}

@@ -54,13 +54,37 @@ def cleared(filled: Clip, before: Clip, after: Clip) -> Cleared:
     """
     if not has_arms(filled.skeleton):
         return Cleared(filled, None, None)
+    return _led(filled, before, after, _look(_window(filled, before, after)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """What is seen of a window: its body's capsules, and the way ahead of the chest (T, 3)."""
+
+    capsules: contact.Capsules
+    ahead: Float
+
+    def __getitem__(self, frames: slice) -> _Look:
+        return _Look(self.capsules[frames], self.ahead[frames])
+
+
+def _window(filled: Clip, before: Clip, after: Clip) -> Clip:
+    return concatenate([before[-1:], filled, after[:1]])
+
+
+def _look(window: Clip) -> _Look:
+    turns, places = kinematics.forward(window)
+    return _Look(contact.capsules(window.skeleton, turns, places), _ahead(window.skeleton, places))
+
+
+def _led(filled: Clip, before: Clip, after: Clip, seen: _Look) -> Cleared:
+    """``cleared`` of a transition that was looked at."""
     metres = stance.sizes(filled.skeleton).unit.metres
     best, first, least = filled, 0.0, np.inf
     for n in range(_TRIES + 1):
-        window = concatenate([before[-1:], filled, after[:1]])
-        turns, places = kinematics.forward(window)
-        seen = contact.capsules(window.skeleton, turns, places)
-        near = seen.near(_SLACK_M / metres)
+        if n > 0:
+            seen = _look(_window(filled, before, after))
+        near = seen.capsules.near(_SLACK_M / metres)
         worst = _worst(near.pressed()[0] * metres)
         if n == 0:
             first = worst
@@ -69,7 +93,7 @@ def cleared(filled: Clip, before: Clip, after: Clip) -> Cleared:
             best, least = filled, worst
         if worst == 0.0 or gained < _WORTH * worst or n == _TRIES:
             break
-        filled = reach.moved(filled, _way_around(seen, near, _ahead(window.skeleton, places), metres))
+        filled = reach.moved(filled, _way_around(seen, near, metres))
     return Cleared(best, first, least)
 
 
@@ -79,33 +103,34 @@ def all_cleared(gaps: Sequence[tuple[Clip, Clip, Clip]]) -> list[Cleared]:
     """
     if not gaps or not has_arms(gaps[0][0].skeleton):
         return [Cleared(filled, None, None) for filled, _, _ in gaps]
-    windows = [concatenate([before[-1:], filled, after[:1]]) for filled, before, after in gaps]
-    together = concatenate(windows)
-    skeleton = together.skeleton
-    seen = contact.capsules(skeleton, *kinematics.forward(together))
-    depth = seen.pressed()[0] * stance.sizes(skeleton).unit.metres
-    ends = np.cumsum([len(window) for window in windows])
-    worst = [_worst(own) for own in np.split(depth, ends[:-1])]
-    return [cleared(*gap) if deep > 0.0 else Cleared(gap[0], 0.0, 0.0) for gap, deep in zip(gaps, worst, strict=True)]
+    windows = [_window(*gap) for gap in gaps]
+    seen = _look(concatenate(windows))
+    depth = seen.capsules.pressed()[0] * stance.sizes(windows[0].skeleton).unit.metres
+    ends = np.cumsum([0, *(len(window) for window in windows)])
+    told = []
+    for gap, start, stop in zip(gaps, ends[:-1], ends[1:], strict=True):
+        deep = _worst(depth[start:stop]) > 0.0
+        told.append(_led(*gap, seen[start:stop]) if deep else Cleared(gap[0], 0.0, 0.0))
+    return told
 
 
-def _way_around(seen: contact.Capsules, near: contact.Near, ahead: Float, metres: float) -> Float:
+def _way_around(seen: _Look, near: contact.Near, metres: float) -> Float:
     """Moves (n, 2, 3) of the hands, were arms long enough, that lead the frames between around what they lie in;
     ``near``: what lies within ``_SLACK_M`` of them.
     """
-    n_between = len(seen.starts) - 2
+    n_between = len(seen.ahead) - 2
     level, kernel = clearance.faded(n_between)[:, None, None], _kernel(n_between)
     moves, slack = np.zeros((n_between + 2, 2, 3)), _SLACK_M / metres
     for _ in range(_ROUNDS):
         farthest = 2.0 * float(np.linalg.norm(moves, axis=-1).max())  # of two hands apart
         if farthest > slack:
             slack = farthest + _SLACK_M / metres
-            near = seen.near(slack)
+            near = seen.capsules.near(slack)
         depth, way = near.pressed(moves)
         over = _over(depth * metres) / metres
         if over.max() <= 0.0:
             break
-        push = _pushes(over + 0.3 * TOLERANCE_M / metres, way[1:-1], ahead[1:-1])
+        push = _pushes(over + 0.3 * TOLERANCE_M / metres, way[1:-1], seen.ahead[1:-1])
         moves[1:-1] += clearance.spread(push, kernel) * level
     return moves[1:-1]
 
@@ -114,8 +139,7 @@ def depths(filled: Clip, before: Clip, after: Clip) -> Float:
     """How deep (n,) a hand lies in the body, m, in each frame of a transition, beyond what both ends call for, 0 where
     none does. Raises ``InputError`` where the rig's arms are not known by name.
     """
-    window = concatenate([before[-1:], filled, after[:1]])
-    depth, _ = contact.capsules(window.skeleton, *kinematics.forward(window)).pressed()
+    depth, _ = _look(_window(filled, before, after)).capsules.pressed()
     return _deep(_over(depth * stance.sizes(filled.skeleton).unit.metres).max(axis=1))
 
 

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from signsplice.errors import InputError
 from signsplice.splicing import networks
-from signsplice.splicing.bundle import digest
+from signsplice.splicing.bundle import HEAD, digest
 from signsplice.splicing.cut import CUTTERS, DEFAULT_CUTTER, Cutter
 from signsplice.splicing.duration import DEFAULT_DURATION, DURATIONS, Duration
 from signsplice.splicing.method import Method, find
@@ -59,12 +59,21 @@ def open_learned(folder: str | Path | None = None) -> Learned:
     Raises ``InputError`` where the folder holds no bundle, another system's, or one whose files are not those that it
     lists.
     """
-    folder = Path(WEIGHTS if folder is None else folder).resolve()
-    return _opened(folder, digest(folder))
+    folder = Path(WEIGHTS if folder is None else folder).absolute()
+    try:
+        told = (folder / HEAD).stat()
+    except OSError:
+        return _read(folder, digest(folder))  # which says what is wrong
+    return _opened(folder, (told.st_ino, told.st_mtime_ns, told.st_size))
 
 
 @lru_cache(maxsize=_OPEN_AT_ONCE)
-def _opened(folder: Path, sha256: str) -> Learned:
+def _opened(folder: Path, as_written: tuple[int, int, int]) -> Learned:
+    return _read(folder, digest(folder))
+
+
+@lru_cache(maxsize=_OPEN_AT_ONCE)
+def _read(folder: Path, sha256: str) -> Learned:
     graphs = networks.open_graphs(folder)
     graphs.check()
     has = graphs.facts["files"].keys()

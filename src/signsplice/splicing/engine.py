@@ -20,7 +20,7 @@ from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.harmonize import Ground, ground, harmonize
 from signsplice.splicing import defaults
-from signsplice.splicing.cut import Cut, Cutter, SentenceCutter
+from signsplice.splicing.cut import Cut, Cutter, cuts_together
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
 from signsplice.splicing.filling import CONTEXT, Filled, fill, shown
 from signsplice.splicing.seam import Seam, score
@@ -279,7 +279,7 @@ class _Sentence:
     def _cuts(self, clips: Sequence[Clip], whole: bool) -> Iterable[Cut]:
         """The cutter's choice for every two clips; together where it can, and all words are there."""
         with self.timed("cut"):
-            if not (whole and len(clips) > 1 and isinstance(self.cutter, SentenceCutter)):
+            if not (whole and len(clips) > 1 and cuts_together(self.cutter)):
                 return [self.cutter.cut(before, after) for before, after in pairwise(clips)]
             cuts = self.cutter.cuts(clips)
         if len(cuts) != len(clips) - 1:

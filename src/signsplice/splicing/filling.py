@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.splicing.body_sense import all_cleared
-from signsplice.splicing.transition import Gap, LimitedTransition, SentenceTransition, Transition
+from signsplice.splicing.transition import Gap, Transition, fills_together, has_limits
 
 CONTEXT = 8
 """Frames of each sign that a seam's scores see, and the least that a transition is shown."""
@@ -36,14 +36,11 @@ def fill(transition: Transition, gaps: Sequence[Gap], body_sense: bool | None) -
 
     Raises ``InputError`` where they are not as many as were asked for.
     """
-    if isinstance(transition, SentenceTransition):
-        made = transition.between_all(gaps)
-    else:
-        made = [transition.between(*gap) for gap in gaps]
+    made = transition.between_all(gaps) if fills_together(transition) else [transition.between(*gap) for gap in gaps]
     for filled, (_, _, n_frames) in zip(made, gaps, strict=True):
         if len(filled) != n_frames:
             raise InputError(f"transition {transition.name} made {len(filled)} frames, expected {n_frames}")
-    said = [transition.limits(gap) if isinstance(transition, LimitedTransition) else () for gap in gaps]
+    said = [transition.limits(gap) if has_limits(transition) else () for gap in gaps]
     if not (transition.learned if body_sense is None else body_sense):
         return [Filled(filled, None, lines) for filled, lines in zip(made, said, strict=True)]
     led = all_cleared([(filled, before, after) for filled, (before, after, _) in zip(made, gaps, strict=True)])

@@ -20,7 +20,7 @@ from scipy.special import log_softmax
 from signsplice.errors import InputError
 from signsplice.motion import features
 from signsplice.motion.arms import has_arms
-from signsplice.motion.canonical import Signing, signing, turned
+from signsplice.motion.canonical import signings, turned
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.features import CONTEXT, LEAST, MOST, RATE, WORD_FRAMES, Course
 from signsplice.motion.harmonize import unmoved
@@ -111,10 +111,7 @@ class Reader:
         new = [clip for clip in dict.fromkeys(map(unmoved, clips)) if clip not in self._courses]
         if not new:
             return
-        together, at = signing(concatenate(new)), 0
-        for clip in new:
-            own = slice(at, at := at + len(clip))
-            seen = Signing(together.turns[own], together.places[own], together.there, clip.fps)
+        for clip, seen in zip(new, signings(new), strict=True):
             self._courses[clip] = features.course(seen)
 
     def _read(self, clip: Clip, flipped: bool, end: bool) -> Reading:
@@ -238,7 +235,8 @@ class LearnedTransition:
     def between_all(self, gaps: Sequence[Gap]) -> list[Clip]:
         """New frames for every gap, ``MOST_AT_ONCE`` gaps in a pass."""
         made = [self.base.between(*gap) for gap in gaps]
-        seen = {k: window for k, gap in enumerate(gaps) if (window := _window(made[k], gap)) is not None}
+        known = [k for k, gap in enumerate(gaps) if _knows(gap)]
+        seen = dict(zip(known, _windows([(made[k], gaps[k]) for k in known]), strict=True))
         for some in batched(seen.items(), MOST_AT_ONCE):
             longest = max(len(window.tokens) for _, window in some)
             tokens = np.zeros((len(some), longest, features.N_TOKEN), np.float32)
@@ -260,16 +258,25 @@ class LearnedTransition:
         return (f"{n_frames / before.fps:.2f} s are longer than the network knows: made by {self.base.name} alone",)
 
 
-def _window(base: Clip, gap: Gap) -> features.Window | None:
-    """What the network sees of a gap that a classical transition bridges; None where it is too short or too long, or
-    the arms are not known.
-    """
-    before, after, n_frames = gap
-    if not LEAST <= features.gap_frames((n_frames + 1) / base.fps) <= MOST or not has_arms(base.skeleton):
-        return None
-    n_context = int(np.ceil((CONTEXT + 1) / RATE * base.fps)) + 1
-    kept, follows = before[-n_context:], after[:n_context]
-    return features.seam_window(concatenate([kept, base, follows]), len(kept), n_frames)
+def _knows(gap: Gap) -> bool:
+    """Whether a gap is neither too short nor too long for the network, on a rig whose arms are known."""
+    before, _, n_frames = gap
+    return LEAST <= features.gap_frames((n_frames + 1) / before.fps) <= MOST and has_arms(before.skeleton)
+
+
+def _windows(bridged: Sequence[tuple[Clip, Gap]]) -> list[features.Window]:
+    """What the network sees of gaps that a classical transition bridges."""
+    if not bridged:
+        return []
+    kept, joined = [], []
+    for base, (before, after, _) in bridged:
+        n_context = int(np.ceil((CONTEXT + 1) / RATE * base.fps)) + 1
+        kept.append(before[-n_context:])
+        joined.append(concatenate([kept[-1], base, after[:n_context]]))
+    return [
+        features.seam_window(seen, len(before), len(base))
+        for seen, before, (base, _) in zip(signings(joined), kept, bridged, strict=True)
+    ]
 
 
 def batched(items: Iterable[Item], most: int) -> Iterator[list[Item]]:

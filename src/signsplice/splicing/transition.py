@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,6 @@ Gap = tuple[Clip, Clip, int]
 """The sign before, the sign after, as much of each as is kept and shown, and the number of new frames."""
 
 
-@runtime_checkable
 class SentenceTransition(Transition, Protocol):
     """A transition that can fill all gaps of a sentence in one go."""
 
@@ -61,13 +60,23 @@ class SentenceTransition(Transition, Protocol):
         ...
 
 
-@runtime_checkable
 class LimitedTransition(Transition, Protocol):
     """A transition that leaves some gaps to another."""
 
     def limits(self, gap: Gap) -> tuple[str, ...]:
         """What has to be said of a gap that it leaves to another; nothing where it fills it itself."""
         ...
+
+
+# Asked by name: to ask the protocols takes as long as a small network.
+def fills_together(transition: Transition) -> TypeGuard[SentenceTransition]:
+    """Whether a transition can fill all gaps of a sentence in one go."""
+    return hasattr(transition, "between_all")
+
+
+def has_limits(transition: Transition) -> TypeGuard[LimitedTransition]:
+    """Whether a transition leaves some gaps to another."""
+    return hasattr(transition, "limits")
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,18 +137,20 @@ def _gap(before: Clip, after: Clip, n_frames: int, moving: bool, accelerates: bo
     are ``moving``, of every joint's translation. A clip too short for a step stands still there.
     """
     fps = before.fps
-    p, q = _ends(before.local_rotations, after.local_rotations)
-    turns = rotation.difference(p, q)
-    places = [np.diff(_in_a_row(before.root_positions[:, None], after.root_positions[:, None]), axis=0)]
+    # Steps from frame to frame in a row; the outermost two only tell accelerations.
+    steps = slice(0, 5) if accelerates else slice(1, 4)
+    turns = rotation.difference(*_steps(before.local_rotations, after.local_rotations, steps))
+    shifts = np.subtract(*_steps(before.root_positions[:, None], after.root_positions[:, None], steps)[::-1])
     if moving:
-        places.append(np.diff(_in_a_row(bone_translations(before), bone_translations(after)), axis=0))
-    shifts = np.concatenate(places, axis=1)
-    way, v1 = turns[2], turns[3] * fps
+        bones = np.subtract(*_steps(bone_translations(before), bone_translations(after), steps)[::-1])
+        shifts = np.concatenate([shifts, bones], axis=1)
+    leave, over, enter = (len(turns) // 2 + k for k in (-1, 0, 1))
+    way, v1 = turns[over], turns[enter] * fps
     # At the far end the rotation vector's rate is not the angular velocity (the chain rule of exp).
     rate = rotation.right_jacobian_inverse(way, v1)
     gap = Ways(
-        way=np.concatenate([way, shifts[2]]),
-        velocity=(np.concatenate([turns[1], shifts[1]]) * fps, np.concatenate([rate, shifts[3] * fps])),
+        way=np.concatenate([way, shifts[over]]),
+        velocity=(np.concatenate([turns[leave], shifts[leave]]) * fps, np.concatenate([rate, shifts[enter] * fps])),
         times=np.arange(1, n_frames + 1) / fps,
         seconds=(n_frames + 1) / fps,
     )
@@ -155,15 +166,12 @@ def _gap(before: Clip, after: Clip, n_frames: int, moving: bool, accelerates: bo
     return replace(gap, acceleration=(leaving, entering))
 
 
-def _in_a_row(before: Float, after: Float) -> Float:
-    """The last three frames before and the first three after (6, ...); a short clip's edge frame is repeated."""
+def _steps(before: Float, after: Float, which: slice) -> tuple[Float, Float]:
+    """Of the five steps from frame to frame of the last three before and the first three after, some: from where (S,
+    ...), to where (S, ...); a short clip's edge frame is repeated.
+    """
     rows = [before[max(len(before) - k, 0)] for k in (3, 2, 1)] + [after[min(k, len(after) - 1)] for k in (0, 1, 2)]
-    return np.stack(rows)
-
-
-def _ends(before: Float, after: Float) -> tuple[Float, Float]:
-    """Each of the five steps in a row: from where (5, ...), to where (5, ...)."""
-    row = _in_a_row(before, after)
+    row = np.stack(rows[which.start : which.stop + 1])
     return row[:-1], row[1:]
 
 

@@ -28,11 +28,13 @@ from signsplice.synth.signer import signer
 Array = NDArray[Any]
 Progress = Callable[[int, int], None]
 
-VERSION = 4
+VERSION = 5
 FIRST_SIGNER = 1000
 """Seed of the first signer: those of any corpus of pairs lie below."""
 _SHORTEST, _LONGEST = 3, 12
 _NO_MOVEMENT = (-1, -1)
+_NEAR = 3.0
+"""Spread, in frames, of the frames near a true cut for which a time is told too."""
 
 
 @dataclass(frozen=True)
@@ -89,8 +91,9 @@ def part(plan: Plan, number: int) -> dict[str, Array]:
     quaternions times 32767 and ``places`` (F, 12, 3) float32 of all frames, words first, then sentences. ``words`` (W,
     2): first frame, frames. ``events`` (W, 8): up, start, end, down, begin and end of the first movement and of the
     last (-1 where there is none). ``pairs`` (W, W, 3): the truth, pre, post and the transition's
-    frames (but for detours around the body), of every word after every other. ``sentences`` (S, 2): first frame,
-    frames. ``seams`` (N, 3): sentence, first transition frame in it, their number.
+    frames (but for detours around the body), of every word after every other; ``asides`` (W, W, 3) two frames near
+    those, and how many it would be between them. ``sentences`` (S, 2): first frame, frames. ``seams`` (N, 3): sentence,
+    first transition frame in it, their number.
     """
     rng = stream("endless", plan.seed, number)
     who = signer(FIRST_SIGNER + 10_000 * plan.seed + number)
@@ -109,6 +112,7 @@ def part(plan: Plan, number: int) -> dict[str, Array]:
         sentences.append((at, len(said.clip)))
         at += len(said.clip)
     starts = np.cumsum([0, *lengths[:-1]])
+    cuts = np.array([[_cut(p, q) for q in words] for p in words])
     turns, places = (np.concatenate([f[k] for f in frames]) for k in range(2))
     return {
         "bones": bones(words[0].clip.skeleton),
@@ -116,10 +120,22 @@ def part(plan: Plan, number: int) -> dict[str, Array]:
         "places": places,
         "words": np.stack([starts, lengths], axis=1),
         "events": np.array([event_frames(word.events) for word in words]),
-        "pairs": np.array([[_cut(p, q) for q in words] for p in words]),
+        "pairs": cuts,
+        "asides": _asides(words, cuts, rng),
         "sentences": np.array(sentences).reshape(-1, 2),
         "seams": np.array(seams).reshape(-1, 3),
     }
+
+
+def _asides(words: list[Word], cuts: Array, rng: np.random.Generator) -> Array:
+    """Other frames (W, W, 3) to leave and enter every pair of words at, and how many frames the truth has between."""
+    out = cuts.copy()
+    out[..., :2] += np.round(rng.normal(0.0, _NEAR, out[..., :2].shape)).astype(int)
+    for i, p in enumerate(words):
+        for j, q in enumerate(words):
+            pre, post = min(max(out[i, j, 0], 0), len(p) - 1), min(max(out[i, j, 1], 0), len(q) - 1)
+            out[i, j] = pre, post, truth.transition_frames(p.states[pre], q.states[post], p)
+    return out
 
 
 def packed(clip: Clip) -> tuple[Array, Array]:

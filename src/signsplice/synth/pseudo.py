@@ -48,7 +48,7 @@ _PLACES = {
     **dict.fromkeys(("chin", "forehead", "mouth", "cheek", "chest", "temple", "nose"), 2.0),
     **dict.fromkeys(("ear", "eye", "shoulder", "chest-strong", "heart", "belly", "throat", "jaw", "mouth-corner"), 0.7),
     **dict.fromkeys(("space-in", "space-far", "side-space", "shoulder-weak", "space-high-out"), 0.8),
-    **dict.fromkeys(("crown", "under-chin", "cheek-weak", "chin-weak", "waist", "upper-arm-weak", "above-head"), 0.5),
+    **dict.fromkeys(("crown", "under-chin", "cheek-weak", "chin-weak", "waist", "upper-arm-weak", "above-head"), 1.0),
 }
 _MIRRORED_PLACES = {
     **{"space": 5.0, "space-mid": 5.0, "space-out": 2.0, "space-low": 2.0, "space-high": 2.0, "space-low-mid": 1.5},
@@ -69,18 +69,25 @@ _BASES = (
     Posture("S", "space-low-mid", "palm", (0.0, -1.0, 0.0), (-0.7, 0.0, 0.7)),
     Posture("1", "space-mid", "palm", (-1.0, 0.0, 0.0), (-0.2, 0.6, 0.7)),
     Posture("B", "space-mid", "palm", (-1.0, 0.0, 0.0), (0.0, 0.5, 0.85)),
+    Posture("B-open", "space-mid", "palm", (0.0, 1.0, 0.0), (-0.5, 0.0, 0.87), shift=(0.0, -6.0, 2.0)),
 )
 _MANNERS = {"free": 0.70, "touch": 0.16, "part": 0.10, "still": 0.04}
 """How a sign is made: it moves freely; comes to touch the body or its fellow, once or more; touches it and parts from
 it; or is a posture alone.
 """
 _MOVEMENTS = {
-    **{"move": 0.40, "turn": 0.13, "circle": 0.11, "local": 0.13, "shape": 0.08, "zigzag": 0.05, "far": 0.06},
-    "base": 0.04,
+    **{"move": 0.36, "turn": 0.12, "circle": 0.11, "local": 0.13, "shape": 0.09, "zigzag": 0.05, "far": 0.06},
+    **{"base": 0.04, "slash": 0.04},
 }
 _LOCAL_RANGES = {
     **{"wiggle": (18.0, 26.0), "twist": (22.0, 36.0), "nod": (20.0, 34.0), "bend": (40.0, 62.0), "tremble": (0.6, 1.4)},
 }
+_ASIDE = 0.4
+"""Share of the postures at the body that are not right at their place but some centimetres from it."""
+_AWAY = 0.35
+"""Share of the partings that go to another place."""
+_ELSEWHERE = 0.12
+"""Share of the signs with a base that do not begin at it."""
 _SHOWN = tuple(DIRECTIONS.values())
 _TRIES = 400
 _AT_ONCE = 16
@@ -103,10 +110,11 @@ def sign(seed: int) -> Sign:
 def _segments(hands: str, rng: np.random.Generator) -> list[Segment] | None:
     """Segments at ease one by one; None where none was found for one of them."""
     table = {"base": _BASE_PLACES, "one": _PLACES}.get(hands, _MIRRORED_PLACES)
-    base = _BASES[rng.integers(len(_BASES))] if hands == "base" else None
+    base = _base(rng) if hands == "base" else None
+    begins = _PLACES if hands == "base" and rng.random() < _ELSEWHERE else table
     manner = _pick(rng, _MANNERS)
     if manner in ("touch", "part"):
-        table = {place: weight for place, weight in table.items() if place not in IN_SPACE}
+        begins = {place: weight for place, weight in begins.items() if place not in IN_SPACE}
     held = {"free": 0.22, "touch": 0.15, "part": 0.70, "still": 1.0}[manner]
     first = "H" if rng.random() < held else "X"
     segments: list[Segment] = []
@@ -120,7 +128,7 @@ def _segments(hands: str, rng: np.random.Generator) -> list[Segment] | None:
         return False
 
     def begin() -> Segment:
-        here = _posture(rng, _pick(rng, table))
+        here = _posture(rng, _pick(rng, begins))
         if manner == "touch":
             here = _shifted(rng, replace(here, off=float(rng.uniform(3.0, 8.0))), float(rng.uniform(0.0, 3.0)))
         return Segment(first, replace(here, off=0.0) if manner == "part" else here, base)
@@ -129,12 +137,12 @@ def _segments(hands: str, rng: np.random.Generator) -> list[Segment] | None:
         return None
     if manner == "still":
         return segments
-    for n in range(_pick(rng, {1: 0.82, 2: 0.12, 3: 0.05, 4: 0.01})):
+    for n in range(_pick(rng, {1: 0.77, 2: 0.14, 3: 0.07, 4: 0.02})):
         here, again = segments[-1].strong, n > 0
         if n == 0 and manner == "touch":
             draw = partial(_touch, rng, here, base)
         elif n == 0 and manner == "part":
-            draw = partial(_part, rng, here, base)
+            draw = partial(_part, rng, here, base, table)
         else:
             draw = partial(_movement, rng, here, segments[-1].weak, table, again=again)
         if not add(draw):
@@ -146,6 +154,12 @@ def _segments(hands: str, rng: np.random.Generator) -> list[Segment] | None:
     return segments
 
 
+def _base(rng: np.random.Generator) -> Posture:
+    """How the weak hand is held that the other signs at."""
+    base = _BASES[rng.integers(len(_BASES))]
+    return replace(base, shape=_pick(rng, _SHAPES)) if rng.random() < 0.35 else base
+
+
 def _touch(rng: np.random.Generator, here: Posture, base: Posture | None) -> Segment:
     """A movement that ends in a touch, or in several, one after another."""
     there = replace(here, off=0.0, shift=(0.0, 0.0, 0.0))
@@ -155,9 +169,12 @@ def _touch(rng: np.random.Generator, here: Posture, base: Posture | None) -> Seg
     return Segment("M", there, base, path, times=_pick(rng, {1: 0.55, 2: 0.35, 3: 0.10}))
 
 
-def _part(rng: np.random.Generator, here: Posture, base: Posture | None) -> Segment:
-    """A movement away from a touch, the hand changed or turned by the way or not."""
-    there = _shifted(rng, replace(here, off=float(rng.uniform(3.0, 13.0))), float(rng.uniform(0.0, 5.0)))
+def _part(rng: np.random.Generator, here: Posture, base: Posture | None, table: dict[str, float]) -> Segment:
+    """A movement away from a touch, a little or to another place, the hand changed or turned by the way or not."""
+    if rng.random() < _AWAY:
+        there = replace(_posture(rng, _pick(rng, table)), shape=here.shape)
+    else:
+        there = _shifted(rng, replace(here, off=float(rng.uniform(3.0, 13.0))), float(rng.uniform(0.0, 5.0)))
     if rng.random() < 0.3:
         there = replace(there, shape=_pick(rng, _SHAPES))
     if rng.random() < 0.25:
@@ -168,7 +185,12 @@ def _part(rng: np.random.Generator, here: Posture, base: Posture | None) -> Segm
 def _posture(rng: np.random.Generator, place: str) -> Posture:
     free = place in NEUTRAL
     off = 0.0 if free or rng.random() < 0.7 else float(rng.uniform(2.0, 4.0))
-    shift = (float(rng.normal(0, 3)), float(rng.normal(0, 3)), float(rng.normal(0, 2))) if free else (0.0, 0.0, 0.0)
+    shift = (0.0, 0.0, 0.0)
+    if free:
+        shift = float(rng.normal(0, 3)), float(rng.normal(0, 3)), float(rng.normal(0, 2))
+    elif rng.random() < _ASIDE:
+        x, y, z = rng.normal(0.0, (2.5, 2.5, 1.0)) * (rng.random(3) < 0.6)
+        shift = float(x), float(y), float(z)
     part = "palm" if free else _pick(rng, _PARTS)
     return Posture(_pick(rng, _SHAPES), place, part, _way(rng), _way(rng), off, shift)
 
@@ -176,7 +198,9 @@ def _posture(rng: np.random.Generator, place: str) -> Posture:
 def _movement(
     rng: np.random.Generator, here: Posture, base: Posture | None, table: dict[str, float], again: bool
 ) -> Segment:
-    """A movement from ``here``: to another place or posture, round, to and fro, within the hand, or with the base."""
+    """A movement from ``here``: to another place or posture, round, to and fro, far down, within the hand, or with the
+    base.
+    """
     kind = _pick(rng, _MOVEMENTS)
     if kind == "base" and base is None:
         kind = "move"
@@ -196,7 +220,13 @@ def _movement(
         there = here if rng.random() < 0.5 else _shifted(rng, here, float(rng.uniform(5.0, 12.0)))
         turns = float(_pick(rng, {2.0: 0.5, 3.0: 0.4, 4.0: 0.1}))
         return Segment("M", there, base, Path("zigzag", _way(rng), size=float(rng.uniform(1.0, 4.0)), turns=turns))
+    if kind == "slash":
+        far = rng.uniform(0.4, 1.0, 3) * (-1.0, -1.0, 0.3) * rng.uniform(10.0, 24.0)
+        x, y, z = np.array(here.shift) + far * (rng.choice((-1.0, 1.0)), 1.0, 1.0)
+        return Segment("M", replace(here, shift=(float(x), float(y), float(z)), palm=_way(rng)), base, _bow(rng))
     if kind == "base" and base is not None:
+        if rng.random() < 0.3:  # both hands turn over, one at the other
+            return Segment("M", replace(here, palm=_way(rng)), replace(base, palm=_way(rng)), times=times)
         # Both hands go together, or the base alone; it may turn over.
         moved = _shifted(rng, base, float(rng.uniform(3.0, 9.0)))
         if rng.random() < 0.25:

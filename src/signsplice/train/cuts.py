@@ -42,19 +42,23 @@ NOISE = (0.001, 0.006)
 """Least and most spread of a noisy capture: of the turns' columns, and of places in arm lengths."""
 BETWEEN = 0.25
 """Share of the words that are seen between two frames."""
+ASIDE = 0.5
+"""Share of the pairs that teach the time between two other frames than the truth's."""
 _IMPOSSIBLE = -1e4
-_TRUTH = ("pre", "post", "seconds", "known")
+_TRUTH = ("pre", "post", "leaving", "entering", "seconds", "known")
 
 
 @dataclass(frozen=True, eq=False)
 class Words:
     """A signer's words: courses, phases (T,) by number in ``PHASES``, and the truth of every pair (W, W, 3), -1 where
-    there is none.
+    there is none; ``asides`` (W, W, 3): other frames near it and the time between, the truth itself where none are
+    told.
     """
 
     courses: tuple[Course, ...]
     phases: tuple[NDArray[np.int64], ...]
     pairs: NDArray[np.int64]
+    asides: NDArray[np.int64]
 
 
 def read_words(path: Path) -> Words:
@@ -67,7 +71,8 @@ def read_words(path: Path) -> Words:
             own = rotation.to_6d(rotation.normalize(turns[first : first + n] / 32767.0))
             courses.append(Course(own, places[first : first + n], there))
             phases.append(phases_of(np.arange(n), tuple(told)))
-    return Words(tuple(courses), tuple(phases), pairs.astype(np.int64))
+        asides = stored.get("asides", pairs)
+    return Words(tuple(courses), tuple(phases), pairs.astype(np.int64), asides.astype(np.int64))
 
 
 def phases_of(at: NDArray[np.int64], events: Sequence[int]) -> NDArray[np.int64]:
@@ -82,8 +87,9 @@ def phases_of(at: NDArray[np.int64], events: Sequence[int]) -> NDArray[np.int64]
 @dataclass(frozen=True)
 class Cuts:
     """Draws side by side, W words each: tokens (G, W, T, N_WORD), mask (G, W, T) and phases (G, W, T); for every word
-    (row) before every other (column): the last frame kept ``pre`` and the first kept ``post`` (G, W, W), and the
-    transition's seconds (G, W, W); ``known`` (G, W, W) which of these pairs have a truth.
+    (row) before every other (column): the last frame kept ``pre`` and the first kept ``post`` (G, W, W); the two frames
+    ``leaving`` and ``entering`` (G, W, W), these or others near them, between which a transition takes ``seconds`` (G,
+    W, W); ``known`` (G, W, W) which of these pairs have a truth.
     """
 
     tokens: Tensor
@@ -91,6 +97,8 @@ class Cuts:
     phases: Tensor
     pre: Tensor
     post: Tensor
+    leaving: Tensor
+    entering: Tensor
     seconds: Tensor
     known: Tensor
     step: int = 0
@@ -143,14 +151,14 @@ class CutPairs:
         chosen = rng.choice(len(signer.courses), self.n_words, replace=False)
         late = np.zeros(self.n_words)
         words = []
-        aside = None
+        turned = None
         if not self.as_made and rng.random() < SET:
-            aside = rotation.to_matrix(rotation.exp(rng.normal(0.0, rng.uniform(0.0, SET_RAD), (len(ROLES), 3))))
+            turned = rotation.to_matrix(rotation.exp(rng.normal(0.0, rng.uniform(0.0, SET_RAD), (len(ROLES), 3))))
         for k, word in enumerate(chosen):
             course, phases = signer.courses[word], signer.phases[word]
-            if aside is not None:
+            if turned is not None:
                 course = Course(
-                    rotation.columns(rotation.matrix_from_6d(course.turns) @ aside), course.places, course.there
+                    rotation.columns(rotation.matrix_from_6d(course.turns) @ turned), course.places, course.there
                 )
             if not self.as_made:
                 if rng.random() < BETWEEN:
@@ -162,17 +170,30 @@ class CutPairs:
         # One hand leads in all of a signer's words: whether it is the left is told from all together.
         if features.busier_left(*(course for course, _ in words)):
             words = [(features.mirrored(course), phases) for course, phases in words]
-        truth = signer.pairs[np.ix_(chosen, chosen)]
+        rows = np.ix_(chosen, chosen)
+        truth = signer.pairs[rows]
+        # A cut a frame or two aside of the truth has another way to time.
+        timed = truth
+        if not self.as_made:
+            timed = np.where(rng.random(truth.shape[:2])[..., None] < ASIDE, signer.asides[rows], truth)
         known = truth[..., 2] >= 0
         lengths = np.array([min(len(course), features.WORD_FRAMES) for course, _ in words])
-        at = [np.rint(truth[..., 0] - late[:, None]), np.rint(truth[..., 1] - late)]
-        pre, post = np.clip(at[0], 0, lengths[:, None] - 1), np.clip(at[1], 0, lengths - 1)
+
+        def frames(told: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+            """Frames to leave and to enter at, of words that are seen late."""
+            left, entered = np.rint(told[..., 0] - late[:, None]), np.rint(told[..., 1] - late)
+            clipped = np.clip(left, 0, lengths[:, None] - 1), np.clip(entered, 0, lengths - 1)
+            return clipped[0].astype(np.int64), clipped[1].astype(np.int64)
+
+        (pre, post), (leaving, entering) = frames(truth), frames(timed)
         seen = [_seen(course, phases) for course, phases in words]
         return {
             "words": seen,
-            "pre": pre.astype(np.int64),
-            "post": post.astype(np.int64),
-            "seconds": (np.where(known, truth[..., 2] + 1, 1) / features.RATE).astype(np.float32),
+            "pre": pre,
+            "post": post,
+            "leaving": leaving,
+            "entering": entering,
+            "seconds": (np.where(known, timed[..., 2] + 1, 1) / features.RATE).astype(np.float32),
             "known": known,
         }
 
@@ -220,7 +241,7 @@ class CuttingTask(Task):
         group = torch.arange(groups, device=numbers.device)[:, None, None]
         word = torch.arange(words, device=numbers.device)
         seconds = self.network.seconds(
-            numbers[group, word[:, None], batch.pre], numbers[group, word[None], batch.post], leave, enter
+            numbers[group, word[:, None], batch.leaving], numbers[group, word[None], batch.entering], leave, enter
         )
         return left, entered, seconds.float(), phases
 

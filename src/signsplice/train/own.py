@@ -25,7 +25,7 @@ from signsplice.motion import features
 from signsplice.motion.features import N_FRAME
 from signsplice.splicing.bundle import write_bundle
 from signsplice.splicing.networks import SYSTEM
-from signsplice.train import checkpoint
+from signsplice.train import earlier as trained
 from signsplice.train import log as logs
 from signsplice.train.ahead import Data, ahead
 from signsplice.train.bridging import BridgeTask
@@ -47,8 +47,6 @@ _MEASURED = 8
 """Batches from which mean and spread of what a network sees are taken."""
 _GOES_ON = ("more", "corpus")
 """Scales that go on from an earlier training."""
-_TAUGHT = "taught.json"
-"""What a training was taught of a corpus of pairs, in its folder."""
 _LEAST_SPREAD = 0.1
 """What hardly varies in the signing that was learned from may vary much in a capture: it must not shout there."""
 
@@ -136,26 +134,28 @@ def make(
 ) -> None:
     """Train a network on folders of signing, or go on where an earlier call was, and write it into the bundle ``out``.
 
-    ``earlier``: folder of a training whose checkpoint gives the first weights. Raises ``InputError`` where that holds
-    none, or one of another network, and where the scale asks for one and there is none.
+    ``earlier``: folder of a training whose checkpoint gives the first weights, or a bundle that has them. Raises
+    ``InputError`` where that holds none, or those of another network, and where the scale asks for one and there is
+    none.
     """
     if earlier is None and own.scale in _GOES_ON:
         raise InputError(f"scale {own.scale} goes on from an earlier training: name its folder with --from")
     learned, held = split(*signing)
-    if earlier is not None:
-        own = replace(own, begins_with=checkpoint.read(earlier)["recipe"])
+    before = None if earlier is None else trained.found(earlier, own.network, FILES[own.network])
+    if before is not None:
+        own = replace(own, begins_with=before.recipe)
     recipe = _recipe(own, learned)
     folder = out.parent / "parts" / f"{own.network}-{own.scale}-seed{own.seed}-{recipe}"
-    taught = _taught(learned, earlier)
+    taught = _taught(learned, before)
     folder.mkdir(parents=True, exist_ok=True)
     if taught is not None:
-        (folder / _TAUGHT).write_text(json.dumps(taught) + "\n")
+        (folder / trained.TAUGHT).write_text(json.dumps(taught) + "\n")
     course = own.course
     data, valid = _data(own, learned, None), _data(own, held, course.n_judged)
     torch.manual_seed(own.seed)
     task = build(own, data)
-    if earlier is not None:
-        checkpoint.begin(earlier, task)
+    if before is not None:
+        before.begin(task)
     loop = Loop(
         own.n_steps, course.batch, "adamw", course.rate, own.seed, max(1, own.n_steps // 40), course.n_judged,
         bf16=processes.device.type == "cuda",
@@ -286,13 +286,13 @@ def _facts(
     }
 
 
-def _taught(paths: Sequence[Path], earlier: Path | None) -> dict[str, str] | None:
+def _taught(paths: Sequence[Path], before: trained.Earlier | None) -> dict[str, str] | None:
     """Which corpus of pairs, and which split of it, is among parts of signing, or taught the earlier training; None
     where there is none. Raises ``InputError`` for two.
     """
     found = set()
-    if earlier is not None and (earlier / _TAUGHT).exists():
-        found.add(tuple(json.loads((earlier / _TAUGHT).read_text()).values()))
+    if before is not None and before.taught is not None:
+        found.add(tuple(before.taught.values()))
     for path in paths:
         with np.load(path) as stored:
             if "corpus" in stored:

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from signsplice.errors import InputError
 from signsplice.lexicon.reader import open_lexicon
@@ -30,12 +29,11 @@ from signsplice.splicing.networks import LearnedTransition, open_graphs
 from signsplice.splicing.transition import find_transition
 from signsplice.train.ahead import ahead
 from signsplice.train.bridging import BridgeTask
-from signsplice.train.export import TRANSPOSED
+from signsplice.train.earlier import load
 from signsplice.train.loop import Loop, Tell, train
 from signsplice.train.networks.bridge import Bridge, BridgeConfig
 from signsplice.train.own import FILES, graphs
 from signsplice.train.processes import Processes, only_one
-from signsplice.train.quantizing import weights_of
 from signsplice.train.run import check_bundle_folder
 from signsplice.train.windows import Part, Windows, part_of
 
@@ -176,14 +174,7 @@ def begun(facts: Mapping[str, Any], content: bytes, folder: Path) -> Bridge:
     if "config" not in told:
         raise InputError(f"{folder / HEAD}: says no sizes of its transition network, so that it cannot be trained on")
     network = Bridge(BridgeConfig(**told["config"]))
-    stored: dict[str, Tensor] = {}
-    for name, values in weights_of(content).items():
-        tensor = torch.from_numpy(np.array(values))
-        stored[name.removesuffix(TRANSPOSED)] = tensor.T if name.endswith(TRANSPOSED) else tensor
-    missing = [name for name in network.state_dict() if name not in stored]
-    if missing:
-        raise InputError(f"{folder / _FILE}: holds no weights named {missing[0]}, so that it cannot be trained on")
-    network.load_state_dict({name: stored[name] for name in network.state_dict()})
+    load(network, [content], folder / _FILE)
     return network
 
 

@@ -22,7 +22,7 @@ from torch.nn.utils.rnn import pad_sequence
 
 from signsplice.errors import InputError
 from signsplice.motion import features, rotation
-from signsplice.motion.canonical import MIRROR, ROLES
+from signsplice.motion.canonical import MIRROR, ROLES, signing
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.splicing.transition import find_transition
 from signsplice.synth.rng import stream
@@ -232,7 +232,7 @@ class Windows:
         clip = Clip(part.skeleton, local, np.zeros((len(turns), 3)), features.RATE)
         before, after = clip[:start], clip[start + n_gap :]
         base = _BASE.between(before, after, n_gap)
-        seen = features.seam_window(concatenate([before, base, after]), start, n_gap)
+        seen = features.seam_window(signing(concatenate([before, base, after])), start, n_gap)
         whole = np.tile(rotation.IDENTITY, (n_gap, len(ROLES), 1))
         whole[:, part.roles] = base.local_rotations[:, 1:]
         pair = [whole, turns[start : start + n_gap]]
