@@ -1,10 +1,14 @@
 """Scores against values worked out by hand."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
+from signing import word
 from signsplice.motion import measures
-from signsplice.motion.clip import Clip
+from signsplice.motion.clip import Clip, concatenate
+from signsplice.splicing.transition import find_transition
 
 
 def points(x: list[float]) -> measures.Float:
@@ -49,3 +53,16 @@ def test_position_error_and_motion_ratio_of_known_clips(words: dict[str, Clip]) 
     apart = measures.relative_positions(still, joints) - measures.relative_positions(clip, joints)
     wanted = 1000.0 * np.sqrt((apart**2).sum(-1)).mean() / 55.0  # the signer's arm is 29.5 + 25.5 cm
     assert measures.position_error(still, clip) == pytest.approx(wanted)
+
+
+def test_frames_that_a_program_drew_between_keys_turn_evenly() -> None:
+    signed = word("MOTHER").clip
+    keys = [signed[k : k + 1] for k in range(20, len(signed) - 10, 12)]
+    drawn = find_transition("slerp")
+    parts = [part for a, b in pairwise(keys) for part in (a, drawn.between(a, b, 11))]
+    evenly = measures.evenly_turning(concatenate(parts))
+    at_keys = np.arange(len(evenly)) % 12 == 11
+    assert (evenly[~at_keys & ~np.isnan(evenly)] == 1.0).all()
+    assert (evenly[at_keys & ~np.isnan(evenly)] == 0.0).all()
+    assert np.nanmean(measures.evenly_turning(signed)) < 0.1, "a signer's own speed changes all the time"
+    assert np.isnan(measures.evenly_turning(concatenate([signed[:1]] * 5))).all(), "who stands still turns nothing"

@@ -61,7 +61,8 @@ def test_every_rig_hand_and_rate_is_cut_alike() -> None:
 
 
 def test_where_a_word_is_left_depends_on_the_next() -> None:
-    seen, other = CUTTER.choices(P, Q), CUTTER.choices(P, word("SEE").clip)
+    pairs = ((P, Q), (P, word("SEE").clip))
+    seen, other = (CUTTER.choices(*CUTTER.reader.pair(*pair)) for pair in pairs)
     assert seen.scores.shape == (len(P), len(Q))
     assert np.exp(seen.scores).sum() == pytest.approx(1.0), "log-probabilities of both frames"
     leaving, instead = (np.exp(c.scores).sum(axis=1) for c in (seen, other))

@@ -57,18 +57,21 @@ class Rig:
     """How a skeleton carries the roles.
 
     joints (R,): joint of every role, -1 where there is none. above (R,): row of the nearest role above it, -1 where
-    the hips are. common (J, 4): rotations of the common pose. ways: for every role that is there, the joints whose
-    local rotations lead from the joint above it to its own, with True where the way goes up. into (K, 4, 4): what makes
-    the canonical turns of those K roles of such rotations, as matrices on quaternions. arms: joints of ``TIPS`` (the
-    wrist's where a finger is missing) and, last, both shoulders. origin: the nearest joint above all of them and
-    ``chest``, in whose axes, those of the trunk, places are told. arm_length: shoulder to wrist, clip units.
+    the hips are. common (J, 4): rotations of the common pose. last (K,): of the K roles that are there, the joint whose
+    local rotation leads to it; ways: of those that more than one leads to from the joint above, by row of ``last``,
+    all, with True where the way goes up. into (K, 4, 4): what makes the canonical turns of such rotations, as matrices
+    on quaternions. back (K, 3, 3): what brings a vector in canonical axes into those of its joint. arms: joints of
+    ``TIPS`` (the wrist's where a finger is missing) and, last, both shoulders. origin: the nearest joint above all of
+    them and ``chest``, in whose axes, those of the trunk, places are told. arm_length: shoulder to wrist, clip units.
     """
 
     joints: NDArray[np.intp]
     above: NDArray[np.intp]
     common: Float
-    ways: tuple[tuple[tuple[int, bool], ...], ...]
+    last: NDArray[np.intp]
+    ways: dict[int, tuple[tuple[int, bool], ...]]
     into: Float
+    back: Float
     arms: tuple[int, ...]
     chest: int
     origin: int
@@ -108,13 +111,16 @@ def _rig(skeleton: Skeleton) -> Rig:
     tips = np.array([roles.get(role, -1) for role in TIPS])
     tips = np.where(tips >= 0, tips, np.repeat(tips[[0, len(TIPS) // 2]], len(TIPS) // 2))
     arms = (*tips.tolist(), int(joints[LEFT.start + 1]), int(joints[RIGHT.start + 1]))
+    ways = [_way(skeleton, int(a), int(b)) for a, b in zip(over, own, strict=True)]
     shoulder = LEFT.start if joints[LEFT.start] >= 0 else LEFT.start + 1
     chest = int(joints[above[shoulder]]) if above[shoulder] >= 0 else hips
     return Rig(
         joints=joints,
         above=above,
         common=common,
-        ways=tuple(_way(skeleton, int(a), int(b)) for a, b in zip(over, own, strict=True)),
+        last=np.array([way[-1][0] if way else 0 for way in ways]),
+        ways={k: way for k, way in enumerate(ways) if len(way) != 1 or way[0][1]},
+        back=rotation.to_matrix(rotation.inverse(common[own])),
         into=_on_quaternions(common[over], rotation.inverse(common[own])),
         arms=arms,
         chest=chest,
@@ -163,19 +169,22 @@ def signing(clip: Clip) -> Signing:
     """The signing body of a clip. Raises ``InputError`` where its arms are not known by name."""
     known = rig(clip.skeleton)
     # A = C_above G_above^-1 G C^-1: of the rotations between the two joints alone, no kinematics.
-    local = clip.local_rotations
-    between = local[:, [way[-1][0] if way else 0 for way in known.ways]]
-    for k, way in enumerate(known.ways):
-        if len(way) != 1 or way[0][1]:
-            between[:, k] = _along(local, way)
-    turns = np.empty((len(clip), len(ROLES), 4))
-    turns[:] = rotation.IDENTITY
-    turns[:, known.there] = (known.into @ between.transpose(1, 2, 0)).transpose(2, 0, 1)
+    # Frames last, so that every product is of long rows.
+    local = clip.local_rotations.transpose(1, 2, 0)
+    between = local[known.last]
+    for k, way in known.ways.items():
+        between[k] = _along(clip.local_rotations, way).T
+    turns = known.into @ between
+    if not known.there.all():
+        whole = np.empty((len(ROLES), *turns.shape[1:]))
+        whole[:] = rotation.IDENTITY[:, None]
+        whole[known.there] = turns
+        turns = whole
     globals_, positions = kinematics.forward(clip, [known.chest, *known.arms], known.origin)
     middle = positions[:, -2:].mean(axis=1)
     trunk = globals_[:, 0] @ rotation.to_matrix(rotation.inverse(known.common[known.chest]))
     places = (positions[:, 1:-2] - middle[:, None]) @ trunk / known.arm_length
-    return Signing(turns, places, known.there, clip.fps)
+    return Signing(turns.transpose(2, 0, 1), places, known.there, clip.fps)
 
 
 def signings(clips: Sequence[Clip]) -> list[Signing]:
@@ -200,9 +209,8 @@ def turned(skeleton: Skeleton, local_rotations: Float, deltas: Float) -> Float:
     axes; others stay. Roles that the rig lacks are passed over.
     """
     known = rig(skeleton)
-    rows = np.flatnonzero(known.there)
-    joints = known.joints[rows]
-    own = rotation.rotate(rotation.inverse(known.common[joints]), deltas[:, rows])
+    joints = known.joints[known.there]
+    own = np.einsum("kab,nkb->nka", known.back, deltas[:, known.there])
     out = np.array(local_rotations, dtype=np.float64)
     out[:, joints] = rotation.multiply(out[:, joints], rotation.exp(own))
     return out

@@ -74,8 +74,8 @@ def course(signing: Signing, times: Float | None = None) -> Course:
 
 def busier_left(*courses: Course) -> bool:
     """Whether the left wrist goes a longer way than the right one, over all courses together."""
-    left, right = np.sum([course.ways for course in courses], axis=0)
-    return bool(left > right)
+    left, right = (sum(float(course.ways[side]) for course in courses) for side in (0, 1))
+    return left > right
 
 
 def mirrored(one: Course) -> Course:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion import kinematics, stance
+from signsplice.motion import kinematics, rotation, stance
 from signsplice.motion.clip import Clip
 from signsplice.motion.humanoid import find_roles
 
@@ -53,6 +53,28 @@ def position_error(predicted: Clip, true: Clip) -> float:
     joints = arm_and_finger_joints(true)
     difference = relative_positions(predicted, joints) - relative_positions(true, joints)
     return float(1000.0 * np.linalg.norm(difference, axis=-1).mean() / stance.sizes(true.skeleton).arm_length)
+
+
+EVENLY = 0.02
+"""Change of a joint's turn from one frame to the next, as a share of the quickest joint's, up to which it turns on
+evenly."""
+_MOVING_RAD = 0.005
+"""Turn of the quickest joint in a frame (0.3 degrees) from which on a body moves."""
+
+
+def evenly_turning(clip: Clip) -> Float:
+    """For every frame but the first and the last (T - 2,): 1 where every arm and finger joint turns on just as it
+    turned before, 0 where one does not, NaN where none moves.
+
+    People never move so; a program that draws the frames between keys does (slerp), and so does filling of gaps in a
+    capture. What hides such frames measures how near a method is to that program.
+    """
+    q = clip.local_rotations[:, arm_and_finger_joints(clip)]
+    steps = rotation.difference(q[:-1], q[1:])
+    quickest = np.linalg.norm(steps, axis=-1).max(axis=1)
+    speed = np.maximum(quickest[:-1], quickest[1:])
+    change = np.linalg.norm(np.diff(steps, axis=0), axis=-1).max(axis=1)
+    return np.where(speed > _MOVING_RAD, change < EVENLY * speed, np.nan)
 
 
 def motion_ratio(predicted: Clip, true: Clip) -> float:

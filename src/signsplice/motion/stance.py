@@ -159,8 +159,14 @@ def _stand(clip: Clip) -> Stand:
     up = _up_axis(at, root)
     forward = _forward(at, up)
     feet = [at[role] for role in ("leftFoot", "rightFoot") if role in at]
-    place = np.median(np.mean(feet, axis=0) if feet else root, axis=0)
+    place = _median(np.sum(feet, axis=0) / len(feet) if feet else root)
     return Stand(place, up, forward)
+
+
+def _median(rows: Float) -> Float:
+    """The median (3,) of rows (T, 3); at once, where numpy's own looks around first."""
+    ordered, half = np.sort(rows, axis=0), len(rows) // 2
+    return np.asarray(ordered[half] if len(rows) % 2 else 0.5 * (ordered[half - 1] + ordered[half]))
 
 
 _BODY = (

@@ -59,13 +59,22 @@ def cleared(filled: Clip, before: Clip, after: Clip) -> Cleared:
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """What is seen of a window: its body's capsules, and the way ahead of the chest (T, 3)."""
+    """What is seen of a window: where its joints are (T, J, 3), and its body's capsules."""
 
+    skeleton: Skeleton
+    places: Float
     capsules: contact.Capsules
-    ahead: Float
 
     def __getitem__(self, frames: slice) -> _Look:
-        return _Look(self.capsules[frames], self.ahead[frames])
+        return _Look(self.skeleton, self.places[frames], self.capsules[frames])
+
+    @property
+    def ahead(self) -> Float:
+        """The way ahead of the chest (T, 3): at right angles to the shoulders and the trunk."""
+        known = arm_joints(self.skeleton)
+        left, right, hips = (self.places[:, known[k]] for k in (0, 3, 6))
+        ahead = rotation.cross(left - right, left + right - 2.0 * hips)
+        return np.asarray(ahead / (np.linalg.norm(ahead, axis=-1, keepdims=True) + 1e-12))
 
 
 def _window(filled: Clip, before: Clip, after: Clip) -> Clip:
@@ -74,7 +83,7 @@ def _window(filled: Clip, before: Clip, after: Clip) -> Clip:
 
 def _look(window: Clip) -> _Look:
     turns, places = kinematics.forward(window)
-    return _Look(contact.capsules(window.skeleton, turns, places), _ahead(window.skeleton, places))
+    return _Look(window.skeleton, places, contact.capsules(window.skeleton, turns, places))
 
 
 def _led(filled: Clip, before: Clip, after: Clip, seen: _Look) -> Cleared:
@@ -118,7 +127,7 @@ def _way_around(seen: _Look, near: contact.Near, metres: float) -> Float:
     """Moves (n, 2, 3) of the hands, were arms long enough, that lead the frames between around what they lie in;
     ``near``: what lies within ``_SLACK_M`` of them.
     """
-    n_between = len(seen.ahead) - 2
+    n_between, ahead = len(seen.places) - 2, seen.ahead
     level, kernel = clearance.faded(n_between)[:, None, None], _kernel(n_between)
     moves, slack = np.zeros((n_between + 2, 2, 3)), _SLACK_M / metres
     for _ in range(_ROUNDS):
@@ -130,7 +139,7 @@ def _way_around(seen: _Look, near: contact.Near, metres: float) -> Float:
         over = _over(depth * metres) / metres
         if over.max() <= 0.0:
             break
-        push = _pushes(over + 0.3 * TOLERANCE_M / metres, way[1:-1], seen.ahead[1:-1])
+        push = _pushes(over + 0.3 * TOLERANCE_M / metres, way[1:-1], ahead[1:-1])
         moves[1:-1] += clearance.spread(push, kernel) * level
     return moves[1:-1]
 
@@ -146,15 +155,6 @@ def depths(filled: Clip, before: Clip, after: Clip) -> Float:
 def _worst(depth: Float) -> float:
     """The deepest of the frames between, m, beyond what both ends call for, from depths (n + 2, 2), m."""
     return float(_deep(_over(depth).max()))
-
-
-def _ahead(skeleton: Skeleton, places: Float) -> Float:
-    """The way ahead of the chest (T, 3): at right angles to the shoulders and the trunk."""
-    known = arm_joints(skeleton)
-    across = places[:, known[0]] - places[:, known[3]]
-    trunk = places[:, known[0]] + places[:, known[3]] - 2.0 * places[:, known[6]]
-    ahead = rotation.cross(across, trunk)
-    return np.asarray(ahead / (np.linalg.norm(ahead, axis=-1, keepdims=True) + 1e-12))
 
 
 def _over(depth: Float) -> Float:

@@ -30,7 +30,8 @@ SIGNATURE = f"hidden-frames|context:{CONTEXT}|stride:{STRIDE}|{measures.POSITION
 class HiddenFrames:
     """One transition on gaps of one length, means over ``n_gaps``; velocity jumps (m/s) are medians, ``true_`` of the
     real motion. deep: share of the gaps in which a hand lies deep in the body beyond what both ends call for, deepest:
-    how deep, m; NaN where the rig's arms are not known.
+    how deep, m; NaN where the rig's arms are not known. drawn: share of the gaps whose hidden frames turn evenly for
+    the most part (``measures.evenly_turning``): nobody moved so, a program drew them between keys.
     """
 
     transition: str
@@ -42,6 +43,7 @@ class HiddenFrames:
     true_velocity_jump: float
     deep: float
     deepest: float
+    drawn: float
 
 
 def hidden_frames(
@@ -70,6 +72,7 @@ def hidden_frames(
                 f"no clip has {n_frames + 2 * CONTEXT} frames, as a gap of {n_frames} with its context needs"
             )
         true_jumps = [_jump(window, n_frames) for window in windows]
+        drawn = float(np.mean([_drawn(window) for window in windows]))
         for transition in transitions:
             scores = [_score(window, transition, n_frames) for window in windows]
             error, ratio, _, _ = np.nanmean(scores, axis=0)
@@ -85,6 +88,7 @@ def hidden_frames(
                     float(np.median(true_jumps)),
                     float(np.mean(depth > DEEP_M)) if np.isfinite(depth).all() else float("nan"),
                     float(depth.max()),
+                    drawn,
                 )
             )
             done += 1
@@ -114,7 +118,18 @@ def table(rows: Sequence[HiddenFrames]) -> list[str]:
             true = [f"{found[names[0], n].true_velocity_jump:.2f}" for n in lengths]
             lines.append("| " + " | ".join(["real motion", *true]) + " |")
     gaps = ", ".join(f"{found[names[0], n].n_gaps} of {n}" for n in lengths)
-    return [*lines, "", f"Gaps: {gaps} frames."]
+    lines += ["", f"Gaps: {gaps} frames."]
+    drawn = [found[names[0], n].drawn for n in lengths]
+    if max(drawn) > 0.0:
+        told = ", ".join(f"{100.0 * share:.0f} % of {n}" for share, n in zip(drawn, lengths, strict=True))
+        lines += ["", f"Drawn evenly between keys by a program, not captured, for the most part: {told} frames."]
+    return lines
+
+
+def _drawn(window: Clip) -> bool:
+    """Whether most of the hidden frames turn evenly."""
+    evenly = measures.evenly_turning(window[CONTEXT - 1 : 1 - CONTEXT])
+    return bool(np.nansum(evenly) > 0.5 * len(evenly))
 
 
 def _score(window: Clip, transition: Transition, n_frames: int) -> tuple[float, float, float, float]:

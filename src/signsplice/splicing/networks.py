@@ -146,9 +146,8 @@ class LearnedCutter:
             "movements stay whole" if whole else "signs are shortened as in running signing"
         )
 
-    def choices(self, before: Clip, after: Clip) -> Choices:
+    def choices(self, p: Reading, q: Reading) -> Choices:
         """Log-probabilities of leaving the one at a frame and entering the other at another, both at 30 a second."""
-        p, q = self.reader.pair(before, after)
         given = {"before": p.states, "leave": p.leave, "after": q.states, "enter": q.enter}
         said = self.reader.graphs.run("cut", given)
         left, entered = (log_softmax(said[name][0].astype(np.float64)) for name in ("left", "entered"))
@@ -162,18 +161,20 @@ class LearnedCutter:
         """The splice positions of a sentence, chosen together (``joint``)."""
         self.reader.look(*clips)
         pairs = list(pairwise(clips))
-        chosen = best([self.choices(before, after) for before, after in pairs])
+        read = [self.reader.pair(*pair) for pair in pairs]
+        chosen = best([self.choices(*words) for words in read])
         if self.whole:
-            chosen = [self._around(cut, *pair) for cut, pair in zip(chosen, pairs, strict=True)]
+            chosen = [_around(cut, *words) for cut, words in zip(chosen, read, strict=True)]
         return [Cut(_frame(pre, p), _frame(post, q)) for (pre, post), (p, q) in zip(chosen, pairs, strict=True)]
 
-    def _around(self, cut: tuple[int, int], before: Clip, after: Clip) -> tuple[int, int]:
-        """A choice that leaves both words' movements whole."""
-        (pre, post), (p, q) = cut, self.reader.pair(before, after)
-        return (
-            pre if p.stroke is None else max(pre, p.first + p.stroke[1]),
-            post if q.stroke is None else min(post, q.stroke[0]),
-        )
+
+def _around(cut: tuple[int, int], p: Reading, q: Reading) -> tuple[int, int]:
+    """A choice that leaves both words' movements whole."""
+    pre, post = cut
+    return (
+        pre if p.stroke is None else max(pre, p.first + p.stroke[1]),
+        post if q.stroke is None else min(post, q.stroke[0]),
+    )
 
 
 def _frame(at: int, clip: Clip) -> int:
