@@ -11,6 +11,7 @@ from clothes import in_other_clothes, mirror, with_rest_pose
 from signing import word
 from signsplice.errors import InputError
 from signsplice.motion import canonical, kinematics, rotation
+from signsplice.motion.arms import active_span, arms
 from signsplice.motion.canonical import LEFT, RIGHT, ROLES, TIPS, signing, turned
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.motion.common_pose import common_rotations
@@ -60,7 +61,8 @@ def test_turns_and_places_are_those_of_the_whole_kinematics() -> None:
             np.testing.assert_allclose(rotation.to_matrix(seen.turns[:, row]), expected, atol=1e-9)
         shoulders = places[:, [find_roles(skeleton).joints[f"{side}UpperArm"] for side in ("left", "right")]]
         way = places[:, list(known.arms[:-2])] - shoulders.mean(axis=1)[:, None]
-        np.testing.assert_allclose(seen.places, way @ carried[:, known.chest] / known.arm_length, atol=1e-9)
+        expected = way @ carried[:, known.chest] / known.arm_length
+        np.testing.assert_allclose(np.concatenate([seen.places, seen.elbows], axis=1), expected, atol=1e-9)
 
 
 def with_a_joint_between(clip: Clip) -> Clip:
@@ -130,3 +132,13 @@ def test_a_rig_without_fingers_or_arms() -> None:
         signing(
             Clip(Skeleton(("a",), np.array([-1]), np.zeros((1, 3))), np.array([[[0, 0, 0, 1.0]]]), np.zeros((1, 3)), 1)
         )
+
+
+def test_arms_are_away_from_rest_when_the_world_says_so() -> None:
+    for gloss in ("MOTHER", "BOOK", "SEE"):
+        clip = word(gloss).clip
+        told, seen = active_span(arms(clip)), signing(clip).active
+        assert np.abs(np.subtract(told, seen)).max() <= 1, "up is the trunk's and not the world's"
+        assert signing(mirror(clip)).active == seen
+        up = clip[seen[0] + 6 : seen[1] - 6]
+        assert signing(up).active == (0, len(up)), "where nobody rests, all of it"

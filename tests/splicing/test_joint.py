@@ -10,13 +10,18 @@ import pytest
 from signsplice.splicing.joint import Choices, best
 
 
-def drawn(seed: int, sizes: list[tuple[int, int, int]]) -> list[Choices]:
+def drawn(seed: int, sizes: list[tuple[int, ...]]) -> list[Choices]:
     rng = np.random.default_rng(seed)
-    return [Choices(rng.normal(size=(rows, columns)), first) for rows, columns, first in sizes]
+    return [Choices(rng.normal(size=(rows, columns)), *firsts) for rows, columns, *firsts in sizes]
 
 
 def total(seams: list[Choices], chosen: list[tuple[int, int]]) -> float:
-    return float(sum(s.scores[left - s.first, entered] for s, (left, entered) in zip(seams, chosen, strict=True)))
+    return float(
+        sum(
+            s.scores[left - s.leaves_from, entered - s.enters_from]
+            for s, (left, entered) in zip(seams, chosen, strict=True)
+        )
+    )
 
 
 def tried(seams: list[Choices], least: int) -> float:
@@ -24,7 +29,9 @@ def tried(seams: list[Choices], least: int) -> float:
     ways = [list(np.ndindex(*seam.scores.shape)) for seam in seams]
     sums = []
     for way in itertools.product(*ways):
-        chosen = [(seam.first + row, column) for seam, (row, column) in zip(seams, way, strict=True)]
+        chosen = [
+            (seam.leaves_from + row, seam.enters_from + column) for seam, (row, column) in zip(seams, way, strict=True)
+        ]
         if all(after[0] - before[1] >= least for before, after in itertools.pairwise(chosen)):
             sums.append(total(seams, chosen))
     return max(sums)
@@ -33,7 +40,7 @@ def tried(seams: list[Choices], least: int) -> float:
 @pytest.mark.parametrize("least", [0, 1, 3])
 @pytest.mark.parametrize("seed", range(8))
 def test_it_is_the_best_of_all(seed: int, least: int) -> None:
-    seams = drawn(seed, [(3, 4, 5), (6, 3, 0), (5, 4, 1)])
+    seams = drawn(seed, [(3, 4, 5), (6, 3, 0, 2), (5, 4, 1, 3)])
     chosen = best(seams, least)
     assert all(after[0] - before[1] >= least for before, after in itertools.pairwise(chosen))
     assert total(seams, chosen) == pytest.approx(tried(seams, least))

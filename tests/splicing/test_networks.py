@@ -20,6 +20,7 @@ from clothes import in_other_clothes, mirror
 from signing import word
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.canonical import signing
 from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.graphs import Array, Graphs
@@ -63,12 +64,14 @@ def test_every_rig_hand_and_rate_is_cut_alike() -> None:
 def test_where_a_word_is_left_depends_on_the_next() -> None:
     pairs = ((P, Q), (P, word("SEE").clip))
     seen, other = (CUTTER.choices(*CUTTER.reader.pair(*pair)) for pair in pairs)
-    assert seen.scores.shape == (len(P), len(Q))
+    (start, stop), (begin, end) = (signing(clip).active for clip in (P, Q))
+    assert seen.scores.shape == (stop - start, end - begin), "while the arms are away from rest"
+    assert (seen.leaves_from, seen.enters_from) == (start, begin)
     assert np.exp(seen.scores).sum() == pytest.approx(1.0), "log-probabilities of both frames"
     leaving, instead = (np.exp(c.scores).sum(axis=1) for c in (seen, other))
     assert np.abs(leaving - instead).max() > 1e-7
     best = CUTTER.cut(P, Q)
-    assert seen.scores[best.pre - seen.first, best.post] == seen.scores.max()
+    assert seen.scores[best.pre - start, best.post - begin] == seen.scores.max()
 
 
 def test_long_words_are_read_at_their_inner_ends() -> None:
@@ -79,6 +82,25 @@ def test_long_words_are_read_at_their_inner_ends() -> None:
     assert CUTTER.cut(long, Q).pre >= len(long) - 150
     assert CUTTER.cut(Q, long).post < 150
     assert DURATION.seconds(long, long, Cut(len(long) - 1, 0)) > 0.0
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_however_long_it_rests_a_word_is_left_and_entered_alike(whole: bool) -> None:
+    """Whoever stands still for ten seconds before and after a sign is not shown standing still in a sentence."""
+    cutter = LearnedCutter(READER, whole)
+    still = 24
+    (p0, p1), (q0, q1) = (signing(clip).active for clip in (P, Q))
+    rests = [concatenate([clip[:1]] * (300 - start)) for clip, start in ((P, p0), (Q, q0))]
+    tails = [concatenate([clip[-1:]] * (300 - len(clip) + stop)) for clip, stop in ((P, p1), (Q, q1))]
+    one, other = (concatenate([rest, clip, tail]) for rest, clip, tail in zip(rests, (P, Q), tails, strict=True))
+    cut = cutter.cut(one, other)
+    assert 300 <= cut.pre < 300 + p1 - p0, "while the arms are away from rest"
+    assert 300 <= cut.post < 300 + q1 - q0
+    longer = [concatenate([clip[:1], clip, clip[-1:]]) for clip in (one, other)]
+    again = cutter.cut(*longer)
+    assert (again.pre, again.post) == (cut.pre + 1, cut.post + 1)
+    reading, _ = READER.pair(one, other)
+    assert len(reading.numbers) <= p1 - p0 + 2 * still + 1
 
 
 def test_a_word_is_read_once_for_all_its_seams() -> None:

@@ -115,9 +115,14 @@ def active_span(arms: Arms) -> tuple[int, int]:
     A clip rests at an end where both wrists are below their elbows there. From it, the span begins with the first frame
     (ends with the last) at which the higher hand has risen 40 % of the way from rest to the highest it comes.
     """
-    reach = arms.lift.max(axis=1)
+    return between_rests(arms.lift, (arms.elbows - arms.shoulders) @ arms.up / arms.length + 1.0)
+
+
+def between_rests(wrists: Float, elbows: Float) -> tuple[int, int]:
+    """``active_span`` by the heights (T, 2) of both wrists and elbows, arm lengths."""
+    reach = wrists.max(axis=1)
     peak = float(reach.max())
-    below = np.all((arms.wrists - arms.elbows) @ arms.up < 0.0, axis=1)
+    below = np.all(wrists < elbows, axis=1)
     start, stop = 0, len(reach)
     if below[0] and peak - reach[0] > _STILL_LIFT:
         start = int(np.argmax(reach >= reach[0] + _RAISED_SHARE * (peak - reach[0])))

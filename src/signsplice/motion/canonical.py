@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import kinematics, rotation, stance
-from signsplice.motion.arms import arm_joints
+from signsplice.motion.arms import arm_joints, between_rests
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.motion.common_pose import common_positions, common_rotations
 from signsplice.motion.humanoid import find_roles
@@ -61,8 +61,9 @@ class Rig:
     local rotation leads to it; ways: of those that more than one leads to from the joint above, by row of ``last``,
     all, with True where the way goes up. into (K, 4, 4): what makes the canonical turns of such rotations, as matrices
     on quaternions. back (K, 3, 3): what brings a vector in canonical axes into those of its joint. arms: joints of
-    ``TIPS`` (the wrist's where a finger is missing) and, last, both shoulders. origin: the nearest joint above all of
-    them and ``chest``, in whose axes, those of the trunk, places are told. arm_length: shoulder to wrist, clip units.
+    ``TIPS`` (the wrist's where a finger is missing), both elbows and, last, both shoulders. origin: the nearest joint
+    above all of them and ``chest``, in whose axes, those of the trunk, places are told. arm_length: shoulder to wrist,
+    clip units.
     """
 
     joints: NDArray[np.intp]
@@ -110,7 +111,7 @@ def _rig(skeleton: Skeleton) -> Rig:
     own, over = joints[joints >= 0], np.where(above >= 0, joints[above], hips)[joints >= 0]
     tips = np.array([roles.get(role, -1) for role in TIPS])
     tips = np.where(tips >= 0, tips, np.repeat(tips[[0, len(TIPS) // 2]], len(TIPS) // 2))
-    arms = (*tips.tolist(), int(joints[LEFT.start + 1]), int(joints[RIGHT.start + 1]))
+    arms = (*tips.tolist(), *(int(joints[side.start + k]) for k in (2, 1) for side in (LEFT, RIGHT)))
     ways = [_way(skeleton, int(a), int(b)) for a, b in zip(over, own, strict=True)]
     shoulder = LEFT.start if joints[LEFT.start] >= 0 else LEFT.start + 1
     chest = int(joints[above[shoulder]]) if above[shoulder] >= 0 else hips
@@ -148,11 +149,13 @@ class Signing:
 
     turns (T, R, 4): canonical turns A, quaternions; identity where the rig has no such joint. places (T, 12, 3): the
     joints of ``TIPS`` from the middle between the shoulders, in the axes of the trunk (left +X, up +Y, forward +Z), in
-    arm lengths; the wrist's where a finger is missing. there (R,): roles that the rig has.
+    arm lengths; the wrist's where a finger is missing. elbows (T, 2, 3): theirs, likewise. there (R,): roles that the
+    rig has.
     """
 
     turns: Float
     places: Float
+    elbows: Float
     there: NDArray[np.bool_]
     fps: float
 
@@ -162,7 +165,12 @@ class Signing:
         half = len(TIPS) // 2
         turns = self.turns[:, MIRROR] * np.array([1.0, -1.0, -1.0, 1.0])
         places = np.concatenate([self.places[:, half:], self.places[:, :half]], axis=1) * flip
-        return Signing(turns, places, self.there[MIRROR], self.fps)
+        return Signing(turns, places, self.elbows[:, ::-1] * flip, self.there[MIRROR], self.fps)
+
+    @property
+    def active(self) -> tuple[int, int]:
+        """Frames [start, stop) in which the arms are away from rest: ``arms.active_span``, seen from the trunk."""
+        return between_rests(self.places[:, :: len(TIPS) // 2, 1], self.elbows[..., 1])
 
 
 def signing(clip: Clip) -> Signing:
@@ -184,7 +192,7 @@ def signing(clip: Clip) -> Signing:
     middle = positions[:, -2:].mean(axis=1)
     trunk = globals_[:, 0] @ rotation.to_matrix(rotation.inverse(known.common[known.chest]))
     places = (positions[:, 1:-2] - middle[:, None]) @ trunk / known.arm_length
-    return Signing(turns.transpose(2, 0, 1), places, known.there, clip.fps)
+    return Signing(turns.transpose(2, 0, 1), places[:, : len(TIPS)], places[:, len(TIPS) :], known.there, clip.fps)
 
 
 def signings(clips: Sequence[Clip]) -> list[Signing]:
@@ -192,7 +200,7 @@ def signings(clips: Sequence[Clip]) -> list[Signing]:
     together, at, out = signing(concatenate(clips)), 0, []
     for clip in clips:
         own = slice(at, at := at + len(clip))
-        out.append(Signing(together.turns[own], together.places[own], together.there, clip.fps))
+        out.append(Signing(together.turns[own], together.places[own], together.elbows[own], together.there, clip.fps))
     return out
 
 

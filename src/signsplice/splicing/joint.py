@@ -21,31 +21,33 @@ _MISSING = 1e6
 
 @dataclass(frozen=True, eq=False)
 class Choices:
-    """The scores (P, Q) of a seam: of leaving the word before at frame ``first`` + row, and entering the word after at
-    frame column.
+    """The scores (P, Q) of a seam: of leaving the word before at frame ``leaves_from`` + row, and entering the word
+    after at frame ``enters_from`` + column.
     """
 
     scores: Float
-    first: int
+    leaves_from: int
+    enters_from: int = 0
 
 
 def best(seams: Sequence[Choices], least: int = 1) -> list[tuple[int, int]]:
     """The frames (left, entered) of every seam whose scores have the largest sum, among all with at least ``least``
     frames between a word's being entered and being left; where a word is too short for that, as many as it has.
     """
-    carried = np.zeros(1)  # best sum so far by the frame at which the word before was entered
+    carried, entered_from = np.zeros(1), 0  # best sum so far by the frame at which the word before was entered
     back: list[tuple[NDArray[np.intp], NDArray[np.intp]]] = []
     for seam in seams:
-        kept, entered = _entered_before(carried, seam.first + np.arange(len(seam.scores)) - least)
+        latest = seam.leaves_from + np.arange(len(seam.scores)) - least
+        kept, entered = _entered_before(carried, latest - entered_from)
         sums = seam.scores + kept[:, None]
         rows = sums.argmax(axis=0)
-        carried = sums[rows, np.arange(sums.shape[1])]
+        carried, entered_from = sums[rows, np.arange(sums.shape[1])], seam.enters_from
         back.append((rows, entered))
     chosen: list[tuple[int, int]] = []
     column = int(carried.argmax()) if back else 0
     for seam, (rows, entered) in zip(reversed(seams), reversed(back), strict=True):
         row = int(rows[column])
-        chosen.append((seam.first + row, column))
+        chosen.append((seam.leaves_from + row, seam.enters_from + column))
         column = int(entered[row])
     return chosen[::-1]
 

@@ -20,7 +20,7 @@ from scipy.special import log_softmax
 from signsplice.errors import InputError
 from signsplice.motion import features
 from signsplice.motion.arms import has_arms
-from signsplice.motion.canonical import signings, turned
+from signsplice.motion.canonical import Signing, signings, turned
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.features import CONTEXT, LEAST, MOST, RATE, WORD_FRAMES, Course
 from signsplice.motion.harmonize import unmoved
@@ -39,6 +39,8 @@ NAME, FLUENT = "learned", "learned-fluent"
 _HOLD, _STROKE = (features.PHASES.index(name) for name in ("hold", "stroke"))
 _MAY_BE = 0.05
 """Probability from which a frame may be part of a movement."""
+REST_FRAMES = 24
+"""Most frames of rest, at ``RATE``, that the cutter is shown at either end of a word."""
 MOST_AT_ONCE = 32
 """Gaps that are filled in one pass of the network."""
 Item = TypeVar("Item")
@@ -63,8 +65,9 @@ def open_graphs(folder: str | Path) -> Graphs:
 @dataclass(frozen=True, eq=False)
 class Reading:
     """A word as the cutting network reads it: its frames' numbers (T, N_FRAME), states (1, T, D) and summaries (1, S)
-    for leaving and for entering it; ``first`` is the frame, at ``RATE``, with which they begin; ``stroke``: first and
-    last frame of its movements, counted from there, None where no sign is seen.
+    for leaving and for entering it; ``first`` is the frame, at ``RATE``, with which they begin. Counted from there:
+    ``active``, frames [start, stop) in which the arms are away from rest, and ``stroke``, first and last frame of its
+    movements, None where no sign is seen.
     """
 
     numbers: NDArray[np.float32]
@@ -72,6 +75,7 @@ class Reading:
     leave: Array
     enter: Array
     first: int
+    active: tuple[int, int]
     stroke: tuple[int, int] | None
 
 
@@ -96,45 +100,74 @@ class Reader:
 
     def __init__(self, graphs: Graphs) -> None:
         self.graphs = graphs
-        self._courses: WeakKeyDictionary[Clip, Course] = WeakKeyDictionary()
+        self._words: WeakKeyDictionary[Clip, _Word] = WeakKeyDictionary()
         self._readings: WeakKeyDictionary[Clip, dict[tuple[bool, bool], Reading]] = WeakKeyDictionary()
 
     def pair(self, before: Clip, after: Clip) -> tuple[Reading, Reading]:
         """Two words, both seen with the busier hand at the right; of long ones the end and the beginning."""
         before, after = unmoved(before), unmoved(after)
         self.look(before, after)
-        flipped = features.busier_left(self._courses[before], self._courses[after])
+        flipped = features.busier_left(self._words[before].course, self._words[after].course)
         return self._read(before, flipped, end=True), self._read(after, flipped, end=False)
 
     def look(self, *clips: Clip) -> None:
         """See words that were not seen before, harmonized ones, all in one go."""
-        new = [clip for clip in dict.fromkeys(map(unmoved, clips)) if clip not in self._courses]
+        new = [clip for clip in dict.fromkeys(map(unmoved, clips)) if clip not in self._words]
         if not new:
             return
         for clip, seen in zip(new, signings(new), strict=True):
-            self._courses[clip] = features.course(seen)
+            self._words[clip] = _seen(seen)
 
     def _read(self, clip: Clip, flipped: bool, end: bool) -> Reading:
         known = self._readings.setdefault(clip, {})
-        course = self._courses[clip]
-        key = (flipped, end and len(course) > WORD_FRAMES)
+        word = self._words[clip]
+        key = (flipped, end and len(word.course) > WORD_FRAMES)
         if key not in known:
-            tokens = features.word_window(features.mirrored(course) if flipped else course)
+            tokens = features.word_window(features.mirrored(word.course) if flipped else word.course)
             first = len(tokens) - WORD_FRAMES if key[1] else 0
             tokens = tokens[first : first + WORD_FRAMES]
             said = self.graphs.run("word", {"tokens": tokens[None]})
-            numbers = tokens[:, : features.N_FRAME]
+            start, stop = (min(max(frame - first, 0), len(tokens)) for frame in word.active)
+            movements = stroke(said["phases"][0, start:stop])
             known[key] = Reading(
-                numbers, said["states"], said["leave"], said["enter"], first, stroke(said["phases"][0])
+                numbers=tokens[:, : features.N_FRAME],
+                states=said["states"],
+                leave=said["leave"],
+                enter=said["enter"],
+                first=word.first + first,
+                active=(start, stop),
+                stroke=None if movements is None else (start + movements[0], start + movements[1]),
             )
         return known[key]
+
+
+@dataclass(frozen=True, eq=False)
+class _Word:
+    """A word as it is shown: its course, which begins with frame ``first`` at ``RATE``; ``active``, from there, as in
+    ``Reading``.
+    """
+
+    course: Course
+    first: int
+    active: tuple[int, int]
+
+
+def _seen(word: Signing) -> _Word:
+    """A word without the rest that goes beyond ``REST_FRAMES``: networks know words that begin and end soon."""
+    course = features.course(word)
+    start, stop = word.active
+    start, stop = int(start / word.fps * RATE), min(int(np.ceil(stop / word.fps * RATE)), len(course))
+    first = max(0, start - REST_FRAMES)
+    kept = slice(first, stop + REST_FRAMES)
+    return _Word(Course(course.turns[kept], course.places[kept], course.there), first, (start - first, stop - first))
 
 
 class LearnedCutter:
     """Chooses both frames of a seam for one another, and all seams of a sentence together.
 
     The signing that it learned from shortens signs as running signing does: repetitions go, and the outer part of
-    movements. ``whole``: no movement is cut into; a word is left after its last and entered before its first.
+    movements. ``whole``: no movement is cut into; a word is left after its last and entered before its first. Words are
+    left and entered while their arms are away from rest, whatever the network takes a rest for that it has not met.
     """
 
     learned = True
@@ -150,8 +183,11 @@ class LearnedCutter:
         """Log-probabilities of leaving the one at a frame and entering the other at another, both at 30 a second."""
         given = {"before": p.states, "leave": p.leave, "after": q.states, "enter": q.enter}
         said = self.reader.graphs.run("cut", given)
-        left, entered = (log_softmax(said[name][0].astype(np.float64)) for name in ("left", "entered"))
-        return Choices(left[:, None] + entered, p.first)
+        left, entered = (
+            log_softmax(said[name][0, slice(*word.active)].astype(np.float64))
+            for name, word in (("left", p), ("entered", q))
+        )
+        return Choices(left[:, None] + entered, p.first + p.active[0], q.first + q.active[0])
 
     def cut(self, before: Clip, after: Clip) -> Cut:
         """The splice position of two harmonized clips."""
@@ -173,7 +209,7 @@ def _around(cut: tuple[int, int], p: Reading, q: Reading) -> tuple[int, int]:
     pre, post = cut
     return (
         pre if p.stroke is None else max(pre, p.first + p.stroke[1]),
-        post if q.stroke is None else min(post, q.stroke[0]),
+        post if q.stroke is None else min(post, q.first + q.stroke[0]),
     )
 
 
