@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from signing import word
-from signsplice.motion import measures
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import measures, rotation
+from signsplice.motion.clip import Clip, Skeleton, concatenate
+from signsplice.splicing.evaluate import hidden_frames, table
 from signsplice.splicing.transition import find_transition
 
 
@@ -66,3 +67,16 @@ def test_frames_that_a_program_drew_between_keys_turn_evenly() -> None:
     assert (evenly[at_keys & ~np.isnan(evenly)] == 0.0).all()
     assert np.nanmean(measures.evenly_turning(signed)) < 0.1, "a signer's own speed changes all the time"
     assert np.isnan(measures.evenly_turning(concatenate([signed[:1]] * 5))).all(), "who stands still turns nothing"
+    trunk = Skeleton(("Hips", "Spine"), np.array([-1, 0]), np.zeros((2, 3)))
+    still = Clip(trunk, np.tile(rotation.IDENTITY, (6, 2, 1)), np.zeros((6, 3)), 30.0)
+    assert np.isnan(measures.evenly_turning(still)).all(), "nor does a rig without arms"
+
+
+def test_gaps_that_a_program_drew_are_counted() -> None:
+    signed = word("MOTHER").clip
+    drawn = find_transition("slerp").between(signed[:1], signed[30:31], 30)
+    rows = [hidden_frames([clip], [find_transition("hermite")], [5])[0] for clip in (drawn, signed)]
+    assert [row.drawn for row in rows] == [1.0, 0.0]
+    lines = ["\n".join(table([row])) for row in rows]
+    assert ["Drawn evenly between keys" in line for line in lines] == [True, False]
+    assert "100 % of 5 frames" in lines[0]

@@ -13,6 +13,7 @@ torch = pytest.importorskip("torch")
 from signsplice.motion import features  # noqa: E402
 from signsplice.motion.features import PHASES  # noqa: E402
 from signsplice.synth import endless  # noqa: E402
+from signsplice.train import cuts  # noqa: E402
 from signsplice.train.cuts import CutPairs, CuttingTask, phases_of, read_words  # noqa: E402
 from signsplice.train.networks.cutting import Cutting, CuttingConfig  # noqa: E402
 
@@ -66,13 +67,18 @@ def test_what_teaches_is_noisy_or_between_frames_and_the_truth_moves_along(paths
             assert (one["pre"][k] > sign[0] - 3).all(), "no word is left before its sign"
 
 
-def test_half_of_the_pairs_teach_the_time_between_other_frames(paths: list[Path]) -> None:
+def test_half_of_the_pairs_teach_the_time_between_other_frames(
+    paths: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cuts, "BETWEEN", 0.0)  # frames are those that the part tells
     words, seen = read_words(paths[0]), CutPairs(paths)
-    told = {(int(n) + 1) / 30.0 for n in (*words.pairs[..., 2].flat, *words.asides[..., 2].flat)}
+    told = {tuple(row) for row in (*words.pairs.reshape(-1, 3).tolist(), *words.asides.reshape(-1, 3).tolist())}
     aside = []
     for number in range(20):
         one = seen.draw(number)
-        assert {round(float(s), 4) for s in one["seconds"].flat} <= {round(s, 4) for s in told}
+        frames = np.rint(30.0 * one["seconds"]) - 1.0
+        rows = np.stack([one["leaving"], one["entering"], frames], axis=-1).astype(int)
+        assert {tuple(row) for row in rows.reshape(-1, 3).tolist()} <= told, "a time goes with its own two frames"
         aside.append((one["leaving"] != one["pre"]) | (one["entering"] != one["post"]))
     assert 0.3 < np.mean(aside) < 0.6
     clean = CutPairs(paths, fixed=1).draw(0)

@@ -15,7 +15,7 @@ from training_toys import ALONE, data
 from signing import word
 from signsplice.cli import app
 from signsplice.errors import InputError
-from signsplice.splicing.bundle import read_facts
+from signsplice.splicing.bundle import read_facts, write_bundle
 from signsplice.splicing.networks import LearnedCutter, LearnedDuration, Reader, open_graphs
 from signsplice.synth import endless
 from signsplice.train import checkpoint, earlier, log, own
@@ -58,7 +58,7 @@ def test_networks_learn_and_meet_in_a_bundle(signing: Path, tmp_path: Path) -> N
 def test_a_training_goes_on_from_the_weights_of_another(signing: Path, tmp_path: Path) -> None:
     own.make(own.Own("cutter", "smoke", steps=2), [signing], tmp_path / "first", ALONE)
     (begins,) = (tmp_path / "parts").iterdir()
-    own.make(own.Own("cutter", "smoke", steps=1), [signing], tmp_path / "second", ALONE, earlier=begins)
+    own.make(own.Own("cutter", "smoke", steps=1), [signing], tmp_path / "second", ALONE, earlier=[begins])
     begun = checkpoint.read(begins)
     assert read_facts(tmp_path / "second")["networks"]["cutter"]["begins_with"] == begun["recipe"]
     (later,) = (folder for folder in (tmp_path / "parts").iterdir() if folder != begins)
@@ -71,9 +71,9 @@ def test_a_training_goes_on_from_the_weights_of_another(signing: Path, tmp_path:
 
     assert 0.0 < way(begun["network"], after["network"]) < 0.2 * way(begun["network"], fresh)
     with pytest.raises(InputError, match=r"checkpoint.pt: cannot be read"):
-        own.make(own.Own("transition", "smoke", steps=1), [signing], tmp_path / "b", ALONE, earlier=begins)
+        own.make(own.Own("transition", "smoke", steps=1), [signing], tmp_path / "b", ALONE, earlier=[begins])
     with pytest.raises(InputError, match=r"nowhere/checkpoint.pt: cannot be read"):
-        own.make(own.Own("cutter", "smoke"), [signing], tmp_path / "b", ALONE, earlier=tmp_path / "nowhere")
+        own.make(own.Own("cutter", "smoke"), [signing], tmp_path / "b", ALONE, earlier=[tmp_path / "nowhere"])
 
 
 def test_a_training_goes_on_from_a_bundle(signing: Path, tmp_path: Path) -> None:
@@ -82,18 +82,36 @@ def test_a_training_goes_on_from_a_bundle(signing: Path, tmp_path: Path) -> None
     (part,) = (tmp_path / "parts").iterdir()
     network = own.build(own.Own("cutter", "smoke"), CutPairs(sorted(signing.glob("*.npz")))).network
     found = earlier.found(first, "cutter", own.FILES["cutter"])
-    assert found.recipe == checkpoint.read(part)["recipe"]
+    name, _, kept = found.recipe.partition("@")
+    assert name == checkpoint.read(part)["recipe"]
+    facts = read_facts(first)
+    write_bundle(tmp_path, facts, dict.fromkeys(facts["files"], b"other"))
+    assert earlier.found(tmp_path, "cutter", own.FILES["cutter"]).recipe.partition("@")[::2] != (name, kept)
     earlier.load(network, [(first / name).read_bytes() for name in own.FILES["cutter"]], first)
-    kept = checkpoint.read(part)["network"]
-    for name, values in network.state_dict().items():
-        assert values.equal(kept[f"network.{name}"]), name
-    own.make(own.Own("cutter", "smoke", steps=1), [signing], tmp_path / "second", ALONE, earlier=first)
+    weights = checkpoint.read(part)["network"]
+    for weight, values in network.state_dict().items():
+        assert values.equal(weights[f"network.{weight}"]), weight
+    own.make(own.Own("cutter", "smoke", steps=1), [signing], tmp_path / "second", ALONE, earlier=[first])
     assert read_facts(tmp_path / "second")["networks"]["cutter"]["begins_with"] == found.recipe
     with pytest.raises(InputError, match=r"first/bundle.json: tells of no transition, so that it cannot be gone on"):
-        own.make(own.Own("transition", "smoke", steps=1), [signing], tmp_path / "b", ALONE, earlier=first)
+        own.make(own.Own("transition", "smoke", steps=1), [signing], tmp_path / "b", ALONE, earlier=[first])
     wide = own.build(own.Own("cutter", "ship"), CutPairs(sorted(signing.glob("*.npz")))).network
     with pytest.raises(InputError, match=r"first: holds no weights named .* of such a size"):
         earlier.load(wide, [(first / name).read_bytes() for name in own.FILES["cutter"]], first)
+
+
+def test_of_several_trainings_the_mean_is_gone_on_with(signing: Path, tmp_path: Path) -> None:
+    for seed in (0, 1):
+        own.make(own.Own("cutter", "smoke", seed, steps=2), [signing], tmp_path / "b", ALONE)
+    parts = sorted((tmp_path / "parts").iterdir())
+    one, other = (checkpoint.read(part)["network"] for part in parts)
+    task = own.build(own.Own("cutter", "smoke"), CutPairs(sorted(signing.glob("*.npz"))))
+    earlier.begin(task, [earlier.found(part, "cutter", own.FILES["cutter"]) for part in parts])
+    for name, values in task.state_dict().items():
+        assert values.allclose(0.5 * (one[name] + other[name]), atol=1e-6), name
+    own.make(own.Own("cutter", "smoke", steps=1), [signing], tmp_path / "mean", ALONE, earlier=parts)
+    told = read_facts(tmp_path / "mean")["networks"]["cutter"]["begins_with"]
+    assert told == "+".join(checkpoint.read(part)["recipe"] for part in parts)
 
 
 def test_what_cannot_be_trained_is_refused(signing: Path, tmp_path: Path) -> None:

@@ -170,7 +170,7 @@ def test_what_was_taught_is_told_of_those_that_go_on(taught: Path, tmp_path: Pat
     endless.write(endless.Plan(2, 3, 0, seed=2), other, processes=1)
     own.make(own.Own("cutter", "smoke", steps=2), [taught], tmp_path / "first", ALONE)
     (earlier,) = (tmp_path / "parts").iterdir()
-    own.make(own.Own("cutter", "smoke", steps=1), [other], tmp_path / "second", ALONE, earlier=earlier)
+    own.make(own.Own("cutter", "smoke", steps=1), [other], tmp_path / "second", ALONE, earlier=[earlier])
     assert read_facts(tmp_path / "second")["networks"]["cutter"]["taught"]["split"] == "random"
     for scale in ("more", "corpus"):
         with pytest.raises(InputError, match=f"scale {scale} goes on from an earlier training"):

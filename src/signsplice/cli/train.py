@@ -104,7 +104,7 @@ def _train_own(
     steps: int | None,
     seed: int,
     device: str,
-    earlier: str | None = None,
+    earlier: Sequence[str] = (),
 ) -> None:
     _check_steps(steps)
     _check_extra()
@@ -112,8 +112,8 @@ def _train_own(
 
     with processes.joined(device) as here:
         told = own.Own(network, scale, seed, steps)
-        begun = None if earlier is None else Path(earlier)
-        own.make(told, [Path(folder) for folder in signing], Path(out), here, _teller if here.first else None, begun)
+        folders = [[Path(folder) for folder in given] for given in (signing, earlier)]
+        own.make(told, folders[0], Path(out), here, _teller if here.first else None, folders[1])
         if here.first:
             print(f"{out}: {network}, scale {scale}, {told.n_steps} steps")
 
@@ -128,10 +128,11 @@ _SIGNING = "Signing to learn from, of `signsplice synth endless`; several are dr
 
 @train.command()
 @click.option("--signing", required=True, multiple=True, metavar="DIR", help=_SIGNING)
-@click.option("--from", "earlier", metavar="DIR", help="An earlier training's folder, or a bundle: the first weights.")
+@click.option("--from", "earlier", multiple=True, metavar="DIR",
+              help="An earlier training's folder, or a bundle: the first weights; of several the mean.")  # fmt: skip
 @_own_options
 def cutter(
-    signing: tuple[str, ...], earlier: str | None, out: str, scale: str, steps: int | None, seed: int, device: str
+    signing: tuple[str, ...], earlier: tuple[str, ...], out: str, scale: str, steps: int | None, seed: int, device: str
 ) -> None:
     """Train the network that finds where to leave and enter, and how long the way between takes. Called again after an
     interruption, it goes on where it was.
@@ -142,13 +143,13 @@ def cutter(
 @train.command()
 @click.option("--signing", multiple=True, metavar="DIR", help=_SIGNING)
 @click.option("--lexicon", metavar="DIR", help="Lexicon to tune a trained network to, of `signsplice lexicon build`.")
-@click.option("--from", "source", metavar="DIR", help="With --lexicon the bundle whose network is tuned "
-              "[default: that which ships]; with --signing that too, or an earlier training's folder.")  # fmt: skip
+@click.option("--from", "earlier", multiple=True, metavar="DIR", help="With --lexicon the bundle to tune [default: "
+              "what ships]; with --signing a bundle or an earlier training's folder, of several the mean.")  # fmt: skip
 @_own_options
 def transition(
     signing: tuple[str, ...],
     lexicon: str | None,
-    source: str | None,
+    earlier: tuple[str, ...],
     out: str,
     scale: str,
     steps: int | None,
@@ -161,8 +162,10 @@ def transition(
     if bool(signing) == (lexicon is not None):
         raise InputError("expected --signing DIR, to train anew, or --lexicon DIR, to tune; one of them")
     if signing:
-        _train_own("transition", signing, out, scale, steps, seed, device, source)
+        _train_own("transition", signing, out, scale, steps, seed, device, earlier)
         return
+    if len(earlier) > 1:
+        raise InputError(f"--lexicon tunes one network, expected one --from and not {len(earlier)}")
     _check_steps(steps)
     _check_extra()
     from signsplice.splicing.defaults import WEIGHTS
@@ -171,7 +174,7 @@ def transition(
     with processes.joined(device) as here:
         told = tuning.Tuning(seed=seed) if steps is None else tuning.Tuning(steps=steps, seed=seed)
         tell = _teller("transition") if here.first else None
-        outcome = tuning.make(told, Path(str(lexicon)), Path(source or WEIGHTS), Path(out), here, tell)
+        outcome = tuning.make(told, Path(str(lexicon)), Path(*earlier or (WEIGHTS,)), Path(out), here, tell)
     errors = f"{outcome.after:.1f} tuned, {outcome.before:.1f} before, {outcome.classical:.1f} classical"
     print(f"{outcome.n_learned} words taught; error on {outcome.n_held} held back, arm / 1000: {errors}")
     print(f"{out}: written" if outcome.better else f"{out}: not written, since the tuned network is no better")

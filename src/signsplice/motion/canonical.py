@@ -58,12 +58,12 @@ class Rig:
 
     joints (R,): joint of every role, -1 where there is none. above (R,): row of the nearest role above it, -1 where
     the hips are. common (J, 4): rotations of the common pose. last (K,): of the K roles that are there, the joint whose
-    local rotation leads to it; ways: of those that more than one leads to from the joint above, by row of ``last``,
-    all, with True where the way goes up. into (K, 4, 4): what makes the canonical turns of such rotations, as matrices
-    on quaternions. back (K, 3, 3): what brings a vector in canonical axes into those of its joint. arms: joints of
-    ``TIPS`` (the wrist's where a finger is missing), both elbows and, last, both shoulders. origin: the nearest joint
-    above all of them and ``chest``, in whose axes, those of the trunk, places are told. arm_length: shoulder to wrist,
-    clip units.
+    local rotation leads to it; ways: of those to which it does not lead alone, or not down, by row of ``last``, all
+    joints from the one above, with True where the way goes up. into (K, 4, 4): what makes the canonical turns of
+    such rotations, as matrices on quaternions. back (K, 3, 3): what brings a vector in canonical axes into those of its
+    joint. arms: joints of ``TIPS`` (the wrist's where a finger is missing), both elbows and, last, both shoulders.
+    origin: the nearest joint above all of them and ``chest``, in whose axes, those of the trunk, places are told.
+    arm_length: shoulder to wrist, clip units.
     """
 
     joints: NDArray[np.intp]
@@ -196,7 +196,7 @@ def signing(clip: Clip) -> Signing:
 
 
 def signings(clips: Sequence[Clip]) -> list[Signing]:
-    """The signing bodies of clips of one skeleton, looked at in one go; bit for bit those of ``signing``."""
+    """The signing bodies of clips of one skeleton, looked at in one go: those of ``signing``."""
     together, at, out = signing(concatenate(clips)), 0, []
     for clip in clips:
         own = slice(at, at := at + len(clip))

@@ -129,8 +129,8 @@ class Capsules:
         )
 
     def pressed(self) -> tuple[Float, Float]:
-        """``hands_inside`` where a hand lies in something, in a small part of the time: only capsules whose balls meet
-        are looked at. Elsewhere the depth is some number not above 0, and the way means nothing.
+        """``hands_inside`` where a hand lies in something, in a small part of the time: only what is ``near`` is looked
+        at. Elsewhere the depth is some number not above 0, and the way means nothing.
         """
         return self.near().pressed()
 

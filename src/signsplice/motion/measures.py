@@ -64,16 +64,16 @@ _MOVING_RAD = 0.005
 
 def evenly_turning(clip: Clip) -> Float:
     """For every frame but the first and the last (T - 2,): 1 where every arm and finger joint turns on just as it
-    turned before, 0 where one does not, NaN where none moves.
+    turned before, 0 where one does not, NaN where none moves or is known.
 
     People never move so; a program that draws the frames between keys does (slerp), and so does filling of gaps in a
     capture. What hides such frames measures how near a method is to that program.
     """
     q = clip.local_rotations[:, arm_and_finger_joints(clip)]
     steps = rotation.difference(q[:-1], q[1:])
-    quickest = np.linalg.norm(steps, axis=-1).max(axis=1)
+    quickest = np.linalg.norm(steps, axis=-1).max(axis=1, initial=0.0)
     speed = np.maximum(quickest[:-1], quickest[1:])
-    change = np.linalg.norm(np.diff(steps, axis=0), axis=-1).max(axis=1)
+    change = np.linalg.norm(np.diff(steps, axis=0), axis=-1).max(axis=1, initial=0.0)
     return np.where(speed > _MOVING_RAD, change < EVENLY * speed, np.nan)
 
 

@@ -69,6 +69,7 @@ def open_learned(folder: str | Path | None = None) -> Learned:
 
 @lru_cache(maxsize=_OPEN_AT_ONCE)
 def _opened(folder: Path, as_written: tuple[int, int, int]) -> Learned:
+    folder = folder.resolve()  # a link may lead elsewhere before the last graph is opened
     return _read(folder, digest(folder))
 
 

@@ -273,8 +273,8 @@ class LearnedTransition:
         """New frames for every gap, ``MOST_AT_ONCE`` gaps in a pass."""
         made = [self.base.between(*gap) for gap in gaps]
         known = [k for k, gap in enumerate(gaps) if _knows(gap)]
-        seen = dict(zip(known, _windows([(made[k], gaps[k]) for k in known]), strict=True))
-        for some in batched(seen.items(), MOST_AT_ONCE):
+        for part in batched(known, MOST_AT_ONCE):
+            some = list(zip(part, _windows([(made[k], gaps[k]) for k in part]), strict=True))
             longest = max(len(window.tokens) for _, window in some)
             tokens = np.zeros((len(some), longest, features.N_TOKEN), np.float32)
             mask = np.zeros((len(some), longest), bool)
@@ -303,8 +303,6 @@ def _knows(gap: Gap) -> bool:
 
 def _windows(bridged: Sequence[tuple[Clip, Gap]]) -> list[features.Window]:
     """What the network sees of gaps that a classical transition bridges."""
-    if not bridged:
-        return []
     kept, joined = [], []
     for base, (before, after, _) in bridged:
         n_context = int(np.ceil((CONTEXT + 1) / RATE * base.fps)) + 1

@@ -8,7 +8,7 @@ which are what networks see; no sign that ships and neither signer of the corpus
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +23,12 @@ from signsplice.synth import planner, pseudo, running, truth
 from signsplice.synth.planner import Events, Word
 from signsplice.synth.pool import Pool
 from signsplice.synth.rng import stream
-from signsplice.synth.signer import signer
+from signsplice.synth.signer import RESTS, Signer, signer
 
 Array = NDArray[Any]
 Progress = Callable[[int, int], None]
 
-VERSION = 5
+VERSION = 6
 FIRST_SIGNER = 1000
 """Seed of the first signer: those of any corpus of pairs lie below."""
 _SHORTEST, _LONGEST = 3, 12
@@ -96,7 +96,7 @@ def part(plan: Plan, number: int) -> dict[str, Array]:
     first transition frame in it, their number.
     """
     rng = stream("endless", plan.seed, number)
-    who = signer(FIRST_SIGNER + 10_000 * plan.seed + number)
+    who = rested(signer(FIRST_SIGNER + 10_000 * plan.seed + number))
     seeds = rng.integers(2**40, size=plan.n_words).tolist()
     words = [planner.isolated(pseudo.sign(int(k)), who, fps=plan.fps) for k in seeds]
     frames = [packed(word.clip) for word in words]
@@ -136,6 +136,12 @@ def _asides(words: list[Word], cuts: Array, rng: np.random.Generator) -> Array:
             pre, post = min(max(out[i, j, 0], 0), len(p) - 1), min(max(out[i, j, 1], 0), len(q) - 1)
             out[i, j] = pre, post, truth.transition_frames(p.states[pre], q.states[post], p)
     return out
+
+
+def rested(who: Signer) -> Signer:
+    """A signer who rests in one of ``RESTS``, half of them with arms that do not hang: lexicons show both."""
+    rng = stream("rests", who.name)
+    return replace(who, rest=str(rng.choice(RESTS[1:])) if rng.random() < 0.5 else RESTS[0])
 
 
 def packed(clip: Clip) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ from signsplice.synth.course import Knot
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.overlays import lay_gesture, lay_local
 from signsplice.synth.paths import Way, moved
-from signsplice.synth.phonology import IN_SPACE, Segment, Sign
+from signsplice.synth.phonology import IN_SPACE, Posture, Segment, Sign
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, Signer
 
@@ -69,7 +69,7 @@ class Word:
 
 
 def isolated(sign: Sign, who: Signer = STANDARD, take: int = 0, fps: float = FPS) -> Word:
-    """A sign as a dictionary shows it: both arms hang before and after. The same arguments give the same motion."""
+    """A sign as a dictionary shows it: both arms rest before and after. The same arguments give the same motion."""
     rng = stream("take", who.name, sign.gloss, take)
     made = _Core(sign, who, fps, rng)
     core, rest = made.states(), resting(who, sign.gloss, take)
@@ -97,10 +97,32 @@ def _still(state: Float) -> Float:
     return np.broadcast_to(state, (3, pose.SIZE))
 
 
+_HELD = {
+    "folded": (
+        Posture("rest", "belly", "palm", (0.0, 0.3, -0.95), (-0.8, -0.6, 0.0), off=5.0),
+        Posture("rest", "belly", "palm", (0.0, 0.3, -0.95), (-0.8, -0.6, 0.0), off=1.0, shift=(0.0, -2.0, 0.0)),
+    ),
+    "bent": (Posture("rest", "waist", "palm", (-0.9, -0.3, 0.0), (-0.3, -0.2, 0.93), off=7.0, shift=(3.0, 0.0, 0.0)),)
+    * 2,
+    "low": (
+        Posture("rest", "belly", "palm", (-0.2, 0.1, -0.97), (-0.5, -0.86, 0.0), off=5.0, shift=(2.0, -13.0, 3.0)),
+        Posture("rest", "belly", "palm", (-0.2, 0.1, -0.97), (-0.5, -0.86, 0.0), off=2.0, shift=(2.0, -15.0, 1.0)),
+    ),
+}
+"""How the strong and the weak hand are held at rests that are not hanging."""
+
+
 def resting(who: Signer, *names: str | int) -> Float:
-    """The state (63,) of a signer who stands with both arms hanging; ``names`` tell one standing from another."""
+    """The state (63,) of a signer who stands at rest; ``names`` tell one standing from another."""
     rng = stream("rest", who.name, *names)
     state = np.zeros(pose.SIZE)
+    if who.rest != "hanging":
+        for first, posture in zip((0, 27), _HELD[who.rest], strict=True):
+            numbers = places.weak(posture, who)
+            numbers[:3] += 0.6 * rng.standard_normal(3) + np.array([0.0, 2.0 * who.rest_out_cm - 2.0, 0.0])
+            numbers[6:] *= 1.0 + 0.06 * rng.standard_normal()
+            state[first : first + 27] = numbers
+        return state
     for first in (0, 27):
         jitter = 0.6 * rng.standard_normal(3)
         wrist = np.array([-26.0 - who.rest_out_cm, -39.5, 4.0 + who.rest_fwd_cm]) + jitter

@@ -72,8 +72,8 @@ _BASES = (
     Posture("B-open", "space-mid", "palm", (0.0, 1.0, 0.0), (-0.5, 0.0, 0.87), shift=(0.0, -6.0, 2.0)),
 )
 _MANNERS = {"free": 0.70, "touch": 0.16, "part": 0.10, "still": 0.04}
-"""How a sign is made: it moves freely; comes to touch the body or its fellow, once or more; touches it and parts from
-it; or is a posture alone.
+"""How a sign is made: it moves freely; comes to touch the body or its fellow, once or more; begins there, mostly in a
+touch, and parts from it; or is a posture alone.
 """
 _MOVEMENTS = {
     **{"move": 0.36, "turn": 0.12, "circle": 0.11, "local": 0.13, "shape": 0.09, "zigzag": 0.05, "far": 0.06},

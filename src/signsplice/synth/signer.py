@@ -18,16 +18,21 @@ STATURE_CM = 170.0
 """The stature for which places and sizes in this room are written; other bodies scale them."""
 
 
+RESTS = ("hanging", "folded", "bent", "low")
+"""Arms hang; hands lie on one another before the belly; forearms are held before the waist; hands meet low."""
+
+
 @dataclass(frozen=True)
 class Signer:
     """A signer: body and manner. The defaults are the standard signer.
 
     stature_cm; arms, hands, shoulders: lengths as shares of what the stature would give. left_handed: which hand is the
     strong one. tempo: how many times as fast as usual. amplitude: size of movements in space. arch: how far reaches bow
-    out, as a share of their length. elbow_deg: how far the elbows are held out. rest_out_cm, rest_fwd_cm: where the
-    hands hang beside the thighs. breath_deg, breath_hz, sway_cm, sway_hz, tremor_cm, tremor_hz: the small motions of a
-    standing person (physiological tremor 8 to 12 Hz, Elble and Koller 1990; breaths 12 to 20 a minute). lag: how much
-    later than usual the fingers form (negative: earlier).
+    out, as a share of their length. elbow_deg: how far the elbows are held out. rest: where the hands are when they do
+    not sign, one of ``RESTS``; rest_out_cm, rest_fwd_cm: where hanging hands are beside the thighs. breath_deg,
+    breath_hz, sway_cm, sway_hz, tremor_cm, tremor_hz: the small motions of a standing person (physiological tremor 8 to
+    12 Hz, Elble and Koller 1990; breaths 12 to 20 a minute). lag: how much later than usual the fingers form (negative:
+    earlier).
     """
 
     name: str = "standard"
@@ -49,6 +54,7 @@ class Signer:
     tremor_cm: float = 0.012
     tremor_hz: float = 9.0
     lag: float = 0.0
+    rest: str = "hanging"
 
     @property
     def scale(self) -> float:

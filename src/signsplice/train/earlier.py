@@ -1,13 +1,14 @@
 """What an earlier training left to go on from: a folder with its checkpoint, or a bundle that its network is in.
 
-A bundle's graphs hold every weight by name, 8-bit ones as near as they are kept, so that who has the networks that ship
+A bundle's graphs hold the weights by name, 8-bit ones as near as they are kept, so that who has the networks that ship
 can teach them more.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,8 +32,8 @@ _WRAPPED = "network."
 
 @dataclass(frozen=True)
 class Earlier:
-    """An earlier training of a network: its recipe, and which corpus of pairs and split of it were among what it
-    learned from; None where none was.
+    """An earlier training of a network: its recipe, with a hash of its files where it comes from a bundle, since those
+    may have been tuned; and which corpus of pairs and split of it were among what it learned from, None where none was.
     """
 
     folder: Path
@@ -49,6 +50,18 @@ class Earlier:
         load(task.network, [read_file(self.folder, facts, name) for name in self.files], self.folder)
 
 
+def begin(task: Task, earlier: Sequence[Earlier]) -> None:
+    """Give a task's network the weights of an earlier training, of several the mean.
+
+    The mean of networks that went on from the same weights is often better than each (Wortsman et al. 2022).
+    """
+    states = []
+    for one in earlier:
+        one.begin(task)
+        states.append({name: values.clone() for name, values in task.state_dict().items()})
+    task.load_state_dict({name: torch.stack([state[name] for state in states]).mean(0) for name in states[0]})
+
+
 def found(folder: Path, network: str, files: tuple[str, ...]) -> Earlier:
     """The training that a folder holds the checkpoint of, or that the ``files`` of a bundle come from. Raises
     ``InputError`` where there is neither.
@@ -57,10 +70,12 @@ def found(folder: Path, network: str, files: tuple[str, ...]) -> Earlier:
         path = folder / TAUGHT
         taught = json.loads(path.read_text()) if path.exists() else None
         return Earlier(folder, checkpoint.read(folder)["recipe"], taught)
-    told: dict[str, Any] = read_facts(folder).get("networks", {}).get(network, {})
+    facts = read_facts(folder)
+    told: dict[str, Any] = facts.get("networks", {}).get(network, {})
     if "recipe" not in told:
         raise InputError(f"{folder / HEAD}: tells of no {network}, so that it cannot be gone on with")
-    return Earlier(folder, told["recipe"], told.get("taught"), files)
+    kept = hashlib.sha256("".join(facts["files"].get(name, "") for name in files).encode()).hexdigest()[:12]
+    return Earlier(folder, f"{told['recipe']}@{kept}", told.get("taught"), files)
 
 
 def load(network: nn.Module, graphs: Iterable[bytes], where: Path) -> None:

@@ -25,7 +25,7 @@ from signsplice.motion import features
 from signsplice.motion.features import N_FRAME
 from signsplice.splicing.bundle import write_bundle
 from signsplice.splicing.networks import SYSTEM
-from signsplice.train import earlier as trained
+from signsplice.train import earlier as begun
 from signsplice.train import log as logs
 from signsplice.train.ahead import Data, ahead
 from signsplice.train.bridging import BridgeTask
@@ -130,32 +130,32 @@ def make(
     out: Path,
     processes: Processes,
     tell: Callable[[str], Tell] | None = None,
-    earlier: Path | None = None,
+    earlier: Sequence[Path] = (),
 ) -> None:
     """Train a network on folders of signing, or go on where an earlier call was, and write it into the bundle ``out``.
 
-    ``earlier``: folder of a training whose checkpoint gives the first weights, or a bundle that has them. Raises
-    ``InputError`` where that holds none, or those of another network, and where the scale asks for one and there is
-    none.
+    ``earlier``: folders of trainings whose checkpoints give the first weights, or bundles that have them; of several
+    their mean. Raises ``InputError`` where one holds none, or those of another network, and where the scale asks for
+    some and there are none.
     """
-    if earlier is None and own.scale in _GOES_ON:
+    if not earlier and own.scale in _GOES_ON:
         raise InputError(f"scale {own.scale} goes on from an earlier training: name its folder with --from")
     learned, held = split(*signing)
-    before = None if earlier is None else trained.found(earlier, own.network, FILES[own.network])
-    if before is not None:
-        own = replace(own, begins_with=before.recipe)
+    before = [begun.found(folder, own.network, FILES[own.network]) for folder in earlier]
+    if before:
+        own = replace(own, begins_with="+".join(one.recipe for one in before))
     recipe = _recipe(own, learned)
     folder = out.parent / "parts" / f"{own.network}-{own.scale}-seed{own.seed}-{recipe}"
     taught = _taught(learned, before)
     folder.mkdir(parents=True, exist_ok=True)
     if taught is not None:
-        (folder / trained.TAUGHT).write_text(json.dumps(taught) + "\n")
+        (folder / begun.TAUGHT).write_text(json.dumps(taught) + "\n")
     course = own.course
     data, valid = _data(own, learned, None), _data(own, held, course.n_judged)
     torch.manual_seed(own.seed)
     task = build(own, data)
-    if before is not None:
-        before.begin(task)
+    if before:
+        begun.begin(task, before)
     loop = Loop(
         own.n_steps, course.batch, "adamw", course.rate, own.seed, max(1, own.n_steps // 40), course.n_judged,
         bf16=processes.device.type == "cuda",
@@ -286,13 +286,12 @@ def _facts(
     }
 
 
-def _taught(paths: Sequence[Path], before: trained.Earlier | None) -> dict[str, str] | None:
+def _taught(paths: Sequence[Path], before: Sequence[begun.Earlier]) -> dict[str, str] | None:
     """Which corpus of pairs, and which split of it, is among parts of signing, or taught the earlier training; None
     where there is none. Raises ``InputError`` for two.
     """
     found = set()
-    if before is not None and before.taught is not None:
-        found.add(tuple(before.taught.values()))
+    found |= {tuple(one.taught.values()) for one in before if one.taught is not None}
     for path in paths:
         with np.load(path) as stored:
             if "corpus" in stored:
