@@ -19,7 +19,7 @@ from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.notation import alphabet
 from signsplice.synth.phonology import Posture, Segment, Sign
 from signsplice.synth.planner import Word, touches
-from signsplice.synth.signer import JOINTS, STANDARD, signer
+from signsplice.synth.signer import JOINTS, RESTS, STANDARD, signer
 
 Float = NDArray[np.float64]
 
@@ -487,3 +487,20 @@ def test_letters_are_held_and_formed(seed: int | None) -> None:
         assert np.allclose(one.states[middle, pose.FINGERS], shape)
         _, at = seen_from_chest(one.clip[middle : middle + 1], "RightHand")
         assert -10.0 < at[0, 0, 1] < 25.0, "before the chest or beside the face"
+
+
+@pytest.mark.parametrize("rest", RESTS)
+@pytest.mark.parametrize("number", [0, 5])
+def test_however_a_signer_rests_no_hand_is_in_the_body_and_the_sign_is_the_same(rest: str, number: int) -> None:
+    body = STANDARD if number == 0 else signer(number)
+    one, usual = (planner.isolated(sign("THANK-YOU"), replace(body, rest=kind)) for kind in (rest, "hanging"))
+    assert intrusion(one.states, one.who)[0].max() < TOLERANCE_CM + 0.25
+    lengths = [word.events.end - word.events.start for word in (one, usual)]
+    assert lengths[0] == lengths[1], "a rest is no part of the sign"
+    heights = wrists(one)[:, :, 1]
+    assert np.ptp(heights[: one.events.up + 1], axis=0).max() < 2.0, "it stands still at first"
+    lowest = [wrists(word)[0, :, 1].max() for word in (one, usual)]
+    assert (lowest[0] > lowest[1] + 5.0) == (rest != "hanging"), "hands that rest before the body do not hang"
+    if rest != "hanging":
+        weak = wrists(one)[one.events.start : one.events.end + 1, STRONG if body.left_handed else WEAK]
+        assert np.ptp(weak, axis=0).max() < 4.0, "the hand that does not sign stays where it rests"

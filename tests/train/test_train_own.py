@@ -109,9 +109,18 @@ def test_of_several_trainings_the_mean_is_gone_on_with(signing: Path, tmp_path: 
     earlier.begin(task, [earlier.found(part, "cutter", own.FILES["cutter"]) for part in parts])
     for name, values in task.state_dict().items():
         assert values.allclose(0.5 * (one[name] + other[name]), atol=1e-6), name
-    own.make(own.Own("cutter", "smoke", steps=1), [signing], tmp_path / "mean", ALONE, earlier=parts)
-    told = read_facts(tmp_path / "mean")["networks"]["cutter"]["begins_with"]
-    assert told == "+".join(checkpoint.read(part)["recipe"] for part in parts)
+    given = [argument for part in parts for argument in ("--from", str(part))]
+    arguments = ["train", "cutter", "--signing", str(signing), "--out", str(tmp_path / "mean"), "--scale", "smoke"]
+    called = CliRunner().invoke(app, [*arguments, *given, "--steps", "0"])
+    assert called.exit_code == 0, called.output
+    told = read_facts(tmp_path / "mean")["networks"]["cutter"]
+    assert told["begins_with"] == "+".join(checkpoint.read(part)["recipe"] for part in parts)
+    assert (told["steps"], set(told["scores"]) >= {"both", "within_2"}) == (0, True)
+    earlier.load(task.network, [(tmp_path / "mean" / name).read_bytes() for name in own.FILES["cutter"]], tmp_path)
+    for name, values in task.state_dict().items():
+        assert values.allclose(0.5 * (one[name] + other[name]), atol=1e-6), "no step is the mean itself"
+    refused = CliRunner().invoke(app, [*arguments, "--steps", "0"])
+    assert "--steps 0, expected at least 1" in str(refused.exception)
 
 
 def test_what_cannot_be_trained_is_refused(signing: Path, tmp_path: Path) -> None:

@@ -106,7 +106,7 @@ def _train_own(
     device: str,
     earlier: Sequence[str] = (),
 ) -> None:
-    _check_steps(steps)
+    _check_steps(steps, least=0 if earlier else 1)
     _check_extra()
     from signsplice.train import own, processes
 
@@ -118,9 +118,9 @@ def _train_own(
             print(f"{out}: {network}, scale {scale}, {told.n_steps} steps")
 
 
-def _check_steps(steps: int | None) -> None:
-    if steps is not None and steps < 1:
-        raise InputError(f"--steps {steps}, expected at least 1")
+def _check_steps(steps: int | None, least: int = 1) -> None:
+    if steps is not None and steps < least:
+        raise InputError(f"--steps {steps}, expected at least {least}")
 
 
 _SIGNING = "Signing to learn from, of `signsplice synth endless`; several are drawn from as often."

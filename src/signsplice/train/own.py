@@ -31,7 +31,7 @@ from signsplice.train.ahead import Data, ahead
 from signsplice.train.bridging import BridgeTask
 from signsplice.train.cuts import CutPairs, CuttingTask
 from signsplice.train.export import Graph, exported
-from signsplice.train.loop import Loop, Tell, train
+from signsplice.train.loop import Loop, Tell, judge, train
 from signsplice.train.networks.bridge import Bridge, BridgeConfig
 from signsplice.train.networks.cutting import Choose, Cutting, CuttingConfig, Read, Time
 from signsplice.train.processes import Processes, only_one
@@ -166,6 +166,9 @@ def make(
         ahead(data, processes.rank, processes.count) as following,
     ):
         train(task, loop, following, valid, folder, recipe, _no_accuracy, processes, tell and tell(own.network))
+        if own.n_steps == 0 and processes.first:  # what it begins with is what it is
+            with logs.Log(folder, 0, processes.first) as log:
+                log.write(0, **judge(task, valid, loop, processes, _no_accuracy))
     if processes.first:
         for name, content in graphs(task, valid).items():
             (folder / name).write_bytes(content)
