@@ -18,6 +18,7 @@ from signsplice.splicing.cut import Cut
 from signsplice.splicing.engine import SpliceOptions
 from signsplice.study import joins
 from signsplice.study.stitcher import EMPTY_S, LONGEST_S, stitch
+from signsplice.synth.signer import RESTS
 
 PAIRS = joins.pairs(12, [sign(gloss) for gloss in ("HELLO", "DEAF", "MOTHER", "BOOK", "SEE", "THANK-YOU")])
 
@@ -47,6 +48,19 @@ class IntoTheStroke:
     def cut(self, before: Clip, after: Clip) -> Cut:
         p, q = next((p, q) for p, q in PAIRS if (p.clip.name, q.clip.name) == (before.name, after.name))
         return Cut(p.events.passes[-1][1] - 2, q.events.start)
+
+
+@pytest.mark.parametrize("rest", RESTS)
+def test_nobody_goes_back_to_rest_between_two_words(rest: str) -> None:
+    signs = [sign(gloss) for gloss in ("HELLO", "DEAF", "MOTHER", "BOOK", "SEE", "THANK-YOU")]
+    words = joins.pairs(6, signs, rest)
+    assert all(p.who.rest == q.who.rest == rest for p, q in words)
+    ways = {name: way for name, way in joins.ways().items() if name in ("ends + hermite", "learned + learned")}
+    whole, learned, _ = joins.compare(words, ways)
+    assert whole.arms_down > 15.0, "played as they are, words come from rest and go there"
+    assert learned.arms_down < 1.0
+    assert learned.whole > 0.8
+    assert (rest in joins.signature(rest)) == (rest != "hanging")
 
 
 def test_a_cut_into_the_stroke_is_counted() -> None:
@@ -103,7 +117,7 @@ def test_the_stitcher_leaves_a_short_raised_clip_its_tempo() -> None:
 def test_the_command_prints_a_table_or_json() -> None:
     called = CliRunner().invoke(app, ["evaluate", "--joins", "2", "--json"], catch_exceptions=False)
     told = json.loads(called.stdout)
-    assert told["signature"] == joins.SIGNATURE
+    assert told["signature"] == joins.signature()
     assert {r["method"] for r in told["rows"]} == {*joins.ways(), joins.STITCHER}
     assert next(r for r in told["rows"] if r["method"] == joins.STITCHER)["deepest"] is None
     table = CliRunner().invoke(app, ["evaluate", "--joins", "1"], catch_exceptions=False).stdout

@@ -235,6 +235,8 @@ def methods(as_json: bool) -> None:
 @click.option("--clips", "files", multiple=True, metavar="FILE", help="Clip to hide frames of; may be repeated.")
 @click.option("--fps", type=float, metavar="N", help="Bring the clips to this rate first.")
 @click.option("--joins", type=int, metavar="N", help="Join N pairs of words that ship, and look at the seams.")
+@click.option("--rest", metavar="NAME", help="With --joins: how the signer of the words rests: hanging [default], "
+              "folded, bent or low.")  # fmt: skip
 @click.option("--pairs", metavar="DIR", help="Corpus of pairs: how deep transitions lead hands into the body.")
 @click.option("--limit", type=int, metavar="N", help="So many of the pairs; default all.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
@@ -243,6 +245,7 @@ def evaluate(
     files: tuple[str, ...],
     fps: float | None,
     joins: int | None,
+    rest: str | None,
     pairs: str | None,
     limit: int | None,
     as_json: bool,
@@ -252,8 +255,10 @@ def evaluate(
     """
     if sum((bool(files), joins is not None, pairs is not None)) != 1:
         raise InputError("expected --clips FILE, --joins N or --pairs DIR, one of them")
+    if rest is not None and joins is None:
+        raise InputError("--rest tells how the signer of --joins rests; give --joins N too")
     if joins is not None:
-        signature, rows, lines = _seams(joins, bundle)
+        signature, rows, lines = _seams(joins, rest or "hanging", bundle)
     elif pairs is not None:
         signature, rows, lines = _intrusion(pairs, limit, bundle)
     else:
@@ -304,15 +309,15 @@ def _intrusion(folder: str, limit: int | None, bundle: str | None) -> tuple[str,
     return intrusion.SIGNATURE, rows, intrusion.table(rows)
 
 
-def _seams(n_pairs: int, bundle: str | None) -> tuple[str, Sequence[Any], list[str]]:
+def _seams(n_pairs: int, rest: str, bundle: str | None) -> tuple[str, Sequence[Any], list[str]]:
     """Signature, rows and table of words that were recorded apart."""
     from signsplice.study import joins
 
     if n_pairs < 1:
         raise InputError(f"--joins {n_pairs}, expected at least 1")
     with progress("joins") as advance:
-        rows = joins.compare(joins.pairs(n_pairs), joins.ways(bundle), advance)
-    return joins.SIGNATURE, rows, joins.table(rows)
+        rows = joins.compare(joins.pairs(n_pairs, rest=rest), joins.ways(bundle), advance)
+    return joins.signature(rest), rows, joins.table(rows, rest)
 
 
 COMMANDS = (splice, sentence, inbetween, methods, evaluate)

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from signsplice.errors import InputError
 from signsplice.motion import contact, kinematics, measures, stance
 from signsplice.motion.arms import Arms, arm_joints, arms
 from signsplice.motion.clip import Clip
@@ -30,6 +31,7 @@ from signsplice.synth import notation, planner
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import Word
 from signsplice.synth.rng import stream
+from signsplice.synth.signer import HANGING, RESTS, STANDARD
 
 Float = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -39,10 +41,6 @@ AROUND = 8
 DOWN_SHARE = 0.15
 """An arm is down where it has risen by less than this share of its way from rest to the highest it comes."""
 STITCHER = "stitcher"
-SIGNATURE = (
-    f"joins|words:everyday,standard-signer,drawn:once|around:{AROUND}|{measures.VELOCITY_JUMP}|{measures.JERK_RATIO}"
-    f"|arms-down:{DOWN_SHARE:g}-of-rise,between-strokes|whole:first-to-last-movement|deep:{1e3 * DEEP_M:g}mm"
-)
 
 
 @dataclass(frozen=True)
@@ -79,14 +77,26 @@ class Row:
     deepest: float | None
 
 
-def pairs(n_pairs: int, signs: Sequence[Sign] | None = None) -> list[tuple[Word, Word]]:
-    """``n_pairs`` pairs of different words of the standard signer, drawn once and for all; of those that ship by
-    default.
+def signature(rest: str = HANGING) -> str:
+    """What the numbers were measured by, with how the signer rests."""
+    signer = "standard-signer" + ("" if rest == HANGING else f",rest:{rest}")
+    return (
+        f"joins|words:everyday,{signer},drawn:once|around:{AROUND}|{measures.VELOCITY_JUMP}|{measures.JERK_RATIO}"
+        f"|arms-down:{DOWN_SHARE:g}-of-rise,between-strokes|whole:first-to-last-movement|deep:{1e3 * DEEP_M:g}mm"
+    )
+
+
+def pairs(n_pairs: int, signs: Sequence[Sign] | None = None, rest: str = HANGING) -> list[tuple[Word, Word]]:
+    """``n_pairs`` pairs of different words of the standard signer, who rests as told, drawn once and for all; of those
+    that ship by default. Raises ``InputError`` for a rest that there is not.
     """
+    if rest not in RESTS:
+        raise InputError(f"no rest {rest!r}, expected one of {', '.join(RESTS)}")
+    who = replace(STANDARD, rest=rest)
     told = list(notation.everyday().values()) if signs is None else signs
     rng = stream("joins", len(told), n_pairs)
     drawn = [rng.choice(len(told), 2, replace=False).tolist() for _ in range(n_pairs)]
-    made = {k: planner.isolated(told[k]) for k in sorted({k for pair in drawn for k in pair})}
+    made = {k: planner.isolated(told[k], who) for k in sorted({k for pair in drawn for k in pair})}
     return [(made[p], made[q]) for p, q in drawn]
 
 
@@ -213,13 +223,13 @@ def _row(name: str, joins: Sequence[Join]) -> Row:
     )
 
 
-def table(rows: Sequence[Row]) -> list[str]:
+def table(rows: Sequence[Row], rest: str = HANGING) -> list[str]:
     """The rows as Markdown, with their signature."""
     head = (
         *("method", "seconds", "velocity jump, m/s", "peak, m/s", "jerk ratio"),
         *("arms down, frames", "strokes whole", "deep in the body", "deepest, mm"),
     )
-    lines = [f"`{SIGNATURE}`", "", "| " + " | ".join(head) + " |", "| --- |" + " --- |" * (len(head) - 1)]
+    lines = [f"`{signature(rest)}`", "", "| " + " | ".join(head) + " |", "| --- |" + " --- |" * (len(head) - 1)]
     for r in rows:
         body = (
             ("-", "-") if r.deep is None or r.deepest is None else (f"{100 * r.deep:.1f} %", f"{1e3 * r.deepest:.0f}")

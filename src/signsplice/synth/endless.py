@@ -23,7 +23,7 @@ from signsplice.synth import planner, pseudo, running, truth
 from signsplice.synth.planner import Events, Word
 from signsplice.synth.pool import Pool
 from signsplice.synth.rng import stream
-from signsplice.synth.signer import RESTS, Signer, signer
+from signsplice.synth.signer import HANGING, RESTS, Signer, signer
 
 Array = NDArray[Any]
 Progress = Callable[[int, int], None]
@@ -141,7 +141,7 @@ def _asides(words: list[Word], cuts: Array, rng: np.random.Generator) -> Array:
 def rested(who: Signer) -> Signer:
     """A signer who rests in one of ``RESTS``, half of them with arms that do not hang: lexicons show both."""
     rng = stream("rests", who.name)
-    return replace(who, rest=str(rng.choice(RESTS[1:])) if rng.random() < 0.5 else RESTS[0])
+    return replace(who, rest=str(rng.choice(RESTS[1:])) if rng.random() < 0.5 else HANGING)
 
 
 def packed(clip: Clip) -> tuple[Array, Array]:

@@ -21,7 +21,7 @@ from signsplice.synth.overlays import lay_gesture, lay_local
 from signsplice.synth.paths import Way, moved
 from signsplice.synth.phonology import IN_SPACE, Posture, Segment, Sign
 from signsplice.synth.rng import stream
-from signsplice.synth.signer import STANDARD, Signer
+from signsplice.synth.signer import HANGING, STANDARD, Signer
 
 Float = NDArray[np.float64]
 
@@ -116,7 +116,7 @@ def resting(who: Signer, *names: str | int) -> Float:
     """The state (63,) of a signer who stands at rest; ``names`` tell one standing from another."""
     rng = stream("rest", who.name, *names)
     state = np.zeros(pose.SIZE)
-    if who.rest != "hanging":
+    if who.rest != HANGING:
         for first, posture in zip((0, 27), _HELD[who.rest], strict=True):
             numbers = places.weak(posture, who)
             numbers[:3] += 0.6 * rng.standard_normal(3) + np.array([0.0, 2.0 * who.rest_out_cm - 2.0, 0.0])

@@ -18,7 +18,8 @@ STATURE_CM = 170.0
 """The stature for which places and sizes in this room are written; other bodies scale them."""
 
 
-RESTS = ("hanging", "folded", "bent", "low")
+HANGING = "hanging"
+RESTS = (HANGING, "folded", "bent", "low")
 """Arms hang; hands lie on one another before the belly; forearms are held before the waist; hands meet low."""
 
 
@@ -54,7 +55,7 @@ class Signer:
     tremor_cm: float = 0.012
     tremor_hz: float = 9.0
     lag: float = 0.0
-    rest: str = "hanging"
+    rest: str = HANGING
 
     @property
     def scale(self) -> float:
