@@ -17,7 +17,7 @@ import pytest
 
 import signsplice as ss
 from clothes import in_other_clothes, mirror
-from signing import word
+from signing import sign, word
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.canonical import signing
@@ -25,6 +25,7 @@ from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.graphs import Array, Graphs
 from signsplice.splicing.networks import (
+    REST_FRAMES,
     LearnedCutter,
     LearnedDuration,
     LearnedTransition,
@@ -33,6 +34,8 @@ from signsplice.splicing.networks import (
     stroke,
 )
 from signsplice.splicing.transition import find_transition
+from signsplice.synth import planner
+from signsplice.synth.signer import RESTS, STANDARD
 
 TINY = Path(__file__).parents[1] / "golden" / "tiny_bundle"
 GRAPHS = open_graphs(TINY)
@@ -84,23 +87,37 @@ def test_long_words_are_read_at_their_inner_ends() -> None:
     assert DURATION.seconds(long, long, Cut(len(long) - 1, 0)) > 0.0
 
 
+@pytest.mark.parametrize("rest", RESTS)
 @pytest.mark.parametrize("whole", [False, True])
-def test_however_long_it_rests_a_word_is_left_and_entered_alike(whole: bool) -> None:
+def test_however_long_it_rests_a_word_is_left_and_entered_alike(whole: bool, rest: str) -> None:
     """Whoever stands still for ten seconds before and after a sign is not shown standing still in a sentence."""
     cutter = LearnedCutter(READER, whole)
-    still = 24
-    (p0, p1), (q0, q1) = (signing(clip).active for clip in (P, Q))
-    rests = [concatenate([clip[:1]] * (300 - start)) for clip, start in ((P, p0), (Q, q0))]
-    tails = [concatenate([clip[-1:]] * (300 - len(clip) + stop)) for clip, stop in ((P, p1), (Q, q1))]
-    one, other = (concatenate([rest, clip, tail]) for rest, clip, tail in zip(rests, (P, Q), tails, strict=True))
-    cut = cutter.cut(one, other)
-    assert 300 <= cut.pre < 300 + p1 - p0, "while the arms are away from rest"
-    assert 300 <= cut.post < 300 + q1 - q0
-    longer = [concatenate([clip[:1], clip, clip[-1:]]) for clip in (one, other)]
+    words = [planner.isolated(sign(gloss), replace(STANDARD, rest=rest)) for gloss in ("MOTHER", "BOOK")]
+    clips = [concatenate([w.clip[:1]] * 300 + [w.clip] + [w.clip[-1:]] * 300) for w in words]
+    cut = cutter.cut(*clips)
+    for frame, word_ in zip((cut.pre, cut.post), words, strict=True):
+        assert 300 - REST_FRAMES <= frame < 300 + len(word_) + REST_FRAMES, "and not in the middle of nothing"
+    longer = [concatenate([clip[:1], clip, clip[-1:]]) for clip in clips]
     again = cutter.cut(*longer)
     assert (again.pre, again.post) == (cut.pre + 1, cut.post + 1)
-    reading, _ = READER.pair(one, other)
-    assert len(reading.numbers) <= p1 - p0 + 2 * still + 1
+    for reading, word_ in zip(READER.pair(*clips), words, strict=True):
+        assert len(reading.numbers) <= len(word_) + 2 * REST_FRAMES
+
+
+@pytest.mark.parametrize("fps", [24.0, 29.97, 30.0, 60.0])
+def test_words_are_cut_while_their_arms_are_away_from_rest_at_any_rate(fps: float) -> None:
+    clips = [resample(word(gloss).clip, fps) for gloss in ("NIGHT", "YOU", "BOOK")]
+    cuts = LearnedCutter(READER).cuts(clips)
+    for (before, after), cut in zip(itertools.pairwise(clips), cuts, strict=True):
+        start, stop = signing(before).active
+        begin, end = signing(after).active
+        assert start <= cut.pre < stop
+        assert begin <= cut.post < end
+    for clip in clips:
+        ((reading, _), (start, stop)) = READER.pair(clip, clip), signing(clip).active
+        first, last = (reading.first + frame for frame in (reading.active[0], reading.active[1] - 1))
+        assert start <= round(first / 30.0 * fps) < start + 2
+        assert stop - 2 <= round(last / 30.0 * fps) + (fps > 30.0) < stop + (fps > 30.0)
 
 
 def test_a_word_is_read_once_for_all_its_seams() -> None:

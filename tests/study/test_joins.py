@@ -122,6 +122,15 @@ def test_the_command_prints_a_table_or_json() -> None:
     assert next(r for r in told["rows"] if r["method"] == joins.STITCHER)["deepest"] is None
     table = CliRunner().invoke(app, ["evaluate", "--joins", "1"], catch_exceptions=False).stdout
     assert "| stitcher |" in table
-    for call in ([], ["--joins", "1", "--clips", "x.bvh"], ["--joins", "0"]):
+    for call in (
+        [],
+        ["--joins", "1", "--clips", "x.bvh"],
+        ["--joins", "0"],
+        ["--joins", "1", "--rest", "standing"],
+    ):
         with pytest.raises(InputError, match="expected"):
             CliRunner().invoke(app, ["evaluate", *call], catch_exceptions=False, standalone_mode=False)
+    with pytest.raises(InputError, match="--rest tells how the signer of --joins rests"):
+        CliRunner().invoke(
+            app, ["evaluate", "--clips", "x.bvh", "--rest", "low"], catch_exceptions=False, standalone_mode=False
+        )

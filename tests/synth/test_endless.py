@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from signsplice.motion.canonical import LEFT, ROLES, TIPS, signing
 from signsplice.synth import endless, planner, pseudo, truth
 from signsplice.synth.endless import Plan
 from signsplice.synth.rng import stream
-from signsplice.synth.signer import signer
+from signsplice.synth.signer import RESTS, signer
 
 PLAN = Plan(n_signers=2, n_words=4, n_seams=5, seed=3, fps=20.0)
 
@@ -53,6 +54,13 @@ def test_words_pairs_and_events_are_the_signers(folder: Path) -> None:
     asides, cuts = part["asides"][..., :2], part["pairs"][..., :2]
     assert np.abs(asides - cuts).max() < 20, "near the true cut"
     assert (asides != cuts).mean() > 0.5, "and seldom at it"
+
+
+def test_signers_rest_in_all_ways() -> None:
+    ways = Counter(endless.rested(signer(number)).rest for number in range(200))
+    assert set(ways) == set(RESTS)
+    assert 70 < ways["hanging"] < 130, "half of them let their arms hang"
+    assert endless.rested(signer(3)) == endless.rested(signer(3))
 
 
 def test_bones_and_turns_put_the_hands_where_they_are(folder: Path) -> None:

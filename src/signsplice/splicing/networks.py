@@ -41,6 +41,8 @@ _MAY_BE = 0.05
 """Probability from which a frame may be part of a movement."""
 REST_FRAMES = 24
 """Most frames of rest, at ``RATE``, that the cutter is shown at either end of a word."""
+STILL = 0.05
+"""Way of a hand or finger, arm lengths, up to which it stands still: who waits sways."""
 MOST_AT_ONCE = 32
 """Gaps that are filled in one pass of the network."""
 Item = TypeVar("Item")
@@ -153,21 +155,36 @@ class _Word:
 
 
 def _seen(word: Signing) -> _Word:
-    """A word without the rest that goes beyond ``REST_FRAMES``: networks know words that begin and end soon."""
+    """A word without the rest, or the standing still wherever the hands are, that goes beyond ``REST_FRAMES``: networks
+    know words that begin and end soon.
+    """
     course = features.course(word)
     start, stop = word.active
-    start, stop = int(start / word.fps * RATE), min(int(np.ceil(stop / word.fps * RATE)), len(course))
-    first = max(0, start - REST_FRAMES)
-    kept = slice(first, stop + REST_FRAMES)
+    # Frames at ``RATE`` that are within the span whatever the clip's own rate.
+    last = min(int((stop - 1) / word.fps * RATE + 1e-6), len(course) - 1)
+    start, stop = min(int(np.ceil(start / word.fps * RATE - 1e-6)), last), last + 1
+    leaves, comes = _still(course.places), len(course) - _still(course.places[::-1])
+    first = max(0, max(start, leaves) - REST_FRAMES)
+    kept = slice(first, min(stop, comes) + REST_FRAMES)
+    start, stop = max(start, first), min(stop, kept.stop)
     return _Word(Course(course.turns[kept], course.places[kept], course.there), first, (start - first, stop - first))
+
+
+def _still(places: Float) -> int:
+    """How many frames of places (T, 12, 3) pass before one of them is away from where it is in the first; 0 where none
+    ever is.
+    """
+    away = places - places[0]
+    return int((np.einsum("tkc,tkc->tk", away, away).max(axis=1) > STILL**2).argmax())
 
 
 class LearnedCutter:
     """Chooses both frames of a seam for one another, and all seams of a sentence together.
 
     The signing that it learned from shortens signs as running signing does: repetitions go, and the outer part of
-    movements. ``whole``: no movement is cut into; a word is left after its last and entered before its first. Words are
-    left and entered while their arms are away from rest, whatever the network takes a rest for that it has not met.
+    movements. ``whole``: no movement is cut into; a word is left after its last and entered before its first, as far as
+    they lie between rests. Words are left and entered while their arms are away from rest, where rest can be told by
+    heights (``arms.active_span``), whatever the network takes it for.
     """
 
     learned = True

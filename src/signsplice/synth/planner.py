@@ -110,6 +110,8 @@ _HELD = {
     ),
 }
 """How the strong and the weak hand are held at rests that are not hanging."""
+_HELD_LOWER_CM = 2.0
+"""How much lower than these postures say."""
 
 
 def resting(who: Signer, *names: str | int) -> Float:
@@ -119,7 +121,7 @@ def resting(who: Signer, *names: str | int) -> Float:
     if who.rest != HANGING:
         for first, posture in zip((0, 27), _HELD[who.rest], strict=True):
             numbers = places.weak(posture, who)
-            numbers[:3] += 0.6 * rng.standard_normal(3) + np.array([0.0, 2.0 * who.rest_out_cm - 2.0, 0.0])
+            numbers[:3] += 0.6 * rng.standard_normal(3) + np.array([0.0, 2.0 * who.rest_out_cm - _HELD_LOWER_CM, 0.0])
             numbers[6:] *= 1.0 + 0.06 * rng.standard_normal()
             state[first : first + 27] = numbers
         return state

@@ -30,10 +30,10 @@ class Signer:
     stature_cm; arms, hands, shoulders: lengths as shares of what the stature would give. left_handed: which hand is the
     strong one. tempo: how many times as fast as usual. amplitude: size of movements in space. arch: how far reaches bow
     out, as a share of their length. elbow_deg: how far the elbows are held out. rest: where the hands are when they do
-    not sign, one of ``RESTS``; rest_out_cm, rest_fwd_cm: where hanging hands are beside the thighs. breath_deg,
-    breath_hz, sway_cm, sway_hz, tremor_cm, tremor_hz: the small motions of a standing person (physiological tremor 8 to
-    12 Hz, Elble and Koller 1990; breaths 12 to 20 a minute). lag: how much later than usual the fingers form (negative:
-    earlier).
+    not sign, one of ``RESTS``; rest_out_cm, rest_fwd_cm: where hanging hands are beside the thighs (twice the first is
+    how much higher other rests are held). breath_deg, breath_hz, sway_cm, sway_hz, tremor_cm, tremor_hz: the small
+    motions of a standing person (physiological tremor 8 to 12 Hz, Elble and Koller 1990; breaths 12 to 20 a minute).
+    lag: how much later than usual the fingers form (negative: earlier).
     """
 
     name: str = "standard"
