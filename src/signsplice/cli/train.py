@@ -171,10 +171,11 @@ def transition(
     from signsplice.splicing.defaults import WEIGHTS
     from signsplice.train import processes, tuning
 
+    source = Path(earlier[0]) if earlier else WEIGHTS
     with processes.joined(device) as here:
         told = tuning.Tuning(seed=seed) if steps is None else tuning.Tuning(steps=steps, seed=seed)
         tell = _teller("transition") if here.first else None
-        outcome = tuning.make(told, Path(str(lexicon)), Path(*earlier or (WEIGHTS,)), Path(out), here, tell)
+        outcome = tuning.make(told, Path(str(lexicon)), source, Path(out), here, tell)
     errors = f"{outcome.after:.1f} tuned, {outcome.before:.1f} before, {outcome.classical:.1f} classical"
     print(f"{outcome.n_learned} words taught; error on {outcome.n_held} held back, arm / 1000: {errors}")
     print(f"{out}: written" if outcome.better else f"{out}: not written, since the tuned network is no better")

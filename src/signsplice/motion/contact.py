@@ -145,7 +145,9 @@ def _ball(middles: Float, reach: Float) -> tuple[Float, Float]:
 
 
 def _meet(middles: Float, reach: Float, starts: Float, axes: Float, thick: Float) -> NDArray[np.bool_]:
-    """Whether balls (T, A, 3), (T, A) meet capsules (T, B, 3), twice, of thickness (B,): (T, A, B)."""
+    """Whether balls, middles (T, A, 3) and radii (T, A), meet capsules, starts and axes (T, B, 3) and radii (B,):
+    (T, A, B).
+    """
     # Squares of distances by products of matrices: few numbers on the way.
     over = axes.transpose(0, 2, 1)
     squares = _dot(axes, axes)[:, None] + _TINY

@@ -56,8 +56,8 @@ def position_error(predicted: Clip, true: Clip) -> float:
 
 
 EVENLY = 0.02
-"""Change of a joint's turn from one frame to the next, as a share of the quickest joint's, up to which it turns on
-evenly."""
+"""Change of a joint's turn from one frame to the next, as a share of the quickest joint's, up to which it turns evenly.
+"""
 _MOVING_RAD = 0.005
 """Turn of the quickest joint in a frame (0.3 degrees) from which on a body moves."""
 
