@@ -11,7 +11,7 @@ from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.synth import notation, planner
 from signsplice.synth.phonology import Sign
-from signsplice.synth.planner import Word
+from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import JOINTS, STANDARD, Signer, signer
 
 Float = NDArray[np.float64]
@@ -31,12 +31,12 @@ def who(seed: int | None) -> Signer:
 
 
 @cache
-def word(gloss: str, seed: int | None = None, fps: float = 30.0) -> Word:
+def word(gloss: str, seed: int | None = None, fps: float = 30.0) -> IsolatedWord:
     """An isolated word as ``who(seed)`` made it."""
     return planner.isolated(sign(gloss), who(seed), fps=fps)
 
 
-def made(*lines: str, hands: str = "one", seed: int | None = None, fps: float = 30.0) -> Word:
+def made(*lines: str, hands: str = "one", seed: int | None = None, fps: float = 30.0) -> IsolatedWord:
     """An isolated word written on the spot."""
     text = f"WORD hands={hands}\n" + "".join(f"  {line}\n" for line in lines)
     return planner.isolated(notation.parse(text)["WORD"], who(seed), fps=fps)

@@ -150,7 +150,7 @@ def test_methods_lists_every_part(folder: Path) -> None:
 
 def test_roles_can_be_given_by_hand(folder: Path, words: dict[str, Clip]) -> None:
     """A rig whose names say nothing is spliced once its roles are named."""
-    from signsplice.motion.humanoid import find_roles
+    from signsplice.rig.roles import find_roles
 
     text = (folder / "SIGN.bvh").read_text()
     renamed = {name: f"b{n:02d}" for n, name in enumerate(words["SIGN"].skeleton.names)}

@@ -14,8 +14,8 @@ from signsplice.errors import InputError
 from signsplice.formats import bvh
 from signsplice.formats.numbers import format_rows
 from signsplice.motion import rotation
-from signsplice.motion.channels import ROTATIONS
 from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion.euler_channels import ROTATIONS
 
 MIXED = """HIERARCHY
 ROOT Hips

@@ -19,10 +19,11 @@ from clothes import in_other_clothes
 from signing import word
 from signsplice.errors import FormatError, InputError
 from signsplice.formats import gltf
-from signsplice.motion import kinematics, rotation, stance
-from signsplice.motion.canonical import ROLES, signing
+from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
-from signsplice.motion.humanoid import find_roles
+from signsplice.rig import proportions
+from signsplice.rig.canonical import ROLES, canonical_motion
+from signsplice.rig.roles import find_roles
 
 VIEWER = Path(__file__).parents[2] / "viewer"
 BOOK = word("BOOK").clip
@@ -31,7 +32,7 @@ BOOK = word("BOOK").clip
 def places_of(clip: Clip) -> np.ndarray:
     """Joints (T, J, 3) in metres, the signer in front."""
     placed = gltf.in_front(clip)
-    return np.asarray(kinematics.forward(placed)[1] * stance.sizes(clip.skeleton).unit.metres)
+    return np.asarray(kinematics.forward(placed)[1] * proportions.sizes(clip.skeleton).unit.metres)
 
 
 def came_back(clip: Clip, path: Path) -> float:
@@ -42,7 +43,12 @@ def came_back(clip: Clip, path: Path) -> float:
     assert back.fps == pytest.approx(clip.fps)
     columns = [back.skeleton.names.index(name) for name in clip.skeleton.names]
     places = np.abs(kinematics.forward(back)[1][:, columns] - places_of(clip)).max()
-    return float(max(places, np.abs(rotation.to_6d(signing(back).turns) - rotation.to_6d(signing(clip).turns)).max()))
+    return float(
+        max(
+            places,
+            np.abs(rotation.to_6d(canonical_motion(back).quats) - rotation.to_6d(canonical_motion(clip).quats)).max(),
+        )
+    )
 
 
 def test_a_person_comes_back(tmp_path: Path) -> None:
@@ -62,7 +68,7 @@ def test_a_vrm_animation_turns_the_bones_of_a_t_pose(tmp_path: Path) -> None:
     roles = find_roles(back.skeleton).joints
     assert set(roles) == set(back.skeleton.names)
     for role, row in ((role, ROLES.index(role)) for role in roles if role in ROLES):
-        angles = rotation.angle_between(back.local_rotations[:, roles[role]], signing(BOOK).turns[:, row])
+        angles = rotation.angle_between(back.local_rotations[:, roles[role]], canonical_motion(BOOK).quats[:, row])
         np.testing.assert_allclose(angles, 0.0, atol=1e-5)
     hips = find_roles(BOOK.skeleton).joints["hips"]
     np.testing.assert_allclose(back.root_positions, places_of(BOOK)[:, hips], atol=1e-5)
@@ -416,10 +422,10 @@ def test_joints_are_where_three_js_puts_them(seen_elsewhere: dict[str, Any]) -> 
 
 def test_three_vrm_reads_the_turns_of_every_bone(seen_elsewhere: dict[str, Any]) -> None:
     bones = seen_elsewhere[".vrma"]["bones"]
-    own = signing(BOOK)
+    own = canonical_motion(BOOK)
     for role, values in bones["turns"].items():
         if role in ROLES:
-            angles = rotation.angle_between(np.array(values).reshape(-1, 4), own.turns[:, ROLES.index(role)])
+            angles = rotation.angle_between(np.array(values).reshape(-1, 4), own.quats[:, ROLES.index(role)])
             np.testing.assert_allclose(angles, 0.0, atol=1e-5)
     assert set(bones["turns"]) == set(find_roles(BOOK.skeleton).joints)
 

@@ -54,7 +54,7 @@ def score(pairs: Pairs, method: clip_methods.ClipMethod, numbers: list[int]) -> 
     exact = [(p.pre, p.post) == t[:2] for p, t in zip(made, true, strict=True)]
     return {
         "system": method.name,
-        "told": method.told,
+        "told": method.given,
         "accuracy": float(np.mean([reference.accuracy(p, t, SIGMA) for p, t in both])),
         "mse": float(np.mean([reference.squared_error(p, t, LAMBDA) for p, t in both])),
         **{f"bleu-{n}": reference.bleu(both, n, TOLERANCE) for n in range(1, 5)},

@@ -15,15 +15,15 @@ from pathlib import Path
 
 import torch
 
-from signsplice.synth import endless
-from signsplice.train import own
-from signsplice.train.networks.bridge import Bridge, BridgeConfig
-from signsplice.train.networks.cutting import Cutting, CuttingConfig
+from signsplice.synth import training_data
+from signsplice.train.product import training
+from signsplice.train.product.networks.bridge import Bridge, BridgeConfig
+from signsplice.train.product.networks.cutting import Cutting, CuttingConfig
 
 HERE = Path(__file__).parent
 SIZES = {
-    "cutter": own.Course(CuttingConfig(16, 2, 1, 16, 2, 8, 16), 1, 2, 1e-3, 4),
-    "transition": own.Course(BridgeConfig(16, 2, 1, 16), 1, 4, 1e-3, 4),
+    "cutter": training.TrainingSchedule(CuttingConfig(16, 2, 1, 16, 2, 8, 16), 1, 2, 1e-3, 4),
+    "transition": training.TrainingSchedule(BridgeConfig(16, 2, 1, 16), 1, 4, 1e-3, 4),
 }
 
 
@@ -31,14 +31,14 @@ def main(target: Path) -> None:
     """Write the bundle into a folder."""
     with tempfile.TemporaryDirectory() as made:
         signing, parts = Path(made) / "signing", Path(made) / "parts"
-        endless.write(endless.Plan(2, 4, 6, seed=4), signing, processes=1)
-        learned, held = own.split(signing)
+        training_data.write(training_data.TrainingDataPlan(2, 4, 6, seed=4), signing, processes=1)
+        learned, held = training.split(signing)
         folders = {}
         for name, course in SIZES.items():
-            own.COURSES[name, "tiny"] = course
-            told = own.Own(name, "tiny")
+            training.SCHEDULES[name, "tiny"] = course
+            told = training.ProductTraining(name, "tiny")
             torch.manual_seed(1)
-            task = own.build(told, own._data(told, learned, None))
+            task = training.build(told, training._data(told, learned, None))
             network = task.network
             assert isinstance(network, Bridge | Cutting)
             outs = [network.out] if isinstance(network, Bridge) else [network.leaving.out, network.entering.out]
@@ -49,12 +49,12 @@ def main(target: Path) -> None:
                     weight.add_(0.02 * torch.randn_like(weight))
             folder = parts / name
             folder.mkdir(parents=True)
-            for file, content in own.graphs(task, own._data(told, held, 4)).items():
+            for file, content in training.product_graphs(task, training._data(told, held, 4)).items():
                 (folder / file).write_bytes(content)
             facts = {"network": name, "scale": "tiny", "weights": "random", "config": asdict(course.config)}
             (folder / "facts.json").write_text(json.dumps(facts))
             folders[name] = folder
-        own.assemble(target, folders)
+        training.assemble(target, folders)
 
 
 if __name__ == "__main__":

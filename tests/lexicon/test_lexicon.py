@@ -23,8 +23,8 @@ from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon import reader
 from signsplice.lexicon.entry import fold, gloss_of
 from signsplice.motion import rotation
-from signsplice.motion.arms import active_span, arms
 from signsplice.motion.clip import Clip
+from signsplice.rig.arms import active_span, arms
 
 
 @pytest.fixture

@@ -141,7 +141,7 @@ def test_nearest_course_is_nearest_euler_frame_by_frame(begun: bool) -> None:
     for frame in angles:
         last = frame if last is None else rotation.nearest_euler(frame, last)
         expected.append(last)
-    course = rotation.nearest_course(angles, before)
+    course = rotation.nearest_euler_sequence(angles, before)
     assert np.allclose(course, expected, atol=1e-9)
     assert same(rotation.from_euler(course, "ZXY"), rotation.from_euler(walk, "ZXY"))
     assert np.ptp(course) > 4.0 * np.pi

@@ -20,7 +20,7 @@ from signsplice.errors import InputError
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.paper.systems.clips import ClipSplicer, open_clip_splicer
-from signsplice.paper.systems.splicers import Joint, Parted
+from signsplice.paper.systems.splicers import OneNetworkSystem, TwoNetworkSystem
 from signsplice.splicing.bundle import write_bundle
 from signsplice.synth.corpus import from_numbers, to_numbers
 from signsplice.synth.signer import STANDARD, signer, skeleton, stature
@@ -48,7 +48,7 @@ def seven(inputs: Mapping[str, Array]) -> dict[str, Array]:
     return {"numbers": np.eye(12)[None, 6]}
 
 
-def splicer(pre: int | None = 30, post: int | None = 20, kind: type = Parted, **facts: Any) -> ClipSplicer:
+def splicer(pre: int | None = 30, post: int | None = 20, kind: type = TwoNetworkSystem, **facts: Any) -> ClipSplicer:
     graphs = Fakes(
         {
             "spsn": lambda inputs: tokens(inputs["x"].shape[1], pre, None if post is None else len(BEFORE) + post),
@@ -131,7 +131,7 @@ def test_what_it_did_not_learn_from_is_refused() -> None:
         own.cut(point, AFTER)
     with pytest.raises(InputError, match="0 transition frames"):
         own.between(BEFORE, AFTER, 0)
-    for other in (splicer(fr=None), splicer(kind=Joint)):
+    for other in (splicer(fr=None), splicer(kind=OneNetworkSystem)):
         with pytest.raises(InputError, match="lpt makes frames of two whole words alone"):
             other.between(BEFORE, AFTER, 3)
 

@@ -22,10 +22,10 @@ from toys import Fake, corpus, of_rows, row, write_bundle
 from signsplice import cli
 from signsplice.cli import paper as command
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
-from signsplice.paper import figures, judging, pictures, plan, published, results, shots
+from signsplice.paper import figures, judging, kept_frames, pictures, plan, published, results
+from signsplice.paper.kept_frames import KeptFrames
 from signsplice.paper.protocol import choose
 from signsplice.paper.results import Curve, Results
-from signsplice.paper.shots import Shot
 
 
 def measured() -> Results:
@@ -36,13 +36,13 @@ def measured() -> Results:
     return of_rows(*rows).merged(curves=curves)
 
 
-def pictured() -> list[Shot]:
-    chosen = shots.choose(corpus(), choose(corpus(), "random"), 2)
-    made = {shots.label(s, "cpu", "adamw"): d for s, d in (("lstm", 0.01), ("transformer", 0.3), ("lpt", 0.0))}
+def pictured() -> list[KeptFrames]:
+    chosen = kept_frames.choose(corpus(), choose(corpus(), "random"), 2)
+    made = {kept_frames.label(s, "cpu", "adamw"): d for s, d in (("lstm", 0.01), ("transformer", 0.3), ("lpt", 0.0))}
     out = []
     for shot in chosen:
         frames = {name: shot.truth + by for name, by in made.items()}
-        frames[shots.label("transformer", "cpu", "adamw")] = shot.truth[:-1] + 0.3
+        frames[kept_frames.label("transformer", "cpu", "adamw")] = shot.truth[:-1] + 0.3
         out.append(replace(shot, made=frames))
     return out
 

@@ -12,7 +12,7 @@ import pytest
 from toys import GOLDEN, Fake, corpus, golden, write_bundle
 
 from signsplice.errors import InputError
-from signsplice.paper import clip_methods, judging, measures, protocol, results, shots
+from signsplice.paper import clip_methods, judging, kept_frames, metrics, protocol, results
 from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice.paper.prediction import Prediction
 
@@ -46,8 +46,8 @@ def test_errors_are_seen_where_they_are_made() -> None:
     assert off["bleu-1@5e-05"] == 0.0
     assert off["bleu-1@0.0003"] == 1.0
     longer = scores_of(longer=1)
-    assert longer["accuracy"] == pytest.approx(1.0 - measures.SIGMA)
-    assert longer["mse"] == pytest.approx(measures.VISIBLE)
+    assert longer["accuracy"] == pytest.approx(1.0 - metrics.SIGMA)
+    assert longer["mse"] == pytest.approx(metrics.VISIBLE)
     assert longer["length_exact"] == 0.0
     assert scores_of(longer=-1)["bleu-1"] < 1.0, "brevity"
     late = scores_of(late=1)
@@ -123,9 +123,9 @@ def test_classical_rows_are_told_what_they_say() -> None:
         ClipMethod("ends", "slerp", "positions")
     with pytest.raises(InputError, match="no cutter 'nothing'"):
         ClipMethod("nothing", "slerp")
-    names = [(method.name, method.told) for method in clip_methods.classical()]
+    names = [(method.name, method.given) for method in clip_methods.classical()]
     assert len(set(names)) == len(names) == 20
-    assert shots.HERMITE in names
+    assert kept_frames.HERMITE in names
 
 
 def test_classical_rows_score_what_the_golden_ones_do() -> None:
@@ -144,16 +144,16 @@ def test_bundles_and_classical_rows_become_rows_curves_and_shots(tmp_path: Path)
     pairs = corpus()
     folder = write_bundle(tmp_path / "lpt", pairs)
     write_bundle(tmp_path / "other", pairs, scale="cpu")
-    assert judging.found(tmp_path, "smoke") == [folder]
-    assert judging.found(tmp_path / "nowhere", "smoke") == []
+    assert judging.find_bundles(tmp_path, "smoke") == [folder]
+    assert judging.find_bundles(tmp_path / "nowhere", "smoke") == []
     opened: list[tuple[Path, str]] = []
 
     def opener(path: Path, decoding: str) -> Fake:
         opened.append((path, decoding))
         return Fake(pairs, off=0.001)
 
-    cutter, transition = shots.HERMITE[0].split("+")
-    method = ClipMethod(cutter, transition, shots.HERMITE[1])
+    cutter, transition = kept_frames.HERMITE[0].split("+")
+    method = ClipMethod(cutter, transition, kept_frames.HERMITE[1])
     made = list(judging.everything(pairs, [folder], results.Results(), [], quiet, opener, methods=[method]))
     rows = [row for judgement in made for row in judgement.rows]
     assert [(row.system, row.split) for row in rows] == [
@@ -170,7 +170,7 @@ def test_bundles_and_classical_rows_become_rows_curves_and_shots(tmp_path: Path)
     assert curve.points == [(0.0, 0.9), (5.0, 0.905), (10.0, 0.91), (15.0, 0.915)]
     for shot in made[-1].shots:
         assert {name.split("/")[2] for name in shot.made} == {method.name, "lpt"}
-        assert np.allclose(shot.made[shots.label("lpt", "smoke", "adamw")], shot.truth + 0.001, atol=1e-6)
+        assert np.allclose(shot.made[kept_frames.label("lpt", "smoke", "adamw")], shot.truth + 0.001, atol=1e-6)
     known = results.Results().merged(rows)
     again = list(judging.everything(pairs, [folder], known, made[-1].shots, quiet, opener, methods=[method]))
     assert [judgement.rows for judgement in again] == [(), ()], "what is known is not judged twice"

@@ -11,7 +11,7 @@ import pytest
 from toys import corpus, moved, of_rows, row
 
 from signsplice.errors import InputError
-from signsplice.paper import plan, published, results, shots
+from signsplice.paper import kept_frames, plan, published, results
 from signsplice.paper.protocol import choose
 from signsplice.paper.results import Curve, Results
 
@@ -88,22 +88,22 @@ def test_long_curves_are_thinned_to_their_ends() -> None:
 
 def test_shots_come_back_and_keep_what_others_made(tmp_path: Path) -> None:
     pairs = corpus()
-    chosen = shots.choose(pairs, choose(pairs, "random"))
-    assert 1 <= len(chosen) <= shots.COUNT
+    chosen = kept_frames.choose(pairs, choose(pairs, "random"))
+    assert 1 <= len(chosen) <= kept_frames.COUNT
     one = [replace(shot, made={"cpu/adamw/lpt/nothing": moved(4)}) for shot in chosen]
     path = tmp_path / "frames.npz"
-    shots.save(one, path)
-    back = shots.load(path)
+    kept_frames.save(one, path)
+    back = kept_frames.load(path)
     assert [(s.number, s.name) for s in back] == [(s.number, s.name) for s in chosen]
     assert np.allclose(back[0].made["cpu/adamw/lpt/nothing"], moved(4), atol=1e-6)
-    merged = shots.merge(back, [replace(shot, made={"new": moved(3)}) for shot in chosen])
+    merged = kept_frames.merge(back, [replace(shot, made={"new": moved(3)}) for shot in chosen])
     assert set(merged[0].made) == {"cpu/adamw/lpt/nothing", "new"}
     other = [replace(shot, truth=shot.truth + 0.1) for shot in chosen]
-    assert not shots.merge(back, other)[0].made, "another truth, another pair"
+    assert not kept_frames.merge(back, other)[0].made, "another truth, another pair"
     path.write_bytes(b"no archive")
     with pytest.raises(InputError, match=r"frames.npz: holds no frames"):
-        shots.load(path)
-    assert shots.load(tmp_path / "none.npz") == []
+        kept_frames.load(path)
+    assert kept_frames.load(tmp_path / "none.npz") == []
 
 
 def test_the_plan_trains_every_system_of_the_tables(tmp_path: Path) -> None:

@@ -12,17 +12,17 @@ import pytest
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.paper.systems import Joint, Parted, open_bundle
+from signsplice.paper.systems import OneNetworkSystem, TwoNetworkSystem, open_bundle
 from signsplice.paper.systems.splicers import DECODINGS, HIDDEN, START, decided
-from signsplice.splicing.bundle import HEAD, read_facts, read_file, write_bundle
-from signsplice.splicing.graphs import Graphs
+from signsplice.splicing.bundle import BUNDLE_FILE, read_facts, read_file, write_bundle
+from signsplice.splicing.sessions import Sessions
 
 Array = NDArray[Any]
 RUNS = {"positions": "spsn", "frames": "generator", "concurrent": True, "n_fed": 159, "most_frames": 6}
 FACTS = {"system": "lpt", "fr": 2, "runs": RUNS}
 
 
-class Fakes(Graphs):
+class Fakes(Sessions):
     """Graphs that are functions; ``seen`` is what they were given."""
 
     def __init__(self, graphs: Mapping[str, Callable[[Mapping[str, Array]], dict[str, Array]]]) -> None:
@@ -63,7 +63,7 @@ def encoder(inputs: Mapping[str, Array]) -> dict[str, Array]:
 @pytest.mark.parametrize("decoding", DECODINGS)
 def test_frames_end_with_the_first_that_is_called_the_last(decoding: str) -> None:
     graphs = Fakes({"spsn": lambda _: tokens(12, 3, 8), "encoder": encoder, "decoder": counting})
-    system = Parted("lpt", FACTS, graphs, decoding)
+    system = TwoNetworkSystem("lpt", FACTS, graphs, decoding)
     before, after = np.arange(6)[:, None] * np.ones(159), 10 + np.arange(6)[:, None] * np.ones(159)
     found = system.predict(before, after)
     assert (found.pre, found.post) == (3, 2)
@@ -85,15 +85,19 @@ def test_frames_end_with_the_first_that_is_called_the_last(decoding: str) -> Non
 
 
 @pytest.mark.parametrize("decoding", DECODINGS)
-@pytest.mark.parametrize("kind", [Parted, Joint])
-def test_a_rehearsal_makes_as_many_frames_as_it_is_told(decoding: str, kind: type[Parted | Joint]) -> None:
+@pytest.mark.parametrize("kind", [TwoNetworkSystem, OneNetworkSystem])
+def test_a_rehearsal_makes_as_many_frames_as_it_is_told(
+    decoding: str, kind: type[TwoNetworkSystem | OneNetworkSystem]
+) -> None:
     both = {"encoder": lambda given: {**tokens(12, None, None), **encoder(given)}, "decoder": counting}
     graphs = Fakes({"spsn": lambda _: tokens(12, None, None), **both})
     before, after = np.zeros((6, 159)), np.zeros((6, 159))
     for n_frames in (2, 6):
         made = kind("lpt", FACTS, graphs, decoding).rehearse(before, after, 3, 2, n_frames)
         np.testing.assert_array_equal(made[:, 0], 1 + np.arange(n_frames))
-    assert ("spsn" in dict(graphs.seen)) == (kind is Parted), "positions are searched for, though they are told"
+    assert ("spsn" in dict(graphs.seen)) == (kind is TwoNetworkSystem), (
+        "positions are searched for, though they are told"
+    )
 
 
 def test_a_decoder_that_never_ends_is_stopped() -> None:
@@ -102,15 +106,18 @@ def test_a_decoder_that_never_ends_is_stopped() -> None:
 
     for decoding in ("one-by-one", "parallel"):
         graphs = Fakes({"spsn": lambda _: tokens(12, 3, 8), "encoder": encoder, "decoder": endless})
-        assert len(Parted("lpt", FACTS, graphs, decoding).predict(np.zeros((6, 159)), np.zeros((6, 159))).frames) == 6
+        assert (
+            len(TwoNetworkSystem("lpt", FACTS, graphs, decoding).predict(np.zeros((6, 159)), np.zeros((6, 159))).frames)
+            == 6
+        )
 
 
 def test_a_missing_token_leaves_culling_nothing_to_cut() -> None:
     graphs = Fakes({"spsn": lambda _: tokens(12, None, 8), "encoder": encoder, "decoder": counting})
-    found = Parted("lpt", FACTS, graphs, "one-by-one").predict(np.zeros((6, 159)), np.zeros((6, 159)))
+    found = TwoNetworkSystem("lpt", FACTS, graphs, "one-by-one").predict(np.zeros((6, 159)), np.zeros((6, 159)))
     assert (found.pre, found.post) == (None, 2)
     assert found.frames.shape == (0, 159)
-    whole = Parted("lpt-wc", {**FACTS, "fr": None}, graphs, "one-by-one").predict(
+    whole = TwoNetworkSystem("lpt-wc", {**FACTS, "fr": None}, graphs, "one-by-one").predict(
         np.zeros((6, 159)), np.zeros((6, 159))
     )
     assert (whole.pre, len(whole.frames)) == (None, 4), "without Culling, frames need no position"
@@ -118,7 +125,9 @@ def test_a_missing_token_leaves_culling_nothing_to_cut() -> None:
 
 def test_a_joint_system_reads_positions_and_frames_off_one_network() -> None:
     graphs = Fakes({"encoder": lambda given: {**tokens(12, 3, 8), **encoder(given)}, "decoder": counting})
-    system = Joint("lstm", {**FACTS, "fr": None, "runs": {**RUNS, "positions": "encoder"}}, graphs, "one-by-one")
+    system = OneNetworkSystem(
+        "lstm", {**FACTS, "fr": None, "runs": {**RUNS, "positions": "encoder"}}, graphs, "one-by-one"
+    )
     found = system.predict(np.zeros((6, 159)), np.zeros((6, 159)))
     assert (found.pre, found.post, len(found.frames)) == (3, 2, 4)
     assert "tokens" not in graphs.seen[-1][1]
@@ -129,7 +138,7 @@ def test_a_filler_is_asked_for_the_frames_it_guesses() -> None:
         return {"made": np.zeros((1, inputs["real"].shape[1], 159), np.float32)}
 
     graphs = Fakes({"length": lambda _: {"numbers": np.array([[0.0, 0.0, 2.0]])}, "fill": fill})
-    system = Parted("nat", {**FACTS, "runs": {**RUNS, "frames": "filler"}}, graphs, "one-by-one")
+    system = TwoNetworkSystem("nat", {**FACTS, "runs": {**RUNS, "frames": "filler"}}, graphs, "one-by-one")
     assert system.fill(np.zeros((6, 159)), np.zeros((6, 159)), 3, 2).shape == (3, 159)
     with pytest.raises(InputError, match="splice position 6, 2"):
         system.fill(np.zeros((6, 159)), np.zeros((6, 159)), 6, 2)
@@ -163,12 +172,12 @@ def test_bundles_are_checked(tmp_path: Path) -> None:
     written(tmp_path, runs={**RUNS, "concurrent": False})
     with pytest.raises(InputError, match="it has no parallel decoding"):
         open_bundle(tmp_path, "parallel")
-    (tmp_path / HEAD).write_text(json.dumps({"version": 7}))
+    (tmp_path / BUNDLE_FILE).write_text(json.dumps({"version": 7}))
     with pytest.raises(InputError, match="version 7, expected 1"):
         open_bundle(tmp_path)
-    (tmp_path / HEAD).write_text(json.dumps({"version": 1, "system": "lpt"}))
+    (tmp_path / BUNDLE_FILE).write_text(json.dumps({"version": 1, "system": "lpt"}))
     with pytest.raises(InputError, match="has no 'runs'"):
         open_bundle(tmp_path)
-    (tmp_path / HEAD).write_text("{")
+    (tmp_path / BUNDLE_FILE).write_text("{")
     with pytest.raises(InputError, match="is no JSON"):
         open_bundle(tmp_path)

@@ -11,7 +11,7 @@ from toys import of_rows, row
 from signsplice.errors import InputError
 from signsplice.paper import layout, order, published, tables
 from signsplice.paper.layout import RULE, Table
-from signsplice.paper.results import CLASSICAL, Results, Row
+from signsplice.paper.results import CLASSICAL, ResultRow, Results
 
 DESIGN = """
 BLEU-1 0.744 0.881 0.735 0.894 BLEU-2 0.649 0.771 0.652 0.869 BLEU-3 0.599 0.677 0.615 0.848
@@ -22,7 +22,7 @@ BLEU-4 0.704 0.642 0.621 0.824 PTA 0.999 0.999 0.984 0.999 PAA 0.829 0.999 0.801
 """Tables 1 and 3 as the paper prints them, metric by metric: a second copy, to check the first against."""
 
 
-def paper_rows(optimiser: str = "adamw", split: str = "random", **changes: object) -> list[Row]:
+def paper_rows(optimiser: str = "adamw", split: str = "random", **changes: object) -> list[ResultRow]:
     """Rows of the paper's own systems with the paper's own scores."""
     out = []
     for n, (system, values) in enumerate({**published.TABLE_3, **published.TABLE_1}.items()):
@@ -82,7 +82,7 @@ def test_the_order_is_counted_pair_by_pair() -> None:
 def test_claims_that_do_not_hold_say_so() -> None:
     rows = {r.system: r for r in paper_rows()}
     slow = row("lpt", scores={"accuracy": 0.9, "mse": 0.01, "ms_mean": 100.0})
-    said = {claim.says: claim.holds for claim in order.claims_1({**rows, "lpt": slow})}
+    said = {claim.claim: claim.holds for claim in order.claims_1({**rows, "lpt": slow})}
     assert not said["LpTransformer's Accuracy"]
     assert not said["LpTransformer's MSE"]
     assert not said["faster than Transformer"]
@@ -92,7 +92,7 @@ def test_claims_that_do_not_hold_say_so() -> None:
     assert order.claims_3({"lpt": rows["lpt"]}) == []
 
 
-def classical_rows(split: str = "random") -> list[Row]:
+def classical_rows(split: str = "random") -> list[ResultRow]:
     like = {"scale": CLASSICAL, "optimiser": "", "fr": None, "seed": None, "steps": None, "split": split}
     return [row(system, told=told, **like) for system, told in (*tables.IN_TABLE_1, ("ends+slerp", "nothing"))]
 

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.paper import bleu, measures, results
+from signsplice.paper import bleu, metrics, results
 from signsplice.paper.prediction import Prediction
-from signsplice.paper.results import Row
+from signsplice.paper.results import ResultRow
 from signsplice.synth import notation
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 
@@ -82,7 +82,7 @@ class Fake:
         raise AssertionError("words of no pair")
 
 
-def row(system: str = "lpt", **changes: Any) -> Row:
+def row(system: str = "lpt", **changes: Any) -> ResultRow:
     """A row with plausible scores."""
     scores = {
         "accuracy": 0.98,
@@ -109,10 +109,10 @@ def row(system: str = "lpt", **changes: Any) -> Row:
         "n_pairs": 3,
         "machine": "a machine",
     }
-    return Row(system, scores=scores, **(fields | changes))
+    return ResultRow(system, scores=scores, **(fields | changes))
 
 
-def of_rows(*rows: Row) -> results.Results:
+def of_rows(*rows: ResultRow) -> results.Results:
     """Results of rows."""
     return results.Results().merged(rows)
 
@@ -142,4 +142,4 @@ def write_bundle(folder: Path, pairs: Pairs, **changes: Any) -> Path:
 def moved(n: int, seed: int = 0) -> Float:
     """Frames (n, 159) of a smooth random motion."""
     rng = np.random.default_rng(seed)
-    return np.asarray(np.cumsum(rng.normal(size=(n, measures.NUMBERS)) * 0.01, axis=0))
+    return np.asarray(np.cumsum(rng.normal(size=(n, metrics.NUMBERS)) * 0.01, axis=0))

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from PIL import Image, ImageSequence
 
 from conftest import random_clip
+from signsplice.body.capsules import body_capsules, capsule_ends
+from signsplice.body.mesh import CLOTHES, bind_pose, body_mesh
+from signsplice.body.surface_nets import surface
 from signsplice.errors import InputError, MissingExtraError
 from signsplice.motion import kinematics, rotation
-from signsplice.motion.body import body, place
 from signsplice.motion.clip import Clip
-from signsplice.motion.mannequin import CLOTHES, bound, mannequin
-from signsplice.motion.surface import surface
 from signsplice.render import film, sheet
 from signsplice.render import page as page_
 from signsplice.render.film import Mark, gif_timing, write
@@ -112,11 +112,11 @@ def test_the_skin_is_carried_by_its_joints(words: dict[str, Clip]) -> None:
     ready = scene(clip)
     points, normals = posed(ready, 30)
     turns, places = kinematics.forward(clip)
-    bound_turns, bound_places = bound(clip.skeleton)
+    bound_turns, bound_places = bind_pose(clip.skeleton)
     bound_turns = rotation.to_matrix(bound_turns)
-    vertices = np.concatenate([thing.vertices for thing in mannequin(clip.skeleton)])
-    joints = np.concatenate([thing.joints for thing in mannequin(clip.skeleton)])
-    weights = np.concatenate([thing.weights for thing in mannequin(clip.skeleton)])
+    vertices = np.concatenate([thing.vertices for thing in body_mesh(clip.skeleton)])
+    joints = np.concatenate([thing.joints for thing in body_mesh(clip.skeleton)])
+    weights = np.concatenate([thing.weights for thing in body_mesh(clip.skeleton)])
     for n in np.random.default_rng(0).integers(len(vertices), size=200):
         world = np.zeros(3)
         for joint, weight in zip(joints[n], weights[n], strict=True):
@@ -129,9 +129,9 @@ def test_the_skin_is_carried_by_its_joints(words: dict[str, Clip]) -> None:
 
 def test_the_body_follows_the_joints(words: dict[str, Clip]) -> None:
     clip = words["HELLO"]
-    shape = body(clip.skeleton)
+    shape = body_capsules(clip.skeleton)
     rotations, positions = kinematics.forward(clip)
-    starts, ends = place(shape, rotations, positions)
+    starts, ends = capsule_ends(shape, rotations, positions)
     index = clip.skeleton.index
     for c, (part, side) in enumerate(zip(shape.parts, shape.sides, strict=True)):
         if part == "Index" and side == "right" and shape.joints[c] == index["mixamorig:RightHandIndex1"]:
@@ -318,7 +318,7 @@ def test_a_hand_before_the_chest_is_before_it_from_the_side(words: dict[str, Cli
     """From the signer's left, forward is at the viewer's left: a signing hand stands there, before the trunk."""
     side, front = scene(words["SIGN"], "side"), scene(words["SIGN"])
     shirt = np.unique(side.skin.triangles[(side.skin.tints == np.array(CLOTHES["shirt"], np.float32)).all(axis=1)])
-    trunk = shirt[np.isin(side.skin.shares[shirt].toarray().argmax(axis=1), range(4))]  # hips and spine
+    trunk = shirt[np.isin(side.skin.weights[shirt].toarray().argmax(axis=1), range(4))]  # hips and spine
     assert len(trunk) > 1000
     assert side.hands[30, :, 0].max() < posed(side, 30)[0][trunk, 0].min()
     assert front.hands[30, :, 2].min() > posed(front, 30)[0][trunk, 2].max()

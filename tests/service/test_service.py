@@ -16,7 +16,7 @@ from pydantic import TypeAdapter
 from websockets.sync.client import ClientConnection
 
 from serving import talking
-from signsplice.formats import bvh, gltf_reading, parse
+from signsplice.formats import bvh, gltf_reader, parse
 from signsplice.lexicon import shipped
 from signsplice.motion.clip import Clip
 from signsplice.service import page, typescript, wire
@@ -73,7 +73,7 @@ def test_a_sentence_is_what_the_engine_makes(service: httpx.Client) -> None:
     assert without_timing(answer["report"]) == without_timing(json.loads(json.dumps(reports.describe(result))))
     files = {form: base64.b64decode(content) for form, content in answer["files"].items()}
     assert files["bvh"].decode() == bvh.render(result.clip)
-    shown = gltf_reading.parse(files["glb"], "a.glb")
+    shown = gltf_reader.parse(files["glb"], "a.glb")
     np.testing.assert_allclose(
         np.abs(np.sum(shown.local_rotations[:, -1] * shown.local_rotations[:, -1], axis=-1)), 1.0
     )
@@ -86,7 +86,7 @@ def test_a_sentence_is_what_the_engine_makes(service: httpx.Client) -> None:
         ({"transition": "hermite", "cutter": "ends"}, SpliceOptions(transition="hermite", cutter="ends")),
         ({"transition_time": 0.5, "sign_speed": 1.5}, SpliceOptions(transition_time=0.5, sign_speed=1.5)),
         ({"transition_time": "travel", "fps": 24}, SpliceOptions(duration="travel", fps=24.0)),
-        ({"body_sense": False}, SpliceOptions(body_sense=False)),
+        ({"body_sense": False}, SpliceOptions(avoid_collisions=False)),
     ],
 )
 def test_dials_are_the_command_lines(service: httpx.Client, dials: dict[str, Any], options: SpliceOptions) -> None:

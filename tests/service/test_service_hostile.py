@@ -30,7 +30,7 @@ from signsplice.formats import gltf
 from signsplice.motion.clip import Clip
 from signsplice.service import work
 from signsplice.service.settings import Settings
-from signsplice.service.workers import Worker
+from signsplice.service.workers import WorkerProcess
 
 
 def refused(answer: httpx.Response, status: int = 422) -> str:
@@ -184,7 +184,7 @@ def test_names_that_a_service_answers_to(host: str, allowed: tuple[str, ...], as
 
 def test_a_worker_that_died_while_idle_costs_nobody_anything() -> None:
     async def killed() -> tuple[int, int, int]:
-        worker = Worker(Settings(), skin=False)
+        worker = WorkerProcess(Settings(), skin=False)
         try:
             before = await worker.run(work.identity)
             await worker.run(work.warm, False)

@@ -18,9 +18,9 @@ from serving import serving
 from signsplice.formats import bvh, gltf, load
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
-from signsplice.motion.common_pose import common_rotations
-from signsplice.motion.humanoid import find_roles
 from signsplice.motion.rotation import inverse, multiply
+from signsplice.rig.roles import find_roles
+from signsplice.rig.t_pose import t_pose_rotations
 from signsplice.service import page
 
 VIEWER = Path(__file__).resolve().parents[2] / "viewer"
@@ -47,7 +47,7 @@ def drive(script: str, *arguments: str | Path) -> dict[str, Any]:
 
 def write_avatar(clip: Clip, path: Path) -> None:
     """A VRM 1.0 avatar: the clip's mannequin in a T-pose, its bones named."""
-    turns = common_rotations(clip.skeleton)
+    turns = t_pose_rotations(clip.skeleton)
     local = np.array([
         turn if parent < 0 else multiply(inverse(turns[parent]), turn)
         for turn, parent in zip(turns, clip.skeleton.parents, strict=True)

@@ -10,8 +10,8 @@ import pytest
 from conftest import random_clip
 from signsplice.errors import InputError
 from signsplice.motion import rotation
-from signsplice.motion.arms import active_span, arms
 from signsplice.motion.clip import Clip
+from signsplice.rig.arms import active_span, arms
 from signsplice.splicing import cut as cutting
 from signsplice.splicing.cut import CUTTERS, find_cutter
 

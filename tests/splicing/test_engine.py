@@ -15,7 +15,7 @@ from signsplice import demo
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, resample
-from signsplice.motion.harmonize import ground, harmonize
+from signsplice.rig.align import align, reference
 from signsplice.splicing import report
 from signsplice.splicing.cut import CUTTERS, Cut
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
@@ -32,14 +32,14 @@ def sentence(words: dict[str, Clip]) -> list[Clip]:
 
 def rebuilt(result: SpliceResult, clips: list[Clip]) -> rotation.Float:
     """Eq. 17 by the report: sign spans copied from their harmonized sources, transitions from the output."""
-    onto = ground(clips[0], result.clip.fps)
+    onto = reference(clips[0], result.clip.fps)
     out = np.full_like(result.clip.local_rotations, np.nan)
     for span in result.spans:
         a, b = span.output
         if span.kind == "sign":
             assert span.clip is not None
             assert span.source is not None
-            source = harmonize(clips[span.clip], onto).clip
+            source = align(clips[span.clip], onto).clip
             out[a:b] = source.local_rotations[slice(*span.source)]
         else:
             out[a:b] = result.clip.local_rotations[a:b]
@@ -69,7 +69,7 @@ def test_source_frames_of_one_rig_are_the_very_frames(sentence: list[Clip]) -> N
 
 
 def test_the_sentence_is_shorter_and_its_arms_stay_up(sentence: list[Clip]) -> None:
-    from signsplice.motion.arms import active_span, arms
+    from signsplice.rig.arms import active_span, arms
 
     result = splice(sentence)
     assert len(result.clip) < 0.75 * sum(map(len, sentence))
@@ -149,7 +149,7 @@ def test_the_transition_time_is_the_users(sentence: list[Clip]) -> None:
 
 
 def test_durations_follow_their_laws(sentence: list[Clip]) -> None:
-    from signsplice.motion.arms import arms
+    from signsplice.rig.arms import arms
     from signsplice.splicing.duration import find_duration, travel_widths
 
     p, q = sentence[0], sentence[4]
@@ -191,7 +191,7 @@ def test_euler_orders_and_joint_names_do_not_change_the_motion(words: dict[str, 
     orders.
     """
     from signsplice.formats import bvh
-    from signsplice.motion.channels import Channels
+    from signsplice.motion.euler_channels import Channels
 
     plain = [bvh.parse(bvh.render(words[gloss]).encode(), name=gloss) for gloss in ("I", "SIGN")]
     n_joints = len(words["SIGN"].skeleton)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from signsplice.evaluation.hidden_frames import hidden_frames
 from signsplice.formats import bvh
 from signsplice.motion import kinematics, rotation
-from signsplice.motion.channels import ROTATIONS
 from signsplice.motion.clip import Clip, resample
+from signsplice.motion.euler_channels import ROTATIONS
 from signsplice.splicing.engine import splice
-from signsplice.splicing.evaluate import hidden_frames
 from signsplice.splicing.transition import find_transition
 
 

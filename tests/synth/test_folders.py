@@ -93,7 +93,7 @@ def test_nothing_is_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     before = {path.name: path.read_bytes() for path in old.iterdir()}
     real, calls = planner.isolated, 0
 
-    def failing(*arguments: Any, **named: Any) -> planner.Word:
+    def failing(*arguments: Any, **named: Any) -> planner.IsolatedWord:
         nonlocal calls
         calls += 1
         if calls == 2:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from signsplice.body import capsules as body
 from signsplice.errors import InputError
-from signsplice.motion import body, kinematics, rotation
+from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 from signsplice.synth import hand
 from signsplice.synth import signer as signers
@@ -62,7 +63,7 @@ def signer() -> Skeleton:
     skeleton = signers.skeleton()
     offsets, tips = np.array(skeleton.offsets), list(skeleton.end_sites)
     for finger in hand.FINGERS:
-        way = hand.THUMB_WAY if finger == "Thumb" else np.array([-1.0, 0.0, 0.0])
+        way = hand.THUMB_DIRECTION if finger == "Thumb" else np.array([-1.0, 0.0, 0.0])
         first = skeleton.index[f"mixamorig:RightHand{finger}1"]
         lengths = hand.PHALANGES[finger]
         offsets[first : first + 3] = [hand.KNUCKLES[finger], way * lengths[0], way * lengths[1]]
@@ -94,8 +95,8 @@ def nearest(p: Float, u: Float, q: Float, v: Float) -> tuple[Float, Float]:
 def gaps() -> dict[str, dict[tuple[str, str], float]]:
     """Shape -> pair of the right hand's capsules -> distance between their surfaces, cm, as the body is drawn."""
     clip, _ = posed(np.array([shape.angles for shape in DISTINCT.values()]))
-    shape = body.body(clip.skeleton)
-    starts, ends = body.place(shape, *kinematics.forward(clip))
+    shape = body.body_capsules(clip.skeleton)
+    starts, ends = body.capsule_ends(shape, *kinematics.forward(clip))
     right = [
         c
         for c, (part, side) in enumerate(zip(shape.parts, shape.sides, strict=True))

@@ -11,7 +11,7 @@ import pytest
 from signsplice.errors import FormatError, InputError
 from signsplice.synth import notation, phonology
 from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.phonology import DIRECTIONS, HANDS, HEAD, LOCALS, PARTS, PLACES, PLANES, TRUNK, Sign, faults
+from signsplice.synth.phonology import DIRECTIONS, HANDS, HEAD, LOCALS, LOCATIONS, PARTS, PLANES, TRUNK, Sign, faults
 
 START = "shape=5 at=space palm=in fingers=up"
 BASE = f"{START} w.shape=B-open w.at=space-mid w.palm=up w.fingers=fwd"
@@ -62,7 +62,7 @@ def test_comments_blank_lines_and_a_byte_order_mark_are_passed(tmp_path: Path) -
     assert (signs["A-B"].kind, signs["A-B"].source) == ("pseudo", "by ear (own)")
 
 
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("place", LOCATIONS)
 def test_every_place(place: str) -> None:
     hands = "base" if place in phonology.ON_BASE else "one"
     weak = "" if hands == "one" else " w.shape=B-open w.at=space-mid w.palm=up w.fingers=fwd"
@@ -101,7 +101,7 @@ def test_every_way_of_two_hands(hands: str) -> None:
 )
 def test_every_path(text: str, kind: str, size: float, turns: float) -> None:
     path = one(f"X {START}", f"M shape=S path={text}").segments[1].path
-    assert (path.kind, path.size, path.turns) == (kind, size, turns)
+    assert (path.kind, path.size, path.revolutions) == (kind, size, turns)
 
 
 @pytest.mark.parametrize("kind", LOCALS)

@@ -10,15 +10,16 @@ import pytest
 from numpy.typing import NDArray
 
 from signing import made, mirror, seen_from_chest, sign, who, word
-from signsplice.motion import contact, kinematics, rotation
-from signsplice.motion.body import place
-from signsplice.study.soundness import over_limit
+from signsplice.body import collision
+from signsplice.body.capsules import capsule_ends
+from signsplice.evaluation.corpus_checks import over_limit
+from signsplice.motion import kinematics, rotation
 from signsplice.synth import planner, pose
-from signsplice.synth.clearance import TOLERANCE_CM, clear, intrusion
+from signsplice.synth.avoidance import TOLERANCE_CM, clear, intrusion
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.notation import alphabet
 from signsplice.synth.phonology import Posture, Segment, Sign
-from signsplice.synth.planner import Word, touches
+from signsplice.synth.planner import IsolatedWord, touches
 from signsplice.synth.signer import JOINTS, RESTS, STANDARD, signer
 
 Float = NDArray[np.float64]
@@ -30,12 +31,12 @@ WORDS = (*KINDS, *LETTERS)
 STRONG, WEAK = 1, 0
 
 
-def wrists(one: Word) -> Float:
+def wrists(one: IsolatedWord) -> Float:
     """Left and right wrist (T, 2, 3) from the chest."""
     return seen_from_chest(one.clip, "LeftHand", "RightHand")[1]
 
 
-def speeds(one: Word) -> Float:
+def speeds(one: IsolatedWord) -> Float:
     """Of left and right wrist, cm a frame (T - 1, 2)."""
     return np.asarray(np.linalg.norm(np.diff(wrists(one), axis=0), axis=-1))
 
@@ -141,7 +142,7 @@ def test_an_arc_bulges_and_a_zigzag_swings() -> None:
     bowed = made(start, "M at=space-in path=arc:up:8")
     swung = made(start, "M at=space-in path=zigzag:up:4:2")
 
-    def rise(one: Word) -> Float:
+    def rise(one: IsolatedWord) -> Float:
         assert one.events.first is not None
         begin, stop = one.events.first
         return np.asarray(
@@ -363,12 +364,12 @@ def test_a_left_handed_signer_signs_the_mirror_image(gloss: str) -> None:
 PART_TIPS = {"thumb": ("Thumb",), "index": ("Index",), "tips": ("Index", "Middle"), "fingertips": ("Index", "Middle")}
 
 
-def gap(one: Word, frame: int, part: str) -> float:
+def gap(one: IsolatedWord, frame: int, part: str) -> float:
     """From the skin of a part of the strong hand to head and trunk, cm, as capsules have it; negative inside."""
     clip = one.clip[frame : frame + 1]
-    shape = contact.known_body(clip.skeleton)
-    starts, ends = place(shape, *kinematics.forward(clip))
-    known = contact.groups(shape)
+    shape = collision.known_capsules(clip.skeleton)
+    starts, ends = capsule_ends(shape, *kinematics.forward(clip))
+    known = collision.capsule_groups(shape)
     fingers = PART_TIPS.get(part)
     own = [
         n
@@ -376,7 +377,7 @@ def gap(one: Word, frame: int, part: str) -> float:
         if (fingers is None and shape.parts[n] == "palm")
         or (fingers is not None and shape.parts[n].removesuffix("Tip") in fingers)
     ]
-    deep, _ = contact.overlap(starts, ends, shape.radii, own, [*known.head, *known.trunk])
+    deep, _ = collision.overlap(starts, ends, shape.radii, own, [*known.head, *known.trunk])
     return -float(deep.max())
 
 
@@ -396,14 +397,16 @@ def test_a_word_that_touches_touches(gloss: str, seed: int | None) -> None:
 def test_a_base_hand_is_touched(seed: int | None) -> None:
     one = word("LEARN", seed)
     assert one.events.touches_first
-    depth, _ = contact.hands_inside(one.clip.skeleton, *kinematics.forward(one.clip))
+    depth, _ = collision.hand_penetration(one.clip.skeleton, *kinematics.forward(one.clip))
     assert abs(depth[one.events.start, STRONG]) < 0.5
     assert depth[one.events.end, STRONG] < 0.25
 
 
 def test_what_touching_means() -> None:
-    def touching(place: str, hands: str, off: float = 0.0, up: float = 0.0) -> bool:
-        segment = Segment("H", Posture("B", place, "palm", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), off, (0.0, up, 0.0)))
+    def touching(capsule_ends: str, hands: str, off: float = 0.0, up: float = 0.0) -> bool:
+        segment = Segment(
+            "H", Posture("B", capsule_ends, "palm", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), off, (0.0, up, 0.0))
+        )
         return touches(segment, Sign("WORD", hands, (segment,)))
 
     assert touching("chin", "one")

@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from signing import mirror, seen_from_chest, who, word
+from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import kinematics, rotation
-from signsplice.study.soundness import over_limit
-from signsplice.synth import hand, places, planner, pose
+from signsplice.synth import hand, locations, planner, pose
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.signer import FOREARM, JOINTS, STANDARD, UPPER_ARM, Signer, signer, skeleton
 
@@ -269,6 +269,6 @@ def test_handshapes_arrive_in_the_fingers() -> None:
     rotations, _ = pose.rotations(states, STANDARD)
     first = JOINTS["RightHandThumb1"]
     assert np.allclose(rotations[0, first : first + 15], hand.rotations(HANDSHAPES["V"].angles))
-    facing = places.facing((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
+    facing = locations.facing((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
     assert np.allclose(rotation.rotate(facing, [-1.0, 0.0, 0.0]), [0.0, 1.0, 0.0])
     assert np.allclose(rotation.rotate(facing, [0.0, -1.0, 0.0]), [0.0, 0.0, 1.0])

@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from signsplice.study.soundness import over_limit
-from signsplice.synth import phonology, places, planner, pose, pseudo, truth
-from signsplice.synth.clearance import intrusion
+from signsplice.evaluation.corpus_checks import over_limit
+from signsplice.synth import locations, phonology, planner, pose, pseudo, truth
+from signsplice.synth.avoidance import intrusion
 from signsplice.synth.phonology import Posture, Sign
 from signsplice.synth.signer import STANDARD, signer
 
@@ -66,8 +66,8 @@ def test_they_are_various() -> None:
 def test_they_are_within_reach_of_the_standard_signer(seed: int) -> None:
     sign = drawn(seed)
     for segment in sign.segments:
-        weak = places.weak(segment.weak, STANDARD) if segment.weak is not None else np.zeros(27)
-        numbers = places.strong(segment.strong, STANDARD, weak, sign.hands in ("symmetric", "alternating"))
+        weak = locations.weak(segment.weak, STANDARD) if segment.weak is not None else np.zeros(27)
+        numbers = locations.strong(segment.strong, STANDARD, weak, sign.hands in ("symmetric", "alternating"))
         arm = pose.reach(numbers[pose.WRIST], STANDARD)
         assert arm.bend > 0.3, "the arm is not stretched"
         wrist = pose.wrist_angles(arm, numbers[pose.TURN], STANDARD)
@@ -79,7 +79,7 @@ def test_they_are_within_reach_of_the_standard_signer(seed: int) -> None:
 
 
 def test_what_is_no_ease() -> None:
-    easy = places.strong(Posture("B", "space", "palm", (-1.0, 0.0, 0.0), (0.0, 0.6, 0.8)), STANDARD, np.zeros(27))
+    easy = locations.strong(Posture("B", "space", "palm", (-1.0, 0.0, 0.0), (0.0, 0.6, 0.8)), STANDARD, np.zeros(27))
     assert pseudo.easy(easy)
     far, bent = easy.copy(), easy.copy()
     far[2] += 40.0

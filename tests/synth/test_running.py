@@ -11,7 +11,7 @@ from signing import made, seen_from_chest, word
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.synth import pose, running
-from signsplice.synth.clearance import intrusion
+from signsplice.synth.avoidance import intrusion
 from signsplice.synth.running import Utterance
 from signsplice.synth.signer import JOINTS
 

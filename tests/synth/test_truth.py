@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from signing import seen_from_chest, word
 from signsplice.errors import InputError
-from signsplice.study.soundness import over_limit
-from signsplice.synth import course, pose, running, truth
-from signsplice.synth.clearance import intrusion
-from signsplice.synth.planner import Events, Word
+from signsplice.evaluation.corpus_checks import over_limit
+from signsplice.synth import pose, running, trajectory, truth
+from signsplice.synth.avoidance import intrusion
+from signsplice.synth.planner import Events, IsolatedWord
 from signsplice.synth.signer import STANDARD
 from signsplice.synth.truth import Relation
 
@@ -80,7 +80,7 @@ def test_both_positions_depend_on_both_words() -> None:
     assert sum(len(frames) > 1 for frames in entered.values()) >= len(GLOSSES) // 2, entered
 
 
-def with_events(events: Events) -> Word:
+def with_events(events: Events) -> IsolatedWord:
     return replace(word("I"), events=events)
 
 
@@ -157,7 +157,7 @@ def test_where_a_word_is_entered(name: str, events: dict[str, object], seen: dic
 # --- what is seen of two words
 
 
-def drawn(at: dict[int, tuple[float, float, float]], shape: float = 0.0, events: Events = MOVED) -> Word:
+def drawn(at: dict[int, tuple[float, float, float]], shape: float = 0.0, events: Events = MOVED) -> IsolatedWord:
     """A word whose strong wrist goes straight from frame to frame given, all finger angles at ``shape``."""
     states = np.zeros((66, pose.SIZE))
     frames = sorted(at)
@@ -170,7 +170,7 @@ def drawn(at: dict[int, tuple[float, float, float]], shape: float = 0.0, events:
 HANG, HERE = (-26.0, -40.0, 4.0), (-10.0, 0.0, 25.0)
 
 
-def straight(end: tuple[float, float, float], start: tuple[float, float, float], shape: float = 0.0) -> Word:
+def straight(end: tuple[float, float, float], start: tuple[float, float, float], shape: float = 0.0) -> IsolatedWord:
     return drawn({5: HANG, 20: start, 30: end, 40: end, 60: HANG}, shape)
 
 
@@ -277,7 +277,7 @@ def test_the_weak_hand_and_the_fingers_take_their_time_too() -> None:
 def test_a_transition_is_a_reach_where_nothing_is_in_the_way() -> None:
     p, q = word("YOU"), word("fs-A")
     true = truth.splice(p, q)
-    reach = course.reach(
+    reach = trajectory.reach(
         p.states[true.pre - 2 : true.pre + 1], q.states[true.post : true.post + 3], len(true.states), STANDARD
     )
     assert np.array_equal(true.states, reach)
@@ -294,7 +294,7 @@ def test_what_clears_a_transition_moves_nothing_beside_its_words() -> None:
     assert intrusion(a[None], who)[0].max() > 0.25
     before, after = np.repeat(a[None], 3, axis=0), np.repeat(b[None], 3, axis=0)
     made = truth.between(before, after, p)
-    moved = np.linalg.norm(made - course.reach(before, after, len(made), who), axis=-1)
+    moved = np.linalg.norm(made - trajectory.reach(before, after, len(made), who), axis=-1)
     assert len(made) >= 4
     assert moved.max() > 0.1
     assert moved[0] < 0.4 * moved.max()

@@ -10,7 +10,7 @@ import pytest
 
 from signsplice.synth import notation
 from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.phonology import IN_SPACE, PLACES, Posture, Sign
+from signsplice.synth.phonology import IN_SPACE, LOCATIONS, Posture, Sign
 
 EVERYDAY = notation.everyday()
 ALPHABET = notation.alphabet()
@@ -54,7 +54,7 @@ def test_every_word_says_where_it_is_described(sign: Sign) -> None:
 def test_every_shape_and_place_is_known(sign: Sign) -> None:
     for posture in postures(sign):
         assert posture.shape in HANDSHAPES
-        assert posture.place in PLACES
+        assert posture.place in LOCATIONS
 
 
 def test_no_name_stands_for_two_words() -> None:

@@ -17,7 +17,7 @@ from signsplice.errors import InputError
 @click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
 def inspect(file: str, as_json: bool, roles: str | None) -> None:
     """Show a clip's rig, roles found, rate, frames, units, rest spans and warnings."""
-    from signsplice.inspection import inspect as look
+    from signsplice.rig.inspection import inspect as look
 
     facts = look(load(file, roles), file)
     if as_json:

@@ -162,24 +162,26 @@ def _evaluate(
     folder: Path, pairs: Path, bundles: Path, scale: str, systems: Sequence[str], limit: int | None, again: bool
 ) -> None:
     """Judge, and write results.json and the kept frames after every system, so that an interrupted call loses one."""
-    from signsplice.paper import clip_methods, judging, results, shots
+    from signsplice.paper import clip_methods, judging, kept_frames, results
     from signsplice.synth.corpus import Pairs
 
     corpus = Pairs(pairs)
     known = results.load(folder / judging.RESULTS)
-    kept = shots.load(folder / judging.SHOTS)
-    folders = [f for f in judging.found(bundles, scale) if not systems or judging.facts(f).get("system") in systems]
+    kept = kept_frames.load(folder / judging.SHOTS)
+    folders = [
+        f for f in judging.find_bundles(bundles, scale) if not systems or judging.facts(f).get("system") in systems
+    ]
     if not folders:
         warn([f"{bundles}: no bundle of scale {scale} there; only methods on clips are judged"])
     advance: Advance = progress
     n_rows = 0
-    methods = [*clip_methods.every(), *judging.taught(bundles, lambda line: warn([line]))]
+    methods = [*clip_methods.all_clip_methods(), *judging.corpus_trained_methods(bundles, lambda line: warn([line]))]
     for made in judging.everything(corpus, folders, known, kept, advance, limit=limit, again=again, methods=methods):
         n_rows += len(made.rows)
         if made.rows or made.curves:
             known = known.merged(made.rows, made.curves)
             results.save(known, folder / judging.RESULTS)
-            shots.save(made.shots, folder / judging.SHOTS)
+            kept_frames.save(made.shots, folder / judging.SHOTS)
     print(f"{folder / judging.RESULTS}: {n_rows} rows judged, {len(known.rows)} in all")
 
 
@@ -215,10 +217,10 @@ def _tables(results: Results, folder: Path, scale: str, what: str) -> None:
 
 
 def _figures(results: Results, folder: Path, scale: str, required: bool) -> None:
-    from signsplice.paper import figures, judging, shots
+    from signsplice.paper import figures, judging, kept_frames
 
     try:
-        written, left_out = figures.write(results, shots.load(folder / judging.SHOTS), folder, scale)
+        written, left_out = figures.write(results, kept_frames.load(folder / judging.SHOTS), folder, scale)
     except MissingExtraError as error:
         if required:
             raise

@@ -37,13 +37,13 @@ def bench(
 ) -> None:
     """Measure the speed of every part beside its baselines, in one run; or the service under load."""
     if service:
-        from signsplice.bench import service as under_load
+        from signsplice.evaluation import speed_service
 
         with progress("bench --service") as advance:
-            loaded = under_load.measure(streams, seconds, rate, minutes, advance)
-        print(json.dumps(loaded, indent=2) if as_json else under_load.table(loaded))
+            loaded = speed_service.measure(streams, seconds, rate, minutes, advance)
+        print(json.dumps(loaded, indent=2) if as_json else speed_service.table(loaded))
         return
-    from signsplice.bench.parts import measure, table
+    from signsplice.evaluation.speed_parts import measure, table
 
     with progress("bench") as advance:
         figures = measure(repeats, advance)

@@ -124,7 +124,7 @@ def sentence(
 
 
 def _options(transition_time: str, cutter: str | None, transition: str | None, **dials: Any) -> SpliceOptions:
-    from signsplice.splicing import defaults
+    from signsplice.splicing import methods as defaults
     from signsplice.splicing.engine import SpliceOptions
 
     try:
@@ -148,7 +148,7 @@ def _method(name: str | None) -> Any:
     if name is None or not (Path(name) / "bundle.json").is_file():
         return name
     from signsplice.splicing.bundle import read_facts
-    from signsplice.splicing.networks import SYSTEM
+    from signsplice.splicing.learned import SYSTEM
 
     if read_facts(Path(name)).get("system") == SYSTEM:
         raise InputError(f"{name}: holds this project's own networks; give it as --bundle {name}")
@@ -216,11 +216,11 @@ def _gap(text: str) -> tuple[int, int]:
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 def methods(as_json: bool) -> None:
     """List every cutter, transition and duration by name."""
-    from signsplice.splicing import defaults
+    from signsplice.splicing import methods as defaults
 
     rows = [
         {"kind": kind, "name": part.name, "summary": part.summary, "learned": part.learned, "default": default}
-        for kind, part, default in defaults.every()
+        for kind, part, default in defaults.all_methods()
     ]
     if as_json:
         print(json.dumps(rows, indent=2))
@@ -244,7 +244,7 @@ def evaluate(
     bundle: str | None,
     files: tuple[str, ...],
     fps: float | None,
-    joins: int | None,
+    seams: int | None,
     rest: str | None,
     pairs: str | None,
     limit: int | None,
@@ -253,12 +253,12 @@ def evaluate(
     """Measure every method, those of BUNDLE (default: those that ship) among them: on frames hidden from real clips
     (--clips), where words that were recorded apart meet (--joins), or in the body's way (--pairs).
     """
-    if sum((bool(files), joins is not None, pairs is not None)) != 1:
+    if sum((bool(files), seams is not None, pairs is not None)) != 1:
         raise InputError("expected --clips FILE, --joins N or --pairs DIR, one of them")
-    if rest is not None and joins is None:
+    if rest is not None and seams is None:
         raise InputError("--rest tells how the signer of --joins rests; give --joins N too")
-    if joins is not None:
-        signature, rows, lines = _seams(joins, rest or "hanging", bundle)
+    if seams is not None:
+        signature, rows, lines = _seams(seams, rest or "hanging", bundle)
     elif pairs is not None:
         signature, rows, lines = _intrusion(pairs, limit, bundle)
     else:
@@ -271,8 +271,8 @@ def evaluate(
 
 def _hidden(files: tuple[str, ...], fps: float | None, bundle: str | None) -> tuple[str, Sequence[Any], list[str]]:
     """Signature, rows and table of frames hidden from clips."""
+    from signsplice.evaluation.hidden_frames import SIGNATURE, hidden_frames, table
     from signsplice.motion.clip import resample
-    from signsplice.splicing.evaluate import SIGNATURE, hidden_frames, table
     from signsplice.splicing.transition import TRANSITIONS
 
     learned = _learned_transition(bundle)
@@ -287,7 +287,7 @@ def _hidden(files: tuple[str, ...], fps: float | None, bundle: str | None) -> tu
 
 def _learned_transition(bundle: str | None) -> list[Transition]:
     """The learned transition, where there is one; a warning where there is none."""
-    from signsplice.splicing.defaults import choose
+    from signsplice.splicing.methods import choose
 
     chosen = choose("ends", None, "fixed", bundle)
     warn(chosen.warnings)
@@ -296,28 +296,28 @@ def _learned_transition(bundle: str | None) -> list[Transition]:
 
 def _intrusion(folder: str, limit: int | None, bundle: str | None) -> tuple[str, Sequence[Any], list[str]]:
     """Signature, rows and table of hands led into the body, over the pairs of a corpus."""
-    from signsplice.study import intrusion
+    from signsplice.evaluation import collisions
     from signsplice.synth.corpus import Pairs
 
     pairs = Pairs(folder)
     if limit is not None and limit < 1:
         raise InputError(f"--limit {limit}, expected at least 1")
-    methods = intrusion.ways(*_learned_transition(bundle))
+    methods = collisions.compared_transitions(*_learned_transition(bundle))
     numbers = range(len(pairs.index))[:limit]
     with progress("pairs") as advance:
-        rows = intrusion.compare(pairs, numbers, methods, advance)
-    return intrusion.SIGNATURE, rows, intrusion.table(rows)
+        rows = collisions.compare(pairs, numbers, methods, advance)
+    return collisions.SIGNATURE, rows, collisions.table(rows)
 
 
 def _seams(n_pairs: int, rest: str, bundle: str | None) -> tuple[str, Sequence[Any], list[str]]:
     """Signature, rows and table of words that were recorded apart."""
-    from signsplice.study import joins
+    from signsplice.evaluation import seams
 
     if n_pairs < 1:
         raise InputError(f"--joins {n_pairs}, expected at least 1")
     with progress("joins") as advance:
-        rows = joins.compare(joins.pairs(n_pairs, rest=rest), joins.ways(bundle), advance)
-    return joins.signature(rest), rows, joins.table(rows, rest)
+        rows = seams.compare(seams.pairs(n_pairs, rest=rest), seams.compared_methods(bundle), advance)
+    return seams.signature(rest), rows, seams.table(rows, rest)
 
 
 COMMANDS = (splice, sentence, inbetween, methods, evaluate)

@@ -132,11 +132,11 @@ def endless(output: str, signers: int, words: int, seams: int, seed: int, fps: f
 
     Called again after an interruption, it goes on where it was.
     """
-    from signsplice.synth import endless as room
+    from signsplice.synth import training_data
 
-    plan = room.Plan(signers, words, seams, seed, _rate(fps))
+    plan = training_data.TrainingDataPlan(signers, words, seams, seed, _rate(fps))
     with progress(f"signing by {signers} signers") as advance:
-        n_parts = room.write(plan, Path(output), advance, processes)
+        n_parts = training_data.write(plan, Path(output), advance, processes)
     print(f"{output}: {n_parts} signers of {words} words and {seams} seams each")
 
 
@@ -146,10 +146,10 @@ def endless(output: str, signers: int, words: int, seams: int, seed: int, fps: f
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder to write them into.")
 def signing(corpus: str, split: str, output: str) -> None:
     """The training and the validation part of a corpus of pairs, as signing to train networks on."""
-    from signsplice.synth import corpus_signing
+    from signsplice.synth import corpus_training_data
     from signsplice.synth.corpus import Pairs
 
-    for path in corpus_signing.write(Pairs(corpus), split, Path(output)):
+    for path in corpus_training_data.write(Pairs(corpus), split, Path(output)):
         print(f"{path}: {path.stat().st_size / 1e6:.0f} MB")
 
 
@@ -160,15 +160,15 @@ def signing(corpus: str, split: str, output: str) -> None:
 @click.option("--real", metavar="DIR", help="BVH of real signing, for columns beside ours.")
 def study(corpus: str, page: str, images: str, real: str | None) -> None:
     """Hold a corpus of pairs against real signing, simple rules and the body's limits; tables, plots, pictures."""
-    from signsplice.study import pages
+    from signsplice.evaluation import corpus_page
     from signsplice.synth.corpus import Pairs
 
     if not Path(images).is_dir():
         raise InputError(f"{images}: no such folder; make it first")
     if real is not None and not Path(real).is_dir():
         raise InputError(f"{real}: no such folder, expected one with .bvh files")
-    found = pages.read_real(None if real is None else Path(real))
-    pages.write(Pairs(corpus), Path(page), Path(images), found, progress)
+    found = corpus_page.read_real(None if real is None else Path(real))
+    corpus_page.write(Pairs(corpus), Path(page), Path(images), found, progress)
     print(f"{page}: tables; {images}: plots and contact sheets")
 
 

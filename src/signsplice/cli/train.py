@@ -13,7 +13,7 @@ import click
 from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
-    from signsplice.train.loop import Tell
+    from signsplice.train.loop import ProgressCallback
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -60,9 +60,10 @@ def paper(
     Several processes share the work: torchrun --nproc-per-node 2 -m signsplice train paper ...
     """
     _check_extra()
-    from signsplice.paper.measures import accuracy
+    from signsplice.paper.metrics import accuracy
     from signsplice.synth.corpus import Pairs
-    from signsplice.train import processes, run, scales
+    from signsplice.train import processes
+    from signsplice.train.paper import scales, training
 
     corpus = Pairs(pairs)
     systems = list(scales.SYSTEMS) if system == "all" else [system]
@@ -74,8 +75,8 @@ def paper(
         for name in systems:
             folder = Path(out) / name if system == "all" else Path(out)
             shared = Path(parts) if parts is not None else Path(out).parent / "parts"
-            told = run.Training(name, scale, optimiser, split, seed, fr, steps, bf16)
-            run.make(told, corpus, folder, shared, accuracy, here, _teller if here.first else None)
+            told = training.Training(name, scale, optimiser, split, seed, fr, steps, bf16)
+            training.make(told, corpus, folder, shared, accuracy, here, _teller if here.first else None)
             if here.first:
                 print(f"{folder}: {name}, scale {scale}, {optimiser}, {split}")
 
@@ -108,10 +109,11 @@ def _train_own(
 ) -> None:
     _check_steps(steps, least=0 if earlier else 1)
     _check_extra()
-    from signsplice.train import own, processes
+    from signsplice.train import processes
+    from signsplice.train.product import training as own
 
     with processes.joined(device) as here:
-        told = own.Own(network, scale, seed, steps)
+        told = own.ProductTraining(network, scale, seed, steps)
         folders = [[Path(folder) for folder in given] for given in (signing, earlier)]
         own.make(told, folders[0], Path(out), here, _teller if here.first else None, folders[1])
         if here.first:
@@ -168,8 +170,9 @@ def transition(
         raise InputError(f"--lexicon tunes one network, expected one --from and not {len(earlier)}")
     _check_steps(steps)
     _check_extra()
-    from signsplice.splicing.defaults import WEIGHTS
-    from signsplice.train import processes, tuning
+    from signsplice.splicing.methods import WEIGHTS
+    from signsplice.train import processes
+    from signsplice.train.product import tuning
 
     source = Path(earlier[0]) if earlier else WEIGHTS
     with processes.joined(device) as here:
@@ -190,9 +193,9 @@ def export(bundle: str, output: str, int8: bool) -> None:
     costs.
     """
     _check_extra()
-    from signsplice.train import quantizing
+    from signsplice.train import quantization
 
-    before, after = quantizing.make(Path(bundle), Path(output))
+    before, after = quantization.quantize_bundle(Path(bundle), Path(output))
     print(f"{output}: {before / 1e6:.1f} MB in {after / 1e6:.1f} MB")
 
 
@@ -202,7 +205,7 @@ def _check_extra() -> None:
         raise MissingExtraError(f"training needs {missing[0]}: pip install 'signsplice[train]'")
 
 
-def _teller(part: str) -> Tell:
+def _teller(part: str) -> ProgressCallback:
     """Writes a part's progress to standard error: on one line in a terminal, else the scores alone."""
     lively = sys.stderr.isatty()
 

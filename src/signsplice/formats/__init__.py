@@ -11,15 +11,15 @@ from signsplice.motion.clip import Clip
 
 
 def _read_gltf(path: str | Path) -> Clip:
-    from signsplice.formats import gltf_reading
+    from signsplice.formats import gltf_reader
 
-    return gltf_reading.read(path)
+    return gltf_reader.read(path)
 
 
 def _parse_gltf(content: bytes, file: str) -> Clip:
-    from signsplice.formats import gltf_reading
+    from signsplice.formats import gltf_reader
 
-    return gltf_reading.parse(content, file)
+    return gltf_reader.parse(content, file)
 
 
 def _parse_bvh(content: bytes, file: str) -> Clip:

@@ -18,9 +18,9 @@ from signsplice.errors import FormatError, InputError
 from signsplice.formats.atomic import read_bytes, replacing
 from signsplice.formats.bvh_hierarchy import Hierarchy, number_of, short
 from signsplice.formats.numbers import format_rows, parse_plain
-from signsplice.motion import channels, curves
-from signsplice.motion.channels import Channels
+from signsplice.motion import euler_channels, euler_curves
 from signsplice.motion.clip import Clip, EndSite, Skeleton
+from signsplice.motion.euler_channels import Channels
 
 Float = NDArray[np.float64]
 
@@ -84,14 +84,14 @@ def render(clip: Clip) -> str:
     spaced = next((name for name in clip.skeleton.names if len(name.split()) != 1), None)
     if spaced is not None:
         raise InputError(f"joint name {spaced!r} is empty or has white space, which BVH cannot hold; rename it")
-    names, values = curves.complete(clip)
+    names, values = euler_curves.complete(clip)
     given = clip.channels
     offsets = clip.skeleton.offsets if given is None else given.offsets
     frame_time = 1.0 / clip.fps
     if given is not None and given.frame_time > 0.0 and standard_fps(given.frame_time) == clip.fps:
         frame_time = given.frame_time
     # The hierarchy is written branch by branch, and columns follow it, whatever order the joints are in.
-    starts = channels.columns(names)
+    starts = euler_channels.first_columns(names)
     columns = [starts[joint] + n for joint in _branch_by_branch(clip.skeleton) for n in range(len(names[joint]))]
     if columns != sorted(columns):
         values = values[:, columns]
@@ -112,7 +112,7 @@ def _branch_by_branch(skeleton: Skeleton) -> list[int]:
     return order
 
 
-def _write_joint(lines: list[str], skeleton: Skeleton, names: channels.Names, offsets: Float) -> None:
+def _write_joint(lines: list[str], skeleton: Skeleton, names: euler_channels.Names, offsets: Float) -> None:
     """Append the hierarchy's lines; a stack instead of recursion, so that depth has no limit."""
     stack: list[tuple[int, int]] = [(0, 0)]
     while stack:
@@ -236,7 +236,7 @@ def _token_counts(text: bytes) -> NDArray[np.intp]:
 def _clip(hierarchy: Hierarchy, values: Float, frame_time: float, name: str) -> Clip:
     written = np.array(hierarchy.offsets, np.float64)
     names = tuple(hierarchy.channels)
-    rotations, translations = channels.to_motion(names, values, written)
+    rotations, translations = euler_channels.to_motion(names, values, written)
     # Position channels that never change are bone lengths: they belong to the skeleton.
     moving = np.any(translations[:, 1:] != translations[:1, 1:])
     offsets = written.copy()

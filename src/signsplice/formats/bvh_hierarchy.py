@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from signsplice.errors import FormatError
-from signsplice.motion.channels import POSITIONS, ROTATIONS
+from signsplice.motion.euler_channels import POSITIONS, ROTATIONS
 
 MAX_DEPTH = 256
 MAX_JOINTS = 1024

@@ -38,16 +38,17 @@ from pygltflib import (
     Skin,
 )
 
+from signsplice.body.capsules import body_capsules, capsule_ends
+from signsplice.body.mesh import MeshPart, bind_pose, body_mesh
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
-from signsplice.motion import kinematics, rotation, stance
-from signsplice.motion.body import body, place
+from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton, bone_translations
-from signsplice.motion.common_pose import common_positions, common_rotations
-from signsplice.motion.harmonize import placed
-from signsplice.motion.humanoid import find_roles
-from signsplice.motion.mannequin import Thing, bound, mannequin
-from signsplice.motion.stance import Stand
+from signsplice.rig import proportions
+from signsplice.rig.align import place
+from signsplice.rig.proportions import Placement
+from signsplice.rig.roles import find_roles
+from signsplice.rig.t_pose import t_pose_positions, t_pose_rotations
 
 Float = NDArray[np.float64]
 Array = NDArray[Any]
@@ -57,7 +58,7 @@ FPS, ROLES, HUMANOID = "fps", "roles", "humanoid"
 """What tells an animation's frame rate, among its extras; and among the file's, the roles that a user gave to joints
 (role -> name), and all that are known, for those who show the file.
 """
-_NOT_TOLD = ("leftEye", "rightEye")
+_UNNAMED_ROLES = ("leftEye", "rightEye")
 """Roles that a VRM animation must not turn as bones."""
 _HIPS = 0.53
 """Height of the hips as a share of stature (Drillis and Contini 1966)."""
@@ -94,8 +95,8 @@ def _save(made: GLTF2, path: str | Path) -> None:
 def person(clip: Clip) -> GLTF2:
     """A clip as a glTF document: the mannequin, its skin, and one animation."""
     clip = in_front(clip)
-    metres = stance.sizes(clip.skeleton).unit.metres
-    made = _Document()
+    metres = proportions.sizes(clip.skeleton).unit.metres
+    made = _DocumentWriter()
     joints = [made.node(name) for name in clip.skeleton.names]
     translations = bone_translations(clip) * metres
     translations[:, 0] = clip.root_positions * metres
@@ -112,7 +113,7 @@ def person(clip: Clip) -> GLTF2:
     if clip.skeleton.roles:
         made.gltf.extras[ROLES] = dict(clip.skeleton.roles)
     made.skin(joints, _bind(clip, metres), joints[0])
-    made.mesh(mannequin(clip.skeleton), metres)
+    made.mesh(body_mesh(clip.skeleton), metres)
     times = made.times(clip)
     for joint, node in enumerate(joints):
         if np.abs(turns[:, joint] - turns[:1, joint]).max() > _STILL or joint == 0:
@@ -132,15 +133,15 @@ def vrm_animation(clip: Clip) -> GLTF2:
     if "hips" not in roles:
         raise InputError("no hips found among the joints, which a VRM animation needs; name them with a roles file")
     clip = in_front(clip)
-    metres = stance.sizes(clip.skeleton).unit.metres
+    metres = proportions.sizes(clip.skeleton).unit.metres
     hips = roles["hips"]
     below = {role: joint for role, joint in roles.items()
-             if role not in _NOT_TOLD and hips in kinematics.lineage(clip.skeleton, joint)}  # fmt: skip
+             if role not in _UNNAMED_ROLES and hips in kinematics.path_to_root(clip.skeleton, joint)}  # fmt: skip
     globals_, positions = kinematics.forward(clip, list(below.values()))
     carried = rotation.from_matrix(globals_)
-    carried = rotation.multiply(carried, rotation.inverse(common_rotations(clip.skeleton)[list(below.values())]))
-    rest = common_positions(clip.skeleton)
-    made = _Document()
+    carried = rotation.multiply(carried, rotation.inverse(t_pose_rotations(clip.skeleton)[list(below.values())]))
+    rest = t_pose_positions(clip.skeleton)
+    made = _DocumentWriter()
     nodes = {role: made.node(role) for role in below}
     made.scene(nodes["hips"])
     times = made.times(clip)
@@ -169,37 +170,37 @@ def vrm_animation(clip: Clip) -> GLTF2:
 def in_front(clip: Clip) -> Clip:
     """The clip moved as one rigid whole so that its signer stands at the origin, soles at 0, up +Y, and faces +Z."""
     ankles = np.array([0.0, _sole(clip.skeleton), 0.0])
-    return placed(clip, Stand(ankles, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])))
+    return place(clip, Placement(ankles, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])))
 
 
 def _sole(skeleton: Skeleton) -> float:
     """How far below the foot joints the mannequin's soles are, clip units; 0 where no feet are known."""
     joints = find_roles(skeleton).joints
     feet = [joints[role] for role in ("leftFoot", "rightFoot") if role in joints]
-    shape = body(skeleton)
+    shape = body_capsules(skeleton)
     shoes = [n for n, part in enumerate(shape.parts) if part in ("leg", "shoe")]
     if not feet or not shoes:
         return 0.0
-    rotations, places = bound(skeleton)
-    starts, ends = place(shape, rotation.to_matrix(rotations)[None], places[None])
+    rotations, places = bind_pose(skeleton)
+    starts, ends = capsule_ends(shape, rotation.to_matrix(rotations)[None], places[None])
     low = min((points[0, shoes, 1] - shape.radii[shoes, k]).min() for k, points in enumerate((starts, ends)))
     return float(places[feet, 1].mean() - low)
 
 
 def _size(skeleton: Skeleton) -> float:
     """Body height, clip units; 1 m where a skeleton has none."""
-    return stance.stature(skeleton) or 1.0 / stance.sizes(skeleton).unit.metres
+    return proportions.stature(skeleton) or 1.0 / proportions.sizes(skeleton).unit.metres
 
 
 def _above(clip: Clip, joint: int, roles: Mapping[str, int]) -> str | None:
     """The nearest role above a joint, None where there is none."""
     role_of = {number: role for role, number in roles.items()}
-    return next((role_of[k] for k in kinematics.lineage(clip.skeleton, joint)[1:] if k in role_of), None)
+    return next((role_of[k] for k in kinematics.path_to_root(clip.skeleton, joint)[1:] if k in role_of), None)
 
 
 def _bind(clip: Clip, metres: float) -> Float:
     """Matrices (J, 4, 4) that take the world in which the skin is bound to each joint's own axes."""
-    rotations, places = bound(clip.skeleton)
+    rotations, places = bind_pose(clip.skeleton)
     turns = rotation.to_matrix(rotations)
     out = np.tile(np.eye(4), (len(turns), 1, 1))
     out[:, :3, :3] = turns.transpose(0, 2, 1)
@@ -208,7 +209,7 @@ def _bind(clip: Clip, metres: float) -> Float:
 
 
 @dataclass
-class _Document:
+class _DocumentWriter:
     """A glTF document in the making, and the bytes of its buffer."""
 
     gltf: GLTF2 = field(
@@ -245,7 +246,7 @@ class _Document:
         matrices = self.array(bind.transpose(0, 2, 1).reshape(-1, 16), "MAT4", _FLOAT)
         self.gltf.skins = [Skin(joints=list(joints), inverseBindMatrices=matrices, skeleton=root)]
 
-    def mesh(self, things: Sequence[Thing], metres: float) -> None:
+    def mesh(self, things: Sequence[MeshPart], metres: float) -> None:
         """The skin, things of one colour together."""
         primitives = []
         for colour in dict.fromkeys(thing.colour for thing in things):

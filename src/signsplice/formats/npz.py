@@ -12,8 +12,8 @@ import numpy as np
 
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.atomic import read_bytes, replacing
-from signsplice.motion.channels import Channels
 from signsplice.motion.clip import Clip, EndSite, Skeleton
+from signsplice.motion.euler_channels import Channels
 
 VERSION = 1
 MAX_EXPANSION = 200

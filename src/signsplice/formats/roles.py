@@ -10,7 +10,7 @@ from pathlib import Path
 from signsplice.errors import FormatError
 from signsplice.formats.atomic import read_bytes
 from signsplice.motion.clip import Clip
-from signsplice.motion.humanoid import ROLES, find_roles, unknown_role
+from signsplice.rig.roles import ROLES, find_roles, unknown_role
 
 _SHAPE = 'an object {"role": "joint name", ...}'
 

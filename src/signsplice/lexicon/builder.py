@@ -18,9 +18,18 @@ from weakref import WeakKeyDictionary
 from signsplice.errors import InputError
 from signsplice.lexicon.entry import Entry, fold, gloss_of, kind_of
 from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, encode, fingerprint
-from signsplice.lexicon.index import APPLICATION_ID, INDEX, Head, IndexWriter, Place, application_id, describe, sha256
-from signsplice.motion.arms import active_span, arms
+from signsplice.lexicon.index import (
+    APPLICATION_ID,
+    INDEX,
+    ClipLocation,
+    Head,
+    IndexWriter,
+    application_id,
+    describe,
+    sha256,
+)
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.rig.arms import active_span, arms
 
 
 class Builder:
@@ -85,7 +94,7 @@ class Builder:
             sha256=fingerprint(block, skeleton_sha256, clip.fps, len(clip)),
         )
         self._frames.write(block)
-        self._index.add_word(entry, Place(number, self._at, len(block), clip.translations is not None))
+        self._index.add_word(entry, ClipLocation(number, self._at, len(block), clip.translations is not None))
         self._names |= {fold(name): gloss for name in (gloss, *other_names)}
         self._digest.update(bytes.fromhex(entry.sha256))
         self._at += len(block)

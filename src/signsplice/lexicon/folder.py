@@ -16,7 +16,7 @@ from signsplice.lexicon import glosses
 from signsplice.lexicon.builder import Builder, building, check_target
 from signsplice.lexicon.entry import Entry, fold, gloss_of
 from signsplice.lexicon.frames import encode
-from signsplice.lexicon.glosses import TABLE, Row
+from signsplice.lexicon.glosses import TABLE, GlossRow
 from signsplice.motion.clip import Clip
 
 Progress = Callable[[int, int], None]
@@ -55,7 +55,7 @@ def survey(folder: str | Path, signer: str = "") -> tuple[list[Source], list[str
     """
     folder = Path(folder)
     files = _files(folder)
-    rows: dict[str, Row] = {}
+    rows: dict[str, GlossRow] = {}
     faults: list[str] = []
     if (folder / TABLE).exists():
         try:
@@ -190,9 +190,9 @@ def _files(folder: Path) -> list[Path]:
     return sorted(found, key=lambda path: path.relative_to(folder).as_posix())
 
 
-def _source(path: Path, name: str, row: Row | None, folder: Path, signer: str) -> Source:
+def _source(path: Path, name: str, row: GlossRow | None, folder: Path, signer: str) -> Source:
     if row is None:
-        row = Row(name, "", (), "", "", False, "", 0)
+        row = GlossRow(name, "", (), "", "", False, "", 0)
     return Source(
         path=path,
         where=f"{path} ({folder / TABLE}:{row.line})" if row.line else str(path),

@@ -78,14 +78,14 @@ def decode(block: Buffer, shape: Shape, skeleton: Skeleton, fps: float, name: st
     for moves, n_parts, dtype in zip(moving, (4, 3, 3), types, strict=False):
         n_moving = int(moves.sum())
         n_still = len(moves) - n_moving
-        still = _sound(_numbers(block, dtype, n_parts * n_still, at).reshape(n_still, n_parts))
+        still = _validated(_numbers(block, dtype, n_parts * n_still, at).reshape(n_still, n_parts))
         at += still.size * dtype.itemsize
         count = shape.n_frames * n_moving * n_parts
         if dtype.kind == "i":
             numbers, size = _unpacked(block, shape.n_frames, count, at)
         else:
             numbers, size = _numbers(block, dtype, count, at), count * dtype.itemsize
-        moved = _sound(numbers.reshape(shape.n_frames, n_moving, n_parts))
+        moved = _validated(numbers.reshape(shape.n_frames, n_moving, n_parts))
         at += size
         track = np.empty((shape.n_frames, len(moves), n_parts))
         track[:, ~moves] = still
@@ -132,7 +132,7 @@ def fingerprint(block: Buffer, skeleton_sha256: str, fps: float, n_frames: int) 
     return digest.hexdigest()
 
 
-def _sound(numbers: NDArray[Any]) -> NDArray[Any]:
+def _validated(numbers: NDArray[Any]) -> NDArray[Any]:
     """Numbers as they are; rotations in whole units as unit quaternions."""
     if numbers.dtype.kind != "i":
         return numbers

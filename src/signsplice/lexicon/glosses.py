@@ -17,7 +17,7 @@ _CHECKED = {"": False, "no": False, "unknown": False, "yes": True}
 
 
 @dataclass(frozen=True)
-class Row:
+class GlossRow:
     """A row of the table, checked; empty where the table says nothing. line: where it stands in the file."""
 
     file: str
@@ -30,7 +30,7 @@ class Row:
     line: int
 
 
-def read(path: str | Path) -> tuple[dict[str, Row], list[str]]:
+def read(path: str | Path) -> tuple[dict[str, GlossRow], list[str]]:
     """File name -> its row, and every fault of the table as a line ``FILE:LINE: what, expected what``.
 
     A table: UTF-8, commas, a head with ``file`` and any of ``COLUMNS``; synonyms parted by ``;``; checked is yes or no.
@@ -43,7 +43,7 @@ def read(path: str | Path) -> tuple[dict[str, Row], list[str]]:
         line = error.object[: error.start].count(b"\n") + 1
         raise FormatError("is not UTF-8, expected a table saved as UTF-8", file=file, line=line) from error
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
-    rows: dict[str, Row] = {}
+    rows: dict[str, GlossRow] = {}
     faults: list[str] = []
     try:
         head = [cell.strip().lower() for cell in next(reader, [])]
@@ -74,7 +74,7 @@ def _check_head(head: list[str], file: str) -> None:
         raise FormatError(f"column {twice[0]!r} stands twice, expected once", file=file, line=1)
 
 
-def _row(head: list[str], cells: list[str], line: int) -> Row:
+def _row(head: list[str], cells: list[str], line: int) -> GlossRow:
     if len(cells) != len(head):
         raise InputError(f"{len(cells)} cells, expected {len(head)} as in the head; quote cells that hold commas")
     told = dict.fromkeys(COLUMNS, "") | {name: cell.strip() for name, cell in zip(head, cells, strict=True)}
@@ -85,7 +85,7 @@ def _row(head: list[str], cells: list[str], line: int) -> Row:
     gloss = gloss_of(told["gloss"]) if told["gloss"] else ""
     kind = told["kind"].lower()
     kind_of(gloss or gloss_of(Path(told["file"]).stem), kind)
-    return Row(
+    return GlossRow(
         file=told["file"].replace("\\", "/").removeprefix("./"),
         gloss=gloss,
         synonyms=tuple(gloss_of(name) for name in told["synonyms"].split(";") if name.strip()),

@@ -60,7 +60,7 @@ class Head:
 
 
 @dataclass(frozen=True)
-class Place:
+class ClipLocation:
     """Where a word's frames lie: its skeleton's number, first byte, bytes, and whether bone lengths change."""
 
     skeleton: int
@@ -83,7 +83,7 @@ class IndexWriter:
         self._file.execute("INSERT INTO skeleton VALUES (?, ?, ?)", (self._n_skeletons, sha256(described), described))
         return self._n_skeletons
 
-    def add_word(self, entry: Entry, place: Place) -> None:
+    def add_word(self, entry: Entry, place: ClipLocation) -> None:
         """Write a word with all its names."""
         self._n_words += 1
         row = list(astuple(entry))
@@ -150,14 +150,14 @@ class Index:
             except sqlite3.Error as error:
                 raise InputError(f"{self.path}: cannot be read ({error}); {_MEND}") from error
 
-    def find(self, name: str) -> tuple[Entry, Place] | None:
+    def find(self, name: str) -> tuple[Entry, ClipLocation] | None:
         """The word that has a gloss or synonym, and where it lies."""
         rows = self.ask(
             f"SELECT {_COLUMNS} FROM word WHERE id = (SELECT word FROM name WHERE folded = ?)", _printable(fold(name))
         )
         return self._word(rows[0]) if rows else None
 
-    def words(self) -> Iterator[tuple[Entry, Place]]:
+    def words(self) -> Iterator[tuple[Entry, ClipLocation]]:
         """Every word in the order of glosses."""
         for row in self.ask(f"SELECT {_COLUMNS} FROM word ORDER BY gloss"):
             yield self._word(row)
@@ -178,7 +178,7 @@ class Index:
         except (InputError, IndexError, KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(f"{self.path}: skeleton {number} is damaged ({error}); {_MEND}") from error
 
-    def _word(self, row: tuple[Any, ...]) -> tuple[Entry, Place]:
+    def _word(self, row: tuple[Any, ...]) -> tuple[Entry, ClipLocation]:
         try:
             gloss, kind, synonyms, fps, n_frames, signer, source, checked, before, after, digest, *place = row
             entry = Entry(
@@ -199,7 +199,7 @@ class Index:
                 raise ValueError("negative sizes")
         except (TypeError, ValueError) as error:
             raise InputError(f"{self.path}: word {row[0]!r} is damaged ({error}); {_MEND}") from error
-        return entry, Place(skeleton, start, n_bytes, bool(has_translations))
+        return entry, ClipLocation(skeleton, start, n_bytes, bool(has_translations))
 
     def close(self) -> None:
         """Let go of the file."""

@@ -14,7 +14,7 @@ from types import TracebackType
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon.entry import Entry, fold
 from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, decode, fingerprint
-from signsplice.lexicon.index import INDEX, Index, Place
+from signsplice.lexicon.index import INDEX, ClipLocation, Index
 from signsplice.motion.clip import Clip, Skeleton
 
 SHIPPED = Path(__file__).parent / "words"
@@ -154,13 +154,13 @@ class Lexicon:
     def _shown(self) -> dict[str, str]:
         return {folded: shown for folded, shown, _ in self._index.names()}
 
-    def _find(self, gloss: str) -> tuple[Entry, Place]:
+    def _find(self, gloss: str) -> tuple[Entry, ClipLocation]:
         found = self._index.find(gloss)
         if found is None:
             raise UnknownGlossError({gloss: self.nearest(gloss)}, str(self.path))
         return found
 
-    def _clip(self, entry: Entry, place: Place) -> Clip:
+    def _clip(self, entry: Entry, place: ClipLocation) -> Clip:
         block = self._block(place)
         try:
             skeleton, _ = self._skeleton(place.skeleton)
@@ -171,7 +171,7 @@ class Lexicon:
                 f"{self.path}: word {entry.gloss!r} is damaged ({error}); build the lexicon again"
             ) from error
 
-    def _block(self, place: Place) -> memoryview:
+    def _block(self, place: ClipLocation) -> memoryview:
         frames = self._frames  # once, since another thread may close
         if frames is None or frames.closed:
             raise InputError(f"{self.path}: the lexicon is closed")

@@ -17,7 +17,7 @@ _PAUSE = "-"
 
 
 @dataclass(frozen=True)
-class Unit:
+class SentenceToken:
     """A token of a line and how it is signed.
 
     token: as it was written. glosses: of the entries that sign it, one for a word, one a letter where it is spelled.
@@ -30,7 +30,7 @@ class Unit:
     warning: str = ""
 
 
-def parse(text: str, lexicon: Lexicon, spell: bool = True) -> list[Unit]:
+def parse(text: str, lexicon: Lexicon, spell: bool = True) -> list[SentenceToken]:
     """The units of a line of glosses, split at white space.
 
     A token that the lexicon has is that word. ``fs-ANNA`` and ``#ANNA`` are spelled, hyphens between their letters left
@@ -41,17 +41,17 @@ def parse(text: str, lexicon: Lexicon, spell: bool = True) -> list[Unit]:
     tokens = text.split()
     if not tokens:
         raise InputError("no gloss in the sentence, expected at least one")
-    units: list[Unit] = []
+    units: list[SentenceToken] = []
     unknown: dict[str, tuple[str, ...]] = {}
     for token in tokens:
         if token in lexicon:
-            units.append(Unit(token, (lexicon.entry(token).gloss,)))
+            units.append(SentenceToken(token, (lexicon.entry(token).gloss,)))
         elif any(token.lower().startswith(mark) and len(token) > len(mark) for mark in SPELLED_MARKS):
             units.append(_spelled(token, lexicon))
         else:
             letters = _letters(token, lexicon) if spell else ()
             if letters and None not in letters:
-                units.append(Unit(token, tuple(filter(None, letters)), True, _warning(token, lexicon)))
+                units.append(SentenceToken(token, tuple(filter(None, letters)), True, _warning(token, lexicon)))
             else:
                 unknown[token] = lexicon.nearest(token)
     if unknown:
@@ -59,7 +59,7 @@ def parse(text: str, lexicon: Lexicon, spell: bool = True) -> list[Unit]:
     return units
 
 
-def _spelled(token: str, lexicon: Lexicon) -> Unit:
+def _spelled(token: str, lexicon: Lexicon) -> SentenceToken:
     """The unit of a token that says itself that it is spelled."""
     mark = next(mark for mark in SPELLED_MARKS if token.lower().startswith(mark))
     word = token[len(mark) :].replace(_PAUSE, "")
@@ -71,7 +71,7 @@ def _spelled(token: str, lexicon: Lexicon) -> Unit:
             f"{lexicon.path}: {token!r} cannot be spelled, there is no letter {letter!r}; "
             f"`signsplice lexicon list --search {LETTER_MARK}` shows the letters that there are"
         )
-    return Unit(token, tuple(filter(None, letters)), True)
+    return SentenceToken(token, tuple(filter(None, letters)), True)
 
 
 def _letters(word: str, lexicon: Lexicon) -> tuple[str | None, ...]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.motion import rotation
-from signsplice.motion.channels import Channels
+from signsplice.motion.euler_channels import Channels
 
 Float = NDArray[np.float64]
 
@@ -157,7 +157,7 @@ class Clip:
         if stop <= start:
             raise InputError(f"frames {start}:{stop} of clip {self.name!r}: none left, expected at least one")
         frames = slice(start, stop)
-        return sound(
+        return unchecked_copy(
             self,
             local_rotations=self.local_rotations[frames],
             root_positions=self.root_positions[frames],
@@ -202,7 +202,7 @@ def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
     translations = None
     if any(clip.translations is not None for clip in clips):
         translations = np.concatenate([bone_translations(clip) for clip in clips])
-    return sound(
+    return unchecked_copy(
         first,
         local_rotations=np.concatenate([clip.local_rotations for clip in clips]),
         root_positions=np.concatenate([clip.root_positions for clip in clips]),
@@ -212,7 +212,7 @@ def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
     )
 
 
-def sound(like: Clip, **changes: object) -> Clip:
+def unchecked_copy(like: Clip, **changes: object) -> Clip:
     """``like`` with some fields changed to what is sound by its making, such as parts, joins and rigid moves of sound
     clips: not checked a second time.
     """

@@ -25,7 +25,7 @@ def forward(clip: Clip, joints: Sequence[int] | None = None, origin: int | None 
     joint above all of them, in whose axes and from whose place they are seen; by default the world's.
     """
     skeleton = clip.skeleton
-    way = _way(skeleton, None if joints is None else tuple(int(joint) for joint in joints), origin or 0)
+    way = _joint_path(skeleton, None if joints is None else tuple(int(joint) for joint in joints), origin or 0)
     # Components first, frames last, all joints of one depth together: few operations, on long rows. Rotation and place
     # go down together, as the three columns of a matrix and a fourth.
     local = np.empty((3, 4, len(way.order), len(clip)))
@@ -48,7 +48,7 @@ def forward(clip: Clip, joints: Sequence[int] | None = None, origin: int | None 
 
 
 @dataclass(frozen=True, eq=False)
-class _Way:
+class _JointPath:
     """The way down a skeleton to some joints: ``order``, all that are needed, by depth, the first above all;
     ``levels``, the rows of ``order`` of every depth below it with the rows of their parents; ``wanted``, the rows of
     the joints asked for.
@@ -59,18 +59,18 @@ class _Way:
     wanted: NDArray[np.intp]
 
 
-_WAYS: WeakKeyDictionary[Skeleton, dict[tuple[tuple[int, ...] | None, int], _Way]] = WeakKeyDictionary()
+_PATHS: WeakKeyDictionary[Skeleton, dict[tuple[tuple[int, ...] | None, int], _JointPath]] = WeakKeyDictionary()
 
 
-def _way(skeleton: Skeleton, joints: tuple[int, ...] | None, origin: int) -> _Way:
+def _joint_path(skeleton: Skeleton, joints: tuple[int, ...] | None, origin: int) -> _JointPath:
     """The way to some joints (None: all), remembered as long as the skeleton lives."""
-    known, key = _WAYS.setdefault(skeleton, {}), (joints, origin)
+    known, key = _PATHS.setdefault(skeleton, {}), (joints, origin)
     if key not in known:
-        known[key] = _new_way(skeleton, range(len(skeleton)) if joints is None else joints, origin)
+        known[key] = _find_joint_path(skeleton, range(len(skeleton)) if joints is None else joints, origin)
     return known[key]
 
 
-def _new_way(skeleton: Skeleton, wanted: Sequence[int], origin: int) -> _Way:
+def _find_joint_path(skeleton: Skeleton, wanted: Sequence[int], origin: int) -> _JointPath:
     parents = skeleton.parents.tolist()
     depth = {origin: 0}
     for joint in wanted:
@@ -87,10 +87,10 @@ def _new_way(skeleton: Skeleton, wanted: Sequence[int], origin: int) -> _Way:
         joints = list(level)
         rows = slice(row[joints[0]], row[joints[-1]] + 1)
         levels.append((rows, np.array([row[parents[joint]] for joint in joints])))
-    return _Way(np.array(order), tuple(levels), np.array([row[joint] for joint in wanted], np.intp))
+    return _JointPath(np.array(order), tuple(levels), np.array([row[joint] for joint in wanted], np.intp))
 
 
-def lineage(skeleton: Skeleton, joint: int) -> list[int]:
+def path_to_root(skeleton: Skeleton, joint: int) -> list[int]:
     """A joint and all above it, the root last."""
     out = [joint]
     while skeleton.parents[out[-1]] >= 0:
@@ -98,7 +98,7 @@ def lineage(skeleton: Skeleton, joint: int) -> list[int]:
     return out
 
 
-def descent(skeleton: Skeleton, joint: int) -> list[int]:
+def subtree(skeleton: Skeleton, joint: int) -> list[int]:
     """A joint and all below it."""
     out = [joint]
     for below in range(joint + 1, len(skeleton)):
@@ -107,9 +107,9 @@ def descent(skeleton: Skeleton, joint: int) -> list[int]:
     return out
 
 
-def meeting(skeleton: Skeleton, joints: Sequence[int]) -> int:
+def common_ancestor(skeleton: Skeleton, joints: Sequence[int]) -> int:
     """The nearest joint that is, or lies above, each of these."""
-    shared = set.intersection(*(set(lineage(skeleton, joint)) for joint in joints))
+    shared = set.intersection(*(set(path_to_root(skeleton, joint)) for joint in joints))
     return max(shared)
 
 

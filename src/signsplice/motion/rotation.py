@@ -265,7 +265,7 @@ def nearest_euler(angles: ArrayLike, reference: ArrayLike) -> Float:
     return np.where(cost_far < cost_near, far, near)
 
 
-def nearest_course(angles: ArrayLike, before: ArrayLike | None = None) -> Float:
+def nearest_euler_sequence(angles: ArrayLike, before: ArrayLike | None = None) -> Float:
     """Euler angles (T, ..., 3) of the same rotations, in every frame those nearest to the frame before's, in the first
     nearest to ``before`` (..., 3), where there is one: ``nearest_euler`` again and again, for all frames at once.
     """
@@ -304,7 +304,7 @@ def to_6d(q: ArrayLike) -> Float:
     return out
 
 
-def columns(m: ArrayLike) -> Float:
+def matrix_to_6d(m: ArrayLike) -> Float:
     """The same six numbers (..., 6) of rotation matrices (..., 3, 3)."""
     m = np.asarray(m, np.float64)
     return np.concatenate([m[..., :, 0], m[..., :, 1]], axis=-1)

@@ -20,21 +20,21 @@ from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.paper.prediction import Prediction
 from signsplice.splicing.cut import CUTTERS, Cut
-from signsplice.splicing.defaults import Methods, choose, open_learned
 from signsplice.splicing.duration import DEFAULT_DURATION
-from signsplice.splicing.filling import fill, shown
-from signsplice.splicing.networks import FLUENT, LearnedDuration
-from signsplice.splicing.networks import NAME as LEARNED
+from signsplice.splicing.filling import fill, n_shown_frames
+from signsplice.splicing.learned import FLUENT, LearnedDuration
+from signsplice.splicing.learned import NAME as LEARNED
+from signsplice.splicing.methods import ChosenMethods, choose, open_learned
 from signsplice.synth.corpus import Pairs, scaled_positions
 
 TRANSITIONS = ("slerp", "hermite")
-TOLD = ("nothing", "length", "positions", "positions and length")
+GIVEN = ("nothing", "length", "positions", "positions and length")
 TRUE_POSITIONS = "true-positions"
 
 
 @dataclass(frozen=True)
 class ClipMethod:
-    """A cutter and a transition by name; ``told`` is what it is told of the truth, one of ``TOLD``; ``bundle`` the
+    """A cutter and a transition by name; ``given`` is what it is told of the truth, one of ``GIVEN``; ``bundle`` the
     folder of learned parts, by default that which ships.
 
     Raises ``InputError`` for unknown names, and learned ones where the bundle cannot be read.
@@ -42,13 +42,13 @@ class ClipMethod:
 
     cutter: str
     transition: str
-    told: str = "nothing"
+    given: str = "nothing"
     bundle: str | Path | None = None
 
     def __post_init__(self) -> None:
-        if self.told not in TOLD or ("positions" in self.told) != (self.cutter == TRUE_POSITIONS):
+        if self.given not in GIVEN or ("positions" in self.given) != (self.cutter == TRUE_POSITIONS):
             raise InputError(
-                f"{self.cutter} told {self.told!r}, expected one of {', '.join(TOLD)}, positions for {TRUE_POSITIONS}"
+                f"{self.cutter} told {self.given!r}, expected one of {', '.join(GIVEN)}, positions for {TRUE_POSITIONS}"
             )
         self.parts  # noqa: B018  # unknown names are refused here
 
@@ -90,15 +90,15 @@ class ClipMethod:
         return sum(facts[name]["n_parameters"] for name in used)
 
     @cached_property
-    def parts(self) -> Methods:
+    def parts(self) -> ChosenMethods:
         """What does the work."""
         cutter = "ends" if self.cutter == TRUE_POSITIONS else self.cutter
-        timed = self.cutter == FLUENT or (self.told == "positions" and self.learned)
+        timed = self.cutter == FLUENT or (self.given == "positions" and self.learned)
         parts = choose(cutter, self.transition, LEARNED if timed else DEFAULT_DURATION, self.bundle)
         if not isinstance(parts.duration, LearnedDuration):
             return parts
-        own = LearnedDuration(parts.duration.reader, unhurried=False)
-        return Methods(parts.cutter, parts.transition, own, parts.bundle)
+        product_methods = LearnedDuration(parts.duration.reader, unhurried=False)
+        return ChosenMethods(parts.cutter, parts.transition, product_methods, parts.bundle)
 
     def splice(self, before: Clip, after: Clip, truth: Cut, n_true: int) -> tuple[Cut, Clip]:
         """The splice position and the transition between two words' clips; ``truth`` and ``n_true`` are looked at only
@@ -106,11 +106,11 @@ class ClipMethod:
         """
         # A clip of its own for each pair: nothing that was read of it for another pair is remembered.
         before, after = before[:], after[:]
-        cut = truth if "positions" in self.told else self.parts.cutter.cut(before, after)
+        cut = truth if "positions" in self.given else self.parts.cutter.cut(before, after)
         n_frames = n_true
-        if "length" not in self.told:
+        if "length" not in self.given:
             n_frames = max(1, round(self.parts.duration.seconds(before, after, cut) * before.fps))
-        n_shown = shown(before.fps)
+        n_shown = n_shown_frames(before.fps)
         kept = before[max(0, cut.pre + 1 - n_shown) : cut.pre + 1]
         gap = (kept, after[cut.post : cut.post + n_shown], n_frames)
         return cut, fill(self.parts.transition, [gap], None)[0].clip
@@ -145,17 +145,17 @@ class ClipAnswers:
 def classical() -> list[ClipMethod]:
     """Each classical cutter with each transition, its own length and the true one; and both told the true positions."""
     rows = [ClipMethod(c, t, told) for told in ("nothing", "length") for c in CUTTERS for t in TRANSITIONS]
-    rows += [ClipMethod(TRUE_POSITIONS, t, told) for told in TOLD[2:] for t in TRANSITIONS]
+    rows += [ClipMethod(TRUE_POSITIONS, t, told) for told in GIVEN[2:] for t in TRANSITIONS]
     return rows
 
 
-def own(bundle: str | Path | None = None) -> list[ClipMethod]:
+def product_methods(bundle: str | Path | None = None) -> list[ClipMethod]:
     """The networks of this project: whole, cutter with a classical transition, transition told the truth."""
     rows = [(FLUENT, LEARNED, "nothing"), (FLUENT, "hermite", "nothing")]
-    rows += [(TRUE_POSITIONS, LEARNED, told) for told in TOLD[2:]]
+    rows += [(TRUE_POSITIONS, LEARNED, told) for told in GIVEN[2:]]
     return [ClipMethod(*row, bundle) for row in rows]
 
 
-def every() -> list[ClipMethod]:
+def all_clip_methods() -> list[ClipMethod]:
     """All rows; our own where the networks that ship can be read."""
-    return classical() + (own() if choose().bundle is not None else [])
+    return classical() + (product_methods() if choose().bundle is not None else [])

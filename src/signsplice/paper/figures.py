@@ -13,8 +13,8 @@ import numpy as np
 from signsplice.errors import MissingExtraError
 from signsplice.formats.atomic import replacing
 from signsplice.paper import published
-from signsplice.paper.results import Curve, Results, Row
-from signsplice.paper.shots import HERMITE, SIGNSPLICE, Shot
+from signsplice.paper.kept_frames import HERMITE, SIGNSPLICE, KeptFrames
+from signsplice.paper.results import Curve, ResultRow, Results
 from signsplice.paper.tables import OPTIMISERS, pick
 
 COLOURS = ("#3f6fa8", "#de8e20", "#5a9367", "#b04a5a", "#7d5ba6", "#6b6b6b", "#2a9d9d", "#a08040")
@@ -22,7 +22,7 @@ SIZE = (5.2, 3.6)
 SPLIT = "random"
 
 
-def write(results: Results, shots: Sequence[Shot], folder: Path, scale: str) -> tuple[list[Path], list[str]]:
+def write(results: Results, shots: Sequence[KeptFrames], folder: Path, scale: str) -> tuple[list[Path], list[str]]:
     """Draw every figure that there are numbers for, by AdamW and, with ``-sgd`` in its name, by SGD: the paths written,
     and the names of figures that nothing was measured for.
 
@@ -197,12 +197,12 @@ def _plain_ticks(ax: Any) -> None:
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.10f}".rstrip("0").rstrip(".")))
 
 
-def _close(a: Row, b: Row) -> bool:
+def _close(a: ResultRow, b: ResultRow) -> bool:
     """Whether the names of two points would lie upon one another."""
     return all(abs(np.log(a.score(name) / b.score(name))) < 0.15 for name in ("ms_mean", "mse"))
 
 
-def _point(ax: Any, row: Row, name: str, colour: str, marker: str, below: bool = False) -> None:
+def _point(ax: Any, row: ResultRow, name: str, colour: str, marker: str, below: bool = False) -> None:
     x, y = row.score("ms_mean"), row.score("mse")
     ax.plot(x, y, marker, color=colour, ms=7)
     ax.annotate(name, (x, y), xytext=(6, -12 if below else 4), textcoords="offset points", fontsize=7.5)

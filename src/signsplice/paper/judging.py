@@ -11,11 +11,11 @@ from typing import Any
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import read_bytes
-from signsplice.paper import clip_methods, protocol, published, results, shots
+from signsplice.paper import clip_methods, kept_frames, protocol, published, results
 from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice.paper.protocol import Answer, Protocol
-from signsplice.paper.results import CLASSICAL, OWN, TAUGHT, Curve, Results, Row
-from signsplice.splicing.networks import SYSTEM
+from signsplice.paper.results import CLASSICAL, OWN, TAUGHT, Curve, ResultRow, Results
+from signsplice.splicing.learned import SYSTEM
 from signsplice.synth.corpus import Pairs
 
 Advance = Callable[[str], AbstractContextManager[Callable[[int, int], None] | None]]
@@ -29,9 +29,9 @@ RESULTS, SHOTS = "results.json", "frames.npz"
 class Judgement:
     """What one call adds: rows and curves, and the frames for the pictures."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[ResultRow, ...]
     curves: tuple[Curve, ...]
-    shots: tuple[shots.Shot, ...]
+    shots: tuple[kept_frames.KeptFrames, ...]
 
 
 def facts(folder: Path) -> dict[str, Any]:
@@ -45,14 +45,14 @@ def facts(folder: Path) -> dict[str, Any]:
     return told
 
 
-def found(bundles: Path, scale: str) -> list[Path]:
+def find_bundles(bundles: Path, scale: str) -> list[Path]:
     """Folders of bundles of a scale, by name."""
     if not bundles.is_dir():
         return []
     return [path.parent for path in sorted(bundles.glob("*/bundle.json")) if facts(path.parent).get("scale") == scale]
 
 
-def taught(bundles: Path, warn: Callable[[str], object]) -> list[ClipMethod]:
+def corpus_trained_methods(bundles: Path, warn: Callable[[str], object]) -> list[ClipMethod]:
     """Rows of this project's networks in a folder of bundles, those that learned from a corpus of pairs. A bundle that
     cannot be judged, or the second of a split, is passed over with a line to ``warn``.
     """
@@ -63,7 +63,7 @@ def taught(bundles: Path, warn: Callable[[str], object]) -> list[ClipMethod]:
         if not any("taught" in network for network in networks.values()):
             continue
         try:
-            methods = clip_methods.own(path.parent)
+            methods = clip_methods.product_methods(path.parent)
             known = tuple((methods[0].taught or {}).values())
             if known in made:
                 raise InputError(f"{path.parent}: taught {' '.join(known)} as another bundle is; move one away")
@@ -82,7 +82,7 @@ def everything(
     pairs: Pairs,
     bundles: Sequence[Path],
     known: Results,
-    kept: Sequence[shots.Shot],
+    kept: Sequence[kept_frames.KeptFrames],
     progress: Advance,
     opener: Opener | None = None,
     limit: int | None = None,
@@ -95,14 +95,17 @@ def everything(
     progress: makes a progress bar by name. opener: the project's own by default.
     """
     protocols = splits(pairs, limit)
-    chosen = shots.merge(kept, shots.choose(pairs, protocols[0])) if protocols else []
-    for method in clip_methods.every() if methods is None else methods:
+    chosen = kept_frames.merge(kept, kept_frames.choose(pairs, protocols[0])) if protocols else []
+    for method in clip_methods.all_clip_methods() if methods is None else methods:
         answer, taught = ClipAnswers(pairs, method), method.taught
         allowed = [p for p in protocols if taught is None or protocol.may_judge(taught, pairs, p)]
-        scale, sha256 = (OWN if taught is None else TAUGHT) if method.learned else CLASSICAL, method.parts.bundle
-        row = Row(method.name, "", scale, told=method.told, bundle=sha256 and sha256[:12])
-        shown = taught is None and (method.name, method.told) in shots.BESIDE
-        name = shots.label(method.name, scale, "", method.told) if shown else ""
+        scale, sha256 = (
+            (OWN if taught is None else TAUGHT) if method.learned else CLASSICAL,
+            method.parts.bundle,
+        )
+        row = ResultRow(method.name, "", scale, given=method.given, bundle=sha256 and sha256[:12])
+        shown = taught is None and (method.name, method.given) in kept_frames.SHOWN_METHODS
+        name = kept_frames.label(method.name, scale, "", method.given) if shown else ""
         rows, chosen = _judge(row, name, answer, allowed, pairs, known, chosen, progress, again, answer.prepare)
         yield Judgement(tuple(rows), (), tuple(chosen))
     for folder in bundles:
@@ -110,18 +113,23 @@ def everything(
         allowed = [p for p in protocols if protocol.may_judge(told, pairs, p)]
         if not allowed:
             protocol.refuse(told, pairs, protocols[0], folder.name)
-        row = Row(split="", **results.bundle_row(told, folder))
+        row = ResultRow(split="", **results.bundle_row(told, folder))
         best = row.fr in (None, published.BEST_FR)
-        name = shots.label(row.system, row.scale, row.optimiser) if best else ""
-        rows, chosen = _judge(row, name, _Late(folder, pairs, opener), allowed, pairs, known, chosen, progress, again)
+        name = kept_frames.label(row.system, row.scale, row.optimiser) if best else ""
+        rows, chosen = _judge(
+            row, name, _LazySystem(folder, pairs, opener), allowed, pairs, known, chosen, progress, again
+        )
         if best and row.system in published.IN_ONE_PASS:
-            once, answer_of = replace(row, system=published.IN_ONE_PASS[row.system]), _Late(folder, pairs, opener, True)
+            once, answer_of = (
+                replace(row, system=published.IN_ONE_PASS[row.system]),
+                _LazySystem(folder, pairs, opener, True),
+            )
             rows += _judge(once, "", answer_of, allowed, pairs, known, chosen, progress, again)[0]
         curve = read_curve(folder, told, row)
         yield Judgement(tuple(rows), () if curve is None else (curve,), tuple(chosen))
 
 
-class _Late:
+class _LazySystem:
     """A bundle's answers; it is opened when the first pair comes."""
 
     def __init__(self, folder: Path, pairs: Pairs, opener: Opener | None, one_pass: bool = False) -> None:
@@ -141,17 +149,17 @@ class _Late:
 
 
 def _judge(
-    like: Row,
+    like: ResultRow,
     name: str,
     answer: Answer,
     protocols: Sequence[Protocol],
     pairs: Pairs,
     known: Results,
-    kept: list[shots.Shot],
+    kept: list[kept_frames.KeptFrames],
     progress: Advance,
     again: bool,
     prepare: Callable[[Sequence[int]], None] | None = None,
-) -> tuple[list[Row], list[shots.Shot]]:
+) -> tuple[list[ResultRow], list[kept_frames.KeptFrames]]:
     """Rows of one answerer on some protocols, and the shots with its frames where the random split is among them."""
     rows = []
     around = results.surroundings()
@@ -166,15 +174,15 @@ def _judge(
             judged = protocol.judge(answer, pairs, p, advance)
         rows.append(replace(row, scores=results.finite(judged.scores), n_pairs=judged.n_pairs))
         if p.split == "random" and name:
-            kept = shots.shown(kept, name, answer)
+            kept = kept_frames.shown(kept, name, answer)
     return rows, kept
 
 
-def _same(old: Row, new: Row) -> bool:
+def _same(old: ResultRow, new: ResultRow) -> bool:
     return (old.bundle, old.protocol, old.measures) == (new.bundle, new.protocol, new.measures)
 
 
-def read_curve(folder: Path, told: Mapping[str, Any], row: Row) -> Curve | None:
+def read_curve(folder: Path, told: Mapping[str, Any], row: ResultRow) -> Curve | None:
     """Validation accuracy by step from the training log beside a bundle (JSON lines with ``step`` and ``accuracy``);
     None where there is none.
     """

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from itertools import permutations
 
 from signsplice.paper import published
-from signsplice.paper.results import Row
+from signsplice.paper.results import ResultRow
 
 
 @dataclass(frozen=True)
-class Order:
+class SystemOrder:
     """How many pairs of systems the paper puts in an order, and how many of them are in that order here."""
 
     agreeing: int
@@ -30,13 +30,13 @@ class Order:
 class Claim:
     """A sentence of the paper, what it prints, what was measured, and whether it holds."""
 
-    says: str
+    claim: str
     printed: str
     measured: str
     holds: bool
 
 
-def follows(printed: Mapping[str, float], measured: Mapping[str, float]) -> Order:
+def follows(printed: Mapping[str, float], measured: Mapping[str, float]) -> SystemOrder:
     """Order of the systems that both know. Pairs that the paper prints as equal are left out; a tie here agrees with
     no order; a score that could not be counted is below every other.
     """
@@ -46,17 +46,17 @@ def follows(printed: Mapping[str, float], measured: Mapping[str, float]) -> Orde
         if printed[a] > printed[b]:
             ordered += 1
             agreeing += _floor(measured[a]) > _floor(measured[b])
-    return Order(agreeing, ordered)
+    return SystemOrder(agreeing, ordered)
 
 
-def of_metric(table: Mapping[str, tuple[str, ...]], metric: str, rows: Mapping[str, Row]) -> Order:
+def of_metric(table: Mapping[str, tuple[str, ...]], metric: str, rows: Mapping[str, ResultRow]) -> SystemOrder:
     """Order of one of the paper's metrics in one of its tables, beside rows by system."""
     at = published.METRICS.index(metric)
     printed = {system: float(values[at]) for system, values in table.items()}
     return follows(printed, {system: row.score(published.SCORES[metric]) for system, row in rows.items()})
 
 
-def claims_1(rows: Mapping[str, Row]) -> list[Claim]:
+def claims_1(rows: Mapping[str, ResultRow]) -> list[Claim]:
     """What the paper's text says of its four systems beside table 1."""
     out: list[Claim] = []
     lpt, transformer = rows.get("lpt"), rows.get("transformer")
@@ -84,7 +84,7 @@ def claims_1(rows: Mapping[str, Row]) -> list[Claim]:
     return out
 
 
-def claims_3(rows: Mapping[str, Row]) -> list[Claim]:
+def claims_3(rows: Mapping[str, ResultRow]) -> list[Claim]:
     """What the paper's text says of its ablations beside table 3."""
     out: list[Claim] = []
     lpt = rows.get("lpt")

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.paper import published, shots
+from signsplice.paper import kept_frames, published
+from signsplice.paper.kept_frames import KeptFrames
 from signsplice.paper.results import CLASSICAL, OWN
-from signsplice.paper.shots import Shot
 from signsplice.synth.signer import JOINTS, skeleton
 
 Float = NDArray[np.float64]
@@ -34,7 +34,7 @@ HAND_REACH = 0.055
 _TRUNK, _RIGHT, _LEFT, _TRUE = "#6b6b70", "#de8e20", "#3f6fa8", "#c9c5bd"
 
 
-def draw_shots(pyplot: Any, chosen: Sequence[Shot], scale: str) -> Any:
+def draw_shots(pyplot: Any, chosen: Sequence[KeptFrames], scale: str) -> Any:
     """A matplotlib figure of some shots under one another, a row for the truth and one for each system; None where no
     system's frames are kept.
     """
@@ -73,18 +73,18 @@ def draw_shots(pyplot: Any, chosen: Sequence[Shot], scale: str) -> Any:
     return figure
 
 
-def _rows(shot: Shot, scale: str) -> list[tuple[str, Float]]:
+def _rows(shot: KeptFrames, scale: str) -> list[tuple[str, Float]]:
     """Names and frames of a shot's rows: the truth, the systems of the paper's figures, Hermite at the true places."""
     out = [(TRUTH, shot.truth)]
     for system in SHOWN:
-        frames = shot.made.get(shots.label(system, scale, "adamw"))
+        frames = shot.made.get(kept_frames.label(system, scale, "adamw"))
         if frames is not None and len(frames):
             out.append((published.name(system), frames))
     for (system, told), scale_of, name in (
-        (shots.HERMITE, CLASSICAL, "Hermite, told\npositions\nand length"),
-        (shots.SIGNSPLICE, OWN, "signsplice"),
+        (kept_frames.HERMITE, CLASSICAL, "Hermite, told\npositions\nand length"),
+        (kept_frames.SIGNSPLICE, OWN, "signsplice"),
     ):
-        frames = shot.made.get(shots.label(system, scale_of, "", told))
+        frames = shot.made.get(kept_frames.label(system, scale_of, "", told))
         if frames is not None and len(frames):
             out.append((name, frames))
     return out
@@ -105,7 +105,7 @@ def _places(frames: Float) -> Float:
     return frames.reshape(-1, len(JOINTS), 3)
 
 
-def _window(chosen: Sequence[Shot]) -> tuple[float, float, float, float]:
+def _window(chosen: Sequence[KeptFrames]) -> tuple[float, float, float, float]:
     """What every picture of a body shows: head, hands and hips of all true frames, as a square."""
     points = np.concatenate([_places(part) for shot in chosen for part in (shot.before, shot.truth, shot.after)])
     upper = points[:, [n for name, n in JOINTS.items() if not _is_leg(name)]].reshape(-1, 3)

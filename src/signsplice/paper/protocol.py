@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.paper import beside, measures
+from signsplice.paper import extra_metrics, metrics
 from signsplice.paper.prediction import Prediction, System
 from signsplice.synth.corpus import EXTENT, Pairs
 from signsplice.synth.rng import stream
@@ -121,7 +121,7 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
     none.
     """
     half = len(pairs.head["words"]) // 2
-    bodies: dict[int, beside.Body] = {}
+    bodies: dict[int, extra_metrics.NumberLayout] = {}
     for number in protocol.numbers[:WARM_UP]:
         answer(number)
     scores, seconds = [], []
@@ -134,19 +134,19 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
         _check(prediction, len(before), len(after), number)
         who = p // half
         if who not in bodies:
-            bodies[who] = beside.body(pairs.word_clip(p), EXTENT * pairs.signers[who].stature_cm)
+            bodies[who] = extra_metrics.number_layout(pairs.word_clip(p), EXTENT * pairs.signers[who].stature_cm)
         pre, post, frames = pairs.truth(number)
-        scores.append(measures.score(prediction, (pre, post, frames.astype(np.float64)), (before, after), bodies[who]))
+        scores.append(metrics.score(prediction, (pre, post, frames.astype(np.float64)), (before, after), bodies[who]))
         if progress is not None:
             progress(done, len(protocol.numbers))
     times = _milliseconds(seconds)
-    return Judged(measures.summary(scores) | times, len(scores))
+    return Judged(metrics.summary(scores) | times, len(scores))
 
 
 def _check(prediction: Prediction, n_before: int, n_after: int, number: int) -> None:
     frames = prediction.frames
-    if frames.ndim != 2 or frames.shape[1] != measures.NUMBERS or not np.isfinite(frames).all():
-        raise InputError(f"pair {number}: predicted frames {frames.shape}, expected finite (n, {measures.NUMBERS})")
+    if frames.ndim != 2 or frames.shape[1] != metrics.NUMBERS or not np.isfinite(frames).all():
+        raise InputError(f"pair {number}: predicted frames {frames.shape}, expected finite (n, {metrics.NUMBERS})")
     for what, position, count in (("pre", prediction.pre, n_before), ("post", prediction.post, n_after)):
         if position is not None and not 0 <= position < count:
             raise InputError(f"pair {number}: predicted {what} {position}, expected a frame of a word of {count}")

@@ -20,8 +20,8 @@ from typing import Any
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import read_bytes, replacing
-from signsplice.paper import measures
-from signsplice.splicing.bundle import digest
+from signsplice.paper import metrics
+from signsplice.splicing.bundle import bundle_sha256
 
 VERSION = 1
 CLASSICAL, OWN, TAUGHT = "classical", "own", "taught"
@@ -31,11 +31,13 @@ the same after learning from the split's training part, as every system of the p
 ON_CLIPS = (CLASSICAL, OWN, TAUGHT)
 PACKAGES = ("signsplice", "numpy", "scipy", "onnxruntime")
 MOST_POINTS = 400
+_STORED = {"given": "told"}
+"""Fields whose key in results.json is another word: files written before must stay readable."""
 
 
 @dataclass(frozen=True)
-class Row:
-    """One system on one protocol. ``bundle``: hash of the bundle judged, None for classical rows; ``told``: what of the
+class ResultRow:
+    """One system on one protocol. ``bundle``: hash of the bundle judged, None for classical rows; ``given``: what of the
     truth it was told; ``measures``: which signatures its scores have; a score is None where nothing could be counted.
     """
 
@@ -46,7 +48,7 @@ class Row:
     part: str = "test"
     fr: int | None = None
     seed: int | None = None
-    told: str = "nothing"
+    given: str = "nothing"
     steps: int | None = None
     n_parameters: int | None = None
     bundle: str | None = None
@@ -62,7 +64,7 @@ class Row:
     @property
     def key(self) -> tuple[object, ...]:
         """What tells rows apart."""
-        told = (self.system, self.told, self.scale, self.optimiser, self.fr, self.seed)
+        told = (self.system, self.given, self.scale, self.optimiser, self.fr, self.seed)
         return (*told, self.split, self.part)
 
     def score(self, name: str) -> float:
@@ -93,34 +95,34 @@ class Curve:
 class Results:
     """Rows and curves, each of another key, and the signatures that rows name."""
 
-    rows: tuple[Row, ...] = ()
+    rows: tuple[ResultRow, ...] = ()
     curves: tuple[Curve, ...] = ()
     signatures: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
-    def merged(self, rows: Iterable[Row] = (), curves: Iterable[Curve] = ()) -> Results:
+    def merged(self, rows: Iterable[ResultRow] = (), curves: Iterable[Curve] = ()) -> Results:
         """These results with rows and curves added; those of the same key are replaced. Signatures no row names go."""
         by_key = {row.key: row for row in (*self.rows, *rows)}
         by_curve = {curve.key: curve for curve in (*self.curves, *curves)}
         named = {row.measures for row in by_key.values()}
-        known = {**self.signatures, signature_id(): measures.SIGNATURES}
+        known = {**self.signatures, signature_id(): metrics.SIGNATURES}
         return Results(
             tuple(sorted(by_key.values(), key=lambda row: _order(row.key))),
             tuple(sorted(by_curve.values(), key=lambda curve: _order(curve.key))),
             {k: v for k, v in known.items() if k in named},
         )
 
-    def find(self, **wanted: object) -> list[Row]:
+    def find(self, **wanted: object) -> list[ResultRow]:
         """Rows whose fields have these values."""
         return [row for row in self.rows if all(getattr(row, k) == v for k, v in wanted.items())]
 
 
 def signature_id() -> str:
     """A short name for the signatures of all measures as they are now."""
-    text = json.dumps(measures.SIGNATURES, sort_keys=True)
+    text = json.dumps(metrics.SIGNATURES, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-def check_alike(rows: Sequence[Row]) -> None:
+def check_alike(rows: Sequence[ResultRow]) -> None:
     """Raise ``InputError`` where rows for one table were not measured alike: other measures, protocol or corpus."""
     for what in ("measures", "protocol", "corpus"):
         kinds = {getattr(row, what): row for row in rows}
@@ -145,7 +147,7 @@ def bundle_row(facts: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 def bundle_hash(folder: Path) -> str:
     """The first twelve hex digits of a bundle's sha256."""
-    return digest(folder)[:12]
+    return bundle_sha256(folder)[:12]
 
 
 def surroundings() -> dict[str, Any]:
@@ -209,8 +211,8 @@ def load(path: Path) -> Results:
         head = json.loads(read_bytes(path))
         if head["version"] != VERSION:
             raise InputError(f"{path}: version {head['version']}, expected {VERSION}; measure anew")
-        known = {f.name for f in fields(Row)}
-        rows = tuple(Row(**{k: v for k, v in row.items() if k in known}) for row in head["rows"])
+        names = {_STORED.get(f.name, f.name): f.name for f in fields(ResultRow)}
+        rows = tuple(ResultRow(**{names[k]: v for k, v in row.items() if k in names}) for row in head["rows"])
         curves = tuple(Curve(**{**curve, "points": [(a, b) for a, b in curve["points"]]}) for curve in head["curves"])
         return Results(rows, curves, head["signatures"])
     except (ValueError, KeyError, TypeError) as error:
@@ -224,13 +226,18 @@ def save(results: Results, path: Path) -> None:
         f' "version": {VERSION},',
         f' "signatures": {json.dumps(results.signatures, indent=1)},',
         ' "rows": [',
-        ",\n".join("  " + json.dumps(asdict(row)) for row in results.rows),
+        ",\n".join("  " + json.dumps(_stored(row)) for row in results.rows),
         ' ],\n "curves": [',
         ",\n".join("  " + json.dumps(asdict(curve)) for curve in results.curves),
         " ]\n}",
     ]
     with replacing(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _stored(row: ResultRow) -> dict[str, Any]:
+    """A row with the keys of results.json."""
+    return {_STORED.get(name, name): value for name, value in asdict(row).items()}
 
 
 def _order(key: tuple[object, ...]) -> tuple[str, ...]:

@@ -25,8 +25,8 @@ from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice.paper.layout import Table
 from signsplice.paper.protocol import Protocol
 from signsplice.paper.systems import DECODINGS, open_bundle
-from signsplice.splicing.networks import FLUENT
-from signsplice.splicing.networks import NAME as LEARNED
+from signsplice.splicing.learned import FLUENT
+from signsplice.splicing.learned import NAME as LEARNED
 from signsplice.synth.corpus import Pairs
 
 WRITES = ("transition", "utterance")
@@ -39,7 +39,7 @@ PAGE = "speed"
 
 
 @dataclass(frozen=True)
-class Way:
+class DecodingRun:
     """A system, how it decodes, and what it writes: the transition frames alone, or the utterance, both words too."""
 
     system: str
@@ -56,22 +56,22 @@ class Way:
 class Timed:
     """A way's milliseconds for a pair, median and mean; the median over pairs of its time by that of ``BASE``."""
 
-    way: Way
+    run: DecodingRun
     ms_median: float
     ms_mean: float
     times_base: float
     n_parameters: int
 
 
-def ways() -> Iterator[Way]:
+def decoding_runs() -> Iterator[DecodingRun]:
     """All that are timed, the base first."""
     for system in SYSTEMS:
         several = system in published.IN_ONE_PASS
         for decoding in DECODINGS if several else DECODINGS[:1]:
-            yield Way(system, decoding, "transition")
+            yield DecodingRun(system, decoding, "transition")
         if system != "lpt":
             for decoding in DECODINGS[:2] if several else DECODINGS[:1]:
-                yield Way(system, decoding, "utterance")
+                yield DecodingRun(system, decoding, "utterance")
 
 
 def measure(
@@ -85,12 +85,12 @@ def measure(
     on all alike. ``bundles`` has a folder for each system; ``own`` is this project's bundle, by default that which
     ships. Raises ``InputError`` where one is missing.
     """
-    told = list(ways())
+    told = list(decoding_runs())
     opened = {(w.system, w.decoding): open_bundle(bundles / w.system, w.decoding) for w in told}
     ours = ClipMethod(FLUENT, LEARNED, bundle=own)
     answers = ClipAnswers(pairs, ours)
     answers.prepare(judged.numbers)
-    told.append(Way(OWN, DECODINGS[-1], WRITES[0]))
+    told.append(DecodingRun(OWN, DECODINGS[-1], WRITES[0]))
     seconds = np.zeros((len(judged.numbers), len(told)))
     for warm_up in (True, False):
         for at, number in enumerate(judged.numbers[: protocol.WARM_UP] if warm_up else judged.numbers):
@@ -107,7 +107,7 @@ def measure(
                 seconds[at, column] = time.perf_counter() - begun
             if progress is not None and not warm_up:
                 progress(at + 1, len(judged.numbers))
-    base = told.index(Way(*BASE))
+    base = told.index(DecodingRun(*BASE))
     ratios = np.median(seconds / seconds[:, base : base + 1], axis=0)
     return [
         Timed(
@@ -126,7 +126,7 @@ def table(timed: Sequence[Timed], scale: str, judged: Protocol) -> Table:
     columns = ("system", "decoding", "writes", "parameters, M", "ms, median", "ms, mean", "by LpTransformer")
     rows = tuple(
         (
-            *(published.name(t.way.system), t.way.decoding, t.way.writes, f"{t.n_parameters / 1e6:.1f}"),
+            *(published.name(t.run.system), t.run.decoding, t.run.writes, f"{t.n_parameters / 1e6:.1f}"),
             *(f"{t.ms_median:.1f}", f"{t.ms_mean:.1f}", f"{t.times_base:.2f}"),
         )
         for t in timed
@@ -147,10 +147,10 @@ def write(timed: Sequence[Timed], folder: Path, scale: str, judged: Protocol) ->
         "scale": scale,
         "protocol": judged.signature,
         **{k: v for k, v in results.surroundings().items() if k != "measures"},
-        "rows": [{**asdict(row), **asdict(row.way)} for row in timed],
+        "rows": [{**asdict(row), **asdict(row.run)} for row in timed],
     }
     for row in told["rows"]:
-        del row["way"]
+        del row["run"]
     made = table(timed, scale, judged)
     texts = {
         ".json": json.dumps(told, indent=1),

@@ -13,7 +13,7 @@ from signsplice.formats.atomic import read_bytes, replacing
 from signsplice.paper import layout, order, published
 from signsplice.paper.layout import RULE, Table, number, short
 from signsplice.paper.protocol import SPLITS
-from signsplice.paper.results import CLASSICAL, ON_CLIPS, OWN, TAUGHT, Results, Row, check_alike
+from signsplice.paper.results import CLASSICAL, ON_CLIPS, OWN, TAUGHT, ResultRow, Results, check_alike
 
 OPTIMISERS = {"adamw": "AdamW", "sgd": "SGD"}
 HEAD = ("system", "from", *published.METRICS, "PAA of all", "Accuracy", "MSE", "ms a pair")
@@ -33,9 +33,9 @@ BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
 PAGES = ("table1", "table3", "fr", "classical")
 
 
-def pick(results: Results, scale: str, split: str, optimiser: str, systems: Iterable[str]) -> dict[str, Row]:
+def pick(results: Results, scale: str, split: str, optimiser: str, systems: Iterable[str]) -> dict[str, ResultRow]:
     """Rows by system for a table: fr as the paper chose it, the lowest seed where there are several."""
-    found: dict[str, Row] = {}
+    found: dict[str, ResultRow] = {}
     for system in systems:
         rows = results.find(system=system, scale=scale, split=split, optimiser=optimiser, part="test")
         rows = [row for row in rows if row.fr in (None, published.BEST_FR)]
@@ -71,7 +71,7 @@ def table_fr(results: Results, scale: str, split: str = "random") -> list[Table]
         check_alike(chosen)
         cells = [
             (
-                *(str(row.fr), _told(row)),
+                *(str(row.fr), _given(row)),
                 *(number(row.score(s)) for s in ("accuracy", "bleu-1", "bleu-4", "paa")),
                 *(short(row.score("mse")), number(row.score("ms_mean"), 2)),
             )
@@ -90,29 +90,31 @@ def table_classical(results: Results, split: str = "random") -> list[Table]:
         return []
     check_alike(rows)
     told = {"nothing": 0, "length": 1, "positions": 2, "positions and length": 3}
-    rows.sort(key=lambda row: (told.get(row.told, 4), row.system))
-    return [_beside(results, rows, f"Methods on clips, {split}", f"classical-{split}")]
+    rows.sort(key=lambda row: (told.get(row.given, 4), row.system))
+    return [_extra_metrics(results, rows, f"Methods on clips, {split}", f"classical-{split}")]
 
 
-def table_beside(results: Results, scale: str, split: str = "random") -> list[Table]:
+def table_extra_metrics(results: Results, scale: str, split: str = "random") -> list[Table]:
     """What the paper does not measure, of every trained row."""
     systems = (*published.TABLE_1, *published.TABLE_3, *published.OTHERS, *published.IN_ONE_PASS.values())
     rows = [row for o in OPTIMISERS for row in pick(results, scale, split, o, dict.fromkeys(systems)).values()]
     if not rows:
         return []
     check_alike(rows)
-    return [_beside(results, rows, f"Beside the paper's measures, scale {scale}, {split}", f"beside-{scale}-{split}")]
+    return [
+        _extra_metrics(results, rows, f"Beside the paper's measures, scale {scale}, {split}", f"beside-{scale}-{split}")
+    ]
 
 
 def _paper_tables(
     results: Results,
     n: int,
     printed: Mapping[str, tuple[str, ...]],
-    found: Mapping[str, Mapping[str, Row]],
-    more: Sequence[Sequence[Row]],
+    found: Mapping[str, Mapping[str, ResultRow]],
+    more: Sequence[Sequence[ResultRow]],
     scale: str,
     split: str,
-    claims: Callable[[Mapping[str, Row]], list[order.Claim]],
+    claims: Callable[[Mapping[str, ResultRow]], list[order.Claim]],
 ) -> list[Table]:
     measured = [row for rows in found.values() for row in rows.values()] + [row for rows in more for row in rows]
     if not measured:
@@ -133,7 +135,7 @@ def _paper_tables(
     caption = f"Table {n} of the paper, scale {scale}, {split}"
     tables = [Table(caption, f"table{n}-{scale}-{split}", HEAD, tuple(rows), _notes(results, measured))]
     said = [
-        (claim.says, OPTIMISERS[optimiser], claim.printed, claim.measured, "yes" if claim.holds else "no")
+        (claim.claim, OPTIMISERS[optimiser], claim.printed, claim.measured, "yes" if claim.holds else "no")
         for optimiser, by in found.items()
         for claim in claims(by)
     ]
@@ -144,13 +146,13 @@ def _paper_tables(
     return tables
 
 
-def _row(row: Row) -> tuple[str, ...]:
+def _row(row: ResultRow) -> tuple[str, ...]:
     scores = [number(row.score(published.SCORES[metric])) for metric in published.METRICS]
     more = (number(row.score("paa_all")), number(row.score("accuracy")), short(row.score("mse")))
-    return (published.name(row.system), _told(row), *scores, *more, number(row.score("ms_mean"), 2))
+    return (published.name(row.system), _given(row), *scores, *more, number(row.score("ms_mean"), 2))
 
 
-def _beside(results: Results, rows: Sequence[Row], caption: str, label: str) -> Table:
+def _extra_metrics(results: Results, rows: Sequence[ResultRow], caption: str, label: str) -> Table:
     columns = (
         ("accuracy", 3, "Accuracy"),
         ("mse", 5, "MSE"),
@@ -169,7 +171,7 @@ def _beside(results: Results, rows: Sequence[Row], caption: str, label: str) -> 
         ("ms_median", 2, "ms, median"),
     )
     cells = [
-        (published.name(row.system), _told(row), *(number(row.score(name), digits) for name, digits, _ in columns))
+        (published.name(row.system), _given(row), *(number(row.score(name), digits) for name, digits, _ in columns))
         for row in rows
     ]
     return Table(
@@ -177,23 +179,23 @@ def _beside(results: Results, rows: Sequence[Row], caption: str, label: str) -> 
     )
 
 
-def _told(row: Row) -> str:
+def _given(row: ResultRow) -> str:
     if row.scale == CLASSICAL:
-        return f"classical, told {row.told}"
+        return f"classical, told {row.given}"
     if row.scale == OWN:
-        return f"signsplice, told {row.told}"
+        return f"signsplice, told {row.given}"
     if row.scale == TAUGHT:
-        return f"signsplice, taught its training part, told {row.told}"
+        return f"signsplice, taught its training part, told {row.given}"
     steps = f", {row.steps} steps" if row.steps is not None else ""
     return OPTIMISERS.get(row.optimiser, row.optimiser) + steps
 
 
-def _on_clips(results: Results, split: str, system: str, told: str) -> list[Row]:
+def _on_clips(results: Results, split: str, system: str, told: str) -> list[ResultRow]:
     rows = results.find(system=system, told=told, split=split, part="test")
     return [row for row in rows if row.scale in ON_CLIPS]
 
 
-def _notes(results: Results, rows: Sequence[Row]) -> tuple[str, ...]:
+def _notes(results: Results, rows: Sequence[ResultRow]) -> tuple[str, ...]:
     told = results.signatures.get(rows[0].measures, {})
     recipes = "; ".join(f"`{told[name]}`" for name in ("accuracy", "mse", "bleu") if name in told)
     notes = [f"Judged by `{rows[0].protocol}`.", f"Measures `{rows[0].measures}`: {recipes}."]
@@ -212,7 +214,7 @@ def pages(results: Results, scale: str) -> dict[str, list[Table]]:
         out["table1"] += table_1(results, scale, split)
         out["table3"] += table_3(results, scale, split)
         out["fr"] += table_fr(results, scale, split)
-        out["classical"] += table_beside(results, scale, split) + table_classical(results, split)
+        out["classical"] += table_extra_metrics(results, scale, split) + table_classical(results, split)
     return out
 
 

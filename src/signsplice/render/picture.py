@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from signsplice.body.capsules import FINGERS, BodyCapsules, body_capsules, capsule_ends
+from signsplice.body.mesh import CLOTHES, SKIN, TIPS, MeshPart, bind_pose, body_mesh
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation, stance
-from signsplice.motion.body import FINGERS, Body, body, place
+from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
-from signsplice.motion.humanoid import find_roles
-from signsplice.motion.mannequin import CLOTHES, SKIN, TIPS, Thing, bound, mannequin
 from signsplice.render.raster import Canvas, Pixels, lit
+from signsplice.rig import proportions
+from signsplice.rig.roles import find_roles
 
 Float = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -38,7 +39,7 @@ class Skin:
 
     vertices: Pixels
     normals: Pixels
-    shares: csr_array
+    weights: csr_array
     triangles: NDArray[np.intp]
     tints: Pixels
     groups: NDArray[np.int16]
@@ -75,16 +76,16 @@ def scene(clip: Clip, view: str = "front") -> Scene:
     """
     if view not in VIEWS:
         raise InputError(f"no view {view!r}, expected one of {', '.join(VIEWS)}")
-    standing = stance.stand(clip)
+    standing = proportions.stand(clip)
     skeleton = _as_moved(clip)
-    height = stance.stature(skeleton) or 1.0
+    height = proportions.stature(skeleton) or 1.0
     angle = np.deg2rad(VIEWS[view])
     left = np.cross(standing.up, standing.forward)
     towards = np.cos(angle) * standing.forward + np.sin(angle) * left
     axes = np.stack([np.cross(standing.up, towards), standing.up, towards])
-    shape = body(skeleton)
+    shape = body_capsules(skeleton)
     rotations, places = kinematics.forward(clip)
-    starts, ends = place(shape, rotations, places)
+    starts, ends = capsule_ends(shape, rotations, places)
     origin = np.median(starts.reshape(-1, 3), axis=0)
     starts, ends = ((points - origin) @ axes.T / height for points in (starts, ends))
     towards_viewer = np.concatenate([starts[..., 2], ends[..., 2]])
@@ -107,11 +108,11 @@ _SKINS: WeakKeyDictionary[Skeleton, Skin] = WeakKeyDictionary()
 def _skin(skeleton: Skeleton) -> Skin:
     found = _SKINS.get(skeleton)
     if found is None:
-        found = _SKINS[skeleton] = _whole(skeleton, mannequin(skeleton))
+        found = _SKINS[skeleton] = _whole(skeleton, body_mesh(skeleton))
     return found
 
 
-def _whole(skeleton: Skeleton, things: Sequence[Thing]) -> Skin:
+def _whole(skeleton: Skeleton, things: Sequence[MeshPart]) -> Skin:
     """Things in one piece. Every finger is a group of its own, so that fingers are told from one another."""
     finger_of = {
         joint: FINGERS.index(finger) + 1
@@ -133,11 +134,11 @@ def _whole(skeleton: Skeleton, things: Sequence[Thing]) -> Skin:
     triangles = np.concatenate([thing.triangles + k for thing, k in zip(things, starts[:-1], strict=True)])
     sides = np.repeat(np.array([_hand_of(thing) for thing in things]), counts)
     finger = mostly[triangles[:, 0]]
-    turns, places = bound(skeleton)
+    turns, places = bind_pose(skeleton)
     return Skin(
         vertices=np.concatenate([thing.vertices for thing in things]).astype(np.float32),
         normals=np.concatenate([thing.normals for thing in things]).astype(np.float32),
-        shares=shares,
+        weights=shares,
         triangles=triangles,
         tints=np.repeat(np.array([thing.colour for thing in things], np.float32), counts, axis=0),
         groups=np.where(finger > 0, finger + len(FINGERS) * (sides == "left"), 0).astype(np.int16),
@@ -147,7 +148,7 @@ def _whole(skeleton: Skeleton, things: Sequence[Thing]) -> Skin:
     )
 
 
-def _hand_of(thing: Thing) -> str:
+def _hand_of(thing: MeshPart) -> str:
     """Which hand a thing is, or is a fingertip of: "left", "right" or ""."""
     side, _, kind = thing.name.partition(" ")
     return side if kind == "hand" or kind.endswith("Tip") else ""
@@ -162,7 +163,7 @@ def _as_moved(clip: Clip) -> Skeleton:
     return replace(clip.skeleton, offsets=offsets)
 
 
-def _window(shape: Body, starts: Float, ends: Float, radii: Float) -> tuple[float, float, float, float]:
+def _window(shape: BodyCapsules, starts: Float, ends: Float, radii: Float) -> tuple[float, float, float, float]:
     """The frame of the camera: everything but the legs, from a little below the hips."""
     upper = np.array([part not in _PLAIN for part in shape.parts])
     points = np.concatenate([starts[:, upper] - radii[upper, :1], ends[:, upper] + radii[upper, :1]], axis=1)
@@ -173,7 +174,7 @@ def _window(shape: Body, starts: Float, ends: Float, radii: Float) -> tuple[floa
     return float(low[0] - margin), float(high[0] + margin), float(low[1] - margin), float(high[1] + margin)
 
 
-def _hand_centres(shape: Body, starts: Float, ends: Float) -> Float:
+def _hand_centres(shape: BodyCapsules, starts: Float, ends: Float) -> Float:
     """Centres (T, 2, 3) of the left and right hand: the middle of the palm's far ends; the origin where there is no
     hand.
     """
@@ -222,7 +223,7 @@ def posed(scene: Scene, frame: int) -> tuple[Pixels, Pixels]:
     moves = scene.places[frame] - np.einsum("jab,jb->ja", turns, skin.places) - scene.origin
     turns, moves = scene.axes @ turns, moves @ scene.axes.T / scene.height
     carried = np.concatenate([turns.reshape(len(turns), 9), moves], axis=1).astype(np.float32)
-    each = skin.shares @ carried
+    each = skin.weights @ carried
     turn = each[:, :9].reshape(-1, 3, 3)
     points = np.einsum("vab,vb->va", turn, skin.vertices / np.float32(scene.height)) + each[:, 9:]
     normals = np.einsum("vab,vb->va", turn, skin.normals)

@@ -27,15 +27,15 @@ from signsplice.service.wire import (
     Failure,
     Format,
     Health,
-    Part,
+    LexiconWord,
+    MethodInfo,
     SentenceRequest,
     Spliced,
     SpliceRequest,
-    Word,
     WordList,
 )
-from signsplice.service.workers import BusyError, Worker, Workers
-from signsplice.splicing import defaults
+from signsplice.service.workers import BusyError, WorkerProcess, Workers
+from signsplice.splicing import methods as defaults
 
 _OPTIONS: TypeAdapter[SpliceRequest] = TypeAdapter(SpliceRequest)
 _FAILURES: dict[int | str, dict[str, Any]] = {
@@ -64,7 +64,7 @@ class Service:
         self.lexicon = work.open_words(settings)
         self.requests: Workers
         self.streamers: Workers
-        self.load: dict[Worker, int] = {}
+        self.load: dict[WorkerProcess, int] = {}
         self.metrics = Metrics(lambda: self.requests.waiting, lambda: self.requests.n_lost + self.streamers.n_lost)
 
     @asynccontextmanager
@@ -109,8 +109,8 @@ def create(settings: Settings, scenes: Sequence[Mapping[str, Any]] = ()) -> Fast
         docs_url=None,
         redoc_url=None,
     )
-    _told(app, service)
-    _made(app, service)
+    _add_state_routes(app, service)
+    _add_work_routes(app, service)
     _docs(app)
     _errors(app)
     app.add_middleware(Counting, metrics=service.metrics)
@@ -122,7 +122,7 @@ def create(settings: Settings, scenes: Sequence[Mapping[str, Any]] = ()) -> Fast
     return app
 
 
-def _told(app: FastAPI, service: Service) -> None:
+def _add_state_routes(app: FastAPI, service: Service) -> None:
     """The page, and routes that tell what there is."""
 
     @app.get("/", include_in_schema=False)
@@ -141,11 +141,11 @@ def _told(app: FastAPI, service: Service) -> None:
         return Response(service.metrics.text(), media_type="text/plain; version=0.0.4; charset=utf-8")
 
     @app.get("/v1/methods", responses=_some(421))
-    def methods() -> list[Part]:
+    def methods() -> list[MethodInfo]:
         """Every cutter, transition and duration by name."""
         return [
-            Part(kind, part.name, part.summary, part.learned, default)  # type: ignore[arg-type]
-            for kind, part, default in defaults.every()
+            MethodInfo(kind, part.name, part.summary, part.learned, default)  # type: ignore[arg-type]
+            for kind, part, default in defaults.all_methods()
         ]
 
     @app.get("/v1/lexicon", responses=_some(421, 422))
@@ -157,13 +157,13 @@ def _told(app: FastAPI, service: Service) -> None:
         """Words of the lexicon in order; those that begin with what is searched come first."""
         found = service.lexicon.search(search)
         words = [
-            Word(e.gloss, e.kind, list(e.synonyms), round(e.seconds, 3), e.signer, e.checked)  # type: ignore[arg-type]
+            LexiconWord(e.gloss, e.kind, list(e.synonyms), round(e.seconds, 3), e.signer, e.checked)  # type: ignore[arg-type]
             for e in found[start : start + limit]
         ]
         return WordList(words, len(found))
 
 
-def _made(app: FastAPI, service: Service) -> None:
+def _add_work_routes(app: FastAPI, service: Service) -> None:
     """Routes that make animations."""
     settings = service.settings
 

@@ -40,7 +40,7 @@ class Limits:
         elif scope["type"] == "websocket":
             await self.app(scope, receive, send)
         else:
-            reading = _Reading(self, receive, self.most(scope))
+            reading = _LimitedReceive(self, receive, self.most(scope))
             try:
                 await self.app(scope, reading, _Sending(send, self.settings.idle_seconds))
             finally:
@@ -92,7 +92,7 @@ def _bare(host: str) -> str:
     return name if name and port.isdecimal() else host
 
 
-class _Reading:
+class _LimitedReceive:
     """The parts of a body, counted and timed as they come."""
 
     def __init__(self, limits: Limits, receive: Receive, most: int) -> None:

@@ -13,8 +13,8 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.formats import bvh, gltf
-from signsplice.motion import stance
 from signsplice.motion.clip import Clip
+from signsplice.rig import proportions
 from signsplice.service.wire import FRAMES, MAGIC, Files, Format
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceResult
@@ -67,14 +67,14 @@ def to_json(message: Mapping[str, Any]) -> bytes:
 
 
 def skeleton(clip: Clip) -> dict[str, Any]:
-    """The skeleton of a stream's frames as ``wire.Skeleton``, but for the methods' names."""
+    """The skeleton of a stream's frames as ``wire.SkeletonMessage``, but for the methods' names."""
     return {
         "type": "skeleton",
         "fps": clip.fps,
         "names": list(clip.skeleton.names),
         "parents": clip.skeleton.parents.tolist(),
         "offsets": clip.skeleton.offsets.tolist(),
-        "metres": stance.sizes(clip.skeleton).unit.metres,
+        "metres": proportions.sizes(clip.skeleton).unit.metres,
     }
 
 

@@ -21,7 +21,7 @@ from signsplice.service.metrics import Metrics
 from signsplice.service.scene import to_json
 from signsplice.service.settings import Settings
 from signsplice.service.wire import FRAMES, MAGIC, End, FromClient, Open, Say
-from signsplice.service.workers import Worker
+from signsplice.service.workers import WorkerProcess
 
 _MESSAGE: TypeAdapter[FromClient] = TypeAdapter(FromClient)
 _OUT = 16
@@ -53,7 +53,7 @@ def message(told: ValidationError) -> str:
 class StreamSession:
     """One client's stream."""
 
-    def __init__(self, socket: WebSocket, settings: Settings, worker: Worker, metrics: Metrics) -> None:
+    def __init__(self, socket: WebSocket, settings: Settings, worker: WorkerProcess, metrics: Metrics) -> None:
         self._socket, self._settings, self._worker, self._metrics = socket, settings, worker, metrics
         self._key, self._generation = uuid4().hex, 0
         self._words: asyncio.Queue[tuple[str, float] | None] = asyncio.Queue(settings.max_stream_words)

@@ -106,7 +106,7 @@ class Report:
 
 
 @dataclass(frozen=True)
-class Unit:
+class TokenReading:
     """A token of a sentence, and the words or letters that sign it."""
 
     token: str
@@ -131,11 +131,11 @@ class Spliced:
     name: str
     report: Report
     files: Files
-    units: list[Unit] = field(default_factory=list)
+    units: list[TokenReading] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
-class Word:
+class LexiconWord:
     """A word of the lexicon. checked: a signer has said that the clip shows this sign."""
 
     gloss: str
@@ -150,12 +150,12 @@ class Word:
 class WordList:
     """Words of the lexicon in order, from the one that was asked for on; total: how many fit the search."""
 
-    words: list[Word]
+    words: list[LexiconWord]
     total: int
 
 
 @dataclass(frozen=True)
-class Part:
+class MethodInfo:
     """A cutter, transition or duration by name."""
 
     kind: Literal["cutter", "transition", "duration"]
@@ -213,7 +213,7 @@ class End:
 
 
 @dataclass(frozen=True)
-class Skeleton:
+class SkeletonMessage:
     """What frames are of; comes before the first of them. offsets: places of joints from their parents', own unit;
     metres: how long that unit is. parents: joints' numbers, -1 for the root.
     """
@@ -270,4 +270,4 @@ class Failed:
 
 
 FromClient = Open | Say | End
-FromService = Skeleton | SpanBegins | SeamJoined | Warned | Done | Failed
+FromService = SkeletonMessage | SpanBegins | SeamJoined | Warned | Done | Failed

@@ -16,12 +16,12 @@ from typing import Any
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
 from signsplice.lexicon import Lexicon, shipped
-from signsplice.lexicon.sentence import Unit, parse
+from signsplice.lexicon.sentence import SentenceToken, parse
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
 from signsplice.service.wire import Dials, Format, SentenceRequest, SpliceRequest
-from signsplice.splicing import defaults
+from signsplice.splicing import methods
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
 from signsplice.splicing.report import plain
 
@@ -49,7 +49,7 @@ class _Growing:
     begun: bool = False
 
 
-class _Worker:
+class _WorkerState:
     """What a process keeps between jobs: the lexicon, the words that were signed last, sentences that grow. A word that
     is kept need not be read again, nor told again what a network sees in it.
     """
@@ -61,7 +61,7 @@ class _Worker:
         self.growing: dict[str, _Growing] = {}
 
 
-_worker: _Worker
+_worker: _WorkerState
 
 
 def open_words(settings: Settings) -> Lexicon:
@@ -80,7 +80,7 @@ def begin(settings: Settings) -> None:
         import resource
 
         resource.setrlimit(resource.RLIMIT_DATA, (settings.worker_bytes, settings.worker_bytes))
-    _worker = _Worker(settings)
+    _worker = _WorkerState(settings)
 
 
 def _follow(parent: BaseProcess) -> None:
@@ -124,7 +124,7 @@ def join(files: Sequence[tuple[str, bytes]], request: SpliceRequest, file: Forma
 
 
 def _answer(
-    clips: list[Clip], request: SentenceRequest | SpliceRequest, file: Format | None, units: Iterable[Unit]
+    clips: list[Clip], request: SentenceRequest | SpliceRequest, file: Format | None, units: Iterable[SentenceToken]
 ) -> Answer:
     chosen = options(request)
     limit, fps = _worker.settings.max_frames, request.fps or clips[0].fps
@@ -144,15 +144,15 @@ def options(dials: Dials) -> SpliceOptions:
     return SpliceOptions(
         cutter=dials.cutter,
         transition=dials.transition,
-        duration=time if isinstance(time, str) else defaults.AUTO,
+        duration=time if isinstance(time, str) else methods.AUTO,
         transition_time=None if isinstance(time, str) else time,
         sign_speed=dials.sign_speed,
         fps=dials.fps,
-        body_sense=dials.body_sense,
+        avoid_collisions=dials.body_sense,
     )
 
 
-def _units(tokens: Sequence[str], spell: bool) -> list[Unit]:
+def _units(tokens: Sequence[str], spell: bool) -> list[SentenceToken]:
     try:
         return parse(" ".join(tokens), _worker.lexicon, spell)
     except UnknownGlossError:

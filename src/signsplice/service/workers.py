@@ -27,7 +27,7 @@ class WorkerLostError(SignspliceError):
     """A worker process ended in the middle of a job."""
 
 
-class Worker:
+class WorkerProcess:
     """One process. ``busy``: jobs that it does or that wait for it; ``n_lost``: processes that were replaced."""
 
     def __init__(self, settings: Settings, skin: bool) -> None:
@@ -105,7 +105,7 @@ class Workers:
     """A row of processes."""
 
     def __init__(self, settings: Settings, n: int, skin: bool = False) -> None:
-        self._row = [Worker(settings, skin) for _ in range(n)]
+        self._row = [WorkerProcess(settings, skin) for _ in range(n)]
         self._most = settings.max_waiting
 
     @property
@@ -124,7 +124,7 @@ class Workers:
             raise BusyError(f"{self.waiting} requests wait already; try again in a moment")
         return await min(self._row, key=lambda worker: worker.busy).run(job, *args)
 
-    def pick(self, load: Callable[[Worker], int]) -> Worker:
+    def pick(self, load: Callable[[WorkerProcess], int]) -> WorkerProcess:
         """The worker with the least load, to stay with."""
         return min(self._row, key=load)
 

@@ -17,7 +17,7 @@ from typing import Any
 from signsplice.errors import InputError
 from signsplice.formats.atomic import read_bytes, replacing
 
-HEAD = "bundle.json"
+BUNDLE_FILE = "bundle.json"
 VERSION = 1
 
 
@@ -25,19 +25,19 @@ def write_bundle(folder: Path, facts: Mapping[str, Any], files: Mapping[str, byt
     """Write files and bundle.json into a folder that exists; bundle.json comes last, so that a half-written bundle is
     none.
     """
-    (folder / HEAD).unlink(missing_ok=True)
+    (folder / BUNDLE_FILE).unlink(missing_ok=True)
     for name, content in files.items():
         with replacing(folder / name) as temporary:
             temporary.write_bytes(content)
     hashes = {name: hashlib.sha256(content).hexdigest() for name, content in sorted(files.items())}
     text = json.dumps({"version": VERSION, **facts, "files": hashes}, indent=1)
-    with replacing(folder / HEAD) as temporary:
+    with replacing(folder / BUNDLE_FILE) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
 def read_facts(folder: Path) -> dict[str, Any]:
     """bundle.json of a folder. Raises ``InputError`` where it is missing, broken, or of another version."""
-    path = Path(folder) / HEAD
+    path = Path(folder) / BUNDLE_FILE
     try:
         facts = json.loads(read_bytes(path))
     except ValueError as error:
@@ -48,11 +48,11 @@ def read_facts(folder: Path) -> dict[str, Any]:
     return dict(facts)
 
 
-def digest(folder: Path) -> str:
+def bundle_sha256(folder: Path) -> str:
     """sha256 of a bundle: of its bundle.json, which holds those of its files. Raises ``InputError`` where it is
     missing.
     """
-    return hashlib.sha256(read_bytes(Path(folder) / HEAD)).hexdigest()
+    return hashlib.sha256(read_bytes(Path(folder) / BUNDLE_FILE)).hexdigest()
 
 
 def read_file(folder: Path, facts: Mapping[str, Any], name: str) -> bytes:
@@ -60,8 +60,10 @@ def read_file(folder: Path, facts: Mapping[str, Any], name: str) -> bytes:
     path = Path(folder) / name
     expected = facts.get("files", {}).get(name)
     if expected is None:
-        raise InputError(f"{Path(folder) / HEAD}: lists no file {name}; export the system anew")
+        raise InputError(f"{Path(folder) / BUNDLE_FILE}: lists no file {name}; export the system anew")
     content = read_bytes(path)
     if hashlib.sha256(content).hexdigest() != expected:
-        raise InputError(f"{path}: is not the file that {HEAD} lists (its sha256 differs); export the system anew")
+        raise InputError(
+            f"{path}: is not the file that {BUNDLE_FILE} lists (its sha256 differs); export the system anew"
+        )
     return content

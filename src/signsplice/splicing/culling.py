@@ -29,7 +29,7 @@ def cull(before: Array, after: Array, pre: int, post: int, fr: int) -> tuple[Arr
     return rows, np.concatenate([left >= 0, right < len(after)])
 
 
-def filtered(before: Array, after: Array, pre: int, post: int, new: Array) -> Array:
+def filter_layer(before: Array, after: Array, pre: int, post: int, new: Array) -> Array:
     """Y: the frames of ``before`` up to ``pre``, the new ones, and those of ``after`` from ``post`` on (eq. 17)."""
     check(before, after, pre, post)
     return np.concatenate([before[: pre + 1], new, after[post:]])

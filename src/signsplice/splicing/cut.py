@@ -14,8 +14,8 @@ from typing import Protocol, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion.arms import Arms, active_span, arms
 from signsplice.motion.clip import Clip
+from signsplice.rig.arms import Arms, active_span, arms
 from signsplice.splicing.method import Method, find
 
 Float = NDArray[np.float64]
@@ -56,7 +56,7 @@ def cuts_together(cutter: Cutter) -> TypeGuard[SentenceCutter]:
 
 
 @dataclass(frozen=True)
-class ClassicalCutter:
+class RuleCutter:
     """A cutter that follows a rule."""
 
     name: str
@@ -87,7 +87,7 @@ def _hand_distance(before: Clip, after: Clip) -> Cut:
         angle = np.arccos(np.clip(0.5 * (cosine - 1.0), -1.0, 1.0)) / np.pi
         return np.asarray((distance + angle).sum(axis=-1))
 
-    return _least(before, after, cost)
+    return _lowest_cost(before, after, cost)
 
 
 def _pose_velocity(before: Clip, after: Clip) -> Cut:
@@ -98,7 +98,7 @@ def _pose_velocity(before: Clip, after: Clip) -> Cut:
         squares = (a**2).sum(1)[:, None] + (b**2).sum(1)[None] - 2.0 * a @ b.T
         return np.asarray(squares)
 
-    return _least(before, after, cost)
+    return _lowest_cost(before, after, cost)
 
 
 def _pose_and_velocity(arms: Arms, frames: slice) -> Float:
@@ -114,7 +114,7 @@ def _pose_and_velocity(arms: Arms, frames: slice) -> Float:
     return np.concatenate([part[at] for part in points] + ways, axis=1) / arms.length
 
 
-def _least(before: Clip, after: Clip, cost: Callable[[Arms, Arms, slice, slice], Float]) -> Cut:
+def _lowest_cost(before: Clip, after: Clip, cost: Callable[[Arms, Arms, slice, slice], Float]) -> Cut:
     p, q = arms(before), arms(after)
     (p_start, p_stop), (q_start, q_stop) = active_span(p), active_span(q)
     rows = slice(p_stop - search_window(p_stop - p_start, before.fps), p_stop)
@@ -132,10 +132,10 @@ def search_window(n_frames: int, fps: float) -> int:
 CUTTERS: dict[str, Cutter] = {
     cutter.name: cutter
     for cutter in (
-        ClassicalCutter("ends", "no search: the last frame of one clip, the first of the next", _ends),
-        ClassicalCutter("rest-trim", "where the arms leave and reach rest (40 % of their rise)", _rest_trim),
-        ClassicalCutter("hand-distance", "least hand distance plus hand angle (Zhu 2014, Chen 2017)", _hand_distance),
-        ClassicalCutter("pose-velocity", "least change of arm position and velocity (Zhao 2008)", _pose_velocity),
+        RuleCutter("ends", "no search: the last frame of one clip, the first of the next", _ends),
+        RuleCutter("rest-trim", "where the arms leave and reach rest (40 % of their rise)", _rest_trim),
+        RuleCutter("hand-distance", "least hand distance plus hand angle (Zhu 2014, Chen 2017)", _hand_distance),
+        RuleCutter("pose-velocity", "least change of arm position and velocity (Zhao 2008)", _pose_velocity),
     )
 }
 DEFAULT_CUTTER = "pose-velocity"

@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from signsplice.motion.arms import Arms, active_span, arms
 from signsplice.motion.clip import Clip
+from signsplice.rig.arms import Arms, active_span, arms
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.method import Method, find
 
@@ -35,7 +35,7 @@ class Duration(Method, Protocol):
 
 
 @dataclass(frozen=True)
-class ClassicalDuration:
+class RuleDuration:
     """A duration that follows a rule: (arms before, arms after, last frame kept, first frame kept) -> seconds."""
 
     name: str
@@ -99,15 +99,13 @@ def _wrist_speed(arms: Arms) -> float:
     return float(steps.mean(axis=0).max() * arms.fps * arms.metres) if len(steps) else USUAL_SPEED_M_S
 
 
-DURATIONS: dict[str, ClassicalDuration] = {
+DURATIONS: dict[str, RuleDuration] = {
     duration.name: duration
     for duration in (
-        ClassicalDuration(
-            "tempo", "the hand's travel and the signer's tempo, at least the human median of 0.25 s", _tempo
-        ),
-        ClassicalDuration("fixed", "always the human median, 0.25 s", _fixed),
-        ClassicalDuration("travel", "51 + 149 log2(1 + D / 0.15) ms for D shoulder widths (DGS Corpus)", _travel),
-        ClassicalDuration("speed", "distance over boundary speed", _speed),
+        RuleDuration("tempo", "the hand's travel and the signer's tempo, at least the human median of 0.25 s", _tempo),
+        RuleDuration("fixed", "always the human median, 0.25 s", _fixed),
+        RuleDuration("travel", "51 + 149 log2(1 + D / 0.15) ms for D shoulder widths (DGS Corpus)", _travel),
+        RuleDuration("speed", "distance over boundary speed", _speed),
     )
 }
 

@@ -18,11 +18,11 @@ from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.motion.harmonize import Ground, ground, harmonize
-from signsplice.splicing import defaults
+from signsplice.rig.align import Reference, align, reference
+from signsplice.splicing import methods
 from signsplice.splicing.cut import Cut, Cutter, cuts_together
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
-from signsplice.splicing.filling import CONTEXT, Filled, fill, shown
+from signsplice.splicing.filling import CONTEXT, FilledGap, fill, n_shown_frames
 from signsplice.splicing.seam import Seam, score
 from signsplice.splicing.transition import Gap, Transition
 
@@ -36,7 +36,7 @@ class SpliceOptions:
     cutter, transition, duration: by name, or any object of those protocols; None: learned ones, or classical ones where
     these cannot be read (``defaults``). bundle: folder of the networks, by default those that ship. transition_time:
     seconds that stand in for the duration. sign_speed: how many times as fast signs play. fps: output rate, the first
-    clip's by default. body_sense: whether hands are led around head, trunk and each other (``body_sense``); None: where
+    clip's by default. avoid_collisions: whether hands are led around head, trunk and each other (``avoid_collisions``); None: where
     the transition is learned.
     """
 
@@ -47,7 +47,7 @@ class SpliceOptions:
     transition_time: float | None = None
     sign_speed: float = 1.0
     fps: float | None = None
-    body_sense: bool | None = None
+    avoid_collisions: bool | None = None
 
     def __post_init__(self) -> None:
         limits = (
@@ -111,7 +111,7 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Splic
     Raises ``InputError`` where there is no clip or an option is out of range, ``RigMismatchError`` where rigs have
     nothing in common.
     """
-    sentence = _Sentence(options or SpliceOptions())
+    sentence = _SentenceBuilder(options or SpliceOptions())
     pieces = [*sentence.add(clips, whole=True), *sentence.end()]
     if not pieces:
         raise InputError("nothing to splice, expected at least one clip")
@@ -151,7 +151,7 @@ class Stream:
     """
 
     def __init__(self, options: SpliceOptions | None = None) -> None:
-        self._sentence = _Sentence(options or SpliceOptions())
+        self._sentence = _SentenceBuilder(options or SpliceOptions())
         self.cutter, self.transition = self._sentence.cutter.name, self._sentence.transition.name
 
     def push(self, clip: Clip) -> list[Piece]:
@@ -166,7 +166,7 @@ class Stream:
 
 
 @dataclass(eq=False)
-class _Word:
+class _SentenceWord:
     """A word of a sentence on its ground: the frame at which it is entered, and the seam by which."""
 
     index: int
@@ -177,11 +177,11 @@ class _Word:
 
 
 @dataclass(frozen=True, eq=False)
-class _Join:
+class _PlannedSeam:
     """Two words, where they are left and entered, the new frames between, and what has to be said."""
 
-    before: _Word
-    after: _Word
+    before: _SentenceWord
+    after: _SentenceWord
     cut: Cut
     n_frames: int
     warnings: tuple[str, ...]
@@ -190,12 +190,12 @@ class _Join:
     def kept(self) -> Clip:
         """The last frames kept of the word before, as many as a transition is shown."""
         stop = self.cut.pre + 1
-        return self.before.clip[max(self.before.entry, stop - shown(self.before.clip.fps)) : stop]
+        return self.before.clip[max(self.before.entry, stop - n_shown_frames(self.before.clip.fps)) : stop]
 
     @property
     def follows(self) -> Clip:
         """The first frames kept of the word after."""
-        return self.after.clip[self.cut.post : self.cut.post + shown(self.after.clip.fps)]
+        return self.after.clip[self.cut.post : self.cut.post + n_shown_frames(self.after.clip.fps)]
 
     @property
     def gap(self) -> Gap:
@@ -204,19 +204,19 @@ class _Join:
 
 
 @dataclass
-class _Sentence:
+class _SentenceBuilder:
     """One sentence in the making."""
 
     options: SpliceOptions
     seconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     _n_out: int = 0
     _n_words: int = 0
-    _onto: Ground | None = None
-    _last: _Word | None = None
+    _onto: Reference | None = None
+    _last: _SentenceWord | None = None
 
     def __post_init__(self) -> None:
         options = self.options
-        self.methods = defaults.choose(options.cutter, options.transition, options.duration, options.bundle)
+        self.methods = methods.choose(options.cutter, options.transition, options.duration, options.bundle)
         self.cutter, self.transition = self.methods.cutter, self.methods.transition
 
     @contextmanager
@@ -247,16 +247,16 @@ class _Sentence:
         if last is not None:
             yield self._sign(last, len(last.clip))
 
-    def _word(self, clip: Clip, index: int) -> _Word:
+    def _word(self, clip: Clip, index: int) -> _SentenceWord:
         """A clip on the first one's ground."""
         with self.timed("harmonize"):
-            onto = self._onto or ground(clip, self.options.fps)
-            harmonized = harmonize(clip, onto, self.options.sign_speed)
+            onto = self._onto or reference(clip, self.options.fps)
+            harmonized = align(clip, onto, self.options.sign_speed)
             self._onto = onto
         said = harmonized.warnings if index else (*self.methods.warnings, *harmonized.warnings)
-        return _Word(index, harmonized.clip, said)
+        return _SentenceWord(index, harmonized.clip, said)
 
-    def _joins(self, words: Sequence[_Word], whole: bool) -> list[_Join]:
+    def _joins(self, words: Sequence[_SentenceWord], whole: bool) -> list[_PlannedSeam]:
         """Where words in order are joined; every word is told at which frame it is entered."""
         joins = []
         for (before, after), cut in zip(pairwise(words), self._cuts([word.clip for word in words], whole), strict=True):
@@ -273,7 +273,7 @@ class _Sentence:
                     f"{before.clip.name} is left where it was entered, at frame {before.entry}: only that frame is kept"
                 )
                 warnings = (*warnings, told)
-            joins.append(_Join(before, after, cut, n_frames, warnings))
+            joins.append(_PlannedSeam(before, after, cut, n_frames, warnings))
         return joins
 
     def _cuts(self, clips: Sequence[Clip], whole: bool) -> Iterable[Cut]:
@@ -286,14 +286,14 @@ class _Sentence:
             raise InputError(f"cutter {self.cutter.name} chose {len(cuts)} cuts for {len(clips)} clips")
         return cuts
 
-    def _fill(self, joins: Sequence[_Join]) -> list[Filled | None]:
+    def _fill(self, joins: Sequence[_PlannedSeam]) -> list[FilledGap | None]:
         """The transition of every join, None where it has no frames."""
         with self.timed("transition"):
             gaps = [join.gap for join in joins if join.n_frames]
-            filled = iter(fill(self.transition, gaps, self.options.body_sense))
+            filled = iter(fill(self.transition, gaps, self.options.avoid_collisions))
             return [next(filled) if join.n_frames else None for join in joins]
 
-    def _score(self, join: _Join, filled: Filled | None) -> Seam:
+    def _score(self, join: _PlannedSeam, filled: FilledGap | None) -> Seam:
         before, after, cut = join.before, join.after, join.cut
         with self.timed("join"):
             kept, follows = join.kept[-CONTEXT:], join.follows[:CONTEXT]
@@ -317,7 +317,7 @@ class _Sentence:
             )
         return max(1, round(min(seconds, MAX_TRANSITION_S) * before.fps)), ()
 
-    def _sign(self, word: _Word, stop: int) -> Piece:
+    def _sign(self, word: _SentenceWord, stop: int) -> Piece:
         with self.timed("join"):
             span = self._span("sign", word.index, word.clip.name, (word.entry, stop), stop - word.entry)
             return Piece(word.clip[word.entry : stop], span, word.seam, word.warnings)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
-from signsplice.splicing.body_sense import all_cleared
+from signsplice.splicing.collision_avoidance import avoid_all_collisions
 from signsplice.splicing.transition import Gap, Transition, fills_together, has_limits
 
 CONTEXT = 8
@@ -17,13 +17,13 @@ _SHOWN_S = 7.0 / 30.0
 """Time of each sign that a transition is shown: eight frames at 30 a second, at other rates as much time."""
 
 
-def shown(fps: float) -> int:
+def n_shown_frames(fps: float) -> int:
     """Frames of each sign that a transition is shown."""
     return max(CONTEXT, math.ceil(_SHOWN_S * fps - 1e-6) + 1)
 
 
 @dataclass(frozen=True, eq=False)
-class Filled:
+class FilledGap:
     """New frames of a gap; ``depth``: how deep a hand is in the body in them, m, None where nobody looked."""
 
     clip: Clip
@@ -31,7 +31,7 @@ class Filled:
     warnings: tuple[str, ...] = ()
 
 
-def fill(transition: Transition, gaps: Sequence[Gap], body_sense: bool | None) -> list[Filled]:
+def fill(transition: Transition, gaps: Sequence[Gap], body_sense: bool | None) -> list[FilledGap]:
     """The frames that a transition makes for every gap.
 
     Raises ``InputError`` where they are not as many as were asked for.
@@ -42,6 +42,6 @@ def fill(transition: Transition, gaps: Sequence[Gap], body_sense: bool | None) -
             raise InputError(f"transition {transition.name} made {len(filled)} frames, expected {n_frames}")
     said = [transition.limits(gap) if has_limits(transition) else () for gap in gaps]
     if not (transition.learned if body_sense is None else body_sense):
-        return [Filled(filled, None, lines) for filled, lines in zip(made, said, strict=True)]
-    led = all_cleared([(filled, before, after) for filled, (before, after, _) in zip(made, gaps, strict=True)])
-    return [Filled(one.clip, one.depth, lines) for one, lines in zip(led, said, strict=True)]
+        return [FilledGap(filled, None, lines) for filled, lines in zip(made, said, strict=True)]
+    led = avoid_all_collisions([(filled, before, after) for filled, (before, after, _) in zip(made, gaps, strict=True)])
+    return [FilledGap(one.clip, one.depth, lines) for one, lines in zip(led, said, strict=True)]

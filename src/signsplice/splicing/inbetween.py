@@ -9,10 +9,10 @@ from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.splicing import defaults
+from signsplice.splicing import methods as defaults
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.engine import Span, SpliceResult
-from signsplice.splicing.filling import CONTEXT, fill, shown
+from signsplice.splicing.filling import CONTEXT, fill, n_shown_frames
 from signsplice.splicing.seam import Seam, score
 from signsplice.splicing.transition import Transition
 
@@ -45,7 +45,7 @@ def inbetween(
                 "frames must remain before, between and after gaps"
             )
         at = stop
-    n_shown = shown(clip.fps)
+    n_shown = n_shown_frames(clip.fps)
     kept_from = [0, *(stop for _, stop in gaps)]
     kept_until = [*(start for start, _ in gaps), len(clip)]
     began = time.perf_counter()

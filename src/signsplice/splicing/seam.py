@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signsplice.motion import kinematics, measures, stance
+from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
-from signsplice.motion.humanoid import find_roles
+from signsplice.rig import metrics, proportions
+from signsplice.rig.roles import find_roles
 from signsplice.splicing.cut import Cut
 
 FAST_M_S = 2.5
@@ -60,13 +61,13 @@ def score(
     said = list(warnings)
     jump = speed = jerk = float("nan")
     stop = first + n_transition
-    metres = stance.sizes(window.skeleton).unit.metres
+    metres = proportions.sizes(window.skeleton).unit.metres
     positions = kinematics.forward(window, [0, *hands, *feet])[1][:, 1:] * metres
     if hands:
         wrists = positions[:, : len(hands)]
-        jump = measures.velocity_jump(wrists, first, stop, window.fps)
-        speed = measures.peak_speed(wrists, first, stop, window.fps)
-        jerk = measures.jerk_ratio(wrists, first, stop)
+        jump = metrics.velocity_jump(wrists, first, stop, window.fps)
+        speed = metrics.peak_speed(wrists, first, stop, window.fps)
+        jerk = metrics.jerk_ratio(wrists, first, stop)
         if speed > FAST_M_S:
             said.append(f"a hand moves at {speed:.1f} m/s, faster than signs do; a longer transition time would help")
     if feet:

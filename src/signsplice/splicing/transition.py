@@ -80,24 +80,24 @@ def has_limits(transition: Transition) -> TypeGuard[LimitedTransition]:
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
+class CurveProblem:
     """What a curve has to bridge, K ways at once: the ways d (K, 3), the velocities (K, 3) at both ends along them, a
     second, and accelerations (K, 3), empty where the curve does not ask for them; the times (n,) of the new frames and
     T, in seconds.
     """
 
-    way: Float
-    velocity: tuple[Float, Float]
+    displacement: Float
+    velocities: tuple[Float, Float]
     times: Float
     seconds: float
-    acceleration: tuple[Float, ...] = ()
+    accelerations: tuple[Float, ...] = ()
 
 
-Curve = Callable[[Ways], Float]
+Curve = Callable[[CurveProblem], Float]
 
 
 @dataclass(frozen=True)
-class ClassicalTransition:
+class CurveTransition:
     """A transition that follows a curve: Ways -> places (n, K, 3) along the ways."""
 
     name: str
@@ -114,7 +114,7 @@ class ClassicalTransition:
         n_joints = len(before.skeleton)
         before, after = before[-3:], after[:3]
         moving = before.translations is not None or after.translations is not None
-        gap = _gap(before, after, n_frames, moving, self.accelerates)
+        gap = _curve_problem(before, after, n_frames, moving, self.accelerates)
         start = before.local_rotations[-1]
         curved = self.curve(gap)
         if self.normalised_lerp:
@@ -132,7 +132,7 @@ class ClassicalTransition:
         )
 
 
-def _gap(before: Clip, after: Clip, n_frames: int, moving: bool, accelerates: bool) -> Ways:
+def _curve_problem(before: Clip, after: Clip, n_frames: int, moving: bool, accelerates: bool) -> CurveProblem:
     """The gap of all joints as rotation vectors in the frames of the pose before, of the root's place, and, where bones
     are ``moving``, of every joint's translation. A clip too short for a step stands still there.
     """
@@ -148,9 +148,9 @@ def _gap(before: Clip, after: Clip, n_frames: int, moving: bool, accelerates: bo
     way, v1 = turns[over], turns[enter] * fps
     # At the far end the rotation vector's rate is not the angular velocity (the chain rule of exp).
     rate = rotation.right_jacobian_inverse(way, v1)
-    gap = Ways(
-        way=np.concatenate([way, shifts[over]]),
-        velocity=(np.concatenate([turns[leave], shifts[leave]]) * fps, np.concatenate([rate, shifts[enter] * fps])),
+    gap = CurveProblem(
+        displacement=np.concatenate([way, shifts[over]]),
+        velocities=(np.concatenate([turns[leave], shifts[leave]]) * fps, np.concatenate([rate, shifts[enter] * fps])),
         times=np.arange(1, n_frames + 1) / fps,
         seconds=(n_frames + 1) / fps,
     )
@@ -163,7 +163,7 @@ def _gap(before: Clip, after: Clip, n_frames: int, moving: bool, accelerates: bo
     bend = bend + (ahead - behind) / 2e-4
     leaving = np.concatenate([turns[1] - turns[0], shifts[1] - shifts[0]]) * fps**2 * (len(before) > 2)
     entering = np.concatenate([bend, (shifts[4] - shifts[3]) * fps**2]) * (len(after) > 2)
-    return replace(gap, acceleration=(leaving, entering))
+    return replace(gap, accelerations=(leaving, entering))
 
 
 def _steps(before: Float, after: Float, which: slice) -> tuple[Float, Float]:
@@ -175,27 +175,27 @@ def _steps(before: Float, after: Float, which: slice) -> tuple[Float, Float]:
     return row[:-1], row[1:]
 
 
-def _share(gap: Ways) -> Float:
+def _fraction(gap: CurveProblem) -> Float:
     return gap.times[:, None, None] / gap.seconds
 
 
-def _hold(gap: Ways) -> Float:
-    return np.zeros((len(gap.times), *gap.way.shape))
+def _hold(gap: CurveProblem) -> Float:
+    return np.zeros((len(gap.times), *gap.displacement.shape))
 
 
-def _straight(gap: Ways) -> Float:
-    return np.asarray(_share(gap) * gap.way)
+def _straight(gap: CurveProblem) -> Float:
+    return np.asarray(_fraction(gap) * gap.displacement)
 
 
-def _minimum_jerk(gap: Ways) -> Float:
+def _minimum_jerk(gap: CurveProblem) -> Float:
     """10 u^3 - 15 u^4 + 6 u^5 (Flash and Hogan 1985): from rest to rest."""
-    u = _share(gap)
-    return np.asarray(u**3 * (10.0 + u * (-15.0 + 6.0 * u)) * gap.way)
+    u = _fraction(gap)
+    return np.asarray(u**3 * (10.0 + u * (-15.0 + 6.0 * u)) * gap.displacement)
 
 
-def _hermite(gap: Ways) -> Float:
-    u = _share(gap)
-    curve = u**2 * (3.0 - 2.0 * u) * gap.way
+def _hermite(gap: CurveProblem) -> Float:
+    u = _fraction(gap)
+    curve = u**2 * (3.0 - 2.0 * u) * gap.displacement
     for times, way, velocity in _from_both_ends(gap):
         tau = fade_times(way, velocity, gap.seconds)
         s = np.minimum(times / tau, 1.0)
@@ -203,10 +203,10 @@ def _hermite(gap: Ways) -> Float:
     return np.asarray(curve)
 
 
-def _quintic(gap: Ways) -> Float:
-    u = _share(gap)
-    curve = u**3 * (10.0 + u * (-15.0 + 6.0 * u)) * gap.way
-    for (times, way, velocity), acceleration in zip(_from_both_ends(gap), gap.acceleration, strict=True):
+def _quintic(gap: CurveProblem) -> Float:
+    u = _fraction(gap)
+    curve = u**3 * (10.0 + u * (-15.0 + 6.0 * u)) * gap.displacement
+    for (times, way, velocity), acceleration in zip(_from_both_ends(gap), gap.accelerations, strict=True):
         tau = fade_times(way, velocity, gap.seconds, OPPOSING_FADE_S)
         s = np.minimum(times / tau, 1.0)
         curve = curve + tau * (s + s**3 * (-6.0 + s * (8.0 - 3.0 * s))) * velocity
@@ -218,7 +218,7 @@ def _quintic(gap: Ways) -> Float:
     return np.asarray(curve)
 
 
-def _inertialize(gap: Ways) -> Float:
+def _inertialize(gap: CurveProblem) -> Float:
     """Bollo 2018, "Inertialization": jump to the motion after, and let the offset to the motion before die out by a
     quintic.
 
@@ -227,19 +227,19 @@ def _inertialize(gap: Ways) -> Float:
     the talk; the quintic ends at min(T, -5 x0 / v0), so that it does not undershoot, with the talk's clamp on its
     start's acceleration.
     """
-    velocity = gap.velocity[1]
-    tau = fade_times(gap.way, velocity, gap.seconds)
+    velocity = gap.velocities[1]
+    tau = fade_times(gap.displacement, velocity, gap.seconds)
 
     def target(times: Float) -> Float:
         s = np.minimum((gap.seconds - times) / tau, 1.0)
-        return np.asarray(gap.way - tau * s * (1.0 - s) ** 2 * velocity)
+        return np.asarray(gap.displacement - tau * s * (1.0 - s) ** 2 * velocity)
 
     start = target(np.zeros((1, 1, 1)))[0]
     s0 = np.minimum(gap.seconds / tau, 1.0)
     rate = (1.0 - s0) * (1.0 - 3.0 * s0) * velocity  # of the target at time 0
     x0 = np.linalg.norm(start, axis=-1, keepdims=True)
     axis = -start / np.maximum(x0, 1e-12)
-    v0 = np.minimum(np.sum((gap.velocity[0] - rate) * axis, axis=-1, keepdims=True), 0.0)
+    v0 = np.minimum(np.sum((gap.velocities[0] - rate) * axis, axis=-1, keepdims=True), 0.0)
     t1 = np.where(v0 < -1e-9, np.minimum(gap.seconds, -5.0 * x0 / np.minimum(v0, -1e-9)), gap.seconds)
     t1 = np.maximum(t1, 1e-9)
     a0 = np.maximum((-8.0 * v0 * t1 - 20.0 * x0) / t1**2, 0.0)
@@ -251,12 +251,12 @@ def _inertialize(gap: Ways) -> Float:
     return np.asarray(target(t) + axis * np.where(t < t1, offset, 0.0))
 
 
-def _from_both_ends(gap: Ways) -> list[tuple[Float, Float, Float]]:
+def _from_both_ends(gap: CurveProblem) -> list[tuple[Float, Float, Float]]:
     """Seen from each end: the time since it (n, 1, 1), the way to the other (K, 3), the velocity away from it (K,
     3).
     """
     t = gap.times[:, None, None]
-    return [(t, gap.way, gap.velocity[0]), (gap.seconds - t, -gap.way, -gap.velocity[1])]
+    return [(t, gap.displacement, gap.velocities[0]), (gap.seconds - t, -gap.displacement, -gap.velocities[1])]
 
 
 def fade_times(way: Float, velocity: Float, seconds: float, agreeing: float = AGREEING_FADE_S) -> Float:
@@ -278,15 +278,15 @@ def fade_times(way: Float, velocity: Float, seconds: float, agreeing: float = AG
 TRANSITIONS: dict[str, Transition] = {
     transition.name: transition
     for transition in (
-        ClassicalTransition("hold", "keeps the last pose (a baseline)", _hold),
-        ClassicalTransition("linear", "normalised linear interpolation of rotations", _straight, normalised_lerp=True),
-        ClassicalTransition("slerp", "great-circle interpolation at even speed", _straight),
-        ClassicalTransition("minimum-jerk", "from rest to rest (Flash and Hogan 1985)", _minimum_jerk),
-        ClassicalTransition("hermite", "cubic that keeps both ends' velocities, limited", _hermite),
-        ClassicalTransition(
+        CurveTransition("hold", "keeps the last pose (a baseline)", _hold),
+        CurveTransition("linear", "normalised linear interpolation of rotations", _straight, normalised_lerp=True),
+        CurveTransition("slerp", "great-circle interpolation at even speed", _straight),
+        CurveTransition("minimum-jerk", "from rest to rest (Flash and Hogan 1985)", _minimum_jerk),
+        CurveTransition("hermite", "cubic that keeps both ends' velocities, limited", _hermite),
+        CurveTransition(
             "quintic", "keeps both ends' velocities and accelerations, limited", _quintic, accelerates=True
         ),
-        ClassicalTransition("inertialize", "the offset to the next sign dies out (Bollo 2018)", _inertialize),
+        CurveTransition("inertialize", "the offset to the next sign dies out (Bollo 2018)", _inertialize),
     )
 }
 DEFAULT_TRANSITION = "hermite"

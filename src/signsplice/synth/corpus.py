@@ -31,7 +31,7 @@ from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.synth import planner, pose, truth
 from signsplice.synth.phonology import Sign
-from signsplice.synth.planner import Events, Word
+from signsplice.synth.planner import Events, IsolatedWord
 from signsplice.synth.pool import Pool
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, Signer, signer, skeleton
@@ -47,6 +47,8 @@ EXTENT = 1.3
 """Side of the cube, in statures, that becomes [-0.5, 0.5]^3: wide enough for every reach."""
 
 HEAD = "corpus.json"
+_HASHED = {"direction": "way", "revolutions": "turns"}
+"""Fields of ``phonology.Path`` whose name in the hash is another: hashes written before must stay the same."""
 _KINDS = ("rotations", "roots", "positions")
 
 
@@ -64,7 +66,8 @@ class Recipe:
     @property
     def hash(self) -> str:
         """Twelve hex digits that change with everything that the corpus depends on."""
-        text = json.dumps({"version": VERSION, **asdict(self)}, sort_keys=True)
+        recipe = asdict(self, dict_factory=lambda items: {_HASHED.get(name, name): value for name, value in items})
+        text = json.dumps({"version": VERSION, **recipe}, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
     def signers(self) -> tuple[Signer, Signer]:
@@ -142,7 +145,7 @@ def _make(recipe: Recipe, part: Path, progress: Progress | None, processes: int)
         _row_path(part, row).unlink()
 
 
-def _word(job: tuple[Sign, Signer, float]) -> Word:
+def _word(job: tuple[Sign, Signer, float]) -> IsolatedWord:
     sign, who, fps = job
     return planner.isolated(sign, who, fps=fps)
 
@@ -151,7 +154,9 @@ def _row_path(part: Path, row: tuple[int, int, tuple[int, ...]]) -> Path:
     return part / f"row-{row[0]}-{row[1]:05d}.npz"
 
 
-def _write_row(job: tuple[Path, list[Word], tuple[int, int, tuple[int, ...]]]) -> tuple[int, int, tuple[int, ...]]:
+def _write_row(
+    job: tuple[Path, list[IsolatedWord], tuple[int, int, tuple[int, ...]]],
+) -> tuple[int, int, tuple[int, ...]]:
     """All pairs of one word before, into a file of its own."""
     path, words, row = job
     p = words[row[1]]
@@ -173,7 +178,7 @@ def _write_row(job: tuple[Path, list[Word], tuple[int, int, tuple[int, ...]]]) -
     return row
 
 
-def _write_words(part: Path, words: Sequence[Sequence[Word]]) -> None:
+def _write_words(part: Path, words: Sequence[Sequence[IsolatedWord]]) -> None:
     every = [word for row in words for word in row]
     np.save(part / "word_rotations.npy", np.concatenate([w.clip.local_rotations for w in every]).astype(np.float32))
     np.save(part / "word_roots.npy", np.concatenate([w.clip.root_positions for w in every]).astype(np.float32))
@@ -237,7 +242,9 @@ def _splits(recipe: Recipe, pairs: Sequence[tuple[int, int, int]]) -> dict[str, 
     }
 
 
-def _head(recipe: Recipe, words: Sequence[Sequence[Word]], splits: dict[str, dict[str, list[int]]]) -> dict[str, Any]:
+def _head(
+    recipe: Recipe, words: Sequence[Sequence[IsolatedWord]], splits: dict[str, dict[str, list[int]]]
+) -> dict[str, Any]:
     rows = []
     first = 0
     for word in (word for row in words for word in row):

@@ -16,7 +16,7 @@ from signsplice.formats.atomic import replacing_folder
 from signsplice.synth import planner, running
 from signsplice.synth.corpus import VERSION, Recipe
 from signsplice.synth.phonology import Sign
-from signsplice.synth.planner import Word
+from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import Signer
 
@@ -76,7 +76,7 @@ def write_sentences(
     rng = stream("sentences", recipe.seed, count)
     with replacing_folder(folder, TRUTH) as made:
         (made / "words").mkdir()
-        words: dict[int, Word] = {}
+        words: dict[int, IsolatedWord] = {}
         sentences = []
         for n in range(count):
             chosen: list[int] = []

@@ -64,7 +64,7 @@ PHALANGES: dict[str, tuple[float, float, float]] = {
 }
 """Lengths of the three bones of each finger, cm."""
 
-THUMB_WAY: Float = _fixed(np.array([-0.72, -0.28, 0.63]) / np.linalg.norm([-0.72, -0.28, 0.63]))
+THUMB_DIRECTION: Float = _fixed(np.array([-0.72, -0.28, 0.63]) / np.linalg.norm([-0.72, -0.28, 0.63]))
 """Which way the thumb points at rest; the fingers point along -X."""
 
 LIMITS: Float = _fixed(
@@ -88,9 +88,9 @@ _LENGTHS = np.array([PHALANGES[finger] for finger in FINGERS[1:]])
 _ROOTS = np.array([KNUCKLES[finger] for finger in FINGERS[1:]])
 
 # The thumb's axes. Out of the palm's plane: square to the thumb and to the palm's normal.
-_OUT = np.array([THUMB_WAY[2], 0.0, -THUMB_WAY[0]]) / np.hypot(THUMB_WAY[0], THUMB_WAY[2])
+_OUT = np.array([THUMB_DIRECTION[2], 0.0, -THUMB_DIRECTION[0]]) / np.hypot(THUMB_DIRECTION[0], THUMB_DIRECTION[2])
 # Its own joints bend it half across the palm, half towards the palm's front, as the nail's plane lies at rest.
-_ACROSS = np.cross(THUMB_WAY, _OUT)
+_ACROSS = np.cross(THUMB_DIRECTION, _OUT)
 _BEND = np.cos(np.deg2rad(40.0)) * -_ACROSS + np.sin(np.deg2rad(40.0)) * _OUT
 
 
@@ -118,7 +118,7 @@ def _thumb_base(sin: Float, cos: Float) -> Float:
     abduction, then flexion.
     """
     opposition, abduction = (np.empty((*sin.shape[:-1], 4)) for _ in range(2))
-    opposition[..., :3], opposition[..., 3] = sin[..., 2:] * -THUMB_WAY, cos[..., 2]
+    opposition[..., :3], opposition[..., 3] = sin[..., 2:] * -THUMB_DIRECTION, cos[..., 2]
     abduction[..., :3], abduction[..., 3] = sin[..., 1:2] * _OUT, cos[..., 1]
     x, y, z, w = np.moveaxis(rotation.multiply(abduction, opposition), -1, 0)
     s, c = -sin[..., 0], cos[..., 0]  # flexion turns about -Y, from the thumb's side across the palm
@@ -143,6 +143,6 @@ def points(angles: ArrayLike) -> Float:
     for n, local in enumerate(np.moveaxis(rotations(angles)[..., :3, :], -2, 0)):
         out[..., n, :] = place
         turn = rotation.multiply(turn, local)
-        place = place + rotation.rotate(turn, THUMB_WAY * PHALANGES["Thumb"][n])
+        place = place + rotation.rotate(turn, THUMB_DIRECTION * PHALANGES["Thumb"][n])
     out[..., 15, :] = place
     return out

@@ -26,9 +26,9 @@ from signsplice.synth.phonology import (
     HANDS,
     HEAD,
     LOCALS,
+    LOCATIONS,
     PARTS,
     PATHS,
-    PLACES,
     PLANES,
     TRUNK,
     Local,
@@ -167,7 +167,7 @@ def _posture(at: _Line, fields: dict[str, str], before: Posture | None, prefix: 
         before = Posture("", "", "palm", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     changes: dict[str, object] = {}
     if "at" in fields:
-        changes |= {"place": _one_of(at, f"{prefix}at", fields["at"], PLACES), "off": 0.0, "shift": (0.0, 0.0, 0.0)}
+        changes |= {"place": _one_of(at, f"{prefix}at", fields["at"], LOCATIONS), "off": 0.0, "shift": (0.0, 0.0, 0.0)}
     if "shape" in fields:
         changes["shape"] = _one_of(at, f"{prefix}shape", fields["shape"], HANDSHAPES)
     if "by" in fields:
@@ -196,10 +196,10 @@ def _path(at: _Line, text: str) -> Path:
         turns = _number(at, "path", rest[2], -6.0, 6.0)
         if abs(turns) < 0.25:
             raise at.error(f"path={text}, expected a quarter of a turn or more")
-        return Path(kind, plane=plane, size=_number(at, "path", rest[1], 0.5, 30.0), turns=turns)
+        return Path(kind, plane=plane, size=_number(at, "path", rest[1], 0.5, 30.0), revolutions=turns)
     if kind == "zigzag":
         turns = _number(at, "path", rest[2], 0.5, 8.0)
-        return Path(kind, _direction(at, rest[0]), size=_number(at, "path", rest[1], 0.5, 30.0), turns=turns)
+        return Path(kind, _direction(at, rest[0]), size=_number(at, "path", rest[1], 0.5, 30.0), revolutions=turns)
     return Path(kind)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.synth import course, hand, pose
+from signsplice.synth import hand, pose, trajectory
 from signsplice.synth.phonology import Segment
 from signsplice.synth.signer import Signer
 
@@ -18,7 +18,7 @@ def lay_local(part: Float, segment: Segment, hands: str, who: Signer) -> None:
     assert local is not None
     n = len(part)
     u = np.linspace(0.0, 1.0, n)
-    level = course.window(n, max(1, round(0.18 * n)))
+    level = trajectory.window(n, max(1, round(0.18 * n)))
     for which in (0, 1):
         if which == 1 and hands not in ("symmetric", "alternating"):
             continue
@@ -49,7 +49,7 @@ def lay_gesture(states: Float, segment: Segment, begin: int, end: int, fps: floa
     spare = round(0.2 * fps)
     at = slice(max(begin - spare, 0), min(end + spare + 1, len(states)))
     n = at.stop - at.start
-    u, level = np.linspace(0.0, 1.0, n), course.window(n, spare + 1)
+    u, level = np.linspace(0.0, 1.0, n), trajectory.window(n, spare + 1)
     head, trunk = states[at, pose.HEAD], states[at, pose.TRUNK]
     cycles = max(1.0, round(2.2 * n / fps))
     swing = np.sin(2.0 * np.pi * cycles * u) * level

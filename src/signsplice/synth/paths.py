@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import rotation
-from signsplice.synth import course, places, pose
+from signsplice.synth import locations, pose, trajectory
 from signsplice.synth.phonology import Path, Segment
 from signsplice.synth.signer import Signer
 
@@ -28,7 +28,7 @@ def moved(numbers: Float, way: Float, who: Signer) -> Float:
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class PathMotion:
     """How both hands go from one posture to another along a segment's path; progress 0 to 1.
 
     segment: the movement; hands: how they work together; start, end: the strong and the weak hand's numbers (27,) in
@@ -62,12 +62,12 @@ class Way:
         numbers = start + s * (end - start)
         if which == 1:
             return numbers
-        offset = places.axes(path.way) * path.size
+        offset = locations.axes(path.direction) * path.size
         if path.kind == "arc":
             numbers = moved(numbers, offset * self.size * self.who.scale * np.sin(np.pi * s), self.who)
         elif path.kind == "zigzag":
             numbers = moved(
-                numbers, offset * self.size * self.who.scale * np.sin(2.0 * np.pi * path.turns * s), self.who
+                numbers, offset * self.size * self.who.scale * np.sin(2.0 * np.pi * path.revolutions * s), self.who
             )
         elif path.kind == "circle":
             numbers = moved(numbers, _round(path, s, phase) * self.size * self.who.scale, self.who)
@@ -77,9 +77,9 @@ class Way:
         """Knots of one pass after its start: (progress, share of its time)."""
         path = self.segment.path
         if path.kind == "circle":
-            n = max(2, round(6 * abs(path.turns)))
+            n = max(2, round(6 * abs(path.revolutions)))
         elif path.kind == "zigzag":
-            n = max(2, round(4 * path.turns))
+            n = max(2, round(4 * path.revolutions))
         elif path.kind == "arc":
             shares = [0.25, 0.5, 0.75, 1.0] if n_frames >= 8 else [0.5, 1.0]
             return [(float(_progress(u)), u) for u in shares]
@@ -97,10 +97,10 @@ class Way:
         states = np.array([self.at(s) for s in fine])
         both = pose.hands(states)
         length = np.linalg.norm(np.diff(both[..., pose.WRIST], axis=0), axis=-1).sum(axis=0).max()
-        kind, turns = self.segment.path.kind, abs(self.segment.path.turns)
+        kind, turns = self.segment.path.kind, abs(self.segment.path.revolutions)
         pieces = turns if kind == "circle" else 2.0 * turns if kind == "zigzag" else 1.0
         pieces = max(pieces, 1.0)
-        move = pieces * course.travel_seconds(float(length) / pieces, replace(self.who, tempo=1.0)) * STROKE
+        move = pieces * trajectory.travel_seconds(float(length) / pieces, replace(self.who, tempo=1.0)) * STROKE
         turned = np.linalg.norm(both[-1, :, pose.TURN] - both[0, :, pose.TURN], axis=-1).max()
         formed = np.abs(both[-1, :, pose.FINGERS] - both[0, :, pose.FINGERS]).max()
         least = max(move, 0.10 + 0.13 * float(turned), 0.0 if formed < 0.1 else 0.12 + 0.06 * float(formed))
@@ -120,6 +120,6 @@ _PLANES["horizontal"] = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 
 def _round(path: Path, s: float, phase: float) -> Float:
     """Where a circle is, seen from its start at the top (horizontal: the front), for unit scale."""
-    top, side = (places.axes(v) for v in _PLANES[path.plane])
-    angle = 2.0 * np.pi * (path.turns * s + phase)
+    top, side = (locations.axes(v) for v in _PLANES[path.plane])
+    angle = 2.0 * np.pi * (path.revolutions * s + phase)
     return np.asarray(path.size * ((np.cos(angle) - 1.0) * top + np.sin(angle) * side))

@@ -51,7 +51,7 @@ PARTS: dict[str, str] = {
 }
 """Parts of the hand that can be brought to a place."""
 
-PLACES: dict[str, str] = {
+LOCATIONS: dict[str, str] = {
     # on the head
     "crown": "top of the head",
     "forehead": "middle of the forehead",
@@ -108,9 +108,9 @@ PLACES: dict[str, str] = {
 }
 """Where a part can be: on the body (a surface, with a way out of it) or in space."""
 
-NEUTRAL = frozenset(place for place in PLACES if place.startswith("space") or place.endswith("-space"))
+NEUTRAL = frozenset(place for place in LOCATIONS if place.startswith("space") or place.endswith("-space"))
 IN_SPACE = NEUTRAL | {"above-head"}
-ON_BASE = frozenset(place for place in PLACES if place.startswith("base-") or place == "forearm-weak")
+ON_BASE = frozenset(place for place in LOCATIONS if place.startswith("base-") or place == "forearm-weak")
 
 PATHS = ("straight", "arc", "circle", "zigzag", "none")
 PLANES = ("frontal", "sagittal", "horizontal")
@@ -154,15 +154,15 @@ class Posture:
 
 @dataclass(frozen=True)
 class Path:
-    """How a movement goes: ``arc`` bulges ``size`` cm along ``way``; ``circle`` goes ``turns`` round in ``plane`` with
-    radius ``size`` cm; ``zigzag`` swings ``turns`` times ``size`` cm along ``way``; ``none`` stays where it is.
+    """How a movement goes: ``arc`` bulges ``size`` cm along ``direction``; ``circle`` goes ``revolutions`` round in ``plane`` with
+    radius ``size`` cm; ``zigzag`` swings ``revolutions`` times ``size`` cm along ``direction``; ``none`` stays where it is.
     """
 
     kind: str = "straight"
-    way: Vector = (0.0, 0.0, 0.0)
+    direction: Vector = (0.0, 0.0, 0.0)
     plane: str = ""
     size: float = 0.0
-    turns: float = 0.0
+    revolutions: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion.clip import Clip
-from signsplice.synth import course, places, pose
-from signsplice.synth.clearance import clear
-from signsplice.synth.course import Knot
+from signsplice.synth import locations, pose, trajectory
+from signsplice.synth.avoidance import clear
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.overlays import lay_gesture, lay_local
-from signsplice.synth.paths import Way, moved
+from signsplice.synth.paths import PathMotion, moved
 from signsplice.synth.phonology import IN_SPACE, Posture, Segment, Sign
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, STANDARD, Signer
+from signsplice.synth.trajectory import Knot
 
 Float = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ class Events:
 
 
 @dataclass(frozen=True, eq=False)
-class Word:
+class IsolatedWord:
     """An isolated word as one signer made it: its states (T, 63), the clip they stand for, and its events."""
 
     sign: Sign
@@ -68,7 +68,7 @@ class Word:
         return len(self.states)
 
 
-def isolated(sign: Sign, who: Signer = STANDARD, take: int = 0, fps: float = FPS) -> Word:
+def isolated(sign: Sign, who: Signer = STANDARD, take: int = 0, fps: float = FPS) -> IsolatedWord:
     """A sign as a dictionary shows it: both arms rest before and after. The same arguments give the same motion."""
     rng = stream("take", who.name, sign.gloss, take)
     made = _Core(sign, who, fps, rng)
@@ -80,17 +80,19 @@ def isolated(sign: Sign, who: Signer = STANDARD, take: int = 0, fps: float = FPS
     states = np.concatenate(
         [
             np.broadcast_to(rest, (before, pose.SIZE)),
-            course.reach(still, _still(core[0]), up, who),
+            trajectory.reach(still, _still(core[0]), up, who),
             core,
-            course.reach(_still(core[-1]), still, down, who),
+            trajectory.reach(_still(core[-1]), still, down, who),
             np.broadcast_to(rest, (after, pose.SIZE)),
         ]
     )
     offset = before + up
-    states = states + course.small_motions(len(states), fps, who, rng)
+    states = states + trajectory.small_motions(len(states), fps, who, rng)
     made.overlay(states, offset)
     states = clear(states, who)
-    return Word(sign, who, states, pose.clip(states, who, fps, sign.gloss), made.events(before - 1, offset, down))
+    return IsolatedWord(
+        sign, who, states, pose.clip(states, who, fps, sign.gloss), made.events(before - 1, offset, down)
+    )
 
 
 def _still(state: Float) -> Float:
@@ -120,7 +122,7 @@ def resting(who: Signer, *names: str | int) -> Float:
     state = np.zeros(pose.SIZE)
     if who.rest != HANGING:
         for first, posture in zip((0, 27), _HELD[who.rest], strict=True):
-            numbers = places.weak(posture, who)
+            numbers = locations.weak(posture, who)
             numbers[:3] += 0.6 * rng.standard_normal(3) + np.array([0.0, 2.0 * who.rest_out_cm - _HELD_LOWER_CM, 0.0])
             numbers[6:] *= 1.0 + 0.06 * rng.standard_normal()
             state[first : first + 27] = numbers
@@ -131,7 +133,7 @@ def resting(who: Signer, *names: str | int) -> Float:
         arms = 0.5 * (who.arms + 1.0)
         wrist = wrist * np.array([who.shoulders, arms, 1.0]) * who.scale
         state[first : first + 3] = wrist
-        turned = places.facing((-1.0, 0.0, -0.25), (0.05, -1.0, 0.12))
+        turned = locations.facing((-1.0, 0.0, -0.25), (0.05, -1.0, 0.12))
         state[first + 3 : first + 6] = pose.turn_of(wrist, turned, who)
         state[first + 6 : first + 27] = HANDSHAPES["rest"].angles * (1.0 + 0.06 * rng.standard_normal())
     return state
@@ -139,7 +141,7 @@ def resting(who: Signer, *names: str | int) -> Float:
 
 def _reach_frames(start: Float, end: Float, who: Signer, fps: float, share: float) -> int:
     travel = np.linalg.norm(pose.hands(end)[:, pose.WRIST] - pose.hands(start)[:, pose.WRIST], axis=-1).max()
-    return max(4, round(fps * share * course.travel_seconds(float(travel), who)) - 1)
+    return max(4, round(fps * share * trajectory.travel_seconds(float(travel), who)) - 1)
 
 
 class _Core:
@@ -157,7 +159,7 @@ class _Core:
             self._add(n, segment)
 
     def states(self) -> Float:
-        return course.through(self.knots)
+        return trajectory.through(self.knots)
 
     def events(self, up: int, offset: int, down: int) -> Events:
         passes: list[tuple[int, int]] = []
@@ -208,15 +210,15 @@ class _Core:
         """Both hands' numbers in a segment's posture; a weak hand without one of its own mirrors the strong."""
         posture, weak = segment.strong, resting(self.who, self.sign.gloss)[27:54]
         if segment.weak is not None:
-            weak = places.weak(segment.weak, self.who, self.size)
+            weak = locations.weak(segment.weak, self.who, self.size)
         meets = self.sign.hands in ("symmetric", "alternating")
-        strong = places.strong(posture, self.who, weak, meets, self.size)
+        strong = locations.strong(posture, self.who, weak, meets, self.size)
         if posture.place in IN_SPACE and not (meets and posture.place.endswith("-mid")):
             strong = moved(strong, self.jitter, self.who)
         return strong, strong if meets else weak
 
-    def _way(self, before: Segment, segment: Segment) -> Way:
-        return Way(segment, self.sign.hands, self.who, self._hands(before), self._hands(segment), self.size)
+    def _way(self, before: Segment, segment: Segment) -> PathMotion:
+        return PathMotion(segment, self.sign.hands, self.who, self._hands(before), self._hands(segment), self.size)
 
     def _state(self, strong: Float, weak: Float) -> Float:
         return np.concatenate([strong, weak, np.zeros(9)])
@@ -224,7 +226,7 @@ class _Core:
     def _move(self, before: Segment, segment: Segment, stops: bool) -> None:
         way = self._way(before, segment)
         begin = self.knots[-1].frame
-        turns = max(1, round(abs(segment.path.turns))) if segment.path.kind == "circle" else 1
+        turns = max(1, round(abs(segment.path.revolutions))) if segment.path.kind == "circle" else 1
         count = 2 * segment.times - 1 if not way.still else segment.times
         each = self._frames(way.seconds()) if segment.seconds is None else round(segment.seconds * self.fps / count)
         least = 6 * turns if segment.path.kind == "circle" else 4

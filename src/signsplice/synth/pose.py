@@ -60,7 +60,7 @@ class Arm:
     collar: Float
     upper: Float
     fore: Float
-    way: Float
+    direction: Float
     bend: Float
 
 
@@ -131,7 +131,7 @@ def wrist_angles(arm: Arm, turns: Float, who: Signer) -> Wrist:
     Each swivel of a row is weighed by exp(-sharpness * cost), cost the sum of squared angles over what is easy; their
     mean is smooth in the pose, where the best one alone would jump.
     """
-    about = rotation.rotate(rotation.inverse(arm.fore), arm.way)[..., None, :]
+    about = rotation.rotate(rotation.inverse(arm.fore), arm.direction)[..., None, :]
     asked = rotation.exp(turns)[..., None, :]
     usual = -np.deg2rad(who.elbow_deg)
     relative = rotation.multiply(rotation.exp(-_SWIVELS[:, None] * about), asked)
@@ -171,7 +171,7 @@ def rotations(states: Float, who: Signer) -> tuple[Float, Float]:
     parts = hands(states)
     arm = reach(parts[..., WRIST], who)
     wrist = wrist_angles(arm, parts[..., TURN], who)
-    swivel = rotation.exp(wrist.swivel[..., None] * arm.way)
+    swivel = rotation.exp(wrist.swivel[..., None] * arm.direction)
     upper, fore = (rotation.multiply(swivel, q) for q in (arm.upper, arm.fore))
     half_turn = rotation.exp(0.5 * _soft(wrist.turn, -FOREARM_LIMIT, FOREARM_LIMIT, 0.15)[..., None] * _X)
     (low_side, high_side), (low_bent, high_bent) = WRIST_LIMITS

@@ -16,8 +16,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.synth import places, pose
-from signsplice.synth.clearance import intrusion
+from signsplice.synth import locations, pose
+from signsplice.synth.avoidance import intrusion
+from signsplice.synth.locations import MIRROR
 from signsplice.synth.phonology import (
     DIRECTIONS,
     IN_SPACE,
@@ -30,7 +31,6 @@ from signsplice.synth.phonology import (
     Vector,
     faults,
 )
-from signsplice.synth.places import MIRROR
 from signsplice.synth.planner import resting
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD
@@ -208,7 +208,9 @@ def _movement(
     if kind == "circle":
         plane = _pick(rng, {"frontal": 1.0, "sagittal": 1.0, "horizontal": 1.0})
         turns = float(_pick(rng, {1.0: 0.50, 2.0: 0.28, 3.0: 0.02, -1.0: 0.15, -2.0: 0.05}))
-        return Segment("M", here, base, Path("circle", plane=plane, size=float(rng.uniform(1.5, 4.5)), turns=turns))
+        return Segment(
+            "M", here, base, Path("circle", plane=plane, size=float(rng.uniform(1.5, 4.5)), revolutions=turns)
+        )
     if kind == "local":
         local = _pick(rng, {"wiggle": 0.25, "twist": 0.35, "nod": 0.17, "bend": 0.15, "tremble": 0.08})
         cycles = _pick(rng, {1.5: 0.25, 2.0: 0.35, 2.5: 0.15, 3.0: 0.2, 5.0: 0.05})
@@ -219,7 +221,9 @@ def _movement(
     if kind == "zigzag":
         there = here if rng.random() < 0.5 else _shifted(rng, here, float(rng.uniform(5.0, 12.0)))
         turns = float(_pick(rng, {2.0: 0.5, 3.0: 0.4, 4.0: 0.1}))
-        return Segment("M", there, base, Path("zigzag", _way(rng), size=float(rng.uniform(1.0, 4.0)), turns=turns))
+        return Segment(
+            "M", there, base, Path("zigzag", _way(rng), size=float(rng.uniform(1.0, 4.0)), revolutions=turns)
+        )
     if kind == "slash":
         far = rng.uniform(0.4, 1.0, 3) * (-1.0, -1.0, 0.3) * rng.uniform(10.0, 24.0)
         x, y, z = np.array(here.shift) + far * (rng.choice((-1.0, 1.0)), 1.0, 1.0)
@@ -273,11 +277,11 @@ def _at_ease(segments: Sequence[Segment], hands: str) -> Segment | None:
     and without a hand in the body; None where there is none.
     """
     meets = hands in ("symmetric", "alternating")
-    bases = {s.weak: np.zeros(27) if s.weak is None else places.weak(s.weak, STANDARD) for s in segments}
+    bases = {s.weak: np.zeros(27) if s.weak is None else locations.weak(s.weak, STANDARD) for s in segments}
     lawful = [s for s in segments if abs(np.dot(s.strong.palm, s.strong.fingers)) <= 0.9 and not _out_of_reach(s)]
     if not lawful:
         return None
-    held = [places.strong_at(s.strong, STANDARD, bases[s.weak], meets) for s in lawful]
+    held = [locations.strong_at(s.strong, STANDARD, bases[s.weak], meets) for s in lawful]
     wrists, turned, angles = (np.stack(parts) for parts in zip(*held, strict=True))
     numbers = np.concatenate([wrists, pose.turn_of(wrists, turned, STANDARD), angles], axis=-1)
     for k in np.flatnonzero(easy(numbers) & _off_the_body(numbers, meets)):

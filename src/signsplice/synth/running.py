@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.synth import pose, truth
-from signsplice.synth.clearance import intrusion
-from signsplice.synth.planner import Word, resting
+from signsplice.synth.avoidance import intrusion
+from signsplice.synth.planner import IsolatedWord, resting
 from signsplice.synth.signer import skeleton
 
 Float = NDArray[np.float64]
@@ -46,13 +46,13 @@ class Stretch:
 class Utterance:
     """A signed sentence: its words, the truth of every seam, its clip, and where each frame comes from."""
 
-    words: tuple[Word, ...]
+    words: tuple[IsolatedWord, ...]
     seams: tuple[truth.Splice, ...]
     clip: Clip
     stretches: tuple[Stretch, ...]
 
 
-def utter(words: Sequence[Word], changes: bool = True) -> Utterance:
+def utter(words: Sequence[IsolatedWord], changes: bool = True) -> Utterance:
     """The sentence of words of one signer and rate, from the first one's rest to the last one's.
 
     changes: let weak hands stay and pronouns assimilate; without, every kept frame is an isolated one. Raises
@@ -101,7 +101,7 @@ def utter(words: Sequence[Word], changes: bool = True) -> Utterance:
 
 
 def _changed(
-    words: Sequence[Word],
+    words: Sequence[IsolatedWord],
     said: Sequence[tuple[Float, tuple[str, ...]]],
     k: int,
     leaves: Sequence[int],

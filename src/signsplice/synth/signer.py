@@ -140,7 +140,7 @@ def skeleton(who: Signer = STANDARD) -> Skeleton:
         ]
         flip = np.array([-1.0, 1.0, 1.0]) * mirror * who.hands  # the hand's own numbers are a right hand's
         for finger in hand.FINGERS:
-            way = hand.THUMB_WAY if finger == "Thumb" else np.array([-1.0, 0.0, 0.0])
+            way = hand.THUMB_DIRECTION if finger == "Thumb" else np.array([-1.0, 0.0, 0.0])
             first, second, last = (length * way * flip for length in hand.PHALANGES[finger])
             rows += [
                 (f"{side}Hand{finger}1", f"{side}Hand", hand.KNUCKLES[finger] * flip),

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.synth import course, pose
-from signsplice.synth.clearance import clear, intrusion
-from signsplice.synth.planner import Word
+from signsplice.synth import pose, trajectory
+from signsplice.synth.avoidance import clear, intrusion
+from signsplice.synth.planner import IsolatedWord
 
 Float = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ class Relation:
     entering: int
 
 
-def splice(p: Word, q: Word) -> Splice:
+def splice(p: IsolatedWord, q: IsolatedWord) -> Splice:
     """The truth for one word after another of the same signer and rate. Raises ``InputError`` for others."""
     check_alike(p, q)
     seen = relation(p, q)
@@ -85,18 +85,18 @@ def splice(p: Word, q: Word) -> Splice:
     return Splice(pre, post, between(p.states[pre - 2 : pre + 1], q.states[post : post + 3], p))
 
 
-def check_alike(p: Word, q: Word) -> None:
+def check_alike(p: IsolatedWord, q: IsolatedWord) -> None:
     """Raise ``InputError`` for words of two signers or frame rates."""
     if p.who != q.who or p.clip.fps != q.clip.fps:
         raise InputError(f"{p.sign.gloss} and {q.sign.gloss} are of two signers or frame rates, expected one of each")
 
 
-def relation(p: Word, q: Word) -> Relation:
+def relation(p: IsolatedWord, q: IsolatedWord) -> Relation:
     """What the rules look at in two words."""
     start = q.events.start
     a, b = p.states[p.events.end], q.states[start]
     travel = b[pose.WRIST] - a[pose.WRIST]
-    widths = float(np.linalg.norm(travel)) / (course.SHOULDERS_CM * p.who.scale)
+    widths = float(np.linalg.norm(travel)) / (trajectory.SHOULDERS_CM * p.who.scale)
     change = float(np.abs(b[pose.FINGERS] - a[pose.FINGERS]).mean())
     leaving = entering = 1
     if p.events.passes:
@@ -111,7 +111,7 @@ def relation(p: Word, q: Word) -> Relation:
     return Relation(widths < NEAR, change > OTHER_SHAPE, leaving, going_down, coming_up, entering)
 
 
-def leave(p: Word, seen: Relation) -> int:
+def leave(p: IsolatedWord, seen: Relation) -> int:
     """The last frame kept of the word before."""
     events = p.events
     if not events.passes:
@@ -131,7 +131,7 @@ def leave(p: Word, seen: Relation) -> int:
     return stop + down
 
 
-def enter(q: Word, seen: Relation) -> int:
+def enter(q: IsolatedWord, seen: Relation) -> int:
     """The first frame kept of the word after."""
     events = q.events
     if events.first is None:
@@ -145,7 +145,7 @@ def enter(q: Word, seen: Relation) -> int:
     return begin + max(1, round(ENTER_HELD[seen.entering] * (stop - begin)) - seen.other_shape)
 
 
-def _last_pass(p: Word, near: bool) -> tuple[int, int]:
+def _last_pass(p: IsolatedWord, near: bool) -> tuple[int, int]:
     """The last pass of the last movement that running signing keeps: three or more lose one, and so do two where the
     next word is far.
     """
@@ -161,25 +161,25 @@ def _along(way: Float, travel: Float) -> int:
     return 2 if cosine > ALIGNED else 0 if cosine < -ALIGNED else 1
 
 
-def between(before: Float, after: Float, p: Word) -> Float:
+def between(before: Float, after: Float, p: IsolatedWord) -> Float:
     """The transition's states (n, 63) between two stretches of at least three frames, in ``p``'s signer and rate.
 
     Where the way is so short that a hand would pass through the body, it takes two, four or six frames longer.
     """
     n_frames = transition_frames(before[-1], after[0], p)
     for more in range(0, 7, 2):
-        states = clear(course.reach(before, after, n_frames + more, p.who), p.who, ends=True)
+        states = clear(trajectory.reach(before, after, n_frames + more, p.who), p.who, ends=True)
         if intrusion(states, p.who)[0].max() < TOO_DEEP_CM:
             break
     return states
 
 
-def transition_frames(start: Float, end: Float, p: Word) -> int:
+def transition_frames(start: Float, end: Float, p: IsolatedWord) -> int:
     """How many frames are new: by the travel law for the hand that has longer to go, the weak one in less time, and
     long enough to form the handshape; the signer's tempo is in the law.
     """
     ways = np.linalg.norm(pose.hands(end)[:, pose.WRIST] - pose.hands(start)[:, pose.WRIST], axis=-1)
-    strong, weak = (course.travel_seconds(float(way), p.who) for way in ways)
+    strong, weak = (trajectory.travel_seconds(float(way), p.who) for way in ways)
     formed = float(np.abs(end[pose.FINGERS] - start[pose.FINGERS]).mean())
     seconds = max(PACE * strong, PACE * WEAK_PACE * weak, (0.09 + 0.10 * formed) / p.who.tempo)
     return max(2, round(p.clip.fps * seconds) - 1)

@@ -20,9 +20,9 @@ from onnx import numpy_helper
 from torch import Tensor, nn
 
 from signsplice.errors import SignspliceError
-from signsplice.train.networks.filling import Filler
-from signsplice.train.networks.generator import FRAME, START, Generator
-from signsplice.train.networks.spsn import Spsn
+from signsplice.train.paper.networks.filling import Filler
+from signsplice.train.paper.networks.generator import FRAME, START, Generator
+from signsplice.train.paper.networks.spsn import Spsn
 
 TOLERANCE = 1e-4
 """Largest difference of torch and onnxruntime, relative to numbers beyond 1."""
@@ -32,7 +32,7 @@ TRANSPOSED = ".T"
 
 
 @dataclass(frozen=True)
-class Graph:
+class ExportGraph:
     """A module with flat inputs and outputs, example inputs with free dimensions, and other inputs to compare on."""
 
     module: nn.Module
@@ -42,7 +42,7 @@ class Graph:
     checks: tuple[dict[str, Tensor], ...]
 
 
-class _Spsn(nn.Module):
+class _SpsnGraph(nn.Module):
     def __init__(self, network: Spsn) -> None:
         super().__init__()
         self.network = network
@@ -52,7 +52,7 @@ class _Spsn(nn.Module):
         return tokens
 
 
-class _Encoder(nn.Module):
+class _EncoderGraph(nn.Module):
     def __init__(self, network: Generator) -> None:
         super().__init__()
         self.network = network
@@ -65,7 +65,7 @@ class _Encoder(nn.Module):
         return (*tokens, *memory, *encoded.state)
 
 
-class _Decoder(nn.Module):
+class _DecoderGraph(nn.Module):
     def __init__(self, network: Generator, n_memory: int) -> None:
         super().__init__()
         self.network, self.n_memory = network, n_memory
@@ -76,7 +76,7 @@ class _Decoder(nn.Module):
         return (made, last, *after)
 
 
-class _Length(nn.Module):
+class _LengthGraph(nn.Module):
     def __init__(self, network: Filler) -> None:
         super().__init__()
         self.network = network
@@ -85,7 +85,7 @@ class _Length(nn.Module):
         return self.network.length(x, mask)
 
 
-class _Fill(nn.Module):
+class _FillGraph(nn.Module):
     def __init__(self, network: Filler) -> None:
         super().__init__()
         self.network = network
@@ -94,12 +94,12 @@ class _Fill(nn.Module):
         return self.network.fill(x, mask, real)
 
 
-def graphs(network: nn.Module, fr: int | None) -> dict[str, bytes]:
+def paper_graphs(network: nn.Module, fr: int | None) -> dict[str, bytes]:
     """File name -> ONNX, of a network; ``fr`` of a network that sees culled frames. Raises ``SignspliceError`` where
     onnxruntime and torch differ.
     """
     network = network.eval().cpu()
-    told: dict[str, Graph]
+    told: dict[str, ExportGraph]
     if isinstance(network, Spsn):
         told = {"spsn": _spsn_graph(network)}
     elif isinstance(network, Generator):
@@ -119,12 +119,12 @@ def _x(n_frames: int, network: Any) -> Tensor:
     return frames
 
 
-def _spsn_graph(network: Spsn) -> Graph:
+def _spsn_graph(network: Spsn) -> ExportGraph:
     inputs = [{"x": _x(n, network), "n_before": torch.tensor([n // 2])} for n in (11, 24, 7)]
-    return Graph(_Spsn(network), inputs[0], ("tokens",), {"x": (1,)}, tuple(inputs[1:]))
+    return ExportGraph(_SpsnGraph(network), inputs[0], ("tokens",), {"x": (1,)}, tuple(inputs[1:]))
 
 
-def _generator_graphs(network: Generator, fr: int | None) -> dict[str, Graph]:
+def _generator_graphs(network: Generator, fr: int | None) -> dict[str, ExportGraph]:
     def encoder_inputs(n: int) -> dict[str, Tensor]:
         return {"x": _x(n, network), "mask": torch.ones(1, n, dtype=torch.bool), "n_before": torch.tensor([n // 2])}
 
@@ -140,13 +140,13 @@ def _generator_graphs(network: Generator, fr: int | None) -> dict[str, Graph]:
     names = tuple(f"memory_{k}" for k in range(len(memory))), tuple(f"state_{k}" for k in range(len(state)))
     outputs = (*(() if tokens is None else ("tokens",)), *names[0], *names[1])
     free: dict[str, tuple[int, ...]] = {"x": (1,), "mask": (1,)} if fr is None else {}
-    graph = Graph(_Encoder(network), inputs[0], outputs, free, tuple(inputs[1:]))
+    graph = ExportGraph(_EncoderGraph(network), inputs[0], outputs, free, tuple(inputs[1:]))
     return {"encoder": graph, "decoder": _decoder_graph(network, encoded, names, fr)}
 
 
 def _decoder_graph(
     network: Generator, encoded: Sequence[Any], names: tuple[tuple[str, ...], tuple[str, ...]], fr: int | None
-) -> Graph:
+) -> ExportGraph:
     """The decoder, its example with frames before; compared also on the first step, alone and many at once."""
 
     def step(entry: Any, state: Sequence[Tensor], at: int, n_new: int) -> dict[str, Tensor]:
@@ -171,19 +171,19 @@ def _decoder_graph(
     for name, part, old in zip(names[1], state, encoded[0].state, strict=True):
         free[name] = tuple(k for k, size in enumerate(part.shape) if size != old.shape[k])
     outputs = ("made", "last", *(f"next_{name}" for name in names[1]))
-    return Graph(_Decoder(network, len(names[0])), inputs, outputs, free, tuple(checks))
+    return ExportGraph(_DecoderGraph(network, len(names[0])), inputs, outputs, free, tuple(checks))
 
 
-def _filler_graphs(network: Filler, fr: int) -> dict[str, Graph]:
+def _filler_graphs(network: Filler, fr: int) -> dict[str, ExportGraph]:
     x, mask = _x(2 * fr, network), torch.ones(1, 2 * fr, dtype=torch.bool)
     edge = torch.arange(2 * fr)[None] > 0
     both = {"x": x, "mask": mask}
-    length = Graph(_Length(network), both, ("numbers",), {}, ({"x": x, "mask": edge},))
+    length = ExportGraph(_LengthGraph(network), both, ("numbers",), {}, ({"x": x, "mask": edge},))
     reals = [torch.ones(1, n, dtype=torch.bool) for n in (5, 1, 12)]
     checks = tuple({"x": x, "mask": edge, "real": real} for real in reals)
     return {
         "length": length,
-        "fill": Graph(_Fill(network), {**both, "real": reals[0]}, ("made",), {"real": (1,)}, checks),
+        "fill": ExportGraph(_FillGraph(network), {**both, "real": reals[0]}, ("made",), {"real": (1,)}, checks),
     }
 
 
@@ -205,12 +205,12 @@ def _quiet() -> Iterator[None]:
                 logger.setLevel(level)
 
 
-def exported(name: str, graph: Graph) -> bytes:
+def exported(name: str, graph: ExportGraph) -> bytes:
     """A graph as ONNX. Raises ``SignspliceError`` where onnxruntime answers otherwise than torch."""
     shapes: list[Any] = [dict.fromkeys(graph.free.get(key, ()), _FREE) or None for key in graph.inputs]
-    n_named = 3 if isinstance(graph.module, _Decoder) else len(shapes)
+    n_named = 3 if isinstance(graph.module, _DecoderGraph) else len(shapes)
     given = tuple(shapes[n_named:])
-    dynamic = (*shapes[:n_named], given) if isinstance(graph.module, _Decoder) else tuple(shapes)
+    dynamic = (*shapes[:n_named], given) if isinstance(graph.module, _DecoderGraph) else tuple(shapes)
     with _quiet():
         program = torch.onnx.export(
             graph.module,
@@ -267,7 +267,7 @@ def _named(model: Any, module: nn.Module) -> Any:
     return model
 
 
-def compare(name: str, graph: Graph, content: bytes) -> None:
+def compare(name: str, graph: ExportGraph, content: bytes) -> None:
     """Raise ``SignspliceError`` where onnxruntime and torch differ on the example or the other inputs."""
     import onnxruntime
 

@@ -19,10 +19,10 @@ from torch.nn.parallel import DistributedDataParallel
 from signsplice.errors import InputError, SignspliceError
 from signsplice.synth.rng import stream
 from signsplice.train import checkpoint
-from signsplice.train.ahead import Data
 from signsplice.train.log import Log
+from signsplice.train.paper.tasks import Accuracy, Task
+from signsplice.train.prefetch import Dataset
 from signsplice.train.processes import Processes
-from signsplice.train.tasks import Accuracy, Task
 
 OPTIMISERS = ("adamw", "sgd")
 SGD_RATE = 1e-3
@@ -30,12 +30,12 @@ _WARM_UP = 0.05
 _CLIP = 1.0
 _BLOWN_UP = "the training has blown up; its last checkpoint is sound, and another seed or a lower rate may help"
 
-Tell = Callable[[int, int, dict[str, float]], None]
+ProgressCallback = Callable[[int, int, dict[str, float]], None]
 """Step, all steps, and the newest numbers."""
 
 
 @dataclass(frozen=True)
-class Loop:
+class LoopConfig:
     """How to train: steps in all, pairs a batch, optimiser and its rate, seed; how often to judge and save, how many
     validation pairs to judge; bf16 where wanted; ``until``: stop there, as an interruption would.
     """
@@ -51,7 +51,7 @@ class Loop:
     until: int | None = None
 
 
-def make_optimiser(network: nn.Module, loop: Loop) -> torch.optim.Optimizer:
+def make_optimiser(network: nn.Module, loop: LoopConfig) -> torch.optim.Optimizer:
     """The optimiser of a network's weights. Raises ``InputError`` for an unknown name."""
     weights = [p for p in network.parameters() if p.requires_grad]
     if loop.optimiser == "sgd":
@@ -61,7 +61,7 @@ def make_optimiser(network: nn.Module, loop: Loop) -> torch.optim.Optimizer:
     raise InputError(f"optimiser {loop.optimiser!r}, expected one of {', '.join(OPTIMISERS)}")
 
 
-def rate(loop: Loop, step: int) -> float:
+def rate(loop: LoopConfig, step: int) -> float:
     """The learning rate of a step, from 0."""
     cosine = 0.5 * (1.0 + math.cos(math.pi * step / loop.steps))
     if loop.optimiser == "sgd":
@@ -71,14 +71,14 @@ def rate(loop: Loop, step: int) -> float:
 
 def train(
     task: Task,
-    loop: Loop,
-    data: Data,
-    valid: Data,
+    loop: LoopConfig,
+    data: Dataset,
+    valid: Dataset,
     folder: Path,
     recipe: str,
     accuracy: Accuracy,
     processes: Processes,
-    tell: Tell | None = None,
+    tell: ProgressCallback | None = None,
 ) -> int:
     """Train ``task`` in place from where its folder's checkpoint left it; steps done.
 
@@ -125,7 +125,7 @@ def train(
 
 
 def _step(
-    task: nn.Module, optimiser: torch.optim.Optimizer, loop: Loop, data: Data, step: int, processes: Processes
+    task: nn.Module, optimiser: torch.optim.Optimizer, loop: LoopConfig, data: Dataset, step: int, processes: Processes
 ) -> torch.Tensor:
     """One step on this process's share of the batch; its loss."""
     torch.manual_seed(int(stream("dropout", loop.seed, step, processes.rank).integers(2**62)))
@@ -164,7 +164,7 @@ def _check_weights(task: nn.Module, step: int) -> None:
 
 
 @torch.no_grad()
-def judge(task: Task, valid: Data, loop: Loop, processes: Processes, accuracy: Accuracy) -> dict[str, float]:
+def judge(task: Task, valid: Dataset, loop: LoopConfig, processes: Processes, accuracy: Accuracy) -> dict[str, float]:
     """Scores on the first pairs of a fixed order of the validation part."""
     if not len(valid):
         return {}

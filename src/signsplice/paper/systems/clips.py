@@ -15,7 +15,7 @@ from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.paper.prediction import N_NUMBERS, Float
 from signsplice.paper.systems import open_bundle
-from signsplice.paper.systems.splicers import Parted, Splicer
+from signsplice.paper.systems.splicers import PaperSystem, TwoNetworkSystem
 from signsplice.splicing.cut import Cut
 from signsplice.synth.corpus import from_numbers, to_numbers
 from signsplice.synth.signer import JOINTS, stature
@@ -29,7 +29,7 @@ class ClipSplicer:
 
     learned = True
 
-    def __init__(self, system: Splicer) -> None:
+    def __init__(self, system: PaperSystem) -> None:
         self.system = system
         self.name = system.name
         self.summary = f"{system.name} of the paper, trained on {system.facts['corpus']} ({system.facts['scale']})"
@@ -37,7 +37,7 @@ class ClipSplicer:
     def cut(self, before: Clip, after: Clip) -> Cut:
         """Where the system leaves and enters. Raises ``InputError`` where it finds no position."""
         p, q = self._numbers(before), self._numbers(after)
-        if isinstance(self.system, Parted):
+        if isinstance(self.system, TwoNetworkSystem):
             pre, post = self.system.positions(p, q)
         else:
             found = self.system.predict(p, q)
@@ -52,7 +52,7 @@ class ClipSplicer:
         """
         if n_frames < 1:
             raise InputError(f"{n_frames} transition frames, expected at least 1")
-        if not isinstance(self.system, Parted) or self.system.fr is None:
+        if not isinstance(self.system, TwoNetworkSystem) or self.system.fr is None:
             raise InputError(f"{self.name} makes frames of two whole words alone; choose another transition")
         p, q = self._numbers(before), self._numbers(after)
         made = self.system.fill(p, q, len(p) - 1, 0)

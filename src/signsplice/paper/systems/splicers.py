@@ -16,17 +16,17 @@ from numpy.typing import NDArray
 
 from signsplice.paper.prediction import N_NUMBERS, Float, Prediction
 from signsplice.splicing.culling import check, cull
-from signsplice.splicing.graphs import Array, Graphs, single
+from signsplice.splicing.sessions import Array, Sessions, single
 
 DECODINGS = ("one-by-one", "without-cache", "parallel")
 NONE, PRE, POST = 0, 1, 2
 START, FRAME, HIDDEN = 0, 1, 2
 
 
-class Splicer(ABC):
+class PaperSystem(ABC):
     """A trained system; ``facts`` is its bundle.json."""
 
-    def __init__(self, name: str, facts: Mapping[str, Any], graphs: Graphs, decoding: str) -> None:
+    def __init__(self, name: str, facts: Mapping[str, Any], graphs: Sessions, decoding: str) -> None:
         self.name, self.facts, self.graphs, self.decoding = name, facts, graphs, decoding
         runs = facts["runs"]
         self.frames_by: str = runs["frames"]
@@ -74,7 +74,7 @@ class Splicer(ABC):
         return np.stack(frames).astype(np.float64)
 
 
-class Parted(Splicer):
+class TwoNetworkSystem(PaperSystem):
     """SPSN for the positions, another network for the frames: LpTransformer, its ablations, and other transition makers
     behind the same SPSN.
     """
@@ -121,7 +121,7 @@ class Parted(Splicer):
         return np.asarray(made[0], np.float64)
 
 
-class Joint(Splicer):
+class OneNetworkSystem(PaperSystem):
     """One network for both, which reads the whole X: the paper's rivals."""
 
     def predict(self, before: Float, after: Float) -> Prediction:

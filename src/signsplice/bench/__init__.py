@@ -1,1 +1,0 @@
-"""`signsplice bench`: speed of every part beside its baselines."""

@@ -1,0 +1,1 @@
+"""The solid body around a skeleton: capsules, collision, arm inverse kinematics, and the mesh that is drawn."""

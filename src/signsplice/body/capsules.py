@@ -1,0 +1,217 @@
+"""The body around a skeleton: tapered capsules in human proportions, for pictures and for telling what touches what."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.motion import rotation
+from signsplice.motion.clip import Skeleton
+from signsplice.motion.kinematics import rest_positions
+from signsplice.rig.proportions import stature
+from signsplice.rig.roles import find_roles
+from signsplice.rig.t_pose import t_pose_positions, t_pose_rotations
+
+Float = NDArray[np.float64]
+
+FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
+_SEGMENTS = ("Metacarpal", "Proximal", "Intermediate", "Distal")
+_THICKNESS = {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049}
+"""Half a finger's breadth as a share of stature, about 10 mm on 1.70 m."""
+
+# Limbs: role of the bone, role at its end, radii at both ends as shares of stature, part.
+_LIMBS = (
+    ("UpperArm", "LowerArm", 0.031, 0.024, "sleeve"),
+    ("LowerArm", "Hand", 0.024, 0.0165, "cuff"),
+    ("UpperLeg", "LowerLeg", 0.052, 0.036, "leg"),
+    ("LowerLeg", "Foot", 0.036, 0.024, "leg"),
+    ("Foot", "Toes", 0.024, 0.020, "shoe"),
+)
+
+# Trunk: capsules side by side, how far to the left and how thick, as shares of stature; together an oval.
+_COLUMNS = ((0.058, 0.053), (0.0, 0.060), (-0.058, 0.053))
+
+# The head about its joint in the common pose: left, up, forward of both ends, radii; all shares of stature.
+_HEAD = (
+    ("face", (0.0, 0.030, 0.018), (0.0, 0.070, 0.016), 0.040, 0.051),
+    ("face", (0.0, 0.006, 0.032), (0.0, 0.030, 0.026), 0.024, 0.040),
+    ("nose", (0.0, 0.052, 0.068), (0.0, 0.038, 0.073), 0.0055, 0.0085),
+    ("hair", (0.0, 0.080, -0.004), (0.0, 0.048, -0.016), 0.054, 0.051),
+    ("eye", (0.0195, 0.061, 0.0585), (0.0195, 0.061, 0.0585), 0.0065, 0.0065),
+    ("eye", (-0.0195, 0.061, 0.0585), (-0.0195, 0.061, 0.0585), 0.0065, 0.0065),
+    ("mouth", (0.0125, 0.0178, 0.0570), (0.0, 0.0170, 0.0600), 0.0036, 0.0046),
+    ("mouth", (-0.0125, 0.0178, 0.0570), (0.0, 0.0170, 0.0600), 0.0036, 0.0046),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class BodyCapsules:
+    """C tapered capsules, each fixed to a joint.
+
+    joints: (C,) the joint that carries each. starts, ends: (C, 3) its axis in that joint's frame, clip units. radii:
+    (C, 2) at start and end. parts: what each is ("face", "sleeve", "Index", ...); sides: "left", "right" or "".
+    """
+
+    joints: NDArray[np.intp]
+    starts: Float
+    ends: Float
+    radii: Float
+    parts: tuple[str, ...]
+    sides: tuple[str, ...]
+
+
+def body_capsules(skeleton: Skeleton) -> BodyCapsules:
+    """The body of a skeleton, from its roles and size; a thin capsule for every bone where no role is known."""
+    joints = find_roles(skeleton).joints
+    rows: list[_Row] = []
+    rest = rest_positions(skeleton)
+    height = stature(skeleton)
+    if not any(role.endswith("UpperArm") for role in joints):
+        return _sticks(skeleton)
+    rows += _trunk(skeleton, height)
+    for side in ("left", "right"):
+        for start, end, r0, r1, part in _LIMBS:
+            if side + start in joints and side + end in joints:
+                a, b = joints[side + start], joints[side + end]
+                rows.append((a, np.zeros(3), rest[b] - rest[a], r0 * height, r1 * height, part, side))
+        rows += _hand(skeleton, joints, rest, side, height)
+    return _body(rows)
+
+
+def capsule_ends(body_capsules: BodyCapsules, global_rotations: Float, global_positions: Float) -> tuple[Float, Float]:
+    """Both ends (T, C, 3) of each capsule in the world, from the globals (T, J, 3, 3) and (T, J, 3) of forward
+    kinematics.
+    """
+    turns, places = global_rotations[:, body_capsules.joints], global_positions[:, body_capsules.joints]
+    starts = places + np.einsum("tcab,cb->tca", turns, body_capsules.starts)
+    return starts, places + np.einsum("tcab,cb->tca", turns, body_capsules.ends)
+
+
+_Row = tuple[int, Float, Float, float, float, str, str]
+
+
+def _body(rows: list[_Row]) -> BodyCapsules:
+    return BodyCapsules(
+        joints=np.array([row[0] for row in rows], np.intp),
+        starts=np.array([row[1] for row in rows]),
+        ends=np.array([row[2] for row in rows]),
+        radii=np.array([row[3:5] for row in rows]),
+        parts=tuple(row[5] for row in rows),
+        sides=tuple(row[6] for row in rows),
+    )
+
+
+def _sticks(skeleton: Skeleton) -> BodyCapsules:
+    """A capsule for every bone, as thick as a tenth of its length; a ball for a skeleton of one joint."""
+    rows: list[_Row] = []
+    for joint in range(1, len(skeleton)):
+        length = float(np.linalg.norm(skeleton.offsets[joint]))
+        if length > 0.0:
+            parent = int(skeleton.parents[joint])
+            rows.append((parent, np.zeros(3), skeleton.offsets[joint], 0.1 * length, 0.07 * length, "sleeve", ""))
+    return _body(rows or [(0, np.zeros(3), np.zeros(3), 1.0, 1.0, "sleeve", "")])
+
+
+def _trunk(skeleton: Skeleton, height: float) -> list[_Row]:
+    """Chest, belly, pelvis, shoulders, neck and head, measured in the common pose (left +X, up +Y, forward +Z)."""
+    joints = find_roles(skeleton).joints
+    places, turns = t_pose_positions(skeleton), t_pose_rotations(skeleton)
+    left, up, _ = np.eye(3) * height
+    rows: list[_Row] = []
+
+    def add(joint: int, start: Float, end: Float, r0: float, r1: float, part: str) -> None:
+        """Both ends relative to the joint, in the common pose's axes."""
+        start, end = rotation.rotate(rotation.inverse(turns[joint]), np.stack([start, end]))
+        rows.append((joint, start, end, r0 * height, r1 * height, part, ""))
+
+    chest = next((joints[r] for r in ("upperChest", "chest", "spine", "hips") if r in joints), 0)
+    low = next((joints[r] for r in ("spine", "chest", "hips") if r in joints), 0)
+    hips = joints.get("hips", 0)
+    if "head" in joints:
+        for part, a, b, r0, r1 in _HEAD:
+            add(joints["head"], height * np.array(a), height * np.array(b), r0, r1, part)
+    if "head" in joints and "neck" in joints:
+        neck = joints["neck"]
+        add(neck, -0.02 * up, places[joints["head"]] - places[neck] + 0.02 * up, 0.030, 0.029, "neck")
+    rows += _shoulders(skeleton, height)
+    girdle = [places[joints[s + "UpperArm"]] - places[chest] for s in ("left", "right") if s + "UpperArm" in joints]
+    if len(girdle) == 2:
+        middle, waist = np.mean(girdle, axis=0), places[low] - places[chest]
+        for x, r in _COLUMNS:
+            add(chest, middle - 0.045 * up + x * left, waist + 0.94 * x * left, r, 0.92 * r, "shirt")
+        if "neck" in joints:
+            nape = places[joints["neck"]] - places[chest]
+            add(chest, nape - 0.02 * up, waist, 0.044, 0.050, "shirt")
+            for shoulder in girdle:
+                add(chest, nape, 0.55 * shoulder + 0.45 * middle - 0.004 * up, 0.034, 0.033, "shirt")
+    hem = -0.035 * up
+    for x, r in _COLUMNS:
+        add(hips, places[low] - places[hips] + 0.94 * x * left, hem + 1.08 * x * left, 0.92 * r, 0.057, "shirt")
+    sides = [places[joints[s + "UpperLeg"]] - places[hips] for s in ("left", "right") if s + "UpperLeg" in joints]
+    if len(sides) == 2:
+        add(hips, hem + 0.95 * sides[0], hem + 0.95 * sides[1], 0.057, 0.057, "shirt")
+    return rows
+
+
+def _shoulders(skeleton: Skeleton, height: float) -> list[_Row]:
+    """What joins chest and arms: along the collar bones, which move, or straight across where a rig has none."""
+    joints, rest = find_roles(skeleton).joints, rest_positions(skeleton)
+    rows: list[_Row] = []
+    for side in ("left", "right"):
+        if f"{side}UpperArm" not in joints:
+            continue
+        arm = joints[f"{side}UpperArm"]
+        collar = joints.get(f"{side}Shoulder", int(skeleton.parents[arm]))
+        way = rest[arm] - rest[collar]
+        rows.append((collar, 0.2 * way, 0.93 * way, 0.035 * height, 0.0325 * height, "shirt", ""))
+    return rows
+
+
+def _hand(skeleton: Skeleton, joints: Mapping[str, int], rest: Float, side: str, height: float) -> list[_Row]:
+    """The palm as capsules from the wrist to each knuckle, and every phalanx."""
+    wrist = joints.get(f"{side}Hand")
+    if wrist is None:
+        return []
+    rows: list[_Row] = []
+    known = 0
+    for finger in FINGERS:
+        chain = [joints[r] for s in _SEGMENTS if (r := f"{side}{finger}{s}") in joints]
+        if not chain:
+            continue
+        known += 1
+        thick = _THICKNESS[finger] * height
+        knuckle = rest[chain[0]] - rest[wrist]
+        palm_start = 0.12 * knuckle
+        if finger != "Thumb":
+            rows.append((wrist, palm_start, knuckle, 0.0095 * height, thick * 1.22, "palm", side))
+        else:
+            rows.append((wrist, palm_start, knuckle, 0.0095 * height, thick * 1.35, "palm", side))
+        for n, joint in enumerate(chain):
+            way = rest[chain[n + 1]] - rest[joint] if n + 1 < len(chain) else _tip(skeleton, joint, chain, rest)
+            taper = 1.12 - 0.09 * n
+            part = finger if n + 1 < len(chain) else finger + "Tip"
+            rows.append((joint, np.zeros(3), way, thick * taper, thick * (taper - 0.09), part, side))
+    if not known:  # no fingers: a mitten as long as a hand
+        elbow = joints.get(f"{side}LowerArm")
+        way = rest[wrist] - rest[elbow] if elbow is not None else np.array([0.0, -1.0, 0.0])
+        rows.append(
+            (wrist, np.zeros(3), way / np.linalg.norm(way) * 0.08 * height, 0.02 * height, 0.018 * height, "palm", side)
+        )
+    return rows
+
+
+def _tip(skeleton: Skeleton, joint: int, chain: list[int], rest: Float) -> Float:
+    """Where a finger ends beyond its last joint: its end site or tip joint, else 0.8 of the phalanx before, straight
+    on.
+    """
+    sites = [site.offset for site in skeleton.end_sites if site.joint == joint]
+    sites += [skeleton.offsets[child] for child in skeleton.children[joint]]
+    before = rest[joint] - rest[chain[-2]] if len(chain) > 1 else rest[joint] - rest[skeleton.parents[joint]]
+    usual = float(np.linalg.norm(before))
+    for way in sites:
+        if 0.2 * usual < np.linalg.norm(way) < 2.0 * usual:
+            return way
+    return np.asarray(0.8 * before)

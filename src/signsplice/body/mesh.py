@@ -1,0 +1,308 @@
+"""The mannequin: the body of a skeleton as one skin of triangles, which its joints carry.
+
+The capsules of ``motion.body`` flow into one another, thing by thing (a shirt with its sleeves, a hand, a face),
+and their skin is bound to the joints by linear blend skinning, in the common pose with fingers spread. The last phalanx
+of each has a tint of its own, so that handshapes can be read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.body.capsules import FINGERS, BodyCapsules, body_capsules, capsule_ends
+from signsplice.body.surface_nets import surface
+from signsplice.motion import kinematics, rotation
+from signsplice.motion.clip import Skeleton
+from signsplice.rig.proportions import stature
+from signsplice.rig.roles import find_roles
+from signsplice.rig.t_pose import t_pose_rotations
+
+Float = NDArray[np.float64]
+
+SKIN = {"right": (0.93, 0.72, 0.58), "left": (0.80, 0.58, 0.47), "": (0.90, 0.69, 0.56)}
+"""Colours of skin, sRGB 0 to 1; the left hand is darker, so that crossed hands are told apart."""
+TIPS = {"right": (0.97, 0.63, 0.55), "left": (0.85, 0.50, 0.45)}
+CLOTHES = {
+    "shirt": (0.26, 0.31, 0.40),
+    "sleeve": (0.30, 0.36, 0.46),
+    "cuff": (0.30, 0.36, 0.46),
+    "leg": (0.33, 0.33, 0.36),
+    "shoe": (0.20, 0.20, 0.22),
+    "hair": (0.27, 0.20, 0.17),
+    "eye": (0.16, 0.13, 0.13),
+    "mouth": (0.66, 0.36, 0.34),
+}
+
+N_JOINTS = 4
+"""Joints, at most, that carry a vertex."""
+_STEP = {"face": 0.0036, "hair": 0.0060, "shirt": 0.0062, "leg": 0.0100, "shoe": 0.0070, "hand": 0.0020}
+"""Distance of a thing's vertices as a share of stature, 6 mm in a face of 1.70 m; 3.4 mm where nothing is told."""
+_COARSEST = 0.06
+"""No thing needs a smaller distance than this share of its thickest capsule."""
+_FLOW = {"shirt": 0.0085, "face": 0.0035, "leg": 0.0040, "hand": 0.0014}
+"""How far capsules of one thing flow together, as a share of stature; 1 mm where nothing is told."""
+_PALM_FLOW, _LIMB_FLOW = 0.0045, 0.0005
+"""How far those of a palm, and of a finger, an arm or a leg do, before these flow together."""
+_SOFT = {"shirt": 0.45}
+"""How softly a vertex goes from one joint to the next, as a share of the capsule's thickness."""
+_SPREAD_DEG = {"Index": 7.0, "Middle": 1.0, "Ring": -6.0, "Little": -14.0}
+"""How far fingers are spread in the pose in which the skin is bound, so that they do not grow together."""
+_BENT = 0.25
+"""At elbows and knees it goes quicker by this: half-way between two bones that lie along one another, a skin that is
+carried by both would be pinched.
+"""
+_BALL = 0.95
+"""Thickness of the ball in an elbow or a knee, as a share of the limb's."""
+_CUFF_END = 0.90
+"""Share of the forearm that the sleeve covers; from there on a wrist of skin leads into the palm."""
+_WRIST = (0.0125, 0.0135)
+_GROWN = {"mouth": 0.0020, "eye": 0.0010}
+"""What is laid onto the face stands out so much farther than its capsules: flowing together makes a face fuller."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """A part of the skin in one colour (sRGB, 0 to 1).
+
+    vertices and normals (V, 3) in the pose of ``bind_pose``, clip units, the root at the origin. triangles (F, 3). joints
+    and weights (V, 4): which joints carry each vertex, and how much of it; unused ones have weight 0.
+    """
+
+    name: str
+    colour: tuple[float, float, float]
+    vertices: Float
+    normals: Float
+    triangles: NDArray[np.int64]
+    joints: NDArray[np.int64]
+    weights: Float
+
+
+_KNOWN: WeakKeyDictionary[Skeleton, tuple[MeshPart, ...]] = WeakKeyDictionary()
+
+
+def body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
+    """The skin of a skeleton, thing by thing; remembered as long as the skeleton lives."""
+    found = _KNOWN.get(skeleton)
+    if found is None:
+        found = _KNOWN[skeleton] = _body_mesh(skeleton)
+    return found
+
+
+def colour(part: str, side: str) -> tuple[float, float, float]:
+    """The colour of a capsule's part."""
+    if part in CLOTHES:
+        return CLOTHES[part]
+    return TIPS[side] if part.endswith("Tip") and side else SKIN[side]
+
+
+def bind_pose(skeleton: Skeleton) -> tuple[Float, Float]:
+    """The pose in which the skin is bound, the common pose with fingers spread: global rotations (J, 4) and places (J,
+    3), clip units, the root at the origin.
+    """
+    joints = find_roles(skeleton).joints
+    turns = t_pose_rotations(skeleton).copy()
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        for finger, degrees in _SPREAD_DEG.items():
+            # Palms lie down and index fingers in front: what spreads them turns about the vertical.
+            turn = rotation.exp([0.0, -sign * np.deg2rad(degrees), 0.0])
+            first = joints.get(f"{side}{finger}Proximal")
+            for joint in () if first is None else kinematics.subtree(skeleton, first):
+                turns[joint] = rotation.multiply(turn, turns[joint])
+    places = np.zeros((len(skeleton), 3))
+    for joint in range(1, len(skeleton)):
+        parent = skeleton.parents[joint]
+        places[joint] = places[parent] + rotation.rotate(turns[parent], skeleton.offsets[joint])
+    return turns, places
+
+
+@dataclass(frozen=True, eq=False)
+class _MeshCapsules:
+    """Capsules of one thing in the bound pose: ends (C, 3), radii (C, 2), joints (C,), and with which others each flows
+    together first (C,), by number.
+    """
+
+    starts: Float
+    ends: Float
+    radii: Float
+    joints: NDArray[np.intp]
+    bundles: NDArray[np.intp]
+
+
+def _body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
+    shape = body_capsules(skeleton)
+    turns, places = bind_pose(skeleton)
+    starts, ends = (points[0] for points in capsule_ends(shape, rotation.to_matrix(turns)[None], places[None]))
+    height = stature(skeleton) or float(np.ptp(np.concatenate([starts, ends]), axis=0).max()) or 1.0
+    groups: dict[tuple[str, str], list[int]] = {}
+    for n, (part, side) in enumerate(zip(shape.parts, shape.sides, strict=True)):
+        groups.setdefault(_part_of(part, side), []).append(n)
+    things = []
+    for (kind, side), own in groups.items():
+        parts, sides = [shape.parts[n] for n in own], [shape.sides[n] for n in own]
+        made = _MeshCapsules(starts[own], ends[own].copy(), shape.radii[own], shape.joints[own], _bundles(parts, sides))
+        if kind == "shirt":
+            cuffs = [k for k, part in enumerate(parts) if part == "cuff"]
+            made.ends[cuffs] = made.starts[cuffs] + _CUFF_END * (made.ends[cuffs] - made.starts[cuffs])
+        if kind == "hand":
+            made = _with_wrist(made, starts, ends, shape, side, height)
+        made = replace(made, radii=made.radii + height * _GROWN.get(kind, 0.0))
+        tint = colour(kind if kind in CLOTHES else parts[0], side)
+        bends = _bends(made, [part in ("cuff", "leg") for part in parts])
+        thing = _skin(f"{side} {kind}".strip(), kind, tint, made, height, bends)
+        if bends.any():
+            thing = _merged([thing, *(_skin("", kind, tint, ball, height) for ball in _balls(made, bends))])
+        things.append(thing)
+    return tuple(things)
+
+
+def _bends(own: _MeshCapsules, may: Sequence[bool]) -> NDArray[np.bool_]:
+    """Which capsules (C,) of those that ``may`` begin where another ends that another joint carries: at elbows and
+    knees.
+    """
+    apart = np.linalg.norm(own.ends[None] - own.starts[:, None], axis=-1)
+    follows = (apart < 0.2 * own.radii[:, :1]) & (own.joints[:, None] != own.joints)
+    return np.asarray(follows.any(axis=1) & np.resize(np.array(may), len(own.starts)))
+
+
+def _balls(own: _MeshCapsules, bends: NDArray[np.bool_]) -> list[_MeshCapsules]:
+    """A ball in every elbow and knee: the skins on both sides end in it when the limb bends."""
+    return [
+        _MeshCapsules(at := own.starts[n : n + 1], at.copy(), _BALL * own.radii[n : n + 1, :1].repeat(2, axis=1),
+                  own.joints[n : n + 1], np.zeros(1, np.intp))
+        for n in np.flatnonzero(bends)
+    ]  # fmt: skip
+
+
+def _merged(things: Sequence[MeshPart]) -> MeshPart:
+    """Things as one, named and coloured as the first."""
+    starts = np.cumsum([0, *(len(thing.vertices) for thing in things)])
+    return replace(
+        things[0],
+        vertices=np.concatenate([thing.vertices for thing in things]),
+        normals=np.concatenate([thing.normals for thing in things]),
+        triangles=np.concatenate([thing.triangles + k for thing, k in zip(things, starts[:-1], strict=True)]),
+        joints=np.concatenate([thing.joints for thing in things]),
+        weights=np.concatenate([thing.weights for thing in things]),
+    )
+
+
+def _part_of(part: str, side: str) -> tuple[str, str]:
+    if part in ("sleeve", "cuff", "shirt"):
+        return "shirt", ""
+    if part in ("face", "nose", "neck"):
+        return "face", ""
+    return ("hand" if part in ("palm", *FINGERS) else part), side
+
+
+def _bundles(parts: list[str], sides: list[str]) -> NDArray[np.intp]:
+    """Which capsules flow together first: a hand's palm and each of its fingers, an arm, a leg, else each alone."""
+    limbs = {"sleeve": "arm", "cuff": "arm", "leg": "leg"} | {part: part for part in ("palm", *FINGERS)}
+    names = [
+        f"{limbs[part]} {side}" if part in limbs else str(n)
+        for n, (part, side) in enumerate(zip(parts, sides, strict=True))
+    ]
+    return np.unique(names, return_inverse=True)[1]
+
+
+def _with_wrist(
+    own: _MeshCapsules, starts: Float, ends: Float, shape: BodyCapsules, side: str, height: float
+) -> _MeshCapsules:
+    """A hand with the end of its forearm, which the sleeve leaves free."""
+    cuff = next((n for n, part in enumerate(shape.parts) if part == "cuff" and shape.sides[n] == side), None)
+    if cuff is None:
+        return own
+    start = starts[cuff] + (_CUFF_END - 0.15) * (ends[cuff] - starts[cuff])
+    return _MeshCapsules(
+        np.concatenate([own.starts, start[None]]),
+        np.concatenate([own.ends, ends[cuff][None]]),
+        np.concatenate([own.radii, height * np.array([_WRIST])]),
+        np.append(own.joints, shape.joints[cuff]),
+        np.append(own.bundles, own.bundles[0]),  # the palm comes first
+    )
+
+
+def _skin(
+    name: str,
+    kind: str,
+    tint: tuple[float, float, float],
+    own: _MeshCapsules,
+    height: float,
+    bends: NDArray[np.bool_] | None = None,
+) -> MeshPart:
+    flow = height * _FLOW.get(kind, 0.0006)
+
+    def distances(points: Float) -> Float:
+        return _distances(points, own)
+
+    def field(points: Float) -> Float:
+        each = distances(points)
+        flows = {int(k): _LIMB_FLOW * height for k in own.bundles}
+        if kind == "hand":
+            flows[int(own.bundles[0])] = _PALM_FLOW * height  # the palm comes first
+        each = np.stack([_union(each[:, own.bundles == k], flow) for k, flow in flows.items()], axis=1)
+        return _union(each, flow)
+
+    margin = own.radii.max() + 2.0 * flow
+    low, high = np.minimum(own.starts, own.ends).min(axis=0) - margin, np.maximum(own.starts, own.ends).max(axis=0)
+    step = max(height * _STEP.get(kind, 0.0020), _COARSEST * float(own.radii.max()))
+    vertices, normals, triangles = surface(field, low, high + margin, step)
+    softness = _SOFT.get(kind, 0.28) * own.radii.mean(axis=1)
+    if bends is not None:
+        softness[bends] *= _BENT
+    joints, weights = _carried(distances(vertices), softness, own.joints)
+    return MeshPart(name, tint, vertices, normals, triangles, joints, weights)
+
+
+def _union(distances: Float, flow: float) -> Float:
+    """A smooth union (N,) of distances (N, C): what lies near to several solids is a little deeper inside."""
+    nearest = distances.min(axis=1)
+    return np.asarray(nearest - flow * np.log(np.exp((nearest[:, None] - distances) / flow).sum(axis=1)))
+
+
+def _distances(points: Float, own: _MeshCapsules) -> Float:
+    """How far (N, C) points (N, 3) lie outside of each capsule, which is all balls from its one to its other end."""
+    axes, (first, second) = own.ends - own.starts, own.radii.T
+    squared, taper = np.einsum("cx,cx->c", axes, axes), first - second
+    slope = squared - taper**2
+    cone = slope > 1e-12 * squared  # else the one ball holds the other
+    whole = np.where(cone, squared, 1.0)
+    middle = own.starts.mean(axis=0)  # small numbers, so that products of matrices lose nothing
+    points, starts = points - middle, own.starts - middle
+    along = points @ axes.T - np.einsum("cx,cx->c", starts, axes)
+    far = np.einsum("nx,nx->n", points, points)[:, None] + np.einsum("cx,cx->c", starts, starts)
+    far = np.maximum(far - 2.0 * points @ starts.T, 0.0)  # squared, from the start
+    beyond = along - squared
+    across = np.maximum(far - along**2 / whole, 0.0)  # squared, from the axis
+    steep = np.sqrt(np.where(cone, slope, whole) / whole)
+    away = np.sqrt(across)
+    # The ball whose surface is nearest has its centre here, from 0 at the start to l^2 at the end.
+    centre = along - taper * away / steep
+    side = away * steep + along * taper / whole - first
+    start = np.sqrt(far) - first
+    end = np.sqrt(np.maximum(across + beyond**2 / whole, 0.0)) - second
+    out = np.where(centre <= 0.0, start, np.where(centre >= squared, end, side))
+    ball = np.where(first >= second, start, np.sqrt(np.maximum(far - 2.0 * along + squared, 0.0)) - second)
+    return np.asarray(np.where(cone, out, ball))
+
+
+def _carried(distances: Float, softness: Float, joints: NDArray[np.intp]) -> tuple[NDArray[np.int64], Float]:
+    """Joints and weights (V, 4) of vertices, by their distances (V, C) from the capsules that each joint carries; how
+    softly a vertex goes over to a capsule (C,) counts at both ends of the way.
+    """
+    nearest = distances.argmin(axis=1)
+    soft = np.minimum(softness, softness[nearest, None])
+    shares = np.exp(-(distances - distances.min(axis=1, keepdims=True)) / soft)
+    names = np.unique(joints)
+    whole = np.stack([shares[:, joints == joint].max(axis=1) for joint in names], axis=1)
+    whole = np.pad(whole, ((0, 0), (0, max(0, N_JOINTS - len(names)))))
+    names = np.pad(names, (0, max(0, N_JOINTS - len(names))))
+    order = np.argsort(-whole, axis=1, kind="stable")[:, :N_JOINTS]
+    weights = np.take_along_axis(whole, order, axis=1)
+    weights[weights < 0.02 * weights[:, :1]] = 0.0
+    weights /= weights.sum(axis=1, keepdims=True)
+    return np.where(weights > 0.0, names[order], 0).astype(np.int64), weights

@@ -1,0 +1,29 @@
+"""Pushes that clear a path: how a push at a frame spreads to its neighbours, and fades where the path must not move."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+
+
+def spread_in_time(push: Float, kernel: Float) -> Float:
+    """Pushes (T, 2, 3) spread to their neighbours in time: at each frame the sum, no larger than the largest near.
+
+    kernel: an odd number of weights, 1 in the middle.
+    """
+    side = len(kernel) // 2
+    flat = push.reshape(len(push), -1)
+    padded = np.pad(flat, ((side, side), (0, 0)))
+    summed = np.stack([padded[k : k + len(flat)] * w for k, w in enumerate(kernel)]).sum(axis=0)
+    counts = np.pad((np.abs(flat).max(axis=1) > 0).astype(float), side)
+    weights = sum(counts[k : k + len(flat)] * w for k, w in enumerate(kernel))
+    return np.asarray((summed / np.maximum(weights, 1.0)[:, None]).reshape(push.shape))
+
+
+def fade_window(n_frames: int) -> Float:
+    """0 just outside both ends, 1 well inside, with slope and curvature 0 at the ends (n_frames,)."""
+    edge = np.minimum(np.arange(1, n_frames + 1), np.arange(n_frames, 0, -1)) / max(1.6, 0.25 * (n_frames + 1))
+    near = np.clip(edge, 0.0, 1.0)
+    return np.asarray(near**3 * (10.0 + near * (-15.0 + 6.0 * near)))

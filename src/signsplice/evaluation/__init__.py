@@ -1,0 +1,1 @@
+"""Every measurement of the project: hidden frames, seams, collisions, the corpus, and speed."""

@@ -1,0 +1,200 @@
+"""The Euler curves of a clip: every number that a file needs, those that were read untouched.
+
+Where a frame is new (a transition, a retargeted pose) its numbers are derived, and chosen so that every curve runs on
+without a jump of a half or a whole turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.motion import rotation
+from signsplice.motion.clip import Clip, bone_translations
+from signsplice.motion.euler_channels import (
+    POSITIONS,
+    Channels,
+    Names,
+    default_names,
+    first_columns,
+    rotation_axes,
+    to_motion,
+)
+
+Float = NDArray[np.float64]
+
+_WIDEN_DEG = 1e-4
+"""A joint gets the rotation channels it lacks only where it turns by more than this about their axes."""
+_DECIMALS = 8
+"""Of numbers that no file gave: far below what any capture resolves."""
+_LOCKED = 1e-6
+"""Below this cosine of the middle angle only the sum or difference of the other two is told."""
+
+
+def complete(clip: Clip) -> tuple[Names, Float]:
+    """Channel names and values (T, C) of every frame of a clip, no number missing.
+
+    Numbers that a file gave stay as they are; each run of them may shift as a whole by whole turns, or to the other
+    equal triple, so that curves run on from what comes before. The first run is never touched. All other numbers are
+    derived from the rotations. A joint gets channels that it lacks only where its motion cannot be written without
+    them.
+    """
+    given = None if clip.channels is None else clip.channels.settled()
+    n_frames, n_joints = len(clip), len(clip.skeleton)
+    if given is None and clip.translations is None:
+        angles = _derived(clip.local_rotations, _three(""), None).reshape(n_frames, -1)
+        return default_names(n_joints), np.round(np.concatenate([clip.root_positions, angles], axis=1), _DECIMALS)
+    if given is not None:
+        given, edited = _still_valid(clip, given)
+        if not edited and len(given.starts) == 1 and not np.isnan(given.values).any():
+            return given.names, given.values
+    if given is None:
+        given = Channels(
+            default_names(n_joints), np.full((n_frames, 3 * n_joints + 3), np.nan), clip.skeleton.offsets, 0.0
+        )
+    axes = [_three(rotation_axes(names)) for names in given.names]
+    angles = _given_angles(given)
+    spans = list(zip(given.starts, (*given.starts[1:], n_frames), strict=True))
+    for order in sorted(set(axes)):
+        joints = np.array([j for j in range(n_joints) if axes[j] == order])
+        angles[:, joints] = _continued(angles[:, joints], clip.local_rotations[:, joints], order, spans)
+    return _written(clip, given, axes, angles)
+
+
+def _still_valid(clip: Clip, given: Channels) -> tuple[Channels, bool]:
+    """The numbers given, NaN wherever they no longer mean the clip's rotations and places; and whether any do not,
+    because those were edited since.
+    """
+    rotations, translations = to_motion(given.names, given.values, given.offsets)
+    turned = np.abs(np.einsum("tjc,tjc->tj", rotations, clip.local_rotations)) < 1.0 - 1e-11  # half angle of some 5e-6
+    places = bone_translations(clip)
+    limit = 1e-9 * max(1.0, float(np.abs(places).max()))
+    moved = np.abs(translations - places) > limit
+    moved[:, 0] = np.abs(translations[:, 0] - clip.root_positions) > limit
+    if not (turned.any() or moved.any()):
+        return given, False
+    values = np.array(given.values)
+    for joint, (start, names) in enumerate(zip(first_columns(given.names), given.names, strict=True)):
+        for i, name in enumerate(names):
+            stale = moved[:, joint, POSITIONS.index(name)] if name in POSITIONS else turned[:, joint]
+            values[stale, start + i] = np.nan
+    return replace(given, values=values), True
+
+
+def _three(axes: str) -> str:
+    """``axes`` followed by the letters it lacks."""
+    return axes + "".join(letter for letter in "ZXY" if letter not in axes)
+
+
+def _given_angles(given: Channels) -> Float:
+    """Angles (T, J, 3), degrees, along each joint's three axes: as given, 0 about axes that have no channel, else
+    NaN.
+    """
+    angles = np.zeros((len(given.values), len(given.names), 3))
+    for joint, (start, names) in enumerate(zip(first_columns(given.names), given.names, strict=True)):
+        turning = [i for i, name in enumerate(names) if name.endswith("rotation")]
+        if turning:
+            angles[:, joint, : len(turning)] = given.values[:, [start + i for i in turning]]
+        else:
+            angles[:, joint] = np.nan
+    angles[np.isnan(angles).any(axis=-1)] = np.nan
+    return angles
+
+
+def _continued(angles: Float, rotations: Float, axes: str, spans: Sequence[tuple[int, int]]) -> Float:
+    """Angles (T, K, 3), degrees, of joints with one order of axes: missing ones derived, each span run on from the one
+    before.
+    """
+    out = np.array(angles)
+    for start, stop in spans:
+        known = ~np.isnan(out[start:stop]).any(axis=(0, 2))
+        if start > 0 and known.any():
+            out[start:stop, known] = _continued_span(out[start:stop, known], out[start - 1, known])
+        new = np.flatnonzero(~known)
+        if new.size:
+            before = out[start - 1, new] if start > 0 else None
+            out[start:stop, new] = _derived(rotations[start:stop, new], axes, before)
+    return out
+
+
+def _continued_span(angles: Float, before: Float) -> Float:
+    """A span (S, K, 3), degrees, moved as a whole to the equal numbers nearest to ``before`` (K, 3)."""
+    first = angles[0]
+    other = np.stack([first[:, 0] + 180.0, 180.0 - first[:, 1], first[:, 2] + 180.0], axis=-1)
+    turns = 360.0 * np.round((before - first) / 360.0)
+    other_turns = 360.0 * np.round((before - other) / 360.0)
+    cost = np.abs(first + turns - before).sum(-1)
+    other_cost = np.abs(other + other_turns - before).sum(-1)
+    mirrored = np.stack([angles[..., 0] + 180.0, 180.0 - angles[..., 1], angles[..., 2] + 180.0], axis=-1)
+    # The other triple has to be nearer by a real margin, so that equal costs leave numbers as they were.
+    return np.asarray(np.where((other_cost < cost - 1e-6)[:, None], mirrored + other_turns, angles + turns))
+
+
+def _derived(rotations: Float, axes: str, before: Float | None) -> Float:
+    """Angles (S, K, 3), degrees, of ``rotations`` (S, K, 4), each frame nearest to the one before it."""
+    angles = rotation.to_euler(rotations, axes)
+    sign = 1.0 if axes in ("XYZ", "YZX", "ZXY") else -1.0
+    previous = None if before is None else np.deg2rad(before)
+    if not (np.cos(angles[..., 1]) < _LOCKED).any():
+        return np.rad2deg(rotation.nearest_euler_sequence(angles, previous))
+    for frame in range(len(angles)):
+        if previous is not None:
+            a, b, c = angles[frame].T
+            locked = np.cos(b) < _LOCKED
+            if locked.any():  # only a +- c is fixed there: the first angle stays, the third takes the rest
+                c = np.where(locked, c - sign * np.sign(b) * (previous[:, 0] - a), c)
+                a = np.where(locked, previous[:, 0], a)
+            angles[frame] = rotation.nearest_euler(np.stack([a, b, c], axis=-1), previous)
+        previous = angles[frame]
+    return np.rad2deg(angles)
+
+
+def _written(clip: Clip, given: Channels, axes: Sequence[str], angles: Float) -> tuple[Names, Float]:
+    """Names and values (T, C) of ``angles`` and positions in the layout of ``given``, widened where it cannot hold
+    them.
+    """
+    names: list[tuple[str, ...]] = []
+    curves: list[Float] = []
+    kept: list[Float] = []
+    nothing = np.full(len(clip), np.nan)
+    for joint, (start, channels) in enumerate(zip(first_columns(given.names), given.names, strict=True)):
+        place = _place(clip, joint)
+        wider: list[str] = []
+        for axis, name in enumerate(POSITIONS):
+            if name not in channels and np.any(place[:, axis] != given.offsets[joint, axis]):
+                wider.append(name)
+        n_axes = len(rotation_axes(channels))
+        if n_axes < 3 and np.abs(angles[:, joint, n_axes:]).max() > _WIDEN_DEG:
+            wider += [f"{letter}rotation" for letter in axes[joint][n_axes:]]
+        names.append((*channels, *wider))
+        curves += [_curve(name, axes[joint], angles[:, joint], place) for name in names[-1]]
+        kept += [*given.values[:, start : start + len(channels)].T, *(nothing for _ in wider)]
+    if not curves:
+        return tuple(names), np.empty((len(clip), 0))
+    return tuple(names), _rounded(np.stack(curves, axis=1), np.stack(kept, axis=1), names)
+
+
+def _place(clip: Clip, joint: int) -> Float:
+    """Translation (T, 3) of a joint from its parent in every frame; the root's is its place in the world."""
+    if joint == 0:
+        return clip.root_positions
+    if clip.translations is not None:
+        return clip.translations[:, joint]
+    return np.broadcast_to(clip.skeleton.offsets[joint], (len(clip), 3))
+
+
+def _curve(name: str, axes: str, angles: Float, place: Float) -> Float:
+    """One channel's curve (T,): an angle of ``angles`` (T, 3), or a component of ``place`` (T, 3)."""
+    return place[:, POSITIONS.index(name)] if name in POSITIONS else angles[:, axes.index(name[0].upper())]
+
+
+def _rounded(curves: Float, given: Float, names: Sequence[Sequence[str]]) -> Float:
+    """Curves (T, C), numbers that were given (T, C) among them, the others rounded. An angle that was given counts as
+    long as its curve was not led elsewhere.
+    """
+    places = np.array([name in POSITIONS for channels in names for name in channels])
+    stays = np.where(places, ~np.isnan(given), curves == given)
+    return np.where(stays, given, np.round(curves, _DECIMALS))

@@ -1,0 +1,86 @@
+"""What can be told of a clip before it is spliced."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from signsplice.errors import InputError
+from signsplice.motion import rotation
+from signsplice.motion.clip import Clip
+from signsplice.rig import proportions
+from signsplice.rig.arms import active_span, arms
+from signsplice.rig.roles import find_roles
+
+_STEP_DEG = 60.0
+_STILL_M = 0.02
+
+
+def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
+    """Facts about a clip, ready for JSON: rig, roles, rate, frames, unit, axes, rest spans, and what a user should
+    know.
+    """
+    skeleton = clip.skeleton
+    humanoid = find_roles(skeleton)
+    unit = proportions.length_unit(skeleton)
+    standing = proportions.stand(clip)
+    warnings: list[str] = []
+    facts: dict[str, Any] = {
+        "file": file or clip.name,
+        "rig": humanoid.rig,
+        "joints": len(skeleton),
+        "end sites": len(skeleton.end_sites),
+        "frames": len(clip),
+        "fps": clip.fps,
+        "seconds": round(clip.seconds, 3),
+        "unit": unit.name,
+        "stature m": round(unit.stature_m, 3),
+        "up": _axis(standing.up),
+        "forward": _axis(standing.forward),
+        "memory kB": clip.nbytes // 1024,
+    }
+    try:
+        start, stop = active_span(arms(clip))
+        spans = [(0, start), (stop, len(clip))]
+        facts["rest"] = [f"frames {a} to {b - 1}" for a, b in spans if b > a]
+        if all(a == b for a, b in spans):
+            warnings.append("no rest found at either end: the arms neither rise at the start nor sink at the end")
+    except InputError as error:
+        facts["rest"] = []
+        warnings.append(str(error))
+    facts["roles"] = {role: skeleton.names[joint] for role, joint in humanoid.joints.items()}
+    facts["warnings"] = warnings + _motion_warnings(clip) + _rig_warnings(clip, len(humanoid.joints), unit)
+    return facts
+
+
+def _axis(direction: np.ndarray[Any, np.dtype[np.float64]]) -> str:
+    axis = int(np.argmax(np.abs(direction)))
+    return ("-" if direction[axis] < 0 else "+") + "XYZ"[axis]
+
+
+def _motion_warnings(clip: Clip) -> list[str]:
+    """Steps too wide for a body, and clips that do not move."""
+    if len(clip) < 2:
+        return ["a single frame: it has no velocity, so transitions into and out of it start from rest"]
+    steps = np.rad2deg(rotation.angle_between(clip.local_rotations[:-1], clip.local_rotations[1:]))
+    said = []
+    if steps.max() < 0.01:
+        said.append("nothing turns: every frame is the same pose")
+    for frame, joint in np.argwhere(steps > _STEP_DEG)[:5]:
+        said.append(
+            f"{clip.skeleton.names[joint]} turns by {steps[frame, joint]:.0f} degrees "
+            f"from frame {frame} to {frame + 1}: a fault of the capture?"
+        )
+    return said
+
+
+def _rig_warnings(clip: Clip, n_roles: int, unit: proportions.LengthUnit) -> list[str]:
+    said = []
+    if n_roles == 0:
+        said.append("no role was found by the joints' names; a roles file names them (--roles)")
+    if not 1.2 <= unit.stature_m <= 2.3:
+        said.append(f"the body would be {unit.stature_m:.2f} m tall in {unit.name}: the unit may be another")
+    if clip.translations is not None:
+        said.append("bone lengths change over time; transitions interpolate them")
+    return said

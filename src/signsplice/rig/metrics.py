@@ -1,0 +1,125 @@
+"""Every score, each with the signature of its parameters: a number means nothing without the recipe that made it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.motion import kinematics, rotation
+from signsplice.motion.clip import Clip
+from signsplice.rig import proportions
+from signsplice.rig.roles import find_roles
+
+Float = NDArray[np.float64]
+
+POSITION_ERROR = "position-error|joints:arms+fingers|frame:root|unit:arm/1000|mean"
+MOTION_RATIO = "motion-ratio|joints:fingertips|path-length|predicted/true"
+VELOCITY_JUMP = "velocity-jump|joints:wrists|step:1-frame|unit:m/s|max"
+PEAK_SPEED = "peak-speed|joints:wrists|step:1-frame|unit:m/s|max"
+JERK_RATIO = "jerk-ratio|joints:wrists|third-difference|rms|transition+-1/signs"
+
+_PARTS = ("UpperArm", "LowerArm", "Hand")
+_FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
+
+
+def arm_and_finger_joints(clip: Clip) -> list[int]:
+    """Indices of the elbow, wrist and every finger joint of both arms (the joints that moving an arm or a finger
+    moves).
+    """
+    joints = find_roles(clip.skeleton).joints
+    return [
+        joint
+        for role, joint in joints.items()
+        if role.endswith(("LowerArm", "Hand")) or any(finger in role for finger in _FINGERS)
+    ]
+
+
+def fingertip_joints(clip: Clip) -> list[int]:
+    """Indices of the last joint of every finger; the hands where there are no fingers."""
+    joints = find_roles(clip.skeleton).joints
+    tips = [joint for role, joint in joints.items() if role.endswith("Distal")]
+    return tips or [joint for role, joint in joints.items() if role.endswith("Hand")]
+
+
+def relative_positions(clip: Clip, joints: Sequence[int]) -> Float:
+    """Positions (T, K, 3) of joints seen from the root: turned and moved with it."""
+    rotations, positions = kinematics.forward(clip, [0, *joints])
+    return np.asarray(np.einsum("tba,tkb->tka", rotations[:, 0], positions[:, 1:] - positions[:, :1]))
+
+
+def position_error(predicted: Clip, true: Clip) -> float:
+    """Mean distance of elbow, wrist and finger joints, seen from the root, in thousandths of the arm's length."""
+    joints = arm_and_finger_joints(true)
+    difference = relative_positions(predicted, joints) - relative_positions(true, joints)
+    return float(1000.0 * np.linalg.norm(difference, axis=-1).mean() / proportions.sizes(true.skeleton).arm_length)
+
+
+EVEN_FRACTION = 0.02
+"""Change of a joint's turn from one frame to the next, as a share of the quickest joint's, up to which it turns evenly.
+"""
+_MOVING_RAD = 0.005
+"""Turn of the quickest joint in a frame (0.3 degrees) from which on a body moves."""
+
+
+def even_rotation_frames(clip: Clip) -> Float:
+    """For every frame but the first and the last (T - 2,): 1 where every arm and finger joint turns on just as it
+    turned before, 0 where one does not, NaN where none moves or is known.
+
+    People never move so; a program that draws the frames between keys does (slerp), and so does filling of gaps in a
+    capture. What hides such frames measures how near a method is to that program.
+    """
+    q = clip.local_rotations[:, arm_and_finger_joints(clip)]
+    steps = rotation.difference(q[:-1], q[1:])
+    quickest = np.linalg.norm(steps, axis=-1).max(axis=1, initial=0.0)
+    speed = np.maximum(quickest[:-1], quickest[1:])
+    change = np.linalg.norm(np.diff(steps, axis=0), axis=-1).max(axis=1, initial=0.0)
+    return np.where(speed > _MOVING_RAD, change < EVEN_FRACTION * speed, np.nan)
+
+
+def motion_ratio(predicted: Clip, true: Clip) -> float:
+    """Path length of the fingertips, seen from the root, predicted over true; 1 moves as much as the truth does."""
+    joints = fingertip_joints(true)
+    paths = [
+        np.linalg.norm(np.diff(relative_positions(clip, joints), axis=0), axis=-1).sum() for clip in (predicted, true)
+    ]
+    return float(paths[0] / paths[1]) if paths[1] > 0.0 else float("nan")
+
+
+def velocity_jump(positions: Float, first: int, stop: int, fps: float) -> float:
+    """Largest change of velocity from one frame step to the next at either end of frames [first, stop).
+
+    positions: (T, K, 3) with at least two frames before ``first`` and after ``stop`` where the clip has them; the unit
+    is that of positions a second. Compared are, at each end, the steps on either side of the last frame outside and the
+    first inside.
+    """
+    velocity = np.diff(positions, axis=0) * fps
+    changes = np.linalg.norm(np.diff(velocity, axis=0), axis=-1).max(
+        axis=-1, initial=0.0
+    )  # [i] is centred on frame i + 1
+    ends = [frame - 1 for frame in (first - 1, first, stop - 1, stop) if 0 <= frame - 1 < len(changes)]
+    return float(max((changes[i] for i in ends), default=0.0))
+
+
+def peak_speed(positions: Float, first: int, stop: int, fps: float) -> float:
+    """Highest speed of any point (T, K, 3) on the way from frame first - 1 to frame stop, in units a second."""
+    path = positions[max(first - 1, 0) : stop + 1]
+    if len(path) < 2:
+        return 0.0
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=-1).max() * fps)
+
+
+def jerk_ratio(positions: Float, first: int, stop: int) -> float:
+    """Root mean square jerk of frames [first - 1, stop + 1) over that of the frames around them; 1 is as smooth as the
+    signs.
+
+    positions: (T, K, 3). Jerk is the third difference. NaN where the frames around hold none (too few, or at rest).
+    """
+    jerk = np.linalg.norm(np.diff(positions, n=3, axis=0), axis=-1)  # [i] spans frames i .. i + 3
+    inside = np.zeros(len(jerk), bool)
+    inside[max(first - 4, 0) : stop + 1] = True
+    around = float(np.sqrt(np.mean(jerk[~inside] ** 2))) if (~inside).any() else 0.0
+    if around < 1e-12 or not inside.any():
+        return float("nan")
+    return float(np.sqrt(np.mean(jerk[inside] ** 2)) / around)

@@ -1,0 +1,176 @@
+"""The naming conventions of humanoid rigs, as tables: which word stands for which part of the body.
+
+Words are in the form that ``humanoid.simplify`` gives, without the side: ``LeftForeArm``, ``forearm.L`` and
+``lForeArm`` are all ``forearm``. A slash parts spellings of one joint, best first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+HIPS, NECK, HEAD = "hips/hip/pelvis", "neck/neck1/neck01/necklower/lowerneck", "head"
+EYE, JAW = "eye/faceeye/eyesmplhf", "jaw/jawroot"
+"""What most rigs call these, tried after a rig's own words."""
+
+
+@dataclass(frozen=True)
+class NamingConvention:
+    """One naming convention.
+
+    arm: collar bone, upper arm, lower arm, hand. leg: upper leg, lower leg, foot, toes. fingers: thumb, index, middle,
+    ring and little, each word followed by the endings in ``thumb`` or ``segments``, from the metacarpal of the thumb
+    and the knuckles of the others out. hips, neck, head: own words, tried before the usual ones. spine: spine, chest,
+    upper chest, where the rig tells them apart; elsewhere they are counted off between hips and neck. marks: joints
+    without a role that betray the rig.
+    """
+
+    name: str
+    arm: str
+    leg: str
+    fingers: str = "thumb index middle ring pinky"
+    thumb: tuple[str, ...] = ("1", "2", "3")
+    segments: tuple[str, ...] = ("1", "2", "3")
+    hips: str = ""
+    neck: str = ""
+    head: str = ""
+    spine: str = ""
+    marks: str = ""
+
+
+_HIK_ARM, _HIK_LEG = "shoulder arm forearm hand", "upleg leg foot toebase/toe"
+_HIK_FINGERS = "handthumb handindex handmiddle handring handpinky"
+_VRM_ARM, _VRM_LEG = "shoulder upperarm lowerarm hand", "upperleg lowerleg foot toes/toe"
+_VRM_FINGERS, _VRM_SPINE = "thumb index middle ring little", "spine chest upperchest"
+_PHALANGES = ("proximal", "intermediate", "distal")
+_NUMBERED = "finger1 finger2 finger3 finger4 finger5"
+
+# Where two rigs explain a skeleton equally well, the one that stands first here gives its name.
+CONVENTIONS = (
+    # MotionBuilder's names: Mixamo, Vicon's and Rokoko's exports for it, Captury, LaFAN1.
+    NamingConvention("mixamo", _HIK_ARM, _HIK_LEG, _HIK_FINGERS),
+    NamingConvention(
+        "neuron", _HIK_ARM, _HIK_LEG, _HIK_FINGERS, marks="inhandthumb inhandindex inhandmiddle inhandring inhandpinky"
+    ),
+    NamingConvention("cmu", _HIK_ARM, _HIK_LEG, "thumb handindex", thumb=("",), marks="hipjoint lowerback fingerbase"),
+    # Vicon's short names, as in the Trinity and BEAT corpora.
+    NamingConvention("vicon", "shoulder arm arm1 hand", _HIK_LEG, "handt handi handm handr handp"),
+    NamingConvention(
+        "vrm", _VRM_ARM, _VRM_LEG, _VRM_FINGERS, ("metacarpal", "proximal", "distal"), _PHALANGES, spine=_VRM_SPINE
+    ),
+    # Unity Humanoid and VRM 0.x: the thumb's joints bear the fingers' names.
+    NamingConvention("unity", _VRM_ARM, _VRM_LEG, _VRM_FINGERS, _PHALANGES, _PHALANGES, spine=_VRM_SPINE),
+    NamingConvention("vroid", _VRM_ARM, "upperleg lowerleg foot toebase", _VRM_FINGERS, spine=_VRM_SPINE),
+    NamingConvention(
+        "rigify",
+        "shoulder upperarm forearm hand",
+        "thigh shin foot toe",
+        "thumb findex fmiddle fring fpinky",
+        ("01", "02", "03"),
+        ("01", "02", "03"),
+        hips="spine",
+        neck="spine004",
+        head="spine006/head/spine005",
+        marks="palm01 palm02 palm03 palm04 heel02",
+    ),
+    # The classic BVH names (Biovision, Xsens' BVH). They and SMPL-X say shoulder for upper arm, hip for upper leg.
+    NamingConvention(
+        "bvh",
+        "collar shoulder/uparm elbow/lowarm/forearm wrist/hand",
+        "hip/upleg knee/lowleg ankle/foot toe/toes/toebase/foot",
+        marks="hand chest chest2 chest3 chest4",
+    ),
+    NamingConvention("smplx", "collar shoulder elbow wrist", "hip knee ankle foot", marks="spine3 hand"),
+    # Poser, DAZ and Second Life; Genesis 3 and 8 part a limb's bend from its twist.
+    NamingConvention(
+        "daz",
+        "collar shldr/shldrbend/shoulder forearm/forearmbend hand",
+        "thigh/thighbend shin foot toe",
+        "thumb index mid ring pinky",
+        marks="abdomen abdomen2 abdomenlower carpal1 carpal2 carpal3 carpal4 buttock",
+    ),
+    NamingConvention(
+        "biped",
+        "clavicle upperarm forearm hand",
+        "thigh calf foot toe0",
+        "finger0 finger1 finger2 finger3 finger4",
+        ("", "1", "2"),
+        ("", "1", "2"),
+    ),
+    # MakeHuman's game rig too.
+    NamingConvention(
+        "unreal",
+        "clavicle upperarm lowerarm hand",
+        "thigh calf foot ball",
+        thumb=("01", "02", "03"),
+        segments=("01", "02", "03"),
+        marks="spine01 indexmetacarpal middlemetacarpal ringmetacarpal pinkymetacarpal",
+    ),
+    NamingConvention(
+        "rokoko",  # Rokoko's own "Newton" skeleton
+        "shoulder arm forearm hand",
+        "thigh shin foot toe",
+        _NUMBERED,
+        ("metacarpal", "proximal", "distal"),
+        ("proximal", "medial", "distal"),
+    ),
+    NamingConvention(
+        "xsens",
+        "shoulder upperarm forearm/lowerarm hand",
+        "upperleg lowerleg foot toe",
+        "first second third fourth fifth",
+        ("mc", "pp", "dp"),
+        ("pp", "mp", "dp"),
+        marks="l5 l3 t12 t8 carpus",
+    ),
+    NamingConvention(
+        "characterCreator",
+        "clavicle upperarm forearm hand",
+        "thigh calf foot toebase",
+        "thumb index mid ring pinky",
+        neck="necktwist01",
+        marks="waist",
+    ),
+    NamingConvention("optitrack", "shoulder uarm farm hand", "thigh shin foot toe", marks="ab"),
+    NamingConvention(
+        "acclaim",  # ASF/AMC
+        "clavicle humerus radius wrist/hand",
+        "femur tibia foot toes",
+        "thumb",
+        thumb=("",),
+        hips="root",
+        marks="hipjoint lowerback upperback thorax",
+    ),
+    NamingConvention(
+        "makehuman",
+        "clavicle upperarm01 lowerarm01 wrist",
+        "upperleg01 lowerleg01 foot toe11",
+        _NUMBERED,
+        hips="root",
+    ),
+    NamingConvention(
+        "autorig",
+        "shoulder armstretch/arm forearmstretch/forearm hand",
+        "thighstretch/thigh legstretch/leg foot toes01",
+        "cthumb cindex cmiddle cring cpinky",
+        hips="rootx",
+        neck="neckx",
+        head="headx",
+    ),
+    NamingConvention(
+        "advancedSkeleton",
+        "scapula shoulder elbow wrist",
+        "hip knee ankle toes",
+        "thumbfinger indexfinger middlefinger ringfinger pinkyfinger",
+        hips="rootm",
+        neck="neckm",
+        head="headm",
+    ),
+    NamingConvention(
+        "mmd",
+        "shoulder arm elbow wrist",
+        "leg knee ankle toe",
+        "thumb indexfinger middlefinger ringfinger littlefinger",
+        thumb=("0", "1", "2"),
+        hips="waist/lowerbody/center",
+    ),
+)

@@ -1,0 +1,317 @@
+"""Which joint of a skeleton plays which role of one canonical humanoid, told by the joints' names.
+
+The roles are VRM 1.0's humanoid bones. The naming conventions are tables in ``rigs``; the one that explains most
+joints of a skeleton is taken, since a name may mean two things: "LeftShoulder" is the collar bone of one rig, the
+upper arm of another. No assignment may break the order of the body: a hand hangs below its arm, an arm below the hips.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from types import MappingProxyType
+from weakref import WeakKeyDictionary
+
+from signsplice.errors import InputError
+from signsplice.motion.clip import Skeleton
+from signsplice.rig.naming import CONVENTIONS, EYE, HEAD, HIPS, JAW, NECK, NamingConvention
+
+_SIDES = ("left", "right")
+_SPINE = ("spine", "chest", "upperChest")
+_ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand")
+_LEG = ("UpperLeg", "LowerLeg", "Foot", "Toes")
+_FINGERS = (
+    ("ThumbMetacarpal", "ThumbProximal", "ThumbDistal"),
+    *((f"{f}Proximal", f"{f}Intermediate", f"{f}Distal") for f in ("Index", "Middle", "Ring", "Little")),
+)
+# The body as chains of roles from the trunk out, limbs without their side. Shoulders and neck hang from the hips here,
+# not from the chest: which joint of the spine carries them differs from rig to rig.
+_TRUNK: tuple[tuple[str, ...], ...] = (("hips", *_SPINE), ("hips", "neck", "head", "jaw"))
+_LIMBS = (("head", "Eye"), ("hips", *_ARM), *(("Hand", *finger) for finger in _FINGERS), ("hips", *_LEG))
+
+
+def _lines() -> dict[str, tuple[str, ...]]:
+    """Role -> all roles that it hangs from, the nearest first; those come before it."""
+    lines: dict[str, tuple[str, ...]] = {"hips": ()}
+    for chain in _TRUNK:
+        for over, role in pairwise(chain):
+            lines[role] = (over, *lines[over])
+    for side in _SIDES:
+        for chain in _LIMBS:
+            for over, role in pairwise(part if part in lines else side + part for part in chain):
+                lines[role] = (over, *lines[over])
+    return lines
+
+
+_LINE = _lines()
+ROLES: tuple[str, ...] = tuple(_LINE)
+"""Every role: the names of VRM 1.0's humanoid bones, each after those that it hangs from."""
+_HANDS = frozenset({"leftHand", "rightHand"})
+_MIN_ROLES = 3
+"""Fewer joints than this that fit a table are chance, not a rig."""
+
+
+@dataclass(frozen=True)
+class Humanoid:
+    """The body found in a skeleton.
+
+    rig: the naming convention, a name in ``rigs.RIGS``; "custom" where a user named roles, "unknown" where the names
+    say nothing. joints: role -> joint index, immutable, in the order of ``ROLES``. Raises ``InputError`` for a role
+    that there is not, or one joint in two roles.
+    """
+
+    rig: str
+    joints: Mapping[str, int]
+
+    def __post_init__(self) -> None:
+        unknown = next((role for role in self.joints if role not in _LINE), None)
+        if unknown is not None:
+            raise InputError(f"humanoid: {unknown_role(unknown)}")
+        if len(set(self.joints.values())) < len(self.joints):
+            raise InputError(f"humanoid: one joint has two roles in {dict(self.joints)}, expected one at most")
+        ordered = {role: int(self.joints[role]) for role in ROLES if role in self.joints}
+        object.__setattr__(self, "joints", MappingProxyType(ordered))
+
+    def joint(self, role: str) -> int | None:
+        """The joint that plays ``role``, None where none does."""
+        return self.joints.get(role)
+
+    @cached_property
+    def role_of(self) -> Mapping[int, str]:
+        """Joint index -> its role, for the joints that have one."""
+        return MappingProxyType({joint: role for role, joint in self.joints.items()})
+
+
+# --- names ----------------------------------------------------------------------------------------------------------
+
+
+def _names(rig: NamingConvention) -> dict[str, tuple[str, ...]]:
+    """Role -> the simplified names that ``rig`` and common usage have for it, best first."""
+    words = {"hips": f"{rig.hips}/{HIPS}", "neck": f"{rig.neck}/{NECK}", "head": f"{rig.head}/{HEAD}"}
+    words |= {"jaw": JAW, "Eye": EYE}
+    words |= zip(_SPINE, rig.spine.split(), strict=False)
+    words |= zip(_ARM, rig.arm.split(), strict=True)
+    words |= zip(_LEG, rig.leg.split(), strict=True)
+    for finger, word in zip(_FINGERS, rig.fingers.split(), strict=False):
+        endings = rig.thumb if finger == _FINGERS[0] else rig.segments
+        words |= {role: word + ending for role, ending in zip(finger, endings, strict=False)}
+    names = {}
+    for role in ROLES:
+        side = next((side for side in _SIDES if role.startswith(side)), "")
+        spellings = words.get(role.removeprefix(side), "").split("/")
+        names[role] = tuple(side + word for word in spellings if word)
+    return names
+
+
+_NAMES = {rig.name: _names(rig) for rig in CONVENTIONS}
+_MARKS = {rig.name: [side + mark for mark in rig.marks.split() for side in ("", *_SIDES)] for rig in CONVENTIONS}
+# What may follow a side's letter without a gap, as in "lshldr" and "rthumb1".
+_LIMB_WORDS = frozenset(
+    name.removeprefix("left")
+    for rig in CONVENTIONS
+    for name in (*_MARKS[rig.name], *(name for names in _NAMES[rig.name].values() for name in names))
+    if name.startswith("left")
+)
+_SIDE_OF = {"l": "left", "left": "left", "r": "right", "right": "right"}
+_GAP = re.compile(r"[\W_]+|(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+_PREFIX = re.compile(
+    r"(?:(?:mixamorig\d*|bip\d+)(?!\d)[\W_]*"
+    r"|(?:character\d*|valvebiped|cc[\W_]base|j[\W_](?:bip|adj)(?:[\W_]c(?=[\W_]))?|def|org|skel)[\W_]+)(?=.)",
+    re.IGNORECASE,
+)
+
+
+@lru_cache(maxsize=8192)
+def simplify(name: str) -> str:
+    """A joint's name in comparable form: no namespace or rig prefix, no gaps, lower case, the side in full in front.
+
+    "mixamorig:LeftArm", "Character1_LeftArm" and "Arm.L" give "leftarm", "Bip01 L UpperArm" gives "leftupperarm".
+    Numbers stay as they are. A name of nothing but prefix or gaps is only put in lower case.
+    """
+    bare = re.split(r"[:|]", name)[-1] or name
+    while match := _PREFIX.match(bare):
+        bare = bare[match.end() :]
+    tokens = [token.lower() for token in _GAP.split(bare) if token]
+    place = next((n for n, token in enumerate(tokens) if token in _SIDE_OF), None)
+    if place is not None and len(tokens) > 1:
+        return _SIDE_OF[tokens.pop(place)] + "".join(tokens)
+    form = "".join(tokens) or name.lower()
+    return _SIDE_OF[form[0]] + form[1:] if form[1:] in _LIMB_WORDS and form[0] in "lr" else form
+
+
+def _without_shared(names: tuple[str, ...]) -> tuple[str, ...]:
+    """The names without what all but the root share: an actor's word in front, a word ("_JNT") or number at the end."""
+    patterns = [r"_\d+$"]
+    for pattern in (r"^([^\W_]+)[\W_]+", r"[\W_]+([^\W_]+)$"):
+        match = re.search(pattern, names[-1])
+        if match and match[1].lower() not in _SIDE_OF:
+            patterns.append(f"^{re.escape(match[0])}" if pattern[0] == "^" else f"{re.escape(match[0])}$")
+    for pattern in patterns:
+        if all(re.search(pattern, name) for name in names[1:]):
+            names = tuple(re.sub(pattern, "", name) or name for name in names)
+    return names
+
+
+# --- bodies ---------------------------------------------------------------------------------------------------------
+
+_Joints = dict[str, int]
+_Ancestors = tuple[frozenset[int], ...]
+_FOUND: WeakKeyDictionary[Skeleton, Humanoid] = WeakKeyDictionary()
+
+
+def find_roles(skeleton: Skeleton, override: Mapping[str, str] | None = None) -> Humanoid:
+    """The humanoid in a skeleton: which joint plays which role.
+
+    override: role -> joint name, which wins over the tables; ``skeleton.roles`` by default. The answer for a skeleton
+    without override is kept as long as the skeleton lives. Raises ``InputError`` where the override names a role or a
+    joint that there is not, or gives one joint two roles.
+    """
+    if override is not None:
+        return _find(skeleton, override)
+    humanoid = _FOUND.get(skeleton)
+    if humanoid is None:
+        humanoid = _FOUND[skeleton] = _find(skeleton, skeleton.roles or {})
+    return humanoid
+
+
+def _find(skeleton: Skeleton, override: Mapping[str, str]) -> Humanoid:
+    given = _given(skeleton, override)
+    ancestors = _ancestors(skeleton)
+    for names in (skeleton.names, _without_shared(skeleton.names)):
+        index = _index(names)
+        found = {rig: _with_names(given, _NAMES[rig.name], index, ancestors) for rig in CONVENTIONS}
+        best, *others = sorted(CONVENTIONS, key=lambda rig: _explained(rig, found[rig], index), reverse=True)
+        if len(found[best]) >= len(given) + _MIN_ROLES:
+            break
+    else:
+        if not given:
+            return Humanoid("unknown", {})
+    joints = _with_spine(_with_hips(found[best], ancestors), ancestors)
+    for rig in others:  # what the best one left open, such as the fingers of another convention
+        names_but_hips = {role: names for role, names in _NAMES[rig.name].items() if role != "hips"}
+        joints = _with_names(joints, names_but_hips, index, ancestors)
+    return Humanoid("custom" if given else best.name, joints)
+
+
+def _explained(rig: NamingConvention, joints: _Joints, index: Mapping[str, list[int]]) -> tuple[int, int]:
+    """How many joints of the body a rig explains, with those that only mark it; then how many fingers.
+
+    Fingers come second: some bodies have the fingers of another convention, and two hands outnumber a body.
+    """
+    fingers = {joint for role, joint in joints.items() if not _HANDS.isdisjoint(_LINE[role])}
+    explained = set(joints.values()).union(*(index.get(mark, ()) for mark in _MARKS[rig.name]))
+    return len(explained - fingers), len(fingers)
+
+
+def _given(skeleton: Skeleton, override: Mapping[str, str]) -> _Joints:
+    joints: _Joints = {}
+    for role, name in override.items():
+        if role not in _LINE:
+            raise InputError(f"override: {unknown_role(role)}")
+        if name not in skeleton.index:
+            raise InputError(
+                f"override: {role}: the skeleton has no joint {name!r}{_nearest(name, skeleton.names)}; "
+                f"its {len(skeleton)} joints begin with {', '.join(skeleton.names[:3])}"
+            )
+        joint = skeleton.index[name]
+        if joint in joints.values():
+            other = next(role for role, taken in joints.items() if taken == joint)
+            raise InputError(f"override: joint {name!r} is both {other} and {role}, expected one role for a joint")
+        joints[role] = joint
+    return joints
+
+
+def _ancestors(skeleton: Skeleton) -> _Ancestors:
+    """For each joint, all joints above it."""
+    above: list[frozenset[int]] = [frozenset()]
+    for parent in skeleton.parents[1:].tolist():
+        above.append(above[parent] | {parent})
+    return tuple(above)
+
+
+def _index(names: tuple[str, ...]) -> dict[str, list[int]]:
+    """Simplified name -> the joints that bear it; of Rigify's several, the one that deforms the body first."""
+    index: dict[str, list[int]] = {}
+    for joint, name in sorted(enumerate(names), key=lambda pair: not pair[1].startswith("DEF")):
+        index.setdefault(simplify(name), []).append(joint)
+    return index
+
+
+def _fits(role: str, joint: int, joints: _Joints, ancestors: _Ancestors) -> bool:
+    """Whether role and joint are free, and the joint is below what the role hangs from and above what hangs from it."""
+    over = next((over for over in _LINE[role] if over in joints), None)
+    return (
+        role not in joints
+        and joint not in joints.values()
+        and (over is None or joints[over] in ancestors[joint])
+        and all(joint in ancestors[other] for below, other in joints.items() if role in _LINE[below])
+    )
+
+
+def _with_names(
+    joints: _Joints, names: Mapping[str, tuple[str, ...]], index: Mapping[str, list[int]], ancestors: _Ancestors
+) -> _Joints:
+    """``joints`` and what a rig's names (role -> simplified names) add without breaking the order of the body."""
+    options = {role: [joint for form in forms for joint in index.get(form, ())] for role, forms in names.items()}
+    if "hips" in options:
+        # The hips carry most of what was found; the pelvis of DAZ and Character Creator holds the legs alone.
+        rest = {*joints.values(), *(some[0] for role, some in options.items() if some and role != "hips")}
+        load = {joint: sum(joint in ancestors[other] for other in rest - {joint}) for joint in options["hips"]}
+        options["hips"] = sorted((j for j in load if 2 * load[j] >= len(rest - {j})), key=lambda j: -load[j])
+    joints = dict(joints)
+    for role, some in options.items():
+        joint = next((joint for joint in some if _fits(role, joint, joints, ancestors)), None)
+        if joint is not None:
+            joints[role] = joint
+    return joints
+
+
+def _with_hips(joints: _Joints, ancestors: _Ancestors) -> _Joints:
+    """``joints`` with hips where legs and trunk meet, if no name told them."""
+    legs = [joints[role] for role in ("leftUpperLeg", "rightUpperLeg") if role in joints]
+    trunk = [joints[role] for role in ("neck", "head", "leftUpperArm", "rightUpperArm") if role in joints]
+    shared = frozenset.intersection(*(ancestors[joint] for joint in legs + trunk)) if len(legs) == 2 and trunk else ()
+    if not shared or not _fits("hips", max(shared), joints, ancestors):
+        return joints
+    return {**joints, "hips": max(shared)}
+
+
+def _with_spine(joints: _Joints, ancestors: _Ancestors) -> _Joints:
+    """``joints`` with the roles of the spine counted off between hips and neck.
+
+    One joint is the spine, two are spine and chest. Of more, the first is the spine, the last that carries the
+    shoulders is the upper chest, and the chest is the middle one.
+    """
+    arms = (joints.get(f"{side}Shoulder", joints.get(f"{side}UpperArm")) for side in _SIDES)
+    shoulders = [joint for joint in arms if joint is not None]
+    ends = next(([joints[role]] for role in ("neck", "head") if role in joints), shoulders)
+    if "hips" not in joints or not ends:
+        return joints
+    shared = frozenset.intersection(*(ancestors[joint] for joint in ends))
+    chain = sorted(joint for joint in shared if joints["hips"] in ancestors[joint])
+    if len(chain) > 2:
+        carriers = [n for n, joint in enumerate(chain) if all(joint in ancestors[arm] for arm in shoulders)]
+        last = max(carriers, default=0)
+        last = last if last >= 2 else len(chain) - 1
+        chain = [chain[0], chain[(last + 1) // 2], chain[last]]
+    joints = dict(joints)
+    for role, joint in zip(_SPINE, chain, strict=False):
+        if _fits(role, joint, joints, ancestors):
+            joints[role] = joint
+    return joints
+
+
+def unknown_role(role: str) -> str:
+    """What to say of a role that there is not."""
+    return f"unknown role {role!r}{_nearest(role, ROLES)}, expected a VRM 1.0 humanoid bone such as leftUpperArm"
+
+
+def _nearest(word: str, known: Iterable[str]) -> str:
+    """The known word most like ``word`` as a question to add to a message, nothing where none is like it."""
+    spelled = {simplify(name): name for name in reversed(tuple(known))}
+    near = difflib.get_close_matches(simplify(word), spelled, n=1, cutoff=0.5)
+    return f" (did you mean {spelled[near[0]]!r}?)" if near else ""

@@ -1,0 +1,132 @@
+"""The common pose: a T-pose that every rig can be brought into, whatever its own rest pose is.
+
+Up is +Y, forward +Z, the signer's left +X, palms down. A rest pose (all rotations identity) may lie on its back, hold
+its arms forward, or bend its fingers; turned into the common pose, all rigs agree on where each bone points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.motion import rotation
+from signsplice.motion.clip import Skeleton
+from signsplice.motion.kinematics import rest_positions
+from signsplice.rig.roles import find_roles
+
+Float = NDArray[np.float64]
+
+# Where each bone points in the common pose (a T-pose: up +Y, forward +Z, the signer's left +X, palms down).
+_T_POSE_BONES: dict[str, tuple[str, Float]] = {}
+for _side, _x in (("left", 1.0), ("right", -1.0)):
+    _out = np.array([_x, 0.0, 0.0])
+    _T_POSE_BONES[f"{_side}Shoulder"] = (f"{_side}UpperArm", _out)
+    _T_POSE_BONES[f"{_side}UpperArm"] = (f"{_side}LowerArm", _out)
+    _T_POSE_BONES[f"{_side}LowerArm"] = (f"{_side}Hand", _out)
+    for _finger in ("Index", "Middle", "Ring", "Little"):
+        _T_POSE_BONES[f"{_side}{_finger}Proximal"] = (f"{_side}{_finger}Intermediate", _out)
+        _T_POSE_BONES[f"{_side}{_finger}Intermediate"] = (f"{_side}{_finger}Distal", _out)
+    _slant = np.array([_x, -0.5, 1.0]) / 1.5
+    _T_POSE_BONES[f"{_side}ThumbMetacarpal"] = (f"{_side}ThumbProximal", _slant)
+    _T_POSE_BONES[f"{_side}ThumbProximal"] = (f"{_side}ThumbDistal", _slant)
+    _T_POSE_BONES[f"{_side}UpperLeg"] = (f"{_side}LowerLeg", np.array([0.0, -1.0, 0.0]))
+    _T_POSE_BONES[f"{_side}LowerLeg"] = (f"{_side}Foot", np.array([0.0, -1.0, 0.0]))
+_UPRIGHT = (
+    "hips",
+    "spine",
+    "chest",
+    "upperChest",
+    "neck",
+    "head",
+    "jaw",
+    "leftEye",
+    "rightEye",
+    "leftFoot",
+    "rightFoot",
+)
+
+
+_ROTATIONS: WeakKeyDictionary[Skeleton, Float] = WeakKeyDictionary()
+
+
+def t_pose_rotations(skeleton: Skeleton) -> Float:
+    """Global rotations (J, 4) that pose the rest skeleton in the common pose, remembered as long as it lives; not to be
+    written to.
+
+    The trunk, head and feet are turned as one, from the rest pose's own up and left; limbs and fingers are swung on
+    from there until their bones point the common way; a hand is turned by the way to its middle knuckle and its line of
+    knuckles. Joints without a role follow their parents.
+    """
+    known = _ROTATIONS.get(skeleton)
+    if known is None:
+        known = _ROTATIONS[skeleton] = _t_pose_rotations(skeleton)
+        known.flags.writeable = False
+    return known
+
+
+def _t_pose_rotations(skeleton: Skeleton) -> Float:
+    joints = find_roles(skeleton).joints
+    role_of = {joint: role for role, joint in joints.items()}
+    rest = rest_positions(skeleton)
+    upright = _upright(rest, joints)
+    common = np.empty((len(skeleton), 4))
+    for joint in range(len(skeleton)):
+        role = role_of.get(joint, "")
+        parent = skeleton.parents[joint]
+        q = upright if parent < 0 or role in _UPRIGHT else common[parent]
+        if role in _T_POSE_BONES:
+            child, direction = _T_POSE_BONES[role]
+            if child in joints:
+                bone = rotation.rotate(q, rest[joints[child]] - rest[joint])
+                q = rotation.multiply(rotation.between_vectors(bone, direction), q)
+        elif role in ("leftHand", "rightHand"):
+            q = _hand_to_t_pose(role.removesuffix("Hand"), rest, joints, q)
+        common[joint] = q
+    return common
+
+
+def _upright(rest: Float, joints: Mapping[str, int]) -> Float:
+    """Rotation (4,) that brings the rest pose's up to +Y and its left to +X."""
+    top = next((joints[r] for r in ("head", "neck", "upperChest", "chest", "spine") if r in joints), None)
+    for part in ("UpperLeg", "Shoulder", "UpperArm"):  # hips and collars lie across in any rest pose, arms may not
+        left, right = joints.get(f"left{part}"), joints.get(f"right{part}")
+        if top is not None and left is not None and right is not None:
+            across, up = rest[left] - rest[right], rest[top] - rest[joints.get("hips", 0)]
+            if np.linalg.norm(np.cross(across, up)) > 1e-9:
+                return _frame(across, up)
+    return rotation.IDENTITY
+
+
+def _hand_to_t_pose(side: str, rest: Float, joints: Mapping[str, int], above: Float) -> Float:
+    knuckles = [joints.get(f"{side}{finger}Proximal") for finger in ("Index", "Middle", "Little")]
+    wrist = joints[f"{side}Hand"]
+    out = 1.0 if side == "left" else -1.0
+    if knuckles[1] is None:
+        return above
+    if knuckles[0] is None or knuckles[2] is None:
+        along = rotation.rotate(above, rest[knuckles[1]] - rest[wrist])
+        return rotation.multiply(rotation.between_vectors(along, np.array([out, 0.0, 0.0])), above)
+    along, across = rest[knuckles[1]] - rest[wrist], rest[knuckles[0]] - rest[knuckles[2]]
+    # Fingers along +-X, the index side forward (+Z): palms down.
+    return _frame(along * out, np.cross(across, along) * out)
+
+
+def _frame(x: Float, y: Float) -> Float:
+    """Rotation (4,) that takes the direction ``y`` to +Y and the part of ``x`` at right angles to it to +X."""
+    y = y / np.linalg.norm(y)
+    x = x - (x @ y) * y
+    x = x / np.linalg.norm(x)
+    return rotation.from_matrix(np.stack([x, y, np.cross(x, y)]))
+
+
+def t_pose_positions(skeleton: Skeleton) -> Float:
+    """Joint positions (J, 3) of the common pose, the root at the origin, in clip units."""
+    turns = t_pose_rotations(skeleton)
+    places = np.zeros((len(skeleton), 3))
+    for joint in range(1, len(skeleton)):
+        parent = skeleton.parents[joint]
+        places[joint] = places[parent] + rotation.rotate(turns[parent], skeleton.offsets[joint])
+    return places

@@ -1,1 +1,0 @@
-"""The networks of the paper, its rivals and the transition makers that it cites, in plain PyTorch."""

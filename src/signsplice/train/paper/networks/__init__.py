@@ -1,0 +1,1 @@
+"""SPSN, TFGN, the rival systems and related transition makers, as torch modules."""

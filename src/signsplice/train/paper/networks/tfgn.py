@@ -1,0 +1,113 @@
+"""TFGN (eq. 12-16), and what is built like it: the rival Transformer and the Progressive Transformer.
+
+* TFGN: encoder over the culled frames X_c (or over all of X, the ablation WC), decoder for the transition frames. It
+  is told no positions: with Culling they lie in the middle of X_c, without it it has to find them itself.
+* Transformer: the same over all of X, and a linear layer on the encoder's states classifies every frame as {none, pre,
+  post}: one network and one loss for both jobs, the paper's setting being unsaid.
+* Progressive Transformer (Saunders et al. 2020 [7]): every frame comes with a counter that runs from 0 to 1 over the
+  transition, takes the place of the decoder's positional code, and ends the sequence when it reaches 1. Of their
+  augmentations, noise and "just counter" (the frame hidden, its counter not) are used; predicting several frames ahead
+  is not.
+
+Decoding is causal in both ways of running, so that a frame does not depend on how many come after it: one after another
+with a key-value cache, or all at once with the inputs hidden.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from signsplice.train.paper.networks.generator import FRAME, Encoded, Generator, State
+from signsplice.train.paper.networks.layers import (
+    N_NUMBERS,
+    DecoderLayer,
+    Encoder,
+    Normaliser,
+    causal,
+    positional_code,
+    with_steps,
+)
+from signsplice.train.paper.networks.spsn import admissible
+
+COUNTED = 0.96
+"""The counter at which a sequence ends: above 1 - 1/n for every n up to 24."""
+_STEEP = 50.0
+
+
+@dataclass(frozen=True)
+class TransformerConfig:
+    """Sizes. ``tokens``: a head for positions too; ``counter``: progressive decoding."""
+
+    width: int = 512
+    n_heads: int = 8
+    n_encoder_layers: int = 6
+    n_decoder_layers: int = 6
+    inner: int = 2048
+    dropout: float = 0.1
+    tokens: bool = False
+    counter: bool = False
+
+
+class Transformer(Generator):
+    """Encoder and decoder of attention layers."""
+
+    def __init__(self, config: TransformerConfig, normaliser: Normaliser) -> None:
+        super().__init__()
+        self.config, self.normaliser = config, normaliser
+        self.concurrent = not config.counter
+        self.n_fed = N_NUMBERS + config.counter
+        width, sizes = config.width, (config.width, config.n_heads)
+        self.encoder = Encoder(*sizes, config.n_encoder_layers, config.inner, config.dropout)
+        self.kind = nn.Embedding(3, width)
+        self.embedding = nn.Linear(N_NUMBERS, width)
+        self.layers = nn.ModuleList(
+            DecoderLayer(*sizes, config.inner, config.dropout) for _ in range(config.n_decoder_layers)
+        )
+        self.norm = nn.LayerNorm(width)
+        self.frame, self.last = nn.Linear(width, N_NUMBERS), nn.Linear(width, 1)
+        if config.tokens:
+            self.token = nn.Linear(width, 3)
+        if config.counter:
+            self.count = nn.Linear(1, width)
+
+    def encode(self, x: Tensor, mask: Tensor, n_before: Tensor) -> Encoded:
+        """Memory: mask (B, S), then each decoder layer's keys and values (B, H, S, D / H). State: empty caches."""
+        states = self.encoder(with_steps(self.normaliser(x), n_before), mask)
+        tokens = admissible(self.token(states), n_before) if self.config.tokens else None
+        memory = [mask]
+        state = []
+        for layer in self.layers:
+            assert isinstance(layer, DecoderLayer)
+            keys_values = layer.cross.keys_values(states)
+            memory += keys_values
+            state += [part[:, :, :0] for part in keys_values]
+        return Encoded(tokens, tuple(memory), tuple(state))
+
+    def decode(
+        self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State
+    ) -> tuple[Tensor, Tensor, State]:
+        """Frames, last-logits and longer caches."""
+        shown = (kinds == FRAME)[..., None].to(fed.dtype)
+        inputs = self.kind(kinds) + shown * self.embedding(self.normaliser(fed[..., :N_NUMBERS]))
+        n_new, n_past = fed.shape[1], state[0].shape[2]
+        if self.config.counter:
+            inputs = inputs + self.count(fed[..., N_NUMBERS:])
+        else:
+            positions = start + torch.arange(n_new, device=fed.device)
+            inputs = inputs + positional_code(positions, inputs.shape[-1]).to(inputs.dtype)
+        own, cross = causal(n_new, n_past, fed.device), memory[0][:, None, None, :]
+        caches: list[Tensor] = []
+        x = inputs
+        for k, layer in enumerate(self.layers):
+            x, cache = layer(x, (state[2 * k], state[2 * k + 1]), (memory[2 * k + 1], memory[2 * k + 2]), own, cross)
+            caches += cache
+        x = self.norm(x)
+        frames = self.normaliser.inverse(self.frame(x))
+        last: Tensor = self.last(x)
+        if self.config.counter:
+            counter = torch.sigmoid(last)
+            return torch.cat([frames, counter], dim=-1), _STEEP * (counter[..., 0] - COUNTED), tuple(caches)
+        return frames, last[..., 0], tuple(caches)

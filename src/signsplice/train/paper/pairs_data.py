@@ -1,0 +1,120 @@
+"""Batches of a part of a corpus of pairs: padded inputs, masks, labels and true transition frames.
+
+A batch is a function of the seed and the step alone, so that a training that was interrupted goes on with the same
+batches, and several processes share one batch without talking. Only pairs of the chosen part are ever read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn.utils.rnn import pad_sequence
+
+from signsplice.splicing.culling import cull
+from signsplice.synth.corpus import Pairs
+from signsplice.synth.rng import stream
+from signsplice.train.paper.networks.layers import Normaliser
+
+DEVIATION_FLOOR = 0.01
+"""Numbers that hardly move are not blown up beyond this."""
+_POOL = 8
+"""Batches drawn together and sorted by length, so that little is padded."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Pairs side by side; B pairs, S frames of input, T transition frames.
+
+    ``x`` (B, S, 159) is the whole X, or the culled frames; ``mask`` (B, S) False at padding and repeated edges.
+    ``pre``, ``post`` (B,) are frames of ``x``; ``n_before`` (B,) of its frames are of the first word. ``new`` (B, T,
+    159) true transitions, ``real`` (B, T) False at padding. ``numbers`` (B,) names the pairs, ``step`` the batch.
+    """
+
+    numbers: Tensor
+    x: Tensor
+    mask: Tensor
+    n_before: Tensor
+    pre: Tensor
+    post: Tensor
+    new: Tensor
+    real: Tensor
+    step: int = 0
+
+    def to(self, device: torch.device) -> Batch:
+        """The same on a device."""
+        moved = {f.name: getattr(self, f.name).to(device) for f in fields(self) if f.name != "step"}
+        return Batch(**moved, step=self.step)
+
+
+class PairsData:
+    """A part of a split, its words and transitions in memory as float32."""
+
+    def __init__(self, pairs: Pairs, split: str, part: str, fr: int | None = None) -> None:
+        self.numbers = np.array(pairs.split(split, part), dtype=np.int64)
+        self.fr = fr
+        self._index = np.asarray(pairs.index[self.numbers]) if len(self.numbers) else np.zeros((0, 6), np.int32)
+        words = sorted(set(self._index[:, :2].ravel().tolist()))
+        self._words = {word: np.array(pairs.word(word), np.float32) for word in words}
+        self._new = [np.array(pairs.truth(int(number))[2], np.float32) for number in self.numbers]
+        self._lengths = np.array([len(self._words[p]) + len(self._words[q]) for p, q in self._index[:, :2].tolist()])
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def normaliser(self) -> Normaliser:
+        """Mean and deviation of every number over the words of this part."""
+        frames = np.concatenate(list(self._words.values())).astype(np.float64)
+        deviation = np.maximum(frames.std(axis=0), DEVIATION_FLOOR)
+        return Normaliser(torch.from_numpy(frames.mean(axis=0)).float(), torch.from_numpy(deviation).float())
+
+    def rows(self, step: int, size: int, seed: int) -> NDArray[np.int64]:
+        """Rows of the batch of a step (from 0): passes over all pairs in ever new orders, a batch alike in length."""
+        size = min(size, len(self))
+        n_batches = max(1, len(self) // size)
+        epoch, at = divmod(step, n_batches)
+        order = stream("batches", seed, epoch).permutation(len(self))[: n_batches * size]
+        if self.fr is not None:
+            return order[at * size : (at + 1) * size]
+        pools = [order[k : k + _POOL * size] for k in range(0, len(order), _POOL * size)]
+        alike = np.concatenate([pool[np.argsort(self._lengths[pool], kind="stable")] for pool in pools])
+        batches = alike.reshape(n_batches, size)
+        return np.asarray(batches[stream("batch-order", seed, epoch).permutation(n_batches)[at]])
+
+    def batch(self, rows: Sequence[int] | NDArray[np.int64], step: int = 0) -> Batch:
+        """These rows of the part side by side."""
+        index = [self._index[row].tolist() for row in rows]
+        inputs, masks = [], []
+        for p, q, pre, post, _, _ in index:
+            before, after = self._words[p], self._words[q]
+            if self.fr is None:
+                frames, mask = np.concatenate([before, after]), np.ones(len(before) + len(after), bool)
+            else:
+                frames, mask = cull(before, after, pre, post, self.fr)
+            inputs.append(torch.from_numpy(frames))
+            masks.append(torch.from_numpy(mask))
+        new = [torch.from_numpy(self._new[row]) for row in rows]
+        if self.fr is None:
+            n_before = torch.tensor([len(self._words[entry[0]]) for entry in index])
+            pre, post = (
+                torch.tensor([entry[2] for entry in index]),
+                torch.tensor([entry[3] for entry in index]) + n_before,
+            )
+        else:
+            n_before = torch.full((len(index),), self.fr)
+            pre, post = n_before - 1, n_before
+        return Batch(
+            numbers=torch.from_numpy(self.numbers[np.asarray(rows)]),
+            x=pad_sequence(inputs, batch_first=True),
+            mask=pad_sequence(masks, batch_first=True),
+            n_before=n_before,
+            pre=pre,
+            post=post,
+            new=pad_sequence(new, batch_first=True),
+            real=pad_sequence([torch.ones(len(frames), dtype=torch.bool) for frames in new], batch_first=True),
+            step=step,
+        )

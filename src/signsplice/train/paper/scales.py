@@ -1,0 +1,201 @@
+"""The one dial: what each system is made of, how large its parts are, and how long they learn.
+
+A system has parts that learn apart: a splice position is chosen, not weighed, so no gradient runs from TFGN through
+Culling into SPSN, and learning together would be learning apart. LpTransformer and its ablations share parts; what is
+compared between them is then the design and no second draw of weights.
+
+smoke: everything in minutes, for the way itself. cpu: smaller networks, some hours on two cores. paper: the sizes of
+the paper (512 units everywhere, 6 + 6 and 20 + 20 layers, 8 heads), which want a GPU.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from torch import nn
+
+from signsplice.errors import InputError
+from signsplice.train.paper.networks.convs2s import ConvS2S, ConvS2SConfig
+from signsplice.train.paper.networks.filling import Interpolation, InterpolationConfig, Nat, NatConfig
+from signsplice.train.paper.networks.layers import Normaliser
+from signsplice.train.paper.networks.lstm import LstmConfig, LstmSeq2Seq
+from signsplice.train.paper.networks.spsn import Spsn, SpsnConfig
+from signsplice.train.paper.networks.tfgn import Transformer, TransformerConfig
+from signsplice.train.paper.tasks import FillTask, FrameTask, Task, TokenTask
+
+SCALES = ("smoke", "cpu", "paper")
+FR = 8
+"""The paper's choice after its sweep."""
+
+SYSTEMS: dict[str, tuple[str, ...]] = {
+    "lpt": ("spsn", "tfgn"),
+    "lpt-printed": ("spsn-printed", "tfgn"),
+    "lpt-wa": ("spsn-wa", "tfgn"),
+    "lpt-wc": ("spsn", "tfgn-wc"),
+    "lpt-wac": ("spsn-wa", "tfgn-wc"),
+    "conv-s2s": ("conv-s2s",),
+    "lstm": ("lstm",),
+    "transformer": ("transformer",),
+    "progressive-transformer": ("spsn", "progressive"),
+    "nat": ("spsn", "nat"),
+    "conv-interp": ("spsn", "interpolation"),
+}
+"""System -> its parts: the one that finds positions, if another than that which makes frames, and the latter."""
+
+CULLED = ("tfgn", "progressive", "nat", "interpolation")
+"""Parts that see ``fr`` frames around the splice in place of the whole X."""
+
+Config = SpsnConfig | TransformerConfig | ConvS2SConfig | LstmConfig | NatConfig | InterpolationConfig
+
+
+@dataclass(frozen=True)
+class SystemPart:
+    """A network and how it learns: sizes, frames on each side that it sees (None: all), steps, pairs a batch, and the
+    rate for AdamW (SGD has the paper's).
+    """
+
+    name: str
+    config: Config
+    fr: int | None
+    steps: int
+    batch: int
+    rate: float
+
+    def facts(self) -> dict[str, Any]:
+        """For a bundle and for the name of its checkpoints."""
+        return {"config": asdict(self.config), **{k: v for k, v in asdict(self).items() if k not in ("name", "config")}}
+
+
+def _transformer(scale: str, **what: Any) -> TransformerConfig:
+    sizes = {
+        "smoke": TransformerConfig(32, 2, 1, 1, 64, 0.0),
+        "cpu": TransformerConfig(128, 8, 3, 3, 512, 0.0),
+        "paper": TransformerConfig(),
+    }
+    return replace(sizes[scale], **what)
+
+
+def _config(name: str, scale: str, fr: int) -> Config:
+    width = {"smoke": 32, "cpu": 128, "paper": 512}[scale]
+    dropout = 0.0 if scale == "smoke" else 0.1
+    t = _transformer(scale)
+    whole = replace(t, inner=t.inner // 2) if scale == "cpu" else t
+    configs: dict[str, Config] = {
+        "spsn": SpsnConfig(width, dropout=dropout),
+        "spsn-printed": SpsnConfig(width, "printed", dropout, steps=False),
+        "spsn-wa": SpsnConfig(width, "none", dropout),
+        "tfgn": t,
+        "tfgn-wc": whole,
+        "transformer": replace(whole, tokens=True),
+        "progressive": replace(t, counter=True),
+        "nat": NatConfig(fr, t.width, t.n_heads, t.n_encoder_layers, t.n_decoder_layers, t.inner, 8, t.dropout),
+        "interpolation": InterpolationConfig(fr, width, 9 if scale == "paper" else 6),
+        "conv-s2s": _convolutions(scale),
+        "lstm": LstmConfig(width),
+    }
+    return configs[name]
+
+
+def _convolutions(scale: str) -> ConvS2SConfig:
+    sizes = {"smoke": ConvS2SConfig(16, 3, 3, 0.0), "cpu": ConvS2SConfig(64, 20, 20, 0.0), "paper": ConvS2SConfig()}
+    return sizes[scale]
+
+
+@dataclass(frozen=True)
+class _PartSchedule:
+    """Steps at smoke, cpu and paper scale; pairs a batch and AdamW's rate at cpu scale."""
+
+    steps: tuple[int, int, int]
+    batch: int = 64
+    rate: float = 1e-3
+
+
+_SEARCH = _PartSchedule((60, 8000, 60_000), 32, 3e-3)
+_SCHEDULES = {
+    "spsn": _SEARCH,
+    "spsn-printed": _SEARCH,
+    "spsn-wa": _SEARCH,
+    "tfgn": _PartSchedule((60, 3000, 60_000)),
+    "tfgn-wc": _PartSchedule((60, 2400, 60_000), 32),
+    "transformer": _PartSchedule((60, 5500, 60_000), 32),
+    "conv-s2s": _PartSchedule((60, 5000, 60_000), 32, 3e-4),
+    "lstm": _PartSchedule((60, 12_000, 60_000), 32, 3e-3),
+    "progressive": _PartSchedule((60, 2000, 60_000)),
+    "nat": _PartSchedule((60, 2000, 60_000)),
+    "interpolation": _PartSchedule((60, 2000, 60_000)),
+}
+"""At cpu scale LpTransformer and each of its rivals learn for about 50 minutes of one core, since a step of one costs
+up to five times as much as a step of another.
+"""
+
+
+SHORTER = {("cpu", "sgd"): 0.05, ("cpu", "unseen-words"): 0.3}
+"""Shares of the steps: SGD as printed gets nowhere in hours of two cores, so that it is given few of them; unseen words
+leave three fifths of the pairs to learn from, and half as many passes over them are made.
+"""
+
+
+def parts(
+    system: str,
+    scale: str,
+    fr: int | None = None,
+    steps: int | None = None,
+    optimiser: str = "adamw",
+    split: str = "random",
+) -> tuple[SystemPart, ...]:
+    """A system's parts at a scale; with 0 ``steps`` they stay as they were drawn, which tells their size and time.
+
+    Raises ``InputError`` for an unknown name, or an ``fr`` where nothing is culled.
+    """
+    if system not in SYSTEMS:
+        raise InputError(f"no system {system!r}, expected all or one of {', '.join(SYSTEMS)}")
+    if scale not in SCALES:
+        raise InputError(f"no scale {scale!r}, expected one of {', '.join(SCALES)}")
+    names = SYSTEMS[system]
+    if fr is not None and not any(name in CULLED for name in names):
+        raise InputError(f"--fr {fr}, but {system} has no Culling layer; leave it out")
+    for option, value, least in (("--fr", fr, 1), ("--steps", steps, 0)):
+        if value is not None and value < least:
+            raise InputError(f"{option} {value}, expected at least {least}")
+    side = FR if fr is None else fr
+    at = SCALES.index(scale)
+    share = SHORTER.get((scale, optimiser), 1.0) * SHORTER.get((scale, split), 1.0)
+    return tuple(
+        SystemPart(
+            name,
+            _config(name, scale, side),
+            side if name in CULLED else None,
+            round(share * _SCHEDULES[name].steps[at]) if steps is None else steps,
+            (16, _SCHEDULES[name].batch, 64)[at],
+            (1e-2, _SCHEDULES[name].rate, 3e-4)[at],
+        )
+        for name in names
+    )
+
+
+def task(part: SystemPart, normaliser: Normaliser, parents: Sequence[int], seed: int) -> Task:
+    """A part's network with its loss; ``parents`` are those of the 53 joints."""
+    network = network_of(part.config, normaliser, parents)
+    if isinstance(network, Spsn):
+        return TokenTask(network)
+    if isinstance(network, Nat | Interpolation):
+        return FillTask(network, normaliser)
+    assert isinstance(network, Transformer | ConvS2S | LstmSeq2Seq)
+    return FrameTask(network, normaliser, seed)
+
+
+def network_of(config: Config, normaliser: Normaliser, parents: Sequence[int]) -> nn.Module:
+    """The network of some sizes."""
+    if isinstance(config, SpsnConfig):
+        return Spsn(config, normaliser)
+    if isinstance(config, TransformerConfig):
+        return Transformer(config, normaliser)
+    if isinstance(config, ConvS2SConfig):
+        return ConvS2S(config, normaliser)
+    if isinstance(config, LstmConfig):
+        return LstmSeq2Seq(config, normaliser)
+    if isinstance(config, NatConfig):
+        return Nat(config, normaliser, parents)
+    return Interpolation(config, normaliser)

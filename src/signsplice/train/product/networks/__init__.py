@@ -1,0 +1,1 @@
+"""The two networks that ship, as torch modules."""

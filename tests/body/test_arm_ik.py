@@ -1,0 +1,110 @@
+"""Wrists led elsewhere: where they go, what stays, on rigs of all kinds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from clothes import in_other_clothes, with_rest_pose
+from conftest import random_clip
+from signing import word
+from signsplice.body.arm_ik import move_wrists
+from signsplice.errors import InputError
+from signsplice.motion import kinematics, rotation
+from signsplice.motion.clip import Clip
+from signsplice.rig.arms import arm_joints
+
+TURN = rotation.exp([0.4, -1.1, 0.8])
+RIGS: dict[str, Callable[[Clip], Clip]] = {
+    "the signer's own": lambda clip: clip,
+    "other axes and unit": lambda clip: in_other_clothes(clip, TURN, 0.01),
+    "another rest pose": lambda clip: with_rest_pose(
+        clip, {"LeftArm": (0.0, 0.0, 1.2), "RightForeArm": (0.7, 0.0, 0.3)}
+    ),
+}
+
+
+def wandering(clip: Clip, size: float) -> np.ndarray:
+    """Smooth moves (T, 2, 3), clip units."""
+    rng = np.random.default_rng(3)
+    waves = np.sin(np.linspace(0.0, 6.0, len(clip))[:, None, None] * rng.uniform(0.5, 2.0, (2, 3)))
+    return np.asarray(size * waves)
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_wrists_go_where_they_are_led_and_hands_keep_their_turn(rig: str) -> None:
+    clip = RIGS[rig](word("HELLO").clip)
+    joints = arm_joints(clip.skeleton)[:6]
+    turns, places = kinematics.forward(clip, joints)
+    arm = np.linalg.norm(np.diff(places[0, :3], axis=0), axis=-1).sum()
+    moves = wandering(clip, 0.04 * arm)
+    new_turns, new_places = kinematics.forward(move_wrists(clip, moves), joints)
+    reach = np.linalg.norm(places[:, 2::3] + moves - places[:, ::3], axis=-1)
+    near = reach < 0.999 * arm
+    assert near.mean() > 0.8
+    np.testing.assert_allclose(new_places[:, 2::3][near], (places[:, 2::3] + moves)[near], atol=1e-9 * arm)
+    np.testing.assert_allclose(new_places[:, ::3], places[:, ::3], atol=1e-12 * arm)
+    np.testing.assert_allclose(new_turns[:, 2::3], turns[:, 2::3], atol=1e-9)
+
+
+def test_only_the_arm_that_is_led_turns() -> None:
+    clip = word("DEAF").clip
+    moves = wandering(clip, 3.0)
+    moves[:, 0] = 0.0
+    moves[:5] = 0.0
+    led = move_wrists(clip, moves)
+    changed = np.abs(led.local_rotations - clip.local_rotations).max(axis=(0, 2)) > 1e-12
+    assert {clip.skeleton.names[j].split(":")[-1] for j in np.flatnonzero(changed)} == {
+        "RightArm",
+        "RightForeArm",
+        "RightHand",
+    }
+    np.testing.assert_array_equal(led.local_rotations[:5], clip.local_rotations[:5])
+
+
+def test_beyond_reach_the_arm_stretches_towards_it() -> None:
+    clip = word("HELLO").clip
+    joints = arm_joints(clip.skeleton)[:3]
+    moves = np.zeros((len(clip), 2, 3))
+    moves[:, 0] = [500.0, 100.0, 0.0]
+    _, before = kinematics.forward(clip, joints)
+    _, after = kinematics.forward(move_wrists(clip, moves), joints)
+    arm = np.linalg.norm(np.diff(before[0], axis=0), axis=-1).sum()
+    way = after[:, 2] - after[:, 0]
+    np.testing.assert_allclose(np.linalg.norm(way, axis=-1), 0.999 * arm, rtol=1e-6)
+    wanted = before[:, 2] + moves[:, 0] - before[:, 0]
+    cosine = (way * wanted).sum(-1) / np.linalg.norm(way, axis=-1) / np.linalg.norm(wanted, axis=-1)
+    np.testing.assert_allclose(cosine, 1.0, atol=1e-9)
+
+
+STRAIGHT = {"a T-pose": (0.0, 0.0, 0.0), "hanging": (0.0, 0.0, -1.5), "raised": (0.3, -0.4, 0.9)}
+
+
+@pytest.mark.parametrize("pose", STRAIGHT)
+def test_a_straight_arm_bends_as_elbows_do(pose: str) -> None:
+    """It has no plane; the wrists come in all the same, the forearm ahead of the elbow, and both arms alike."""
+    skeleton = word("HELLO").clip.skeleton
+    local = np.tile(rotation.IDENTITY, (1, len(skeleton), 1))
+    left, right = (skeleton.names.index(f"mixamorig:{side}Arm") for side in ("Left", "Right"))
+    x, y, z = STRAIGHT[pose]
+    local[0, left], local[0, right] = rotation.exp([x, y, z]), rotation.exp([x, -y, -z])
+    rest = Clip(skeleton, local, np.zeros((1, 3)), 30.0)
+    joints = arm_joints(skeleton)[:6]
+    turns, before = kinematics.forward(rest, joints)
+    moves = np.stack([0.2 * (before[:, k] - before[:, k + 2]) for k in (0, 3)], axis=1)
+    _, after = kinematics.forward(move_wrists(rest, moves), joints)
+    np.testing.assert_allclose(after[:, 2::3], before[:, 2::3] + moves, atol=1e-6)
+    np.testing.assert_allclose(after[:, :3] * [-1.0, 1.0, 1.0], after[:, 3:], atol=1e-6)
+    for side, at in ((0, slice(0, 3)), (1, slice(3, 6))):
+        shoulder, elbow, wrist = after[0, at]
+        aside = elbow - 0.5 * (shoulder + wrist)
+        ahead = turns[0, 3 * side] @ [0.0, 0.0, 1.0]
+        assert aside @ ahead < -0.9 * np.linalg.norm(aside), "the elbow goes back where the forearm comes ahead"
+
+
+def test_a_rig_without_arms_is_refused() -> None:
+    clip = random_clip(1)
+    with pytest.raises(InputError, match="found among joints"):
+        move_wrists(clip, np.ones((len(clip), 2, 3)))

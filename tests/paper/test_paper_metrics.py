@@ -1,0 +1,154 @@
+"""The paper's scores: by hand, beside slow references, and what must hold whatever the frames."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import reference
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from toys import corpus, moved
+
+from signsplice.paper import bleu, extra_metrics, metrics
+from signsplice.paper.prediction import Prediction
+from signsplice.rig import metrics as scores
+from signsplice.synth.corpus import EXTENT
+
+Float = NDArray[np.float64]
+
+
+def frames(*values: float) -> Float:
+    """A frame a value, every number of it the same."""
+    return np.repeat(np.array(values, float)[:, None], 159, axis=1)
+
+
+def test_accuracy_by_hand() -> None:
+    assert metrics.accuracy(frames(0.1, 0.2), frames(0.1, 0.2)) == 1.0
+    assert metrics.accuracy(frames(0.1, 0.2), frames(0.1, 0.0)) == pytest.approx(0.9)
+    assert metrics.accuracy(frames(0.0, 0.0), frames(0.1, -0.1)) == pytest.approx(0.9), "errors do not cancel"
+    assert metrics.accuracy(frames(0.1), frames(0.1, 0.1, 0.1), sigma=0.05) == pytest.approx(0.9)
+    assert metrics.accuracy(frames(*[0.0] * 30), frames(0.0), sigma=0.05) == pytest.approx(-0.45), "as printed"
+
+
+def test_mse_by_hand() -> None:
+    assert metrics.squared_error(frames(0.1, 0.2), frames(0.1, 0.2)) == 0.0
+    assert metrics.squared_error(frames(0.1, 0.3), frames(0.0, 0.1)) == pytest.approx(0.01 + 0.04), "frames are summed"
+    one = frames(0.0)
+    one[0, 0] = 0.3
+    assert metrics.squared_error(one, frames(0.0)) == pytest.approx(0.09 / 159), "numbers are averaged"
+    assert metrics.squared_error(frames(0.0), frames(0.0, 0.0, 0.0), lambda_=3.0) == pytest.approx(36.0 / 159)
+
+
+def test_a_frame_too_many_counts_as_a_frame_that_viewers_see() -> None:
+    long, true = frames(0.0, 0.0), frames(0.0)
+    seen = frames(math.sqrt(metrics.VISIBLE))
+    assert metrics.squared_error(long, true) == pytest.approx(metrics.squared_error(seen, true))
+    assert metrics.accuracy(long, true) == pytest.approx(metrics.accuracy(seen, true))
+    assert metrics.squared_error(long, true) == pytest.approx(0.002)
+
+
+@given(st.integers(1, 6), st.integers(1, 6), st.integers(0, 1000))
+def test_accuracy_and_mse_as_the_slow_reference(n: int, m: int, seed: int) -> None:
+    a, b = moved(n, seed), moved(m, seed + 1)
+    assert metrics.accuracy(a, b) == pytest.approx(reference.accuracy(a, b, metrics.SIGMA))
+    assert metrics.squared_error(a, b) == pytest.approx(reference.squared_error(a, b, metrics.LAMBDA))
+
+
+def score_of(
+    prediction: Prediction, true: tuple[int, int, Float], words: tuple[Float, Float] | None = None
+) -> metrics.PairScore:
+    clip = corpus().word_clip(0)
+    body = extra_metrics.number_layout(clip, EXTENT * corpus().signers[0].stature_cm)
+    return metrics.score(prediction, true, words or (moved(20, 8), moved(20, 9)), body)
+
+
+def test_pta_and_paa_by_hand() -> None:
+    true = (5, 6, moved(5))
+    rows = [
+        score_of(Prediction(5, 6, true[2]), true),
+        score_of(Prediction(5, 7, true[2]), true),
+        score_of(Prediction(None, 6, true[2]), true),
+        score_of(Prediction(5, None, true[2]), true),
+    ]
+    found = metrics.summary(rows)
+    assert found["pta"] == 0.5
+    assert found["paa"] == 0.5
+    assert found["paa_all"] == 0.25
+    assert found["positions_off"] == 0.25
+    assert found["accuracy"] == 1.0, "frames count without tokens"
+    assert found["bleu-4"] == 1.0
+
+
+def test_no_tokens_at_all_leaves_paa_unknown() -> None:
+    true = (5, 6, moved(5))
+    found = metrics.summary([score_of(Prediction(None, None, np.empty((0, 159))), true)] * 2)
+    assert found["pta"] == 0.0
+    assert math.isnan(found["paa"])
+    assert found["paa_all"] == 0.0
+    assert found["bleu-1"] == 0.0
+    assert found["mse"] == pytest.approx(25 * 0.002)
+    assert math.isnan(found["motion_ratio"])
+
+
+def test_every_score_has_its_signature() -> None:
+    assert f"sigma:{metrics.SIGMA:.4f}" in metrics.SIGNATURES["accuracy"]
+    assert f"lambda:{metrics.LAMBDA:.4f}" in metrics.SIGNATURES["mse"]
+    assert f"msd<={bleu.TOLERANCE:g}" in metrics.SIGNATURES["bleu"]
+    assert "of:predicted" in metrics.SIGNATURES["paa"]
+    for name in ("accuracy", "mse", "bleu"):
+        assert "compared:transition" in metrics.SIGNATURES[name]
+    assert len(set(metrics.SIGNATURES.values())) == len(metrics.SIGNATURES)
+
+
+def test_the_filter_layer_joins_what_is_kept_and_what_is_new() -> None:
+    before, after, new = moved(10, 1), moved(12, 2), moved(3, 3)
+    whole = extra_metrics.utterance(before, after, Prediction(6, 4, new))
+    assert whole is not None
+    assert np.array_equal(whole, np.concatenate([before[:7], new, after[4:]]))
+    assert extra_metrics.utterance(before, after, Prediction(None, 4, new)) is None
+    pairs = corpus()
+    pre, post, true = pairs.truth(7)
+    p, q = pairs.index[7, :2].tolist()
+    whole = extra_metrics.utterance(pairs.word(p), pairs.word(q), Prediction(pre, post, true))
+    assert np.array_equal(np.asarray(whole), pairs.utterance(7)), "the truth's utterance is the corpus's"
+
+
+def test_the_truth_moves_as_the_truth_and_is_as_smooth() -> None:
+    pairs = corpus()
+    pre, post, frames_ = pairs.truth(3)
+    p, q = pairs.index[3, :2].tolist()
+    words = pairs.word(p).astype(float), pairs.word(q).astype(float)
+    found = metrics.summary([score_of(Prediction(pre, post, frames_.astype(float)), (pre, post, frames_), words)])
+    assert found["position_error"] < 1e-3, "32 bits"
+    assert found["motion_ratio"] == pytest.approx(1.0)
+    clip = pairs.clip(3)
+    wrists = [clip.skeleton.names.index(n) for n in clip.skeleton.names if n.endswith("Hand")]
+    places = scores.relative_positions(clip, wrists)
+    jump = scores.velocity_jump(places / 100.0, pre + 1, pre + 1 + len(frames_), clip.fps)
+    assert found["velocity_jump"] == pytest.approx(jump, rel=0.05), "metres a second, scaled back"
+
+
+def test_holding_still_moves_too_little_and_jumps() -> None:
+    pairs = corpus()
+    pre, post, true = pairs.truth(3)
+    p, q = pairs.index[3, :2].tolist()
+    words = pairs.word(p).astype(float), pairs.word(q).astype(float)
+    held = np.repeat(words[0][pre : pre + 1], len(true), axis=0)
+    found = metrics.summary([score_of(Prediction(pre, post, held), (pre, post, true), words)])
+    right = metrics.summary([score_of(Prediction(pre, post, true.astype(float)), (pre, post, true), words)])
+    assert found["motion_ratio"] < 1.0
+    assert found["velocity_jump"] > 2.0 * right["velocity_jump"]
+    assert found["position_error"] > 20.0
+
+
+def test_stretching_keeps_ends_and_length() -> None:
+    x = moved(5)
+    for count in (1, 2, 5, 9):
+        y = extra_metrics.stretched(x, count)
+        assert y.shape == (count, 159)
+        assert np.allclose(y[0], x[0])
+        assert count == 1 or np.allclose(y[-1], x[-1])
+    assert np.allclose(extra_metrics.stretched(x[:1], 4), x[0])

@@ -1,0 +1,334 @@
+"""Courses in time: least jerk through knots, reaches that fit both of their ends, and small motions that stay small."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from signing import who, word
+from signsplice.synth import hand, planner, pose, trajectory
+from signsplice.synth.handshapes import HANDSHAPES
+from signsplice.synth.rng import stream
+from signsplice.synth.signer import STANDARD, Signer
+from signsplice.synth.trajectory import Knot
+
+Float = NDArray[np.float64]
+
+PLAIN = replace(STANDARD, arch=0.0)
+
+
+def state(seed: int, spread: float = 5.0) -> Float:
+    """A state near a hand before the chest, both hands' fingers within their limits."""
+    rng = np.random.default_rng(seed)
+    made = np.zeros(pose.SIZE)
+    low, high = hand.LIMITS.T
+    for first in (0, 27):
+        made[first : first + 3] = np.array([-10.0, 0.0, 25.0]) + spread * rng.normal(size=3)
+        made[first + 3 : first + 6] = 0.2 * rng.normal(size=3)
+        made[first + 6 : first + 27] = 0.5 * (low + high) + 0.2 * (high - low) * rng.uniform(-1, 1, 21)
+    made[54:] = 0.1 * rng.normal(size=9)
+    return made
+
+
+def still(at: Float, n: int = 3) -> Float:
+    return np.repeat(at[None], n, axis=0)
+
+
+# --- knots
+
+
+@pytest.mark.parametrize("n_frames", [4, 9, 30])
+def test_between_two_stops_it_is_the_move_of_least_jerk(n_frames: int) -> None:
+    a, b = state(1), state(2)
+    made = trajectory.through([Knot(0, a, True), Knot(n_frames, b, True)])
+    u = np.arange(n_frames + 1)[:, None] / n_frames
+    assert made.shape == (n_frames + 1, pose.SIZE)
+    assert np.allclose(made, a + (10 * u**3 - 15 * u**4 + 6 * u**5) * (b - a), atol=1e-8)
+
+
+def test_it_passes_every_knot_on_its_frame() -> None:
+    frames = (0, 7, 12, 20, 33, 40)
+    stops = (True, False, False, True, False, True)
+    knots = [Knot(f, state(k), s) for k, (f, s) in enumerate(zip(frames, stops, strict=True))]
+    made = trajectory.through(knots)
+    assert len(made) == 41
+    for knot in knots:
+        assert np.allclose(made[knot.frame], knot.state, atol=1e-8)
+
+
+def test_it_rests_at_stops_and_runs_through_the_others() -> None:
+    a, b, c = state(1), state(2), state(3)
+    made = trajectory.through([Knot(0, a, True), Knot(20, b, True), Knot(40, c, True)])
+    passing = trajectory.through([Knot(0, a, True), Knot(20, b, False), Knot(40, c, True)])
+    speed, other = (np.linalg.norm(np.diff(x[:, :3], axis=0), axis=-1) for x in (made, passing))
+    for frame in (0, 19, 20, 39):
+        assert speed[frame] < 0.02 * speed.max(), "within a frame of a stop it hardly moves"
+    assert other[19:21].min() > 0.3 * other.max()
+
+
+def test_a_passed_knot_bends_the_way_smoothly() -> None:
+    """Four times differentiable: no third difference stands out at the knot."""
+    made = trajectory.through([Knot(0, state(1), True), Knot(30, state(2), False), Knot(60, state(3), True)])
+    jerk = np.linalg.norm(np.diff(made[:, :3], n=3, axis=0), axis=-1)
+    assert jerk[27:32].max() < 1.2 * jerk.max()
+    assert np.abs(np.diff(jerk)).max() < 0.2 * jerk.max()
+
+
+def test_a_hold_is_still_to_the_bit() -> None:
+    a, b = state(1), state(2)
+    made = trajectory.through([Knot(0, a, True), Knot(6, a, True), Knot(14, b, True), Knot(19, b, True)])
+    assert np.array_equal(made[:7], still(a, 7))
+    assert np.array_equal(made[15:], still(b, 5))
+    assert np.allclose(made[14], b, atol=1e-9)
+
+
+def test_one_knot_is_one_frame() -> None:
+    assert np.array_equal(trajectory.through([Knot(0, state(1), True)]), state(1)[None])
+
+
+def test_least_jerk_by_trying() -> None:
+    """Any bump laid over the course through a knot, at rest with it at the ends, makes the jerk larger."""
+    knots = [Knot(0, state(1), True), Knot(40, state(2), False), Knot(100, state(3), True)]
+    made = trajectory.through(knots)[:, :3]
+    t = np.arange(101)
+    least = (np.diff(made, n=3, axis=0) ** 2).sum()
+    for width in (1, 2, 3):  # zero at both ends and at the knot, with two derivatives at the ends
+        bump = (t * (100 - t) / 2500.0) ** 3 * np.sin(np.pi * width * (t - 40) / 100.0)
+        for size in (-0.5, 0.5):
+            assert (np.diff(made + size * bump[:, None], n=3, axis=0) ** 2).sum() > least
+
+
+# --- reaches
+
+
+def moving(at: Float, velocity: Float, ends: bool, n: int = 6) -> Float:
+    """Frames of even motion that end (or begin) ``at`` a state."""
+    steps = np.arange(1 - n, 1) if ends else np.arange(n)
+    return np.asarray(at + steps[:, None] * velocity)
+
+
+def seeded_ends(seed: int) -> tuple[Float, Float]:
+    rng = np.random.default_rng(seed)
+    v, w = 0.25 * rng.normal(size=(2, pose.SIZE))
+    v[pose.FINGERS] = w[pose.FINGERS] = v[33:54] = w[33:54] = 0.0
+    return moving(state(seed), v, True), moving(state(seed + 50), w, False)
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize(
+    "body", [PLAIN, STANDARD, replace(STANDARD, arch=0.15, lag=-0.05)], ids=["flat", "arch", "early"]
+)
+def test_a_reach_takes_up_place_and_velocity_at_both_ends(seed: int, body: Signer) -> None:
+    before, after = seeded_ends(seed)
+    n = 60
+    made = trajectory.reach(before, after, n, body)
+    assert made.shape == (n, pose.SIZE)
+    whole = np.concatenate([before, made, after])
+    velocity = np.diff(whole, axis=0)
+    first, last = len(before) - 1, len(before) + n
+    change = np.abs(np.diff(velocity, axis=0))
+    typical = change[first + 5 : last - 5].max()
+    for frame in (first, last):
+        assert change[frame - 1].max() < 0.35 * typical, "velocity goes on over the seam"
+    assert np.abs(whole[first + 1] - whole[first] - velocity[first - 1]).max() < 0.35 * typical
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_of_a_flat_reach_every_part_without_a_lead_is_the_quintic_of_its_ends(seed: int) -> None:
+    """Trunk, head and root against the polynomial solved from its six conditions."""
+    before, after = seeded_ends(seed)
+    n = 21
+    made = trajectory.reach(before, after, n, PLAIN)
+    steps = n + 1
+    t = np.array([0.0, 1.0])
+    powers = np.arange(6)
+    value = t[:, None] ** powers
+    slope = np.where(powers > 0, powers * t[:, None] ** np.maximum(powers - 1, 0), 0.0)
+    bend = np.where(powers > 1, powers * (powers - 1) * t[:, None] ** np.maximum(powers - 2, 0), 0.0)
+    rows = np.concatenate([value, slope, bend])
+    v, w = (before[-1] - before[-2]) * steps, (after[1] - after[0]) * steps
+    wanted = np.stack([before[-1], after[0], v, w, np.zeros_like(v), np.zeros_like(v)])
+    factors = np.linalg.solve(rows, wanted)
+    u = np.arange(1, steps)[:, None] / steps
+    assert np.allclose(made[:, 54:], (u**powers @ factors)[:, 54:], atol=1e-9)
+
+
+def test_a_hand_that_slows_down_is_taken_up_at_its_last_speed() -> None:
+    """Of a parabola the one-sided differences are exact: the velocity at its last frame, not that of its last step."""
+    a, b = state(1), state(2)
+    velocity, slowing, n = 0.5, -0.1, 90
+    t = np.arange(-5, 1)[:, None]
+    before = np.repeat(a[None], 6, axis=0)
+    before[:, 60:63] += velocity * t + 0.5 * slowing * t**2
+    made = trajectory.reach(before, still(b), n, PLAIN)[:, 60]
+    steps = np.diff(np.concatenate([before[-1:, 60], made]))
+    at_end = 1.5 * steps[0] - 0.5 * steps[1]  # half a step back from the middle of the first one
+    assert at_end == pytest.approx(velocity, abs=0.01)
+    assert steps[1] < steps[0], "and it goes on slowing"
+
+
+def test_fingers_are_ahead_of_the_wrist_and_the_index_of_the_little_one() -> None:
+    a, b = state(1), state(2)
+    made = trajectory.reach(still(a), still(b), 39, PLAIN)
+    progress = (made[19] - a) / (b - a)
+    assert np.allclose(progress[:3], 0.5, atol=1e-6), "the wrist is half way at half time"
+    assert (progress[pose.TURN] > 0.53).all()
+    fingers = progress[pose.FINGERS]
+    assert (fingers > 0.58).all()
+    assert fingers[:4].mean() > fingers[4:8].mean() > fingers[12:16].mean()
+    late = trajectory.reach(still(a), still(b), 39, replace(PLAIN, lag=0.06))
+    early = trajectory.reach(still(a), still(b), 39, replace(PLAIN, lag=-0.06))
+    shares = [((x[19] - a) / (b - a))[pose.FINGERS].mean() for x in (late, made, early)]
+    assert shares == sorted(shares)
+    assert shares[2] <= 0.65 + 1e-9
+
+
+def test_no_part_of_a_still_reach_turns_back() -> None:
+    """Ahead or late, arms aside, everything goes one way: also with the fastest fingers."""
+    a, b = state(3), state(4)
+    for body in (PLAIN, replace(PLAIN, lag=-0.075)):
+        made = np.concatenate([a[None], trajectory.reach(still(a), still(b), 39, body), b[None]])
+        progress = np.diff((made - a) / (b - a), axis=0)
+        assert progress.min() > -1e-9
+
+
+def test_what_goes_up_comes_down_the_same_way_where_nothing_leads() -> None:
+    """Under time reversal wrists keep their bow; fingers do not, since they are early both ways."""
+    a, b = state(5), state(6)
+    there = trajectory.reach(still(a), still(b), 24, STANDARD)
+    back = trajectory.reach(still(b), still(a), 24, STANDARD)[::-1]
+    assert np.allclose(there[:, :3], back[:, :3], atol=1e-9)
+    assert np.allclose(there[:, 54:], back[:, 54:], atol=1e-9)
+    assert not np.allclose(there[:, pose.FINGERS], back[:, pose.FINGERS], atol=0.01)
+
+
+def test_reaches_bow_away_from_the_body() -> None:
+    a, b = state(5), state(6)
+    a[:3], b[:3] = (-20.0, -10.0, 25.0), (-5.0, 10.0, 25.0)
+    flat, bowed = (trajectory.reach(still(a), still(b), 24, body)[:, :3] for body in (PLAIN, replace(PLAIN, arch=0.2)))
+    off = bowed - flat
+    assert off[12, 2] > 0.5, "forward"
+    assert off[12, 0] < 0.0, "outward"
+    along = (b - a)[:3]
+    assert np.abs(off @ along).max() < 1e-9, "square to the way"
+    assert np.linalg.norm(off, axis=-1).argmax() in (11, 12)
+
+
+def test_a_wrist_passes_its_shoulder_at_arms_length() -> None:
+    """Between two places on either side of the shoulder, the way goes round before it, not through it."""
+    a, b = state(5), state(6)
+    shoulder = np.array([-18.0, 12.0, 0.5])
+    a[:3], b[:3] = shoulder + np.array([[-14.0, -22.0, 4.0], [12.0, 22.0, 6.0]])
+    made = trajectory.reach(still(a), still(b), 30, PLAIN)
+    distance = np.linalg.norm(made[:, :3] - shoulder, axis=-1)
+    u = np.linspace(0.0, 1.0, 32)[:, None]
+    straight = np.linalg.norm(a[:3] + u * (b - a)[:3] - shoulder, axis=-1)
+    assert straight.min() < 10.0
+    assert distance.min() > 20.0
+
+
+def test_a_weak_hand_that_goes_down_is_late() -> None:
+    a, b = state(7), state(8)
+    b[27:30] = (-26.0, -39.0, 4.0)
+    down = trajectory.reach(still(a), still(b), 39, PLAIN)
+    up = trajectory.reach(still(b), still(a), 39, PLAIN)
+    assert ((down[19, 28] - a[28]) / (b[28] - a[28])) == pytest.approx(0.42, abs=0.005)
+    assert ((up[19, 28] - b[28]) / (a[28] - b[28])) == pytest.approx(0.5, abs=0.005)
+
+
+def test_fingers_stay_within_their_limits_however_fast_they_were() -> None:
+    a, b = state(9), state(10)
+    a[pose.FINGERS], b[pose.FINGERS] = HANDSHAPES["S"].angles, HANDSHAPES["5"].angles
+    rush = np.zeros(pose.SIZE)
+    rush[pose.FINGERS] = 0.3
+    made = trajectory.reach(moving(a, rush, True), moving(b, -rush, False), 12, STANDARD)
+    low, high = hand.LIMITS.T
+    assert (made[:, pose.FINGERS] >= low).all()
+    assert (made[:, pose.FINGERS] <= high).all()
+    assert (made[:, pose.FINGERS] == high).any(), "the rush would have gone beyond"
+
+
+def test_a_reach_edits_nothing_of_its_callers() -> None:
+    before, after = seeded_ends(1)
+    copies = before.copy(), after.copy()
+    trajectory.reach(before, after, 12, STANDARD)
+    assert np.array_equal(before, copies[0])
+    assert np.array_equal(after, copies[1])
+
+
+# --- time, hills and small motions
+
+
+def test_the_travel_law_in_numbers() -> None:
+    """T = 51 + 149 log2(1 + D / 0.15) ms, D in shoulder widths of 36 cm."""
+    assert trajectory.travel_seconds(0.0, STANDARD) == pytest.approx(0.051)
+    assert trajectory.travel_seconds(0.15 * 36.0, STANDARD) == pytest.approx(0.200)
+    assert trajectory.travel_seconds(0.45 * 36.0, STANDARD) == pytest.approx(0.349)
+    assert trajectory.travel_seconds(36.0, STANDARD) == pytest.approx(0.051 + 0.149 * np.log2(1 + 1 / 0.15))
+    quick, tall = Signer(tempo=2.0), Signer(stature_cm=204.0)
+    assert trajectory.travel_seconds(20.0, quick) == pytest.approx(0.5 * trajectory.travel_seconds(20.0, STANDARD))
+    assert trajectory.travel_seconds(24.0, tall) == pytest.approx(trajectory.travel_seconds(20.0, STANDARD))
+
+
+def test_a_bump_and_a_window_die_out_smoothly() -> None:
+    u = np.linspace(0.0, 1.0, 2001)
+    hill = trajectory.bump(u)
+    assert hill.max() == pytest.approx(1.0)
+    assert hill[1000] == pytest.approx(1.0)
+    assert np.allclose(hill, hill[::-1])
+    for n in (1, 2):
+        slope = np.gradient(hill, u, edge_order=2)
+        assert abs(slope[0]) < 1e-2 * np.abs(slope).max(), f"derivative {n}"
+        hill = slope
+    level = trajectory.window(30, 6)
+    assert level[0] == level[-1] == 0.0
+    assert (level[6:-6] == 1.0).all()
+    assert (np.diff(level[:7]) > 0.0).all()
+    assert np.allclose(level, level[::-1])
+
+
+@pytest.mark.parametrize("seed", [None, 0, 3, 7])
+def test_small_motions_are_small_and_go_to_and_fro(seed: int | None) -> None:
+    body = who(seed)
+    made = trajectory.small_motions(3000, 30.0, body, stream("test", 1))
+    hands = pose.hands(made)
+    assert np.abs(hands[..., pose.WRIST]).max() < 0.2, "cm"
+    assert (made[:, 3:27] == 0.0).all(), "hands do not shake in themselves"
+    assert np.abs(made[:, pose.TRUNK]).max() < np.deg2rad(1.5)
+    assert np.abs(made[:, pose.HEAD]).max() < np.deg2rad(3.0)
+    assert np.abs(made[:, pose.ROOT]).max() < 1.1
+    used = made.std(axis=0) > 0.0
+    assert used[[0, 1, 2, 27, 28, 29, 54, 57, 60, 62]].all()
+    assert (np.abs(made[:, used].mean(axis=0)) < 0.15 * made[:, used].std(axis=0)).all()
+    assert not np.allclose(made[:, 0], made[:, 27]), "each hand on its own"
+
+
+def test_breath_and_tremor_have_the_signers_frequencies() -> None:
+    fps, n = 100.0, 6000
+    made = trajectory.small_motions(n, fps, STANDARD, stream("test", 2))
+    hz = np.fft.rfftfreq(n, 1.0 / fps)
+
+    def peak(x: Float, above: float = 0.0) -> float:
+        power = np.abs(np.fft.rfft(x - x.mean())) * (hz > above)
+        return float(hz[power.argmax()])
+
+    assert peak(made[:, pose.TRUNK.start]) == pytest.approx(STANDARD.breath_hz, abs=0.03)
+    assert peak(made[:, 0], above=4.0) == pytest.approx(STANDARD.tremor_hz, abs=0.1)
+
+
+def test_small_motions_are_the_same_motion_at_another_rate() -> None:
+    slow = trajectory.small_motions(60, 30.0, STANDARD, stream("test", 3))
+    fast = trajectory.small_motions(120, 60.0, STANDARD, stream("test", 3))
+    assert np.allclose(slow, fast[::2], atol=1e-12)
+
+
+def test_a_citation_form_leaves_rest_and_returns_by_these_reaches() -> None:
+    made = word("HELLO")
+    speed = np.linalg.norm(np.diff(made.states[:, :3], axis=0), axis=-1)
+    e = made.events
+    assert speed[: e.up].max() < 0.1
+    assert speed[e.up : e.start].argmax() == pytest.approx(0.5 * (e.start - e.up), abs=3), "one hill of speed"
+    assert planner.PREPARATION < planner.RETRACTION

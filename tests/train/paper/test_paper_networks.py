@@ -1,0 +1,228 @@
+"""Every network: shapes, gradients, that it can learn one batch by heart, and that its ways of running agree."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from torch import Tensor  # noqa: E402
+
+from signsplice.train.paper import scales  # noqa: E402
+from signsplice.train.paper.networks.filling import Filler, shares  # noqa: E402
+from signsplice.train.paper.networks.generator import FRAME, HIDDEN, START, Generator, generate  # noqa: E402
+from signsplice.train.paper.networks.spsn import Spsn  # noqa: E402
+from signsplice.train.paper.pairs_data import Batch  # noqa: E402
+from signsplice.train.paper.tasks import MOST_FRAMES, decoder_input, positions, token_bias  # noqa: E402
+from training_toys import CONFIGS, FR, GENERATORS, accuracy, data, parents, toy  # noqa: E402
+
+
+def batch(name: str, n: int = 4) -> Batch:
+    return data("train", CONFIGS[name][1]).batch(range(n))
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_every_weight_gets_a_gradient(name: str) -> None:
+    made = toy(name)
+    made.network.train()
+    for parameter in made.parameters():
+        torch.nn.init.normal_(parameter, std=0.2)  # some begin at zero, which stops gradients behind them
+    loss = made(batch(name)) + made(data("train", CONFIGS[name][1]).batch(range(4), 1))
+    loss.backward()
+    for label, parameter in made.named_parameters():
+        if parameter.requires_grad:
+            assert parameter.grad is not None, label
+            assert torch.isfinite(parameter.grad).all(), label
+            key_bias = label.endswith("key.bias")  # a shift of all keys changes no softmax
+            assert parameter.grad.abs().max() > 0 or key_bias, label
+
+
+def test_many_convolutions_begin_with_states_of_one_size() -> None:
+    """20 + 20 layers at cpu scale: no layer's states are much larger than the first's, and gradients are no explosion,
+    which a toy of three layers does not show.
+    """
+    part = scales.parts("conv-s2s", "cpu")[0]
+    torch.manual_seed(0)
+    made = scales.task(part, data().normaliser(), parents(), 0)
+    sizes: list[float] = []
+    network: Any = made.network
+    for layer in network.encoder:
+        layer.register_forward_hook(lambda _, __, out: sizes.append(float(out.detach().std())))
+    loss = made(data().batch(range(4)))
+    loss.backward()
+    assert len(sizes) == 20
+    assert max(sizes) < 2.0 * min(sizes)
+    assert float(torch.nn.utils.get_total_norm([p.grad for p in made.parameters() if p.grad is not None])) < 1e3
+
+
+@pytest.mark.parametrize("name", GENERATORS)
+def test_generators_give_frames_tokens_and_ends(name: str) -> None:
+    network = toy(name).network
+    assert isinstance(network, Generator)
+    one = batch(name)
+    n_batch, n_frames = one.real.shape
+    kinds = torch.full((n_batch, n_frames), FRAME)
+    kinds[:, 0] = START
+    tokens, made, last = network(one.x, one.mask, one.n_before, torch.zeros(n_batch, n_frames, network.n_fed), kinds)
+    assert made.shape == (n_batch, n_frames, network.n_fed)
+    assert last.shape == (n_batch, n_frames)
+    assert (tokens is not None) == (name in ("transformer", "conv-s2s", "lstm"))
+    if tokens is not None:
+        assert tokens.shape == (*one.x.shape[:2], 3)
+
+
+@pytest.mark.parametrize("name", GENERATORS)
+def test_cached_decoding_is_uncached_decoding(name: str) -> None:
+    torch.manual_seed(3)
+    network = toy(name).network.eval()
+    assert isinstance(network, Generator)
+    one = batch(name, 3)
+    frames = torch.randn(3, 6, network.n_fed) * 0.2
+    kinds = torch.full((3, 6), FRAME)
+    kinds[:, 0] = START
+    with torch.no_grad():
+        _, whole, ends = network(one.x, one.mask, one.n_before, frames, kinds)
+        encoded = network.encode(one.x, one.mask, one.n_before)
+        state = encoded.state
+        for first, stop in ((0, 1), (1, 3), (3, 6)):
+            made, last, state = network.decode(
+                frames[:, first:stop], kinds[:, first:stop], torch.tensor(first), encoded.memory, state
+            )
+            torch.testing.assert_close(made, whole[:, first:stop], atol=1e-5, rtol=1e-4)
+            torch.testing.assert_close(last, ends[:, first:stop], atol=1e-4, rtol=1e-4)
+
+
+@pytest.mark.parametrize("name", [name for name in GENERATORS if name not in ("lstm",)])
+def test_padding_of_the_input_changes_nothing(name: str) -> None:
+    network = toy(name).network.eval()
+    assert isinstance(network, Generator)
+    rows = data("train", CONFIGS[name][1])
+    alone, both = rows.batch([0]), rows.batch([0, 1, 2, 3])
+    with torch.no_grad():
+        one = generate(network, network.encode(alone.x, alone.mask, alone.n_before), 1, 5)
+        many = generate(network, network.encode(both.x, both.mask, both.n_before), 4, 5)
+    count = min(len(one[0]), len(many[0]))
+    torch.testing.assert_close(one[0][:count], many[0][:count], atol=1e-4, rtol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["tfgn", "transformer"])
+def test_frames_of_one_pass_do_not_depend_on_how_many_follow(name: str) -> None:
+    network = toy(name).network.eval()
+    assert isinstance(network, Generator)
+    one = batch(name, 2)
+    encoded = network.encode(one.x, one.mask, one.n_before)
+    for parameter in network.last.parameters():  # type: ignore[union-attr]
+        torch.nn.init.constant_(parameter, -1.0 if parameter.ndim == 1 else 0.0)
+    few, many = (generate(network, encoded, 2, most, parallel=True) for most in (4, MOST_FRAMES))
+    assert [len(frames) for frames in few] == [4, 4], "nothing is called the last frame"
+    torch.testing.assert_close(few[0], many[0][:4], atol=1e-5, rtol=1e-4)
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_one_batch_is_learned_by_heart(name: str) -> None:
+    steps, rate = 120, 1e-2
+    made = toy(name)
+    one = batch(name)
+    weights = [p for p in made.parameters() if p.requires_grad]
+    optimiser = torch.optim.Adam(weights, lr=rate)
+    first = float(made(one).detach())
+    for step in range(steps):
+        for group in optimiser.param_groups:
+            group["lr"] = rate * (1.0 - step / steps)
+        loss = made(replace(one, step=step))
+        optimiser.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(weights, 1.0)
+        optimiser.step()
+    assert float(loss.detach()) < 0.25 * first, f"{first} -> {float(loss.detach())}"
+    made.eval()
+    with torch.no_grad():
+        scores = made.judge(one, accuracy)
+    if "paa" in scores and name != "spsn-printed":
+        assert scores["paa"] == 1.0, scores
+    if "accuracy" in scores:
+        assert scores["length"] == 1.0, scores
+        assert scores["accuracy"] > 0.97, scores
+
+
+def test_positions_are_where_the_token_is_likeliest_and_count_only_where_it_wins() -> None:
+    logits = torch.full((1, 5, 3), -5.0)
+    logits[..., 0] = 0.0
+    logits[0, 1, 1], logits[0, 3, 2], logits[0, 4, 2] = -1.0, 2.0, 3.0
+    at, emitted = positions(logits, torch.ones(1, 5, dtype=torch.bool))
+    assert at.tolist() == [[1, 4]]
+    assert emitted.tolist() == [[False, True]]
+    _, emitted = positions(logits, torch.tensor([[True, True, True, False, False]]))
+    assert emitted.tolist() == [[False, False]], "padding emits nothing"
+
+
+def test_what_is_fed_is_the_frame_before_and_belongs_to_the_pair() -> None:
+    made, one = toy("tfgn"), batch("tfgn", 4)
+    network = made.network
+    assert isinstance(network, Generator)
+    normaliser = data().normaliser()
+    whole = decoder_input(one, network, normaliser, 0)
+    part = decoder_input(data("train", FR).batch([2, 3]), network, normaliser, 0)
+    n = min(whole.frames.shape[1], part.frames.shape[1])
+    torch.testing.assert_close(whole.frames[2:, :n], part.frames[:, :n])
+    assert (whole.kinds[:, 0] == START).all()
+    assert set(whole.kinds.flatten().tolist()) <= {START, FRAME, HIDDEN}
+    spread = (whole.frames[:, 1:] - one.new[:, :-1]) / normaliser.deviation
+    assert spread.std() == pytest.approx(0.1, rel=0.05)
+
+
+def test_shares_lie_evenly_between_the_kept_frames() -> None:
+    real = torch.tensor([[True, True, True], [True, False, False]])
+    np.testing.assert_allclose(shares(real)[0], [0.25, 0.5, 0.75])
+    np.testing.assert_allclose(shares(real)[1, 0], 0.5)
+
+
+@pytest.mark.parametrize("name", ["nat", "interpolation"])
+def test_a_filler_makes_as_many_frames_as_asked_and_padding_changes_none(name: str) -> None:
+    network = toy(name).network.eval()
+    assert isinstance(network, Filler)
+    if name == "interpolation":
+        torch.nn.init.normal_(network.out.weight, std=0.1)  # type: ignore[union-attr]
+    one = batch(name, 2)
+    ragged = torch.tensor([[True] * 3 + [False] * 4, [True] * 7])
+    with torch.no_grad():
+        both = network.fill(one.x, one.mask, ragged)
+        alone = network.fill(one.x[:1], one.mask[:1], torch.ones(1, 3, dtype=torch.bool))
+    assert both.shape == (2, 7, 159)
+    torch.testing.assert_close(both[:1, :3], alone, atol=1e-5, rtol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["spsn", "transformer"])
+def test_the_bias_makes_every_network_speak_and_moves_no_position(name: str) -> None:
+    torch.manual_seed(3)
+    task = toy(name)
+    everyone = data("train")
+    batch = everyone.batch(range(len(everyone)))
+    network = task.network.eval()
+
+    def told() -> Tensor:
+        with torch.no_grad():
+            if isinstance(network, Spsn):
+                out: Tensor = network(batch.x, batch.n_before, batch.mask)
+                return out
+            assert isinstance(network, Generator)
+            tokens = network.encode(batch.x, batch.mask, batch.n_before).tokens
+            assert tokens is not None
+            return tokens
+
+    logits = told() - torch.tensor([0.0, 5.0, 5.0])
+    at, emitted = positions(logits, batch.mask)
+    assert not emitted.all()
+    last: Any = network.out if isinstance(network, Spsn) else network.token
+    last.bias.data -= torch.tensor([0.0, 5.0, 5.0])
+    bias = token_bias(task, everyone)
+    assert bias > 0.0
+    again, spoken = positions(told() + bias * torch.tensor([0.0, 1.0, 1.0]), batch.mask)
+    assert spoken.all()
+    assert torch.equal(again, at)
+    last.bias.data += torch.tensor([0.0, 50.0, 50.0])
+    assert token_bias(task, everyone) == 0.0

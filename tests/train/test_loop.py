@@ -1,0 +1,235 @@
+"""The loop and its data: interrupted is uninterrupted, two processes are one, and no other part's pair is read."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from torch import Tensor  # noqa: E402
+
+from signsplice.errors import InputError  # noqa: E402
+from signsplice.splicing.culling import cull  # noqa: E402
+from signsplice.synth.corpus import Pairs  # noqa: E402
+from signsplice.train import checkpoint, log, loop, processes  # noqa: E402
+from signsplice.train.loop import LoopConfig, train  # noqa: E402
+from signsplice.train.paper import scales  # noqa: E402
+from signsplice.train.paper.networks.convs2s import ConvS2SConfig  # noqa: E402
+from signsplice.train.paper.networks.tfgn import TransformerConfig  # noqa: E402
+from signsplice.train.paper.pairs_data import PairsData  # noqa: E402
+from signsplice.train.processes import Processes  # noqa: E402
+from training_toys import ALONE, CONFIGS, FR, accuracy, corpus, data, toy  # noqa: E402
+
+
+def trained(name: str, folder: Path, untils: tuple[int | None, ...], optimiser: str = "adamw") -> dict[str, Tensor]:
+    """Weights after a training in as many calls as there are untils."""
+    folder.mkdir()
+    fr = CONFIGS[name][1]
+    for until in untils:
+        made = toy(name)
+        told = LoopConfig(6, 8, optimiser, 1e-2, seed=1, every=4, until=until)
+        train(made, told, data("train", fr), data("valid", fr), folder, "toy", accuracy, ALONE)
+    return made.state_dict()
+
+
+@pytest.mark.parametrize(("name", "optimiser"), [("spsn", "adamw"), ("tfgn", "sgd"), ("lstm", "adamw")])
+def test_interrupted_and_resumed_ends_in_the_same_weights(tmp_path: Path, name: str, optimiser: str) -> None:
+    whole = trained(name, tmp_path / "a", (None,), optimiser)
+    parts = trained(name, tmp_path / "b", (2, 3, None), optimiser)
+    for key, value in whole.items():
+        assert torch.equal(value, parts[key]), key
+    numbers = [
+        {k: v for k, v in line.items() if k != "seconds_a_step"} for line in log.lines(tmp_path / "b" / log.NAME)
+    ]
+    losses = {line["step"]: line["loss"] for line in numbers if "loss" in line}
+    assert list(losses) == [1, 2, 3, 4, 5, 6]
+    assert losses == {line["step"]: line["loss"] for line in log.lines(tmp_path / "a" / log.NAME) if "loss" in line}
+
+
+def test_steps_done_again_are_logged_once(tmp_path: Path) -> None:
+    trained("spsn", tmp_path / "a", (2,))
+    path = tmp_path / "a" / log.NAME
+    with path.open("a") as file:
+        file.write('{"step": 3, "loss": 9.0}\n{"step": 4, "lo')
+    made = toy("spsn")
+    train(
+        made, LoopConfig(6, 8, "adamw", 1e-2, 1, every=4), data(), data("valid"), tmp_path / "a", "toy", accuracy, ALONE
+    )
+    steps = [line["step"] for line in log.lines(path) if "loss" in line]
+    assert steps == [1, 2, 3, 4, 5, 6]
+
+
+def test_a_checkpoint_of_another_training_or_broken_is_refused(tmp_path: Path) -> None:
+    trained("spsn", tmp_path / "a", (1,))
+    with pytest.raises(InputError, match="of another training \\(toy, not other\\)"):
+        checkpoint.load(tmp_path / "a", toy("spsn"), None, "other")
+    (tmp_path / "a" / checkpoint.NAME).write_bytes(b"no")
+    with pytest.raises(InputError, match="cannot be read"):
+        checkpoint.load(tmp_path / "a", toy("spsn"), None, "toy")
+
+
+def test_two_processes_train_as_one(tmp_path: Path) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+    script = Path(__file__).parents[1] / "training_process.py"
+    one, two = tmp_path / "one", tmp_path / "two"
+    one.mkdir()
+    two.mkdir()
+    around = os.environ | {"WORLD_SIZE": "2", "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port}
+    around |= {"OMP_NUM_THREADS": "1", "GLOO_SOCKET_IFNAME": "lo", "TOY_CORPUS": str(corpus().folder)}
+    command = [sys.executable, str(script), "tfgn", "5", str(two)]
+    running = [subprocess.Popen(command, env=around | {"RANK": str(rank)}) for rank in range(2)]
+    told = LoopConfig(5, 8, "adamw", 1e-2, seed=4, every=5)
+    train(toy("tfgn"), told, data("train", FR), data("valid", FR), one, "toy", accuracy, ALONE)
+    assert [process.wait(120) for process in running] == [0, 0]
+    losses = [[line["loss"] for line in log.lines(folder / log.NAME) if "loss" in line] for folder in (one, two)]
+    assert len(losses[0]) == 5
+    np.testing.assert_allclose(losses[0], losses[1], rtol=1e-4)
+
+
+def test_batches_that_cannot_be_shared_are_refused(tmp_path: Path) -> None:
+    three = Processes(0, 3, torch.device("cpu"))
+    with pytest.raises(InputError, match="batches of 8 pairs cannot be shared by 3 processes"):
+        train(toy("spsn"), LoopConfig(6, 8, "adamw", 1e-2, 1), data(), data(), tmp_path, "toy", accuracy, three)
+
+
+@pytest.mark.parametrize("split", ["random", "unseen-words", "unseen-signer"])
+def test_parts_of_a_split_share_no_pair(split: str) -> None:
+    train_part, valid, test = (set(corpus().split(split, part)) for part in ("train", "valid", "test"))
+    assert not train_part & valid
+    assert not train_part & test
+    assert not valid & test
+
+
+@pytest.mark.parametrize("fr", [None, FR])
+def test_training_reads_no_test_pair(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, fr: int | None) -> None:
+    pairs = corpus()
+    read: set[int] = set()
+    words: set[int] = set()
+    truth, word = Pairs.truth, Pairs.word
+
+    def spied_truth(self: Pairs, number: int, kind: str = "positions") -> object:
+        read.add(number)
+        return truth(self, number, kind)
+
+    def spied_word(self: Pairs, number: int, kind: str = "positions") -> object:
+        words.add(number)
+        return word(self, number, kind)
+
+    monkeypatch.setattr(Pairs, "truth", spied_truth)
+    monkeypatch.setattr(Pairs, "word", spied_word)
+    for split in ("random", "unseen-words"):
+        read.clear()
+        words.clear()
+        here = PairsData(pairs, split, "train", fr)
+        learned = set(pairs.split(split, "train"))
+        for step in range(5):
+            assert set(here.batch(here.rows(step, 8, 0), step).numbers.tolist()) <= learned
+        assert read == learned
+        assert words == set(np.asarray(pairs.index)[sorted(learned), :2].ravel().tolist())
+
+
+def test_a_pass_over_the_data_holds_every_pair_once_and_batches_follow_seed_and_step() -> None:
+    here = data()
+    assert len(here) == 20
+    first = [here.rows(step, 4, 0).tolist() for step in range(5)]
+    assert sorted(row for rows in first for row in rows) == list(range(20))
+    assert [here.rows(step, 4, 0).tolist() for step in range(5)] == first
+    assert [here.rows(step + 5, 4, 0).tolist() for step in range(5)] != first
+    assert [here.rows(step, 4, 1).tolist() for step in range(5)] != first
+
+
+def test_a_batch_is_the_corpus() -> None:
+    here, pairs = data(), corpus()
+    one = here.batch([0, 5, 11])
+    for k, number in enumerate(one.numbers.tolist()):
+        p, q = pairs.index[number, :2].tolist()
+        pre, post, new = pairs.truth(number)
+        x = np.concatenate([pairs.word(p), pairs.word(q)])
+        np.testing.assert_array_equal(one.x[k, : len(x)], x)
+        assert one.mask[k].sum() == len(x)
+        assert (int(one.pre[k]), int(one.post[k])) == (pre, len(pairs.word(p)) + post)
+        np.testing.assert_array_equal(one.new[k, : len(new)], new)
+        assert one.real[k].sum() == len(new)
+
+
+def test_a_culled_batch_is_equation_11() -> None:
+    one, pairs = data(fr=FR).batch([0, 7]), corpus()
+    for k, number in enumerate(one.numbers.tolist()):
+        p, q = pairs.index[number, :2].tolist()
+        pre, post, _ = pairs.truth(number)
+        rows, real = cull(pairs.word(p), pairs.word(q), pre, post, FR)
+        np.testing.assert_array_equal(one.x[k], rows)
+        np.testing.assert_array_equal(one.mask[k], real)
+        assert (int(one.n_before[k]), int(one.pre[k]), int(one.post[k])) == (FR, FR - 1, FR)
+
+
+def test_the_rate_rises_and_falls() -> None:
+    adamw, sgd = LoopConfig(100, 8, "adamw", 2e-3, 0), LoopConfig(100, 8, "sgd", 2e-3, 0)
+    rates = [loop.rate(adamw, step) for step in range(100)]
+    assert rates[0] < rates[4] > rates[50] > rates[99] > 0
+    assert max(rates) == pytest.approx(2e-3, rel=0.01)
+    assert loop.rate(sgd, 0) == pytest.approx(1e-3), "the paper's initial rate"
+    with pytest.raises(InputError, match="optimiser 'lion', expected one of adamw, sgd"):
+        loop.make_optimiser(toy("spsn"), LoopConfig(1, 1, "lion", 1.0, 0))
+
+
+def test_the_paper_scale_has_the_paper_sizes() -> None:
+    spsn, tfgn = scales.parts("lpt", "paper")
+    assert spsn.config == scales.parts("lpt-wc", "paper")[0].config
+    config = tfgn.config
+    assert isinstance(config, TransformerConfig)
+    assert (config.width, config.n_heads, config.n_encoder_layers, config.n_decoder_layers) == (512, 8, 6, 6)
+    assert tfgn.fr == 8
+    convolutions = scales.parts("conv-s2s", "paper")[0].config
+    assert isinstance(convolutions, ConvS2SConfig)
+    assert (convolutions.width, convolutions.n_encoder_layers, convolutions.n_decoder_layers) == (512, 20, 20)
+    for system in scales.SYSTEMS:
+        for scale in scales.SCALES:
+            for part in scales.parts(system, scale):
+                json.dumps(part.facts())
+
+
+def test_unknown_names_are_refused() -> None:
+    with pytest.raises(InputError, match="no system 'gpt', expected all or one of lpt"):
+        scales.parts("gpt", "cpu")
+    with pytest.raises(InputError, match="--fr 4, but lstm has no Culling layer"):
+        scales.parts("lstm", "cpu", 4)
+    with pytest.raises(InputError, match="no scale 'huge'"):
+        scales.parts("lpt", "huge")
+
+
+def test_a_part_is_trained_by_one_call_at_a_time(tmp_path: Path) -> None:
+    order: list[str] = []
+
+    def second() -> None:
+        with processes.only_one(tmp_path):
+            order.append("second")
+
+    other = threading.Thread(target=second)
+    with processes.only_one(tmp_path):
+        other.start()
+        other.join(0.2)
+        order.append("first")
+    other.join(30.0)
+    assert order == ["first", "second"]
+
+
+def test_sgd_and_unseen_words_learn_for_less_time_at_cpu_scale() -> None:
+    whole, sgd, unseen = (
+        scales.parts("lpt", "cpu", optimiser=optimiser, split=split)[1].steps
+        for optimiser, split in (("adamw", "random"), ("sgd", "random"), ("adamw", "unseen-words"))
+    )
+    assert (sgd, unseen) == (whole // 20, round(0.3 * whole))
+    assert scales.parts("lpt", "cpu", steps=7, optimiser="sgd")[1].steps == 7
+    assert scales.parts("lpt", "paper", optimiser="sgd") == scales.parts("lpt", "paper")
