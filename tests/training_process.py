@@ -9,10 +9,10 @@ import sys
 from pathlib import Path
 
 import torch
-from training_toys import CONFIGS, accuracy, data, toy
 
 from signsplice.train import processes
 from signsplice.train.loop import LoopConfig, train
+from training_toys import CONFIGS, data, toy
 
 if __name__ == "__main__":
     torch.set_num_threads(1)
@@ -20,4 +20,4 @@ if __name__ == "__main__":
     fr = CONFIGS[part][1]
     with processes.joined("cpu") as here:
         loop = LoopConfig(steps, 8, "adamw", 1e-2, seed=4, every=steps)
-        train(toy(part), loop, data("train", fr), data("valid", fr), folder, "toy", accuracy, here)
+        train(toy(part), loop, data("train", fr), data("valid", fr), folder, "toy", here)

@@ -10,10 +10,8 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-import numpy as np
 import torch
 
-from signsplice.paper.metrics import accuracy as paper_accuracy
 from signsplice.synth import notation
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.synth.signer import STANDARD, skeleton
@@ -24,8 +22,8 @@ from signsplice.train.paper.networks.spsn import SpsnConfig
 from signsplice.train.paper.networks.tfgn import TransformerConfig
 from signsplice.train.paper.pairs_data import PairsData
 from signsplice.train.paper.scales import Config, SystemPart, task
-from signsplice.train.paper.tasks import Task
 from signsplice.train.processes import Processes
+from signsplice.train.task import Task
 
 GLOSSES = ("HELLO", "DEAF", "SIGN", "YOU", "SEE")
 ALONE = Processes(0, 1, torch.device("cpu"))
@@ -76,8 +74,3 @@ def toy(name: str, seed: int = 0) -> Task:
 def parents() -> Sequence[int]:
     """Parents of the 53 joints."""
     return [int(parent) for parent in skeleton(STANDARD).parents]
-
-
-def accuracy(predicted: np.ndarray, true: np.ndarray) -> float:
-    """The paper's accuracy of one pair."""
-    return paper_accuracy(predicted, true)

@@ -24,13 +24,14 @@ from signsplice.splicing.bundle import write_bundle  # noqa: E402
 from signsplice.train import export  # noqa: E402
 from signsplice.train.paper import (
     scales,
-    training,  # noqa: E402
+    training,
 )
 from signsplice.train.paper.networks.filling import Filler  # noqa: E402
 from signsplice.train.paper.networks.generator import Generator, generate  # noqa: E402
 from signsplice.train.paper.pairs_data import Batch  # noqa: E402
 from signsplice.train.paper.scales import SystemPart  # noqa: E402
-from signsplice.train.paper.tasks import MOST_FRAMES, Task, TokenTask, positions  # noqa: E402
+from signsplice.train.paper.tasks import MOST_FRAMES, TokenTask, positions  # noqa: E402
+from signsplice.train.task import Task  # noqa: E402
 from training_toys import CONFIGS, corpus, data, toy  # noqa: E402
 
 SYSTEMS = {name: parts for name, parts in scales.SYSTEMS.items() if name not in ("lpt-wa", "lpt-wac")}

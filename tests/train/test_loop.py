@@ -27,7 +27,7 @@ from signsplice.train.paper.networks.convs2s import ConvS2SConfig  # noqa: E402
 from signsplice.train.paper.networks.tfgn import TransformerConfig  # noqa: E402
 from signsplice.train.paper.pairs_data import PairsData  # noqa: E402
 from signsplice.train.processes import Processes  # noqa: E402
-from training_toys import ALONE, CONFIGS, FR, accuracy, corpus, data, toy  # noqa: E402
+from training_toys import ALONE, CONFIGS, FR, corpus, data, toy  # noqa: E402
 
 
 def trained(name: str, folder: Path, untils: tuple[int | None, ...], optimiser: str = "adamw") -> dict[str, Tensor]:
@@ -37,7 +37,7 @@ def trained(name: str, folder: Path, untils: tuple[int | None, ...], optimiser: 
     for until in untils:
         made = toy(name)
         told = LoopConfig(6, 8, optimiser, 1e-2, seed=1, every=4, until=until)
-        train(made, told, data("train", fr), data("valid", fr), folder, "toy", accuracy, ALONE)
+        train(made, told, data("train", fr), data("valid", fr), folder, "toy", ALONE)
     return made.state_dict()
 
 
@@ -61,9 +61,7 @@ def test_steps_done_again_are_logged_once(tmp_path: Path) -> None:
     with path.open("a") as file:
         file.write('{"step": 3, "loss": 9.0}\n{"step": 4, "lo')
     made = toy("spsn")
-    train(
-        made, LoopConfig(6, 8, "adamw", 1e-2, 1, every=4), data(), data("valid"), tmp_path / "a", "toy", accuracy, ALONE
-    )
+    train(made, LoopConfig(6, 8, "adamw", 1e-2, 1, every=4), data(), data("valid"), tmp_path / "a", "toy", ALONE)
     steps = [line["step"] for line in log.lines(path) if "loss" in line]
     assert steps == [1, 2, 3, 4, 5, 6]
 
@@ -90,7 +88,7 @@ def test_two_processes_train_as_one(tmp_path: Path) -> None:
     command = [sys.executable, str(script), "tfgn", "5", str(two)]
     running = [subprocess.Popen(command, env=around | {"RANK": str(rank)}) for rank in range(2)]
     told = LoopConfig(5, 8, "adamw", 1e-2, seed=4, every=5)
-    train(toy("tfgn"), told, data("train", FR), data("valid", FR), one, "toy", accuracy, ALONE)
+    train(toy("tfgn"), told, data("train", FR), data("valid", FR), one, "toy", ALONE)
     assert [process.wait(120) for process in running] == [0, 0]
     losses = [[line["loss"] for line in log.lines(folder / log.NAME) if "loss" in line] for folder in (one, two)]
     assert len(losses[0]) == 5
@@ -100,7 +98,7 @@ def test_two_processes_train_as_one(tmp_path: Path) -> None:
 def test_batches_that_cannot_be_shared_are_refused(tmp_path: Path) -> None:
     three = Processes(0, 3, torch.device("cpu"))
     with pytest.raises(InputError, match="batches of 8 pairs cannot be shared by 3 processes"):
-        train(toy("spsn"), LoopConfig(6, 8, "adamw", 1e-2, 1), data(), data(), tmp_path, "toy", accuracy, three)
+        train(toy("spsn"), LoopConfig(6, 8, "adamw", 1e-2, 1), data(), data(), tmp_path, "toy", three)
 
 
 @pytest.mark.parametrize("split", ["random", "unseen-words", "unseen-signer"])

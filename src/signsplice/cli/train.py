@@ -60,7 +60,6 @@ def paper(
     Several processes share the work: torchrun --nproc-per-node 2 -m signsplice train paper ...
     """
     _check_extra()
-    from signsplice.paper.metrics import accuracy
     from signsplice.synth.corpus import Pairs
     from signsplice.train import processes
     from signsplice.train.paper import scales, training
@@ -76,7 +75,7 @@ def paper(
             folder = Path(out) / name if system == "all" else Path(out)
             shared = Path(parts) if parts is not None else Path(out).parent / "parts"
             told = training.Training(name, scale, optimiser, split, seed, fr, steps, bf16)
-            training.make(told, corpus, folder, shared, accuracy, here, _teller if here.first else None)
+            training.make(told, corpus, folder, shared, here, _teller if here.first else None)
             if here.first:
                 print(f"{folder}: {name}, scale {scale}, {optimiser}, {split}")
 

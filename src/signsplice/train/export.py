@@ -12,6 +12,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,8 @@ import torch
 from onnx import numpy_helper
 from torch import Tensor, nn
 
-from signsplice.errors import SignspliceError
+from signsplice.errors import InputError, SignspliceError
+from signsplice.splicing.bundle import BUNDLE_FILE
 from signsplice.train.paper.networks.filling import Filler
 from signsplice.train.paper.networks.generator import FRAME, START, Generator
 from signsplice.train.paper.networks.spsn import Spsn
@@ -29,6 +31,12 @@ TOLERANCE = 1e-4
 _FREE = torch.export.Dim.DYNAMIC
 TRANSPOSED = ".T"
 """Ending of the name of a weight that a graph holds transposed."""
+
+
+def check_bundle_folder(out: Path) -> None:
+    """Raise ``InputError`` where ``out`` holds files and is no bundle, so that nothing else is overwritten."""
+    if out.is_dir() and any(out.iterdir()) and not (out / BUNDLE_FILE).exists() and not any(out.glob("*.onnx")):
+        raise InputError(f"{out}: is there already and is no bundle; choose a new name")
 
 
 @dataclass(frozen=True)

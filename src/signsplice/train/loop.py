@@ -20,9 +20,9 @@ from signsplice.errors import InputError, SignspliceError
 from signsplice.synth.rng import stream
 from signsplice.train import checkpoint
 from signsplice.train.log import Log
-from signsplice.train.paper.tasks import Accuracy, Task
 from signsplice.train.prefetch import Dataset
 from signsplice.train.processes import Processes
+from signsplice.train.task import Task
 
 OPTIMISERS = ("adamw", "sgd")
 SGD_RATE = 1e-3
@@ -76,7 +76,6 @@ def train(
     valid: Dataset,
     folder: Path,
     recipe: str,
-    accuracy: Accuracy,
     processes: Processes,
     tell: ProgressCallback | None = None,
 ) -> int:
@@ -114,7 +113,7 @@ def train(
             if step % loop.every == 0 or step == end:
                 _check_weights(task, step)
             if (step % loop.every == 0 or step == end) and processes.first:
-                scores = judge(task, valid, loop, processes, accuracy)
+                scores = judge(task, valid, loop, processes)
                 log.write(step, **scores)
                 if tell is not None:
                     tell(step, loop.steps, scores)
@@ -164,14 +163,14 @@ def _check_weights(task: nn.Module, step: int) -> None:
 
 
 @torch.no_grad()
-def judge(task: Task, valid: Dataset, loop: LoopConfig, processes: Processes, accuracy: Accuracy) -> dict[str, float]:
+def judge(task: Task, valid: Dataset, loop: LoopConfig, processes: Processes) -> dict[str, float]:
     """Scores on the first pairs of a fixed order of the validation part."""
     if not len(valid):
         return {}
     task.eval()
     rows = stream("judged", len(valid)).permutation(len(valid))[: loop.n_judged]
     shares = [rows[k : k + 64] for k in range(0, len(rows), 64)]
-    scores = [task.judge(valid.batch(share).to(processes.device), accuracy) for share in shares]
+    scores = [task.judge(valid.batch(share).to(processes.device)) for share in shares]
     names = {name for score in scores for name in score}
     return {
         name: sum(score[name] * len(share) for score, share in zip(scores, shares, strict=True) if name in score)

@@ -161,6 +161,6 @@ def test_one_batch_is_learned_by_heart(paths: list[Path]) -> None:
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
-    scores = task.eval().judge(batch, None)
+    scores = task.eval().judge(batch)
     assert scores["both"] == 1.0
     assert scores["length"] > 0.9

@@ -18,8 +18,8 @@ from signsplice.splicing import features  # noqa: E402
 from signsplice.splicing.transition import find_transition  # noqa: E402
 from signsplice.synth import training_data  # noqa: E402
 from signsplice.train.product import (
-    bridge_task,  # noqa: E402
-    gap_data,  # noqa: E402
+    bridge_task,
+    gap_data,
 )
 from signsplice.train.product.augmentation import exchanged  # noqa: E402
 from signsplice.train.product.bridge_task import BridgeTask  # noqa: E402
@@ -94,7 +94,7 @@ def test_an_untrained_network_is_the_classical_method(windows: GapDataset) -> No
     task = BridgeTask(Bridge(TOY), windows.above.tolist())
     with torch.no_grad():
         np.testing.assert_allclose(task._made(batch).numpy(), batch.base.numpy(), atol=1e-6)
-        scores = task.judge(batch, None)
+        scores = task.judge(batch)
     assert scores["seam_error"] == pytest.approx(scores["seam_base"])
 
 

@@ -101,7 +101,7 @@ def test_pairs_without_a_truth_teach_nothing(taught: Path) -> None:
         truth["seconds"][batch.known] *= 2.0
         assert task(replace(batch, **truth)) != loss
         nothing = task(replace(batch, known=torch.zeros_like(batch.known)))
-        assert task.judge(replace(batch, known=torch.zeros_like(batch.known)), None) == {}
+        assert task.judge(replace(batch, known=torch.zeros_like(batch.known))) == {}
     assert 0.0 < float(nothing) < float(loss), "phases alone"
 
 

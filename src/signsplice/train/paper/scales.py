@@ -23,7 +23,8 @@ from signsplice.train.paper.networks.layers import Normaliser
 from signsplice.train.paper.networks.lstm import LstmConfig, LstmSeq2Seq
 from signsplice.train.paper.networks.spsn import Spsn, SpsnConfig
 from signsplice.train.paper.networks.tfgn import Transformer, TransformerConfig
-from signsplice.train.paper.tasks import FillTask, FrameTask, Task, TokenTask
+from signsplice.train.paper.tasks import FillTask, FrameTask, TokenTask
+from signsplice.train.task import Task
 
 SCALES = ("smoke", "cpu", "paper")
 FR = 8

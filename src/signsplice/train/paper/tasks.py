@@ -7,17 +7,15 @@ quarter of them); and, in networks that can put out all frames in one pass, half
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn import functional as F  # noqa: N812
 
+from signsplice.paper.metrics import accuracy
 from signsplice.synth.rng import stream
 from signsplice.train.paper.losses import frame_loss, last_loss, token_loss
 from signsplice.train.paper.networks.filling import Filler
@@ -25,10 +23,7 @@ from signsplice.train.paper.networks.generator import FRAME, HIDDEN, START, Enco
 from signsplice.train.paper.networks.layers import Normaliser
 from signsplice.train.paper.networks.spsn import NONE, POST, PRE, Spsn
 from signsplice.train.paper.pairs_data import Batch, PairsData
-
-Float = NDArray[np.float64]
-Accuracy = Callable[[Float, Float], float]
-"""Predicted and true transition (n, 159), (m, 159) -> the paper's accuracy of one pair."""
+from signsplice.train.task import Task
 
 NOISE = 0.1
 """Spread of the noise on frames fed to a decoder, in deviations of the training pairs."""
@@ -36,20 +31,6 @@ HIDDEN_FRAMES = 0.25
 HIDDEN_PAIRS = 0.5
 MOST_FRAMES = 32
 """Transitions are at most this long; longer ones are cut off."""
-
-
-class Task(nn.Module, ABC):
-    """A network with its loss; ``forward`` gives the loss of a batch, so that it can be wrapped for many processes."""
-
-    network: nn.Module
-
-    @abstractmethod
-    def forward(self, batch: Any) -> Tensor:
-        """The loss () of a batch."""
-
-    @abstractmethod
-    def judge(self, batch: Any, accuracy: Accuracy) -> dict[str, float]:
-        """Scores of a batch by name, means over its pairs."""
 
 
 def positions(logits: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
@@ -97,7 +78,7 @@ def _judge_positions(logits: Tensor, batch: Batch) -> dict[str, float]:
     }
 
 
-def _judge_frames(made: list[Tensor], batch: Batch, accuracy: Accuracy, mark: str = "") -> dict[str, float]:
+def _judge_frames(made: list[Tensor], batch: Batch, mark: str = "") -> dict[str, float]:
     counts = batch.real.sum(1).tolist()
     pairs = [
         (frames.double().cpu().numpy(), true[:count].double().cpu().numpy())
@@ -151,7 +132,7 @@ class TokenTask(Task):
         """Loss of the tokens."""
         return token_loss(self.network(batch.x, batch.n_before, batch.mask), batch.pre, batch.post, batch.mask)
 
-    def judge(self, batch: Batch, accuracy: Accuracy) -> dict[str, float]:
+    def judge(self, batch: Batch) -> dict[str, float]:
         """Shares of right positions."""
         return _judge_positions(self.network(batch.x, batch.n_before, batch.mask), batch)
 
@@ -179,14 +160,14 @@ class FrameTask(Task):
             loss = loss + token_loss(tokens, batch.pre, batch.post, batch.mask)
         return loss
 
-    def judge(self, batch: Batch, accuracy: Accuracy) -> dict[str, float]:
+    def judge(self, batch: Batch) -> dict[str, float]:
         """The paper's accuracy, shares of right lengths and positions; in one pass too, where the network can."""
         encoded: Encoded = self.network.encode(batch.x, batch.mask, batch.n_before)
         made = generate(self.network, encoded, len(batch.x), MOST_FRAMES)
-        scores = _judge_frames(made, batch, accuracy)
+        scores = _judge_frames(made, batch)
         if self.network.concurrent:
             made = generate(self.network, encoded, len(batch.x), MOST_FRAMES, parallel=True)
-            scores |= _judge_frames(made, batch, accuracy, "_parallel")
+            scores |= _judge_frames(made, batch, "_parallel")
         return scores if encoded.tokens is None else scores | _judge_positions(encoded.tokens, batch)
 
 
@@ -204,10 +185,10 @@ class FillTask(Task):
         length = F.cross_entropy(numbers.float(), (batch.real.sum(1) - 1).clamp(max=numbers.shape[1] - 1))
         return length + frame_loss(made, batch.new, batch.real, self.normaliser.deviation)
 
-    def judge(self, batch: Batch, accuracy: Accuracy) -> dict[str, float]:
+    def judge(self, batch: Batch) -> dict[str, float]:
         """The paper's accuracy and the share of right lengths."""
         counts = self.network.length(batch.x, batch.mask).argmax(1) + 1
         most = int(counts.max())
         real = torch.arange(most, device=counts.device)[None] < counts[:, None]
         made: Any = self.network.fill(batch.x, batch.mask, real)
-        return _judge_frames([row[:count] for row, count in zip(made, counts.tolist(), strict=True)], batch, accuracy)
+        return _judge_frames([row[:count] for row, count in zip(made, counts.tolist(), strict=True)], batch)

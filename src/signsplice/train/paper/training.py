@@ -17,18 +17,19 @@ import torch
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
-from signsplice.splicing.bundle import BUNDLE_FILE, write_bundle
+from signsplice.splicing.bundle import write_bundle
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.signer import skeleton
 from signsplice.train import checkpoint
 from signsplice.train import log as logs
-from signsplice.train.export import paper_graphs
+from signsplice.train.export import check_bundle_folder, paper_graphs
 from signsplice.train.loop import SGD_RATE, LoopConfig, ProgressCallback, train
 from signsplice.train.paper.networks.generator import Generator
 from signsplice.train.paper.pairs_data import PairsData
 from signsplice.train.paper.scales import SystemPart, parts, task
-from signsplice.train.paper.tasks import MOST_FRAMES, Accuracy, Task, token_bias
+from signsplice.train.paper.tasks import MOST_FRAMES, token_bias
 from signsplice.train.processes import Processes, only_one
+from signsplice.train.task import Task
 
 _TRAINED_AS = {"unseen-signer": "random"}
 """Splits whose training part is another's."""
@@ -59,7 +60,6 @@ def make(
     pairs: Pairs,
     out: Path,
     shared: Path,
-    accuracy: Accuracy,
     processes: Processes,
     tell: Callable[[str], ProgressCallback] | None = None,
 ) -> None:
@@ -77,7 +77,7 @@ def make(
         folder.mkdir(parents=True, exist_ok=True)
         with only_one(folder) if processes.first else nullcontext():
             told = None if tell is None else tell(part.name)
-            tasks.append(trained(part, training, pairs, folder, accuracy, processes, told))
+            tasks.append(trained(part, training, pairs, folder, processes, told))
     if processes.first:
         _write(training, pairs, chosen, tasks, out, [part_folder(shared, part, training, pairs) for part in chosen])
 
@@ -108,7 +108,6 @@ def trained(
     training: Training,
     pairs: Pairs,
     folder: Path,
-    accuracy: Accuracy,
     processes: Processes,
     tell: ProgressCallback | None = None,
     until: int | None = None,
@@ -132,14 +131,8 @@ def trained(
         bf16=processes.device.type == "cuda" if training.bf16 is None else training.bf16,
         until=until,
     )
-    train(made, loop, data, valid, folder, recipe(part, training, pairs), accuracy, processes, tell)
+    train(made, loop, data, valid, folder, recipe(part, training, pairs), processes, tell)
     return made
-
-
-def check_bundle_folder(out: Path) -> None:
-    """Raise ``InputError`` where a bundle's folder is there already and is something else."""
-    if out.is_dir() and any(out.iterdir()) and not (out / BUNDLE_FILE).exists() and not any(out.glob("*.onnx")):
-        raise InputError(f"{out}: is there already and is no bundle; choose a new name")
 
 
 def _write(

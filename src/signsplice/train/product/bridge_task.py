@@ -13,9 +13,9 @@ import torch
 from torch import Tensor
 
 from signsplice.rig.canonical import ROLES, TRUNK
-from signsplice.train.paper.tasks import Accuracy, Task
 from signsplice.train.product.gap_data import GapBatch
 from signsplice.train.product.networks.bridge import Bridge
+from signsplice.train.task import Task
 
 TURN_WEIGHT = 0.1
 JUDGED = [k for k, role in enumerate(ROLES) if role not in TRUNK and not role.endswith(("Shoulder", "UpperArm"))]
@@ -83,7 +83,7 @@ class BridgeTask(Task):
         count = batch.real.sum(1)
         return (apart * batch.real).sum(1) / count, (turn * batch.real).sum(1) / count
 
-    def judge(self, batch: GapBatch, accuracy: Accuracy | None) -> dict[str, float]:
+    def judge(self, batch: GapBatch) -> dict[str, float]:
         """Mean error, arm / 1000, beside the classical transition's, for true transitions and for hidden stretches."""
         ours, base = self._errors(batch, self._made(batch))[0], self._errors(batch, batch.base)[0]
         out = {}

@@ -24,9 +24,9 @@ from signsplice.rig.canonical import FEATURE_FPS, ROLES
 from signsplice.splicing import features
 from signsplice.splicing.features import PHASES, CanonicalTrajectory
 from signsplice.synth.rng import stream
-from signsplice.train.paper.tasks import Accuracy, Task
 from signsplice.train.product.networks.cutting import Cutting
 from signsplice.train.product.sampling import by_folder, drawn
+from signsplice.train.task import Task
 
 Float = NDArray[np.float64]
 
@@ -258,7 +258,7 @@ class CuttingTask(Task):
         timed = (seconds[known].log() - batch.seconds[known].log()).abs().sum() / n_known
         return cut + PHASE_WEIGHT * phase + TIME_WEIGHT * timed
 
-    def judge(self, batch: CutBatch, accuracy: Accuracy | None) -> dict[str, float]:
+    def judge(self, batch: CutBatch) -> dict[str, float]:
         """Shares of pairs with exact positions, both, and both within two frames; error (ms) and exact frames of the
         durations, told the true positions; nothing where no pair has a truth.
         """

@@ -27,10 +27,8 @@ from signsplice.splicing.bundle import write_bundle
 from signsplice.splicing.features import N_FRAME
 from signsplice.splicing.learned import SYSTEM
 from signsplice.train import log as logs
-from signsplice.train.export import ExportGraph, exported
+from signsplice.train.export import ExportGraph, check_bundle_folder, exported
 from signsplice.train.loop import LoopConfig, ProgressCallback, judge, train
-from signsplice.train.paper.tasks import Task
-from signsplice.train.paper.training import check_bundle_folder
 from signsplice.train.prefetch import Dataset, prefetched
 from signsplice.train.processes import Processes, only_one
 from signsplice.train.product import warm_start
@@ -39,6 +37,7 @@ from signsplice.train.product.cut_data import CutDataset, CuttingTask
 from signsplice.train.product.gap_data import GapDataset
 from signsplice.train.product.networks.bridge import Bridge, BridgeConfig
 from signsplice.train.product.networks.cutting import ChooseGraph, Cutting, CuttingConfig, ReadGraph, TimeGraph
+from signsplice.train.task import Task
 
 FILES = {"cutter": ("word.onnx", "cut.onnx", "duration.onnx"), "transition": ("bridge.onnx",)}
 NETWORKS = tuple(FILES)
@@ -166,10 +165,10 @@ def make(
         only_one(folder) if processes.first else nullcontext(),
         prefetched(data, processes.rank, processes.count) as following,
     ):
-        train(task, loop, following, valid, folder, recipe, _no_accuracy, processes, tell and tell(own.network))
+        train(task, loop, following, valid, folder, recipe, processes, tell and tell(own.network))
         if own.n_steps == 0 and processes.first:  # what it begins with is what it is
             with logs.Log(folder, 0, processes.first) as log:
-                log.write(0, **judge(task, valid, loop, processes, _no_accuracy))
+                log.write(0, **judge(task, valid, loop, processes))
     if processes.first:
         for name, content in product_graphs(task, valid).items():
             (folder / name).write_bytes(content)
@@ -307,9 +306,4 @@ def _taught(paths: Sequence[Path], before: Sequence[warm_start.WarmStart]) -> di
     return dict(zip(("corpus", "split"), *found, strict=True)) if found else None
 
 
-def _no_accuracy(predicted: Any, true: Any) -> float:
-    """Own networks have scores of their own."""
-    return float(np.nan)
-
-
-__all__ = ["SCHEDULES", "FILES", "NETWORKS", "ProductTraining", "assemble", "build", "make", "product_graphs", "split"]
+__all__ = ["FILES", "NETWORKS", "SCHEDULES", "ProductTraining", "assemble", "build", "make", "product_graphs", "split"]

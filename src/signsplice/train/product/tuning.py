@@ -28,8 +28,8 @@ from signsplice.splicing import features
 from signsplice.splicing.bundle import BUNDLE_FILE, read_facts, read_file, write_bundle
 from signsplice.splicing.learned import LearnedTransition, open_sessions
 from signsplice.splicing.transition import find_transition
+from signsplice.train.export import check_bundle_folder
 from signsplice.train.loop import LoopConfig, ProgressCallback, train
-from signsplice.train.paper.training import check_bundle_folder
 from signsplice.train.prefetch import prefetched
 from signsplice.train.processes import Processes, only_one
 from signsplice.train.product.bridge_task import BridgeTask

@@ -21,8 +21,8 @@ from signsplice.errors import InputError
 from signsplice.splicing.bundle import BUNDLE_FILE, read_facts, read_file
 from signsplice.train import checkpoint
 from signsplice.train.export import TRANSPOSED
-from signsplice.train.paper.tasks import Task
 from signsplice.train.quantization import weights_of
+from signsplice.train.task import Task
 
 TAUGHT = "taught.json"
 """What a training was taught of a corpus of pairs, in its folder."""
