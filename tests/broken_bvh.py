@@ -1,8 +1,8 @@
-"""BVH files that are broken, each with what the reader says of it."""
+"""Broken BVH files, each with the error message that it must cause."""
 
 from __future__ import annotations
 
-SOUND = """HIERARCHY
+VALID = """HIERARCHY
 ROOT Hips
 {
 	OFFSET 0.0 90.0 0.0
@@ -26,9 +26,9 @@ Frame Time: 0.04
 
 
 def edited(old: str, new: str, count: int = 1) -> str:
-    """The sound file with one thing changed."""
-    assert old in SOUND
-    return SOUND.replace(old, new, count)
+    """The valid file with one edit."""
+    assert old in VALID
+    return VALID.replace(old, new, count)
 
 
 def deep(levels: int) -> str:
@@ -68,9 +68,9 @@ BROKEN: dict[str, tuple[str | bytes, str]] = {
     # frames
     "too few columns": (edited("4 5 6\n", "4 5\n"), ":19: 8 numbers in a frame, expected 9"),
     "too many columns": (edited("4 5 6\n", "4 5 6 7\n"), ":19: 10 numbers in a frame, expected 9"),
-    "truncated line": (SOUND[:-8], ":20: 5 numbers in a frame, expected 9; the file seems to be cut off here"),
+    "truncated line": (VALID[:-8], ":20: 5 numbers in a frame, expected 9; the file seems to be cut off here"),
     "too few frames": (edited(LAST, ""), ":19: 1 frames follow, expected 2 as Frames: says"),
-    "too many frames": (SOUND + LAST, ":21: 3 frames follow, expected 2 as Frames: says"),
+    "too many frames": (VALID + LAST, ":21: 3 frames follow, expected 2 as Frames: says"),
     "huge claim": (edited("Frames: 2", "Frames: 999999999999"), ":20: 2 frames follow, expected 999999999999"),
     "absurd claim": (
         edited("Frames: 2", "Frames: " + "9" * 30),
@@ -86,9 +86,9 @@ BROKEN: dict[str, tuple[str | bytes, str]] = {
     "frame time negative": (edited("0.04", "-0.04"), ":18: Frame Time: -0.04, expected more than 0"),
     "frame time comma": (edited("0.04", "0,04"), ":18: '0,04' has a decimal comma"),
     "frame time word": (edited("0.04", "fast"), ":18: 'fast' is not a number"),
-    "motion only": (SOUND[SOUND.index("MOTION") :], ":1: found MOTION, expected HIERARCHY"),
-    "hierarchy only": (SOUND[: SOUND.index("MOTION")], "ends without MOTION"),
-    "ends after MOTION": (SOUND[: SOUND.index("Frames")], "the file ends here, expected Frames:"),
+    "motion only": (VALID[VALID.index("MOTION") :], ":1: found MOTION, expected HIERARCHY"),
+    "hierarchy only": (VALID[: VALID.index("MOTION")], "ends without MOTION"),
+    "ends after MOTION": (VALID[: VALID.index("Frames")], "the file ends here, expected Frames:"),
     "frames before MOTION": (edited("MOTION\n", ""), ":16: found 'Frames:' without MOTION before it"),
     "no channels": (
         "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\n}\nMOTION\nFrames: 1\nFrame Time: 0.1\n",
@@ -131,7 +131,7 @@ BROKEN: dict[str, tuple[str | bytes, str]] = {
     "white space": (" \n\t\r\n", ":1: the file is empty"),
     "binary": (b"HIERARCHY\n\x00\x01\x02", ":2: the file is binary"),
     "png": (b"\x89PNG\r\n\x1a\n" + bytes(40), "the file is binary"),
-    "utf-16": (SOUND.encode("utf-16"), "UTF-16"),
+    "utf-16": (VALID.encode("utf-16"), "UTF-16"),
     "other text": ("<html><body>404</body></html>\n", ":1: found '<html><body>404</body></html>', expected HIERARCHY"),
     "one long line": ("x" * 100_000, ":1: found 'xxx"),
 }

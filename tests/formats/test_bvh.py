@@ -1,4 +1,4 @@
-"""BVH in and out: the same numbers, continuous curves, pybvh's reading."""
+"""BVH files: numbers survive a round trip, curves are continuous, and pybvh reads the same motion."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from conftest import GOLDEN, random_clip
 from signsplice.errors import InputError
-from signsplice.formats import bvh
+from signsplice.formats import bvh, save
 from signsplice.formats.numbers import format_rows
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate
@@ -60,7 +60,7 @@ Frame Time: 0.0333333
 """
 
 
-def test_mixed_channels_mean_what_they_say() -> None:
+def test_each_joint_may_have_its_own_channels() -> None:
     clip = bvh.parse(MIXED.encode())
     assert clip.fps == 30.0
     assert np.allclose(clip.root_positions[0], [1.5, 90.0, -3.25])
@@ -73,7 +73,7 @@ def test_mixed_channels_mean_what_they_say() -> None:
     assert [site.joint for site in clip.skeleton.end_sites] == [3, 3]
 
 
-def test_moving_bones_are_kept_per_frame() -> None:
+def test_bone_lengths_that_change_are_kept_per_frame() -> None:
     text = MIXED.replace("0.0 12.0 0.0 5.0 402.0", "0.0 12.5 0.0 5.0 402.0")
     clip = bvh.parse(text.encode())
     assert clip.translations is not None
@@ -81,9 +81,9 @@ def test_moving_bones_are_kept_per_frame() -> None:
 
 
 @pytest.mark.parametrize("text", [MIXED, MIXED.replace("0.0 12.0 0.0 5.0 402.0", "0.0 12.5 0.0 5.0 402.0")])
-def test_what_comes_in_goes_out(text: str, tmp_path: Path) -> None:
-    clip = bvh.parse(text.encode(), name="mixed")
-    bvh.write(clip, tmp_path / "out.bvh")
+def test_a_file_is_written_as_it_was_read(text: str, tmp_path: Path) -> None:
+    clip = bvh.parse(text.encode(), "mixed.bvh")
+    save(clip, tmp_path / "out.bvh")
     again = bvh.read(tmp_path / "out.bvh")
     assert again.channels is not None
     assert clip.channels is not None
@@ -92,12 +92,12 @@ def test_what_comes_in_goes_out(text: str, tmp_path: Path) -> None:
     assert again.skeleton.names == clip.skeleton.names
     assert np.array_equal(again.channels.offsets, clip.channels.offsets)
     assert "Frame Time: 0.0333333\n" in (tmp_path / "out.bvh").read_text()
-    assert bvh.render(again) == bvh.render(clip)
+    assert bvh.encode(again) == bvh.encode(clip)
 
 
-def test_real_clips_come_out_as_the_same_numbers(real_clips: dict[str, Clip]) -> None:
+def test_real_files_are_written_with_the_same_numbers(real_clips: dict[str, Clip]) -> None:
     for clip in real_clips.values():
-        again = bvh.parse(bvh.render(clip).encode())
+        again = bvh.parse(bvh.encode(clip))
         assert clip.channels is not None
         assert again.channels is not None
         assert np.array_equal(again.channels.values, clip.channels.values)
@@ -107,14 +107,14 @@ def test_real_clips_come_out_as_the_same_numbers(real_clips: dict[str, Clip]) ->
 @pytest.mark.parametrize("seed", range(4))
 def test_pybvh_reads_what_we_write(seed: int, tmp_path: Path) -> None:
     clip = random_clip(seed)
-    bvh.write(clip, tmp_path / "clip.bvh")
+    save(clip, tmp_path / "clip.bvh")
     other = pybvh.read_bvh_file(tmp_path / "clip.bvh", world_up="+y")
     assert other.frame_count == len(clip)
     assert other.fps == pytest.approx(clip.fps)
     assert np.allclose(other.root_pos, clip.root_positions, atol=1e-7)
 
 
-def test_golden_file_of_an_independent_writer() -> None:
+def test_positions_agree_with_a_file_written_by_pybvh() -> None:
     """tests/golden/pybvh_chain.bvh was written by pybvh; the positions beside it are its own forward kinematics."""
     from signsplice.motion import kinematics
 
@@ -147,12 +147,12 @@ def test_golden_file_of_an_independent_writer() -> None:
         (0.0123456, 1 / 0.0123456),
     ],
 )
-def test_frame_time_means_the_rate_it_was_rounded_from(frame_time: float, fps: float) -> None:
+def test_frame_time_gives_the_rate_it_was_rounded_from(frame_time: float, fps: float) -> None:
     assert bvh.standard_fps(frame_time) == pytest.approx(fps, rel=1e-12)
 
 
-def turning(start_deg: float, rate_deg: float, n_frames: int, shift: float = 0.0) -> Clip:
-    """A clip whose last joint turns evenly about its axes, its numbers as a file would give them."""
+def spinning(start_deg: float, rate_deg: float, n_frames: int, shift: float = 0.0) -> Clip:
+    """A clip parsed from text, in which one Euler angle of the second joint grows evenly."""
     clip = bvh.parse(MIXED.encode())
     assert clip.channels is not None
     values = np.repeat(clip.channels.values[:1], n_frames, axis=0)
@@ -163,9 +163,9 @@ def turning(start_deg: float, rate_deg: float, n_frames: int, shift: float = 0.0
 
 
 @pytest.mark.parametrize("shift", [0.0, 360.0, -720.0])
-def test_curves_run_on_through_a_transition(shift: float) -> None:
-    """150 -> 170 | transition | 195 -> 215, which the second file writes a number of turns off."""
-    before, after = turning(150.0, 2.0, 11), turning(195.0, 2.0, 11, shift)
+def test_curves_are_continuous_through_a_transition(shift: float) -> None:
+    """150 -> 170 | transition | 195 -> 215, where the second file's angles are off by whole revolutions."""
+    before, after = spinning(150.0, 2.0, 11), spinning(195.0, 2.0, 11, shift)
     middle = after[:6]
     middle = replace(
         middle,
@@ -174,58 +174,58 @@ def test_curves_run_on_through_a_transition(shift: float) -> None:
         ),
         channels=before.channels.forgotten(6) if before.channels else None,
     )
-    joined = bvh.parse(bvh.render(concatenate([before, middle, after])).encode())
+    joined = bvh.parse(bvh.encode(concatenate([before, middle, after])))
     assert joined.channels is not None
-    turns = [i for i, name in enumerate(n for names in joined.channels.names for n in names) if name in ROTATIONS]
-    steps = np.abs(np.diff(joined.channels.values[:, turns], axis=0))
-    assert steps.max() < 30.0, "no flip of a half or whole turn"
+    columns = [i for i, name in enumerate(n for names in joined.channels.names for n in names) if name in ROTATIONS]
+    steps = np.abs(np.diff(joined.channels.values[:, columns], axis=0))
+    assert steps.max() < 30.0, "no jump by a half or whole revolution"
     assert np.array_equal(joined.channels.values[:11], np.asarray(before.channels.values if before.channels else 0))
     assert np.allclose(joined.channels.values[17:, 10], 195.0 + 2.0 * np.arange(11))
     whole = concatenate([before, middle, after])
     assert np.all(rotation.angle_between(joined.local_rotations, whole.local_rotations) < 1e-6)
 
 
-def test_the_other_triple_is_undone() -> None:
-    """A file that writes (a + 180, 180 - b, c + 180) goes on from one that writes (a, b, c)."""
-    before = turning(20.0, 1.0, 5)
+def test_equivalent_euler_triples_continue_the_curve() -> None:
+    """A file that writes (a + 180, 180 - b, c + 180) continues one that writes (a, b, c)."""
+    before = spinning(20.0, 1.0, 5)
     assert before.channels is not None
     values = np.array(before.channels.values)
     values[:, :3] = np.stack([values[:, 0] + 180.0, 180.0 - values[:, 1], values[:, 2] + 180.0], axis=1)
     after = replace(before, channels=replace(before.channels, values=values))
-    joined = bvh.parse(bvh.render(concatenate([before, after])).encode())
+    joined = bvh.parse(bvh.encode(concatenate([before, after])))
     assert joined.channels is not None
     assert np.allclose(joined.channels.values[5:, :3], before.channels.values[:, :3])
 
 
-def test_a_joint_gets_the_channels_that_its_motion_needs() -> None:
+def test_a_joint_gets_the_rotation_channels_its_motion_needs() -> None:
     clip = bvh.parse(MIXED.encode())
     bent = np.array(clip.local_rotations)
     bent[:, 2] = rotation.exp([0.3, 0.2, 0.1])
     assert clip.channels is not None
     derived = replace(clip, local_rotations=bent, channels=clip.channels.forgotten(3))
-    again = bvh.parse(bvh.render(derived).encode())
+    again = bvh.parse(bvh.encode(derived))
     assert again.channels is not None
     assert again.channels.names[2] == ("Xrotation", "Zrotation", "Yrotation")
-    assert again.channels.names[3] == (), "a joint that does not turn gets none"
+    assert again.channels.names[3] == (), "a joint that does not rotate gets none"
     assert again.channels.names[4] == ("Zrotation", "Yrotation")
     assert np.all(rotation.angle_between(again.local_rotations, bent) < 1e-6)
 
 
-def test_numbers_of_an_edited_clip_are_derived() -> None:
-    """A file's numbers are written only where they still mean the clip's rotations and places."""
+def test_numbers_of_an_edited_clip_are_computed_anew() -> None:
+    """A file's numbers are written only where they still give the clip's rotations and positions."""
     clip = bvh.parse(MIXED.encode())
-    turned = np.array(clip.local_rotations)
-    turned[1:, 0] = rotation.multiply(rotation.exp([0.0, 0.4, 0.0]), turned[1:, 0])
-    edited = replace(clip, local_rotations=turned, root_positions=clip.root_positions + np.array([0.0, 5.0, 0.0]))
-    again = bvh.parse(bvh.render(edited).encode())
-    assert np.all(rotation.angle_between(again.local_rotations, turned) < 1e-6)
+    rotated = np.array(clip.local_rotations)
+    rotated[1:, 0] = rotation.multiply(rotation.exp([0.0, 0.4, 0.0]), rotated[1:, 0])
+    edited = replace(clip, local_rotations=rotated, root_positions=clip.root_positions + np.array([0.0, 5.0, 0.0]))
+    again = bvh.parse(bvh.encode(edited))
+    assert np.all(rotation.angle_between(again.local_rotations, rotated) < 1e-6)
     assert np.allclose(again.root_positions, edited.root_positions, atol=1e-6)
     assert again.channels is not None
     assert clip.channels is not None
     assert np.array_equal(again.channels.values[:, 6:], clip.channels.values[:, 6:])
 
 
-def test_a_root_gets_the_position_channels_that_its_motion_needs() -> None:
+def test_a_root_gets_the_position_channels_its_motion_needs() -> None:
     text = MIXED.replace(
         "CHANNELS 6 Zrotation Yrotation Xrotation Xposition Yposition Zposition",
         "CHANNELS 5 Zrotation Yrotation Xrotation Xposition Zposition",
@@ -237,30 +237,30 @@ def test_a_root_gets_the_position_channels_that_its_motion_needs() -> None:
     )
     clip = bvh.parse(text.encode())
     raised = replace(clip, root_positions=clip.root_positions + np.array([0.0, 7.0, 0.0]))
-    again = bvh.parse(bvh.render(raised).encode())
+    again = bvh.parse(bvh.encode(raised))
     assert np.allclose(again.root_positions, raised.root_positions, atol=1e-9)
-    assert bvh.parse(bvh.render(clip).encode()).channels.names == clip.channels.names  # type: ignore[union-attr]
+    assert bvh.parse(bvh.encode(clip)).channels.names == clip.channels.names  # type: ignore[union-attr]
 
 
-def test_joints_in_any_order_come_back_right() -> None:
+def test_joints_in_any_order_are_written_correctly() -> None:
     from signsplice.motion import kinematics
     from signsplice.motion.clip import Skeleton
 
     rng = np.random.default_rng(1)
     skeleton = Skeleton(("a", "b", "c", "b2", "c2"), np.array([-1, 0, 0, 1, 2]), rng.normal(size=(5, 3)))
     clip = Clip(skeleton, rotation.normalize(rng.normal(size=(6, 5, 4))), rng.normal(size=(6, 3)), 30.0)
-    again = bvh.parse(bvh.render(clip).encode())
+    again = bvh.parse(bvh.encode(clip))
     assert again.skeleton.names == ("a", "b", "b2", "c", "c2")
-    places = dict(zip(skeleton.names, kinematics.forward(clip)[1].transpose(1, 0, 2), strict=True))
-    for name, place in zip(again.skeleton.names, kinematics.forward(again)[1].transpose(1, 0, 2), strict=True):
-        assert np.allclose(place, places[name], atol=1e-6)
+    expected = dict(zip(skeleton.names, kinematics.forward(clip)[1].transpose(1, 0, 2), strict=True))
+    for name, positions in zip(again.skeleton.names, kinematics.forward(again)[1].transpose(1, 0, 2), strict=True):
+        assert np.allclose(positions, expected[name], atol=1e-6)
 
 
-def test_names_that_bvh_cannot_hold_are_refused() -> None:
+def test_joint_names_that_bvh_cannot_hold_are_refused() -> None:
     clip = random_clip(0)
     names = ("my hips", *clip.skeleton.names[1:])
     with pytest.raises(InputError, match="'my hips' is empty or has white space"):
-        bvh.render(replace(clip, skeleton=replace(clip.skeleton, names=names)))
+        bvh.encode(replace(clip, skeleton=replace(clip.skeleton, names=names)))
 
 
 def test_gimbal_lock_does_not_make_curves_jump() -> None:
@@ -268,13 +268,13 @@ def test_gimbal_lock_does_not_make_curves_jump() -> None:
     clip = random_clip(0, n_frames=41)
     local = np.array(clip.local_rotations)
     local[:, 1] = rotation.from_euler(np.deg2rad(angles), "ZXY")
-    again = bvh.parse(bvh.render(replace(clip, local_rotations=local)).encode())
+    again = bvh.parse(bvh.encode(replace(clip, local_rotations=local)))
     assert again.channels is not None
     assert np.abs(np.diff(again.channels.values[:, 6:9], axis=0)).max() < 5.0
     assert np.all(rotation.angle_between(again.local_rotations, local) < 1e-6)
 
 
-def test_rows_of_numbers_are_read_back_as_the_very_same() -> None:
+def test_printed_numbers_are_read_back_unchanged() -> None:
     rng = np.random.default_rng(0)
     plain = np.round(rng.normal(size=(40, 23)) * 10.0 ** rng.integers(-6, 6, (40, 23)), 8).astype(np.float64)
     plain[0, :8] = [0.0, -0.0, 1.0, -1e-8, 999999.99999999, 5e-5, 10.0, -100.5]

@@ -1,4 +1,4 @@
-"""Files written whole or not at all."""
+"""Files and folders that are written whole or not at all."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from signsplice.errors import InputError
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """A temporary path beside ``path``, which takes its name when the block ends well and is removed when it does not.
+    """A temporary path in the folder of ``path``: renamed to ``path`` when the block succeeds, removed when it fails.
 
-    The suffix is kept, since writers choose by it. Raises ``InputError`` where the folder is missing or not writable,
-    or the target is a folder.
+    It has the suffix of ``path``, since writers choose by suffix. Raises ``InputError`` where the folder is missing or
+    not writable, or ``path`` is a folder.
     """
     path = Path(path)
     check_writable(path)
@@ -40,7 +40,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def check_writable(path: str | Path) -> None:
-    """Raise ``InputError`` where ``path`` cannot be written: no folder, a folder itself, no permission."""
+    """Raise ``InputError`` where ``path`` is a folder, or its own folder is missing or not writable."""
     path = Path(path)
     if path.is_dir():
         raise InputError(f"{path}: is a folder, expected a file name to write to")
@@ -52,10 +52,10 @@ def check_writable(path: str | Path) -> None:
 
 @contextmanager
 def replacing_folder(path: str | Path, mark: str) -> Iterator[Path]:
-    """A new folder beside ``path``, which takes its name when the block ends well and is removed when it does not.
+    """A temporary folder next to ``path``: renamed to ``path`` when the block succeeds, removed when it fails.
 
-    What lies at ``path`` is replaced only where it is empty or holds a file ``mark``, the sign of an earlier one.
-    Raises ``InputError`` where it is something else, cannot be written, or the disk is full.
+    A folder at ``path`` is replaced only if it is empty or holds the file ``mark``, by which earlier output is
+    recognised. Raises ``InputError`` where something else is there, it cannot be written, or the disk is full.
     """
     target = Path(path)
     check_folder(target, mark)
@@ -72,7 +72,7 @@ def replacing_folder(path: str | Path, mark: str) -> Iterator[Path]:
 
 
 def check_folder(path: Path, mark: str) -> None:
-    """Raise ``InputError`` where a folder that ``mark`` tells cannot be put at ``path``."""
+    """Raise ``InputError`` where ``replacing_folder(path, mark)`` would refuse."""
     parent = path.resolve().parent
     if not parent.is_dir():
         raise InputError(f"{path}: folder {path.parent} does not exist; make it first")
@@ -83,7 +83,7 @@ def check_folder(path: Path, mark: str) -> None:
 
 
 def put_folder(made: Path, target: Path) -> None:
-    """Let a finished folder take the target's name; what had it comes back if that fails."""
+    """Rename a finished folder to ``target``; a folder that was there is restored if that fails."""
     target = target.resolve()
     umask = os.umask(0)  # mkdtemp makes a private folder
     os.umask(umask)

@@ -1,8 +1,8 @@
-"""BVH files (Biovision Hierarchy): a strict reader and an exact writer.
+"""BVH files (Biovision Hierarchy, ``.bvh``): a strict reader and an exact writer.
 
-Conventions, where readers of the field differ: a position channel replaces its component of the joint's OFFSET (Blender
-and bvhio; rejected: three.js, which adds both). Rotations are the intrinsic product of the channels in the file's
-order. What comes in goes out again: numbers to the last digit, names, channel orders, Frame Time.
+Conventions, where other readers differ: a position channel replaces its component of the joint's OFFSET (Blender and
+bvhio; rejected: three.js, which adds both). Rotations are the intrinsic product of the channels in the file's order.
+A clip that was read is written with the same numbers to the last digit, names, channel orders and Frame Time.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import FormatError, InputError
-from signsplice.formats.atomic import read_bytes, replacing
+from signsplice.formats.atomic import read_bytes
 from signsplice.formats.bvh_hierarchy import Hierarchy, number_of, short
 from signsplice.formats.numbers import format_rows, parse_plain
 from signsplice.motion import euler_channels, euler_curves
@@ -24,22 +24,21 @@ from signsplice.motion.euler_channels import Channels
 
 Float = NDArray[np.float64]
 
-
 _FRAMES = re.compile(r"frames\s*:\s*(\S*)\s*(.*)", re.IGNORECASE)
 _FRAME_TIME = re.compile(r"frame\s+time\s*:\s*(\S*)\s*(.*)", re.IGNORECASE)
 
 
 def read(path: str | Path) -> Clip:
-    """The clip that a BVH file holds, named after the file, in the file's own length unit.
+    """The clip in a BVH file, named after the file, in the file's length unit.
 
-    Raises ``FormatError`` ("FILE:LINE: what, expected what") for whatever is not sound BVH, ``InputError`` for a file
-    that cannot be read.
+    Raises ``FormatError`` ("FILE:LINE: what, expected what") for anything that is not valid BVH, ``InputError`` for a
+    file that cannot be read.
     """
-    return parse(read_bytes(path), file=str(path), name=Path(path).stem)
+    return parse(read_bytes(path), str(path))
 
 
-def parse(content: bytes, file: str = "", name: str = "") -> Clip:
-    """The clip that the bytes of a BVH file hold; ``file`` stands in error messages. Raises ``FormatError``."""
+def parse(content: bytes, file: str = "") -> Clip:
+    """The clip in the bytes of a BVH file named ``file``. Raises ``FormatError``."""
     lines = _lines(content, file)
     motion = next((n for n, line in enumerate(lines) if line.strip().upper() == b"MOTION"), None)
     hierarchy = Hierarchy(file)
@@ -52,14 +51,14 @@ def parse(content: bytes, file: str = "", name: str = "") -> Clip:
         )
     n_frames, frame_time, first = _motion_head(lines, motion + 1, file)
     values = _frame_values(lines[first:], first + 1, n_frames, sum(map(len, hierarchy.channels)), file)
-    return _clip(hierarchy, values, frame_time, name)
+    return _clip(hierarchy, values, frame_time, Path(file).stem)
 
 
 def standard_fps(frame_time: float) -> float:
-    """Frames a second that a printed Frame Time means.
+    """The frame rate from which a printed Frame Time was rounded.
 
-    Files round it (0.033333 for 30 fps), so among whole rates up to 1000, then the NTSC ones (n * 1000/1001), the
-    nearest whose period rounds to the number as printed is taken; 1 / frame_time where none does.
+    Files round it (0.033333 for 30 fps). Whole rates up to 1000, then the NTSC rates (n * 1000/1001), are candidates;
+    the nearest whose period rounds to the printed number is returned, or 1 / frame_time if there is none.
     """
     text = repr(float(frame_time))
     mantissa, _, exponent = text.partition("e")
@@ -73,14 +72,11 @@ def standard_fps(frame_time: float) -> float:
     return min(near, key=lambda rate: abs(1.0 / rate - frame_time)) if near else 1.0 / frame_time
 
 
-def write(clip: Clip, path: str | Path) -> None:
-    """Write a clip as BVH, whole or not at all. Numbers that a file gave are written as the same numbers again."""
-    with replacing(path) as temporary:
-        temporary.write_text(render(clip), encoding="utf-8", newline="\n")
+def encode(clip: Clip) -> bytes:
+    """The bytes of a clip's BVH file (UTF-8); numbers that were read from a file are written as the same numbers.
 
-
-def render(clip: Clip) -> str:
-    """The text of a clip's BVH file. Raises ``InputError`` for a joint name that BVH cannot hold."""
+    Raises ``InputError`` for a joint name that BVH cannot hold.
+    """
     spaced = next((name for name in clip.skeleton.names if len(name.split()) != 1), None)
     if spaced is not None:
         raise InputError(f"joint name {spaced!r} is empty or has white space, which BVH cannot hold; rename it")
@@ -90,19 +86,19 @@ def render(clip: Clip) -> str:
     frame_time = 1.0 / clip.fps
     if given is not None and given.frame_time > 0.0 and standard_fps(given.frame_time) == clip.fps:
         frame_time = given.frame_time
-    # The hierarchy is written branch by branch, and columns follow it, whatever order the joints are in.
+    # The hierarchy is written depth first, and columns follow it, whatever the order of the joints.
     starts = euler_channels.first_columns(names)
-    columns = [starts[joint] + n for joint in _branch_by_branch(clip.skeleton) for n in range(len(names[joint]))]
+    columns = [starts[joint] + n for joint in _depth_first(clip.skeleton) for n in range(len(names[joint]))]
     if columns != sorted(columns):
         values = values[:, columns]
     lines = ["HIERARCHY"]
     _write_joint(lines, clip.skeleton, names, offsets)
     lines += ["MOTION", f"Frames: {len(values)}", f"Frame Time: {frame_time!r}"]
-    return "\n".join([*lines, format_rows(values)]) + "\n"
+    return ("\n".join([*lines, format_rows(values)]) + "\n").encode()
 
 
-def _branch_by_branch(skeleton: Skeleton) -> list[int]:
-    """All joints, each followed by its children's branches."""
+def _depth_first(skeleton: Skeleton) -> list[int]:
+    """All joints, each followed by its descendants."""
     order: list[int] = []
     stack = [0]
     while stack:
@@ -114,7 +110,7 @@ def _branch_by_branch(skeleton: Skeleton) -> list[int]:
 
 def _write_joint(lines: list[str], skeleton: Skeleton, names: euler_channels.Names, offsets: Float) -> None:
     """Append the hierarchy's lines; a stack instead of recursion, so that depth has no limit."""
-    stack: list[tuple[int, int]] = [(0, 0)]
+    stack: list[tuple[int, int]] = [(0, 0)]  # (joint, depth); joint -1 closes a brace
     while stack:
         joint, depth = stack.pop()
         tab = "\t" * depth
@@ -137,7 +133,7 @@ def _numbers(row: Float) -> str:
 
 
 def _lines(content: bytes, file: str) -> list[bytes]:
-    """The file's lines, whatever ends them (LF, CRLF, CR)."""
+    """The file's lines; line ends may be LF, CRLF or CR."""
     if not content.strip():
         raise FormatError("the file is empty, expected HIERARCHY", file=file, line=1)
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
@@ -155,11 +151,11 @@ def _text(line: bytes) -> str:
     try:
         return line.decode("utf-8")
     except UnicodeDecodeError:
-        return line.decode("latin-1")  # names from before UTF-8; every byte stands for a character
+        return line.decode("latin-1")  # older encodings; every byte is a character
 
 
 def _motion_head(lines: list[bytes], at: int, file: str) -> tuple[int, float, int]:
-    """Number of frames, Frame Time, and the index of the first line after them."""
+    """Number of frames, Frame Time in seconds, and the index of the first line after them."""
     found: list[str] = []
     for pattern, what in ((_FRAMES, "Frames: and a number"), (_FRAME_TIME, "Frame Time: and seconds")):
         while at < len(lines) and not lines[at].strip():
@@ -182,7 +178,7 @@ def _motion_head(lines: list[bytes], at: int, file: str) -> tuple[int, float, in
 
 
 def _frame_values(lines: list[bytes], first_line: int, n_frames: int, width: int, file: str) -> Float:
-    """Numbers (T, C) of the frame lines. Memory follows what the file holds, never what it claims."""
+    """Numbers (T, C) of the frame lines. Memory depends on the file's size, not on the number of frames it declares."""
     rows = [(number, line) for number, line in enumerate(lines, first_line) if line and not line.isspace()]
     if width == 0:
         raise FormatError("the skeleton has no channels, expected at least the root's", file=file, line=first_line - 1)
@@ -212,12 +208,12 @@ def _frame_values(lines: list[bytes], first_line: int, n_frames: int, width: int
 
 
 def _parsed(text: bytes) -> Float:
-    """The numbers of a text; fewer or other than it has tokens where one is no number."""
+    """The numbers of a text; their count differs from that of its tokens if one is not a number."""
     plain = parse_plain(text)
     if plain is not None:
         return plain
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # numpy's word for text that stops being numbers
+        warnings.simplefilter("ignore", DeprecationWarning)  # numpy warns of text that is not a number
         try:
             return np.fromstring(_text(text), sep=" ")
         except ValueError:
@@ -225,7 +221,7 @@ def _parsed(text: bytes) -> Float:
 
 
 def _token_counts(text: bytes) -> NDArray[np.intp]:
-    """How many white-space-separated tokens each line holds; counted on the bytes, since splitting is slow."""
+    """Number of white-space-separated tokens in each line; counted on the bytes, since splitting is slow."""
     flat = np.frombuffer(text, np.uint8)
     space = flat <= 32
     ends = np.flatnonzero(space[1:] & ~space[:-1]) + 1  # first white space after each token

@@ -1,4 +1,4 @@
-"""The HIERARCHY of a BVH file, read strictly, statement by statement."""
+"""The HIERARCHY section of a BVH file, parsed strictly, statement by statement."""
 
 from __future__ import annotations
 
@@ -20,8 +20,14 @@ _CHANNELS = {name.lower(): name for name in (*POSITIONS, *ROTATIONS)}
 
 @dataclass
 class Hierarchy:
-    """Reads the lines of HIERARCHY one by one and holds what they declare: names, parents, offsets, channels, End
-    Sites.
+    """What the lines of HIERARCHY declare; ``read_line`` takes them one by one.
+
+    file: name of the file, for messages.
+    names: of the joints, in file order.
+    parents: index of each joint's parent, -1 for the root.
+    offsets: each joint's OFFSET, None until it is read.
+    channels: names of each joint's channels, in file order.
+    sites: End Sites, each the index of its joint and its OFFSET.
     """
 
     file: str
@@ -41,7 +47,7 @@ class Hierarchy:
         return FormatError(what, file=self.file, line=self._last_line if line is None else line)
 
     def read_line(self, number: int, tokens: list[str]) -> None:
-        """Take in line ``number`` (from 1), split at white space. Raises ``FormatError`` for what does not belong."""
+        """Parse line ``number`` (from 1), split at white space. Raises ``FormatError`` where it is not valid."""
         if not tokens:
             return
         self._last_line = number
@@ -55,7 +61,7 @@ class Hierarchy:
             tokens = self._read_statement(tokens)
 
     def _read_statement(self, tokens: list[str]) -> list[str]:
-        """Take one statement off the front of a line's tokens; what is left comes back."""
+        """Parse the statement at the front of a line's tokens; returns the tokens after it."""
         word, rest = tokens[0], tokens[1:]
         key = word.upper()
         if self._declared is not None and word != "{":
@@ -167,9 +173,7 @@ class Hierarchy:
             raise self.fail(f"{what} without OFFSET, expected OFFSET and 3 numbers", line)
 
     def close(self, motion: int | None) -> None:
-        """Check at the end of HIERARCHY (``motion``: 0-based line of MOTION) that everything was declared and
-        closed.
-        """
+        """Check at the end of HIERARCHY that everything is declared and closed; ``motion``: 0-based line of MOTION."""
         if motion is not None:
             self._last_line = motion + 1
         if not self._started:
@@ -183,12 +187,12 @@ class Hierarchy:
 
 
 def short(token: str) -> str:
-    """A token as it stands in a message, cut where it is long."""
+    """A token quoted for a message, cut if it is long."""
     return repr(token if len(token) <= 40 else token[:37] + "...")
 
 
 def number_of(token: str, file: str, line: int) -> float:
-    """A finite number, or a ``FormatError`` that says why the token is none."""
+    """The finite number that a token is. Raises ``FormatError`` that says why it is not one."""
     if _NUMBER.fullmatch(token):
         value = float(token)
         if np.isfinite(value):

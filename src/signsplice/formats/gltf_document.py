@@ -1,4 +1,4 @@
-"""A glTF 2.0 file as it lies on disk: its document, the tree of its nodes, and the numbers in its buffers."""
+"""A glTF 2.0 file as stored: its JSON document, the tree of its nodes, and the arrays in its buffers."""
 
 from __future__ import annotations
 
@@ -20,82 +20,93 @@ from signsplice.formats.atomic import read_bytes
 
 Float = NDArray[np.float64]
 
+VRM_ANIMATION = "VRMC_vrm_animation"
+"""The glTF extension of VRM animations."""
+FPS_EXTRA, ROLES_EXTRA, HUMANOID_EXTRA = "fps", "roles", "humanoid"
+"""Names of our extras. Of an animation: its frame rate. Of the document: role -> joint name, the roles of a roles file,
+and all that were found, for viewers.
+"""
 MAX_VALUES = 20_000_000
-"""Rotations' numbers of a clip, frames times joints times four, and numbers of keys, above which a file is refused."""
+"""A file is refused that has more numbers in its keys, or in its clip's rotations (frames x joints x 4)."""
 _COMPONENTS = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
 class Document:
-    """A file that is being read; ``parents``: every node's parent. ``beside``: the folder of files that it may ask for,
-    None where it may ask for none. Raises ``FormatError`` where it is no sound glTF.
+    """The content of a glTF file. Raises ``FormatError`` where it is not valid.
+
+    file: its name, for messages.
+    folder: where the buffer files that it names lie; None where it may name none.
+    gltf: the document.
+    blob: the binary chunk of a .glb, else empty.
+    parents: node -> parent node; roots are left out.
     """
 
-    def __init__(self, file: str, content: bytes, beside: Path | None) -> None:
-        self.file, self.beside = file, beside
+    def __init__(self, file: str, content: bytes, folder: Path | None) -> None:
+        self.file, self.folder = file, folder
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about extensions that mean nothing here
+            warnings.simplefilter("ignore")  # about extensions that are not read
             if content[:4] == b"glTF":
                 self.gltf, self.blob = _binary(file, content)
             else:
                 self.gltf, self.blob = GLTF2.from_json(content.decode("utf-8-sig"), infer_missing=True), b""
-        self.buffers: dict[int, bytes] = {}
-        self.known: dict[int, Float] = {}
+        self._buffers: dict[int, bytes] = {}
+        self._arrays: dict[int, Float] = {}
         version = str(getattr(self.gltf.asset, "version", "") or "")
         if not version.startswith("2."):
-            raise self._wrong(f"is glTF {version or 'of no version'}, expected 2.0")
+            raise self._error(f"is glTF {version or 'of no version'}, expected 2.0")
         if "EXT_meshopt_compression" in (self.gltf.extensionsRequired or []):
-            raise self._wrong("its buffers are compressed by EXT_meshopt_compression, which is not read")
+            raise self._error("its buffers are compressed by EXT_meshopt_compression, which is not read")
         self.parents = self._parents()
 
     def _parents(self) -> dict[int, int]:
-        """Every node's parent. Raises ``FormatError`` where nodes are no trees."""
+        """Node -> parent node. Raises ``FormatError`` where the nodes are not trees."""
         parents: dict[int, int] = {}
-        for node, told in enumerate(self.gltf.nodes or []):
-            for child in told.children or []:
+        for node, fields in enumerate(self.gltf.nodes or []):
+            for child in fields.children or []:
                 if not 0 <= child < len(self.gltf.nodes) or child in parents or child == node:
-                    raise self._wrong(f"node {child} is a child of node {node} and of another, or is not there")
+                    raise self._error(f"node {child} is a child of node {node} and of another, or does not exist")
                 parents[child] = node
         for node in parents:
-            seen, at = {node}, parents[node]
-            while at in parents and at not in seen:
-                seen.add(at)
-                at = parents[at]
-            if at in seen:
-                raise self._wrong(f"node {node} lies above itself")
+            seen, ancestor = {node}, parents[node]
+            while ancestor in parents and ancestor not in seen:
+                seen.add(ancestor)
+                ancestor = parents[ancestor]
+            if ancestor in seen:
+                raise self._error(f"node {node} is its own ancestor")
         return parents
 
-    def _there(self, rows: Any, number: Any, what: str) -> Any:
-        """A row by its number. Raises ``FormatError`` where there is none."""
+    def _row(self, rows: Any, number: Any, what: str) -> Any:
+        """A row of a table of the document by its number. Raises ``FormatError`` where there is none."""
         if not isinstance(number, int) or not 0 <= number < len(rows or []):
-            raise self._wrong(f"{what} {number} is no {'node' if what == 'joint' else 'such'}, of {len(rows or [])}")
+            raise self._error(f"{what} {number} is no {'node' if what == 'joint' else 'such'}, of {len(rows or [])}")
         return rows[number]
 
-    def _tree(self, node: int) -> list[int]:
-        """A node and all below it, parents first."""
+    def _subtree(self, node: int) -> list[int]:
+        """A node and all its descendants, parents first."""
         out = [node]
-        for above in out:
-            out += self.gltf.nodes[above].children or []
+        for parent in out:
+            out += self.gltf.nodes[parent].children or []
         return out
 
-    def _line(self, node: int) -> list[int]:
-        """A node and all above it."""
+    def _path_to_root(self, node: int) -> list[int]:
+        """A node and its ancestors, the root last."""
         out = [node]
         while out[-1] in self.parents:
             out.append(self.parents[out[-1]])
         return out
 
     def _values(self, number: int) -> Float:
-        """An accessor's values (N, width)."""
-        if number not in self.known:
-            self.known[number] = self._read_values(number)
-        return self.known[number]
+        """The values (N, width) of an accessor; integers that are marked as normalized as -1..1 or 0..1."""
+        if number not in self._arrays:
+            self._arrays[number] = self._read_values(number)
+        return self._arrays[number]
 
     def _read_values(self, number: int) -> Float:
-        accessor = self._there(self.gltf.accessors, number, "accessor")
+        accessor = self._row(self.gltf.accessors, number, "accessor")
         if accessor.sparse is not None or accessor.bufferView is None:
-            raise self._wrong(f"accessor {number} is sparse or empty, which is not read")
-        view = self._there(self.gltf.bufferViews, accessor.bufferView, "bufferView")
+            raise self._error(f"accessor {number} is sparse or empty, which is not read")
+        view = self._row(self.gltf.bufferViews, accessor.bufferView, "bufferView")
         kind, width = np.dtype(_COMPONENTS[accessor.componentType]), _WIDTHS[accessor.type]
         data = self._buffer(view.buffer)
         start = (view.byteOffset or 0) + (accessor.byteOffset or 0)
@@ -103,9 +114,9 @@ class Document:
         end = start + (accessor.count - 1) * stride + width * kind.itemsize
         limit = (view.byteOffset or 0) + view.byteLength
         if accessor.count * width > MAX_VALUES:
-            raise self._wrong(f"accessor {number} holds {accessor.count} rows, more than a clip may")
+            raise self._error(f"accessor {number} holds {accessor.count} rows, more than a clip may")
         if accessor.count < 1 or start < 0 or stride < width * kind.itemsize or end > min(limit, len(data)):
-            raise self._wrong(f"accessor {number} reaches beyond its {len(data)} bytes")
+            raise self._error(f"accessor {number} reaches beyond its {len(data)} bytes")
         rows = np.ndarray((accessor.count, width), kind.newbyteorder("<"), data, start, (stride, kind.itemsize))
         values = rows.astype(np.float64)
         if accessor.normalized and kind.kind in "iu":
@@ -113,33 +124,33 @@ class Document:
         return values
 
     def _buffer(self, number: int) -> bytes:
-        """The bytes of a buffer: those of the file itself, written into it, or of a file beside it."""
-        if number not in self.buffers:
-            uri = self._there(self.gltf.buffers, number, "buffer").uri
+        """The bytes of a buffer: the binary chunk, a data URI, or a file in the same folder."""
+        if number not in self._buffers:
+            uri = self._row(self.gltf.buffers, number, "buffer").uri
             if uri is None:
                 if number != 0:
-                    raise self._wrong(f"buffer {number} has no data")
-                self.buffers[number] = self.blob
+                    raise self._error(f"buffer {number} has no data")
+                self._buffers[number] = self.blob
             elif uri.startswith("data:"):
                 try:
-                    self.buffers[number] = base64.b64decode(uri.partition(",")[2], validate=True)
+                    self._buffers[number] = base64.b64decode(uri.partition(",")[2], validate=True)
                 except binascii.Error as error:
-                    raise self._wrong(f"buffer {number} is no base64 ({error})") from error
+                    raise self._error(f"buffer {number} is no base64 ({error})") from error
             else:
                 name = unquote(uri)
-                if self.beside is None:
-                    raise self._wrong(f"buffer {number} lies in another file, {uri!r}, expected all in one")
+                if self.folder is None:
+                    raise self._error(f"buffer {number} lies in another file, {uri!r}, expected all in one")
                 if not name or Path(name).name != name or "\\" in name or "\0" in name:
-                    raise self._wrong(f"buffer {number} lies at {uri!r}, expected a file beside this one")
-                self.buffers[number] = read_bytes(self.beside / name)
-        return self.buffers[number]
+                    raise self._error(f"buffer {number} lies at {uri!r}, expected a file in the same folder")
+                self._buffers[number] = read_bytes(self.folder / name)
+        return self._buffers[number]
 
-    def _wrong(self, what: str) -> FormatError:
+    def _error(self, what: str) -> FormatError:
         return FormatError(what, file=self.file)
 
 
 def _binary(file: str, content: bytes) -> tuple[GLTF2, bytes]:
-    """The document and the binary part of a .glb."""
+    """The document and the binary chunk of a .glb file."""
     if len(content) < 20:
         raise FormatError(f"{len(content)} bytes are no glTF file, expected 20 at least", file=file)
     version, length = struct.unpack_from("<II", content, 4)
@@ -147,17 +158,17 @@ def _binary(file: str, content: bytes) -> tuple[GLTF2, bytes]:
         raise FormatError(f"is glTF {version}, expected 2", file=file)
     if length > len(content):
         raise FormatError(f"has {len(content)} of its {length} bytes; it is cut short", file=file)
-    parts: dict[bytes, bytes] = {}
+    chunks: dict[bytes, bytes] = {}
     at = 12
     while at + 8 <= length:
         (size,), kind = struct.unpack_from("<I", content, at), content[at + 4 : at + 8]
         if at + 8 + size > length:
             raise FormatError(f"a chunk of {size} bytes at {at} reaches beyond the file's end", file=file)
-        parts.setdefault(kind, content[at + 8 : at + 8 + size])
+        chunks.setdefault(kind, content[at + 8 : at + 8 + size])
         at += 8 + size
-    if b"JSON" not in parts:
+    if b"JSON" not in chunks:
         raise FormatError("has no JSON chunk, expected one", file=file)
-    told = parts[b"JSON"].decode("utf-8")
-    if not isinstance(json.loads(told), dict):
+    text = chunks[b"JSON"].decode("utf-8")
+    if not isinstance(json.loads(text), dict):
         raise FormatError("its JSON is no object", file=file)
-    return GLTF2.from_json(told, infer_missing=True), parts.get(b"BIN\0", b"")
+    return GLTF2.from_json(text, infer_missing=True), chunks.get(b"BIN\0", b"")

@@ -1,4 +1,4 @@
-"""Keys of a glTF animation: the frame rate that they tell, and what lies between them."""
+"""Keys of a glTF animation: the frame rate that they imply, and values interpolated between them."""
 
 from __future__ import annotations
 
@@ -12,17 +12,22 @@ from signsplice.motion import rotation
 Float = NDArray[np.float64]
 
 LEAST_FPS, MOST_FPS = 10.0, 240.0
-"""Keys that lie farther apart or nearer together tell no frame rate: such files are sampled at ``USUAL_FPS``."""
+"""Keys that are farther apart or closer together imply no frame rate: such files are sampled at ``USUAL_FPS``."""
 USUAL_FPS = 30.0
 DRIFT = 0.1
-"""A rate is taken for a whole number, or one of television's (k 1000 / 1001), where keys move by so few frames."""
+"""A rate is rounded to a whole number or an NTSC rate (k 1000 / 1001) if that moves no key by more frames than this."""
 _NEAR = 1e-3
-"""Share of a frame by which a moment may lie before a key and yet be at it: files hold times in 32 bits."""
+"""A time within this fraction of a frame of a key is at that key: files store times in 32 bits."""
 
 
 @dataclass(frozen=True)
 class Keys:
-    """A channel's keys: times (K,), values (K, 3 or 4), with tangents (K, 3, ...) where it is a spline."""
+    """The keys of one animated channel.
+
+    times: (K,) seconds, rising.
+    values: (K, 3) or (K, 4); for splines (K, 3, 3) or (K, 3, 4): in-tangent, value, out-tangent.
+    interpolation: "LINEAR", "STEP" or "CUBICSPLINE".
+    """
 
     times: Float
     values: Float
@@ -30,7 +35,7 @@ class Keys:
 
 
 def frame_rate(times: Float) -> float:
-    """The frame rate that rising key times tell."""
+    """The frame rate that rising key times (K,) imply."""
     if len(times) < 2:
         return USUAL_FPS
     steps = np.diff(times)
@@ -45,29 +50,32 @@ def frame_rate(times: Float) -> float:
     return rate
 
 
-def sampled(keys: Keys, times: Float, fps: float, turning: bool) -> Float:
-    """A channel at moments (T,): between keys as the file says, before and after them as at the first and last."""
+def sample(keys: Keys, times: Float, fps: float, rotations: bool) -> Float:
+    """Values of a channel at ``times`` (T,): (T, 3), or unit quaternions (T, 4) for ``rotations``.
+
+    Between keys as the file's interpolation says; before the first and after the last key, the value there.
+    """
     at = np.clip(times, keys.times[0], keys.times[-1])
     low = np.clip(np.searchsorted(keys.times, at, side="right") - 1, 0, max(len(keys.times) - 2, 0))
     high = np.minimum(low + 1, len(keys.times) - 1)
     span = keys.times[high] - keys.times[low]
-    share = np.divide(at - keys.times[low], span, out=np.zeros_like(at), where=span > 0.0)
-    share[(at - keys.times[low]) * fps < _NEAR] = 0.0
-    share[(keys.times[high] - at) * fps < _NEAR] = 1.0
+    weight = np.divide(at - keys.times[low], span, out=np.zeros_like(at), where=span > 0.0)
+    weight[(at - keys.times[low]) * fps < _NEAR] = 0.0
+    weight[(keys.times[high] - at) * fps < _NEAR] = 1.0
     if keys.interpolation == "CUBICSPLINE":
-        s, t = share[:, None], span[:, None]
-        a, leaving = keys.values[low, 1], t * keys.values[low, 2]
-        b, arriving = keys.values[high, 1], t * keys.values[high, 0]
+        s, t = weight[:, None], span[:, None]
+        a, out_tangent = keys.values[low, 1], t * keys.values[low, 2]
+        b, in_tangent = keys.values[high, 1], t * keys.values[high, 0]
         out = (
             (1 + 2 * s) * (1 - s) ** 2 * a
-            + s * (1 - s) ** 2 * leaving
+            + s * (1 - s) ** 2 * out_tangent
             + s**2 * (3 - 2 * s) * b
-            + s**2 * (s - 1) * arriving
+            + s**2 * (s - 1) * in_tangent
         )
-        return rotation.normalize(out) if turning else np.asarray(out)
+        return rotation.normalize(out) if rotations else np.asarray(out)
     if keys.interpolation == "STEP":
-        share = np.where(share >= 1.0, 1.0, 0.0)
+        weight = np.where(weight >= 1.0, 1.0, 0.0)
     a, b = keys.values[low], keys.values[high]
-    if turning:
-        return rotation.slerp(rotation.normalize(a), rotation.normalize(b), share)
-    return np.asarray(a + share[:, None] * (b - a))
+    if rotations:
+        return rotation.slerp(rotation.normalize(a), rotation.normalize(b), weight)
+    return np.asarray(a + weight[:, None] * (b - a))

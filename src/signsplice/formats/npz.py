@@ -1,4 +1,4 @@
-"""NumPy archives (.npz): a clip's arrays as they are, exact and quick to open."""
+"""NumPy archives (``.npz``): the arrays of a clip unchanged, quick to open."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 
 from signsplice.errors import FormatError, InputError
-from signsplice.formats.atomic import read_bytes, replacing
+from signsplice.formats.atomic import read_bytes
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 from signsplice.motion.euler_channels import Channels
 
 VERSION = 1
 MAX_EXPANSION = 200
-"""An archive may unpack to this many times its own size (at least 64 MiB): real clips stay far below, bombs do not."""
+"""An archive may unpack to this many times its own size (at least 64 MiB): clips stay far below, zip bombs do not."""
 
 
-def write(clip: Clip, path: str | Path) -> None:
-    """Write every array of a clip, whole or not at all."""
+def encode(clip: Clip) -> bytes:
+    """The bytes of an archive with every array of a clip."""
     skeleton = clip.skeleton
     channels = None if clip.channels is None else clip.channels.settled()
     head: dict[str, Any] = {
@@ -44,12 +44,13 @@ def write(clip: Clip, path: str | Path) -> None:
     if channels is not None:
         head |= {"channels": channels.names, "frame_time": channels.frame_time, "starts": channels.starts}
         arrays |= {"channel_values": channels.values, "channel_offsets": channels.offsets}
-    with replacing(path) as temporary:
-        np.savez_compressed(temporary, head=np.array(json.dumps(head)), **arrays)  # type: ignore[arg-type]
+    archive = BytesIO()
+    np.savez_compressed(archive, head=np.array(json.dumps(head)), **arrays)  # type: ignore[arg-type]
+    return archive.getvalue()
 
 
 def read(path: str | Path) -> Clip:
-    """The clip of an archive that ``write`` made. Raises ``FormatError`` for any other, ``InputError`` if it cannot be
+    """The clip in an archive that ``encode`` made. Raises ``FormatError`` for any other, ``InputError`` if it cannot be
     read.
     """
     content = read_bytes(path)
@@ -64,10 +65,10 @@ def read(path: str | Path) -> Clip:
     except FormatError:
         raise
     except InputError as error:
-        raise FormatError(f"holds no sound clip ({error})", file=str(path)) from error
+        raise FormatError(f"holds no valid clip ({error})", file=str(path)) from error
     except (zipfile.BadZipFile, ValueError, KeyError, TypeError, EOFError, OSError, IndexError, MemoryError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise FormatError(f"is no clip that signsplice wrote ({reason})", file=str(path)) from error
+        raise FormatError(f"is not a clip that signsplice wrote ({reason})", file=str(path)) from error
 
 
 def _clip(arrays: dict[str, Any]) -> Clip:

@@ -1,9 +1,9 @@
-"""Columns of plain decimal numbers, parsed many at once.
+"""Decimal numbers parsed and printed with array operations, many at once.
 
 Motion files are almost nothing but numbers such as ``-12.345678``. Eight digits are parsed with three multiplications
-in one machine word (the digit pairs, fours and eights are folded together), for all numbers of a file side by side.
-Only what is certain to come out as ``float`` would give it is done so; for anything else the answer is None, and the
-caller takes the slow way.
+in one 64-bit word (pairs, then fours, then eights are combined), for all numbers of a file in parallel. Only text that
+certainly parses to what ``float`` returns is handled here; for any other the result is None, and the caller falls back
+to a slower parser.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Float = NDArray[np.float64]
 
 _WORD = 8
 _BLOCK = 1 << 18
-"""Bytes parsed at a time, so that the work stays in the processor's cache."""
+"""Bytes parsed at a time, so that the arrays stay in the processor's cache."""
 
 _SPACE, _DIGIT, _DOT, _SIGN, _OTHER = range(5)
 _CLASS = np.full(256, _OTHER, np.uint8)
@@ -25,19 +25,19 @@ _CLASS[46] = _DOT
 _CLASS[[43, 45]] = _SIGN
 
 _WHOLE, _FRACTION = 6, 8
-"""Digits before and after the point of a number that is written plainly."""
+"""Digits before and after the decimal point that ``format_rows`` prints with array operations."""
 _PAIRS = np.frombuffer("".join(f"{n:02d}" for n in range(100)).encode(), np.uint8).reshape(100, 2)
 
 _MAX_DIGITS = 15
-"""So many digits are an integer below 2^53; with a power of ten below 10^22 one division is correctly rounded (Clinger
+"""An integer of 15 digits is below 2^53; divided once by a power of ten below 10^22 it is correctly rounded (Clinger
 1990).
 """
 
 
 def parse_plain(text: bytes) -> Float | None:
-    """The numbers (N,) of white-space-separated plain decimals, each as ``float`` gives it.
+    """The numbers (N,) of a text of plain decimals separated by white space, equal to those of ``float``.
 
-    Plain: an optional sign, at most 8 digits before and 8 after an optional point, 15 in all, no exponent. None where
+    Plain: an optional sign, at most 8 digits before and 8 after an optional point, 15 in all, no exponent. None if
     the text holds anything else.
     """
     blocks: list[Float] = []
@@ -77,7 +77,7 @@ def _parse_block(text: bytes) -> Float | None:
     n_digits = n_whole + n_fraction
     if np.any(n_digits < 1) or np.any(n_digits > _MAX_DIGITS) or np.any(np.maximum(n_whole, n_fraction) > _WORD):
         return None
-    words = np.ndarray((len(flat) - _WORD + 1,), "<u8", flat, 0, (1,))  # the eight bytes from every position on
+    words = np.ndarray((len(flat) - _WORD + 1,), "<u8", flat, 0, (1,))  # the eight bytes from each position on
     scale = 10.0 ** np.arange(_WORD + 1)
     power = scale[n_fraction]
     value = (
@@ -89,7 +89,7 @@ def _parse_block(text: bytes) -> Float | None:
 def _whole_number(words: NDArray[np.uint64], n_digits: NDArray[np.intp]) -> Float:
     """The value (N,) of the last ``n_digits`` (N,) characters of eight-byte words (N,), which are digits."""
     spare = (8 * (_WORD - n_digits)).astype(np.uint64)
-    w = ((words ^ np.uint64(0x3030303030303030)) >> spare) << spare  # digits to 0..9; what is not ours to 0
+    w = ((words ^ np.uint64(0x3030303030303030)) >> spare) << spare  # digits to 0..9, other bytes to 0
     w = (w * np.uint64(10) + (w >> np.uint64(8))) & np.uint64(0x00FF00FF00FF00FF)
     w = (w * np.uint64(100) + (w >> np.uint64(16))) & np.uint64(0x0000FFFF0000FFFF)
     w = (w * np.uint64(10000) + (w >> np.uint64(32))) & np.uint64(0x00000000FFFFFFFF)
@@ -97,10 +97,10 @@ def _whole_number(words: NDArray[np.uint64], n_digits: NDArray[np.intp]) -> Floa
 
 
 def format_rows(values: Float) -> str:
-    """Rows of numbers (R, C) as lines of text, each number one that ``float`` reads as the very same.
+    """Rows of numbers (R, C) as lines of text; ``float`` reads each number back as the same.
 
-    Those of at most 6 digits before and 8 after the point are written plainly, without a zero too many, all side by
-    side; others are the shortest that Python knows.
+    Numbers with at most 6 digits before and 8 after the point are printed in parallel, without superfluous zeros; rows
+    with any other number are printed with Python's ``repr``.
     """
     scaled = np.abs(values) * 10.0**_FRACTION
     whole = np.rint(scaled)
@@ -111,19 +111,19 @@ def format_rows(values: Float) -> str:
             for row, fits in zip(values, plain.all(axis=1), strict=True)
         )
     n_rows, n_columns = values.shape
-    left = whole.astype(np.int64).ravel()
-    # Sign, digits, point, digits, space; then what is not wanted is left out.
-    text = np.empty((left.size, 1 + _WHOLE + 1 + _FRACTION + 1), np.uint8)
+    remaining = whole.astype(np.int64).ravel()
+    # Sign, digits, point, digits, space; then unneeded characters are removed.
+    text = np.empty((remaining.size, 1 + _WHOLE + 1 + _FRACTION + 1), np.uint8)
     text[:, 0], text[:, 1 + _WHOLE], text[:, -1] = ord("-"), ord("."), ord(" ")
     text.reshape(n_rows, n_columns, -1)[:, -1, -1] = ord("\n")
     for pair in range((_WHOLE + _FRACTION) // 2):
-        left, two = np.divmod(left, 100)
+        remaining, two_digits = np.divmod(remaining, 100)
         at = text.shape[1] - 3 - 2 * pair - (2 * pair >= _FRACTION)
-        text[:, at : at + 2] = _PAIRS[two]
+        text[:, at : at + 2] = _PAIRS[two_digits]
     keep = np.ones(text.shape, bool)
     keep[:, 0] = np.signbit(values).ravel()
     digits = text != ord("0")
     keep[:, 1:_WHOLE] = np.logical_or.accumulate(digits[:, 1:_WHOLE], axis=1)
-    after = digits[:, _WHOLE + 2 : -1]
-    keep[:, _WHOLE + 3 : -1] = np.logical_or.accumulate(after[:, :0:-1], axis=1)[:, ::-1]
+    decimals = digits[:, _WHOLE + 2 : -1]
+    keep[:, _WHOLE + 3 : -1] = np.logical_or.accumulate(decimals[:, :0:-1], axis=1)[:, ::-1]
     return text[keep].tobytes()[:-1].decode("ascii")

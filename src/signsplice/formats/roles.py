@@ -1,4 +1,4 @@
-"""Roles files: JSON that names which joint plays which role, for rigs whose joint names do not tell."""
+"""Roles files: JSON that maps body roles to joint names, for rigs whose joint names are not recognised."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from pathlib import Path
 from signsplice.errors import FormatError
 from signsplice.formats.atomic import read_bytes
 from signsplice.motion.clip import Clip
-from signsplice.rig.roles import ROLES, find_roles, unknown_role
+from signsplice.rig.info import rig_info
+from signsplice.rig.roles import ROLES, unknown_role
 
 _SHAPE = 'an object {"role": "joint name", ...}'
 
@@ -19,7 +20,7 @@ def read(path: str | Path) -> dict[str, str]:
     """Role -> joint name from a JSON file, such as ``{"hips": "Root", "leftHand": "wrist_l"}``.
 
     Raises ``InputError`` where the file cannot be read, ``FormatError`` where it is no JSON object, or has an unknown
-    role or a joint name that is not text.
+    role or a joint name that is not a string.
     """
     file = str(path)
     try:
@@ -38,14 +39,14 @@ def read(path: str | Path) -> dict[str, str]:
     return loaded
 
 
-def give(clip: Clip, roles: Mapping[str, str]) -> Clip:
-    """The clip with ``roles`` (role -> joint name) on its skeleton; the clip itself where it has none of those joints
-    and its rig is known by its names, as among clips of several rigs.
+def with_roles(clip: Clip, roles: Mapping[str, str]) -> Clip:
+    """The clip with ``roles`` (role -> joint name) on its skeleton.
 
-    Raises ``InputError`` where a role's joint is missing.
+    A clip that has none of those joints, but whose rig is recognised by its joint names, is returned unchanged: one
+    roles file may serve clips of several rigs. Raises ``InputError`` where only some of the joints are missing.
     """
-    if not set(roles.values()) & set(clip.skeleton.names) and find_roles(clip.skeleton).rig != "unknown":
+    if not set(roles.values()) & set(clip.skeleton.names) and rig_info(clip.skeleton).roles.rig != "unknown":
         return clip
     clip = replace(clip, skeleton=replace(clip.skeleton, roles=roles))
-    find_roles(clip.skeleton)  # says at once where a role's joint is missing
+    _ = rig_info(clip.skeleton).roles  # raises where a role's joint is missing
     return clip

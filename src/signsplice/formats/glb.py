@@ -1,0 +1,73 @@
+"""glTF binary files (``.glb``): a skinned, animated person out, any animated skeleton in.
+
+The clip's own joints carry the mannequin of ``body.mesh``, so that the file opens as an armature with a mesh and an
+action wherever glTF is read. ``gltf_reader`` says what is read.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pygltflib import GLTF2
+
+from signsplice.body.mesh import bind_pose, body_mesh
+from signsplice.formats.gltf_document import HUMANOID_EXTRA, ROLES_EXTRA
+from signsplice.formats.gltf_reader import parse, read
+from signsplice.formats.gltf_writer import DocumentWriter, in_front
+from signsplice.motion import rotation
+from signsplice.motion.clip import Clip, bone_translations
+from signsplice.rig.info import rig_info
+
+__all__ = ["document", "encode", "parse", "read"]
+
+Float = NDArray[np.float64]
+
+_STILL = 1e-9
+"""A joint whose rotations or translations differ by less than this over the clip gets no animation channel."""
+
+
+def encode(clip: Clip) -> bytes:
+    """The bytes of a clip's .glb file."""
+    return b"".join(document(clip).save_to_bytes())
+
+
+def document(clip: Clip) -> GLTF2:
+    """A clip as a glTF document: the mannequin, its skin, and one animation."""
+    clip = in_front(clip)
+    rig = rig_info(clip.skeleton)
+    metres = rig.sizes.unit.metres
+    writer = DocumentWriter()
+    joints = [writer.node(name) for name in clip.skeleton.names]
+    translations = bone_translations(clip) * metres
+    translations[:, 0] = clip.root_positions * metres
+    quats = rotation.continuous(clip.local_rotations)
+    for joint, node in enumerate(joints):
+        writer.gltf.nodes[node].translation = translations[0, joint].tolist()
+        writer.gltf.nodes[node].rotation = quats[0, joint].tolist()
+        children = [joints[child] for child in clip.skeleton.children[joint]]
+        if children:
+            writer.gltf.nodes[node].children = children
+    writer.scene(joints[0])
+    names_of_roles = {role: clip.skeleton.names[joint] for role, joint in rig.roles.joints.items()}
+    writer.gltf.extras = {HUMANOID_EXTRA: names_of_roles}
+    if clip.skeleton.roles:
+        writer.gltf.extras[ROLES_EXTRA] = dict(clip.skeleton.roles)
+    writer.skin(joints, _inverse_bind(clip, metres), joints[0])
+    writer.mesh(body_mesh(clip.skeleton), metres)
+    times = writer.times(clip)
+    for joint, node in enumerate(joints):
+        if np.abs(quats[:, joint] - quats[:1, joint]).max() > _STILL or joint == 0:
+            writer.channel(node, "rotation", times, quats[:, joint])
+        if np.abs(translations[:, joint] - translations[:1, joint]).max() > _STILL or joint == 0:
+            writer.channel(node, "translation", times, translations[:, joint])
+    return writer.finish(clip.name, clip.fps)
+
+
+def _inverse_bind(clip: Clip, metres: float) -> Float:
+    """Matrices (J, 4, 4) from world coordinates of the bind pose, in metres, to each joint's own axes."""
+    global_quats, positions = bind_pose(clip.skeleton)
+    rotations = rotation.to_matrix(global_quats)  # (J, 3, 3)
+    out = np.tile(np.eye(4), (len(rotations), 1, 1))
+    out[:, :3, :3] = rotations.transpose(0, 2, 1)
+    out[:, :3, 3] = -np.einsum("jba,jb->ja", rotations, metres * positions)
+    return out

@@ -1,0 +1,185 @@
+"""What the writers of ``.glb`` and ``.vrma`` share: a glTF 2.0 document under construction, and the signer's placement.
+
+Lengths are metres, up is +Y; the signer stands at the origin, soles at height 0, and faces +Z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pygltflib import (
+    GLTF2,
+    Accessor,
+    Animation,
+    AnimationChannel,
+    AnimationChannelTarget,
+    AnimationSampler,
+    Asset,
+    Attributes,
+    Buffer,
+    BufferView,
+    Material,
+    Mesh,
+    Node,
+    PbrMetallicRoughness,
+    Primitive,
+    Scene,
+    Skin,
+)
+
+from signsplice.body.capsules import body_capsules, capsule_ends
+from signsplice.body.mesh import MeshPart, bind_pose
+from signsplice.formats.gltf_document import FPS_EXTRA
+from signsplice.motion import rotation
+from signsplice.motion.clip import Clip, Skeleton
+from signsplice.rig.info import rig_info
+from signsplice.rig.placement import Placement, place
+
+Float = NDArray[np.float64]
+Array = NDArray[Any]
+
+_FLOAT, _UBYTE, _USHORT, _UINT = 5126, 5121, 5123, 5125
+_TYPES = {_FLOAT: np.float32, _UBYTE: np.uint8, _USHORT: np.uint16, _UINT: np.uint32}
+_VERTICES, _INDICES = 34962, 34963
+"""Targets of buffer views: ARRAY_BUFFER and ELEMENT_ARRAY_BUFFER."""
+_GENERATOR = "signsplice"
+
+
+def in_front(clip: Clip) -> Clip:
+    """The clip moved as one rigid whole so that its signer stands at the origin, soles at 0, up +Y, and faces +Z."""
+    ankles = np.array([0.0, sole_depth(clip.skeleton), 0.0])
+    return place(clip, Placement(ankles, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])))
+
+
+def sole_depth(skeleton: Skeleton) -> float:
+    """How far the mannequin's soles are below the foot joints, clip units; 0 where no feet are known."""
+    joints = rig_info(skeleton).roles.joints
+    feet = [joints[role] for role in ("leftFoot", "rightFoot") if role in joints]
+    shape = body_capsules(skeleton)
+    shoes = [n for n, part in enumerate(shape.parts) if part in ("leg", "shoe")]
+    if not feet or not shoes:
+        return 0.0
+    rotations, positions = bind_pose(skeleton)
+    starts, ends = capsule_ends(shape, rotation.to_matrix(rotations)[None], positions[None])
+    low = min((points[0, shoes, 1] - shape.radii[shoes, k]).min() for k, points in enumerate((starts, ends)))
+    return float(positions[feet, 1].mean() - low)
+
+
+@dataclass
+class DocumentWriter:
+    """A glTF document under construction.
+
+    gltf: the document.
+    content: the bytes of its buffer so far.
+    """
+
+    gltf: GLTF2 = field(
+        default_factory=lambda: GLTF2(
+            asset=Asset(version="2.0", generator=_GENERATOR),
+            animations=[Animation(samplers=[], channels=[])],
+            extensionsUsed=[],
+            extensions={},
+        )
+    )
+    content: bytearray = field(default_factory=bytearray)
+
+    def node(self, name: str) -> int:
+        """The number of a node that was added."""
+        self.gltf.nodes.append(Node(name=name, children=[]))
+        return len(self.gltf.nodes) - 1
+
+    def scene(self, root: int) -> None:
+        """Make one scene that shows a node and all below it."""
+        self.gltf.scenes, self.gltf.scene = [Scene(nodes=[root])], 0
+
+    def array(self, values: Array, kind: str, component: int, target: int | None = None, **bounds: Any) -> int:
+        """The number of the accessor of an array that was added to the buffer.
+
+        kind: "SCALAR", "VEC3", ... component: glTF's number of the component type. bounds: further fields of the
+        accessor, such as ``min`` and ``max``.
+        """
+        values = np.ascontiguousarray(values, _TYPES[component])
+        self.content += b"\0" * (-len(self.content) % 4)
+        view = BufferView(buffer=0, byteOffset=len(self.content), byteLength=values.nbytes, target=target)
+        self.gltf.bufferViews.append(view)
+        self.content += values.tobytes()
+        accessor = Accessor(bufferView=len(self.gltf.bufferViews) - 1, componentType=component, count=len(values),
+                            type=kind, **bounds)  # fmt: skip
+        self.gltf.accessors.append(accessor)
+        return len(self.gltf.accessors) - 1
+
+    def skin(self, joints: Sequence[int], inverse_bind: Float, root: int) -> None:
+        """Add a skin of joint nodes, with their inverse bind matrices (J, 4, 4)."""
+        matrices = self.array(inverse_bind.transpose(0, 2, 1).reshape(-1, 16), "MAT4", _FLOAT)
+        self.gltf.skins = [Skin(joints=list(joints), inverseBindMatrices=matrices, skeleton=root)]
+
+    def mesh(self, parts: Sequence[MeshPart], metres: float) -> None:
+        """Add a mesh that the skin moves, one primitive for each colour; ``metres``: length of one clip unit."""
+        primitives = []
+        for colour in dict.fromkeys(part.colour for part in parts):
+            same = [part for part in parts if part.colour == colour]
+            starts = np.cumsum([0, *(len(part.vertices) for part in same)])
+            positions = np.concatenate([part.vertices for part in same]).astype(np.float32) * np.float32(metres)
+            joints = np.concatenate([part.joints for part in same])
+            weights = np.concatenate([part.weights for part in same])
+            indices = np.concatenate([part.triangles + k for part, k in zip(same, starts[:-1], strict=True)]).ravel()
+            corners = {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
+            attributes = Attributes(
+                POSITION=self.array(positions, "VEC3", _FLOAT, _VERTICES, **corners),
+                NORMAL=self.array(np.concatenate([part.normals for part in same]), "VEC3", _FLOAT, _VERTICES),
+                JOINTS_0=self.array(joints, "VEC4", _UBYTE if joints.max() < 256 else _USHORT, _VERTICES),
+                WEIGHTS_0=self.array(_to_bytes(weights), "VEC4", _UBYTE, _VERTICES, normalized=True),
+            )
+            small = len(positions) < 65536
+            self.gltf.materials.append(Material(
+                name=same[0].name,
+                pbrMetallicRoughness=PbrMetallicRoughness(
+                    baseColorFactor=[*_linear(colour), 1.0], metallicFactor=0.0, roughnessFactor=0.8
+                ),
+            ))  # fmt: skip
+            primitives.append(Primitive(
+                attributes=attributes,
+                indices=self.array(indices, "SCALAR", _USHORT if small else _UINT, _INDICES),
+                material=len(self.gltf.materials) - 1,
+            ))  # fmt: skip
+        self.gltf.meshes = [Mesh(name="mannequin", primitives=primitives)]
+        self.gltf.nodes.append(Node(name="mannequin", mesh=0, skin=0))
+        self.gltf.scenes[0].nodes.append(len(self.gltf.nodes) - 1)
+
+    def times(self, clip: Clip) -> int:
+        """The accessor of the times of a clip's frames, in seconds from the first."""
+        seconds = (np.arange(len(clip)) / clip.fps).astype(np.float32)
+        return self.array(seconds, "SCALAR", _FLOAT, min=[float(seconds[0])], max=[float(seconds[-1])])
+
+    def channel(self, node: int, path: str, times: int, values: Float) -> None:
+        """Animate a node's "rotation" (T, 4) or "translation" (T, 3), one linear key a frame."""
+        animation = self.gltf.animations[0]
+        output = self.array(values, "VEC4" if path == "rotation" else "VEC3", _FLOAT)
+        animation.samplers.append(AnimationSampler(input=times, output=output, interpolation="LINEAR"))
+        target = AnimationChannelTarget(node=node, path=path)
+        animation.channels.append(AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
+
+    def finish(self, name: str, fps: float) -> GLTF2:
+        """The document, complete; its animation has a name and a frame rate."""
+        self.gltf.animations[0].name = name or "signing"
+        self.gltf.animations[0].extras = {FPS_EXTRA: fps}
+        self.content += b"\0" * (-len(self.content) % 4)
+        self.gltf.buffers = [Buffer(byteLength=len(self.content))]
+        self.gltf.set_binary_blob(bytes(self.content))
+        return self.gltf
+
+
+def _to_bytes(weights: Float) -> NDArray[np.uint8]:
+    """Weights (V, 4) as bytes that sum to 255."""
+    out = np.floor(255.0 * weights).astype(np.int64)
+    out[:, 0] += 255 - out.sum(axis=1)
+    return out.astype(np.uint8)
+
+
+def _linear(colour: Sequence[float]) -> list[float]:
+    """An sRGB colour in linear light, as glTF requires (IEC 61966-2-1)."""
+    return [round(c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4, 6) for c in colour]

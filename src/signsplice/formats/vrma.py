@@ -1,0 +1,90 @@
+"""VRM animations (``.vrma``, VRMC_vrm_animation 1.0): rotations of the humanoid's bones from a T-pose, for any avatar.
+
+The file holds no mesh and no eyes, which the format leaves to look-at. ``gltf_reader`` says what is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from pygltflib import GLTF2
+
+from signsplice.errors import InputError
+from signsplice.formats.gltf_document import VRM_ANIMATION
+from signsplice.formats.gltf_reader import parse, read
+from signsplice.formats.gltf_writer import DocumentWriter, in_front, sole_depth
+from signsplice.motion import kinematics, rotation
+from signsplice.motion.clip import Clip, Skeleton
+from signsplice.rig.info import rig_info
+
+__all__ = ["document", "encode", "parse", "read"]
+
+_EYES = ("leftEye", "rightEye")
+"""Roles that a VRM animation must not animate as bones."""
+_HIPS_HEIGHT = 0.53
+"""Height of the hips as a fraction of stature (Drillis and Contini 1966)."""
+
+
+def encode(clip: Clip) -> bytes:
+    """The bytes of a clip's .vrma file. Raises ``InputError`` where the rig has no known hips."""
+    return b"".join(document(clip).save_to_bytes())
+
+
+def document(clip: Clip) -> GLTF2:
+    """A clip as a VRM animation: the humanoid's bones alone, at rest in a T-pose with axes parallel to the world's.
+
+    With G a joint's global rotation and C that of the T-pose, K = G C^-1, and a bone's rotation is K_parent^-1 K.
+    Raises ``InputError`` where the rig has no known hips.
+    """
+    rig = rig_info(clip.skeleton)
+    if "hips" not in rig.roles.joints:
+        raise InputError("no hips found among the joints, which a VRM animation needs; name them with a roles file")
+    clip = in_front(clip)
+    metres = rig.sizes.unit.metres
+    hips = rig.roles.joints["hips"]
+    bones = {role: joint for role, joint in rig.roles.joints.items()
+             if role not in _EYES and hips in kinematics.path_to_root(clip.skeleton, joint)}  # fmt: skip
+    joints = list(bones.values())
+    global_rotations, positions = kinematics.forward(clip, joints)  # (T, K, 3, 3), (T, K, 3)
+    from_t_pose = rotation.multiply(
+        rotation.from_matrix(global_rotations), rotation.inverse(rig.t_pose.rotations[joints])
+    )  # (T, K, 4)
+    rest = rig.t_pose.positions
+    writer = DocumentWriter()
+    nodes = {role: writer.node(role) for role in bones}
+    writer.scene(nodes["hips"])
+    times = writer.times(clip)
+    column = {role: k for k, role in enumerate(bones)}
+    for role, joint in bones.items():
+        parent = _parent_role(clip.skeleton, joint, bones)
+        local = from_t_pose[:, column[role]]
+        node = writer.gltf.nodes[nodes[role]]
+        if parent is None:
+            feet = [rest[bones[foot], 1] for foot in ("leftFoot", "rightFoot") if foot in bones]
+            # Players measure an avatar by the height of its hips: a body without feet gets them at the usual height.
+            height = rest[hips, 1] - np.mean(feet) + sole_depth(clip.skeleton) if feet else _usual_hips(clip.skeleton)
+            lift = 0.0 if feet else height
+            node.translation = [0.0, metres * float(height), 0.0]
+            writer.channel(nodes[role], "translation", times, metres * (positions[:, column[role]] + [0.0, lift, 0.0]))
+        else:
+            node.translation = (metres * (rest[joint] - rest[bones[parent]])).tolist()
+            local = rotation.multiply(rotation.inverse(from_t_pose[:, column[parent]]), local)
+            writer.gltf.nodes[nodes[parent]].children.append(nodes[role])
+        writer.channel(nodes[role], "rotation", times, rotation.continuous(local))
+    human_bones = {role: {"node": node} for role, node in nodes.items()}
+    writer.gltf.extensionsUsed.append(VRM_ANIMATION)
+    writer.gltf.extensions[VRM_ANIMATION] = {"specVersion": "1.0", "humanoid": {"humanBones": human_bones}}
+    return writer.finish(clip.name, clip.fps)
+
+
+def _usual_hips(skeleton: Skeleton) -> float:
+    """Height of the hips of an average body, clip units; for a stature of 1 m where a skeleton has none."""
+    sizes = rig_info(skeleton).sizes
+    return _HIPS_HEIGHT * (sizes.stature or 1.0 / sizes.unit.metres)
+
+
+def _parent_role(skeleton: Skeleton, joint: int, bones: Mapping[str, int]) -> str | None:
+    """The role of the nearest joint above that has one, None where there is none."""
+    role_of = {number: role for role, number in bones.items()}
+    return next((role_of[k] for k in kinematics.path_to_root(skeleton, joint)[1:] if k in role_of), None)

@@ -1,0 +1,75 @@
+"""The table of formats: every row's module does what the row promises, and other suffixes are refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from conftest import random_clip
+from signsplice import formats
+from signsplice.errors import InputError
+from signsplice.formats import FORMATS, READ_SUFFIXES, WIRE_SUFFIXES, WRITE_SUFFIXES, encode, load, parse, save
+
+
+@pytest.mark.parametrize("suffix", READ_SUFFIXES)
+def test_each_module_has_the_functions_of_its_row(suffix: str) -> None:
+    row = FORMATS[suffix]
+    module = import_module(f"{formats.__name__}.{row.module}")
+    assert callable(module.read)
+    assert callable(module.encode) or not row.writes
+    assert not row.media_type or callable(module.parse)
+
+
+def test_suffix_lists_follow_from_the_table() -> None:
+    assert READ_SUFFIXES == (".bvh", ".npz", ".glb", ".gltf", ".vrma")
+    assert WRITE_SUFFIXES == (".bvh", ".npz", ".glb", ".vrma")
+    assert WIRE_SUFFIXES == (".bvh", ".glb", ".vrma")
+
+
+@pytest.mark.parametrize("suffix", WRITE_SUFFIXES)
+def test_every_written_format_is_read_back(suffix: str, tmp_path: Path) -> None:
+    clip = random_clip(0, n_frames=4, n_joints=3)
+    clip = replace(clip, skeleton=replace(clip.skeleton, roles={"hips": clip.skeleton.names[0]}))
+    path = tmp_path / f"clip{suffix.upper()}"
+    save(clip, path)
+    assert path.read_bytes() == encode(clip, path.name)
+    assert len(load(path)) == len(clip)
+    if suffix in WIRE_SUFFIXES:
+        assert len(parse(path.read_bytes(), path.name)) == len(clip)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("a.glb", "a.glb: no such file"),
+        ("a.pose", "landmark files cannot be read yet, expected .bvh, .npz, .glb, .gltf or .vrma"),
+        ("a.txt", "suffix .txt cannot be read"),
+        ("a", r"suffix \(none\) cannot be read"),
+        ("missing.bvh", "missing.bvh: no such file"),
+    ],
+)
+def test_files_that_cannot_be_loaded_have_a_clear_error(name: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=message):
+        load(tmp_path / name)
+
+
+def test_other_suffixes_are_neither_written_nor_parsed(tmp_path: Path) -> None:
+    clip = random_clip(0)
+    with pytest.raises(InputError, match=r"a\.gltf: .* cannot be written, expected \.bvh, \.npz, \.glb or \.vrma$"):
+        save(clip, tmp_path / "a.gltf")
+    with pytest.raises(InputError, match=r"landmark files cannot be written yet"):
+        save(clip, tmp_path / "a.pose")
+    with pytest.raises(InputError, match=r"a\.npz: .* cannot be taken, expected \.bvh, \.glb or \.vrma$"):
+        parse(b"", "a.npz")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_clip_that_a_format_cannot_hold_is_refused_by_path(tmp_path: Path) -> None:
+    clip = random_clip(0)
+    spaced = replace(clip.skeleton, names=("my hips", *clip.skeleton.names[1:]))
+    with pytest.raises(InputError, match=r"a\.bvh: joint name 'my hips'"):
+        save(replace(clip, skeleton=spaced), tmp_path / "a.bvh")
+    assert not list(tmp_path.iterdir())

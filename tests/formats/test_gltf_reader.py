@@ -1,0 +1,279 @@
+"""glTF files that others wrote: any animated skeleton is read, and what cannot be read is refused in one line."""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import signsplice as ss
+from signsplice.errors import FormatError, InputError
+from signsplice.lexicon import shipped
+from signsplice.motion import kinematics, rotation
+from signsplice.motion.clip import Clip, Skeleton
+
+BOOK = shipped().clip("BOOK")
+
+
+def document(nodes: list[dict[str, Any]], channels: list[dict[str, Any]], **more: Any) -> dict[str, Any]:
+    """A glTF document: channels hold node, path, times, values and interpolation."""
+    content, views, accessors, samplers, targets = bytearray(), [], [], [], []
+
+    def put(values: Any, kind: str, dtype: str = "f4", component: int = 5126, **extra: Any) -> int:
+        array = np.ascontiguousarray(values, dtype)
+        views.append({"buffer": 0, "byteOffset": len(content), "byteLength": array.nbytes})
+        content.extend(array.tobytes() + b"\0" * (-array.nbytes % 4))
+        accessors.append(
+            {"bufferView": len(views) - 1, "componentType": component, "count": len(array), "type": kind, **extra}
+        )
+        return len(accessors) - 1
+
+    for channel in channels:
+        kind = "VEC4" if channel["path"] == "rotation" else "VEC3"
+        extra = channel.get("stored", {})
+        samplers.append({
+            "input": put(channel["times"], "SCALAR"),
+            "output": put(channel["values"], kind, **extra),
+            "interpolation": channel.get("interpolation", "LINEAR"),
+        })  # fmt: skip
+        targets.append({"sampler": len(samplers) - 1, "target": {"node": channel["node"], "path": channel["path"]}})
+    uri = "data:application/octet-stream;base64," + base64.b64encode(bytes(content)).decode()
+    return {
+        "asset": {"version": "2.0"}, "nodes": nodes, "accessors": accessors, "bufferViews": views,
+        "buffers": [{"byteLength": len(content), "uri": uri}],
+        "animations": [{"name": "wave", "samplers": samplers, "channels": targets}], **more,
+    }  # fmt: skip
+
+
+def load_document(folder: Path, content: dict[str, Any]) -> Clip:
+    path = folder / "made.gltf"
+    path.write_text(json.dumps(content))
+    return ss.load(path)
+
+
+ARM = [{"name": "root", "children": [1]}, {"name": "arm", "translation": [0, 1, 0]}]
+QUARTER = [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]
+IDENTITY = [0.0, 0.0, 0.0, 1.0]
+
+
+def rotating(**more: Any) -> dict[str, Any]:
+    """A channel that rotates the root by a quarter revolution within a second."""
+    return {"node": 0, "path": "rotation", "times": [0, 1], "values": [IDENTITY, QUARTER], **more}
+
+
+@pytest.mark.parametrize(
+    ("interpolation", "values", "expected"),
+    [
+        ("LINEAR", [IDENTITY, QUARTER], lambda s: 90.0 * s),
+        ("STEP", [IDENTITY, QUARTER], lambda s: np.where(s < 1.0, 0.0, 90.0)),
+        (
+            "CUBICSPLINE",
+            [[0.0] * 4, IDENTITY, [0.0] * 4, [0.0] * 4, QUARTER, [0.0] * 4],
+            lambda s: np.degrees(2 * np.arctan2(np.sqrt(0.5) * ease(s), 1 - ease(s) + np.sqrt(0.5) * ease(s))),
+        ),
+    ],
+)
+def test_keys_are_interpolated_as_the_file_says(tmp_path: Path, interpolation: str, values: Any, expected: Any) -> None:
+    clip = load_document(tmp_path, document(ARM, [rotating(values=values, interpolation=interpolation)]))
+    assert (clip.fps, len(clip), clip.name) == (30.0, 31, "wave")
+    angle = np.degrees(rotation.twist_angle(clip.local_rotations[:, 0], [0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(angle, expected(np.arange(31) / 30.0), atol=1e-4)
+
+
+def ease(s: np.ndarray) -> np.ndarray:
+    return np.asarray(s**2 * (3 - 2 * s))
+
+
+def test_transforms_above_the_skeleton_go_into_the_root(tmp_path: Path) -> None:
+    half = np.sqrt(0.5)
+    armature = {
+        "name": "Armature",
+        "children": [1],
+        "rotation": [-half, 0, 0, half],
+        "scale": [0.01] * 3,
+        "translation": [0, 0, 2],
+    }
+    nodes = [
+        armature,
+        {"name": "hip", "children": [2], "translation": [0, 0, 90]},
+        {"name": "knee", "translation": [0, 0, -45]},
+    ]
+    moves = {"node": 1, "path": "translation", "times": [0, 0.04], "values": [[0, 0, 90], [10, 0, 90]]}
+    clip = load_document(tmp_path, document(nodes, [moves, rotating(node=2)]))
+    assert clip.skeleton.names == ("hip", "knee")
+    assert clip.fps == 25.0
+    _, positions = kinematics.forward(clip)
+    np.testing.assert_allclose(positions[0], [[0.0, 0.9, 2.0], [0.0, 0.45, 2.0]], atol=1e-6)
+    np.testing.assert_allclose(positions[1, 0], [0.1, 0.9, 2.0], atol=1e-6)
+
+
+def test_the_bind_pose_is_the_rest_pose(tmp_path: Path) -> None:
+    """A file whose nodes are rotated at rest, as Blender writes bones: at rest the clip's rotations are identities."""
+    first, second = rotation.exp([0.3, -0.8, 0.4]), rotation.exp([-1.2, 0.1, 0.6])
+    nodes = [
+        {"name": "root", "children": [1], "rotation": first.tolist()},
+        {"name": "arm", "translation": [0, 1, 0], "rotation": second.tolist()},
+    ]
+    values = [second.tolist(), rotation.multiply(second, rotation.exp([0.0, 0.9, 0.0])).tolist()]
+    stays = {"node": 0, "path": "translation", "times": [0.0], "values": [[0, 0, 0]]}
+    clip = load_document(tmp_path, document(nodes, [rotating(node=1, values=values), stays]))
+    np.testing.assert_allclose(rotation.angle_between(clip.local_rotations[0], [rotation.IDENTITY] * 2), 0.0, atol=1e-6)
+    np.testing.assert_allclose(clip.skeleton.offsets[1], rotation.rotate(first, [0.0, 1.0, 0.0]), atol=1e-6)
+    moved = rotation.multiply(clip.local_rotations[-1, 0], clip.local_rotations[-1, 1])
+    bound = rotation.multiply(first, second)
+    expected = rotation.multiply(first, np.array(values[1]))
+    np.testing.assert_allclose(rotation.angle_between(rotation.multiply(moved, bound), expected), 0.0, atol=1e-6)
+
+
+def test_normalized_integers_and_strided_rows_are_read(tmp_path: Path) -> None:
+    short = np.round(np.array([IDENTITY, QUARTER]) * 32767)
+    plain = load_document(tmp_path, document(ARM, [rotating()]))
+    stored = {"dtype": "<i2", "component": 5122, "normalized": True}
+    packed = load_document(tmp_path, document(ARM, [rotating(values=short, stored=stored)]))
+    np.testing.assert_allclose(rotation.angle_between(plain.local_rotations, packed.local_rotations), 0.0, atol=1e-4)
+    content = document(ARM, [rotating(values=[[*IDENTITY, 9.0], [*QUARTER, 9.0]])])
+    content["bufferViews"][1] |= {"byteStride": 20}
+    assert load_document(tmp_path, content).fps == 30.0
+
+
+def test_a_constant_translation_replaces_the_rest_translation(tmp_path: Path) -> None:
+    held = {"node": 1, "path": "translation", "times": [0, 1], "values": [[0, 2, 0], [0, 2, 0]]}
+    clip = load_document(tmp_path, document(ARM, [rotating(), held]))
+    np.testing.assert_allclose(kinematics.forward(clip)[1][0, 1], [0.0, 2.0, 0.0], atol=1e-6)
+    assert clip.translations is None
+
+
+@pytest.mark.parametrize("fps", [12.0, 24000 / 1001, 25.0, 29.97, 30.0, 1 / 0.033333, 59.94, 1 / 0.008333])
+def test_frame_rates_come_back(tmp_path: Path, fps: float) -> None:
+    """Our own files store their rate; that of others is found from the keys, whose times are in 32 bits."""
+    offsets = np.array([[0.0, 0.0, 0.0], [0.0, 0.1, 0.0]])
+    skeleton = Skeleton(("a", "b"), np.array([-1, 0]), offsets, roles={"hips": "a"})
+    for n_frames in (1, 10, 1000):
+        clip = Clip(skeleton, np.tile(rotation.IDENTITY, (n_frames, 2, 1)), np.zeros((n_frames, 3)), fps)
+        ss.save(clip, tmp_path / "a.vrma")
+        back = ss.load(tmp_path / "a.vrma")
+        assert (back.fps, len(back)) == (fps, n_frames)
+        if n_frames > 1:
+            times = (np.arange(n_frames) / fps).astype("f4")
+            other = load_document(tmp_path, document(ARM, [rotating(times=times, values=[IDENTITY] * n_frames)]))
+            assert len(other) == n_frames
+            assert other.fps == pytest.approx(fps, rel=1e-4)
+
+
+def test_steps_fall_on_their_own_frames(tmp_path: Path) -> None:
+    values = rotation.exp(np.linspace(0.0, 3.0, 200)[:, None] * [0.0, 0.0, 1.0])
+    channel = rotating(times=np.arange(200) / 30.0, values=values, interpolation="STEP")
+    clip = load_document(tmp_path, document(ARM, [channel]))
+    np.testing.assert_allclose(rotation.angle_between(clip.local_rotations[:, 0], values), 0.0, atol=1e-6)
+
+
+def test_clips_that_are_too_long_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="at 30 a second are more than a clip may hold"):
+        load_document(tmp_path, document(ARM, [rotating(times=[0, 3e7])]))
+
+
+def test_nodes_that_are_not_joints_are_ignored(tmp_path: Path) -> None:
+    """A prop that changes its size and a camera that moves for minutes, in a file with a skin."""
+    nodes: list[dict[str, Any]] = [*ARM, {"name": "prop"}, {"name": "camera"}]
+    grows = {"node": 2, "path": "scale", "times": [0, 1], "values": [[1, 1, 1], [1, 2, 1]]}
+    films = {"node": 3, "path": "translation", "times": [0, 300], "values": [[0, 0, 0], [1, 0, 0]]}
+    content = document(nodes, [rotating(), grows, films], skins=[{"joints": [0, 1]}])
+    assert len(load_document(tmp_path, content)) == 31
+    larger = {"node": 0, "path": "scale", "times": [0, 1], "values": [[2, 2, 2], [2, 2, 2]]}
+    clip = load_document(tmp_path, document(ARM, [rotating(), larger]))
+    np.testing.assert_allclose(kinematics.forward(clip)[1][0, 1], [0.0, 2.0, 0.0], atol=1e-6)
+
+
+def test_duplicate_joint_names_get_numbers(tmp_path: Path) -> None:
+    nodes: list[dict[str, Any]] = [{"name": "bone", "children": [1, 2]}, {"name": "bone"}, {"name": "bone 2"}]
+    channels = [rotating(node=node) for node in range(3)]
+    assert load_document(tmp_path, document(nodes, channels)).skeleton.names == ("bone", "bone 3", "bone 2")
+
+
+def changed(change: Any) -> dict[str, Any]:
+    """A valid document after a change."""
+    content = document([dict(node) for node in ARM], [rotating()])
+    change(content)
+    return content
+
+
+INVALID: dict[str, tuple[Any, str]] = {
+    "no animation": (lambda d: d.pop("animations"), "holds no animation, expected an animated skeleton"),
+    "only morph targets": (
+        lambda d: d["animations"][0]["channels"][0]["target"].update(path="weights"),
+        "animates no node's rotation or position",
+    ),
+    "two roots": (
+        lambda d: (d["nodes"][0].pop("children"), d["animations"][0]["channels"].append(
+            {"sampler": 0, "target": {"node": 1, "path": "rotation"}})),
+        "several roots",
+    ),
+    "a cycle of nodes": (lambda d: d["nodes"][1].update(children=[0]), "is its own ancestor"),
+    "uneven scale": (lambda d: d["nodes"][1].update(scale=[1, 2, 1]), "is scaled by"),
+    "no such buffer": (lambda d: d["bufferViews"][0].update(byteLength=3), "reaches beyond"),
+    "beyond the buffer": (lambda d: d["accessors"][0].update(count=10**6), "reaches beyond"),
+    "falling times": (lambda d: d["accessors"][0].update(bufferView=1, count=2), "rising times"),
+    "a file elsewhere": (lambda d: d["buffers"][0].update(uri="../secret.bin"), "expected a file in the same folder"),
+    "a missing file": (lambda d: d["buffers"][0].update(uri="gone.bin"), "no such file"),
+    "no base64": (lambda d: d["buffers"][0].update(uri="data:x;base64,$$"), "is no base64"),
+    "sparse": (lambda d: d["accessors"][1].update(sparse={
+        "count": 1, "indices": {"bufferView": 0, "componentType": 5125}, "values": {"bufferView": 0}}), "is sparse"),
+    "more than memory": (lambda d: d["accessors"][0].update(count=10**9), "more than a clip may"),
+    "glTF 1": (lambda d: d["asset"].update(version="1.0"), "is glTF 1.0, expected 2.0"),
+    "compressed": (lambda d: d.update(extensionsRequired=["EXT_meshopt_compression"]), "which is not read"),
+    "a negative number": (lambda d: d["animations"][0]["samplers"][0].update(input=-2), "accessor -2 is no such"),
+    "no such node": (lambda d: d["animations"][0]["channels"][0]["target"].update(node=7), "is no node"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", INVALID)
+def test_invalid_documents_are_refused_in_one_line(tmp_path: Path, what: str) -> None:
+    change, expected = INVALID[what]
+    with pytest.raises(InputError, match=expected) as caught:
+        load_document(tmp_path, changed(change))
+    assert "\n" not in str(caught.value)
+    assert "made.gltf" in str(caught.value) or "gone.bin" in str(caught.value)
+
+
+def test_broken_binary_files_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.vrma"
+    ss.save(BOOK[:3], path)
+    whole = path.read_bytes()
+    for content, expected in (
+        (b"", "are no glTF file|no valid glTF"),
+        (b"glTF", "4 bytes are no glTF file"),
+        (whole[:1000], "it is cut short"),
+        (whole[:4] + struct.pack("<I", 1) + whole[8:], "is glTF 1, expected 2"),
+        (whole[:12] + struct.pack("<I", 2**31) + whole[16:], "reaches beyond the file's end"),
+        (whole[:16] + b"NOSJ" + whole[20:], "has no JSON chunk"),
+        (b"HIERARCHY\nROOT hips", "no valid glTF"),
+        (b"[]", "no valid glTF"),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(FormatError, match=expected):
+            ss.load(path)
+
+
+def test_randomly_changed_files_are_read_or_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.vrma"
+    ss.save(BOOK[:4], path)
+    whole = bytearray(path.read_bytes())
+    rng = np.random.default_rng(0)
+    refused = 0
+    for _ in range(150):
+        broken = bytearray(whole)
+        for at in rng.integers(20, len(whole) if rng.random() < 0.3 else 6000, rng.integers(1, 4)):
+            broken[at] = rng.integers(256)
+        path.write_bytes(bytes(broken))
+        try:
+            clip = ss.load(path)
+        except FormatError:
+            refused += 1
+        else:
+            assert np.isfinite(kinematics.forward(clip)[1]).all()
+    assert 10 < refused < 150
