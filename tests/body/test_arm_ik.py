@@ -7,19 +7,19 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from clothes import in_other_clothes, with_rest_pose
 from conftest import random_clip
+from other_rigs import on_other_rig, with_rest_pose
 from signing import word
 from signsplice.body.arm_ik import move_wrists
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip
-from signsplice.rig.arms import arm_joints
+from signsplice.rig.info import rig_info
 
 TURN = rotation.exp([0.4, -1.1, 0.8])
 RIGS: dict[str, Callable[[Clip], Clip]] = {
     "the signer's own": lambda clip: clip,
-    "other axes and unit": lambda clip: in_other_clothes(clip, TURN, 0.01),
+    "other axes and unit": lambda clip: on_other_rig(clip, TURN, 0.01),
     "another rest pose": lambda clip: with_rest_pose(
         clip, {"LeftArm": (0.0, 0.0, 1.2), "RightForeArm": (0.7, 0.0, 0.3)}
     ),
@@ -36,7 +36,7 @@ def wandering(clip: Clip, size: float) -> np.ndarray:
 @pytest.mark.parametrize("rig", RIGS)
 def test_wrists_go_where_they_are_led_and_hands_keep_their_turn(rig: str) -> None:
     clip = RIGS[rig](word("HELLO").clip)
-    joints = arm_joints(clip.skeleton)[:6]
+    joints = rig_info(clip.skeleton).arm_joints[:6]
     turns, places = kinematics.forward(clip, joints)
     arm = np.linalg.norm(np.diff(places[0, :3], axis=0), axis=-1).sum()
     moves = wandering(clip, 0.04 * arm)
@@ -66,7 +66,7 @@ def test_only_the_arm_that_is_led_turns() -> None:
 
 def test_beyond_reach_the_arm_stretches_towards_it() -> None:
     clip = word("HELLO").clip
-    joints = arm_joints(clip.skeleton)[:3]
+    joints = rig_info(clip.skeleton).arm_joints[:3]
     moves = np.zeros((len(clip), 2, 3))
     moves[:, 0] = [500.0, 100.0, 0.0]
     _, before = kinematics.forward(clip, joints)
@@ -91,7 +91,7 @@ def test_a_straight_arm_bends_as_elbows_do(pose: str) -> None:
     x, y, z = STRAIGHT[pose]
     local[0, left], local[0, right] = rotation.exp([x, y, z]), rotation.exp([x, -y, -z])
     rest = Clip(skeleton, local, np.zeros((1, 3)), 30.0)
-    joints = arm_joints(skeleton)[:6]
+    joints = rig_info(skeleton).arm_joints[:6]
     turns, before = kinematics.forward(rest, joints)
     moves = np.stack([0.2 * (before[:, k] - before[:, k + 2]) for k in (0, 3)], axis=1)
     _, after = kinematics.forward(move_wrists(rest, moves), joints)

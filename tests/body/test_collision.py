@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from clothes import without
+from other_rigs import without
 from signing import mirror, word
-from signsplice.body import collision
+from signsplice.body import capsules, collision
 from signsplice.body.capsules import capsule_ends
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip
@@ -169,12 +169,12 @@ def test_a_hand_in_the_body_is_found_and_pointed_out(where: str, at: tuple[float
     assert depth[LEFT] < 0.0
     assert np.linalg.norm(way[RIGHT]) == pytest.approx(1.0)
     turns, places = kinematics.forward(clip)
-    shape = collision.known_capsules(clip.skeleton)
+    shape = capsules.body_capsules(clip.skeleton)
     for _ in range(25):  # carried out by its own ways, the hand comes free
         depth, way = collision.hand_penetration(clip.skeleton, turns, places)
         if depth[0, RIGHT] <= 0.0:
             break
-        hand = sorted({int(shape.joints[n]) for n in collision.capsule_groups(shape).right})
+        hand = sorted({int(shape.joints[n]) for n in shape.groups.right})
         places = places.copy()
         places[:, hand] += depth[0, RIGHT] * way[0, RIGHT]
     assert depth[0, RIGHT] <= 1e-6
@@ -186,9 +186,9 @@ def test_hands_in_one_another_are_both_told_and_pushed_apart() -> None:
     assert depth[LEFT] == pytest.approx(depth[RIGHT], abs=1e-9)
     assert depth[LEFT] > 0.5
     assert np.allclose(way[LEFT], -way[RIGHT], atol=1e-9)
-    shape = collision.known_capsules(clip.skeleton)
+    shape = capsules.body_capsules(clip.skeleton)
     starts, _ = capsule_ends(shape, *kinematics.forward(clip))
-    known = collision.capsule_groups(shape)
+    known = shape.groups
     apart = starts[0, known.left].mean(axis=0) - starts[0, known.right].mean(axis=0)
     assert way[LEFT] @ apart > 0.5 * np.linalg.norm(apart), "each goes to the side on which most of it lies"
 
@@ -206,8 +206,8 @@ def test_a_mirrored_pose_has_mirrored_answers() -> None:
 
 
 def test_groups_are_the_hands_the_head_and_the_trunk() -> None:
-    shape = collision.known_capsules(skeleton(STANDARD))
-    known = collision.capsule_groups(shape)
+    shape = capsules.body_capsules(skeleton(STANDARD))
+    known = shape.groups
     assert len(known.left) == len(known.right) == 5 + 15
     every = [*known.left, *known.right, *known.head, *known.trunk]
     assert len(every) == len(set(every))
@@ -228,7 +228,7 @@ def test_looking_only_where_it_may_touch_finds_the_same(gloss: str) -> None:
     for one in (clip, shaken, clip[:1], without(clip, "LeftHand")):
         globals_ = kinematics.forward(one)
         depth, way = collision.hand_penetration(one.skeleton, *globals_)
-        pressed, out = collision.posed_capsules(one.skeleton, *globals_).pressed()
+        pressed, out = collision.posed_capsules(one.skeleton, *globals_).penetration()
         inside = depth > 0.0
         np.testing.assert_array_equal(pressed > 0.0, inside)
         np.testing.assert_allclose(pressed[inside], depth[inside], rtol=1e-9)

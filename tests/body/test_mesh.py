@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from signing import word
-from signsplice.body import collision
-from signsplice.body.capsules import FINGERS
+from signsplice.body import capsules, collision
 from signsplice.body.mesh import MeshPart, bind_pose, body_mesh
 from signsplice.body.surface_nets import surface
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.rig.roles import FINGERS
 
 CLIP = word("BOOK").clip
 
@@ -89,8 +89,8 @@ def test_a_hand_has_five_fingers_that_part() -> None:
 def test_the_skin_goes_where_the_capsules_go() -> None:
     """Bent by its joints, the skin of a hand lies on the capsules of the hand in every frame."""
     turns, positions = kinematics.forward(CLIP)
-    shape = collision.known_capsules(CLIP.skeleton)
-    capsules = collision.posed_capsules(CLIP.skeleton, turns, positions)
+    shape = capsules.body_capsules(CLIP.skeleton)
+    posed = collision.posed_capsules(CLIP.skeleton, turns, positions)
     rotations, places = bind_pose(CLIP.skeleton)
     wrist = CLIP.skeleton.index["mixamorig:RightHand"]
     for name, side, parts in (
@@ -107,7 +107,7 @@ def test_the_skin_goes_where_the_capsules_go() -> None:
         on_it = (thing.joints[:, 0] >= wrist) | (side == "")  # the forearm's end has no capsule of its own
         for frame in (0, len(CLIP) // 2):
             skin = skinned(thing, turns[frame], positions[frame], rotations, places)[on_it]
-            starts, ends = (np.concatenate([at[frame, own], skin])[None] for at in (capsules.starts, capsules.ends))
+            starts, ends = (np.concatenate([at[frame, own], skin])[None] for at in (posed.starts, posed.ends))
             radii = np.concatenate([shape.radii[own], np.zeros((len(skin), 2))])
             points = range(len(own), len(own) + len(skin))
             off = collision.overlap(starts, ends, radii, points, range(len(own)))[0][0].max(axis=1)

@@ -8,7 +8,7 @@ import pytest
 
 from conftest import random_clip
 from signsplice.errors import InputError
-from signsplice.formats import bvh
+from signsplice.formats import save
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
 
@@ -42,7 +42,7 @@ def test_forward_is_the_plain_walk(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_forward_agrees_with_pybvh(seed: int, tmp_path: Path) -> None:
     clip = random_clip(seed)
-    bvh.write(clip, tmp_path / "clip.bvh")
+    save(clip, tmp_path / "clip.bvh")
     other = pybvh.read_bvh_file(tmp_path / "clip.bvh", world_up="+y")
     assert list(other.joint_names) == list(clip.skeleton.names)
     assert np.allclose(other.joint_positions(), kinematics.forward(clip)[1], atol=1e-6)

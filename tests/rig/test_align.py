@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clothes import in_other_clothes, with_rest_pose
 from conftest import rooted
+from other_rigs import on_other_rig, with_rest_pose
 from signsplice.errors import RigMismatchError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig import proportions
-from signsplice.rig.align import align, place, reference, source_of
-from signsplice.rig.proportions import stand
-from signsplice.rig.roles import find_roles
+from signsplice.rig.align import align, reference
+from signsplice.rig.info import rig_info
+from signsplice.rig.placement import Placement, place, placement
 
 Float = rotation.Float
 
@@ -50,11 +50,11 @@ def test_place_facing_and_height_are_undone(words: dict[str, Clip]) -> None:
 def test_a_moved_clip_knows_what_it_was_moved_from(words: dict[str, Clip]) -> None:
     onto, word = reference(words["HELLO"]), words["DEAF"]
     moved = align(word, onto).clip
-    again = place(moved, stand(words["SIGN"]))
+    again = place(moved, placement(words["SIGN"]))
     assert moved is not word
-    assert source_of(moved) is source_of(again) is source_of(word) is word
+    assert moved.source_clip is again.source_clip is word
     faster = align(word, onto, speed=2.0).clip
-    assert source_of(faster) is faster, "another motion is another clip"
+    assert faster.source_clip is None, "another motion is another clip"
 
 
 @pytest.mark.parametrize("unit", ["m", "inch", "mm"])
@@ -66,8 +66,8 @@ def test_units_are_told_from_the_body(unit: str, words: dict[str, Clip]) -> None
         skeleton=replace(clip.skeleton, offsets=clip.skeleton.offsets * scale),
         root_positions=clip.root_positions * scale,
     )
-    assert proportions.length_unit(other.skeleton).name == unit
-    assert proportions.length_unit(clip.skeleton).name == "cm"
+    assert rig_info(other.skeleton).sizes.unit.name == unit
+    assert rig_info(clip.skeleton).sizes.unit.name == "cm"
     out = align(other, reference(clip)).clip
     assert np.allclose(positions(out), positions(clip), atol=1e-6)
 
@@ -79,7 +79,7 @@ def test_a_rig_with_another_rest_pose_points_its_bones_the_same_way(
     turn: tuple[float, float, float], scale: float, words: dict[str, Clip]
 ) -> None:
     clip = words["SIGN"]
-    lying = in_other_clothes(clip, rotation.exp(turn), scale)
+    lying = on_other_rig(clip, rotation.exp(turn), scale)
     out = align(lying, reference(clip)).clip
     assert np.allclose(positions(out), positions(clip), atol=0.05), "half a millimetre"
 
@@ -96,16 +96,16 @@ def test_a_rig_that_rests_with_its_arms_forward_keeps_its_shoulders(words: dict[
     assert np.allclose(positions(other), positions(clip), atol=1e-6), "the same motion"
     assert np.allclose(positions(align(other, reference(clip)).clip), positions(clip), atol=0.3), "3 mm"
     assert np.allclose(positions(align(clip, reference(other)).clip), positions(clip), atol=0.3)
-    assert proportions.shoulder_width(other.skeleton) == pytest.approx(
-        proportions.shoulder_width(clip.skeleton), rel=0.02
+    assert rig_info(other.skeleton).sizes.shoulder_width == pytest.approx(
+        rig_info(clip.skeleton).sizes.shoulder_width, rel=0.02
     )
 
 
 def test_by_roles_between_naming_conventions(words: dict[str, Clip]) -> None:
     clip = words["THANK-YOU"]
-    roles = find_roles(clip.skeleton)
+    roles = rig_info(clip.skeleton).roles
     vrm = {clip.skeleton.names[joint]: role for role, joint in roles.joints.items()}
-    other = in_other_clothes(clip, rotation.exp([0.0, 0.0, 0.0]), 0.01, vrm)
+    other = on_other_rig(clip, rotation.exp([0.0, 0.0, 0.0]), 0.01, vrm)
     out = align(other, reference(clip))
     assert np.allclose(positions(out.clip), positions(clip), atol=0.05)
     assert len(out.warnings) == 1
@@ -223,10 +223,10 @@ def test_real_clips_of_other_rigs_keep_their_signing(real_clips: dict[str, Clip]
     """The long take (metres, 65 joints, rest pose along -Z) on THANKS (cm, 52 joints): arm bones point the same way."""
     thanks, take = real_clips["isl_thanks"], real_clips["long_take_metres"]
     out = align(take, reference(thanks)).clip
-    ours, theirs = find_roles(out.skeleton).joints, find_roles(take.skeleton).joints
-    stand_ours, stand_theirs = proportions.stand(out), proportions.stand(take)
+    ours, theirs = rig_info(out.skeleton).roles.joints, rig_info(take.skeleton).roles.joints
+    stand_ours, stand_theirs = placement(out), placement(take)
 
-    def directions(clip: Clip, joints: dict[str, int], stand: proportions.Placement) -> Float:
+    def directions(clip: Clip, joints: dict[str, int], stand: Placement) -> Float:
         left = np.cross(stand.up, stand.forward)
         axes = np.stack([left, stand.up, stand.forward])
         places = kinematics.forward(clip)[1] @ axes.T

@@ -7,23 +7,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clothes import in_other_clothes, mirror, with_rest_pose
+from other_rigs import mirror, on_other_rig, with_rest_pose
 from signing import word
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig import canonical
 from signsplice.rig.arms import active_span, arms
-from signsplice.rig.canonical import LEFT, RIGHT, ROLES, TIPS, apply_deltas, canonical_motion
-from signsplice.rig.roles import find_roles
-from signsplice.rig.t_pose import t_pose_rotations
+from signsplice.rig.canonical import apply_deltas, canonical_motion
+from signsplice.rig.canonical_map import LEFT, RIGHT, ROLES, TIPS
+from signsplice.rig.info import rig_info
+from signsplice.rig.roles import FINGERS
 
 RNG = np.random.default_rng(3)
 
 
 def test_the_common_pose_is_all_identities(words: dict[str, Clip]) -> None:
     skeleton = words["SIGN"].skeleton
-    common = t_pose_rotations(skeleton)
+    common = rig_info(skeleton).t_pose.rotations
     above = np.where((skeleton.parents >= 0)[:, None], common[np.maximum(skeleton.parents, 0)], rotation.IDENTITY)
     local = rotation.multiply(rotation.inverse(above), common)
     posed = canonical_motion(Clip(skeleton, local[None], np.zeros((1, 3)), 30.0))
@@ -42,7 +43,7 @@ def test_other_axes_units_names_and_rest_poses_give_the_same_numbers() -> None:
     turn = rotation.exp([0.4, -1.1, 2.0])
     bent = {"mixamorig:LeftArm": (0.0, 0.0, -0.9), "mixamorig:RightForeArm": (0.0, 0.5, 0.0)}
     # A swing to the common pose says nothing of the twist about a bone: two degrees, where arms rest at other angles.
-    for other, tolerance in ((in_other_clothes(clip, turn, 0.01), 1e-6), (with_rest_pose(clip, bent), 0.04)):
+    for other, tolerance in ((on_other_rig(clip, turn, 0.01), 1e-6), (with_rest_pose(clip, bent), 0.04)):
         seen = canonical_motion(other)
         np.testing.assert_allclose(rotation.to_6d(seen.quats), rotation.to_6d(own.quats), atol=tolerance)
         np.testing.assert_allclose(seen.positions, own.positions, atol=1e-6)
@@ -52,15 +53,15 @@ def test_turns_and_places_are_those_of_the_whole_kinematics() -> None:
     clip = word("BOOK").clip
     for moving in (clip, with_a_joint_between(clip)):
         skeleton = moving.skeleton
-        known, seen = canonical.canonical_map(skeleton), canonical_motion(moving)
+        known, seen = rig_info(skeleton).canonical, canonical_motion(moving)
         turns, places = kinematics.forward(moving)
         carried = turns @ rotation.to_matrix(rotation.inverse(known.t_pose_rotations))
-        hips = find_roles(skeleton).joints["hips"]
+        hips = rig_info(skeleton).roles.joints["hips"]
         for row, joint in enumerate(known.joints):
             over = known.joints[known.parent_rows[row]] if known.parent_rows[row] >= 0 else hips
             expected = np.swapaxes(carried[:, over], 1, 2) @ carried[:, joint]
             np.testing.assert_allclose(rotation.to_matrix(seen.quats[:, row]), expected, atol=1e-9)
-        shoulders = places[:, [find_roles(skeleton).joints[f"{side}UpperArm"] for side in ("left", "right")]]
+        shoulders = places[:, [rig_info(skeleton).roles.joints[f"{side}UpperArm"] for side in ("left", "right")]]
         way = places[:, list(known.arms[:-2])] - shoulders.mean(axis=1)[:, None]
         expected = way @ carried[:, known.chest] / known.arm_length
         np.testing.assert_allclose(np.concatenate([seen.positions, seen.elbow_positions], axis=1), expected, atol=1e-9)
@@ -100,7 +101,7 @@ def test_turns_come_back_exactly_and_others_stay() -> None:
     np.testing.assert_allclose(rotation.to_6d(canonical_motion(moved).quats), expected, atol=1e-8)
     nothing = apply_deltas(clip.skeleton, clip.local_rotations, np.zeros_like(deltas))
     np.testing.assert_array_equal(nothing, clip.local_rotations)
-    legs = [joint for role, joint in find_roles(clip.skeleton).joints.items() if "Leg" in role or role == "hips"]
+    legs = [joint for role, joint in rig_info(clip.skeleton).roles.joints.items() if "Leg" in role or role == "hips"]
     np.testing.assert_array_equal(moved.local_rotations[:, legs], clip.local_rotations[:, legs])
 
 
@@ -116,7 +117,7 @@ def test_deltas_in_the_mirror() -> None:
 def test_a_rig_without_fingers_or_arms() -> None:
     clip = word("YES").clip
     skeleton = clip.skeleton
-    kept = [k for k, name in enumerate(skeleton.names) if not any(f in name for f in (*canonical.FINGERS, "Pinky"))]
+    kept = [k for k, name in enumerate(skeleton.names) if not any(f in name for f in (*FINGERS, "Pinky"))]
     index = {joint: n for n, joint in enumerate(kept)}
     bare = Skeleton(
         tuple(skeleton.names[k] for k in kept),

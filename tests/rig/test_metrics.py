@@ -10,6 +10,7 @@ from signsplice.evaluation.hidden_frames import hidden_frames, table
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.rig import metrics
+from signsplice.splicing.gap import Gap
 from signsplice.splicing.transition import find_transition
 
 
@@ -61,7 +62,7 @@ def test_frames_that_a_program_drew_between_keys_turn_evenly() -> None:
     signed = word("MOTHER").clip
     keys = [signed[k : k + 1] for k in range(20, len(signed) - 10, 12)]
     drawn = find_transition("slerp")
-    parts = [part for a, b in pairwise(keys) for part in (a, drawn.between(a, b, 11))]
+    parts = [part for a, b in pairwise(keys) for part in (a, drawn.between(Gap(a, b, 11)))]
     evenly = metrics.even_rotation_frames(concatenate(parts))
     at_keys = np.arange(len(evenly)) % 12 == 11
     assert (evenly[~at_keys & ~np.isnan(evenly)] == 1.0).all()
@@ -75,9 +76,9 @@ def test_frames_that_a_program_drew_between_keys_turn_evenly() -> None:
 
 def test_gaps_that_a_program_drew_are_counted() -> None:
     signed = word("MOTHER").clip
-    drawn = find_transition("slerp").between(signed[:1], signed[30:31], 30)
+    drawn = find_transition("slerp").between(Gap(signed[:1], signed[30:31], 30))
     rows = [hidden_frames([clip], [find_transition("hermite")], [5])[0] for clip in (drawn, signed)]
-    assert [row.drawn for row in rows] == [1.0, 0.0]
+    assert [row.keyframed for row in rows] == [1.0, 0.0]
     lines = ["\n".join(table([row])) for row in rows]
     assert ["Drawn evenly between keys" in line for line in lines] == [True, False]
     assert "100 % of 5 frames" in lines[0]

@@ -17,10 +17,11 @@ from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, resample
 from signsplice.rig.align import align, reference
 from signsplice.splicing import report
-from signsplice.splicing.cut import CUTTERS, Cut
+from signsplice.splicing.cut import CUTTERS, Cut, Cutter, PairCutter
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
+from signsplice.splicing.gap import Gap
 from signsplice.splicing.inbetween import inbetween
-from signsplice.splicing.transition import TRANSITIONS, find_transition
+from signsplice.splicing.transition import TRANSITIONS, GapTransition, find_transition
 
 CLASSICAL = SpliceOptions("pose-velocity", "hermite", "tempo")
 
@@ -193,7 +194,7 @@ def test_euler_orders_and_joint_names_do_not_change_the_motion(words: dict[str, 
     from signsplice.formats import bvh
     from signsplice.motion.euler_channels import Channels
 
-    plain = [bvh.parse(bvh.render(words[gloss]).encode(), name=gloss) for gloss in ("I", "SIGN")]
+    plain = [bvh.parse(bvh.encode(words[gloss]), gloss) for gloss in ("I", "SIGN")]
     n_joints = len(words["SIGN"].skeleton)
     names = [("Yrotation", "Zrotation", "Xrotation"), ("Xrotation", "Yrotation", "Zrotation")]
     layout = tuple(
@@ -201,12 +202,12 @@ def test_euler_orders_and_joint_names_do_not_change_the_motion(words: dict[str, 
     )
     empty = Channels(layout, np.full((len(plain[1]), 3 * n_joints + 3), np.nan), plain[1].skeleton.offsets, 1 / 30)
     other = replace(plain[1], channels=empty)
-    text = bvh.render(other).replace("mixamorig:", "mixamorig_")
-    mixed = splice([plain[0], bvh.parse(text.encode(), name="SIGN")])
+    content = bvh.encode(other).replace(b"mixamorig:", b"mixamorig_")
+    mixed = splice([plain[0], bvh.parse(content, "SIGN")])
     wanted = splice(plain)
     assert [seam.pre_frame for seam in mixed.seams] == [seam.pre_frame for seam in wanted.seams]
     assert np.all(rotation.angle_between(mixed.clip.local_rotations, wanted.clip.local_rotations) < 1e-6)
-    written = bvh.parse(bvh.render(mixed.clip).encode())
+    written = bvh.parse(bvh.encode(mixed.clip))
     assert written.channels is not None
     assert plain[0].channels is not None
     assert written.channels.names == plain[0].channels.names
@@ -286,7 +287,7 @@ def test_inbetween_changes_nothing_but_the_gaps(transition: str, words: dict[str
     assert not np.array_equal(result.clip.local_rotations[changed], clip.local_rotations[changed])
     method = find_transition(transition)
     assert np.array_equal(
-        result.clip.local_rotations[50:58], method.between(clip[42:50], clip[58:66], 8).local_rotations
+        result.clip.local_rotations[50:58], method.between(Gap(clip[42:50], clip[58:66], 8)).local_rotations
     )
 
 
@@ -301,10 +302,10 @@ def test_frames_that_are_to_be_replaced_are_never_looked_at(words: dict[str, Cli
         assert np.array_equal(a, b), transition
 
 
-class Near:
-    """A cutter that leaves a sign a few frames after it entered it, and a transition that keeps what it is shown."""
+class Near(PairCutter, GapTransition):
+    """A cutter that leaves a sign a few frames after it entered it, and a transition that counts what it is shown."""
 
-    name, summary, learned = "near", "for tests", False
+    name, summary = "near", "for tests"
 
     def __init__(self) -> None:
         self.seen: list[int] = []
@@ -312,9 +313,9 @@ class Near:
     def cut(self, before: Clip, after: Clip) -> Cut:
         return Cut(22, 20)
 
-    def between(self, before: Clip, after: Clip, n_frames: int) -> Clip:
-        self.seen.append(len(before))
-        return find_transition("slerp").between(before, after, n_frames)
+    def between(self, gap: Gap) -> Clip:
+        self.seen.append(len(gap.before))
+        return find_transition("slerp").between(gap)
 
 
 def test_frames_that_were_cut_away_are_never_shown(sentence: list[Clip]) -> None:
@@ -325,8 +326,8 @@ def test_frames_that_were_cut_away_are_never_shown(sentence: list[Clip]) -> None
 
 def test_a_transition_of_the_wrong_length_is_refused(sentence: list[Clip]) -> None:
     class Short(Near):
-        def between(self, before: Clip, after: Clip, n_frames: int) -> Clip:
-            return after[:1]
+        def between(self, gap: Gap) -> Clip:
+            return gap.after[:1]
 
     with pytest.raises(InputError, match="transition near made 1 frames, expected 15"):
         splice(sentence[:2], SpliceOptions(transition=Short(), transition_time=0.5))
@@ -381,12 +382,12 @@ def test_no_public_function_edits_its_input(words: dict[str, Clip]) -> None:
 
 @pytest.mark.parametrize(("fps", "expected"), [(24.0, 8), (30.0, 8), (60.0, 15), (120.0, 29)])
 def test_transitions_see_as_much_time_at_any_rate(sentence: list[Clip], fps: float, expected: int) -> None:
-    class Watching:
-        name, summary, learned = "watching", "", False
+    class Watching(GapTransition):
+        name = "watching"
 
-        def between(self, before: Clip, after: Clip, n_frames: int) -> Clip:
-            seen.append((len(before), len(after)))
-            return find_transition("hermite").between(before, after, n_frames)
+        def between(self, gap: Gap) -> Clip:
+            seen.append((len(gap.before), len(gap.after)))
+            return find_transition("hermite").between(gap)
 
     seen: list[tuple[int, int]] = []
     splice(sentence, replace(CLASSICAL, transition=Watching(), fps=fps))
@@ -396,23 +397,20 @@ def test_transitions_see_as_much_time_at_any_rate(sentence: list[Clip], fps: flo
 
 
 def test_a_cutter_of_sentences_is_asked_once_and_checked(sentence: list[Clip]) -> None:
-    class Whole:
-        name, summary, learned = "whole", "", False
+    class Whole(Cutter):
+        name = "whole"
 
         def __init__(self, n_cuts: int) -> None:
             self.n_cuts = n_cuts
 
-        def cut(self, before: Clip, after: Clip) -> Cut:
-            return Cut(len(before) - 1, 0)
-
-        def cuts(self, clips: Sequence[Clip]) -> list[Cut]:
+        def cut_all(self, clips: Sequence[Clip]) -> list[Cut]:
             return [Cut(len(clip) // 2 + 5, 7) for clip in clips[: self.n_cuts]]
 
     n_seams = len(sentence) - 1
     result = splice(sentence, SpliceOptions(cutter=Whole(n_seams)))
     assert [seam.post_frame for seam in result.seams] == [7] * n_seams
-    streamed = list(stream(sentence, SpliceOptions(cutter=Whole(n_seams))))
-    assert [piece.seam.post_frame for piece in streamed if piece.seam] == [0] * n_seams
+    streamed = list(stream(sentence, SpliceOptions(cutter=Whole(1))))
+    assert [piece.seam.post_frame for piece in streamed if piece.seam] == [7] * n_seams
     assert len(splice(sentence[:1], SpliceOptions(cutter=Whole(0))).clip) == len(sentence[0])
     for wrong in (n_seams - 1, n_seams + 1):
         with pytest.raises(InputError, match=f"cutter whole chose {wrong} cuts for {len(sentence)} clips"):

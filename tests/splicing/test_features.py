@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clothes import mirror
+from other_rigs import mirror
 from signing import word
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate, resample
-from signsplice.rig.canonical import FEATURE_FPS, ROLES, apply_deltas, canonical_motion
+from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motion
+from signsplice.rig.canonical_map import ROLES
 from signsplice.splicing import features
+from signsplice.splicing.gap import Gap
 from signsplice.splicing.transition import find_transition
 
 RNG = np.random.default_rng(7)
@@ -96,7 +98,7 @@ MATRIX = RNG.normal(0.0, 0.01, (features.N_TOKEN, len(ROLES) * 3))
 
 def filled(before: Clip, after: Clip, n_frames: int) -> Clip:
     """A transition by a network that is one fixed matrix."""
-    base = find_transition("hermite").between(before, after, n_frames)
+    base = find_transition("hermite").between(Gap(before, after, n_frames))
     seen = features.gap_features(canonical_motion(concatenate([before, base, after])), len(before), n_frames)
     said = (seen.tokens[features.CONTEXT : features.CONTEXT + seen.n_gap] @ MATRIX).reshape(-1, len(ROLES), 3)
     turns = apply_deltas(base.skeleton, base.local_rotations, features.delta_rotvecs(said, seen, n_frames))
@@ -106,7 +108,7 @@ def filled(before: Clip, after: Clip, n_frames: int) -> Clip:
 def test_a_mirrored_seam_is_filled_by_the_mirrored_frames() -> None:
     before, after = word("MOTHER").clip[20:34], word("BOOK").clip[20:34]
     one, other = filled(before, after, 9), filled(mirror(before), mirror(after), 9)
-    base = find_transition("hermite").between(before, after, 9)
+    base = find_transition("hermite").between(Gap(before, after, 9))
     assert rotation.angle_between(one.local_rotations, base.local_rotations).max() > 0.05
     np.testing.assert_allclose(
         rotation.angle_between(mirror(one).local_rotations, other.local_rotations), 0.0, atol=1e-6
@@ -154,7 +156,7 @@ def test_a_seam_at_another_rate_is_filled_by_the_same_motion() -> None:
 
 def test_ends_and_their_velocities_stay() -> None:
     before, after = word("MOTHER").clip[20:34], word("BOOK").clip[20:34]
-    base = find_transition("hermite").between(before, after, 400)
+    base = find_transition("hermite").between(Gap(before, after, 400))
     share = np.arange(1, 401) / 401
     seen = features.GapFeatures(np.zeros((0, 0), np.float32), 12, 0.8, False, np.ones(len(ROLES)))
     out = features.delta_rotvecs(np.ones((12, len(ROLES), 3)), seen, len(base))

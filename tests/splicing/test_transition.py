@@ -11,6 +11,7 @@ from conftest import random_clip
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton, concatenate
+from signsplice.splicing.gap import Gap
 from signsplice.splicing.transition import TRANSITIONS, fade_times, find_transition
 
 Float = rotation.Float
@@ -29,7 +30,7 @@ def one_joint(angles: Float, fps: float = 100.0) -> Clip:
 
 def filled(name: str, before: Float, after: Float, n: int, fps: float = 100.0) -> Float:
     """Angles (n + 2,) from the last frame before to the first after."""
-    clip = find_transition(name).between(one_joint(before, fps), one_joint(after, fps), n)
+    clip = find_transition(name).between(Gap(one_joint(before, fps), one_joint(after, fps), n))
     angles = rotation.log(clip.local_rotations)[:, 0, 2]
     assert np.allclose(clip.root_positions[:, 0], angles, atol=1e-9), "the root's place takes the same curve"
     return np.concatenate([before[-1:], angles, after[:1]])
@@ -39,19 +40,19 @@ def filled(name: str, before: Float, after: Float, n: int, fps: float = 100.0) -
 @pytest.mark.parametrize("n", [1, 2, 9, 40])
 def test_shapes_rates_and_unit_length(name: str, n: int, words: dict[str, Clip]) -> None:
     before, after = words["HELLO"][:40], words["SIGN"][20:]
-    out = find_transition(name).between(before, after, n)
+    out = find_transition(name).between(Gap(before, after, n))
     assert len(out) == n
     assert out.fps == before.fps
     assert out.skeleton is before.skeleton
     with pytest.raises(InputError, match="at least 1"):
-        find_transition(name).between(before, after, 0)
+        find_transition(name).between(Gap(before, after, 0))
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if n != "hold"])
 def test_frames_lead_from_one_end_to_the_other(name: str, words: dict[str, Clip]) -> None:
     """With many frames the steps at both ends become small: no jump."""
     before, after = words["HELLO"][:40], words["SIGN"][20:]
-    whole = concatenate([before, find_transition(name).between(before, after, 200), after])
+    whole = concatenate([before, find_transition(name).between(Gap(before, after, 200)), after])
     steps = rotation.angle_between(whole.local_rotations[39:240], whole.local_rotations[40:241])
     assert steps.max() < np.deg2rad(12.0)
 
@@ -60,8 +61,8 @@ def test_frames_lead_from_one_end_to_the_other(name: str, words: dict[str, Clip]
 def test_the_method_sees_only_a_few_frames(name: str, words: dict[str, Clip]) -> None:
     before, after = words["HELLO"][:40], words["SIGN"][20:]
     transition = find_transition(name)
-    a = transition.between(before, after, 8)
-    b = transition.between(before[-3:], after[:3], 8)
+    a = transition.between(Gap(before, after, 8))
+    b = transition.between(Gap(before[-3:], after[:3], 8))
     assert np.array_equal(a.local_rotations, b.local_rotations)
 
 
@@ -71,7 +72,7 @@ def test_slerp_linear_and_minimum_jerk_are_their_formulas() -> None:
     assert np.allclose(filled("slerp", before, after, 9), 1.2 * u)
     assert np.allclose(filled("minimum-jerk", before, after, 9), 1.2 * (10 * u**3 - 15 * u**4 + 6 * u**5))
     assert np.allclose(filled("hold", before, after, 9)[:-1], 0.0)
-    lerp = find_transition("linear").between(one_joint(before), one_joint(after), 9).local_rotations
+    lerp = find_transition("linear").between(Gap(one_joint(before), one_joint(after), 9)).local_rotations
     plain = (1 - u[1:-1, None]) * np.array([0, 0, 0, 1.0]) + u[1:-1, None] * np.array([0, 0, np.sin(0.6), np.cos(0.6)])
     assert np.allclose(lerp[:, 0], plain / np.linalg.norm(plain, axis=-1, keepdims=True))
 
@@ -109,7 +110,7 @@ def test_velocities_at_both_ends_are_kept_in_3d(name: str) -> None:
         w0, w1 = rng.normal(size=(2, 3)) * 3.0
         before = clip(rotation.exp(rng.normal(size=3)), w0)
         after = clip(rotation.exp(rng.normal(size=3)), w1)
-        out = find_transition(name).between(before, after, 600).local_rotations[:, 0]
+        out = find_transition(name).between(Gap(before, after, 600)).local_rotations[:, 0]
         first = rotation.difference(before.local_rotations[-1, 0], out[0]) * fps
         last = rotation.difference(out[-1], after.local_rotations[0, 0]) * fps
         assert np.allclose(first, w0, atol=0.15)
@@ -168,7 +169,7 @@ def test_inertialize_dies_out_without_undershoot() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_clips_of_one_frame_have_no_velocity(name: str) -> None:
     clip = random_clip(3)
-    out = find_transition(name).between(clip[:1], clip[10:11], 5)
+    out = find_transition(name).between(Gap(clip[:1], clip[10:11], 5))
     assert np.isfinite(out.local_rotations).all()
 
 
@@ -177,8 +178,8 @@ def test_backwards_is_the_mirror_in_time(name: str) -> None:
     """Filling the reversed gap gives the frames reversed; hold and inertialize look one way only."""
     clip = random_clip(5)
     reverse = replace(clip, local_rotations=clip.local_rotations[::-1], root_positions=clip.root_positions[::-1])
-    forth = find_transition(name).between(clip[:8], clip[13:], 5)
-    back = find_transition(name).between(reverse[:7], reverse[12:], 5)
+    forth = find_transition(name).between(Gap(clip[:8], clip[13:], 5))
+    back = find_transition(name).between(Gap(reverse[:7], reverse[12:], 5))
     # Only the frame of reference of the rotation vectors differs, by terms of third order.
     assert np.all(rotation.angle_between(forth.local_rotations, back.local_rotations[::-1]) < 0.02)
 
@@ -192,7 +193,7 @@ def test_moving_bones_take_the_curve_that_the_root_takes(name: str) -> None:
         translations=np.tile(clip.skeleton.offsets, (20, 1, 1)) * growth,
         root_positions=np.ones((20, 3)) * growth[:, 0],
     )
-    out = find_transition(name).between(clip[:8], clip[12:], 4)
+    out = find_transition(name).between(Gap(clip[:8], clip[12:], 4))
     assert out.translations is not None
     assert np.allclose(out.translations, clip.skeleton.offsets * out.root_positions[:, :1, None], atol=1e-9)
     if name in ("slerp", "linear", "hermite", "quintic"):
@@ -212,7 +213,7 @@ def test_quintic_keeps_accelerations_at_both_ends_in_3d() -> None:
         q = rotation.multiply(pose, rotation.exp(t * u * 3.0 + t**2 * v * 3.0))[:, None]
         skeleton = Skeleton(("a",), np.array([-1]), np.zeros((1, 3)))
         clip = Clip(skeleton, q, np.zeros((len(q), 3)), fps)
-        out = find_transition("quintic").between(clip[:5], clip[5 + n :], n)
+        out = find_transition("quintic").between(Gap(clip[:5], clip[5 + n :], n))
         whole = concatenate([clip[:5], out, clip[5 + n :]]).local_rotations[:, 0]
         rates = rotation.difference(whole[:-1], whole[1:]) * fps
         bends = np.diff(rates, axis=0) * fps

@@ -1,28 +1,28 @@
-"""The body around a skeleton: tapered capsules in human proportions, for pictures and for telling what touches what."""
+"""The body around a skeleton: tapered capsules in human proportions, for pictures and for collision."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import rotation
+from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Skeleton
 from signsplice.motion.kinematics import rest_positions
-from signsplice.rig.proportions import stature
-from signsplice.rig.roles import find_roles
-from signsplice.rig.t_pose import t_pose_positions, t_pose_rotations
+from signsplice.rig.info import rig_info
+from signsplice.rig.roles import FINGERS
 
 Float = NDArray[np.float64]
 
-FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
 _SEGMENTS = ("Metacarpal", "Proximal", "Intermediate", "Distal")
 _THICKNESS = {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049}
-"""Half a finger's breadth as a share of stature, about 10 mm on 1.70 m."""
+"""Half a finger's breadth as a fraction of stature, about 10 mm on 1.70 m."""
 
-# Limbs: role of the bone, role at its end, radii at both ends as shares of stature, part.
+# Limbs: role of the bone, role at its end, radii at both ends as fractions of stature, part.
 _LIMBS = (
     ("UpperArm", "LowerArm", 0.031, 0.024, "sleeve"),
     ("LowerArm", "Hand", 0.024, 0.0165, "cuff"),
@@ -31,10 +31,10 @@ _LIMBS = (
     ("Foot", "Toes", 0.024, 0.020, "shoe"),
 )
 
-# Trunk: capsules side by side, how far to the left and how thick, as shares of stature; together an oval.
+# Trunk: capsules side by side, how far to the left and how thick, as fractions of stature; together an oval.
 _COLUMNS = ((0.058, 0.053), (0.0, 0.060), (-0.058, 0.053))
 
-# The head about its joint in the common pose: left, up, forward of both ends, radii; all shares of stature.
+# The head about its joint in the T-pose: left, up, forward of both ends, radii; all fractions of stature.
 _HEAD = (
     ("face", (0.0, 0.030, 0.018), (0.0, 0.070, 0.016), 0.040, 0.051),
     ("face", (0.0, 0.006, 0.032), (0.0, 0.030, 0.026), 0.024, 0.040),
@@ -47,12 +47,30 @@ _HEAD = (
 )
 
 
+@dataclass(frozen=True)
+class CapsuleGroups:
+    """Indices of a body's capsules by what they are part of.
+
+    left, right: the hands.
+    head: head and neck.
+    trunk: trunk and shoulders.
+    """
+
+    left: tuple[int, ...]
+    right: tuple[int, ...]
+    head: tuple[int, ...]
+    trunk: tuple[int, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class BodyCapsules:
     """C tapered capsules, each fixed to a joint.
 
-    joints: (C,) the joint that carries each. starts, ends: (C, 3) its axis in that joint's frame, clip units. radii:
-    (C, 2) at start and end. parts: what each is ("face", "sleeve", "Index", ...); sides: "left", "right" or "".
+    joints: (C,) the joint that carries each.
+    starts, ends: (C, 3) the axis in that joint's frame, clip units.
+    radii: (C, 2) at start and end, clip units.
+    parts: what each is ("face", "sleeve", "Index", ...).
+    sides: "left", "right" or "".
     """
 
     joints: NDArray[np.intp]
@@ -62,16 +80,44 @@ class BodyCapsules:
     parts: tuple[str, ...]
     sides: tuple[str, ...]
 
+    @cached_property
+    def groups(self) -> CapsuleGroups:
+        """The hands, and what they must not go into."""
+        parts = list(enumerate(zip(self.parts, self.sides, strict=True)))
+        left, right = (
+            tuple(n for n, (part, s) in parts if s == side and part not in ("sleeve", "cuff", "leg", "shoe"))
+            for side in ("left", "right")
+        )
+        return CapsuleGroups(
+            left,
+            right,
+            head=tuple(n for n, (part, _) in parts if part in ("face", "hair", "nose", "neck")),
+            trunk=tuple(n for n, (part, _) in parts if part == "shirt"),
+        )
+
 
 def body_capsules(skeleton: Skeleton) -> BodyCapsules:
-    """The body of a skeleton, from its roles and size; a thin capsule for every bone where no role is known."""
-    joints = find_roles(skeleton).joints
-    rows: list[_Row] = []
-    rest = rest_positions(skeleton)
-    height = stature(skeleton)
+    """The body of a skeleton, from its roles and size, kept as long as the skeleton lives; a thin capsule for every
+    bone where no arm is known.
+    """
+    return CACHE.of(skeleton, _build)
+
+
+def capsule_ends(body: BodyCapsules, global_rotations: Float, global_positions: Float) -> tuple[Float, Float]:
+    """Both ends (T, C, 3) of each capsule in the world, from the globals (T, J, 3, 3) and (T, J, 3) of forward
+    kinematics.
+    """
+    rotations, positions = global_rotations[:, body.joints], global_positions[:, body.joints]
+    starts = positions + np.einsum("tcab,cb->tca", rotations, body.starts)
+    return starts, positions + np.einsum("tcab,cb->tca", rotations, body.ends)
+
+
+def _build(skeleton: Skeleton) -> BodyCapsules:
+    info = rig_info(skeleton)
+    joints, rest, height = info.roles.joints, rest_positions(skeleton), info.sizes.stature
     if not any(role.endswith("UpperArm") for role in joints):
         return _sticks(skeleton)
-    rows += _trunk(skeleton, height)
+    rows = _trunk(skeleton, height)
     for side in ("left", "right"):
         for start, end, r0, r1, part in _LIMBS:
             if side + start in joints and side + end in joints:
@@ -81,16 +127,8 @@ def body_capsules(skeleton: Skeleton) -> BodyCapsules:
     return _body(rows)
 
 
-def capsule_ends(body_capsules: BodyCapsules, global_rotations: Float, global_positions: Float) -> tuple[Float, Float]:
-    """Both ends (T, C, 3) of each capsule in the world, from the globals (T, J, 3, 3) and (T, J, 3) of forward
-    kinematics.
-    """
-    turns, places = global_rotations[:, body_capsules.joints], global_positions[:, body_capsules.joints]
-    starts = places + np.einsum("tcab,cb->tca", turns, body_capsules.starts)
-    return starts, places + np.einsum("tcab,cb->tca", turns, body_capsules.ends)
-
-
 _Row = tuple[int, Float, Float, float, float, str, str]
+"""Joint, start, end, radius at the start and at the end, part, side."""
 
 
 def _body(rows: list[_Row]) -> BodyCapsules:
@@ -116,15 +154,15 @@ def _sticks(skeleton: Skeleton) -> BodyCapsules:
 
 
 def _trunk(skeleton: Skeleton, height: float) -> list[_Row]:
-    """Chest, belly, pelvis, shoulders, neck and head, measured in the common pose (left +X, up +Y, forward +Z)."""
-    joints = find_roles(skeleton).joints
-    places, turns = t_pose_positions(skeleton), t_pose_rotations(skeleton)
+    """Chest, belly, pelvis, shoulders, neck and head, measured in the T-pose (left +X, up +Y, forward +Z)."""
+    info = rig_info(skeleton)
+    joints, positions = info.roles.joints, info.t_pose.positions
     left, up, _ = np.eye(3) * height
     rows: list[_Row] = []
 
     def add(joint: int, start: Float, end: Float, r0: float, r1: float, part: str) -> None:
-        """Both ends relative to the joint, in the common pose's axes."""
-        start, end = rotation.rotate(rotation.inverse(turns[joint]), np.stack([start, end]))
+        """Both ends relative to the joint, in the axes of the T-pose."""
+        start, end = rotation.rotate(rotation.inverse(info.t_pose.rotations[joint]), np.stack([start, end]))
         rows.append((joint, start, end, r0 * height, r1 * height, part, ""))
 
     chest = next((joints[r] for r in ("upperChest", "chest", "spine", "hips") if r in joints), 0)
@@ -135,22 +173,24 @@ def _trunk(skeleton: Skeleton, height: float) -> list[_Row]:
             add(joints["head"], height * np.array(a), height * np.array(b), r0, r1, part)
     if "head" in joints and "neck" in joints:
         neck = joints["neck"]
-        add(neck, -0.02 * up, places[joints["head"]] - places[neck] + 0.02 * up, 0.030, 0.029, "neck")
+        add(neck, -0.02 * up, positions[joints["head"]] - positions[neck] + 0.02 * up, 0.030, 0.029, "neck")
     rows += _shoulders(skeleton, height)
-    girdle = [places[joints[s + "UpperArm"]] - places[chest] for s in ("left", "right") if s + "UpperArm" in joints]
+    girdle = [
+        positions[joints[s + "UpperArm"]] - positions[chest] for s in ("left", "right") if s + "UpperArm" in joints
+    ]
     if len(girdle) == 2:
-        middle, waist = np.mean(girdle, axis=0), places[low] - places[chest]
+        middle, waist = np.mean(girdle, axis=0), positions[low] - positions[chest]
         for x, r in _COLUMNS:
             add(chest, middle - 0.045 * up + x * left, waist + 0.94 * x * left, r, 0.92 * r, "shirt")
         if "neck" in joints:
-            nape = places[joints["neck"]] - places[chest]
+            nape = positions[joints["neck"]] - positions[chest]
             add(chest, nape - 0.02 * up, waist, 0.044, 0.050, "shirt")
             for shoulder in girdle:
                 add(chest, nape, 0.55 * shoulder + 0.45 * middle - 0.004 * up, 0.034, 0.033, "shirt")
     hem = -0.035 * up
     for x, r in _COLUMNS:
-        add(hips, places[low] - places[hips] + 0.94 * x * left, hem + 1.08 * x * left, 0.92 * r, 0.057, "shirt")
-    sides = [places[joints[s + "UpperLeg"]] - places[hips] for s in ("left", "right") if s + "UpperLeg" in joints]
+        add(hips, positions[low] - positions[hips] + 0.94 * x * left, hem + 1.08 * x * left, 0.92 * r, 0.057, "shirt")
+    sides = [positions[joints[s + "UpperLeg"]] - positions[hips] for s in ("left", "right") if s + "UpperLeg" in joints]
     if len(sides) == 2:
         add(hips, hem + 0.95 * sides[0], hem + 0.95 * sides[1], 0.057, 0.057, "shirt")
     return rows
@@ -158,15 +198,15 @@ def _trunk(skeleton: Skeleton, height: float) -> list[_Row]:
 
 def _shoulders(skeleton: Skeleton, height: float) -> list[_Row]:
     """What joins chest and arms: along the collar bones, which move, or straight across where a rig has none."""
-    joints, rest = find_roles(skeleton).joints, rest_positions(skeleton)
+    joints, rest = rig_info(skeleton).roles.joints, rest_positions(skeleton)
     rows: list[_Row] = []
     for side in ("left", "right"):
         if f"{side}UpperArm" not in joints:
             continue
         arm = joints[f"{side}UpperArm"]
         collar = joints.get(f"{side}Shoulder", int(skeleton.parents[arm]))
-        way = rest[arm] - rest[collar]
-        rows.append((collar, 0.2 * way, 0.93 * way, 0.035 * height, 0.0325 * height, "shirt", ""))
+        bone = rest[arm] - rest[collar]
+        rows.append((collar, 0.2 * bone, 0.93 * bone, 0.035 * height, 0.0325 * height, "shirt", ""))
     return rows
 
 
@@ -190,15 +230,23 @@ def _hand(skeleton: Skeleton, joints: Mapping[str, int], rest: Float, side: str,
         else:
             rows.append((wrist, palm_start, knuckle, 0.0095 * height, thick * 1.35, "palm", side))
         for n, joint in enumerate(chain):
-            way = rest[chain[n + 1]] - rest[joint] if n + 1 < len(chain) else _tip(skeleton, joint, chain, rest)
+            bone = rest[chain[n + 1]] - rest[joint] if n + 1 < len(chain) else _tip(skeleton, joint, chain, rest)
             taper = 1.12 - 0.09 * n
             part = finger if n + 1 < len(chain) else finger + "Tip"
-            rows.append((joint, np.zeros(3), way, thick * taper, thick * (taper - 0.09), part, side))
+            rows.append((joint, np.zeros(3), bone, thick * taper, thick * (taper - 0.09), part, side))
     if not known:  # no fingers: a mitten as long as a hand
         elbow = joints.get(f"{side}LowerArm")
-        way = rest[wrist] - rest[elbow] if elbow is not None else np.array([0.0, -1.0, 0.0])
+        bone = rest[wrist] - rest[elbow] if elbow is not None else np.array([0.0, -1.0, 0.0])
         rows.append(
-            (wrist, np.zeros(3), way / np.linalg.norm(way) * 0.08 * height, 0.02 * height, 0.018 * height, "palm", side)
+            (
+                wrist,
+                np.zeros(3),
+                bone / np.linalg.norm(bone) * 0.08 * height,
+                0.02 * height,
+                0.018 * height,
+                "palm",
+                side,
+            )
         )
     return rows
 
@@ -211,7 +259,7 @@ def _tip(skeleton: Skeleton, joint: int, chain: list[int], rest: Float) -> Float
     sites += [skeleton.offsets[child] for child in skeleton.children[joint]]
     before = rest[joint] - rest[chain[-2]] if len(chain) > 1 else rest[joint] - rest[skeleton.parents[joint]]
     usual = float(np.linalg.norm(before))
-    for way in sites:
-        if 0.2 * usual < np.linalg.norm(way) < 2.0 * usual:
-            return way
+    for bone in sites:
+        if 0.2 * usual < np.linalg.norm(bone) < 2.0 * usual:
+            return bone
     return np.asarray(0.8 * before)

@@ -9,18 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.capsules import FINGERS, BodyCapsules, body_capsules, capsule_ends
+from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
 from signsplice.body.surface_nets import surface
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Skeleton
-from signsplice.rig.proportions import stature
-from signsplice.rig.roles import find_roles
-from signsplice.rig.t_pose import t_pose_rotations
+from signsplice.rig.info import rig_info
+from signsplice.rig.roles import FINGERS
 
 Float = NDArray[np.float64]
 
@@ -82,15 +81,9 @@ class MeshPart:
     weights: Float
 
 
-_KNOWN: WeakKeyDictionary[Skeleton, tuple[MeshPart, ...]] = WeakKeyDictionary()
-
-
 def body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
     """The skin of a skeleton, thing by thing; remembered as long as the skeleton lives."""
-    found = _KNOWN.get(skeleton)
-    if found is None:
-        found = _KNOWN[skeleton] = _body_mesh(skeleton)
-    return found
+    return CACHE.of(skeleton, _body_mesh)
 
 
 def colour(part: str, side: str) -> tuple[float, float, float]:
@@ -104,8 +97,8 @@ def bind_pose(skeleton: Skeleton) -> tuple[Float, Float]:
     """The pose in which the skin is bound, the common pose with fingers spread: global rotations (J, 4) and places (J,
     3), clip units, the root at the origin.
     """
-    joints = find_roles(skeleton).joints
-    turns = t_pose_rotations(skeleton).copy()
+    joints = rig_info(skeleton).roles.joints
+    turns = rig_info(skeleton).t_pose.rotations.copy()
     for side, sign in (("left", 1.0), ("right", -1.0)):
         for finger, degrees in _SPREAD_DEG.items():
             # Palms lie down and index fingers in front: what spreads them turns about the vertical.
@@ -137,7 +130,7 @@ def _body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
     shape = body_capsules(skeleton)
     turns, places = bind_pose(skeleton)
     starts, ends = (points[0] for points in capsule_ends(shape, rotation.to_matrix(turns)[None], places[None]))
-    height = stature(skeleton) or float(np.ptp(np.concatenate([starts, ends]), axis=0).max()) or 1.0
+    height = rig_info(skeleton).sizes.stature or float(np.ptp(np.concatenate([starts, ends]), axis=0).max()) or 1.0
     groups: dict[tuple[str, str], list[int]] = {}
     for n, (part, side) in enumerate(zip(shape.parts, shape.sides, strict=True)):
         groups.setdefault(_part_of(part, side), []).append(n)

@@ -1,4 +1,4 @@
-"""Pushes that clear a path: how a push at a frame spreads to its neighbours, and fades where the path must not move."""
+"""Corrections of a path over time: how a push at one frame spreads to its neighbours, and fades at fixed ends."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ Float = NDArray[np.float64]
 
 
 def spread_in_time(push: Float, kernel: Float) -> Float:
-    """Pushes (T, 2, 3) spread to their neighbours in time: at each frame the sum, no larger than the largest near.
+    """Pushes (T, 2, 3) spread to their neighbours in time: at each frame the weighted sum, no larger than the largest
+    push nearby.
 
     kernel: an odd number of weights, 1 in the middle.
     """
     side = len(kernel) // 2
-    flat = push.reshape(len(push), -1)
-    padded = np.pad(flat, ((side, side), (0, 0)))
-    summed = np.stack([padded[k : k + len(flat)] * w for k, w in enumerate(kernel)]).sum(axis=0)
-    counts = np.pad((np.abs(flat).max(axis=1) > 0).astype(float), side)
-    weights = sum(counts[k : k + len(flat)] * w for k, w in enumerate(kernel))
+    rows = push.reshape(len(push), -1)
+    padded = np.pad(rows, ((side, side), (0, 0)))
+    summed = np.stack([padded[k : k + len(rows)] * w for k, w in enumerate(kernel)]).sum(axis=0)
+    pushed = np.pad((np.abs(rows).max(axis=1) > 0).astype(float), side)
+    weights = sum(pushed[k : k + len(rows)] * w for k, w in enumerate(kernel))
     return np.asarray((summed / np.maximum(weights, 1.0)[:, None]).reshape(push.shape))
 
 

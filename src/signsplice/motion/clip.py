@@ -1,12 +1,12 @@
-"""What a motion is: a skeleton, and a clip of its joints turning over time.
+"""What a motion is: a skeleton, and a clip of its joints' rotations over time.
 
-Both are frozen and checked once, when made. Verbs stand outside: ``concatenate``, ``resample``, ``with_fps``.
+Both are frozen and checked once, when made. Functions stand outside: ``concatenate``, ``resample``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,7 +21,7 @@ Float = NDArray[np.float64]
 _UNIT_TOLERANCE = 1e-6
 _BLOCK = 32
 SAME_FPS = 1e-6
-"""Frame rates that differ by less than this share are one rate."""
+"""Frame rates that differ by less than this fraction are one rate."""
 
 
 def _frozen(array: Float) -> Float:
@@ -33,7 +33,11 @@ def _frozen(array: Float) -> Float:
 
 @dataclass(frozen=True, eq=False)
 class EndSite:
-    """The tip of a bone that no joint follows: its joint's index and the offset (3,) from that joint, in clip units."""
+    """The tip of a bone that no joint follows.
+
+    joint: index of the joint that carries the bone.
+    offset: (3,) from that joint to the tip, clip units.
+    """
 
     joint: int
     offset: Float
@@ -46,10 +50,13 @@ class EndSite:
 class Skeleton:
     """Joints, parents before children.
 
-    names: J different names. parents: (J,) index of each joint's parent, -1 for the root, which comes first. offsets:
-    (J, 3) rest translation from the parent, in the parent's frame, in the clip's length unit. end_sites: bone tips.
-    roles: role -> joint name, where a user says so because the names alone do not tell (see ``humanoid``). Raises
-    ``InputError`` where these do not fit together.
+    names: J different names.
+    parents: (J,) index of each joint's parent; -1 for the root, which comes first.
+    offsets: (J, 3) rest translation from the parent, in the parent's frame, in the clip's length unit.
+    end_sites: bone tips.
+    roles: role -> joint name, where a user names them because the joint names are not known (``rig.roles``).
+
+    Raises ``InputError`` where these do not fit together.
     """
 
     names: tuple[str, ...]
@@ -72,7 +79,7 @@ class Skeleton:
             )
         if len(set(self.names)) != n:
             twice = next(name for name in self.names if self.names.count(name) > 1)
-            raise InputError(f"skeleton: joint name {twice!r} stands twice, expected different names")
+            raise InputError(f"skeleton: joint name {twice!r} appears twice, expected different names")
         if parents[0] != -1 or np.any(parents[1:] < 0) or np.any(parents >= np.arange(n)):
             raise InputError("skeleton: expected the root first (parent -1) and every other joint after its parent")
         if not np.isfinite(self.offsets).all():
@@ -97,14 +104,19 @@ class Skeleton:
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """A motion of one skeleton at an even frame rate.
+    """A motion of one skeleton at an even frame rate; T frames, J joints.
 
-    local_rotations: (T, J, 4) unit quaternions x y z w, each joint relative to its parent; ``skeleton`` at identity is
-    the rest pose. root_positions: (T, 3) place of the root in the world, in the skeleton's length unit. fps: frames a
-    second. translations: (T, J, 3) offset from the parent per frame, for files that animate bone lengths; None means
-    the skeleton's. channels: the numbers that the file gave, kept so that they can be written back untouched; None
-    where there is no file. Arrays are taken as they are, without a copy: do not write to them afterwards. Raises
-    ``InputError`` where shapes do not fit, T is 0, a number is not finite or a quaternion is not of unit length.
+    skeleton: the joints; all of its rotations at identity are the rest pose.
+    local_rotations: (T, J, 4) unit quaternions x y z w, each joint relative to its parent.
+    root_positions: (T, 3) position of the root in the world, in the skeleton's length unit.
+    fps: frames a second.
+    name: the gloss or file name.
+    translations: (T, J, 3) offset from the parent per frame, for files that animate bone lengths; None: the skeleton's.
+    channels: the numbers of the file, kept so that they can be written back exactly; None where there is no file.
+    source_clip: the clip that this one was placed from as one rigid whole (``rig.placement.place``), else None.
+
+    Arrays are taken as they are, without a copy: do not write to them afterwards. Raises ``InputError`` where shapes do
+    not fit, T is 0, a number is not finite or a quaternion is not of unit length.
     """
 
     skeleton: Skeleton
@@ -114,12 +126,13 @@ class Clip:
     name: str = ""
     translations: Float | None = None
     channels: Channels | None = None
+    source_clip: Clip | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
-        for field in ("local_rotations", "root_positions", "translations"):
-            value = getattr(self, field)
+        for name in ("local_rotations", "root_positions", "translations"):
+            value = getattr(self, name)
             if value is not None:
-                object.__setattr__(self, field, _frozen(value))
+                object.__setattr__(self, name, _frozen(value))
         object.__setattr__(self, "fps", float(self.fps))
         q, p, j = self.local_rotations, self.root_positions, len(self.skeleton)
         label = f"clip {self.name!r}" if self.name else "clip"
@@ -167,7 +180,7 @@ class Clip:
 
     @property
     def seconds(self) -> float:
-        """How long the clip plays: each frame stands for 1 / fps."""
+        """Duration of the clip: each frame counts for 1 / fps."""
         return len(self) / self.fps
 
     @property
@@ -194,7 +207,7 @@ def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
     first = clips[0]
     for clip in clips[1:]:
         if clip.skeleton is not first.skeleton and clip.skeleton.names != first.skeleton.names:
-            raise InputError(f"clip {clip.name!r} has other joints than {first.name!r}; harmonize it first")
+            raise InputError(f"clip {clip.name!r} has other joints than {first.name!r}; align it first")
         if not same_fps(clip.fps, first.fps):
             raise InputError(
                 f"clip {clip.name!r} runs at {clip.fps:g} fps, {first.name!r} at {first.fps:g}; resample it first"
@@ -212,15 +225,16 @@ def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
     )
 
 
-def unchecked_copy(like: Clip, **changes: object) -> Clip:
-    """``like`` with some fields changed to what is sound by its making, such as parts, joins and rigid moves of sound
-    clips: not checked a second time.
+def unchecked_copy(clip: Clip, **changes: object) -> Clip:
+    """``clip`` with some fields changed, without the checks of a new clip and without its ``source_clip``.
+
+    For changes that cannot break a valid clip: slices, joins and rigid moves.
     """
-    clip = object.__new__(Clip)
-    clip.__dict__.update(like.__dict__)
+    made = object.__new__(Clip)
+    made.__dict__.update(clip.__dict__, source_clip=None)
     for name, value in changes.items():
-        clip.__dict__[name] = _frozen(value) if isinstance(value, np.ndarray) and value.flags.writeable else value
-    return clip
+        made.__dict__[name] = _frozen(value) if isinstance(value, np.ndarray) and value.flags.writeable else value
+    return made
 
 
 def bone_translations(clip: Clip) -> Float:
@@ -250,13 +264,13 @@ def resample(clip: Clip, fps: float, speed: float = 1.0) -> Clip:
     q = clip.local_rotations
 
     rotations = np.empty((n_frames, *q.shape[1:]))
-    for start in range(0, n_frames, _BLOCK):  # in blocks, so that what slerp needs on the way stays small
+    for start in range(0, n_frames, _BLOCK):  # in blocks, to keep the memory of slerp small
         part = slice(start, start + _BLOCK)
         rotations[part] = rotation.slerp(q[low[part]], q[high[part]], weight[part, None])
 
     def between(x: Float) -> Float:
         w = weight.reshape(-1, *([1] * (x.ndim - 1)))
-        return np.asarray(x[low] + w * (x[high] - x[low]))  # what does not move stays exactly where it is
+        return np.asarray(x[low] + w * (x[high] - x[low]))  # a value that does not change stays exact
 
     return replace(
         clip,

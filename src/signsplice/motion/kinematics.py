@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.motion import rotation
+from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, Skeleton
 
 Float = NDArray[np.float64]
@@ -59,15 +59,16 @@ class _JointPath:
     wanted: NDArray[np.intp]
 
 
-_PATHS: WeakKeyDictionary[Skeleton, dict[tuple[tuple[int, ...] | None, int], _JointPath]] = WeakKeyDictionary()
-
-
 def _joint_path(skeleton: Skeleton, joints: tuple[int, ...] | None, origin: int) -> _JointPath:
-    """The way to some joints (None: all), remembered as long as the skeleton lives."""
-    known, key = _PATHS.setdefault(skeleton, {}), (joints, origin)
-    if key not in known:
-        known[key] = _find_joint_path(skeleton, range(len(skeleton)) if joints is None else joints, origin)
-    return known[key]
+    """The path to some joints (None: all), kept as long as the skeleton lives."""
+    kept, key = CACHE.of(skeleton, _no_paths), (joints, origin)
+    if key not in kept:
+        kept[key] = _find_joint_path(skeleton, range(len(skeleton)) if joints is None else joints, origin)
+    return kept[key]
+
+
+def _no_paths(_: Skeleton) -> dict[tuple[tuple[int, ...] | None, int], _JointPath]:
+    return {}
 
 
 def _find_joint_path(skeleton: Skeleton, wanted: Sequence[int], origin: int) -> _JointPath:

@@ -1,26 +1,24 @@
-"""Clips of different rigs, units, rates and places brought onto the first one's ground.
+"""Clips of different rigs, units, rates and positions aligned to the first clip of a sentence.
 
-Same rig by names: rotations are carried over joint by joint. Different rigs: by the roles of the canonical humanoid,
-through global rotations relative to a common pose, so that bones point the way they pointed before. Then each clip is
-moved and turned about the vertical as one rigid whole, so that its signer stands where the first one stands.
+Same rig by names: local rotations are copied joint by joint. Different rigs: by the roles of the canonical humanoid,
+through global rotations relative to the T-pose, so that every bone points in the same direction as before. Then each
+clip is moved and turned about the vertical as one rigid whole, so that its signer stands where the first one stands.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import RigMismatchError
 from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, Skeleton, resample, unchecked_copy
+from signsplice.motion.clip import Clip, Skeleton, resample
 from signsplice.motion.kinematics import forward, rest_positions
-from signsplice.rig.proportions import Placement, stand, stature
-from signsplice.rig.roles import find_roles, simplify
-from signsplice.rig.t_pose import t_pose_rotations
+from signsplice.rig.info import rig_info
+from signsplice.rig.placement import Placement, place, placement
 
 Float = NDArray[np.float64]
 
@@ -34,8 +32,13 @@ MIN_COMMON_ROLES = 5
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What every clip of a sentence is brought onto: the first clip's skeleton, rate, place and facing, and the pose
-    that joints without a counterpart hold (J, 4). name: the first clip's, for messages.
+    """What every clip of a sentence is aligned to: properties of the first clip.
+
+    skeleton: its skeleton.
+    fps: the output frame rate.
+    placement: where its signer stands.
+    held_pose: (J, 4) local rotations that joints without a counterpart hold.
+    name: its name, for messages.
     """
 
     skeleton: Skeleton
@@ -47,55 +50,57 @@ class Reference:
 
 @dataclass(frozen=True, eq=False)
 class AlignedClip:
-    """A clip on the ground of another, and what had to be said about it, a line each."""
+    """A clip brought to a reference.
+
+    clip: the clip on the reference's skeleton, rate and placement.
+    warnings: what a user should know about it, one line each.
+    """
 
     clip: Clip
     warnings: tuple[str, ...]
 
 
 def reference(first: Clip, fps: float | None = None) -> Reference:
-    """The ground that ``first`` lays for the clips that follow it; ``fps`` where another rate than its own is
-    wanted.
+    """The reference that the first clip of a sentence sets; ``fps`` where another rate than its own is wanted."""
+    return Reference(first.skeleton, fps or first.fps, placement(first), first.local_rotations[0], first.name)
+
+
+def align(clip: Clip, to: Reference, speed: float = 1.0) -> AlignedClip:
+    """``clip`` on the skeleton, frame rate, position and facing of a reference, played ``speed`` times as fast.
+
+    What needs no change keeps its exact numbers. Joints of the reference without a counterpart hold their pose; one
+    warning names them. Raises ``RigMismatchError`` where the two rigs have nothing in common.
     """
-    return Reference(first.skeleton, fps or first.fps, stand(first), first.local_rotations[0], first.name)
+    carried, warnings = _retarget_rotations(clip, to)
+    placed = place(carried, to.placement)
+    return AlignedClip(resample(placed, to.fps, speed), warnings)
 
 
-def align(clip: Clip, onto: Reference, speed: float = 1.0) -> AlignedClip:
-    """``clip`` on another clip's ground: its skeleton, rate, place and facing; played ``speed`` times as fast.
-
-    What needs no change keeps its very numbers. Joints of the ground's skeleton that have no counterpart hold their
-    pose, which one warning says. Raises ``RigMismatchError`` where the two rigs have nothing in common.
-    """
-    carried, warnings = _retarget_rotations(clip, onto)
-    moved = place(carried, onto.placement)
-    return AlignedClip(resample(moved, onto.fps, speed), warnings)
-
-
-def _retarget_rotations(clip: Clip, onto: Reference) -> tuple[Clip, tuple[str, ...]]:
-    """The clip on the ground's skeleton, and the warning about joints that hold their pose."""
-    source, target = clip.skeleton, onto.skeleton
+def _retarget_rotations(clip: Clip, to: Reference) -> tuple[Clip, tuple[str, ...]]:
+    """The clip on the reference's skeleton, and the warning about joints that hold their pose."""
+    source, target = clip.skeleton, to.skeleton
     if source is target or _identical(source, target):
         return (clip if source is target else replace(clip, skeleton=target)), ()
     counterpart = _by_name(source, target)
     if counterpart is not None:
-        local = _transfer(clip, target, counterpart, onto.held_pose)
+        local = _transfer(clip, target, counterpart, to.held_pose)
         scale = _size_ratio(source, target, counterpart)
     else:
-        counterpart = _by_role(clip, onto)
-        local = _transfer(clip, target, counterpart, onto.held_pose, t_pose_rotations(source), t_pose_rotations(target))
-        scale = stature(target) / stature(source) if stature(source) > 0.0 else 1.0
+        counterpart = _by_role(clip, to)
+        ours, theirs = rig_info(target), rig_info(source)
+        t_poses = theirs.t_pose.rotations, ours.t_pose.rotations
+        local = _transfer(clip, target, counterpart, to.held_pose, *t_poses)
+        scale = ours.sizes.stature / theirs.sizes.stature if theirs.sizes.stature > 0.0 else 1.0
     held = [target.names[j] for j in range(len(target)) if j not in counterpart]
     warnings: tuple[str, ...] = ()
     if held:
         shown = ", ".join(held[:6]) + (f" and {len(held) - 6} more" if len(held) > 6 else "")
-        warnings = (
-            f"{clip.name}: no counterpart for {len(held)} joints of {onto.name}, which hold their pose: {shown}",
-        )
-    # Euler numbers meant another rig's rotations: they are not carried.
+        warnings = (f"{clip.name}: no counterpart for {len(held)} joints of {to.name}, which hold their pose: {shown}",)
+    # The file's Euler angles describe another rig's rotations: they are not carried over.
     carried = Clip(target, local, clip.root_positions * scale, clip.fps, clip.name)
-    hips = find_roles(target).joints.get("hips", 0)
+    hips = rig_info(target).roles.joints.get("hips", 0)
     if hips in counterpart and (hips > 0 or counterpart[hips] > 0):
-        # A joint above the hips, in either rig: what has to go the same way is the hips, not the root.
+        # Either rig has a joint above the hips: then the hips, not the root, have to follow the same path.
         wanted = scale * forward(clip, [counterpart[hips]])[1][:, 0]
         shift = wanted - forward(carried, [hips])[1][:, 0]
         carried = replace(carried, root_positions=carried.root_positions + shift)
@@ -112,12 +117,12 @@ def _identical(a: Skeleton, b: Skeleton) -> bool:
 
 def _by_name(source: Skeleton, target: Skeleton) -> dict[int, int] | None:
     """Target joint -> source joint for two skeletons of one rig, None where they are not."""
-    index = {simplify(name): j for j, name in enumerate(source.names)}
-    pairs = {j: index[simplify(name)] for j, name in enumerate(target.names) if simplify(name) in index}
+    index = {name: j for j, name in enumerate(rig_info(source).simple_names)}
+    pairs = {j: index[name] for j, name in enumerate(rig_info(target).simple_names) if name in index}
     if len(pairs) < 0.5 * min(len(source), len(target)):
         return None
     rest_source, rest_target = rest_positions(source), rest_positions(target)
-    role_of = find_roles(target).role_of
+    role_of = rig_info(target).roles.role_of
     agree = total = 0
     for joint, other in pairs.items():
         parent = int(target.parents[joint])
@@ -137,20 +142,20 @@ def _carries_a_hand(role: str) -> bool:
     return role.endswith(("UpperArm", "LowerArm", "Hand", "Metacarpal", "Proximal", "Intermediate"))
 
 
-def _by_role(clip: Clip, onto: Reference) -> dict[int, int]:
+def _by_role(clip: Clip, to: Reference) -> dict[int, int]:
     """Target joint -> source joint through the roles that both rigs have."""
-    ours, theirs = find_roles(onto.skeleton), find_roles(clip.skeleton)
+    ours, theirs = rig_info(to.skeleton).roles, rig_info(clip.skeleton).roles
     common = [role for role in ours.joints if role in theirs.joints]
     if len(common) < MIN_COMMON_ROLES or not any(role.endswith("UpperArm") for role in common):
         raise RigMismatchError(
-            f"{clip.name} (rig {theirs.rig}: {_some(clip.skeleton)}) and "
-            f"{onto.name} (rig {ours.rig}: {_some(onto.skeleton)}) have "
+            f"{clip.name} (rig {theirs.rig}: {_first_names(clip.skeleton)}) and "
+            f"{to.name} (rig {ours.rig}: {_first_names(to.skeleton)}) have "
             f"{len(common)} body parts in common, expected arms and trunk; name the joints' roles in a roles file"
         )
     return {ours.joints[role]: theirs.joints[role] for role in common}
 
 
-def _some(skeleton: Skeleton) -> str:
+def _first_names(skeleton: Skeleton) -> str:
     return ", ".join(skeleton.names[:3]) + (", ..." if len(skeleton) > 3 else "")
 
 
@@ -171,39 +176,39 @@ def _transfer(
     clip: Clip,
     target: Skeleton,
     counterpart: Mapping[int, int],
-    held: Float,
-    source_common: Float | None = None,
-    target_common: Float | None = None,
+    held_pose: Float,
+    source_t_pose: Float | None = None,
+    target_t_pose: Float | None = None,
 ) -> Float:
     """Local rotations (T, J, 4) on ``target`` that give each joint the global rotation of its counterpart.
 
-    ``*_common``: (J, 4) global rotations that pose each rest skeleton in the common pose; identity by default. A joint
-    whose parent's counterpart is its counterpart's parent keeps its local rotations bit for bit where no pose comes
+    ``*_t_pose``: (J, 4) global rotations that bring each rest skeleton into the T-pose; identity by default. A joint
+    whose parent's counterpart is its counterpart's parent keeps its local rotations bit for bit where no T-pose comes
     between.
     """
     source = clip.skeleton
-    plain = source_common is None or target_common is None
-    above_source = _global_rotations(clip)
+    plain = source_t_pose is None or target_t_pose is None
+    source_globals = _global_rotations(clip)
     out = np.empty((len(clip), len(target), 4))
-    above: list[Float] = []
+    globals_: list[Float] = []
     for joint in range(len(target)):
         parent = int(target.parents[joint])
-        over = above[parent] if parent >= 0 else np.broadcast_to(rotation.IDENTITY, (len(clip), 4))
+        over = globals_[parent] if parent >= 0 else np.broadcast_to(rotation.IDENTITY, (len(clip), 4))
         other = counterpart.get(joint)
         if other is None:
-            out[:, joint] = held[joint]
-            above.append(rotation.multiply(over, held[joint]))
+            out[:, joint] = held_pose[joint]
+            globals_.append(rotation.multiply(over, held_pose[joint]))
             continue
-        wanted = above_source[other]
-        if source_common is not None and target_common is not None:
-            change = rotation.multiply(rotation.inverse(source_common[other]), target_common[joint])
+        wanted = source_globals[other]
+        if source_t_pose is not None and target_t_pose is not None:
+            change = rotation.multiply(rotation.inverse(source_t_pose[other]), target_t_pose[joint])
             wanted = rotation.multiply(wanted, change)
         other_parent = int(source.parents[other])
         if plain and (parent < 0) == (other_parent < 0) and counterpart.get(parent, -1) == other_parent:
             out[:, joint] = clip.local_rotations[:, other]
         else:
             out[:, joint] = rotation.normalize(rotation.multiply(rotation.inverse(over), wanted))
-        above.append(wanted)
+        globals_.append(wanted)
     return out
 
 
@@ -214,38 +219,3 @@ def _global_rotations(clip: Clip) -> list[Float]:
         parent = clip.skeleton.parents[joint]
         rotations.append(local if parent < 0 else rotation.multiply(rotations[parent], local))
     return rotations
-
-
-_SOURCES: WeakKeyDictionary[Clip, Clip] = WeakKeyDictionary()
-
-
-def source_of(clip: Clip) -> Clip:
-    """The clip that this one is moved from as one rigid whole, or itself: what does not ask where a signer stands need
-    be told of it only once, wherever the word is signed.
-    """
-    return _SOURCES.get(clip, clip)
-
-
-def place(clip: Clip, onto: Placement) -> Clip:
-    """The clip moved and turned as one rigid whole, so that its signer stands as ``onto`` says."""
-    own = stand(clip)
-    if own is onto:
-        return clip
-    turn = rotation.between_vectors(own.up, onto.up)
-    forward = rotation.rotate(turn, own.forward)
-    yaw = np.arctan2(rotation.cross(forward, onto.forward) @ onto.up, forward @ onto.forward)
-    turn = rotation.multiply(rotation.exp(yaw * onto.up), turn)
-    shift = onto.position - rotation.rotate(turn, own.position)
-    size = float(np.abs(clip.skeleton.offsets).max())
-    if np.linalg.norm(rotation.log(turn)) < 1e-9 and np.linalg.norm(shift) < 1e-9 * size:
-        return clip
-    local = np.array(clip.local_rotations)
-    local[:, 0] = rotation.normalize(rotation.multiply(turn, local[:, 0]))
-    moved = unchecked_copy(
-        clip,
-        local_rotations=local,
-        root_positions=rotation.rotate(turn, clip.root_positions) + shift,
-        channels=None if clip.channels is None else clip.channels.without_root(),
-    )
-    _SOURCES[moved] = source_of(clip)
-    return moved

@@ -11,7 +11,8 @@ from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.rig import proportions
 from signsplice.rig.arms import active_span, arms
-from signsplice.rig.roles import find_roles
+from signsplice.rig.info import rig_info
+from signsplice.rig.placement import placement
 
 _STEP_DEG = 60.0
 _STILL_M = 0.02
@@ -22,9 +23,9 @@ def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
     know.
     """
     skeleton = clip.skeleton
-    humanoid = find_roles(skeleton)
-    unit = proportions.length_unit(skeleton)
-    standing = proportions.stand(clip)
+    humanoid = rig_info(skeleton).roles
+    unit = rig_info(skeleton).sizes.unit
+    standing = placement(clip)
     warnings: list[str] = []
     facts: dict[str, Any] = {
         "file": file or clip.name,

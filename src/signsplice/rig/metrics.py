@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip
-from signsplice.rig import proportions
-from signsplice.rig.roles import find_roles
+from signsplice.rig.info import rig_info
+from signsplice.rig.roles import FINGERS
 
 Float = NDArray[np.float64]
 
@@ -21,24 +21,23 @@ PEAK_SPEED = "peak-speed|joints:wrists|step:1-frame|unit:m/s|max"
 JERK_RATIO = "jerk-ratio|joints:wrists|third-difference|rms|transition+-1/signs"
 
 _PARTS = ("UpperArm", "LowerArm", "Hand")
-_FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
 
 
 def arm_and_finger_joints(clip: Clip) -> list[int]:
     """Indices of the elbow, wrist and every finger joint of both arms (the joints that moving an arm or a finger
     moves).
     """
-    joints = find_roles(clip.skeleton).joints
+    joints = rig_info(clip.skeleton).roles.joints
     return [
         joint
         for role, joint in joints.items()
-        if role.endswith(("LowerArm", "Hand")) or any(finger in role for finger in _FINGERS)
+        if role.endswith(("LowerArm", "Hand")) or any(finger in role for finger in FINGERS)
     ]
 
 
 def fingertip_joints(clip: Clip) -> list[int]:
     """Indices of the last joint of every finger; the hands where there are no fingers."""
-    joints = find_roles(clip.skeleton).joints
+    joints = rig_info(clip.skeleton).roles.joints
     tips = [joint for role, joint in joints.items() if role.endswith("Distal")]
     return tips or [joint for role, joint in joints.items() if role.endswith("Hand")]
 
@@ -53,7 +52,7 @@ def position_error(predicted: Clip, true: Clip) -> float:
     """Mean distance of elbow, wrist and finger joints, seen from the root, in thousandths of the arm's length."""
     joints = arm_and_finger_joints(true)
     difference = relative_positions(predicted, joints) - relative_positions(true, joints)
-    return float(1000.0 * np.linalg.norm(difference, axis=-1).mean() / proportions.sizes(true.skeleton).arm_length)
+    return float(1000.0 * np.linalg.norm(difference, axis=-1).mean() / rig_info(true.skeleton).sizes.arm_length)
 
 
 EVEN_FRACTION = 0.02

@@ -11,10 +11,9 @@ import difflib
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
-from weakref import WeakKeyDictionary
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Skeleton
@@ -24,14 +23,23 @@ _SIDES = ("left", "right")
 _SPINE = ("spine", "chest", "upperChest")
 _ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand")
 _LEG = ("UpperLeg", "LowerLeg", "Foot", "Toes")
-_FINGERS = (
-    ("ThumbMetacarpal", "ThumbProximal", "ThumbDistal"),
-    *((f"{f}Proximal", f"{f}Intermediate", f"{f}Distal") for f in ("Index", "Middle", "Ring", "Little")),
-)
+FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
+"""The fingers, as role names have them."""
+
+
+def finger_roles(finger: str) -> tuple[str, str, str]:
+    """A finger's roles from the palm out, without the side: ThumbMetacarpal, ThumbProximal, ThumbDistal for the thumb,
+    proximal, intermediate and distal for the others.
+    """
+    segments = ("Metacarpal", "Proximal", "Distal") if finger == "Thumb" else ("Proximal", "Intermediate", "Distal")
+    first, middle, last = (finger + segment for segment in segments)
+    return first, middle, last
+
+
 # The body as chains of roles from the trunk out, limbs without their side. Shoulders and neck hang from the hips here,
 # not from the chest: which joint of the spine carries them differs from rig to rig.
 _TRUNK: tuple[tuple[str, ...], ...] = (("hips", *_SPINE), ("hips", "neck", "head", "jaw"))
-_LIMBS = (("head", "Eye"), ("hips", *_ARM), *(("Hand", *finger) for finger in _FINGERS), ("hips", *_LEG))
+_LIMBS = (("head", "Eye"), ("hips", *_ARM), *(("Hand", *finger_roles(finger)) for finger in FINGERS), ("hips", *_LEG))
 
 
 def _lines() -> dict[str, tuple[str, ...]]:
@@ -96,9 +104,9 @@ def _names(rig: NamingConvention) -> dict[str, tuple[str, ...]]:
     words |= zip(_SPINE, rig.spine.split(), strict=False)
     words |= zip(_ARM, rig.arm.split(), strict=True)
     words |= zip(_LEG, rig.leg.split(), strict=True)
-    for finger, word in zip(_FINGERS, rig.fingers.split(), strict=False):
-        endings = rig.thumb if finger == _FINGERS[0] else rig.segments
-        words |= {role: word + ending for role, ending in zip(finger, endings, strict=False)}
+    for finger, word in zip(FINGERS, rig.fingers.split(), strict=False):
+        endings = rig.thumb if finger == "Thumb" else rig.segments
+        words |= {role: word + ending for role, ending in zip(finger_roles(finger), endings, strict=False)}
     names = {}
     for role in ROLES:
         side = next((side for side in _SIDES if role.startswith(side)), "")
@@ -125,7 +133,6 @@ _PREFIX = re.compile(
 )
 
 
-@lru_cache(maxsize=8192)
 def simplify(name: str) -> str:
     """A joint's name in comparable form: no namespace or rig prefix, no gaps, lower case, the side in full in front.
 
@@ -160,22 +167,30 @@ def _without_shared(names: tuple[str, ...]) -> tuple[str, ...]:
 
 _Joints = dict[str, int]
 _Ancestors = tuple[frozenset[int], ...]
-_FOUND: WeakKeyDictionary[Skeleton, Humanoid] = WeakKeyDictionary()
 
 
 def find_roles(skeleton: Skeleton, override: Mapping[str, str] | None = None) -> Humanoid:
     """The humanoid in a skeleton: which joint plays which role.
 
-    override: role -> joint name, which wins over the tables; ``skeleton.roles`` by default. The answer for a skeleton
-    without override is kept as long as the skeleton lives. Raises ``InputError`` where the override names a role or a
-    joint that there is not, or gives one joint two roles.
+    override: role -> joint name, which wins over the tables; ``skeleton.roles`` by default. ``info.rig_info`` keeps the
+    answer for a skeleton. Raises ``InputError`` where the override names a role or a joint that does not exist, or
+    gives one joint two roles.
     """
-    if override is not None:
-        return _find(skeleton, override)
-    humanoid = _FOUND.get(skeleton)
-    if humanoid is None:
-        humanoid = _FOUND[skeleton] = _find(skeleton, skeleton.roles or {})
-    return humanoid
+    return _find(skeleton, skeleton.roles or {} if override is None else override)
+
+
+def arm_joints(skeleton: Skeleton, humanoid: Humanoid) -> list[int]:
+    """Joints of left then right upper arm, lower arm and hand, then the hips. Raises ``InputError`` where one of an
+    arm's is missing.
+    """
+    names = [side + part for side in _SIDES for part in _ARM[1:]]
+    missing = [name for name in names if name not in humanoid.joints]
+    if missing:
+        raise InputError(
+            f"no {' or '.join(missing[:2])} found among joints {', '.join(skeleton.names[:4])}, ...; "
+            "expected both arms by name; name them with a roles file, or use a cutter that needs no arms (ends)"
+        )
+    return [*(humanoid.joints[name] for name in names), humanoid.joints.get("hips", 0)]
 
 
 def _find(skeleton: Skeleton, override: Mapping[str, str]) -> Humanoid:

@@ -1,13 +1,14 @@
-"""The common pose: a T-pose that every rig can be brought into, whatever its own rest pose is.
+"""The T-pose: one pose that every rig can be brought into, whatever its own rest pose is.
 
-Up is +Y, forward +Z, the signer's left +X, palms down. A rest pose (all rotations identity) may lie on its back, hold
-its arms forward, or bend its fingers; turned into the common pose, all rigs agree on where each bone points.
+Up is +Y, forward is +Z, the signer's left is +X, palms face down. The rest pose of a file (all rotations identity) may
+lie on its back, hold its arms forward or bend its fingers. Turned into the T-pose, all rigs agree on where each bone
+points.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from weakref import WeakKeyDictionary
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +16,11 @@ from numpy.typing import NDArray
 from signsplice.motion import rotation
 from signsplice.motion.clip import Skeleton
 from signsplice.motion.kinematics import rest_positions
-from signsplice.rig.roles import find_roles
+from signsplice.rig.roles import Humanoid
 
 Float = NDArray[np.float64]
 
-# Where each bone points in the common pose (a T-pose: up +Y, forward +Z, the signer's left +X, palms down).
+# Where each bone points: role -> (role at the bone's other end, direction).
 _T_POSE_BONES: dict[str, tuple[str, Float]] = {}
 for _side, _x in (("left", 1.0), ("right", -1.0)):
     _out = np.array([_x, 0.0, 0.0])
@@ -49,34 +50,50 @@ _UPRIGHT = (
 )
 
 
-_ROTATIONS: WeakKeyDictionary[Skeleton, Float] = WeakKeyDictionary()
+@dataclass(frozen=True, eq=False)
+class TPose:
+    """A skeleton in the T-pose; the arrays are read-only.
+
+    rotations: (J, 4) global rotations that bring the rest skeleton into the T-pose.
+    positions: (J, 3) joint positions there, the root at the origin, clip units.
+    """
+
+    rotations: Float
+    positions: Float
 
 
-def t_pose_rotations(skeleton: Skeleton) -> Float:
-    """Global rotations (J, 4) that pose the rest skeleton in the common pose, remembered as long as it lives; not to be
-    written to.
+def t_pose(skeleton: Skeleton, roles: Humanoid) -> TPose:
+    """The T-pose of a skeleton with these roles.
 
-    The trunk, head and feet are turned as one, from the rest pose's own up and left; limbs and fingers are swung on
-    from there until their bones point the common way; a hand is turned by the way to its middle knuckle and its line of
+    Trunk, head and feet are rotated as one, from the rest pose's own up and left. Limbs and fingers are then swung
+    until their bones point as in the T-pose. A hand follows the direction to its middle knuckle and its line of
     knuckles. Joints without a role follow their parents.
     """
-    known = _ROTATIONS.get(skeleton)
-    if known is None:
-        known = _ROTATIONS[skeleton] = _t_pose_rotations(skeleton)
-        known.flags.writeable = False
-    return known
+    rotations = _rotations(skeleton, roles.joints)
+    positions = posed_positions(skeleton, rotations)
+    for array in (rotations, positions):
+        array.flags.writeable = False
+    return TPose(rotations, positions)
 
 
-def _t_pose_rotations(skeleton: Skeleton) -> Float:
-    joints = find_roles(skeleton).joints
+def posed_positions(skeleton: Skeleton, rotations: Float) -> Float:
+    """Joint positions (J, 3) under global rotations (J, 4), the root at the origin, clip units."""
+    positions = np.zeros((len(skeleton), 3))
+    for joint in range(1, len(skeleton)):
+        parent = skeleton.parents[joint]
+        positions[joint] = positions[parent] + rotation.rotate(rotations[parent], skeleton.offsets[joint])
+    return positions
+
+
+def _rotations(skeleton: Skeleton, joints: Mapping[str, int]) -> Float:
     role_of = {joint: role for role, joint in joints.items()}
     rest = rest_positions(skeleton)
     upright = _upright(rest, joints)
-    common = np.empty((len(skeleton), 4))
+    rotations = np.empty((len(skeleton), 4))
     for joint in range(len(skeleton)):
         role = role_of.get(joint, "")
         parent = skeleton.parents[joint]
-        q = upright if parent < 0 or role in _UPRIGHT else common[parent]
+        q = upright if parent < 0 or role in _UPRIGHT else rotations[parent]
         if role in _T_POSE_BONES:
             child, direction = _T_POSE_BONES[role]
             if child in joints:
@@ -84,14 +101,14 @@ def _t_pose_rotations(skeleton: Skeleton) -> Float:
                 q = rotation.multiply(rotation.between_vectors(bone, direction), q)
         elif role in ("leftHand", "rightHand"):
             q = _hand_to_t_pose(role.removesuffix("Hand"), rest, joints, q)
-        common[joint] = q
-    return common
+        rotations[joint] = q
+    return rotations
 
 
 def _upright(rest: Float, joints: Mapping[str, int]) -> Float:
     """Rotation (4,) that brings the rest pose's up to +Y and its left to +X."""
     top = next((joints[r] for r in ("head", "neck", "upperChest", "chest", "spine") if r in joints), None)
-    for part in ("UpperLeg", "Shoulder", "UpperArm"):  # hips and collars lie across in any rest pose, arms may not
+    for part in ("UpperLeg", "Shoulder", "UpperArm"):  # hips and collar bones lie across in any rest pose; arms may not
         left, right = joints.get(f"left{part}"), joints.get(f"right{part}")
         if top is not None and left is not None and right is not None:
             across, up = rest[left] - rest[right], rest[top] - rest[joints.get("hips", 0)]
@@ -120,13 +137,3 @@ def _frame(x: Float, y: Float) -> Float:
     x = x - (x @ y) * y
     x = x / np.linalg.norm(x)
     return rotation.from_matrix(np.stack([x, y, np.cross(x, y)]))
-
-
-def t_pose_positions(skeleton: Skeleton) -> Float:
-    """Joint positions (J, 3) of the common pose, the root at the origin, in clip units."""
-    turns = t_pose_rotations(skeleton)
-    places = np.zeros((len(skeleton), 3))
-    for joint in range(1, len(skeleton)):
-        parent = skeleton.parents[joint]
-        places[joint] = places[parent] + rotation.rotate(turns[parent], skeleton.offsets[joint])
-    return places

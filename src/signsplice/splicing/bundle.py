@@ -1,9 +1,7 @@
 """A trained system as a folder: ONNX files, and bundle.json with what they are and the sha256 of each.
 
-bundle.json, version 1: ``version``, ``system``, ``config`` (sizes by part), ``scale``, ``optimiser``, ``split``,
-``corpus`` (hash), ``fps``, ``seed``, ``steps`` (all parts together), ``parts`` (steps, batch, learning rate and scores
-by part), ``fr`` (null without Culling), ``normaliser`` (mean and deviation of the 159 numbers, which the graphs
-contain), ``n_parameters``, ``versions``, ``runs`` (how the graphs are to be run) and ``files`` (name -> sha256).
+``BundleConfig`` is bundle.json, read and checked in one place. A bundle of the paper's systems has ``corpus``,
+``runs``, ``fr`` and the sizes of its parts; a bundle of this project's networks has ``features`` and ``networks``.
 """
 
 from __future__ import annotations
@@ -11,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,31 +20,134 @@ BUNDLE_FILE = "bundle.json"
 VERSION = 1
 
 
-def write_bundle(folder: Path, facts: Mapping[str, Any], files: Mapping[str, bytes]) -> None:
+@dataclass(frozen=True)
+class NetworkConfig:
+    """One of this project's networks, as bundle.json describes it.
+
+    recipe: hash of everything that its training depended on; None where it is not known.
+    n_parameters: number of weights.
+    trained_on: ``corpus`` and ``split`` of the corpus of pairs that it learned from; None where it never saw one.
+    stored: the whole entry of bundle.json.
+    """
+
+    recipe: str | None
+    n_parameters: int
+    trained_on: Mapping[str, str] | None
+    stored: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """How the networks of a paper's system are run.
+
+    positions: the graph that finds the splice positions, "spsn" or "encoder".
+    frames: what makes the frames, "generator" or "filler".
+    concurrent: whether the generator can make all frames in one pass.
+    n_fed: numbers of a frame that the decoder is fed.
+    most_frames: most frames that it makes.
+    token_bias: added to the logits of both tokens.
+    """
+
+    positions: str
+    frames: str
+    concurrent: bool
+    n_fed: int
+    most_frames: int
+    token_bias: float = 0.0
+
+
+@dataclass(frozen=True)
+class BundleConfig:
+    """bundle.json, version 1.
+
+    path: the file, for messages.
+    system: name of the system; "signsplice" for this project's networks.
+    files: ONNX file name -> sha256.
+    features: version of the features that the networks see (``features.VERSION``).
+    networks: this project's networks by name.
+    precision: "int8" where weights are stored in 8 bits.
+    scale, optimiser, split, corpus, seed, steps: how a paper's system was trained.
+    fps: frame rate that a paper's system knows.
+    fr: frames that Culling keeps on each side; None without Culling.
+    n_parameters: number of weights of a paper's system.
+    runs: how a paper's system is run.
+    stored: the whole file as JSON values.
+    """
+
+    path: Path
+    system: str | None
+    files: Mapping[str, str]
+    features: int | None = None
+    networks: Mapping[str, NetworkConfig] = field(default_factory=dict)
+    precision: str | None = None
+    scale: str | None = None
+    optimiser: str | None = None
+    split: str | None = None
+    corpus: str | None = None
+    seed: int | None = None
+    steps: int | None = None
+    fps: float | None = None
+    fr: int | None = None
+    n_parameters: int | None = None
+    runs: RunConfig | None = None
+    stored: Mapping[str, Any] = field(default_factory=dict)
+
+    def require(self, *names: str) -> None:
+        """Raise ``InputError`` where bundle.json lacks one of these keys."""
+        for name in names:
+            if name not in self.stored:
+                raise InputError(f"{self.path}: has no {name!r}; export the system anew")
+
+
+_PLAIN = ("system", "features", "precision", "scale", "optimiser", "split", "corpus", "seed", "steps", "fps", "fr")
+
+
+def write_bundle(folder: Path, values: Mapping[str, Any], files: Mapping[str, bytes]) -> None:
     """Write files and bundle.json into a folder that exists; bundle.json comes last, so that a half-written bundle is
-    none.
+    not a bundle.
     """
     (folder / BUNDLE_FILE).unlink(missing_ok=True)
     for name, content in files.items():
         with replacing(folder / name) as temporary:
             temporary.write_bytes(content)
     hashes = {name: hashlib.sha256(content).hexdigest() for name, content in sorted(files.items())}
-    text = json.dumps({"version": VERSION, **facts, "files": hashes}, indent=1)
+    text = json.dumps({"version": VERSION, **values, "files": hashes}, indent=1)
     with replacing(folder / BUNDLE_FILE) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
-def read_facts(folder: Path) -> dict[str, Any]:
+def read_config(folder: Path) -> BundleConfig:
     """bundle.json of a folder. Raises ``InputError`` where it is missing, broken, or of another version."""
     path = Path(folder) / BUNDLE_FILE
     try:
-        facts = json.loads(read_bytes(path))
+        stored = json.loads(read_bytes(path))
     except ValueError as error:
-        raise InputError(f"{path}: is no JSON ({error}), expected a trained system's facts") from error
-    version = facts.get("version") if isinstance(facts, dict) else None
+        raise InputError(f"{path}: is no JSON ({error}), expected the description of a trained system") from error
+    version = stored.get("version") if isinstance(stored, dict) else None
     if version != VERSION:
         raise InputError(f"{path}: version {version}, expected {VERSION}; export the system anew")
-    return dict(facts)
+    return config_of(stored, path)
+
+
+def config_of(stored: Mapping[str, Any], path: Path) -> BundleConfig:
+    """The configuration that JSON values hold. Raises ``InputError`` where one has the wrong form."""
+    try:
+        runs = stored.get("runs")
+        return BundleConfig(
+            path=path,
+            files=dict(stored.get("files", {})),
+            networks={name: _network(entry) for name, entry in stored.get("networks", {}).items()},
+            n_parameters=stored.get("n_parameters"),
+            runs=None if runs is None else RunConfig(**runs),
+            stored=stored,
+            **{name: stored.get(name) for name in _PLAIN},
+        )
+    except (TypeError, AttributeError, ValueError) as error:
+        raise InputError(f"{path}: is no description of a trained system ({error}); export the system anew") from error
+
+
+def _network(entry: Mapping[str, Any]) -> NetworkConfig:
+    return NetworkConfig(entry.get("recipe"), int(entry.get("n_parameters", 0)), entry.get("taught"), entry)
 
 
 def bundle_sha256(folder: Path) -> str:
@@ -55,10 +157,10 @@ def bundle_sha256(folder: Path) -> str:
     return hashlib.sha256(read_bytes(Path(folder) / BUNDLE_FILE)).hexdigest()
 
 
-def read_file(folder: Path, facts: Mapping[str, Any], name: str) -> bytes:
-    """A bundle's file. Raises ``InputError`` where it is not listed, missing, or not the one that was written."""
+def read_file(folder: Path, config: BundleConfig, name: str) -> bytes:
+    """A file of a bundle. Raises ``InputError`` where it is not listed, missing, or not the one that was written."""
     path = Path(folder) / name
-    expected = facts.get("files", {}).get(name)
+    expected = config.files.get(name)
     if expected is None:
         raise InputError(f"{Path(folder) / BUNDLE_FILE}: lists no file {name}; export the system anew")
     content = read_bytes(path)

@@ -1,10 +1,10 @@
-"""Body sense: no hand goes through head, trunk or the other hand between two signs.
+"""Collision avoidance: no hand goes through head, trunk or the other hand between two signs.
 
-The body is the capsules of ``motion.body``. Where a transition would lead a hand into it, the wrist is led around:
-pushed out along one way for each stretch of frames that would lie inside, the pushes spread smoothly over the
-neighbouring frames and fading to nothing, with their slope, at both signs. The frames of the signs are never touched.
-A sign may itself press a hand into the capsules (a chin that is touched is not where ours is): a transition may then
-be as deep as a straight line between its two ends is.
+The body is the capsules of ``body.capsules``. Where a transition would lead a hand into it, the wrist is led around:
+for each stretch of frames inside, it is pushed out in one direction. The pushes are spread smoothly over neighbouring
+frames, and fade to nothing, with their slope, at both signs. The frames of the signs are never changed. A sign may
+itself press a hand into the capsules (the chin that it touches is not exactly where ours is): a transition may then be
+as deep as a straight line between its two ends is.
 """
 
 from __future__ import annotations
@@ -18,30 +18,34 @@ from numpy.typing import NDArray
 from signsplice.body import arm_ik, collision, smoothing
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton, concatenate
-from signsplice.rig import proportions
-from signsplice.rig.arms import arm_joints, has_arms
+from signsplice.rig.info import rig_info
 
 Float = NDArray[np.float64]
 
 TOLERANCE_M = 0.003
-"""Touching may press this deep."""
-_ROUNDS = 30
-"""Pushes, at most, until a way around is found."""
+"""A touch may press this deep, m."""
+_MAX_ROUNDS = 30
+"""Rounds of pushes, at most, until a path around the body is found."""
 _SLACK_M = 0.03
-"""How much farther hands may go before what is near them is looked for anew."""
-_TRIES = 10
-"""Ways around that are tried: an arm may be too short for the first."""
-_WORTH = 0.05
-"""Share of the depth that is left by which a try has to lessen it, for another to follow."""
-_SOFTEST = 0.35
-"""Least cosine between a stretch's one way out and that of a frame by which a push is lengthened."""
+"""How much farther hands may move, m, before the pairs of near capsules are listed anew."""
+_MAX_TRIES = 10
+"""Paths that are tried: an arm may be too short for the first."""
+_LEAST_GAIN = 0.05
+"""Fraction of the remaining depth by which a try has to lessen it for another to follow."""
+_LEAST_COSINE = 0.35
+"""Least cosine between a stretch's direction and the exit direction of a frame by which a push is lengthened."""
+_FORWARD_WEIGHT = 0.3
+"""How much the chest's forward direction counts beside the exit directions."""
 
 
 @dataclass(frozen=True, eq=False)
 class ClearedTransition:
-    """A transition that leads around the body. depth_before and depth: how deep a hand lies in it, m, at the worst
-    frame, as it came and as it is, beyond what its two ends call for; 0 where no hand does, None on a rig whose arms
-    are not known.
+    """A transition that leads around the body.
+
+    clip: the new frames.
+    depth_before: how deep a hand was in the body at the worst frame, beyond what both ends call for, m; 0 where no hand
+        was, None on a rig whose arms are not known.
+    depth: the same after collision avoidance.
     """
 
     clip: Clip
@@ -50,140 +54,146 @@ class ClearedTransition:
 
 
 def avoid_collisions(filled: Clip, before: Clip, after: Clip) -> ClearedTransition:
-    """A transition between the last frame of ``before`` and the first of ``after``, led around the body.
-
-    On a rig whose arms are not known by name it comes back as it is.
+    """A transition between the last frame of ``before`` and the first of ``after``, led around the body; unchanged on a
+    rig whose arms are not known by name.
     """
-    if not has_arms(filled.skeleton):
+    if not rig_info(filled.skeleton).has_arms:
         return ClearedTransition(filled, None, None)
-    return _lead_around(filled, before, after, _posed_window(_window(filled, before, after)))
+    return _lead_around(filled, before, after, _pose(_window(filled, before, after)))
+
+
+def avoid_all_collisions(gaps: Sequence[tuple[Clip, Clip, Clip]]) -> list[ClearedTransition]:
+    """``avoid_collisions`` of transitions on one skeleton, each with the signs before and after it.
+
+    All are tested in one go; most have no collision.
+    """
+    if not gaps or not rig_info(gaps[0][0].skeleton).has_arms:
+        return [ClearedTransition(filled, None, None) for filled, _, _ in gaps]
+    windows = [_window(*gap) for gap in gaps]
+    posed = _pose(concatenate(windows))
+    depth = posed.capsules.penetration()[0] * rig_info(windows[0].skeleton).sizes.unit.metres
+    ends = np.cumsum([0, *(len(window) for window in windows)])
+    cleared = []
+    for gap, start, stop in zip(gaps, ends[:-1], ends[1:], strict=True):
+        collides = _worst(depth[start:stop]) > 0.0
+        cleared.append(_lead_around(*gap, posed[start:stop]) if collides else ClearedTransition(gap[0], 0.0, 0.0))
+    return cleared
+
+
+def depths(filled: Clip, before: Clip, after: Clip) -> Float:
+    """How deep (n,) a hand lies in the body in each frame of a transition, beyond what both ends call for, m; 0 where
+    none does.
+    """
+    depth, _ = _pose(_window(filled, before, after)).capsules.penetration()
+    return _total_depth(_excess_depth(depth * rig_info(filled.skeleton).sizes.unit.metres).max(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
 class _PosedWindow:
-    """What is seen of a window: where its joints are (T, J, 3), and its body's capsules."""
+    """A transition with the frames on either side, posed.
+
+    positions: (T, J, 3) of the joints in the world, clip units.
+    capsules: the body's.
+    """
 
     skeleton: Skeleton
-    places: Float
+    positions: Float
     capsules: collision.PosedCapsules
 
     def __getitem__(self, frames: slice) -> _PosedWindow:
-        return _PosedWindow(self.skeleton, self.places[frames], self.capsules[frames])
+        return _PosedWindow(self.skeleton, self.positions[frames], self.capsules[frames])
 
     @property
-    def ahead(self) -> Float:
-        """The way ahead of the chest (T, 3): at right angles to the shoulders and the trunk."""
-        known = arm_joints(self.skeleton)
-        left, right, hips = (self.places[:, known[k]] for k in (0, 3, 6))
-        ahead = rotation.cross(left - right, left + right - 2.0 * hips)
-        return np.asarray(ahead / (np.linalg.norm(ahead, axis=-1, keepdims=True) + 1e-12))
+    def forward(self) -> Float:
+        """The direction in front of the chest (T, 3): at right angles to the shoulders and the trunk."""
+        joints = rig_info(self.skeleton).arm_joints
+        left, right, hips = (self.positions[:, joints[k]] for k in (0, 3, 6))
+        forward = rotation.cross(left - right, left + right - 2.0 * hips)
+        return np.asarray(forward / (np.linalg.norm(forward, axis=-1, keepdims=True) + 1e-12))
 
 
 def _window(filled: Clip, before: Clip, after: Clip) -> Clip:
     return concatenate([before[-1:], filled, after[:1]])
 
 
-def _posed_window(window: Clip) -> _PosedWindow:
-    turns, places = kinematics.forward(window)
-    return _PosedWindow(window.skeleton, places, collision.posed_capsules(window.skeleton, turns, places))
+def _pose(window: Clip) -> _PosedWindow:
+    rotations, positions = kinematics.forward(window)
+    return _PosedWindow(window.skeleton, positions, collision.posed_capsules(window.skeleton, rotations, positions))
 
 
-def _lead_around(filled: Clip, before: Clip, after: Clip, seen: _PosedWindow) -> ClearedTransition:
-    """``avoid_collisions`` of a transition that was looked at."""
-    metres = proportions.sizes(filled.skeleton).unit.metres
+def _lead_around(filled: Clip, before: Clip, after: Clip, posed: _PosedWindow) -> ClearedTransition:
+    """``avoid_collisions`` of a transition that is posed already."""
+    metres = rig_info(filled.skeleton).sizes.unit.metres
     best, first, least = filled, 0.0, np.inf
-    for n in range(_TRIES + 1):
+    for n in range(_MAX_TRIES + 1):
         if n > 0:
-            seen = _posed_window(_window(filled, before, after))
-        near = seen.capsules.near(_SLACK_M / metres)
-        worst = _worst(near.pressed()[0] * metres)
+            posed = _pose(_window(filled, before, after))
+        near = posed.capsules.near_pairs(_SLACK_M / metres)
+        worst = _worst(near.penetration()[0] * metres)
         if n == 0:
             first = worst
         gained = least - worst
         if gained > 0.0:
             best, least = filled, worst
-        if worst == 0.0 or gained < _WORTH * worst or n == _TRIES:
+        if worst == 0.0 or gained < _LEAST_GAIN * worst or n == _MAX_TRIES:
             break
-        filled = arm_ik.move_wrists(filled, _avoiding_moves(seen, near, metres))
+        filled = arm_ik.move_wrists(filled, _avoiding_moves(posed, near, metres))
     return ClearedTransition(best, first, least)
 
 
-def avoid_all_collisions(gaps: Sequence[tuple[Clip, Clip, Clip]]) -> list[ClearedTransition]:
-    """``avoid_collisions`` of transitions on one skeleton, each with the signs before and after it. All are looked at in one go;
-    most have nothing to be led around.
+def _avoiding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: float) -> Float:
+    """Moves (n, 2, 3) of the hands, if arms were long enough, that lead the frames between around the body;
+    ``near``: pairs of capsules within ``_SLACK_M``.
     """
-    if not gaps or not has_arms(gaps[0][0].skeleton):
-        return [ClearedTransition(filled, None, None) for filled, _, _ in gaps]
-    windows = [_window(*gap) for gap in gaps]
-    seen = _posed_window(concatenate(windows))
-    depth = seen.capsules.pressed()[0] * proportions.sizes(windows[0].skeleton).unit.metres
-    ends = np.cumsum([0, *(len(window) for window in windows)])
-    told = []
-    for gap, start, stop in zip(gaps, ends[:-1], ends[1:], strict=True):
-        deep = _worst(depth[start:stop]) > 0.0
-        told.append(_lead_around(*gap, seen[start:stop]) if deep else ClearedTransition(gap[0], 0.0, 0.0))
-    return told
-
-
-def _avoiding_moves(seen: _PosedWindow, near: collision.NearPairs, metres: float) -> Float:
-    """Moves (n, 2, 3) of the hands, were arms long enough, that lead the frames between around what they lie in;
-    ``near``: what lies within ``_SLACK_M`` of them.
-    """
-    n_between, ahead = len(seen.places) - 2, seen.ahead
-    level, kernel = smoothing.fade_window(n_between)[:, None, None], _kernel(n_between)
+    n_between, forward = len(posed.positions) - 2, posed.forward
+    fade, kernel = smoothing.fade_window(n_between)[:, None, None], _kernel(n_between)
     moves, slack = np.zeros((n_between + 2, 2, 3)), _SLACK_M / metres
-    for _ in range(_ROUNDS):
-        farthest = 2.0 * float(np.linalg.norm(moves, axis=-1).max())  # of two hands apart
+    for _ in range(_MAX_ROUNDS):
+        farthest = 2.0 * float(np.linalg.norm(moves, axis=-1).max())  # two hands may move apart
         if farthest > slack:
             slack = farthest + _SLACK_M / metres
-            near = seen.capsules.near(slack)
-        depth, way = near.pressed(moves)
-        over = _excess_depth(depth * metres) / metres
-        if over.max() <= 0.0:
+            near = posed.capsules.near_pairs(slack)
+        depth, exits = near.penetration(moves)
+        excess = _excess_depth(depth * metres) / metres
+        if excess.max() <= 0.0:
             break
-        push = _pushes(over + 0.3 * TOLERANCE_M / metres, way[1:-1], ahead[1:-1])
-        moves[1:-1] += smoothing.spread_in_time(push, kernel) * level
+        push = _pushes(excess + 0.3 * TOLERANCE_M / metres, exits[1:-1], forward[1:-1])
+        moves[1:-1] += smoothing.spread_in_time(push, kernel) * fade
     return moves[1:-1]
 
 
-def depths(filled: Clip, before: Clip, after: Clip) -> Float:
-    """How deep (n,) a hand lies in the body, m, in each frame of a transition, beyond what both ends call for, 0 where
-    none does. Raises ``InputError`` where the rig's arms are not known by name.
-    """
-    depth, _ = _posed_window(_window(filled, before, after)).capsules.pressed()
-    return _total_depth(_excess_depth(depth * proportions.sizes(filled.skeleton).unit.metres).max(axis=1))
-
-
 def _worst(depth: Float) -> float:
-    """The deepest of the frames between, m, beyond what both ends call for, from depths (n + 2, 2), m."""
+    """The greatest depth of the frames between beyond what both ends call for, m, from depths (n + 2, 2), m."""
     return float(_total_depth(_excess_depth(depth).max()))
 
 
 def _excess_depth(depth: Float) -> Float:
-    """How much deeper (n, 2) than they may lie the frames between lie, m, from the depths (n + 2, 2) with those of both
-    ends: of each hand, whatever it lies in.
+    """How much deeper (n, 2) than allowed each hand lies in the frames between, m, from depths (n + 2, 2) with those of
+    both ends.
     """
-    share = np.linspace(0.0, 1.0, len(depth))[1:-1, None]
+    t = np.linspace(0.0, 1.0, len(depth))[1:-1, None]
     ends = np.maximum(depth[[0, -1]] - TOLERANCE_M, 0.0)
-    return np.asarray(depth[1:-1] - (TOLERANCE_M + (1.0 - share) * ends[0] + share * ends[1]))
+    return np.asarray(depth[1:-1] - (TOLERANCE_M + (1.0 - t) * ends[0] + t * ends[1]))
 
 
-def _total_depth(over: Float) -> Float:
-    """Depths beyond what the ends call for, m, of what is too deep by ``over``; 0 where nothing is."""
-    return np.where(over > 0.0, over + TOLERANCE_M, 0.0)
+def _total_depth(excess: Float) -> Float:
+    """Depth beyond what the ends call for, m, from the excess over what is allowed; 0 where nothing is too deep."""
+    return np.where(excess > 0.0, excess + TOLERANCE_M, 0.0)
 
 
-def _pushes(over: Float, way: Float, ahead: Float) -> Float:
-    """The pushes (n, 2, 3) out of what lies deeper than allowed by ``over`` (n, 2): every stretch along one way, the
-    mean of its frames' ways (n, 2, 3) and, where those fall out with one another, ahead.
+def _pushes(excess: Float, exits: Float, forward: Float) -> Float:
+    """Pushes (n, 2, 3) out of the body where a hand is deeper than allowed by ``excess`` (n, 2).
+
+    Every stretch is pushed in one direction: the mean of its frames' exit directions ``exits`` (n, 2, 3) and, where
+    those disagree, forward.
     """
-    push = np.zeros_like(way)
+    push = np.zeros_like(exits)
     for side in (0, 1):
-        for stretch in _stretches(over[:, side] > 0.0):
-            deep = over[stretch, side, None]
-            along = (deep * way[stretch, side]).sum(axis=0) + 0.3 * (deep * ahead[stretch]).sum(axis=0)
+        for stretch in _stretches(excess[:, side] > 0.0):
+            deep = excess[stretch, side, None]
+            along = (deep * exits[stretch, side]).sum(axis=0) + _FORWARD_WEIGHT * (deep * forward[stretch]).sum(axis=0)
             along /= np.linalg.norm(along) + 1e-12
-            cosine = np.maximum(way[stretch, side] @ along, _SOFTEST)
+            cosine = np.maximum(exits[stretch, side] @ along, _LEAST_COSINE)
             push[stretch, side] = deep / cosine[:, None] * along
     return push
 

@@ -1,15 +1,16 @@
 """Cutters: where to leave the sign before and where to enter the sign after.
 
-All searches look at windows at the inner sides of the two clips' active spans (arms away from rest): the last 0.3 s of
-the one, the first 0.3 s of the other, each at most 30 % of its span. Searched over whole clips, the nearest pair would
-be two frames of rest, and the arms would drop between the words.
+All rules search windows at the inner ends of the two clips' active spans (arms away from rest): the last 0.3 s of the
+one, the first 0.3 s of the other, each at most 30 % of its span. Over whole clips, the nearest pair would be two frames
+of rest, and the arms would drop between the words.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeGuard
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,51 +22,53 @@ from signsplice.splicing.method import Method, find
 Float = NDArray[np.float64]
 
 WINDOW_S = 0.3
-WINDOW_SHARE = 0.3
+WINDOW_FRACTION = 0.3
 VELOCITY_TIME_S = 0.15
-"""Velocities are weighed against positions by the way covered in this time, half of a usual transition."""
+"""Velocities are weighed against positions by the distance covered in this time, half of a usual transition."""
 
 
 @dataclass(frozen=True)
 class Cut:
-    """A splice position: the last frame kept of the clip before (pre), the first kept of the clip after (post)."""
+    """A splice position, in frames of the two clips.
+
+    pre: the last frame kept of the clip before.
+    post: the first frame kept of the clip after.
+    """
 
     pre: int
     post: int
 
 
-class Cutter(Method, Protocol):
-    """Chooses where two clips of one skeleton and rate are joined."""
+class Cutter(Method, ABC):
+    """Chooses where clips of one skeleton and rate are joined."""
 
+    @abstractmethod
+    def cut_all(self, clips: Sequence[Clip]) -> list[Cut]:
+        """The splice positions of aligned clips in order, one fewer than clips."""
+
+
+class PairCutter(Cutter):
+    """A cutter that looks at two clips at a time: only ``cut`` is left to write."""
+
+    @abstractmethod
     def cut(self, before: Clip, after: Clip) -> Cut:
-        """The splice position of two harmonized clips."""
-        ...
+        """The splice position of two aligned clips."""
 
-
-class SentenceCutter(Cutter, Protocol):
-    """A cutter that can choose all seams of a sentence together."""
-
-    def cuts(self, clips: Sequence[Clip]) -> list[Cut]:
-        """The splice positions of harmonized clips in order, one fewer than clips."""
-        ...
-
-
-def cuts_together(cutter: Cutter) -> TypeGuard[SentenceCutter]:
-    """Whether a cutter can choose all seams of a sentence together. Asked by name: to ask the protocol is slow."""
-    return hasattr(cutter, "cuts")
+    def cut_all(self, clips: Sequence[Clip]) -> list[Cut]:
+        """The splice position of every two neighbours."""
+        return [self.cut(before, after) for before, after in pairwise(clips)]
 
 
 @dataclass(frozen=True)
-class RuleCutter:
-    """A cutter that follows a rule."""
+class RuleCutter(PairCutter):
+    """A cutter that follows a rule: (before, after) -> splice position."""
 
     name: str
     summary: str
     rule: Callable[[Clip, Clip], Cut]
-    learned: bool = False
 
     def cut(self, before: Clip, after: Clip) -> Cut:
-        """The splice position of two harmonized clips."""
+        """The splice position of two aligned clips."""
         return self.rule(before, after)
 
 
@@ -81,8 +84,8 @@ def _hand_distance(before: Clip, after: Clip) -> Cut:
     """Least sum over both hands of their distance (shoulder widths) and the angle between them (half turns)."""
 
     def cost(p: Arms, q: Arms, rows: slice, columns: slice) -> Float:
-        way = p.wrists[rows, None] - q.wrists[None, columns]
-        distance = np.sqrt(np.einsum("ijhc,ijhc->ijh", way, way)) / p.shoulder_width
+        step = p.wrists[rows, None] - q.wrists[None, columns]  # (P, Q, 2, 3)
+        distance = np.sqrt(np.einsum("ijhc,ijhc->ijh", step, step)) / p.shoulder_width
         cosine = np.einsum("ihab,jhab->ijh", p.hand_rotations[rows], q.hand_rotations[columns])
         angle = np.arccos(np.clip(0.5 * (cosine - 1.0), -1.0, 1.0)) / np.pi
         return np.asarray((distance + angle).sum(axis=-1))
@@ -102,16 +105,16 @@ def _pose_velocity(before: Clip, after: Clip) -> Cut:
 
 
 def _pose_and_velocity(arms: Arms, frames: slice) -> Float:
-    """Elbows and wrists (n, 24) of some frames and the ways they go in 0.15 s (central differences), in arm's
-    lengths.
+    """Positions of elbows and wrists in some frames, and the distances that they cover in 0.15 s by central
+    differences: (n, 24), arm lengths.
     """
     at = np.arange(frames.start, frames.stop)
     last = np.minimum(at + 1, len(arms.wrists) - 1)
     first = np.maximum(at - 1, 0)
     per_step = VELOCITY_TIME_S * arms.fps / np.maximum(last - first, 1)
     points = [part.reshape(len(part), 6) for part in (arms.elbows, arms.wrists)]
-    ways = [(part[last] - part[first]) * per_step[:, None] for part in points]
-    return np.concatenate([part[at] for part in points] + ways, axis=1) / arms.length
+    steps = [(part[last] - part[first]) * per_step[:, None] for part in points]
+    return np.concatenate([part[at] for part in points] + steps, axis=1) / arms.length
 
 
 def _lowest_cost(before: Clip, after: Clip, cost: Callable[[Arms, Arms, slice, slice], Float]) -> Cut:
@@ -126,10 +129,10 @@ def _lowest_cost(before: Clip, after: Clip, cost: Callable[[Arms, Arms, slice, s
 
 def search_window(n_frames: int, fps: float) -> int:
     """Frames of an active span that are searched, at least one."""
-    return max(1, int(min(WINDOW_S * fps, WINDOW_SHARE * n_frames)))
+    return max(1, int(min(WINDOW_S * fps, WINDOW_FRACTION * n_frames)))
 
 
-CUTTERS: dict[str, Cutter] = {
+CUTTERS: dict[str, PairCutter] = {
     cutter.name: cutter
     for cutter in (
         RuleCutter("ends", "no search: the last frame of one clip, the first of the next", _ends),
@@ -141,6 +144,6 @@ CUTTERS: dict[str, Cutter] = {
 DEFAULT_CUTTER = "pose-velocity"
 
 
-def find_cutter(name: str) -> Cutter:
-    """The cutter of that name. Raises ``InputError`` that lists the names there are."""
+def find_cutter(name: str) -> PairCutter:
+    """The cutter of that name. Raises ``InputError`` that lists the existing names."""
     return find("cutter", name, CUTTERS)

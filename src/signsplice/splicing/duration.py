@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -14,8 +14,8 @@ from signsplice.splicing.cut import Cut
 from signsplice.splicing.method import Method, find
 
 HUMAN_MEDIAN_S = 0.25
-"""Median transition between two signs, 621 annotated in Czech Sign Language motion capture (5 and 95 %: 0.16 and 0.48
-s).
+"""Median of 621 transitions between two signs, annotated in motion capture of Czech Sign Language (5 and 95 %: 0.16 and
+0.48 s).
 """
 
 USUAL_SPEED_M_S = 0.45
@@ -24,24 +24,23 @@ USUAL_SPEED_M_S = 0.45
 _SLOWEST_S = 1.5
 
 
-class Duration(Method, Protocol):
+class Duration(Method, ABC):
     """Chooses how long the transition between two clips of one skeleton and rate takes."""
 
+    @abstractmethod
     def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
-        """Seconds that the new frames between the last frame kept of the one and the first kept of the other take:
-        their number over the rate. Raises ``InputError`` where the rig's arms are not known by name.
+        """Seconds that the new frames take: their number over the rate. Raises ``InputError`` where the rig's arms are
+        not known by name.
         """
-        ...
 
 
 @dataclass(frozen=True)
-class RuleDuration:
+class RuleDuration(Duration):
     """A duration that follows a rule: (arms before, arms after, last frame kept, first frame kept) -> seconds."""
 
     name: str
     summary: str
     rule: Callable[[Arms, Arms, int, int], float]
-    learned: bool = False
 
     def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
         """Seconds that the new frames take."""
@@ -49,9 +48,9 @@ class RuleDuration:
 
 
 def travel_widths(before: Arms, after: Arms, pre: int, post: int) -> float:
-    """How far the hand that travels farther has to go, in shoulder widths."""
-    way = np.linalg.norm(after.wrists[post] - before.wrists[pre], axis=-1)
-    return float(way.max() / before.shoulder_width)
+    """Distance that the hand with the longer path has to go, in shoulder widths."""
+    distances = np.linalg.norm(after.wrists[post] - before.wrists[pre], axis=-1)
+    return float(distances.max() / before.shoulder_width)
 
 
 def _fixed(before: Arms, after: Arms, pre: int, post: int) -> float:
@@ -59,8 +58,8 @@ def _fixed(before: Arms, after: Arms, pre: int, post: int) -> float:
 
 
 def travel_law(widths: float) -> float:
-    """Seconds that people take for a way of D shoulder widths: 51 + 149 log2(1 + D / 0.15) ms, fitted to 124 gaps of
-    the DGS Corpus (r2 0.48).
+    """Seconds that people take over a distance of D shoulder widths: 51 + 149 log2(1 + D / 0.15) ms, fitted to 124 gaps
+    of the DGS Corpus (r2 0.48).
     """
     return 0.051 + 0.149 * float(np.log2(1.0 + widths / 0.15))
 
@@ -70,15 +69,15 @@ def _travel(before: Arms, after: Arms, pre: int, post: int) -> float:
 
 
 def _speed(before: Arms, after: Arms, pre: int, post: int) -> float:
-    """The way over the mean of the two boundary speeds of the hand that travels farther; at least one frame."""
-    way = np.linalg.norm(after.wrists[post] - before.wrists[pre], axis=-1)
-    hand = int(np.argmax(way))
+    """Distance over the mean of the two boundary speeds, of the hand with the longer path; at least one frame."""
+    distances = np.linalg.norm(after.wrists[post] - before.wrists[pre], axis=-1)
+    hand = int(np.argmax(distances))
     speeds = []
     for own, frame, step in ((before, pre, -1), (after, post, 1)):
         other = min(max(frame + step, 0), len(own.wrists) - 1)
         speeds.append(np.linalg.norm(own.wrists[other, hand] - own.wrists[frame, hand]) * own.fps)
     mean = float(np.mean(speeds))
-    return float(np.clip(way[hand] / mean, 1.0 / before.fps, _SLOWEST_S)) if mean > 0.0 else _SLOWEST_S
+    return float(np.clip(distances[hand] / mean, 1.0 / before.fps, _SLOWEST_S)) if mean > 0.0 else _SLOWEST_S
 
 
 def _tempo(before: Arms, after: Arms, pre: int, post: int) -> float:
@@ -99,7 +98,7 @@ def _wrist_speed(arms: Arms) -> float:
     return float(steps.mean(axis=0).max() * arms.fps * arms.metres) if len(steps) else USUAL_SPEED_M_S
 
 
-DURATIONS: dict[str, RuleDuration] = {
+DURATIONS: dict[str, Duration] = {
     duration.name: duration
     for duration in (
         RuleDuration("tempo", "the hand's travel and the signer's tempo, at least the human median of 0.25 s", _tempo),
@@ -114,5 +113,5 @@ DEFAULT_DURATION = "tempo"
 
 
 def find_duration(name: str) -> Duration:
-    """The duration rule of that name. Raises ``InputError`` that lists the names there are."""
+    """The duration rule of that name. Raises ``InputError`` that lists the existing names."""
     return find("duration", name, DURATIONS)

@@ -2,8 +2,8 @@
 
     Y = [P_1 .. P_pre, O, Q_post .. Q_M]
 
-A piece that has come out never changes: what a word becomes is settled as soon as the next word is known. Frames of a
-sign are those of its harmonized clip, bit for bit; only transition frames are new.
+A piece that has been put out never changes: a word is settled as soon as the next word is known. Frames of a sign are
+those of its aligned clip, bit for bit; only transition frames are new.
 """
 
 from __future__ import annotations
@@ -15,16 +15,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig.align import Reference, align, reference
 from signsplice.splicing import methods
-from signsplice.splicing.cut import Cut, Cutter, cuts_together
+from signsplice.splicing.cut import Cut, Cutter
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
-from signsplice.splicing.filling import CONTEXT, FilledGap, fill, n_shown_frames
+from signsplice.splicing.filling import FilledGap, fill
+from signsplice.splicing.gap import Gap, gap_at
 from signsplice.splicing.seam import Seam, score
-from signsplice.splicing.transition import Gap, Transition
+from signsplice.splicing.transition import Transition
 
 MAX_TRANSITION_S = 10.0
 
@@ -33,11 +35,15 @@ MAX_TRANSITION_S = 10.0
 class SpliceOptions:
     """What one call wants.
 
-    cutter, transition, duration: by name, or any object of those protocols; None: learned ones, or classical ones where
-    these cannot be read (``defaults``). bundle: folder of the networks, by default those that ship. transition_time:
-    seconds that stand in for the duration. sign_speed: how many times as fast signs play. fps: output rate, the first
-    clip's by default. avoid_collisions: whether hands are led around head, trunk and each other (``avoid_collisions``); None: where
-    the transition is learned.
+    cutter, transition, duration: a name, or an object of that class; None: the learned one, or the classical default
+        where the networks cannot be read (``methods.choose``).
+    bundle: folder of the networks; None: those that ship.
+    transition_time: length of every transition, seconds, in place of the duration.
+    sign_speed: how many times as fast signs play.
+    fps: output rate; None: the first clip's.
+    avoid_collisions: whether hands are led around head, trunk and each other; None: where the transition is learned.
+
+    Raises ``InputError`` for a number out of range.
     """
 
     cutter: str | Cutter | None = None
@@ -64,11 +70,14 @@ class SpliceOptions:
 class Span:
     """Where a stretch of the output comes from; frame ranges are half-open.
 
-    kind: "sign" or "transition". clip: index of the source clip, name: its name. source: frames of that clip, counted
-    at the output rate. output: frames of the output.
+    kind: "sign" or "transition".
+    clip: index of the source clip; None for a transition.
+    name: name of the source clip; None for a transition.
+    source: frames of that clip, counted at the output rate; None for a transition.
+    output: frames of the output.
     """
 
-    kind: str
+    kind: Literal["sign", "transition"]
     clip: int | None
     name: str | None
     source: tuple[int, int] | None
@@ -77,8 +86,12 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A stretch of finished frames. ``seam`` comes with the sign that follows a transition; warnings: about its
-    clip.
+    """A stretch of finished frames.
+
+    clip: the frames.
+    span: where they come from.
+    seam: the seam by which a sign is entered; None for transitions and for the first sign.
+    warnings: what a user should know about the sign's clip, one line each.
     """
 
     clip: Clip
@@ -89,10 +102,15 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class SpliceResult:
-    """A spliced sentence: its clip, where each frame comes from, how good each seam is, and what had to be said.
+    """A spliced sentence.
 
-    timing_ms: time spent in harmonize, cut, transition and join. bundle: sha256 of the networks that worked, None where
-    none did.
+    clip: the animation.
+    spans: where each frame comes from, in order.
+    seams: how good each seam is, in order.
+    warnings: what a user should know, one line each.
+    cutter, transition: names of the methods that were used.
+    timing_ms: time spent in each part: "harmonize" (align), "cut", "transition", "join".
+    bundle: sha256 of the bundle whose networks were used; None without networks.
     """
 
     clip: Clip
@@ -112,7 +130,7 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Splic
     nothing in common.
     """
     sentence = _SentenceBuilder(options or SpliceOptions())
-    pieces = [*sentence.add(clips, whole=True), *sentence.end()]
+    pieces = [*sentence.add(clips), *sentence.end()]
     if not pieces:
         raise InputError("nothing to splice, expected at least one clip")
     with sentence.timed("join"):
@@ -131,9 +149,9 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Splic
 
 
 def stream(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Iterator[Piece]:
-    """Pieces of the sentence in order, each as soon as the next clip is known; joined, they are what ``splice`` gives.
-    A cutter that chooses all seams of a sentence together sees two words at a time here and may choose otherwise; a
-    transition that fills all gaps in one go makes the same frames up to rounding.
+    """Pieces of the sentence in order, each as soon as the next clip is known; joined, they are what ``splice`` gives,
+    with two exceptions: a cutter that chooses all seams of a sentence together sees two words at a time here and may
+    choose otherwise, and a transition that fills all gaps in one pass makes the same frames up to rounding.
 
     Reads ``clips`` one ahead; without any, nothing comes. Raises as ``splice`` does, at the clip that is wrong.
     """
@@ -144,10 +162,12 @@ def stream(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Itera
 
 
 class Stream:
-    """A sentence that grows a word at a time, for callers that are told of words as they come: what ``stream`` gives,
-    pushed in place of pulled. It holds one word and no more, however long the sentence.
+    """A sentence that grows a word at a time: what ``stream`` gives, pushed instead of pulled. It holds one word,
+    however long the sentence.
 
-    cutter, transition: names of what does the work. Raises ``InputError`` for a method that there is not.
+    cutter, transition: names of the methods that are used.
+
+    Raises ``InputError`` for an unknown method.
     """
 
     def __init__(self, options: SpliceOptions | None = None) -> None:
@@ -156,7 +176,7 @@ class Stream:
 
     def push(self, clip: Clip) -> list[Piece]:
         """The pieces that are final now that one more word is known: none for the first. Raises as ``splice`` does;
-        the word that is wrong is then not part of the sentence.
+        a word that raises is not part of the sentence.
         """
         return list(self._sentence.add([clip]))
 
@@ -167,7 +187,14 @@ class Stream:
 
 @dataclass(eq=False)
 class _SentenceWord:
-    """A word of a sentence on its ground: the frame at which it is entered, and the seam by which."""
+    """A word of a sentence, aligned to the first one.
+
+    index: its number in the sentence.
+    clip: its aligned clip.
+    warnings: about the clip, one line each.
+    entry: the frame at which it is entered.
+    seam: the seam by which it is entered.
+    """
 
     index: int
     clip: Clip
@@ -178,40 +205,27 @@ class _SentenceWord:
 
 @dataclass(frozen=True, eq=False)
 class _PlannedSeam:
-    """Two words, where they are left and entered, the new frames between, and what has to be said."""
+    """Two words, where the first is left and the second entered, the gap between them, and warnings about it."""
 
     before: _SentenceWord
     after: _SentenceWord
     cut: Cut
-    n_frames: int
+    gap: Gap
     warnings: tuple[str, ...]
-
-    @property
-    def kept(self) -> Clip:
-        """The last frames kept of the word before, as many as a transition is shown."""
-        stop = self.cut.pre + 1
-        return self.before.clip[max(self.before.entry, stop - n_shown_frames(self.before.clip.fps)) : stop]
-
-    @property
-    def follows(self) -> Clip:
-        """The first frames kept of the word after."""
-        return self.after.clip[self.cut.post : self.cut.post + n_shown_frames(self.after.clip.fps)]
-
-    @property
-    def gap(self) -> Gap:
-        """What a transition is asked."""
-        return self.kept, self.follows, self.n_frames
 
 
 @dataclass
 class _SentenceBuilder:
-    """One sentence in the making."""
+    """A sentence while words are added to it.
+
+    seconds: time spent so far by part.
+    """
 
     options: SpliceOptions
     seconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     _n_out: int = 0
     _n_words: int = 0
-    _onto: Reference | None = None
+    _reference: Reference | None = None
     _last: _SentenceWord | None = None
 
     def __post_init__(self) -> None:
@@ -225,21 +239,20 @@ class _SentenceBuilder:
         yield
         self.seconds[part] += time.perf_counter() - start
 
-    def add(self, clips: Iterable[Clip], whole: bool = False) -> Iterator[Piece]:
-        """The pieces that are final once these words are known too; ``whole``: they are all, so that seams are chosen
-        together, and filled in one go.
-        """
-        words = [self._word(clip, self._n_words + k) for k, clip in enumerate(clips)]
-        row = words if self._last is None else [self._last, *words]
-        joins = self._joins(row, whole)
-        filled = self._fill(joins)
-        self._n_words += len(words)
-        self._last = row[-1] if row else None
-        for join, new in zip(joins, filled, strict=True):
-            yield self._sign(join.before, join.cut.pre + 1)
-            join.after.seam = self._score(join, new)
-            if new is not None:
-                yield Piece(new.clip, self._span("transition", None, None, None, len(new.clip)))
+    def add(self, clips: Iterable[Clip]) -> Iterator[Piece]:
+        """The pieces that are final once these words are known too; their seams are chosen together."""
+        new = [self._word(clip, self._n_words + k) for k, clip in enumerate(clips)]
+        words = new if self._last is None else [self._last, *new]
+        seams = self._plan(words)
+        filled = self._fill(seams)
+        self._n_words += len(new)
+        self._last = words[-1] if words else None
+        for planned, transition in zip(seams, filled, strict=True):
+            yield self._sign(planned.before, planned.cut.pre + 1)
+            planned.after.seam = self._score(planned, transition)
+            if transition is not None:
+                span = self._span("transition", None, None, None, len(transition.clip))
+                yield Piece(transition.clip, span)
 
     def end(self) -> Iterator[Piece]:
         """The rest of the last word."""
@@ -248,64 +261,62 @@ class _SentenceBuilder:
             yield self._sign(last, len(last.clip))
 
     def _word(self, clip: Clip, index: int) -> _SentenceWord:
-        """A clip on the first one's ground."""
+        """A clip aligned to the first one."""
         with self.timed("harmonize"):
-            onto = self._onto or reference(clip, self.options.fps)
-            harmonized = align(clip, onto, self.options.sign_speed)
-            self._onto = onto
-        said = harmonized.warnings if index else (*self.methods.warnings, *harmonized.warnings)
-        return _SentenceWord(index, harmonized.clip, said)
+            to = self._reference or reference(clip, self.options.fps)
+            aligned = align(clip, to, self.options.sign_speed)
+            self._reference = to
+        warnings = aligned.warnings if index else (*self.methods.warnings, *aligned.warnings)
+        return _SentenceWord(index, aligned.clip, warnings)
 
-    def _joins(self, words: Sequence[_SentenceWord], whole: bool) -> list[_PlannedSeam]:
-        """Where words in order are joined; every word is told at which frame it is entered."""
-        joins = []
-        for (before, after), cut in zip(pairwise(words), self._cuts([word.clip for word in words], whole), strict=True):
+    def _plan(self, words: Sequence[_SentenceWord]) -> list[_PlannedSeam]:
+        """The seams of words in order; sets the frame at which each word is entered."""
+        seams = []
+        for (before, after), chosen in zip(pairwise(words), self._cuts([word.clip for word in words]), strict=True):
             n_before, n_after = len(before.clip), len(after.clip)
-            if not (0 <= cut.pre < n_before and 0 <= cut.post < n_after):
-                raise InputError(f"cutter {self.cutter.name} chose {cut} for clips of {n_before} and {n_after} frames")
+            if not (0 <= chosen.pre < n_before and 0 <= chosen.post < n_after):
+                raise InputError(
+                    f"cutter {self.cutter.name} chose {chosen} for clips of {n_before} and {n_after} frames"
+                )
             # Never before the frame at which the word itself was entered.
-            cut = Cut(max(cut.pre, before.entry), cut.post)
+            cut = Cut(max(chosen.pre, before.entry), chosen.post)
             after.entry = cut.post
             with self.timed("transition"):
                 n_frames, warnings = self._n_frames(before.clip, after.clip, cut)
             if cut.pre <= before.entry and before.entry > 0:
-                told = (
-                    f"{before.clip.name} is left where it was entered, at frame {before.entry}: only that frame is kept"
+                line = (
+                    f"{before.clip.name} is left at frame {before.entry}, where it was entered: only that frame is kept"
                 )
-                warnings = (*warnings, told)
-            joins.append(_PlannedSeam(before, after, cut, n_frames, warnings))
-        return joins
+                warnings = (*warnings, line)
+            gap = gap_at(before.clip, after.clip, cut, n_frames, before.entry)
+            seams.append(_PlannedSeam(before, after, cut, gap, warnings))
+        return seams
 
-    def _cuts(self, clips: Sequence[Clip], whole: bool) -> Iterable[Cut]:
-        """The cutter's choice for every two clips; together where it can, and all words are there."""
+    def _cuts(self, clips: Sequence[Clip]) -> list[Cut]:
+        """The cutter's choice for every two neighbours."""
+        if len(clips) < 2:
+            return []
         with self.timed("cut"):
-            if not (whole and len(clips) > 1 and cuts_together(self.cutter)):
-                return [self.cutter.cut(before, after) for before, after in pairwise(clips)]
-            cuts = self.cutter.cuts(clips)
+            cuts = self.cutter.cut_all(clips)
         if len(cuts) != len(clips) - 1:
             raise InputError(f"cutter {self.cutter.name} chose {len(cuts)} cuts for {len(clips)} clips")
         return cuts
 
-    def _fill(self, joins: Sequence[_PlannedSeam]) -> list[FilledGap | None]:
-        """The transition of every join, None where it has no frames."""
+    def _fill(self, seams: Sequence[_PlannedSeam]) -> list[FilledGap | None]:
+        """The transition of every seam, None where it has no frames."""
         with self.timed("transition"):
-            gaps = [join.gap for join in joins if join.n_frames]
+            gaps = [planned.gap for planned in seams if planned.gap.n_frames]
             filled = iter(fill(self.transition, gaps, self.options.avoid_collisions))
-            return [next(filled) if join.n_frames else None for join in joins]
+            return [next(filled) if planned.gap.n_frames else None for planned in seams]
 
-    def _score(self, join: _PlannedSeam, filled: FilledGap | None) -> Seam:
-        before, after, cut = join.before, join.after, join.cut
+    def _score(self, planned: _PlannedSeam, filled: FilledGap | None) -> Seam:
         with self.timed("join"):
-            kept, follows = join.kept[-CONTEXT:], join.follows[:CONTEXT]
-            names = before.clip.name, after.clip.name
-            if filled is None:
-                return score(concatenate([kept, follows]), len(kept), 0, *names, cut, join.warnings)
-            window, said = concatenate([kept, filled.clip, follows]), (*join.warnings, *filled.warnings)
-            return score(window, len(kept), join.n_frames, *names, cut, said, filled.depth)
+            names = planned.before.clip.name, planned.after.clip.name
+            return score(planned.gap, filled, *names, planned.cut, planned.warnings)
 
     def _n_frames(self, before: Clip, after: Clip, cut: Cut) -> tuple[int, tuple[str, ...]]:
-        """Number of transition frames: the user's time, or the rule's; the human median where the rig has no known
-        arms.
+        """Number of transition frames: by the user's time, or by the duration; the human median where the rig has no
+        known arms.
         """
         if self.options.transition_time is not None:
             return round(self.options.transition_time * before.fps), ()
@@ -313,7 +324,7 @@ class _SentenceBuilder:
             seconds = self.methods.duration.seconds(before, after, cut)
         except InputError:
             return max(1, round(HUMAN_MEDIAN_S * before.fps)), (
-                f"no arms known in {before.name}: the transition takes {HUMAN_MEDIAN_S:g} s, whatever the travel",
+                f"no arms known in {before.name}: the transition takes {HUMAN_MEDIAN_S:g} s, whatever the distance",
             )
         return max(1, round(min(seconds, MAX_TRANSITION_S) * before.fps)), ()
 
@@ -323,7 +334,12 @@ class _SentenceBuilder:
             return Piece(word.clip[word.entry : stop], span, word.seam, word.warnings)
 
     def _span(
-        self, kind: str, clip: int | None, name: str | None, source: tuple[int, int] | None, n_frames: int
+        self,
+        kind: Literal["sign", "transition"],
+        clip: int | None,
+        name: str | None,
+        source: tuple[int, int] | None,
+        n_frames: int,
     ) -> Span:
         start, self._n_out = self._n_out, self._n_out + n_frames
         return Span(kind, clip, name, source, (start, self._n_out))

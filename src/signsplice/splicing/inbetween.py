@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.splicing import methods as defaults
+from signsplice.splicing import methods
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.engine import Span, SpliceResult
-from signsplice.splicing.filling import CONTEXT, fill, n_shown_frames
+from signsplice.splicing.filling import fill
+from signsplice.splicing.gap import gap_at
 from signsplice.splicing.seam import Seam, score
 from signsplice.splicing.transition import Transition
 
@@ -21,58 +21,60 @@ def inbetween(
     clip: Clip,
     gaps: Sequence[tuple[int, int]],
     transition: str | Transition | None = None,
-    body_sense: bool | None = None,
+    avoid_collisions: bool | None = None,
     bundle: str | Path | None = None,
 ) -> SpliceResult:
     """The clip with frames [a, b) of every gap made anew from what surrounds them; every other frame unchanged.
 
-    Gaps are half-open frame ranges with at least one frame kept before, between and after them; transition,
-    body_sense and bundle as in ``SpliceOptions``. Raises ``InputError`` for other gaps.
+    Gaps are half-open frame ranges with at least one frame kept before, between and after them; ``transition``,
+    ``avoid_collisions`` and ``bundle`` as in ``SpliceOptions``. Raises ``InputError`` for other gaps.
     """
-    # Nothing is cut or timed here: no network is asked for that.
-    methods = defaults.choose("ends", transition, "fixed", bundle)
-    method = methods.transition
-    seconds: dict[str, float] = defaultdict(float)
+    # No word is cut and no duration chosen here: those two methods open no network.
+    chosen = methods.choose("ends", transition, "fixed", bundle)
+    ranges = _checked(gaps, len(clip))
+    entries = [0, *(stop for _, stop in ranges)]  # where each stretch that is kept begins
+    ends = [*(start for start, _ in ranges), len(clip)]  # and where it ends
+    began = time.perf_counter()
+    asked = [
+        gap_at(clip, clip[: ends[k + 1]], Cut(start - 1, stop), stop - start, entry=entries[k])
+        for k, (start, stop) in enumerate(ranges)
+    ]
+    filled = fill(chosen.transition, asked, avoid_collisions)
+    transition_s = time.perf_counter() - began
     spans: list[Span] = []
     seams: list[Seam] = []
     pieces: list[Clip] = []
-    gaps = sorted(gaps)
+    for k, ((start, stop), gap, new) in enumerate(zip(ranges, asked, filled, strict=True)):
+        kept = entries[k], start
+        pieces += [clip[kept[0] : kept[1]], new.clip]
+        spans += [Span("sign", 0, clip.name, kept, kept), Span("transition", None, None, None, (start, stop))]
+        seams.append(score(gap, new, clip.name, clip.name, Cut(start - 1, stop)))
+    kept = entries[-1], len(clip)
+    pieces.append(clip[kept[0] :])
+    spans.append(Span("sign", 0, clip.name, kept, kept))
+    began = time.perf_counter()
+    joined = concatenate(pieces, name=clip.name)
+    timing = {"harmonize": 0.0, "cut": 0.0, "transition": transition_s, "join": time.perf_counter() - began}
+    return SpliceResult(
+        clip=joined,
+        spans=tuple(spans),
+        seams=tuple(seams),
+        warnings=chosen.warnings,
+        cutter="none",
+        transition=chosen.transition.name,
+        timing_ms={part: 1e3 * seconds for part, seconds in timing.items()},
+        bundle=chosen.bundle,
+    )
+
+
+def _checked(gaps: Sequence[tuple[int, int]], n_frames: int) -> list[tuple[int, int]]:
+    """The gaps in order. Raises ``InputError`` where frames do not remain before, between and after them."""
     at = 0
-    for start, stop in gaps:
-        if not at < start < stop < len(clip):
+    for start, stop in sorted(gaps):
+        if not at < start < stop < n_frames:
             raise InputError(
-                f"gap {start}:{stop} in {len(clip)} frames, expected {at + 1} <= A < B <= {len(clip) - 1}: "
+                f"gap {start}:{stop} in {n_frames} frames, expected {at + 1} <= A < B <= {n_frames - 1}: "
                 "frames must remain before, between and after gaps"
             )
         at = stop
-    n_shown = n_shown_frames(clip.fps)
-    kept_from = [0, *(stop for _, stop in gaps)]
-    kept_until = [*(start for start, _ in gaps), len(clip)]
-    began = time.perf_counter()
-    asked = [
-        (clip[kept_from[k] : start][-n_shown:], clip[stop : kept_until[k + 1]][:n_shown], stop - start)
-        for k, (start, stop) in enumerate(gaps)
-    ]
-    made = fill(method, asked, body_sense)
-    seconds["transition"] = time.perf_counter() - began
-    at = 0
-    for (start, stop), (kept, follows, _), filled in zip(gaps, asked, made, strict=True):
-        pieces += [clip[at:start], filled.clip]
-        spans += [
-            Span("sign", 0, clip.name, (at, start), (at, start)),
-            Span("transition", None, None, None, (start, stop)),
-        ]
-        kept = kept[-CONTEXT:]
-        window = concatenate([kept, filled.clip, follows[:CONTEXT]])
-        cut = Cut(start - 1, stop)
-        seams.append(score(window, len(kept), stop - start, clip.name, clip.name, cut, filled.warnings, filled.depth))
-        at = stop
-    pieces.append(clip[at:])
-    spans.append(Span("sign", 0, clip.name, (at, len(clip)), (at, len(clip))))
-    began = time.perf_counter()
-    joined = concatenate(pieces, name=clip.name)
-    seconds["join"] = time.perf_counter() - began
-    timing = {part: 1e3 * seconds[part] for part in ("harmonize", "cut", "transition", "join")}
-    return SpliceResult(
-        joined, tuple(spans), tuple(seams), methods.warnings, "none", method.name, timing, methods.bundle
-    )
+    return sorted(gaps)

@@ -1,49 +1,54 @@
-"""What does the work of a call: parts by name, the networks that ship where none is named, and the classical methods
-where the networks cannot be read.
-"""
+"""The methods of a call: by name, learned where none is named, classical where no network can be read."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from signsplice.errors import InputError
+from signsplice.motion.cache import CACHE
 from signsplice.splicing import learned
-from signsplice.splicing.bundle import BUNDLE_FILE, bundle_sha256
+from signsplice.splicing.bundle import BUNDLE_FILE, NetworkConfig, bundle_sha256
 from signsplice.splicing.cut import CUTTERS, DEFAULT_CUTTER, Cutter
 from signsplice.splicing.duration import DEFAULT_DURATION, DURATIONS, Duration
-from signsplice.splicing.learned import FLUENT, NAME, LearnedCutter, LearnedDuration, LearnedTransition, WordReader
+from signsplice.splicing.learned import FLUENT, NAME, LearnedCutter, LearnedDuration, LearnedTransition
 from signsplice.splicing.method import Method, find
 from signsplice.splicing.transition import DEFAULT_TRANSITION, TRANSITIONS, Transition
+from signsplice.splicing.word_reader import WordReader
 
 WEIGHTS = Path(__file__).parent / "weights"
 """The bundle that ships."""
 AUTO = "auto"
-"""The name that stands for the default duration."""
+"""The name of the default duration."""
 _OPEN_AT_ONCE = 4
 MethodT = TypeVar("MethodT", bound=Method)
 
 
 @dataclass(frozen=True, eq=False)
 class LearnedMethods:
-    """A bundle's parts by name; its sha256; ``networks``: what it tells of each."""
+    """What a bundle offers.
+
+    cutters, transitions, durations: by name.
+    sha256: of the bundle; None where there is none.
+    networks: what bundle.json says of each network.
+    """
 
     cutters: Mapping[str, LearnedCutter] = field(default_factory=dict)
     transitions: Mapping[str, LearnedTransition] = field(default_factory=dict)
     durations: Mapping[str, LearnedDuration] = field(default_factory=dict)
     sha256: str | None = None
-    networks: Mapping[str, Any] = field(default_factory=dict)
+    networks: Mapping[str, NetworkConfig] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class ChosenMethods:
-    """What does the work of a call.
+    """The methods of a call.
 
-    bundle: sha256 of the networks' bundle, None where no network works. warnings: why the defaults are not the learned
-    ones.
+    cutter, transition, duration: what does the work.
+    bundle: sha256 of the bundle whose networks take part; None without networks.
+    warnings: why the defaults are not the learned ones.
     """
 
     cutter: Cutter
@@ -54,38 +59,38 @@ class ChosenMethods:
 
 
 def open_learned(folder: str | Path | None = None) -> LearnedMethods:
-    """A bundle's parts, by default that which ships; opened once, as long as it is not written anew.
+    """What a bundle offers, by default the one that ships; opened once, as long as it is not written anew.
 
     Raises ``InputError`` where the folder holds no bundle, another system's, or one whose files are not those that it
     lists.
     """
     folder = Path(WEIGHTS if folder is None else folder).absolute()
     try:
-        told = (folder / BUNDLE_FILE).stat()
+        status = (folder / BUNDLE_FILE).stat()
     except OSError:
-        return _read(folder, bundle_sha256(folder))  # which says what is wrong
-    return _opened(folder, (told.st_ino, told.st_mtime_ns, told.st_size))
+        return _open(folder, bundle_sha256(folder))  # raises, and says what is wrong
+    written = status.st_ino, status.st_mtime_ns, status.st_size
+    return CACHE.recent(_open_as_written, folder, written, most=_OPEN_AT_ONCE)
 
 
-@lru_cache(maxsize=_OPEN_AT_ONCE)
-def _opened(folder: Path, as_written: tuple[int, int, int]) -> LearnedMethods:
-    folder = folder.resolve()  # a link may lead elsewhere before the last graph is opened
-    return _read(folder, bundle_sha256(folder))
+def _open_as_written(folder: Path, written: tuple[int, int, int]) -> LearnedMethods:
+    """``_open`` for a bundle.json of this inode, time and size: another one is another call."""
+    folder = folder.resolve()  # a link may lead elsewhere before the last network is opened
+    return CACHE.recent(_open, folder, bundle_sha256(folder), most=_OPEN_AT_ONCE)
 
 
-@lru_cache(maxsize=_OPEN_AT_ONCE)
-def _read(folder: Path, sha256: str) -> LearnedMethods:
-    graphs = learned.open_sessions(folder)
-    graphs.check()
-    has = graphs.facts["files"].keys()
-    reader = WordReader(graphs)
-    cutters = [LearnedCutter(reader), LearnedCutter(reader, whole=False)] if "word.onnx" in has else []
+def _open(folder: Path, sha256: str) -> LearnedMethods:
+    sessions = learned.open_sessions(folder)
+    sessions.check()
+    reader = WordReader(sessions)
+    reads_words = "word.onnx" in sessions.config.files
+    cutters = [LearnedCutter(reader), LearnedCutter(reader, whole=False)] if reads_words else []
     return LearnedMethods(
         {cutter.name: cutter for cutter in cutters},
-        {NAME: LearnedTransition(graphs)} if "bridge.onnx" in has else {},
-        {NAME: LearnedDuration(reader)} if "word.onnx" in has else {},
+        {NAME: LearnedTransition(sessions)} if "bridge.onnx" in sessions.config.files else {},
+        {NAME: LearnedDuration(reader)} if reads_words else {},
         sha256,
-        graphs.facts.get("networks", {}),
+        sessions.config.networks,
     )
 
 
@@ -95,33 +100,34 @@ def choose(
     duration: str | Duration | None = None,
     bundle: str | Path | None = None,
 ) -> ChosenMethods:
-    """The parts of a call: objects as they are, others by name, ``learned`` and None from ``bundle``, which by default
-    is the one that ships.
+    """The methods of a call: objects as they are, others by name; ``learned`` and None from ``bundle``, by default the
+    one that ships.
 
-    What is None is classical, with one warning, where the bundle that ships cannot be read. Raises ``InputError`` for
-    an unknown name, for ``learned`` where there is no such network, and for a bundle that is named and cannot be read.
+    None is the classical default, with one warning, where the bundle that ships cannot be read. Raises ``InputError``
+    for an unknown name, for ``learned`` where there is no such network, and for a bundle that is named and cannot be
+    read.
     """
     named = (cutter, transition, None if duration == AUTO else duration)
     where = Path(WEIGHTS if bundle is None else bundle)
     own, warnings = LearnedMethods(), tuple[str, ...]()
-    called_for = any(name in (NAME, FLUENT) for name in named)
+    called_for = any(name in (NAME, FLUENT) for name in named if isinstance(name, str))
     if bundle is not None or None in named or called_for:
         try:
             own = open_learned(where)
         except InputError as error:
             if bundle is not None or called_for:
                 raise
-            warnings = (f"no learned methods, classical ones serve: {error}",)
+            warnings = (f"no learned methods, classical ones are used: {error}",)
     chosen = (
-        _part("cutter", named[0], own.cutters, CUTTERS, DEFAULT_CUTTER, where),
-        _part("transition", named[1], own.transitions, TRANSITIONS, DEFAULT_TRANSITION, where),
-        _part("duration", named[2], own.durations, DURATIONS, DEFAULT_DURATION, where),
+        _one("cutter", named[0], own.cutters, CUTTERS, DEFAULT_CUTTER, where),
+        _one("transition", named[1], own.transitions, TRANSITIONS, DEFAULT_TRANSITION, where),
+        _one("duration", named[2], own.durations, DURATIONS, DEFAULT_DURATION, where),
     )
-    theirs = [*own.cutters.values(), *own.transitions.values(), *own.durations.values()]
-    return ChosenMethods(*chosen, own.sha256 if any(part in theirs for part in chosen) else None, warnings)
+    networks = [*own.cutters.values(), *own.transitions.values(), *own.durations.values()]
+    return ChosenMethods(*chosen, own.sha256 if any(method in networks for method in chosen) else None, warnings)
 
 
-def _part(
+def _one(
     kind: str,
     named: str | MethodT | None,
     own: Mapping[str, MethodT],
@@ -139,12 +145,12 @@ def _part(
 
 
 def all_methods() -> list[tuple[str, Method, bool]]:
-    """Every part as (kind, part, whether it is the default), those of the bundle that ships among them."""
-    now = choose()
-    own = open_learned() if now.bundle is not None else LearnedMethods()
+    """Every method as (kind, method, whether it is the default), those of the bundle that ships among them."""
+    defaults = choose()
+    own = open_learned() if defaults.bundle is not None else LearnedMethods()
     tables: tuple[tuple[str, dict[str, Method], Method], ...] = (
-        ("cutter", {**CUTTERS, **own.cutters}, now.cutter),
-        ("transition", {**TRANSITIONS, **own.transitions}, now.transition),
-        ("duration", {**DURATIONS, **own.durations}, now.duration),
+        ("cutter", {**CUTTERS, **own.cutters}, defaults.cutter),
+        ("transition", {**TRANSITIONS, **own.transitions}, defaults.transition),
+        ("duration", {**DURATIONS, **own.durations}, defaults.duration),
     )
-    return [(kind, part, part is default) for kind, table, default in tables for part in table.values()]
+    return [(kind, method, method is default) for kind, table, default in tables for method in table.values()]

@@ -1,32 +1,42 @@
-"""How good a seam is: the line that the report has for each."""
+"""The quality of a seam: the row that the report has for each."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from signsplice.motion import kinematics
-from signsplice.motion.clip import Clip
-from signsplice.rig import metrics, proportions
-from signsplice.rig.roles import find_roles
+from signsplice.rig import metrics
+from signsplice.rig.info import rig_info
 from signsplice.splicing.cut import Cut
+from signsplice.splicing.filling import FilledGap
+from signsplice.splicing.gap import Gap
 
+Score = Annotated[float, "NaN where unknown, null in JSON"]
 FAST_M_S = 2.5
 """Peaks of isolated words reach 1.7 to 2.5 m/s; a transition beyond that is faster than any sign."""
 _FOOT_SLIDE_M = 0.05
 DEEP_M = 0.005
-"""Deeper than this a hand is seen to be in the body."""
+"""From this depth on a viewer sees a hand in the body."""
 
 
 @dataclass(frozen=True)
 class Seam:
     """The join of two signs.
 
-    pre_frame: last frame kept of ``before``; post_frame: first kept of ``after``; both counted at the output rate.
-    seconds: n_transition / fps. velocity_jump, peak_speed_m_s, jerk_ratio: of the wrists, see ``motion.measures``; NaN
-    where unknown. intrusion_mm: how deep a hand lies in head, trunk or the other hand in the transition, beyond what
-    the signs themselves do; None where nobody looked (body sense off, no frames, no known arms).
+    before, after: names of the two signs.
+    pre_frame: last frame kept of ``before``, counted at the output rate.
+    post_frame: first frame kept of ``after``, counted at the output rate.
+    n_transition: number of new frames.
+    seconds: n_transition / fps.
+    velocity_jump: largest change of a wrist's velocity at either end of the transition, m/s; NaN where unknown.
+    peak_speed_m_s: highest speed of a wrist in the transition, m/s; NaN where unknown.
+    jerk_ratio: jerk of the wrists in the transition over that around it; NaN where unknown (``rig.metrics``).
+    warnings: what a user should know, one line each.
+    intrusion_mm: how deep a hand lies in head, trunk or the other hand in the transition, beyond what the signs
+        themselves do, mm; None where that was not measured (no collision avoidance, no frames, no known arms).
     """
 
     before: str
@@ -35,57 +45,50 @@ class Seam:
     post_frame: int
     n_transition: int
     seconds: float
-    velocity_jump: float
-    peak_speed_m_s: float
-    jerk_ratio: float
+    velocity_jump: Score
+    peak_speed_m_s: Score
+    jerk_ratio: Score
     warnings: tuple[str, ...] = ()
     intrusion_mm: float | None = None
 
 
 def score(
-    window: Clip,
-    first: int,
-    n_transition: int,
-    before: str,
-    after: str,
-    cut: Cut,
-    warnings: tuple[str, ...],
-    depth: float | None = None,
+    gap: Gap, filled: FilledGap | None, before: str, after: str, cut: Cut, warnings: tuple[str, ...] = ()
 ) -> Seam:
-    """Scores of a seam from a window of the output around it, whose frames [first, first + n_transition) are new;
-    ``depth``, m, is what body sense said of them.
-    """
-    joints = find_roles(window.skeleton).joints
+    """The seam of a gap and its new frames, None where there are none, between the signs of these names."""
+    window, first = gap.window(None if filled is None else filled.clip)
+    info = rig_info(window.skeleton)
+    joints, metres = info.roles.joints, info.sizes.unit.metres
     hands = [joints[role] for role in ("leftHand", "rightHand") if role in joints]
     feet = [joints[role] for role in ("leftFoot", "rightFoot") if role in joints]
-    said = list(warnings)
+    lines = [*warnings, *(() if filled is None else filled.warnings)]
+    depth = None if filled is None else filled.depth
     jump = speed = jerk = float("nan")
-    stop = first + n_transition
-    metres = proportions.sizes(window.skeleton).unit.metres
-    positions = kinematics.forward(window, [0, *hands, *feet])[1][:, 1:] * metres
+    stop = first + gap.n_frames
+    positions = kinematics.forward(window, [0, *hands, *feet])[1][:, 1:] * metres  # (T, K, 3), m
     if hands:
         wrists = positions[:, : len(hands)]
         jump = metrics.velocity_jump(wrists, first, stop, window.fps)
         speed = metrics.peak_speed(wrists, first, stop, window.fps)
         jerk = metrics.jerk_ratio(wrists, first, stop)
         if speed > FAST_M_S:
-            said.append(f"a hand moves at {speed:.1f} m/s, faster than signs do; a longer transition time would help")
+            lines.append(f"a hand moves at {speed:.1f} m/s, faster than signs do; a longer transition time would help")
     if feet:
         slide = float(np.linalg.norm(positions[stop, len(hands) :] - positions[first - 1, len(hands) :], axis=-1).max())
         if slide > _FOOT_SLIDE_M:
-            said.append(f"a foot slides by {100.0 * slide:.0f} cm: the two clips stand differently")
+            lines.append(f"a foot slides by {100.0 * slide:.0f} cm: the two clips stand differently")
     if depth is not None and depth > DEEP_M:
-        said.append(f"a hand passes {1e3 * depth:.0f} mm deep through the body; another transition time may help")
+        lines.append(f"a hand passes {1e3 * depth:.0f} mm deep through the body; another transition time may help")
     return Seam(
         before=before,
         after=after,
         pre_frame=cut.pre,
         post_frame=cut.post,
-        n_transition=n_transition,
-        seconds=n_transition / window.fps,
+        n_transition=gap.n_frames,
+        seconds=gap.n_frames / window.fps,
         velocity_jump=jump,
         peak_speed_m_s=speed,
         jerk_ratio=jerk,
-        warnings=tuple(said),
+        warnings=tuple(lines),
         intrusion_mm=None if depth is None else 1e3 * depth,
     )

@@ -1,4 +1,4 @@
-"""A bundle's ONNX graphs, each opened and checked when first run, on one thread."""
+"""A bundle's ONNX networks as onnxruntime sessions, each opened and checked when first run, on one thread."""
 
 from __future__ import annotations
 
@@ -10,37 +10,42 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.splicing.bundle import read_file
+from signsplice.splicing.bundle import BundleConfig, read_file
 
 Array = NDArray[Any]
 
 
 class Sessions:
-    """The graphs of a folder by name, without ``.onnx``; ``seconds`` is the time that they have run in all."""
+    """The networks of a bundle by file name without ``.onnx``.
 
-    def __init__(self, folder: Path, facts: Mapping[str, Any]) -> None:
-        self.folder, self.facts = folder, facts
+    folder: the bundle.
+    config: its bundle.json.
+    seconds: time that the networks have run, in all.
+    """
+
+    def __init__(self, folder: Path, config: BundleConfig) -> None:
+        self.folder, self.config = folder, config
         self.seconds = 0.0
         self._sessions: dict[str, tuple[Any, list[str], list[str]]] = {}
 
     def check(self) -> None:
-        """Read every file once. Raises ``InputError`` where one is missing, or not the one that was written."""
-        for name in self.facts["files"]:
-            read_file(self.folder, self.facts, name)
+        """Read every file once. Raises ``InputError`` where one is missing or is not the one that was written."""
+        for name in self.config.files:
+            read_file(self.folder, self.config, name)
 
     def run(self, name: str, inputs: Mapping[str, Array]) -> dict[str, Array]:
-        """A graph's outputs by name; inputs that it does not have are left out."""
+        """The outputs of a network by name; inputs that it does not have are left out."""
         session, takes, gives = self._session(name)
-        begun = time.perf_counter()
-        made = session.run(gives, {key: inputs[key] for key in takes})
-        self.seconds += time.perf_counter() - begun
-        return dict(zip(gives, made, strict=True))
+        began = time.perf_counter()
+        outputs = session.run(gives, {key: inputs[key] for key in takes})
+        self.seconds += time.perf_counter() - began
+        return dict(zip(gives, outputs, strict=True))
 
     def _session(self, name: str) -> tuple[Any, list[str], list[str]]:
         if name not in self._sessions:
             import onnxruntime
 
-            content = read_file(self.folder, self.facts, f"{name}.onnx")
+            content = read_file(self.folder, self.config, f"{name}.onnx")
             onnxruntime.disable_telemetry_events()
             options = onnxruntime.SessionOptions()
             options.intra_op_num_threads = options.inter_op_num_threads = 1

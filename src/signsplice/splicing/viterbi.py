@@ -1,8 +1,8 @@
-"""The best choice over all seams of a sentence together.
+"""The best cuts of a whole sentence, by dynamic programming (Viterbi 1967).
 
-A cutter that scores every choice of two frames for every seam cannot take each seam's best alone: a word may not be
-left before it was entered. The best sentence is found by dynamic programming over the frames at which words are
-entered (Viterbi 1967), in time linear in the number of words.
+A cutter that scores every pair of frames for every seam cannot take the best pair of each seam alone: a word must not
+be left before it was entered. The best sentence is found over the frames at which words are entered, in time linear in
+the number of words.
 """
 
 from __future__ import annotations
@@ -15,14 +15,17 @@ from numpy.typing import NDArray
 
 Float = NDArray[np.float64]
 
-_MISSING = 1e6
-"""What every frame costs that a word is left too early: more than any score, less than not to answer."""
+_TOO_EARLY = 1e6
+"""Cost of every frame that a word is left too early: larger than any score, but finite, so that there is an answer."""
 
 
 @dataclass(frozen=True, eq=False)
 class SeamScores:
-    """The scores (P, Q) of a seam: of leaving the word before at frame ``leaves_from`` + row, and entering the word
-    after at frame ``enters_from`` + column.
+    """The scores of a seam.
+
+    scores: (P, Q) of leaving the word before at frame ``leaves_from`` + row, and entering the word after at frame
+        ``enters_from`` + column.
+    leaves_from, enters_from: first frames of rows and columns.
     """
 
     scores: Float
@@ -32,19 +35,19 @@ class SeamScores:
 
 def best_path(seams: Sequence[SeamScores], least: int = 1) -> list[tuple[int, int]]:
     """The frames (left, entered) of every seam whose scores have the largest sum, among all with at least ``least``
-    frames between a word's being entered and being left; where a word is too short for that, as many as it has.
+    frames between entering and leaving a word; of a word that is too short for that, as many as it has.
     """
-    carried, entered_from = np.zeros(1), 0  # best sum so far by the frame at which the word before was entered
+    sums_so_far, entered_from = np.zeros(1), 0  # best sum by the frame at which the word before was entered
     back: list[tuple[NDArray[np.intp], NDArray[np.intp]]] = []
     for seam in seams:
         latest = seam.leaves_from + np.arange(len(seam.scores)) - least
-        kept, entered = _entered_before(carried, latest - entered_from)
-        sums = seam.scores + kept[:, None]
+        kept, entered = _best_entry(sums_so_far, latest - entered_from)
+        sums = seam.scores + kept[:, None]  # (P, Q)
         rows = sums.argmax(axis=0)
-        carried, entered_from = sums[rows, np.arange(sums.shape[1])], seam.enters_from
+        sums_so_far, entered_from = sums[rows, np.arange(sums.shape[1])], seam.enters_from
         back.append((rows, entered))
     chosen: list[tuple[int, int]] = []
-    column = int(carried.argmax()) if back else 0
+    column = int(sums_so_far.argmax()) if back else 0
     for seam, (rows, entered) in zip(reversed(seams), reversed(back), strict=True):
         row = int(rows[column])
         chosen.append((seam.leaves_from + row, seam.enters_from + column))
@@ -52,12 +55,12 @@ def best_path(seams: Sequence[SeamScores], least: int = 1) -> list[tuple[int, in
     return chosen[::-1]
 
 
-def _entered_before(carried: Float, latest: NDArray[np.intp]) -> tuple[Float, NDArray[np.intp]]:
-    """The best sum, and its frame of entering, no later than each of ``latest``."""
-    so_far = np.maximum.accumulate(carried)
-    improves = np.concatenate([[True], carried[1:] > so_far[:-1]])
-    where = np.maximum.accumulate(np.where(improves, np.arange(len(carried)), 0))
-    at = np.minimum(latest, len(carried) - 1)
-    missing = np.maximum(-at, 0)  # before the word's first frame there is none to enter at
+def _best_entry(sums: Float, latest: NDArray[np.intp]) -> tuple[Float, NDArray[np.intp]]:
+    """The best sum no later than each of ``latest``, and the frame of entering that it belongs to."""
+    running = np.maximum.accumulate(sums)
+    improves = np.concatenate([[True], sums[1:] > running[:-1]])
+    where = np.maximum.accumulate(np.where(improves, np.arange(len(sums)), 0))
+    at = np.minimum(latest, len(sums) - 1)
+    missing = np.maximum(-at, 0)  # frames before the word's first one, at which it cannot be entered
     at = np.maximum(at, 0)
-    return np.where(missing > 0, carried[0], so_far[at]) - _MISSING * missing, np.where(missing > 0, 0, where[at])
+    return np.where(missing > 0, sums[0], running[at]) - _TOO_EARLY * missing, np.where(missing > 0, 0, where[at])
