@@ -1,27 +1,21 @@
-"""The paper's experiments: train what is missing, judge what is there, write its tables and figures."""
+"""The command `paper`: train the paper's systems, judge them, write tables and figures."""
 
 from __future__ import annotations
 
 import importlib.util
-import os
-import signal
-import subprocess
-import sys
 import tempfile
-import time
-from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from signsplice.cli.terminal import progress, warn
-from signsplice.errors import InputError, MissingExtraError, SignspliceError
+from signsplice.cli.train import check_extra, progress_printer
+from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from signsplice.paper.judging import Advance
     from signsplice.paper.plan import Run
     from signsplice.paper.results import Results
 
@@ -32,11 +26,11 @@ N_TIMED = 20
 @click.command()
 @click.argument("what", metavar="|".join(WHAT), type=click.Choice(WHAT))
 @click.option("--scale", type=click.Choice(("smoke", "cpu", "paper")), default="cpu", show_default=True,
-              help="How large and how long the systems are trained.")  # fmt: skip
+              help="How large the systems are and how long they are trained.")  # fmt: skip
 @click.option("--pairs", metavar="DIR", default="out/pairs", show_default=True, help="Corpus of pairs.")
-@click.option("--bundles", metavar="DIR", default="out/bundles", show_default=True, help="Where trained systems lie.")
+@click.option("--bundles", metavar="DIR", default="out/bundles", show_default=True, help="Folder of trained systems.")
 @click.option("--out", metavar="DIR", default="docs/paper", show_default=True,
-              help="Where results.json, tables and figures lie.")  # fmt: skip
+              help="Folder of results.json, tables and figures.")  # fmt: skip
 @click.option("--system", "systems", multiple=True, metavar="NAME", help="Train and judge only these.")
 @click.option("--steps", type=int, metavar="N", help="Training steps, in place of the scale's.")
 @click.option("--workers", type=int, default=1, show_default=True, metavar="N",
@@ -44,7 +38,7 @@ N_TIMED = 20
 @click.option(
     "--limit", type=int, metavar="N", help=f"Judge at most N pairs of a split; time N.  [default: all; {N_TIMED}]"
 )
-@click.option("--again", is_flag=True, help="Judge anew what results.json has already.")
+@click.option("--again", is_flag=True, help="Judge again what results.json already holds.")
 def paper(
     what: str,
     scale: str,
@@ -57,13 +51,11 @@ def paper(
     limit: int | None,
     again: bool,
 ) -> None:
-    """Rebuild the paper. all: train what is missing, judge, tables, figures. evaluate: the same without training.
-    table1, table3, figures: from results.json, in seconds, without corpus or networks. speed: time the systems at the
-    scale's sizes side by side, with weights as drawn.
+    """Reproduce the paper. all: train missing systems, judge, write tables and figures. evaluate: the same without
+    training. table1, table3, figures: from results.json, in seconds, without corpus or networks. speed: time untrained
+    systems of the scale's sizes.
     """
-    from signsplice.paper import plan
-    from signsplice.paper.judging import RESULTS
-    from signsplice.paper.results import load
+    from signsplice.paper import plan, results
 
     folder = Path(out)
     _check(systems, limit, steps, workers)
@@ -79,13 +71,13 @@ def paper(
             todo = plan.missing(plan.runs(scale, systems), Path(bundles))
             _train(todo, Path(pairs), Path(bundles), steps, workers)
         _evaluate(folder, Path(pairs), Path(bundles), scale, systems, limit, again)
-    if not (folder / RESULTS).is_file():
-        raise InputError(f"{folder / RESULTS}: not there; `signsplice paper evaluate` or `all` makes it")
-    results = load(folder / RESULTS)
+    if not (folder / results.FILE).is_file():
+        raise InputError(f"{folder / results.FILE}: not there; `signsplice paper evaluate` or `all` makes it")
+    known = results.load(folder / results.FILE)
     if what != "figures":
-        _tables(results, folder, scale, what)
+        _tables(known, folder, scale, what)
     if what not in ("table1", "table3"):
-        _figures(results, folder, scale, required=what == "figures")
+        _figures(known, folder, scale, required=what == "figures")
 
 
 def _check(systems: Sequence[str], limit: int | None, steps: int | None, workers: int) -> None:
@@ -107,7 +99,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def _train(todo: Sequence[Run], pairs: Path, bundles: Path, steps: int | None, workers: int) -> None:
-    """Train every run by the command line's own `train paper`, one after another, or some at once."""
+    """Train every run, one after another or side by side."""
     if not todo:
         return
     if importlib.util.find_spec("torch") is None:
@@ -115,90 +107,50 @@ def _train(todo: Sequence[Run], pairs: Path, bundles: Path, steps: int | None, w
             f"{len(todo)} of the paper's systems are not trained yet, {todo[0].name} first, and training needs torch: "
             "pip install 'signsplice[train]'; `signsplice paper evaluate` judges what is there"
         )
+    check_extra()
+    from signsplice.train.paper import schedule
+
+    def started(number: int, run: Run) -> None:
+        click.echo(f"training {number} of {len(todo)}: {run.name}", err=True)
+
+    def finished(run: Run, folder: Path) -> None:
+        print(f"{folder}: {run.system}, scale {run.scale}, {run.optimiser}, {run.split}")
+
     _make_folder(bundles)
+    planned = schedule.Schedule(todo, pairs, bundles, steps)
     if workers > 1:
-        _train_side_by_side(todo, pairs, bundles, steps, workers)
-        return
-    for n, run in enumerate(todo, 1):
-        click.echo(f"training {n} of {len(todo)}: {run.name}", err=True)
-        _train_here(run.arguments(pairs, bundles, steps))
-
-
-def _train_here(arguments: list[str]) -> None:
-    from signsplice.cli import app
-
-    app.main(arguments, standalone_mode=False)
-
-
-def _train_side_by_side(todo: Sequence[Run], pairs: Path, bundles: Path, steps: int | None, workers: int) -> None:
-    """Each run in a process of its own, ``workers`` at once, with an even share of the cores. The first that fails ends
-    the work: those that run are interrupted, and go on from their checkpoints when called again.
-    """
-    around = os.environ | {"OMP_NUM_THREADS": str(max(1, (os.cpu_count() or 1) // workers))}
-    waiting = list(enumerate(todo, 1))
-    running: dict[str, subprocess.Popen[bytes]] = {}
-    try:
-        while waiting or running:
-            while waiting and len(running) < workers:
-                n, run = waiting.pop(0)
-                click.echo(f"training {n} of {len(todo)}: {run.name}", err=True)
-                call = [sys.executable, "-m", "signsplice", *run.arguments(pairs, bundles, steps)]
-                running[run.name] = subprocess.Popen(call, env=around)
-            time.sleep(0.2)
-            for name, process in list(running.items()):
-                status = process.poll()
-                if status is not None:
-                    del running[name]
-                if status:
-                    raise SignspliceError(f"training {name} failed (exit status {status}; its own error is above)")
-    finally:
-        for process in running.values():
-            process.send_signal(signal.SIGINT)
-        for process in running.values():
-            process.wait()
+        schedule.train_side_by_side(planned, workers, started)
+    else:
+        schedule.train_in_turn(planned, started, finished, progress_printer)
 
 
 def _evaluate(
     folder: Path, pairs: Path, bundles: Path, scale: str, systems: Sequence[str], limit: int | None, again: bool
 ) -> None:
-    """Judge, and write results.json and the kept frames after every system, so that an interrupted call loses one."""
-    from signsplice.paper import clip_methods, judging, kept_frames, results
+    from signsplice.paper import judging, results
     from signsplice.synth.corpus import Pairs
 
     corpus = Pairs(pairs)
-    known = results.load(folder / judging.RESULTS)
-    kept = kept_frames.load(folder / judging.SHOTS)
-    folders = [
-        f for f in judging.find_bundles(bundles, scale) if not systems or judging.facts(f).get("system") in systems
-    ]
-    if not folders:
-        warn([f"{bundles}: no bundle of scale {scale} there; only methods on clips are judged"])
-    advance: Advance = progress
-    n_rows = 0
-    methods = [*clip_methods.all_clip_methods(), *judging.corpus_trained_methods(bundles, lambda line: warn([line]))]
-    for made in judging.everything(corpus, folders, known, kept, advance, limit=limit, again=again, methods=methods):
-        n_rows += len(made.rows)
-        if made.rows or made.curves:
-            known = known.merged(made.rows, made.curves)
-            results.save(known, folder / judging.RESULTS)
-            kept_frames.save(made.shots, folder / judging.SHOTS)
-    print(f"{folder / judging.RESULTS}: {n_rows} rows judged, {len(known.rows)} in all")
+    file = folder / results.FILE
+    judge = judging.Judge(corpus, results.load(file), progress, limit=limit, again=again)
+    n_rows, known = judging.evaluate(judge, folder, bundles, scale, systems, lambda line: warn([line]))
+    print(f"{file}: {n_rows} rows judged, {len(known.rows)} in all")
 
 
 def _speed(folder: Path, pairs: Path, scale: str, n_pairs: int) -> None:
-    """Export the systems as they are drawn, time them, and write speed.json and its table."""
+    """Export untrained systems, time them, and write speed.json and its table."""
+    check_extra()
     from signsplice.paper import protocol, speed
-    from signsplice.paper.plan import Run
     from signsplice.synth.corpus import Pairs
+    from signsplice.train.paper import schedule
+
+    def finished(run: Run, bundle: Path) -> None:
+        click.echo(f"{bundle}: {run.system}, scale {run.scale}, {run.optimiser}, {run.split}", err=True)
 
     corpus = Pairs(pairs)
     judged = protocol.choose(corpus, "random", limit=n_pairs)
     with tempfile.TemporaryDirectory(prefix="signsplice-speed-") as temporary:
-        for system in speed.SYSTEMS:
-            call = Run(system, scale, "adamw", "random").arguments(pairs, Path(temporary), steps=0)
-            call[call.index("--out") + 1] = str(Path(temporary) / system)
-            with redirect_stdout(sys.stderr):
-                _train_here(call)
+        schedule.export_untrained(speed.SYSTEMS, scale, pairs, Path(temporary), finished)
         with progress("timing") as advance:
             timed = speed.measure(corpus, Path(temporary), judged, advance)
     for path in speed.write(timed, folder, scale, judged):
@@ -217,10 +169,11 @@ def _tables(results: Results, folder: Path, scale: str, what: str) -> None:
 
 
 def _figures(results: Results, folder: Path, scale: str, required: bool) -> None:
-    from signsplice.paper import figures, judging, kept_frames
+    from signsplice.paper import figures, kept_frames
 
+    kept = kept_frames.load(folder / kept_frames.FILE)
     try:
-        written, left_out = figures.write(results, kept_frames.load(folder / judging.SHOTS), folder, scale)
+        written, left_out = figures.write(results, kept, folder, scale)
     except MissingExtraError as error:
         if required:
             raise

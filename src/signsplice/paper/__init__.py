@@ -1,1 +1,1 @@
-"""The paper's protocol: its systems, measures, tables and figures; judges exported bundles, needs no torch."""
+"""The paper's protocol, systems, metrics, tables and figures. Judges exported bundles; needs no torch."""

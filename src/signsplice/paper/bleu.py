@@ -1,18 +1,19 @@
-"""BLEU over frames (Papineni et al. 2002), for frames that are equal within a tolerance.
+"""BLEU over frames (Papineni et al. 2002), where frames within a tolerance count as equal.
 
-Two frames are equal where the mean squared difference of their 159 numbers is at most the tolerance; two n-grams are
-equal where their frames are, one by one. Such equality is not transitive, so counts cannot be clipped word by word as
-in the original; clipping means instead that each true n-gram answers for at most one predicted one, and the matched
-count is that of a maximum matching (Hopcroft and Karp 1973) between the n-grams of the two transitions. With a
-tolerance of 0 this is Papineni's clipped count exactly. The rest is his: counts summed over the corpus before
-dividing, geometric mean of the precisions up to n, brevity penalty exp(1 - r / c) where c predicted frames are fewer
-than r true ones.
+Two frames are equal if the mean squared difference of their 159 numbers is at most the tolerance. Two n-grams are
+equal if their frames are, one by one. This equality is not transitive, so counts cannot be clipped word by word as in
+the original. Instead, each true n-gram is matched with at most one predicted n-gram, and the count is the size of a
+maximum matching (Hopcroft and Karp 1973) between the n-grams of the two transitions. With a tolerance of 0 this equals
+Papineni's clipped count. The rest follows Papineni: counts are summed over the corpus before dividing, BLEU is the
+geometric mean of the precisions up to n, and the brevity penalty is exp(1 - r / c) if c predicted frames are fewer than
+r true frames.
 
-**The tolerance.** The paper states none. Neighbouring frames of the true transitions differ by 9.3e-5 (median over
-the standard corpus's test pairs), so 1e-4, a root mean square of 2.2 cm a coordinate, calls a predicted frame equal
-to the true one where it comes as near as that one's neighbours. Beside it stand 2e-5, half the way to a neighbour,
-and 3e-4, the level 0.002 under which the paper's viewers saw no difference shared out over a transition's seven
-frames; there five out of six neighbours are equal, and order counts for little.
+**The tolerance.** The paper states none. Neighbouring frames of the true transitions differ by 9.3e-5 (median over the
+standard corpus's test pairs). The tolerance 1e-4, a root mean square of 2.2 cm per coordinate, therefore counts a
+predicted frame as equal if it is as close to the true frame as that frame's neighbours. Two more tolerances are
+reported: 2e-5 is half the distance to a neighbour. 3e-4 is the MSE of 0.002, below which the paper's viewers saw no
+difference, divided by the seven frames of a transition; at that tolerance five of six neighbours are equal, and order
+counts for little.
 """
 
 from __future__ import annotations
@@ -35,17 +36,24 @@ TOLERANCES = (2e-5, 5e-5, TOLERANCE, 3e-4)
 
 
 def signature(tolerance: float | str, compared: str) -> str:
-    """How BLEU is computed, in one line."""
-    told = f"{tolerance:g}" if isinstance(tolerance, float) else tolerance
+    """The recipe of BLEU in one line; ``tolerance`` is a number or a word for several."""
+    limit = f"{tolerance:g}" if isinstance(tolerance, float) else tolerance
     return (
-        f"bleu|n:1..{ORDERS}|{compared}|equal:msd<={told}|clip:maximum-matching|corpus-level|geometric-mean|"
+        f"bleu|n:1..{ORDERS}|{compared}|equal:msd<={limit}|clip:maximum-matching|corpus-level|geometric-mean|"
         "brevity-penalty"
     )
 
 
 @dataclass(frozen=True)
 class NGrams:
-    """What one pair adds: n-grams matched and predicted and true, for n = 1..4; frames predicted and true."""
+    """The counts of one pair that corpus-level BLEU sums.
+
+    - matched: size of the maximum matching, for n = 1..4
+    - predicted: number of predicted n-grams, for n = 1..4
+    - true: number of true n-grams, for n = 1..4
+    - n_predicted: number of predicted frames
+    - n_true: number of true frames
+    """
 
     matched: tuple[int, ...]
     predicted: tuple[int, ...]
@@ -56,7 +64,12 @@ class NGrams:
 
 @dataclass(frozen=True)
 class Bleu:
-    """BLEU-1..4 of a corpus, the clipped precisions behind them, and the brevity penalty."""
+    """BLEU of a corpus of pairs.
+
+    - bleu: BLEU-1 to BLEU-4, NaN where undefined
+    - precisions: clipped precision of n-grams, for n = 1..4
+    - brevity: brevity penalty, at most 1
+    """
 
     bleu: tuple[float, ...]
     precisions: tuple[float, ...]
@@ -64,24 +77,24 @@ class Bleu:
 
 
 def distances(predicted: Float, true: Float) -> Float:
-    """Mean squared differences (n, m) of all frames (n, K) and (m, K)."""
+    """Mean squared differences (n, m) between all frames (n, K) and (m, K)."""
     return np.asarray(((predicted[:, None] - true[None]) ** 2).mean(axis=-1))
 
 
 def count(predicted: Float, true: Float, tolerances: Sequence[float] = TOLERANCES) -> dict[float, NGrams]:
-    """Matched n-grams of predicted (n, K) and true (m, K) frames, by tolerance."""
+    """The n-gram counts of predicted (n, K) and true (m, K) frames, by tolerance."""
     n, m = len(predicted), len(true)
-    away = distances(predicted, true) if n and m else np.zeros((n, m))
-    there = tuple(max(0, n - k) for k in range(ORDERS))
-    wanted = tuple(max(0, m - k) for k in range(ORDERS))
+    errors = distances(predicted, true) if n and m else np.zeros((n, m))
+    n_predicted = tuple(max(0, n - k) for k in range(ORDERS))
+    n_true = tuple(max(0, m - k) for k in range(ORDERS))
     return {
-        tolerance: NGrams(tuple(_matched(away <= tolerance, k + 1) for k in range(ORDERS)), there, wanted, n, m)
+        tolerance: NGrams(tuple(_matched(errors <= tolerance, k + 1) for k in range(ORDERS)), n_predicted, n_true, n, m)
         for tolerance in tolerances
     }
 
 
 def equal_ngrams(equal: Bool, n: int) -> Bool:
-    """Which n-grams are equal: (n_frames - n + 1, m_frames - n + 1) from equal frames (n_frames, m_frames)."""
+    """Which n-grams are equal (N - n + 1, M - n + 1), given which frames are equal (N, M)."""
     rows, columns = (max(0, size - n + 1) for size in equal.shape)
     out = np.ones((rows, columns), bool)
     for k in range(n):
@@ -90,19 +103,19 @@ def equal_ngrams(equal: Bool, n: int) -> Bool:
 
 
 def _matched(equal: Bool, n: int) -> int:
-    """Size of a maximum matching between predicted and true n-grams that are equal."""
+    """Size of a maximum matching between equal predicted and true n-grams."""
     pairs = equal_ngrams(equal, n)
     if not pairs.any():
         return 0
-    found = maximum_bipartite_matching(csr_array(pairs.astype(np.int8)), perm_type="column")
-    return int((found >= 0).sum())
+    partners = maximum_bipartite_matching(csr_array(pairs.astype(np.int8)), perm_type="column")
+    return int((partners >= 0).sum())
 
 
 def corpus(pairs: Sequence[NGrams]) -> Bleu:
     """BLEU of a corpus of pairs.
 
-    An order of which nothing was predicted though there was something to predict has precision 0; one of which the
-    truth has nothing either leaves BLEU undefined (NaN) from there on.
+    An order n with true n-grams but no predicted ones has precision 0. An order without either has precision NaN, and
+    so has BLEU from that order on.
     """
     matched = np.sum([p.matched for p in pairs], axis=0)
     predicted = np.sum([p.predicted for p in pairs], axis=0)

@@ -1,12 +1,12 @@
-"""Methods that join the words' own clips, as rows beside the paper's systems: every classical cutter with slerp and
-Hermite, and this project's own networks.
+"""Methods that splice the words' own clips, as rows next to the paper's systems: every classical cutter with slerp and
+Hermite, and this project's networks.
 
-They work on rotations; what they make is brought to the 159 numbers by forward kinematics, and the time that this
-takes counts as theirs. How long a transition takes is theirs to say or told: with a length of their own the paper's
-Accuracy and MSE see little but the length. Rows say what they were told. A classical row's own time is the rule
-``tempo``. The networks that ship never saw a word or a signer of the corpus; others may
-have been taught a split's training part. They cut as the corpus does, which shortens signs
-(``learned-fluent``), and their own time is the learned one without the floor that it has for viewers.
+They work on rotations. Forward kinematics turns their frames into the 159 numbers, and that time counts as theirs. A
+method either chooses the length of a transition itself or is given the true one, because the paper's Accuracy and MSE
+mostly measure the length where it is off. Rows state what they were given. Classical rows choose the length by the rule
+``tempo``. The networks that ship never saw a word or a signer of the corpus; other bundles may have been trained on the
+training part of a split. They cut as the corpus does, which shortens signs (``learned-fluent``), and choose the learned
+duration without the minimum that it has for viewers.
 """
 
 from __future__ import annotations
@@ -17,27 +17,33 @@ from functools import cached_property
 from pathlib import Path
 
 from signsplice.errors import InputError
+from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.paper.prediction import Prediction
+from signsplice.paper.results import GIVEN
 from signsplice.splicing.cut import CUTTERS, Cut
 from signsplice.splicing.duration import DEFAULT_DURATION
-from signsplice.splicing.filling import fill, n_shown_frames
+from signsplice.splicing.filling import fill
+from signsplice.splicing.gap import gap_at
 from signsplice.splicing.learned import FLUENT, LearnedDuration
 from signsplice.splicing.learned import NAME as LEARNED
 from signsplice.splicing.methods import ChosenMethods, choose, open_learned
 from signsplice.synth.corpus import Pairs, scaled_positions
 
 TRANSITIONS = ("slerp", "hermite")
-GIVEN = ("nothing", "length", "positions", "positions and length")
 TRUE_POSITIONS = "true-positions"
 
 
 @dataclass(frozen=True)
 class ClipMethod:
-    """A cutter and a transition by name; ``given`` is what it is told of the truth, one of ``GIVEN``; ``bundle`` the
-    folder of learned parts, by default that which ships.
+    """A cutter and a transition.
 
-    Raises ``InputError`` for unknown names, and learned ones where the bundle cannot be read.
+    - cutter: name of the cutter, or ``TRUE_POSITIONS``
+    - transition: name of the transition
+    - given: what the method is given of the truth, one of ``GIVEN``
+    - bundle: folder of the learned parts, None for the bundle that ships
+
+    Raises ``InputError`` for unknown names, and for learned parts whose bundle cannot be read.
     """
 
     cutter: str
@@ -48,76 +54,76 @@ class ClipMethod:
     def __post_init__(self) -> None:
         if self.given not in GIVEN or ("positions" in self.given) != (self.cutter == TRUE_POSITIONS):
             raise InputError(
-                f"{self.cutter} told {self.given!r}, expected one of {', '.join(GIVEN)}, positions for {TRUE_POSITIONS}"
+                f"{self.cutter} given {self.given!r}, expected one of {', '.join(GIVEN)}; "
+                f"only {TRUE_POSITIONS} takes positions"
             )
-        self.parts  # noqa: B018  # unknown names are refused here
+        self.parts  # noqa: B018  # raises for unknown names
 
     @property
     def name(self) -> str:
-        """cutter+transition."""
+        """The name in tables: cutter+transition."""
         return f"{self.cutter}+{self.transition}"
 
     @property
     def learned(self) -> bool:
-        """Whether a network of this project takes part."""
+        """Whether the method uses a network of this project."""
         return self.cutter == FLUENT or self.transition == LEARNED
 
     @property
-    def taught(self) -> dict[str, str] | None:
-        """Which ``corpus`` and ``split`` the networks that take part learned from; None where they never saw one.
+    def trained_on(self) -> dict[str, str] | None:
+        """The ``corpus`` and ``split`` that the method's networks learned from; None if they never saw a corpus.
 
-        Raises ``InputError`` where they learned from two.
+        Raises ``InputError`` if they learned from two.
         """
         if not self.learned:
             return None
-        found = {
-            tuple(facts["taught"].items()) for facts in open_learned(self.bundle).networks.values() if "taught" in facts
-        }
-        if len(found) > 1:
-            raise InputError(f"{self.bundle}: its networks learned from {len(found)} splits, expected one")
-        return dict(found.pop()) if found else None
+        networks = open_learned(self.bundle).networks.values()
+        sources = {tuple(network.trained_on.items()) for network in networks if network.trained_on}
+        if len(sources) > 1:
+            raise InputError(f"{self.bundle}: its networks learned from {len(sources)} splits, expected one")
+        return dict(sources.pop()) if sources else None
 
     @property
     def n_parameters(self) -> int:
-        """Parameters of the networks that take part, 0 without any."""
+        """Number of parameters of the networks in use."""
         if not self.learned:
             return 0
-        facts = open_learned(self.bundle).networks
-        timed = isinstance(self.parts.duration, LearnedDuration)
-        used = [
-            name for name, takes_part in (("cutter", timed), ("transition", self.transition == LEARNED)) if takes_part
-        ]
-        return sum(facts[name]["n_parameters"] for name in used)
+        networks = open_learned(self.bundle).networks
+        in_use = {
+            "cutter": isinstance(self.parts.duration, LearnedDuration),
+            "transition": self.transition == LEARNED,
+        }
+        return sum(networks[name].n_parameters for name, used in in_use.items() if used)
 
     @cached_property
     def parts(self) -> ChosenMethods:
-        """What does the work."""
+        """The cutter, transition and duration of these names."""
         cutter = "ends" if self.cutter == TRUE_POSITIONS else self.cutter
-        timed = self.cutter == FLUENT or (self.given == "positions" and self.learned)
-        parts = choose(cutter, self.transition, LEARNED if timed else DEFAULT_DURATION, self.bundle)
+        learned_duration = self.cutter == FLUENT or (self.given == "positions" and self.learned)
+        parts = choose(cutter, self.transition, LEARNED if learned_duration else DEFAULT_DURATION, self.bundle)
         if not isinstance(parts.duration, LearnedDuration):
             return parts
-        product_methods = LearnedDuration(parts.duration.reader, unhurried=False)
-        return ChosenMethods(parts.cutter, parts.transition, product_methods, parts.bundle)
+        duration = LearnedDuration(parts.duration.reader, unhurried=False)
+        return ChosenMethods(parts.cutter, parts.transition, duration, parts.bundle)
 
     def splice(self, before: Clip, after: Clip, truth: Cut, n_true: int) -> tuple[Cut, Clip]:
-        """The splice position and the transition between two words' clips; ``truth`` and ``n_true`` are looked at only
-        as far as ``told`` allows.
+        """The splice position and the transition between two words' clips.
+
+        truth, n_true: the true position and number of transition frames; used only as far as ``given`` allows.
         """
-        # A clip of its own for each pair: nothing that was read of it for another pair is remembered.
-        before, after = before[:], after[:]
-        cut = truth if "positions" in self.given else self.parts.cutter.cut(before, after)
+        # What was computed of these words for another pair must not shorten the measured time.
+        CACHE.forget(before, after)
+        if isinstance(self.parts.duration, LearnedDuration):
+            self.parts.duration.reader.forget(before, after)
+        cut = truth if "positions" in self.given else self.parts.cutter.cut_all([before, after])[0]
         n_frames = n_true
         if "length" not in self.given:
             n_frames = max(1, round(self.parts.duration.seconds(before, after, cut) * before.fps))
-        n_shown = n_shown_frames(before.fps)
-        kept = before[max(0, cut.pre + 1 - n_shown) : cut.pre + 1]
-        gap = (kept, after[cut.post : cut.post + n_shown], n_frames)
-        return cut, fill(self.parts.transition, [gap], None)[0].clip
+        return cut, fill(self.parts.transition, [gap_at(before, after, cut, n_frames)], None)[0].clip
 
 
 class ClipAnswers:
-    """A method's row on a corpus: called with a pair's number, it answers with a prediction."""
+    """A method on a corpus: a callable from a pair's number to its prediction."""
 
     def __init__(self, pairs: Pairs, method: ClipMethod) -> None:
         self.pairs, self.method = pairs, method
@@ -127,12 +133,12 @@ class ClipAnswers:
         """The prediction for a pair."""
         p, q, pre, post, _, count = self.pairs.index[number].tolist()
         cut, made = self.method.splice(self._clip(p), self._clip(q), Cut(pre, post), count)
-        who = self.pairs.signers[0 if p < len(self.pairs.head["words"]) // 2 else 1]
-        frames = scaled_positions(made.local_rotations, made.root_positions, who, made.fps)
+        signer = self.pairs.signers[0 if p < len(self.pairs.head["words"]) // 2 else 1]
+        frames = scaled_positions(made, signer.stature_cm)
         return Prediction(cut.pre, cut.post, frames)
 
     def prepare(self, numbers: Sequence[int]) -> None:
-        """Read the words of some pairs, so that reading them is not timed."""
+        """Read the words of these pairs, so that reading is not timed."""
         for p in sorted(set(self.pairs.index[list(numbers), :2].ravel().tolist())):
             self._clip(p)
 
@@ -142,20 +148,24 @@ class ClipAnswers:
         return self._clips[word]
 
 
-def classical() -> list[ClipMethod]:
-    """Each classical cutter with each transition, its own length and the true one; and both told the true positions."""
-    rows = [ClipMethod(c, t, told) for told in ("nothing", "length") for c in CUTTERS for t in TRANSITIONS]
-    rows += [ClipMethod(TRUE_POSITIONS, t, told) for told in GIVEN[2:] for t in TRANSITIONS]
+def classical_methods() -> list[ClipMethod]:
+    """Every classical cutter with every transition, without and with the true length; and both transitions at the true
+    positions.
+    """
+    rows = [ClipMethod(c, t, given) for given in ("nothing", "length") for c in CUTTERS for t in TRANSITIONS]
+    rows += [ClipMethod(TRUE_POSITIONS, t, given) for given in GIVEN[2:] for t in TRANSITIONS]
     return rows
 
 
 def product_methods(bundle: str | Path | None = None) -> list[ClipMethod]:
-    """The networks of this project: whole, cutter with a classical transition, transition told the truth."""
+    """Methods with the networks of this project: both networks, the cutter with a classical transition, and the
+    transition at the true positions.
+    """
     rows = [(FLUENT, LEARNED, "nothing"), (FLUENT, "hermite", "nothing")]
-    rows += [(TRUE_POSITIONS, LEARNED, told) for told in GIVEN[2:]]
+    rows += [(TRUE_POSITIONS, LEARNED, given) for given in GIVEN[2:]]
     return [ClipMethod(*row, bundle) for row in rows]
 
 
 def all_clip_methods() -> list[ClipMethod]:
-    """All rows; our own where the networks that ship can be read."""
-    return classical() + (product_methods() if choose().bundle is not None else [])
+    """All classical methods, and the product's where the networks that ship can be read."""
+    return classical_methods() + (product_methods() if choose().bundle is not None else [])

@@ -1,8 +1,7 @@
-"""What the paper does not measure and viewers see: distance in the body's size, how much moves, how smooth the seams
-are.
+"""Metrics beyond the paper's: joint distance in units of the body, amount of motion, and smoothness at the seams.
 
-All from the 159 numbers, scaled back. Distances are seen from the hips, without their turn, which the numbers do not
-show.
+All are computed from the 159 numbers, scaled back to metres. Positions are relative to the hips but not rotated with
+them, because the numbers hold no rotation of the hips.
 """
 
 from __future__ import annotations
@@ -15,13 +14,13 @@ from numpy.typing import NDArray
 
 from signsplice.motion.clip import Clip
 from signsplice.paper.prediction import Prediction
-from signsplice.rig import metrics, proportions
-from signsplice.rig.roles import find_roles
+from signsplice.rig import metrics
+from signsplice.rig.info import rig_info
 
 Float = NDArray[np.float64]
 
 CONTEXT = 8
-"""Frames on either side of a transition that its seams are judged with."""
+"""Frames on each side of a transition over which its seams are judged."""
 
 SIGNATURES = {
     "position_error": "position-error|joints:arms+fingers|frame:hips-place|unit:arm/1000|other-lengths:stretched|mean",
@@ -33,7 +32,16 @@ SIGNATURES = {
 
 @dataclass(frozen=True, eq=False)
 class NumberLayout:
-    """How the 159 numbers of a signer are read: joint indices, the arm's length in the numbers' unit, metres a unit."""
+    """How to read the 159 numbers of a signer.
+
+    - hips: joint index
+    - arms: joint indices of arms and fingers
+    - tips: joint indices of fingertips
+    - wrists: joint indices of both wrists
+    - arm_length: in the numbers' unit, the side of the cube
+    - metres: metres per unit
+    - fps: frames per second
+    """
 
     hips: int
     arms: tuple[int, ...]
@@ -46,8 +54,13 @@ class NumberLayout:
 
 @dataclass(frozen=True)
 class PairMotion:
-    """One pair: position error (arm / 1000), fingertip paths predicted and true, velocity jump (m/s), jerk ratio. NaN
-    where positions or frames are missing.
+    """The extra metrics of one pair; NaN where positions or frames are missing.
+
+    - position_error: mean joint distance, thousandths of the arm's length
+    - path: path length of the predicted fingertips, in the numbers' unit
+    - true_path: path length of the true fingertips, in the numbers' unit
+    - velocity_jump: largest jump of wrist velocity at the seams, m/s
+    - jerk_ratio: jerk in the transition over jerk in the signs around it
     """
 
     position_error: float
@@ -58,33 +71,36 @@ class PairMotion:
 
 
 def number_layout(clip: Clip, unit_cm: float) -> NumberLayout:
-    """How to read a signer's numbers: ``clip`` any of the signer's words, ``unit_cm`` the side of the cube."""
-    joints = find_roles(clip.skeleton).joints
+    """How to read a signer's numbers; ``clip`` is any word of the signer, ``unit_cm`` the side of the cube."""
+    joints = rig_info(clip.skeleton).roles.joints
     return NumberLayout(
         hips=joints["hips"],
         arms=tuple(metrics.arm_and_finger_joints(clip)),
         tips=tuple(metrics.fingertip_joints(clip)),
         wrists=(joints["leftHand"], joints["rightHand"]),
-        arm_length=proportions.sizes(clip.skeleton).arm_length / unit_cm,
+        arm_length=rig_info(clip.skeleton).sizes.arm_length / unit_cm,
         metres=unit_cm / 100.0,
         fps=clip.fps,
     )
 
 
 def utterance(before: Float, after: Float, prediction: Prediction) -> Float | None:
-    """The filter layer's Y (T, 159) = [P_1 .. P_pre, O, Q_post .. Q_M] (eq. 17); None where a position is missing."""
+    """Y (T, 159) = [P_1 .. P_pre, O, Q_post .. Q_M] of the filter layer (eq. 17); None if a position is missing."""
     if prediction.pre is None or prediction.post is None:
         return None
     return np.concatenate([before[: prediction.pre + 1], prediction.frames, after[prediction.post :]])
 
 
 def pair_motion(
-    prediction: Prediction, true: tuple[int, int, Float], words: tuple[Float, Float], number_layout: NumberLayout
+    prediction: Prediction, true: tuple[int, int, Float], words: tuple[Float, Float], layout: NumberLayout
 ) -> PairMotion:
-    """What the prediction for one pair looks like, beside pre, post and frames (m, 159) of the truth."""
+    """The extra metrics of one pair.
+
+    true: pre, post and frames (m, 159). words: frames (N, 159) and (M, 159) of both words.
+    """
     pre, post, frames = true
     nan = float("nan")
-    error = position_error(prediction.frames, frames, number_layout) if len(prediction.frames) and len(frames) else nan
+    error = position_error(prediction.frames, frames, layout) if len(prediction.frames) and len(frames) else nan
     whole = utterance(*words, prediction)
     if whole is None or prediction.pre is None:
         return PairMotion(error, nan, nan, nan, nan)
@@ -92,42 +108,42 @@ def pair_motion(
     true_whole = np.concatenate([words[0][pre : pre + 1], frames, words[1][post : post + 1]])
     first = min(prediction.pre + 1, CONTEXT)
     window = whole[prediction.pre + 1 - first : prediction.pre + 1 + n + CONTEXT]
-    wrists = _places(window)[:, list(number_layout.wrists)] * number_layout.metres
+    wrists = _positions(window)[:, list(layout.wrists)] * layout.metres  # (T, 2, 3)
     return PairMotion(
         position_error=error,
-        path=_path(whole[prediction.pre : prediction.pre + n + 2], number_layout),
-        true_path=_path(true_whole, number_layout),
-        velocity_jump=metrics.velocity_jump(wrists, first, first + n, number_layout.fps),
+        path=_path(whole[prediction.pre : prediction.pre + n + 2], layout),
+        true_path=_path(true_whole, layout),
+        velocity_jump=metrics.velocity_jump(wrists, first, first + n, layout.fps),
         jerk_ratio=metrics.jerk_ratio(wrists, first, first + n),
     )
 
 
-def position_error(predicted: Float, true: Float, number_layout: NumberLayout) -> float:
-    """Mean distance of elbows, wrists and finger joints, seen from the hips, in thousandths of the arm's length.
+def position_error(predicted: Float, true: Float, layout: NumberLayout) -> float:
+    """Mean distance of elbows, wrists and finger joints relative to the hips, in thousandths of the arm's length.
 
     A prediction of another length is stretched evenly onto the true one, first frame on first, last on last.
     """
-    there = _seen(stretched(predicted, len(true)), number_layout)[:, list(number_layout.arms)]
-    return float(
-        1000.0
-        * np.linalg.norm(there - _seen(true, number_layout)[:, list(number_layout.arms)], axis=-1).mean()
-        / number_layout.arm_length
-    )
+    arms = list(layout.arms)
+    made = _from_hips(stretched(predicted, len(true)), layout)[:, arms]  # (m, J, 3)
+    errors = np.linalg.norm(made - _from_hips(true, layout)[:, arms], axis=-1)
+    return float(1000.0 * errors.mean() / layout.arm_length)
 
 
 def stretched(frames: Float, count: int) -> Float:
-    """Frames (n, K) brought to ``count`` by linear interpolation, ends on ends."""
+    """Frames (n, K) resampled to (count, K) by linear interpolation, first frame on first, last on last."""
     if len(frames) == count:
         return frames
     at = np.linspace(0.0, len(frames) - 1.0, count)
     low = np.floor(at).astype(int)
     high = np.minimum(low + 1, len(frames) - 1)
-    share = (at - low)[:, None]
-    return np.asarray((1.0 - share) * frames[low] + share * frames[high])
+    alpha = (at - low)[:, None]
+    return np.asarray((1.0 - alpha) * frames[low] + alpha * frames[high])
 
 
 def summary(motions: Sequence[PairMotion]) -> dict[str, float]:
-    """Mean position error, sum of paths over sum of true paths, median velocity jump and jerk ratio."""
+    """Scores of a test set by name: mean position error, sum of paths over sum of true paths, median velocity jump and
+    median jerk ratio.
+    """
     known = [m for m in motions if not np.isnan(m.path)]
     true_path = sum(m.true_path for m in known)
     return {
@@ -138,21 +154,22 @@ def summary(motions: Sequence[PairMotion]) -> dict[str, float]:
     }
 
 
-def _over(values: Sequence[float], how: Callable[[list[float]], np.floating]) -> float:
-    there = [value for value in values if not np.isnan(value)]
-    return float(how(there)) if there else float("nan")
+def _over(values: Sequence[float], aggregate: Callable[[list[float]], np.floating]) -> float:
+    known = [value for value in values if not np.isnan(value)]
+    return float(aggregate(known)) if known else float("nan")
 
 
-def _places(frames: Float) -> Float:
+def _positions(frames: Float) -> Float:
+    """Joint positions (T, 53, 3) of frames (T, 159)."""
     return frames.reshape(len(frames), -1, 3)
 
 
-def _seen(frames: Float, number_layout: NumberLayout) -> Float:
-    places = _places(frames)
-    return np.asarray(places - places[:, number_layout.hips, None])
+def _from_hips(frames: Float, layout: NumberLayout) -> Float:
+    """Joint positions (T, 53, 3) relative to the hips."""
+    positions = _positions(frames)
+    return np.asarray(positions - positions[:, layout.hips, None])
 
 
-def _path(frames: Float, number_layout: NumberLayout) -> float:
-    return float(
-        np.linalg.norm(np.diff(_seen(frames, number_layout)[:, list(number_layout.tips)], axis=0), axis=-1).sum()
-    )
+def _path(frames: Float, layout: NumberLayout) -> float:
+    tips = _from_hips(frames, layout)[:, list(layout.tips)]
+    return float(np.linalg.norm(np.diff(tips, axis=0), axis=-1).sum())

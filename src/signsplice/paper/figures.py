@@ -1,4 +1,4 @@
-"""The paper's figures 4 to 7 from results.json and the few frames kept beside it, each as PNG and SVG."""
+"""The paper's figures 4 to 7 from results.json and frames.npz, each as PNG and SVG."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from signsplice.errors import MissingExtraError
 from signsplice.formats.atomic import replacing
 from signsplice.paper import published
-from signsplice.paper.kept_frames import HERMITE, SIGNSPLICE, KeptFrames
+from signsplice.paper.kept_frames import HERMITE, PRODUCT, KeptFrames
 from signsplice.paper.results import Curve, ResultRow, Results
 from signsplice.paper.tables import OPTIMISERS, pick
 
@@ -22,28 +22,28 @@ SIZE = (5.2, 3.6)
 SPLIT = "random"
 
 
-def write(results: Results, shots: Sequence[KeptFrames], folder: Path, scale: str) -> tuple[list[Path], list[str]]:
-    """Draw every figure that there are numbers for, by AdamW and, with ``-sgd`` in its name, by SGD: the paths written,
-    and the names of figures that nothing was measured for.
+def write(results: Results, kept: Sequence[KeptFrames], folder: Path, scale: str) -> tuple[list[Path], list[str]]:
+    """The paths of the figures written, and the names of the figures that have no numbers.
 
-    Raises ``MissingExtraError`` without matplotlib.
+    Figures 4 and 5 are drawn for AdamW, and for SGD with ``-sgd`` in the name. Raises ``MissingExtraError`` without
+    matplotlib.
     """
-    from signsplice.paper.pictures import draw_shots
+    from signsplice.paper.pictures import draw_pairs
 
     pyplot = plotting()
     written: list[Path] = []
     left_out: list[str] = []
     for optimiser in OPTIMISERS:
-        own = _Numbers(results, scale, optimiser)
-        drawings: dict[str, Callable[[Any], bool]] = {
-            "figure4a": own.accuracy_by_fr,
-            "figure4b": own.time_and_error_by_fr,
-            "figure4c": partial(own.accuracy, systems=published.TABLE_1),
-            "figure4d": partial(own.error_against_time, systems=published.TABLE_1, classical=True),
-            "figure5a": partial(own.accuracy, systems=published.TABLE_3),
-            "figure5b": partial(own.error_against_time, systems=published.TABLE_3, classical=False),
+        plots = _Plots(results, scale, optimiser)
+        by_name: dict[str, Callable[[Any], bool]] = {
+            "figure4a": plots.accuracy_by_fr,
+            "figure4b": plots.time_and_error_by_fr,
+            "figure4c": partial(plots.accuracy, systems=published.TABLE_1),
+            "figure4d": partial(plots.error_against_time, systems=published.TABLE_1, clip_methods=True),
+            "figure5a": partial(plots.accuracy, systems=published.TABLE_3),
+            "figure5b": partial(plots.error_against_time, systems=published.TABLE_3, clip_methods=False),
         }
-        for name, draw in drawings.items():
+        for name, draw in by_name.items():
             name = name if optimiser == "adamw" else f"{name}-{optimiser}"
             figure, ax = pyplot.subplots(figsize=SIZE, constrained_layout=True)
             if draw(ax):
@@ -51,8 +51,8 @@ def write(results: Results, shots: Sequence[KeptFrames], folder: Path, scale: st
             else:
                 left_out.append(name)
             pyplot.close(figure)
-    for name, chosen in (("figure6", shots[:1]), ("figure7", shots[1:])):
-        figure = draw_shots(pyplot, chosen, scale)
+    for name, chosen in (("figure6", kept[:1]), ("figure7", kept[1:])):
+        figure = draw_pairs(pyplot, chosen, scale)
         if figure is None:
             left_out.append(name)
         else:
@@ -62,7 +62,10 @@ def write(results: Results, shots: Sequence[KeptFrames], folder: Path, scale: st
 
 
 def plotting() -> Any:
-    """Pyplot of matplotlib, drawing to files, the same bytes for the same numbers. Raises ``MissingExtraError``."""
+    """Matplotlib's pyplot, set to draw to files and to write the same bytes for the same numbers.
+
+    Raises ``MissingExtraError`` without matplotlib.
+    """
     try:
         import matplotlib
     except ImportError as error:
@@ -75,29 +78,27 @@ def plotting() -> Any:
 
 
 def save(figure: Any, path: Path) -> list[Path]:
-    """Write a figure as PNG and SVG, each whole or not at all."""
+    """Write a figure as PNG and SVG, each atomically; the paths written."""
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # laid out once, not for every file
+    figure.set_layout_engine("none")  # keep the layout of the first drawing for both files
     out = []
     for suffix, metadata in ((".png", {"Software": None}), (".svg", {"Date": None})):
         target = path.with_suffix(suffix)
         with replacing(target) as temporary:
             figure.savefig(temporary, dpi=130, format=suffix[1:], metadata=metadata)
-            if suffix == ".svg":  # six decimals of a point are half of the file
+            if suffix == ".svg":  # six decimals per coordinate double the file's size
                 text = temporary.read_text(encoding="utf-8")
                 temporary.write_text(re.sub(r"(\.\d\d)\d+", r"\1", text), encoding="utf-8")
         out.append(target)
     return out
 
 
-class _Numbers:
-    """What the figures of one scale and optimiser are drawn from; each method draws on axes and says whether it
-    could.
-    """
+class _Plots:
+    """The plots of one scale and optimiser; each method draws on axes and returns whether it had enough rows."""
 
     def __init__(self, results: Results, scale: str, optimiser: str) -> None:
         self.results, self.scale, self.optimiser = results, scale, optimiser
-        self.told = f"{OPTIMISERS[optimiser]}, scale {scale}"
+        self.setting = f"{OPTIMISERS[optimiser]}, scale {scale}"
 
     def accuracy_by_fr(self, ax: Any) -> bool:
         """Figure 4(a)."""
@@ -106,7 +107,7 @@ class _Numbers:
             return False
         for n, fr in enumerate(sorted(by_fr)):
             _line(ax, by_fr[fr].points, f"fr = {fr}", n)
-        return _finish_curves(ax, f"Accuracy over training by fr ({self.told})")
+        return _finish_curves(ax, f"Accuracy over training by fr ({self.setting})")
 
     def time_and_error_by_fr(self, ax: Any) -> bool:
         """Figure 4(b)."""
@@ -123,11 +124,11 @@ class _Numbers:
         other.plot(at, [row.score("mse") for row in chosen], "o-", color=COLOURS[1])
         other.set_ylabel("MSE (line)", color=COLOURS[1])
         other.set_ylim(0.0, 1.2 * max(row.score("mse") for row in chosen))
-        ax.set_title(f"Prediction time and MSE by fr ({self.told})", fontsize=10)
+        ax.set_title(f"Prediction time and MSE by fr ({self.setting})", fontsize=10)
         return True
 
     def accuracy(self, ax: Any, systems: Iterable[str]) -> bool:
-        """Figures 4(c) and 5(a). Systems that share the network that makes frames share its curve."""
+        """Figures 4(c) and 5(a). Systems that share the network for frames share its curve."""
         drawn: dict[tuple[tuple[float, float], ...], tuple[list[str], int]] = {}
         for n, system in enumerate(systems):
             curves = [c for c in self._curves(system) if c.fr in (None, published.BEST_FR)]
@@ -137,23 +138,23 @@ class _Numbers:
         for points, (names, n) in drawn.items():
             _line(ax, points, ", ".join(names), n)
         n_systems = sum(len(names) for names, _ in drawn.values())
-        return n_systems > 1 and _finish_curves(ax, f"Accuracy over training ({self.told})")
+        return n_systems > 1 and _finish_curves(ax, f"Accuracy over training ({self.setting})")
 
-    def error_against_time(self, ax: Any, systems: Iterable[str], classical: bool) -> bool:
-        """Figures 4(d) and 5(b), and where asked for two classical rows that are told the length, and our networks."""
+    def error_against_time(self, ax: Any, systems: Iterable[str], clip_methods: bool) -> bool:
+        """Figures 4(d) and 5(b); ``clip_methods`` adds two classical rows with given length, and the product."""
         rows = list(pick(self.results, self.scale, SPLIT, self.optimiser, systems).values())
         if len(rows) < 2:
             return False
         for n, row in enumerate(rows):
             below = any(_close(row, other) for other in rows[:n])
             _point(ax, row, published.name(row.system), COLOURS[n], "o", below)
-        if classical:
-            for system, told, name, colour in (
+        if clip_methods:
+            for system, given, name, colour in (
                 ("pose-velocity+hermite", "length", "pose-velocity+hermite,\ntold length", "#9a9a9a"),
                 (*HERMITE, "true-positions+hermite,\ntold positions and length", "#9a9a9a"),
-                (*SIGNSPLICE, "signsplice", "#1b1b1b"),
+                (*PRODUCT, "signsplice", "#1b1b1b"),
             ):
-                for row in self.results.find(system=system, told=told, split=SPLIT, part="test"):
+                for row in self.results.find(system=system, given=given, split=SPLIT, part="test"):
                     _point(ax, row, name, colour, "s")
         ax.axhline(published.VISIBLE, color="#b04a5a", ls=":", lw=1)
         ax.annotate("seen by viewers above (paper)", (0.01, published.VISIBLE), xycoords=("axes fraction", "data"),
@@ -161,7 +162,7 @@ class _Numbers:
         ax.set(xscale="log", yscale="log", xlabel="mean prediction time, ms a pair", ylabel="MSE")
         ax.margins(0.3)
         _plain_ticks(ax)
-        ax.set_title(f"MSE against prediction time ({self.told})", fontsize=10)
+        ax.set_title(f"MSE against prediction time ({self.setting})", fontsize=10)
         return True
 
     def _curves(self, system: str) -> list[Curve]:
@@ -188,7 +189,7 @@ def _finish_curves(ax: Any, title: str) -> bool:
 
 
 def _plain_ticks(ax: Any) -> None:
-    """Ticks of logarithmic axes at 1, 2 and 5 in plain decimals."""
+    """Put the ticks of logarithmic axes at 1, 2 and 5, in plain decimals."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     for axis in (ax.xaxis, ax.yaxis):
@@ -198,7 +199,7 @@ def _plain_ticks(ax: Any) -> None:
 
 
 def _close(a: ResultRow, b: ResultRow) -> bool:
-    """Whether the names of two points would lie upon one another."""
+    """Whether the labels of two points would overlap."""
     return all(abs(np.log(a.score(name) / b.score(name))) < 0.15 for name in ("ms_mean", "mse"))
 
 

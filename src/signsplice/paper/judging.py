@@ -1,202 +1,205 @@
-"""Rows of results: every bundle of a folder and every method on clips, judged on every split that allows it."""
+"""Judging: every bundle of a folder and every method on clips, on every split that allows it."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from signsplice.errors import InputError
-from signsplice.formats.atomic import read_bytes
-from signsplice.paper import clip_methods, kept_frames, protocol, published, results
+from signsplice.paper import bundles, clip_methods, kept_frames, protocol, published, results
 from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
+from signsplice.paper.environment import environment
+from signsplice.paper.kept_frames import KeptFrames
 from signsplice.paper.protocol import Answer, Protocol
-from signsplice.paper.results import CLASSICAL, OWN, TAUGHT, Curve, ResultRow, Results
+from signsplice.paper.results import CLASSICAL, CORPUS_TRAINED, SHIPPED, Curve, ResultRow, Results
+from signsplice.paper.systems import open_bundle
+from signsplice.splicing.bundle import read_config
 from signsplice.splicing.learned import SYSTEM
 from signsplice.synth.corpus import Pairs
 
-Advance = Callable[[str], AbstractContextManager[Callable[[int, int], None] | None]]
+ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None] | None]]
+"""Title -> a context that yields a callback (done, total), or None."""
+Warn = Callable[[str], object]
 Opener = Callable[[Path, str], Any]
-"""A bundle's folder and how its frames are to be decoded -> the system."""
-
-RESULTS, SHOTS = "results.json", "frames.npz"
+"""A bundle's folder and a decoding -> the system."""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What one call adds: rows and curves, and the frames for the pictures."""
+    """What judging one method or bundle adds.
+
+    - rows: new rows, one for each split
+    - curves: the bundle's training curve, if any
+    - kept: the frames for figures 6 and 7, with those of this method or bundle
+    """
 
     rows: tuple[ResultRow, ...]
     curves: tuple[Curve, ...]
-    shots: tuple[kept_frames.KeptFrames, ...]
+    kept: tuple[KeptFrames, ...]
 
 
-def facts(folder: Path) -> dict[str, Any]:
-    """What a bundle says of itself. Raises ``InputError`` where it is none."""
-    try:
-        told = json.loads(read_bytes(folder / "bundle.json"))
-    except ValueError as error:
-        raise InputError(f"{folder / 'bundle.json'}: is no JSON ({error})") from error
-    if not isinstance(told, dict):
-        raise InputError(f"{folder / 'bundle.json'}: expected an object")
-    return told
+@dataclass(frozen=True)
+class Judge:
+    """How to judge, and what is known already.
 
-
-def find_bundles(bundles: Path, scale: str) -> list[Path]:
-    """Folders of bundles of a scale, by name."""
-    if not bundles.is_dir():
-        return []
-    return [path.parent for path in sorted(bundles.glob("*/bundle.json")) if facts(path.parent).get("scale") == scale]
-
-
-def corpus_trained_methods(bundles: Path, warn: Callable[[str], object]) -> list[ClipMethod]:
-    """Rows of this project's networks in a folder of bundles, those that learned from a corpus of pairs. A bundle that
-    cannot be judged, or the second of a split, is passed over with a line to ``warn``.
+    - pairs: the corpus
+    - known: earlier results; rows of the same bundle, protocol and metrics are not judged again
+    - progress: makes a progress bar
+    - opener: opens a bundle
+    - limit: largest number of pairs of a split, None for all
+    - again: whether to judge known rows again
     """
-    made: dict[tuple[str, ...], list[ClipMethod]] = {}
-    for path in sorted(bundles.glob("*/bundle.json")) if bundles.is_dir() else []:
-        told = facts(path.parent)
-        networks = told.get("networks", {}) if told.get("system") == SYSTEM else {}
-        if not any("taught" in network for network in networks.values()):
-            continue
-        try:
-            methods = clip_methods.product_methods(path.parent)
-            known = tuple((methods[0].taught or {}).values())
-            if known in made:
-                raise InputError(f"{path.parent}: taught {' '.join(known)} as another bundle is; move one away")
-            made[known] = methods
-        except InputError as error:
-            warn(f"not judged: {error}")
-    return [method for methods in made.values() for method in methods]
 
+    pairs: Pairs
+    known: Results
+    progress: ProgressBar
+    opener: Opener = open_bundle
+    limit: int | None = None
+    again: bool = False
 
-def splits(pairs: Pairs, limit: int | None = None) -> list[Protocol]:
-    """The test part of every split that has a pair in it."""
-    return [protocol.choose(pairs, split, limit=limit) for split in protocol.SPLITS if pairs.split(split, "test")]
+    def protocols(self) -> list[Protocol]:
+        """The test part of every split that has pairs in it. Raises ``InputError`` if none has."""
+        splits = [split for split in protocol.SPLITS if self.pairs.split(split, "test")]
+        if not splits:
+            raise InputError(f"{self.pairs.folder}: no pair to test in any split; make a corpus of more words")
+        return [protocol.choose(self.pairs, split, limit=self.limit) for split in splits]
 
+    def judgements(
+        self, methods: Iterable[ClipMethod], folders: Sequence[Path], kept: Sequence[KeptFrames]
+    ) -> Iterator[Judgement]:
+        """Judge methods on clips, then bundles; one judgement each. ``kept``: frames kept earlier."""
+        protocols = self.protocols()
+        frames = kept_frames.merge(kept, kept_frames.choose(self.pairs, protocols[0]))
+        for method in methods:
+            judgement = self.judge_method(method, protocols, frames)
+            frames = list(judgement.kept)
+            yield judgement
+        for folder in folders:
+            judgement = self.judge_bundle(folder, protocols, frames)
+            frames = list(judgement.kept)
+            yield judgement
 
-def everything(
-    pairs: Pairs,
-    bundles: Sequence[Path],
-    known: Results,
-    kept: Sequence[kept_frames.KeptFrames],
-    progress: Advance,
-    opener: Opener | None = None,
-    limit: int | None = None,
-    again: bool = False,
-    methods: Iterable[ClipMethod] | None = None,
-) -> Iterator[Judgement]:
-    """Judge methods on clips and bundles, a judgement for each; what ``known`` has already of the same bundle,
-    protocol and measures is passed over unless ``again``.
+    def judge_method(self, method: ClipMethod, protocols: Sequence[Protocol], kept: list[KeptFrames]) -> Judgement:
+        """Judge a method on clips. One whose networks learned from the corpus is judged only where that is allowed."""
+        answer, source = ClipAnswers(self.pairs, method), method.trained_on
+        allowed = [p for p in protocols if source is None or protocol.may_judge(source, self.pairs, p)]
+        scale, bundle = CLASSICAL, method.parts.bundle
+        if method.learned:
+            scale = SHIPPED if source is None else CORPUS_TRAINED
+        row = ResultRow(method.name, "", scale, given=method.given, bundle=bundle and bundle[:12])
+        shown = source is None and (method.name, method.given) in kept_frames.SHOWN_METHODS
+        label = kept_frames.label(method.name, scale, "", method.given) if shown else ""
+        rows, kept = self._rows(row, label, answer, allowed, kept, answer.prepare)
+        return Judgement(tuple(rows), (), tuple(kept))
 
-    progress: makes a progress bar by name. opener: the project's own by default.
-    """
-    protocols = splits(pairs, limit)
-    chosen = kept_frames.merge(kept, kept_frames.choose(pairs, protocols[0])) if protocols else []
-    for method in clip_methods.all_clip_methods() if methods is None else methods:
-        answer, taught = ClipAnswers(pairs, method), method.taught
-        allowed = [p for p in protocols if taught is None or protocol.may_judge(taught, pairs, p)]
-        scale, sha256 = (
-            (OWN if taught is None else TAUGHT) if method.learned else CLASSICAL,
-            method.parts.bundle,
-        )
-        row = ResultRow(method.name, "", scale, given=method.given, bundle=sha256 and sha256[:12])
-        shown = taught is None and (method.name, method.given) in kept_frames.SHOWN_METHODS
-        name = kept_frames.label(method.name, scale, "", method.given) if shown else ""
-        rows, chosen = _judge(row, name, answer, allowed, pairs, known, chosen, progress, again, answer.prepare)
-        yield Judgement(tuple(rows), (), tuple(chosen))
-    for folder in bundles:
-        told = facts(folder)
-        allowed = [p for p in protocols if protocol.may_judge(told, pairs, p)]
+    def judge_bundle(self, folder: Path, protocols: Sequence[Protocol], kept: list[KeptFrames]) -> Judgement:
+        """Judge a bundle, and where its network can, a second time with all frames made in one pass.
+
+        Raises ``InputError`` if no protocol allows it.
+        """
+        config = read_config(folder)
+        allowed = [p for p in protocols if protocol.may_judge(config.stored, self.pairs, p)]
         if not allowed:
-            protocol.refuse(told, pairs, protocols[0], folder.name)
-        row = ResultRow(split="", **results.bundle_row(told, folder))
-        best = row.fr in (None, published.BEST_FR)
-        name = kept_frames.label(row.system, row.scale, row.optimiser) if best else ""
-        rows, chosen = _judge(
-            row, name, _LazySystem(folder, pairs, opener), allowed, pairs, known, chosen, progress, again
+            protocol.check_allowed(config.stored, self.pairs, protocols[0], folder.name)
+        row = bundles.result_row(config, folder)
+        best_fr = row.fr in (None, published.BEST_FR)
+        label = kept_frames.label(row.system, row.scale, row.optimiser) if best_fr else ""
+        rows, kept = self._rows(row, label, _LazySystem(self, folder, "one-by-one"), allowed, kept)
+        if best_fr and row.system in published.IN_ONE_PASS:
+            one_pass = replace(row, system=published.IN_ONE_PASS[row.system])
+            rows += self._rows(one_pass, "", _LazySystem(self, folder, "parallel"), allowed, kept)[0]
+        curve = bundles.training_curve(folder, config, row)
+        return Judgement(tuple(rows), () if curve is None else (curve,), tuple(kept))
+
+    def _rows(
+        self,
+        like: ResultRow,
+        label: str,
+        answer: Answer,
+        protocols: Sequence[Protocol],
+        kept: list[KeptFrames],
+        prepare: Callable[[Sequence[int]], None] | None = None,
+    ) -> tuple[list[ResultRow], list[KeptFrames]]:
+        """New rows on some protocols, and the kept frames with those for the random split under ``label``, if any."""
+        rows = []
+        shared = {**environment(), "metrics_id": results.signature_id()}
+        for p in protocols:
+            row = replace(like, split=p.split, part=p.part, corpus=p.corpus, protocol=p.signature, **shared)
+            if not self.again and self._is_known(row) and all(not label or label in pair.made for pair in kept):
+                continue
+            if prepare is not None:
+                prepare(p.numbers)
+            with self.progress(f"{like.system}, {p.split}") as advance:
+                judged = protocol.judge(answer, self.pairs, p, advance)
+            rows.append(replace(row, scores=results.finite(judged.scores), n_pairs=judged.n_pairs))
+            if p.split == "random" and label:
+                kept = kept_frames.with_answers(kept, label, answer)
+        return rows, kept
+
+    def _is_known(self, row: ResultRow) -> bool:
+        """Whether a row of the same key was judged on the same bundle, by the same protocol and metrics."""
+        old = next((known for known in self.known.rows if known.key == row.key), None)
+        return old is not None and (old.bundle, old.protocol, old.metrics_id) == (
+            row.bundle,
+            row.protocol,
+            row.metrics_id,
         )
-        if best and row.system in published.IN_ONE_PASS:
-            once, answer_of = (
-                replace(row, system=published.IN_ONE_PASS[row.system]),
-                _LazySystem(folder, pairs, opener, True),
-            )
-            rows += _judge(once, "", answer_of, allowed, pairs, known, chosen, progress, again)[0]
-        curve = read_curve(folder, told, row)
-        yield Judgement(tuple(rows), () if curve is None else (curve,), tuple(chosen))
 
 
 class _LazySystem:
-    """A bundle's answers; it is opened when the first pair comes."""
+    """The answers of a bundle, which is opened for the first pair."""
 
-    def __init__(self, folder: Path, pairs: Pairs, opener: Opener | None, one_pass: bool = False) -> None:
-        self.folder, self.pairs, self.opener = folder, pairs, opener
-        self.decoding = "parallel" if one_pass else "one-by-one"
+    def __init__(self, judge: Judge, folder: Path, decoding: str) -> None:
+        self.judge, self.folder, self.decoding = judge, folder, decoding
         self._answer: Answer | None = None
 
     def __call__(self, number: int) -> Any:
         if self._answer is None:
-            opener = self.opener
-            if opener is None:
-                from signsplice.paper.systems import open_bundle
-
-                opener = open_bundle
-            self._answer = protocol.answers(self.pairs, opener(self.folder, self.decoding))
+            self._answer = protocol.answers(self.judge.pairs, self.judge.opener(self.folder, self.decoding))
         return self._answer(number)
 
 
-def _judge(
-    like: ResultRow,
-    name: str,
-    answer: Answer,
-    protocols: Sequence[Protocol],
-    pairs: Pairs,
-    known: Results,
-    kept: list[kept_frames.KeptFrames],
-    progress: Advance,
-    again: bool,
-    prepare: Callable[[Sequence[int]], None] | None = None,
-) -> tuple[list[ResultRow], list[kept_frames.KeptFrames]]:
-    """Rows of one answerer on some protocols, and the shots with its frames where the random split is among them."""
-    rows = []
-    around = results.surroundings()
-    for p in protocols:
-        row = replace(like, split=p.split, part=p.part, corpus=p.corpus, protocol=p.signature, **around)
-        old = next((r for r in known.rows if r.key == row.key), None)
-        if old is not None and not again and _same(old, row) and all(not name or name in s.made for s in kept):
-            continue
-        if prepare is not None:
-            prepare(p.numbers)
-        with progress(f"{like.system}, {p.split}") as advance:
-            judged = protocol.judge(answer, pairs, p, advance)
-        rows.append(replace(row, scores=results.finite(judged.scores), n_pairs=judged.n_pairs))
-        if p.split == "random" and name:
-            kept = kept_frames.shown(kept, name, answer)
-    return rows, kept
+def corpus_trained_methods(folder: Path, warn: Warn) -> list[ClipMethod]:
+    """Methods of this project's networks that were trained on a corpus of pairs, from the bundles in a folder.
 
-
-def _same(old: ResultRow, new: ResultRow) -> bool:
-    return (old.bundle, old.protocol, old.measures) == (new.bundle, new.protocol, new.measures)
-
-
-def read_curve(folder: Path, told: Mapping[str, Any], row: ResultRow) -> Curve | None:
-    """Validation accuracy by step from the training log beside a bundle (JSON lines with ``step`` and ``accuracy``);
-    None where there is none.
+    A bundle that cannot be judged, or a second one of the same split, is skipped with a warning.
     """
-    points = []
-    for path in sorted(folder.glob("*.jsonl")):
-        for line in read_bytes(path).decode("utf-8").splitlines():
-            try:
-                entry = json.loads(line)
-            except ValueError:
-                continue
-            value = entry.get("accuracy", entry.get("valid_accuracy")) if isinstance(entry, dict) else None
-            if value is not None and "step" in entry:
-                points.append((float(entry["step"]), float(value)))
-    if not points:
-        return None
-    split = str(told.get("split", ""))
-    return Curve(row.system, split, row.scale, row.optimiser, row.fr, row.seed, results.thinned(sorted(points)))
+    by_source: dict[tuple[str, ...], list[ClipMethod]] = {}
+    for bundle in bundles.all_bundles(folder):
+        config = read_config(bundle)
+        if config.system != SYSTEM or not any(network.trained_on for network in config.networks.values()):
+            continue
+        try:
+            methods = clip_methods.product_methods(bundle)
+            source = tuple((methods[0].trained_on or {}).values())
+            if source in by_source:
+                raise InputError(f"{bundle}: trained on {' '.join(source)} like another bundle; move one away")
+            by_source[source] = methods
+        except InputError as error:
+            warn(f"not judged: {error}")
+    return [method for methods in by_source.values() for method in methods]
+
+
+def evaluate(
+    judge: Judge, out: Path, folder: Path, scale: str, systems: Sequence[str], warn: Warn
+) -> tuple[int, Results]:
+    """Judge the methods on clips and the bundles in ``folder``: the number of new rows, and all results.
+
+    results.json and frames.npz in ``out`` are written after every method and bundle, so that an interrupted call loses
+    at most one. ``judge.known`` are the results before. ``systems``: judge only their bundles, if any are named.
+    """
+    chosen = [b for b in bundles.of_scale(folder, scale) if not systems or read_config(b).system in systems]
+    if not chosen:
+        warn(f"{folder}: no bundle of scale {scale} there; only methods on clips are judged")
+    methods = [*clip_methods.all_clip_methods(), *corpus_trained_methods(folder, warn)]
+    known, n_rows = judge.known, 0
+    for judgement in judge.judgements(methods, chosen, kept_frames.load(out / kept_frames.FILE)):
+        n_rows += len(judgement.rows)
+        if judgement.rows or judgement.curves:
+            known = known.merged(judgement.rows, judgement.curves)
+            results.save(known, out / results.FILE)
+            kept_frames.save(judgement.kept, out / kept_frames.FILE)
+    return n_rows, known

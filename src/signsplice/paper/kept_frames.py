@@ -1,4 +1,4 @@
-"""A few pairs' transition frames as every system made them, kept beside results.json for figures 6 and 7."""
+"""frames.npz: the transition frames that every system made for a few pairs, for figures 6 and 7."""
 
 from __future__ import annotations
 
@@ -18,19 +18,27 @@ from signsplice.synth.rng import stream
 
 Float = NDArray[np.float64]
 
+FILE = "frames.npz"
 COUNT = 3
+"""Number of pairs."""
 SHORTEST = 6
-"""Frames that a transition shown has at least."""
+"""Fewest frames of a transition that is shown."""
 
-HERMITE, SIGNSPLICE = ("true-positions+hermite", "positions and length"), ("learned-fluent+learned", "nothing")
-SHOWN_METHODS = (HERMITE, SIGNSPLICE)
-"""Methods on clips that are shown beside the systems, and what they are told."""
+HERMITE, PRODUCT = ("true-positions+hermite", "positions and length"), ("learned-fluent+learned", "nothing")
+SHOWN_METHODS = (HERMITE, PRODUCT)
+"""Methods on clips that are shown next to the systems: name, and what they are given."""
 
 
 @dataclass(frozen=True, eq=False)
 class KeptFrames:
-    """A pair: its words' names, the frame before the transition and the one after (1, 159), the true frames between,
-    and the frames that each system made, by a name that tells scale and optimiser too.
+    """One pair and the transitions made for it.
+
+    - number: the pair's number in the corpus
+    - name: the glosses of both words
+    - before: the frame before the transition (1, 159)
+    - after: the frame after the transition (1, 159)
+    - truth: the true transition (n, 159)
+    - made: transitions (m, 159) by the ``label`` of the row that made them
     """
 
     number: int
@@ -41,19 +49,19 @@ class KeptFrames:
     made: Mapping[str, Float] = field(default_factory=dict)
 
 
-def label(system: str, scale: str, optimiser: str, told: str = "nothing") -> str:
-    """The name of a row's frames in a shot."""
-    return "/".join((scale, optimiser, system, told))
+def label(system: str, scale: str, optimiser: str, given: str = "nothing") -> str:
+    """The name of a row's frames in ``made``."""
+    return "/".join((scale, optimiser, system, given))
 
 
 def choose(pairs: Pairs, protocol: Protocol, count: int = COUNT) -> list[KeptFrames]:
-    """Pairs for the pictures, drawn once and for all from those judged whose transition is long enough to be seen."""
+    """A fixed choice of judged pairs with a transition long enough to be shown, without frames made for them."""
     long = [k for k in protocol.numbers if pairs.index[k, 5] >= SHORTEST] or list(protocol.numbers)
-    drawn = stream("paper-shots", len(long)).permutation(len(long))[:count]
-    return [_shot(pairs, long[k]) for k in drawn.tolist()]
+    order = stream("paper-shots", len(long)).permutation(len(long))[:count]
+    return [_kept_pair(pairs, long[k]) for k in order.tolist()]
 
 
-def _shot(pairs: Pairs, number: int) -> KeptFrames:
+def _kept_pair(pairs: Pairs, number: int) -> KeptFrames:
     p, q = pairs.index[number, :2].tolist()
     pre, post, truth = pairs.truth(number)
     words = pairs.head["words"]
@@ -61,35 +69,35 @@ def _shot(pairs: Pairs, number: int) -> KeptFrames:
     return KeptFrames(number, name, pairs.word(p)[pre : pre + 1], pairs.word(q)[post : post + 1], truth)
 
 
-def shown(shots: Sequence[KeptFrames], name: str, answer: Answer) -> list[KeptFrames]:
-    """The shots with what a row answers for them."""
-    return [replace(shot, made={**shot.made, name: answer(shot.number).frames.astype(np.float32)}) for shot in shots]
+def with_answers(kept: Sequence[KeptFrames], name: str, answer: Answer) -> list[KeptFrames]:
+    """The pairs with the frames that ``answer`` makes for them, under ``name``."""
+    return [replace(pair, made={**pair.made, name: answer(pair.number).frames.astype(np.float32)}) for pair in kept]
 
 
 def merge(known: Sequence[KeptFrames], chosen: Sequence[KeptFrames]) -> list[KeptFrames]:
-    """The chosen shots, with what earlier ones of the same truth have."""
-    before = {shot.number: shot for shot in known}
+    """The chosen pairs, with the frames that ``known`` holds for the same pair and truth."""
+    by_number = {pair.number: pair for pair in known}
     out = []
-    for shot in chosen:
-        old = before.get(shot.number)
-        same = old is not None and old.name == shot.name and np.array_equal(old.truth, shot.truth)
-        out.append(replace(shot, made={**old.made, **shot.made}) if same and old is not None else shot)
+    for pair in chosen:
+        old = by_number.get(pair.number)
+        same = old is not None and old.name == pair.name and np.array_equal(old.truth, pair.truth)
+        out.append(replace(pair, made={**old.made, **pair.made}) if same and old is not None else pair)
     return out
 
 
-def save(shots: Sequence[KeptFrames], path: Path) -> None:
-    """Write shots whole or not at all."""
+def save(kept: Sequence[KeptFrames], path: Path) -> None:
+    """Write the pairs and their frames atomically."""
     arrays: dict[str, NDArray[np.generic]] = {}
-    for shot in shots:
-        parts = {"before": shot.before, "after": shot.after, "truth": shot.truth, "name": np.array(shot.name)}
-        arrays |= {f"{shot.number}|{part}": np.asarray(value) for part, value in parts.items()}
-        arrays |= {f"{shot.number}|made|{name}": np.asarray(frames, np.float32) for name, frames in shot.made.items()}
+    for pair in kept:
+        parts = {"before": pair.before, "after": pair.after, "truth": pair.truth, "name": np.array(pair.name)}
+        arrays |= {f"{pair.number}|{part}": np.asarray(value) for part, value in parts.items()}
+        arrays |= {f"{pair.number}|made|{name}": np.asarray(frames, np.float32) for name, frames in pair.made.items()}
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)
 
 
 def load(path: Path) -> list[KeptFrames]:
-    """Shots from a file; none where there is no file. Raises ``InputError`` for a file that is something else."""
+    """The pairs and frames in a file, none if there is no file. Raises ``InputError`` for a file of another kind."""
     if not path.exists():
         return []
     try:
@@ -98,7 +106,7 @@ def load(path: Path) -> list[KeptFrames]:
         numbers = list(dict.fromkeys(int(name.split("|")[0]) for name in arrays))
         return [_read(arrays, number) for number in numbers]
     except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: holds no frames of this project ({error}); remove it and judge anew") from error
+        raise InputError(f"{path}: holds no frames of this project ({error}); remove it and judge again") from error
 
 
 def _read(arrays: Mapping[str, NDArray[np.generic]], number: int) -> KeptFrames:

@@ -1,4 +1,4 @@
-"""Tables as data, and the two ways they are written: Markdown and LaTeX."""
+"""Tables as data, and their two written forms: Markdown and LaTeX."""
 
 from __future__ import annotations
 
@@ -22,13 +22,18 @@ _TEX = {
     "|": r"\textbar{}",
 }
 RULE: tuple[str, ...] = ()
-"""A row of no cells is a line across."""
+"""A row without cells: a horizontal line."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table: its caption, a label for references, column heads, rows of as many cells (or ``RULE``), and notes under
-    it, of which those that begin with ` are signatures.
+    """A table.
+
+    - caption: text above the table
+    - label: name for references
+    - head: column heads
+    - rows: as many cells as heads in each row, or ``RULE``
+    - notes: paragraphs below the table; text between backquotes is set as code
     """
 
     caption: str
@@ -44,7 +49,7 @@ class Table:
 
 
 def markdown(table: Table) -> str:
-    """A table as Markdown, caption and notes with it."""
+    """A table as Markdown, with its caption and notes."""
     rows = [row for row in table.rows if row]
     lines = [f"**{table.caption}**", "", _line(table.head), _line(["---"] * len(table.head)), *map(_line, rows), ""]
     for note in table.notes:
@@ -53,7 +58,7 @@ def markdown(table: Table) -> str:
 
 
 def latex(table: Table) -> str:
-    """A table as LaTeX that needs no package."""
+    """A table as LaTeX, with its caption and notes; needs no package."""
     body = [r"\hline" if not row else " & ".join(map(escape, row)) + r" \\" for row in table.rows]
     notes = [rf"\par {_note(note)}" for note in table.notes]
     return "\n".join(
@@ -77,17 +82,17 @@ def latex(table: Table) -> str:
 
 
 def escape(text: str) -> str:
-    """Text with every character that LaTeX would read as a command made plain."""
+    """Text with the characters that are LaTeX commands escaped."""
     return "".join(_TEX.get(character, character) for character in text)
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A score in print; "-" where there is none."""
+    """A score as text; "-" for NaN."""
     return f"{value:.{digits}f}" if math.isfinite(value) else "-"
 
 
 def short(value: float) -> str:
-    """A small score with two figures that tell: 0.0015, 0.012; "-" where there is none."""
+    """A small score with two significant figures: 0.0015, 0.012; "-" for NaN."""
     if not math.isfinite(value):
         return "-"
     if value == 0.0:
@@ -100,7 +105,7 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def _note(note: str) -> str:
-    parts = note.split("`")  # what stands between backquotes is a signature
+    parts = note.split("`")  # odd parts stood between backquotes
     return "".join(
         escape(part)
         if n % 2 == 0

@@ -1,13 +1,13 @@
 """The paper's scores (eq. 18 to 23), each with a signature that holds every parameter.
 
-**What is compared.** The transition frames alone, predicted O against true, not the whole utterance Y: the text below
-eq. 18 calls both lengths "the length of the transition frame sequence", MSE is introduced as an error "in the
-prediction of transition frames", and BLEU as the overlap of "predicted and true transition frames". Whether the
-positions are right is scored apart, by PTA and PAA. Frames are scored wherever a system gives them, with or without
-position tokens: no other reading lets ConvS2S have PTA 0.251 and BLEU-1 0.744.
+**What is compared.** Only the transition frames, predicted O against true, not the whole utterance Y. The text below
+eq. 18 calls both lengths "the length of the transition frame sequence", introduces MSE as an error "in the prediction
+of transition frames", and BLEU as the overlap of "predicted and true transition frames". PTA and PAA score the
+positions. Frames are scored whenever a system makes them, with or without position tokens: no other reading allows
+ConvS2S both PTA 0.251 and BLEU-1 0.744.
 
-**sigma and lambda** are not in the paper. Here a transition that is one frame too long or too short counts as much as
-one frame whose mean squared error is 0.002, the level under which the paper's viewers saw no difference:
+**sigma and lambda** are not in the paper. Here a transition that is one frame too long or too short costs as much as
+one frame with a mean squared error of 0.002, below which the paper's viewers saw no difference:
 lambda^2 / 159 = sigma^2 = 0.002.
 """
 
@@ -27,9 +27,9 @@ Float = NDArray[np.float64]
 
 NUMBERS = 159
 E_MAX = 1.0
-"""Largest error that a number can have (E_M): the cube in which positions lie has side 1."""
+"""Largest possible error of a number (E_M): positions lie in a cube of side 1."""
 VISIBLE = 0.002
-"""MSE under which the paper's viewers saw no difference."""
+"""MSE below which the paper's viewers saw no difference."""
 SIGMA = math.sqrt(VISIBLE)
 LAMBDA = math.sqrt(NUMBERS * VISIBLE)
 
@@ -49,8 +49,15 @@ SIGNATURES = {
 
 @dataclass(frozen=True)
 class PairScore:
-    """One pair's scores; what it adds to corpus-level BLEU, by tolerance; the frames by which its positions are off,
-    None where a token is missing; and how well it moves.
+    """Scores of one pair.
+
+    - accuracy: eq. 18
+    - mse: eq. 20
+    - ngrams: counts for corpus-level BLEU, by tolerance
+    - off: errors of pre and post, frames; None if a token is missing
+    - n_predicted: number of predicted frames
+    - n_true: number of true frames
+    - motion: metrics beyond the paper's
     """
 
     accuracy: float
@@ -63,10 +70,10 @@ class PairScore:
 
 
 def accuracy(predicted: Float, true: Float, sigma: float = SIGMA) -> float:
-    """Accuracy of one pair (eq. 18, with the abs and the divisions that the print leaves out).
+    """Accuracy of one pair (eq. 18, with the absolute value and the divisions that the print omits).
 
-    predicted, true: (n, 159) and (m, 159). n = m: mean of (E_M - |T - L|) / E_M over frames and numbers; else
-    (E_M - |n - m| sigma) / E_M, which falls below 0 for lengths far off, as printed.
+    predicted, true: (n, 159) and (m, 159). If n = m, the mean of (E_M - |T - L|) / E_M over frames and numbers. Else
+    (E_M - |n - m| sigma) / E_M, as printed; it is negative for very wrong lengths.
     """
     if len(predicted) == len(true):
         return float(np.mean((E_MAX - np.abs(predicted - true)) / E_MAX)) if len(true) else 1.0
@@ -74,8 +81,8 @@ def accuracy(predicted: Float, true: Float, sigma: float = SIGMA) -> float:
 
 
 def squared_error(predicted: Float, true: Float, lambda_: float = LAMBDA) -> float:
-    """MSE of one pair (eq. 20): summed over frames, over 159 numbers averaged; (|n - m| lambda)^2 / 159 for other
-    lengths.
+    """MSE of one pair (eq. 20): summed over frames, averaged over the 159 numbers; (|n - m| lambda)^2 / 159 for another
+    length.
     """
     if len(predicted) == len(true):
         return float(np.sum((predicted - true) ** 2) / NUMBERS)
@@ -86,11 +93,12 @@ def score(
     prediction: Prediction,
     true: tuple[int, int, Float],
     words: tuple[Float, Float],
-    body: extra_metrics.NumberLayout,
+    layout: extra_metrics.NumberLayout,
     tolerances: Sequence[float] = bleu.TOLERANCES,
 ) -> PairScore:
-    """All scores of one pair: a prediction beside pre, post and frames (m, 159) of the truth, between two words (N,
-    159) and (M, 159).
+    """All scores of one pair.
+
+    true: pre, post and frames (m, 159). words: frames (N, 159) and (M, 159) of both words.
     """
     pre, post, frames = true
     off = None
@@ -103,16 +111,23 @@ def score(
         off=off,
         n_predicted=len(prediction.frames),
         n_true=len(frames),
-        motion=extra_metrics.pair_motion(prediction, true, words, body),
+        motion=extra_metrics.pair_motion(prediction, true, words, layout),
     )
 
 
 def summary(scores: Sequence[PairScore]) -> dict[str, float]:
-    """Scores of a test set, by name; NaN where nothing could be counted.
+    """Scores of a test set, by name; NaN where there is nothing to count.
 
-    Accuracy and MSE are means over the pairs (eq. 19 and 21; the print sums). bleu-1 .. bleu-4 at the stated tolerance,
-    ngram-1 .. ngram-4 the precisions behind them, bleu-4@t at others. within_2: share of the predicted pairs with both
-    positions within two frames; length_off: frames too many or too few, mean; length_exact: share of exact lengths.
+    - accuracy, mse: means over the pairs (eq. 19 and 21, which print sums)
+    - bleu-1 .. bleu-4: BLEU at ``bleu.TOLERANCE``; bleu-n@t at tolerance t
+    - ngram-1 .. ngram-4: the precisions behind bleu-1 .. bleu-4
+    - pta: fraction of pairs with both tokens (eq. 22)
+    - paa, paa_all: fraction of exact positions among pairs with both tokens (eq. 23), and among all
+    - positions_off: mean error of the positions, frames
+    - within_2: fraction of pairs with both positions within two frames, among those with both tokens
+    - length_off: mean error of the transition's length, frames
+    - length_exact: fraction of exact lengths
+    - the scores of ``extra_metrics.summary``
     """
     if not scores:
         return {}

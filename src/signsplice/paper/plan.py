@@ -1,4 +1,4 @@
-"""What has to be trained for the paper's tables and figures, and where each bundle lies."""
+"""The trainings that the paper's tables and figures need, and the folder of each bundle."""
 
 from __future__ import annotations
 
@@ -7,16 +7,25 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from signsplice.paper import published
+from signsplice.splicing.bundle import BUNDLE_FILE
 
 SCALES = ("smoke", "cpu", "paper")
 SWEEP = (2, 4, 6, 8, 10, 12, 16)
-"""Values of fr; the paper prints 6 and 8 of those it tried."""
+"""Values of fr; the paper prints only the results for 6 and 8."""
 SWEEP_SMOKE = (4, 8)
 
 
 @dataclass(frozen=True)
 class Run:
-    """One training: what `signsplice train paper` is called with."""
+    """One training.
+
+    - system: name of the system
+    - scale: smoke, cpu or paper
+    - optimiser: adamw or sgd
+    - split: the split whose training part it learns from
+    - fr: frames that Culling keeps on each side, None for the default
+    - seed: of weights, batches and noise
+    """
 
     system: str
     scale: str
@@ -27,28 +36,19 @@ class Run:
 
     @property
     def name(self) -> str:
-        """The bundle's folder."""
+        """The name of the bundle's folder."""
         fr = "" if self.fr is None else f"-fr{self.fr}"
         seed = "" if self.seed == 0 else f"-seed{self.seed}"
         return f"{self.system}{fr}-{self.scale}-{self.optimiser}-{self.split}{seed}"
 
-    def arguments(self, pairs: Path, bundles: Path, steps: int | None = None) -> list[str]:
-        """The arguments of `signsplice` that train it."""
-        told = {"system": self.system, "scale": self.scale, "optimiser": self.optimiser, "split": self.split}
-        call = ["train", "paper", "--pairs", str(pairs), "--out", str(bundles / self.name), "--seed", str(self.seed)]
-        for option, value in (*told.items(), ("fr", self.fr), ("steps", steps)):
-            if value is not None:
-                call += [f"--{option}", str(value)]
-        return call
-
 
 def runs(scale: str, systems: Sequence[str] = (), seed: int = 0) -> list[Run]:
-    """Every training that the tables and figures of a scale need, the most telling first; only some ``systems`` where
-    they are named.
+    """Every training that the tables and figures of a scale need, the most important first; only those of ``systems``
+    if any are named.
 
-    The paper's seven systems by AdamW and by SGD, as the paper did, on the random split; the same by AdamW on unseen
-    words; the systems of its related work by AdamW; LpTransformer for every fr. Unseen signers need no training of
-    their own: their training part is that of the random split.
+    On the random split: the paper's seven systems by AdamW and, as in the paper, by SGD; the systems of its related
+    work by AdamW; LpTransformer by AdamW for every fr. On unseen words: all systems but ``lpt-printed`` by AdamW.
+    Unseen signers need no training, because they share the training part of the random split.
     """
     seven = tuple(dict.fromkeys((*reversed(published.TABLE_1), *published.TABLE_3)))
     every = [Run(system, scale, "adamw", "random", seed=seed) for system in (*seven, *published.OTHERS)]
@@ -61,5 +61,5 @@ def runs(scale: str, systems: Sequence[str] = (), seed: int = 0) -> list[Run]:
 
 
 def missing(planned: Sequence[Run], bundles: Path) -> list[Run]:
-    """Runs whose bundle is not there."""
-    return [run for run in planned if not (bundles / run.name / "bundle.json").is_file()]
+    """The runs whose bundle does not exist."""
+    return [run for run in planned if not (bundles / run.name / BUNDLE_FILE).is_file()]

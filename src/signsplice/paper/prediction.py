@@ -1,4 +1,4 @@
-"""What a system says of two words, and what every system is: the one thing that the evaluation knows of networks."""
+"""The interface between systems and their evaluation: a system predicts a splice of two words."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 Float = NDArray[np.float64]
 
 N_NUMBERS = 159
-"""Numbers a frame: 53 joints, three coordinates each, in [-0.5, 0.5]."""
+"""Numbers per frame: 53 joints with three coordinates each, in [-0.5, 0.5]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """A splice as a system predicts it.
+    """A predicted splice.
 
-    ``pre``: last frame kept of the word before, ``post``: first frame kept of the word after, None where the system
-    emitted no such token; ``frames`` (n, 159): the transition, n = 0 where it could make none.
+    - pre: last kept frame of the word before, None if the system emitted no such token
+    - post: first kept frame of the word after, None if the system emitted no such token
+    - frames: the transition (n, 159); n = 0 if the system could make none
     """
 
     pre: int | None
@@ -28,13 +29,11 @@ class Prediction:
 
 
 class System(Protocol):
-    """Anything that splices two words given as positions; the systems that the paper compares, and others beside
-    them.
-    """
+    """Splices two words given as joint positions."""
 
     @property
     def name(self) -> str:
-        """The system's name, as in the paper's tables."""
+        """The system's name."""
         ...
 
     def predict(self, before: Float, after: Float) -> Prediction:

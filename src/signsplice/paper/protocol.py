@@ -1,8 +1,7 @@
-"""Which pairs are judged and how: the test part of a split of one corpus, a pair at a time, timed.
+"""Which pairs are judged and how: the test part of a split of one corpus, one pair at a time, timed.
 
-A bundle may be judged only where it was trained on the same corpus, and on the training part that belongs to the
-split, so that no pair it learned from is among those it is judged on. ``unseen-signer`` trains as ``random`` does:
-one bundle serves both.
+A bundle may be judged only if it was trained on the same corpus and on the training part of the split, so that it never
+saw a pair on which it is judged. ``unseen-signer`` has the training part of ``random``: one bundle serves both.
 """
 
 from __future__ import annotations
@@ -23,17 +22,24 @@ from signsplice.synth.rng import stream
 
 Float = NDArray[np.float64]
 Answer = Callable[[int], Prediction]
-"""A pair's number -> what a system says about it."""
+"""A pair's number -> a system's prediction."""
 Progress = Callable[[int, int], None]
 
 SPLITS = ("random", "unseen-words", "unseen-signer")
 WARM_UP = 3
-"""Calls before the clock runs: a first call allocates."""
+"""Untimed calls before the first timed one, because first calls allocate."""
 
 
 @dataclass(frozen=True)
 class Protocol:
-    """What is judged: pairs by number, of a part of a split of a corpus (by hash)."""
+    """The pairs that are judged.
+
+    - corpus: hash of the corpus
+    - split: name of the split
+    - part: train, valid or test
+    - numbers: the pairs' numbers
+    - fps: frames per second of the corpus
+    """
 
     corpus: str
     split: str
@@ -43,7 +49,7 @@ class Protocol:
 
     @property
     def signature(self) -> str:
-        """The recipe of the judging, in one line; two tables' rows are of one kind where this is the same."""
+        """The protocol in one line; rows are comparable if it is the same."""
         return (
             f"paper|corpus:{self.corpus}|split:{self.split}|part:{self.part}|pairs:{len(self.numbers)}|fps:{self.fps:g}"
             f"|batch:1|threads:1|clock:search+generation|warm-up:{WARM_UP}"
@@ -52,29 +58,33 @@ class Protocol:
 
 @dataclass(frozen=True)
 class Judged:
-    """A system's scores by name, ``ms_mean`` and ``ms_median`` of the time for a pair among them."""
+    """A system's scores.
+
+    - scores: by name, with ``ms_mean`` and ``ms_median`` of the time per pair
+    - n_pairs: number of pairs judged
+    """
 
     scores: dict[str, float]
     n_pairs: int
 
 
 def choose(pairs: Pairs, split: str, part: str = "test", limit: int | None = None) -> Protocol:
-    """The pairs of a part of a split; ``limit`` of them, drawn once and for all, where there are more.
+    """The pairs of a part of a split; a fixed choice of ``limit`` of them if there are more.
 
-    Raises ``InputError`` where the split or part is unknown or holds no pair.
+    Raises ``InputError`` if the split or part is unknown or holds no pair.
     """
     numbers = pairs.split(split, part)
     if limit is not None and limit < len(numbers):
-        drawn = stream("paper-limit", len(numbers)).permutation(len(numbers))[:limit]
-        numbers = [numbers[k] for k in sorted(drawn.tolist())]
+        chosen = stream("paper-limit", len(numbers)).permutation(len(numbers))[:limit]
+        numbers = [numbers[k] for k in sorted(chosen.tolist())]
     if not numbers:
         raise InputError(f"{pairs.folder}: no pair in {split} {part}; make a corpus of more words")
     return Protocol(pairs.head["hash"], split, part, tuple(numbers), pairs.head["fps"])
 
 
-def refuse(facts: Mapping[str, Any], pairs: Pairs, protocol: Protocol, name: str = "bundle") -> None:
-    """Raise ``InputError`` where a bundle must not be judged so: trained on another corpus, on another training part
-    than the split's, or on a pair that is judged.
+def check_allowed(facts: Mapping[str, Any], pairs: Pairs, protocol: Protocol, name: str = "bundle") -> None:
+    """Raise ``InputError`` if a bundle must not be judged by a protocol: it was trained on another corpus, on another
+    training part than the split's, or on a pair that is judged.
     """
     if facts.get("corpus") != protocol.corpus:
         raise InputError(
@@ -83,7 +93,7 @@ def refuse(facts: Mapping[str, Any], pairs: Pairs, protocol: Protocol, name: str
         )
     trained = facts.get("split")
     if not isinstance(trained, str):
-        raise InputError(f"{name}: says no split it was trained on, expected one of {', '.join(SPLITS)}")
+        raise InputError(f"{name}: states no split that it was trained on, expected one of {', '.join(SPLITS)}")
     learned = pairs.split(trained, "train")
     seen = set(learned) | set(pairs.split(trained, "valid"))
     if protocol.part == "test" and seen & set(protocol.numbers):
@@ -93,21 +103,21 @@ def refuse(facts: Mapping[str, Any], pairs: Pairs, protocol: Protocol, name: str
         )
     if learned != pairs.split(protocol.split, "train"):
         raise InputError(
-            f"{name}: trained on split {trained}, judged on {protocol.split}, whose training part is another"
+            f"{name}: trained on split {trained}, judged on {protocol.split}, which has another training part"
         )
 
 
 def may_judge(facts: Mapping[str, Any], pairs: Pairs, protocol: Protocol) -> bool:
-    """Whether ``refuse`` lets a bundle pass."""
+    """Whether ``check_allowed`` accepts a bundle."""
     try:
-        refuse(facts, pairs, protocol)
+        check_allowed(facts, pairs, protocol)
     except InputError:
         return False
     return True
 
 
 def answers(pairs: Pairs, system: System) -> Answer:
-    """How a system that sees only the 159 numbers answers for a pair."""
+    """The predictions of a system that sees only the 159 numbers."""
 
     def answer(number: int) -> Prediction:
         p, q = pairs.index[number, :2].tolist()
@@ -117,11 +127,12 @@ def answers(pairs: Pairs, system: System) -> Answer:
 
 
 def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress | None = None) -> Judged:
-    """A system's scores on the pairs of a protocol, one at a time; raises ``InputError`` for a prediction that is
-    none.
+    """The scores of a system on the pairs of a protocol, judged one at a time.
+
+    Raises ``InputError`` for a prediction with wrong shapes, values that are not finite, or positions out of range.
     """
     half = len(pairs.head["words"]) // 2
-    bodies: dict[int, extra_metrics.NumberLayout] = {}
+    layouts: dict[int, extra_metrics.NumberLayout] = {}
     for number in protocol.numbers[:WARM_UP]:
         answer(number)
     scores, seconds = [], []
@@ -132,11 +143,12 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
         prediction = answer(number)
         seconds.append(time.perf_counter() - begun)
         _check(prediction, len(before), len(after), number)
-        who = p // half
-        if who not in bodies:
-            bodies[who] = extra_metrics.number_layout(pairs.word_clip(p), EXTENT * pairs.signers[who].stature_cm)
+        signer = p // half
+        if signer not in layouts:
+            layouts[signer] = extra_metrics.number_layout(pairs.word_clip(p), EXTENT * pairs.signers[signer].stature_cm)
         pre, post, frames = pairs.truth(number)
-        scores.append(metrics.score(prediction, (pre, post, frames.astype(np.float64)), (before, after), bodies[who]))
+        truth = (pre, post, frames.astype(np.float64))
+        scores.append(metrics.score(prediction, truth, (before, after), layouts[signer]))
         if progress is not None:
             progress(done, len(protocol.numbers))
     times = _milliseconds(seconds)

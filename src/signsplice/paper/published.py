@@ -1,4 +1,4 @@
-"""What the paper reports: tables 1 and 3 as printed, and what its text says of accuracy, error and time."""
+"""The paper's results: tables 1 and 3 as printed, and the accuracy, error and time stated in its text."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ SCORES = {
     "PTA": "pta",
     "PAA": "paa",
 }
-"""The paper's metrics -> names of scores here. PAA is over the predicted ones: ConvS2S's 0.999 allows nothing else."""
+"""The paper's metrics -> names of scores here. PAA is over pairs with both tokens, the only reading that allows
+ConvS2S's 0.999.
+"""
 
 TABLE_1 = {
     "conv-s2s": ("0.744", "0.649", "0.599", "0.563", "0.251", "0.999"),
@@ -42,18 +44,18 @@ NAMES = {
     "conv-interp": "Convolutional interpolation",
 }
 OTHERS = ("lpt-printed", "progressive-transformer", "nat", "conv-interp")
-"""Systems that the paper's tables do not have: its attention as printed, and those of its related work."""
+"""Systems that are not in the paper's tables: its attention as printed, and the systems of its related work."""
 IN_ONE_PASS = {"lpt": "lpt-one-pass", "transformer": "transformer-one-pass"}
-"""Systems that are judged a second time, all their frames made together."""
+"""Systems that are judged a second time, with all frames made in one pass."""
 
 ACCURACY = 0.99
 MSE = 0.0015
 VISIBLE = 0.002
 TIMES_FASTER = 5.0
-"""LpTransformer over Transformer, prediction time."""
+"""Prediction time of Transformer over that of LpTransformer."""
 BEST_FR = 8
 
 
 def name(system: str) -> str:
-    """A system's name in print."""
+    """A system's name in tables and figures."""
     return NAMES.get(system, system)

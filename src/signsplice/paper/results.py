@@ -1,7 +1,7 @@
-"""results.json: every row that was measured, with the recipe that made it, and the curves of every training.
+"""results.json: every measured row with the recipe that made it, and the curve of every training.
 
-A row is told apart by what was judged and where: system, what it was told, scale, optimiser, fr, seed, split, part. A
-new row takes the place of one of the same key. Tables are made of rows whose signatures agree, and of no others.
+A row's key is what was judged and where: system, what it was given, scale, optimiser, fr, seed, split and part. A new
+row replaces the row of the same key. A table holds only rows whose signatures agree.
 """
 
 from __future__ import annotations
@@ -9,36 +9,52 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
-import platform
-import subprocess
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import read_bytes, replacing
 from signsplice.paper import metrics
-from signsplice.splicing.bundle import bundle_sha256
 
 VERSION = 1
-CLASSICAL, OWN, TAUGHT = "classical", "own", "taught"
-"""Scales of rows that the paper does not know: methods that were not trained, this project's networks as they ship, and
-the same after learning from the split's training part, as every system of the paper does.
+FILE = "results.json"
+CLASSICAL, SHIPPED, CORPUS_TRAINED = "classical", "own", "taught"
+"""Scales of rows that are not the paper's systems: methods without training, this project's networks as they ship, and
+its networks trained on the split's training part, as the paper's systems are.
 """
-ON_CLIPS = (CLASSICAL, OWN, TAUGHT)
-PACKAGES = ("signsplice", "numpy", "scipy", "onnxruntime")
+CLIP_SCALES = (CLASSICAL, SHIPPED, CORPUS_TRAINED)
+GIVEN = ("nothing", "length", "positions", "positions and length")
+"""What a method on clips may be given of the truth."""
 MOST_POINTS = 400
-_STORED = {"given": "told"}
-"""Fields whose key in results.json is another word: files written before must stay readable."""
+_STORED = {"given": "told", "metrics_id": "measures"}
+"""Fields with another key in results.json, so that existing files stay readable."""
 
 
 @dataclass(frozen=True)
 class ResultRow:
-    """One system on one protocol. ``bundle``: hash of the bundle judged, None for classical rows; ``given``: what of the
-    truth it was told; ``measures``: which signatures its scores have; a score is None where nothing could be counted.
+    """One system on one protocol.
+
+    - system: the system's or method's name
+    - split: the split that is judged
+    - scale: smoke, cpu or paper; for methods on clips one of ``CLIP_SCALES``
+    - optimiser: adamw or sgd, empty for methods on clips
+    - part: the part of the split that is judged
+    - fr: frames that Culling keeps on each side, None without Culling
+    - seed: the training's seed, None for methods on clips
+    - given: what the method was given of the truth, one of ``GIVEN``
+    - steps: training steps of all parts together
+    - n_parameters: number of parameters
+    - bundle: first digits of the bundle's sha256, None for classical methods
+    - corpus: hash of the corpus
+    - protocol: signature of the protocol
+    - metrics_id: ``signature_id`` of the metrics
+    - n_pairs: number of pairs judged
+    - scores: by name, None where there was nothing to count
+    - commit: git revision of the code
+    - versions: of Python and packages
+    - machine: processor and number of cores
     """
 
     system: str
@@ -54,7 +70,7 @@ class ResultRow:
     bundle: str | None = None
     corpus: str = ""
     protocol: str = ""
-    measures: str = ""
+    metrics_id: str = ""
     n_pairs: int = 0
     scores: Mapping[str, float | None] = field(default_factory=dict)
     commit: str = ""
@@ -63,19 +79,28 @@ class ResultRow:
 
     @property
     def key(self) -> tuple[object, ...]:
-        """What tells rows apart."""
-        told = (self.system, self.given, self.scale, self.optimiser, self.fr, self.seed)
-        return (*told, self.split, self.part)
+        """Identifies the row: a row of the same key replaces it."""
+        method = (self.system, self.given, self.scale, self.optimiser, self.fr, self.seed)
+        return (*method, self.split, self.part)
 
     def score(self, name: str) -> float:
-        """A score by name, NaN where there is none."""
+        """A score by name, NaN if it is missing."""
         value = self.scores.get(name)
         return float("nan") if value is None else value
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A training as it went: validation accuracy by step."""
+    """Validation accuracy over a training.
+
+    - system: the system's name
+    - split: the split whose training part it learned from
+    - scale: smoke, cpu or paper
+    - optimiser: adamw or sgd
+    - fr: frames that Culling keeps on each side, None without Culling
+    - seed: the training's seed
+    - points: (step, accuracy)
+    """
 
     system: str
     split: str
@@ -87,23 +112,28 @@ class Curve:
 
     @property
     def key(self) -> tuple[object, ...]:
-        """What tells curves apart."""
+        """Identifies the curve: a curve of the same key replaces it."""
         return (self.system, self.split, self.scale, self.optimiser, self.fr, self.seed)
 
 
 @dataclass(frozen=True)
 class Results:
-    """Rows and curves, each of another key, and the signatures that rows name."""
+    """The contents of results.json.
+
+    - rows: with distinct keys
+    - curves: with distinct keys
+    - signatures: the metrics' signatures by name, for every ``metrics_id`` of the rows
+    """
 
     rows: tuple[ResultRow, ...] = ()
     curves: tuple[Curve, ...] = ()
     signatures: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def merged(self, rows: Iterable[ResultRow] = (), curves: Iterable[Curve] = ()) -> Results:
-        """These results with rows and curves added; those of the same key are replaced. Signatures no row names go."""
+        """These results with rows and curves added; the same key replaces. Signatures that no row names are dropped."""
         by_key = {row.key: row for row in (*self.rows, *rows)}
         by_curve = {curve.key: curve for curve in (*self.curves, *curves)}
-        named = {row.measures for row in by_key.values()}
+        named = {row.metrics_id for row in by_key.values()}
         known = {**self.signatures, signature_id(): metrics.SIGNATURES}
         return Results(
             tuple(sorted(by_key.values(), key=lambda row: _order(row.key))),
@@ -112,91 +142,35 @@ class Results:
         )
 
     def find(self, **wanted: object) -> list[ResultRow]:
-        """Rows whose fields have these values."""
+        """The rows whose fields have these values."""
         return [row for row in self.rows if all(getattr(row, k) == v for k, v in wanted.items())]
 
 
 def signature_id() -> str:
-    """A short name for the signatures of all measures as they are now."""
+    """A short hash of the current signatures of all metrics."""
     text = json.dumps(metrics.SIGNATURES, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-def check_alike(rows: Sequence[ResultRow]) -> None:
-    """Raise ``InputError`` where rows for one table were not measured alike: other measures, protocol or corpus."""
-    for what in ("measures", "protocol", "corpus"):
-        kinds = {getattr(row, what): row for row in rows}
-        if len(kinds) > 1:
-            (a, first), (b, second) = list(kinds.items())[:2]
+def check_comparable(rows: Sequence[ResultRow]) -> None:
+    """Raise ``InputError`` if rows for one table differ in metrics, protocol or corpus."""
+    for field_name in ("metrics_id", "protocol", "corpus"):
+        by_value = {getattr(row, field_name): row for row in rows}
+        if len(by_value) > 1:
+            (a, first), (b, second) = list(by_value.items())[:2]
             raise InputError(
-                f"{first.system} and {second.system} cannot stand in one table: {what} {a!r} and {b!r}; "
-                "judge both anew with `signsplice paper all`"
+                f"{first.system} and {second.system} cannot be compared in one table: {field_name} {a!r} and {b!r}; "
+                "judge both again with `signsplice paper all`"
             )
 
 
-def bundle_row(facts: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """The fields of a row that a bundle's facts tell. Raises ``InputError`` where one is missing."""
-    try:
-        told = {name: facts[name] for name in ("system", "scale", "optimiser", "seed", "steps", "corpus")}
-    except KeyError as error:
-        raise InputError(f"{folder / 'bundle.json'}: has no {error.args[0]!r}; export the bundle anew") from None
-    config = facts.get("config") or {}
-    fr = facts.get("fr", config.get("fr"))
-    return {**told, "fr": fr, "n_parameters": facts.get("n_parameters"), "bundle": bundle_hash(folder)}
-
-
-def bundle_hash(folder: Path) -> str:
-    """The first twelve hex digits of a bundle's sha256."""
-    return bundle_sha256(folder)[:12]
-
-
-def surroundings() -> dict[str, Any]:
-    """Where a row is measured: commit, versions, machine, and the signatures' name."""
-    return {"commit": commit(), "versions": versions(), "machine": machine(), "measures": signature_id()}
-
-
-def commit(folder: Path | None = None) -> str:
-    """The git revision that runs, "+" after it where files differ from it; empty where there is none."""
-    where = folder or Path(__file__).resolve().parents[1]
-    try:
-        told = [
-            subprocess.run(["git", *call], cwd=where, capture_output=True, text=True, check=True, timeout=20).stdout
-            for call in (["rev-parse", "--short=12", "HEAD"], ["status", "--porcelain", "--", "."])
-        ]
-    except (OSError, subprocess.SubprocessError):
-        return ""
-    return told[0].strip() + ("+" if told[1].strip() else "")
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that a row rests on."""
-    found = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return found
-
-
-def machine() -> str:
-    """The processor and how many cores there are: times are of one machine."""
-    name = platform.processor() or platform.machine()
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        name = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), name)
-    except OSError:
-        pass
-    return f"{name}, {os.cpu_count()} cores"
-
-
 def finite(scores: Mapping[str, float]) -> dict[str, float | None]:
-    """Scores for JSON: None for what could not be counted."""
+    """Scores for JSON, with None in place of NaN and infinity."""
     return {name: value if math.isfinite(value) else None for name, value in scores.items()}
 
 
 def thinned(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """At most ``MOST_POINTS`` of a curve's points, evenly chosen, first and last among them."""
+    """At most ``MOST_POINTS`` points of a curve, evenly spaced from first to last."""
     if len(points) <= MOST_POINTS:
         return list(points)
     step = (len(points) - 1) / (MOST_POINTS - 1)
@@ -204,13 +178,13 @@ def thinned(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def load(path: Path) -> Results:
-    """Results from a file; none where there is no file. Raises ``InputError`` for a file that is something else."""
+    """The results in a file, empty if there is no file. Raises ``InputError`` for a file of another kind."""
     if not path.exists():
         return Results()
     try:
         head = json.loads(read_bytes(path))
         if head["version"] != VERSION:
-            raise InputError(f"{path}: version {head['version']}, expected {VERSION}; measure anew")
+            raise InputError(f"{path}: version {head['version']}, expected {VERSION}; judge again")
         names = {_STORED.get(f.name, f.name): f.name for f in fields(ResultRow)}
         rows = tuple(ResultRow(**{names[k]: v for k, v in row.items() if k in names}) for row in head["rows"])
         curves = tuple(Curve(**{**curve, "points": [(a, b) for a, b in curve["points"]]}) for curve in head["curves"])
@@ -220,7 +194,7 @@ def load(path: Path) -> Results:
 
 
 def save(results: Results, path: Path) -> None:
-    """Write results whole or not at all, a row a line."""
+    """Write results atomically, with one row per line."""
     lines = [
         "{",
         f' "version": {VERSION},',

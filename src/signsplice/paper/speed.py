@@ -1,10 +1,11 @@
-"""How long systems take for a pair, side by side in one run, at sizes that need no training to be timed.
+"""Prediction times of all systems in one run, at sizes that need no training to be timed.
 
-The work is told its outcome (``Splicer.rehearse``): every system searches as it does, and then makes as many frames as
-the truth has, so that a network that has not learned anything costs what a trained one costs. The paper says that
-LpTransformer predicts five times faster than Transformer, and neither how its Transformer decoded nor what it wrote;
-what was plausible in 2023 is timed beside what this project does: without a cache of keys and values, and writing the
-whole utterance Y in place of the transition.
+Untrained networks would stop at random lengths. Each system therefore does its usual search and then makes as many
+frames as the truth has (``PaperSystem.predict_fixed``), so that an untrained network costs as much as a trained one.
+
+The paper states that LpTransformer predicts five times faster than Transformer, but not how its Transformer decoded nor
+what it put out. Plausible variants of 2023 are therefore timed too: decoding without a cache of keys and values, and
+writing the whole utterance Y instead of the transition.
 """
 
 from __future__ import annotations
@@ -15,46 +16,58 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from signsplice.formats.atomic import replacing
-from signsplice.paper import layout, protocol, published, results
+from signsplice.paper import layout, protocol, published
 from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
+from signsplice.paper.environment import environment, machine
 from signsplice.paper.layout import Table
 from signsplice.paper.protocol import Protocol
-from signsplice.paper.systems import DECODINGS, open_bundle
+from signsplice.paper.systems import DECODINGS, PaperSystem, open_bundle
 from signsplice.splicing.learned import FLUENT
 from signsplice.splicing.learned import NAME as LEARNED
 from signsplice.synth.corpus import Pairs
 
 WRITES = ("transition", "utterance")
 SYSTEMS = ("lpt", "transformer", "lstm", "conv-s2s")
-OWN = "signsplice"
-"""This project's networks, as they ship: words' clips in, whole seam, and the 159 numbers of its frames out."""
+PRODUCT = "signsplice"
+"""This project's networks as they ship: from the words' clips to the transition's 159 numbers per frame."""
 BASE = ("lpt", DECODINGS[0], WRITES[0])
-"""What all others are compared with."""
+"""System, decoding and output that all others are compared with."""
 PAGE = "speed"
 
 
 @dataclass(frozen=True)
 class DecodingRun:
-    """A system, how it decodes, and what it writes: the transition frames alone, or the utterance, both words too."""
+    """What is timed.
+
+    - system: name of the system
+    - decoding: one of ``DECODINGS``
+    - writes: one of ``WRITES``: the transition alone, or the utterance with both words
+    """
 
     system: str
     decoding: str
     writes: str
 
     def n_frames(self, n_before: int, n_after: int, truth: tuple[int, int, int]) -> int:
-        """Frames that it makes for a pair; ``truth`` is pre, post and the number of transition frames."""
+        """Number of frames made for a pair; ``truth`` is pre, post and the number of transition frames."""
         pre, post, count = truth
         return count if self.writes == "transition" else pre + 1 + count + n_after - post
 
 
 @dataclass(frozen=True)
 class Timed:
-    """A way's milliseconds for a pair, median and mean; the median over pairs of its time by that of ``BASE``."""
+    """The times of one run.
+
+    - run: what was timed
+    - ms_median: median time per pair, milliseconds
+    - ms_mean: mean time per pair, milliseconds
+    - times_base: median over pairs of the time divided by that of ``BASE``
+    - n_parameters: number of the system's parameters
+    """
 
     run: DecodingRun
     ms_median: float
@@ -64,13 +77,13 @@ class Timed:
 
 
 def decoding_runs() -> Iterator[DecodingRun]:
-    """All that are timed, the base first."""
+    """Everything that is timed of the paper's systems, ``BASE`` first."""
     for system in SYSTEMS:
-        several = system in published.IN_ONE_PASS
-        for decoding in DECODINGS if several else DECODINGS[:1]:
+        attention = system in published.IN_ONE_PASS
+        for decoding in DECODINGS if attention else DECODINGS[:1]:
             yield DecodingRun(system, decoding, "transition")
         if system != "lpt":
-            for decoding in DECODINGS[:2] if several else DECODINGS[:1]:
+            for decoding in DECODINGS[:2] if attention else DECODINGS[:1]:
                 yield DecodingRun(system, decoding, "utterance")
 
 
@@ -79,51 +92,58 @@ def measure(
     bundles: Path,
     judged: Protocol,
     progress: Callable[[int, int], None] | None = None,
-    own: str | Path | None = None,
+    product_bundle: str | Path | None = None,
 ) -> list[Timed]:
-    """Time every way on the pairs of a protocol: all ways on one pair, then on the next, so that a machine's moods fall
-    on all alike. ``bundles`` has a folder for each system; ``own`` is this project's bundle, by default that which
-    ships. Raises ``InputError`` where one is missing.
+    """The times of every run on the pairs of a protocol. All runs take turns on each pair, so that changes of the
+    machine's speed affect all alike.
+
+    bundles: holds a folder for each system. product_bundle: this project's bundle, None for the one that ships. Raises
+    ``InputError`` if a bundle is missing.
     """
-    told = list(decoding_runs())
-    opened = {(w.system, w.decoding): open_bundle(bundles / w.system, w.decoding) for w in told}
-    ours = ClipMethod(FLUENT, LEARNED, bundle=own)
-    answers = ClipAnswers(pairs, ours)
+    runs = list(decoding_runs())
+    systems = {(run.system, run.decoding): open_bundle(bundles / run.system, run.decoding) for run in runs}
+    product = ClipMethod(FLUENT, LEARNED, bundle=product_bundle)
+    answers = ClipAnswers(pairs, product)
     answers.prepare(judged.numbers)
-    told.append(DecodingRun(OWN, DECODINGS[-1], WRITES[0]))
-    seconds = np.zeros((len(judged.numbers), len(told)))
+    runs.append(DecodingRun(PRODUCT, DECODINGS[-1], WRITES[0]))
+    seconds = np.zeros((len(judged.numbers), len(runs)))
     for warm_up in (True, False):
-        for at, number in enumerate(judged.numbers[: protocol.WARM_UP] if warm_up else judged.numbers):
-            p, q = pairs.index[number, :2].tolist()
-            before, after = pairs.word(p).astype(np.float64), pairs.word(q).astype(np.float64)
-            pre, post, frames = pairs.truth(number)
-            for column, way in enumerate(told):
-                run: Callable[[], object] = partial(answers, number)
-                if way.system != OWN:
-                    n_frames = way.n_frames(len(before), len(after), (pre, post, len(frames)))
-                    run = partial(opened[way.system, way.decoding].rehearse, before, after, pre, post, n_frames)
-                begun = time.perf_counter()
-                run()
-                seconds[at, column] = time.perf_counter() - begun
+        for row, number in enumerate(judged.numbers[: protocol.WARM_UP] if warm_up else judged.numbers):
+            for column, run in enumerate(runs):
+                work: Callable[[], object] = partial(answers, number)
+                if run.system != PRODUCT:
+                    work = _prediction(systems[run.system, run.decoding], run, pairs, number)
+                start = time.perf_counter()
+                work()
+                seconds[row, column] = time.perf_counter() - start
             if progress is not None and not warm_up:
-                progress(at + 1, len(judged.numbers))
-    base = told.index(DecodingRun(*BASE))
+                progress(row + 1, len(judged.numbers))
+    base = runs.index(DecodingRun(*BASE))
     ratios = np.median(seconds / seconds[:, base : base + 1], axis=0)
     return [
         Timed(
-            way,
+            run,
             1e3 * float(np.median(seconds[:, column])),
             1e3 * float(np.mean(seconds[:, column])),
             float(ratios[column]),
-            ours.n_parameters if way.system == OWN else int(opened[way.system, way.decoding].facts["n_parameters"]),
+            product.n_parameters if run.system == PRODUCT else systems[run.system, run.decoding].n_parameters,
         )
-        for column, way in enumerate(told)
+        for column, run in enumerate(runs)
     ]
 
 
+def _prediction(system: PaperSystem, run: DecodingRun, pairs: Pairs, number: int) -> Callable[[], object]:
+    """The prediction of a pair with its true outcome, ready to be called."""
+    p, q = pairs.index[number, :2].tolist()
+    before, after = pairs.word(p).astype(np.float64), pairs.word(q).astype(np.float64)
+    pre, post, frames = pairs.truth(number)
+    n_frames = run.n_frames(len(before), len(after), (pre, post, len(frames)))
+    return partial(system.predict_fixed, before, after, pre, post, n_frames)
+
+
 def table(timed: Sequence[Timed], scale: str, judged: Protocol) -> Table:
-    """The times as a table, and in its notes what they say of the paper's claim."""
-    columns = ("system", "decoding", "writes", "parameters, M", "ms, median", "ms, mean", "by LpTransformer")
+    """The times as a table."""
+    columns = ("system", "decoding", "writes", "parameters, M", "ms, median", "ms, mean", "times LpTransformer")
     rows = tuple(
         (
             *(published.name(t.run.system), t.run.decoding, t.run.writes, f"{t.n_parameters / 1e6:.1f}"),
@@ -132,30 +152,24 @@ def table(timed: Sequence[Timed], scale: str, judged: Protocol) -> Table:
         for t in timed
     )
     notes = (
-        f"{len(judged.numbers)} pairs, all systems on one before the next; sizes of scale {scale}, weights as drawn, "
-        "the number of frames told; signsplice as it ships, told nothing. "
-        "Last column: median over pairs of the time by that of the first row.",
+        f"{len(judged.numbers)} pairs, all systems on one before the next; sizes of scale {scale}, untrained, "
+        "number of frames given; signsplice as it ships, given nothing. "
+        "Last column: median over pairs of the time divided by that of the first row.",
         f"Timed by `{judged.signature}`.",
-        f"Times: {results.machine()}.",
+        f"Times: {machine()}.",
     )
     return Table(f"Prediction time at the sizes of scale {scale}", f"{PAGE}-{scale}", columns, rows, notes)
 
 
 def write(timed: Sequence[Timed], folder: Path, scale: str, judged: Protocol) -> list[Path]:
     """Write the times as JSON, Markdown and LaTeX, named by scale; the paths written."""
-    told: dict[str, Any] = {
-        "scale": scale,
-        "protocol": judged.signature,
-        **{k: v for k, v in results.surroundings().items() if k != "measures"},
-        "rows": [{**asdict(row), **asdict(row.run)} for row in timed],
-    }
-    for row in told["rows"]:
-        del row["run"]
-    made = table(timed, scale, judged)
+    rows = [{k: v for k, v in {**asdict(row), **asdict(row.run)}.items() if k != "run"} for row in timed]
+    stored = {"scale": scale, "protocol": judged.signature, **environment(), "rows": rows}
+    as_table = table(timed, scale, judged)
     texts = {
-        ".json": json.dumps(told, indent=1),
-        ".md": layout.markdown(made).rstrip(),
-        ".tex": layout.latex(made).rstrip(),
+        ".json": json.dumps(stored, indent=1),
+        ".md": layout.markdown(as_table).rstrip(),
+        ".tex": layout.latex(as_table).rstrip(),
     }
     paths = []
     for suffix, text in texts.items():

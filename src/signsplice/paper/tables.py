@@ -1,7 +1,7 @@
-"""The paper's tables 1 and 3 from results.json, beside the paper's own numbers; what follows its order is said.
+"""The paper's tables 1 and 3 from results.json next to the printed numbers, and whether the paper's order holds.
 
-Every table names its scale, its protocol and how its BLEU was counted. Rows trained by SGD, as the paper did, and by
-AdamW stand apart. A table of rows whose signatures differ is refused.
+Every table states its scale, its protocol and how its BLEU was counted. Rows trained by SGD, as in the paper, and by
+AdamW are separate. Rows whose signatures differ are refused.
 """
 
 from __future__ import annotations
@@ -13,7 +13,16 @@ from signsplice.formats.atomic import read_bytes, replacing
 from signsplice.paper import layout, order, published
 from signsplice.paper.layout import RULE, Table, number, short
 from signsplice.paper.protocol import SPLITS
-from signsplice.paper.results import CLASSICAL, ON_CLIPS, OWN, TAUGHT, ResultRow, Results, check_alike
+from signsplice.paper.results import (
+    CLASSICAL,
+    CLIP_SCALES,
+    CORPUS_TRAINED,
+    GIVEN,
+    SHIPPED,
+    ResultRow,
+    Results,
+    check_comparable,
+)
 
 OPTIMISERS = {"adamw": "AdamW", "sgd": "SGD"}
 HEAD = ("system", "from", *published.METRICS, "PAA of all", "Accuracy", "MSE", "ms a pair")
@@ -26,7 +35,7 @@ IN_TABLE_1 = (
     ("true-positions+learned", "positions and length"),
     ("learned-fluent+learned", "nothing"),
 )
-"""Methods on clips that stand in table 1: the traditional ones that the paper names, what they could be at best, and
+"""Methods on clips in table 1: the traditional ones that the paper names, the same with true positions or lengths, and
 this project's networks.
 """
 BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
@@ -34,7 +43,7 @@ PAGES = ("table1", "table3", "fr", "classical")
 
 
 def pick(results: Results, scale: str, split: str, optimiser: str, systems: Iterable[str]) -> dict[str, ResultRow]:
-    """Rows by system for a table: fr as the paper chose it, the lowest seed where there are several."""
+    """One row per system for a table: with the paper's fr, and the lowest seed if there are several."""
     found: dict[str, ResultRow] = {}
     for system in systems:
         rows = results.find(system=system, scale=scale, split=split, optimiser=optimiser, part="test")
@@ -45,65 +54,62 @@ def pick(results: Results, scale: str, split: str, optimiser: str, systems: Iter
 
 
 def table_1(results: Results, scale: str, split: str = "random") -> list[Table]:
-    """Table 1, the four systems, the others and methods on clips; and the paper's claims about it."""
+    """Table 1 with the four systems, the others and methods on clips, and a table of the paper's claims about it."""
     found = {o: pick(results, scale, split, o, published.TABLE_1) for o in OPTIMISERS}
-    beyond = (*published.OTHERS, *published.IN_ONE_PASS.values())
-    others = [row for o in OPTIMISERS for row in pick(results, scale, split, o, beyond).values()]
+    unpublished = (*published.OTHERS, *published.IN_ONE_PASS.values())
+    others = [row for o in OPTIMISERS for row in pick(results, scale, split, o, unpublished).values()]
     on_clips = [row for key in IN_TABLE_1 for row in _on_clips(results, split, *key)]
     return _paper_tables(results, 1, published.TABLE_1, found, (others, on_clips), scale, split, order.claims_1)
 
 
 def table_3(results: Results, scale: str, split: str = "random") -> list[Table]:
-    """Table 3, the ablations; and the paper's claims about it."""
+    """Table 3 with the ablations, and a table of the paper's claims about it."""
     found = {o: pick(results, scale, split, o, published.TABLE_3) for o in OPTIMISERS}
     return _paper_tables(results, 3, published.TABLE_3, found, (), scale, split, order.claims_3)
 
 
 def table_fr(results: Results, scale: str, split: str = "random") -> list[Table]:
-    """What fr, the frames kept by the culling layer on either side, does to LpTransformer."""
+    """LpTransformer by fr, the number of frames that Culling keeps on each side."""
     tables = []
-    for optimiser, told in OPTIMISERS.items():
+    for optimiser, optimiser_name in OPTIMISERS.items():
         rows = results.find(system="lpt", scale=scale, split=split, optimiser=optimiser, part="test")
         by_fr = {row.fr: row for row in sorted(rows, key=lambda row: -(row.seed or 0)) if row.fr is not None}
         if len(by_fr) < 2:
             continue
         chosen = [by_fr[fr] for fr in sorted(by_fr)]
-        check_alike(chosen)
+        check_comparable(chosen)
         cells = [
             (
-                *(str(row.fr), _given(row)),
+                *(str(row.fr), _origin(row)),
                 *(number(row.score(s)) for s in ("accuracy", "bleu-1", "bleu-4", "paa")),
                 *(short(row.score("mse")), number(row.score("ms_mean"), 2)),
             )
             for row in chosen
         ]
         head = ("fr", "from", "Accuracy", "BLEU-1", "BLEU-4", "PAA", "MSE", "ms a pair")
-        caption = f"fr of LpTransformer, {told}, scale {scale}, {split}; the paper chose {published.BEST_FR}"
+        caption = f"fr of LpTransformer, {optimiser_name}, scale {scale}, {split}; the paper chose {published.BEST_FR}"
         tables.append(Table(caption, f"fr-{optimiser}-{scale}-{split}", head, tuple(cells), _notes(results, chosen)))
     return tables
 
 
 def table_classical(results: Results, split: str = "random") -> list[Table]:
-    """Every method on clips, with what the paper does not measure."""
-    rows = [row for scale in ON_CLIPS for row in results.find(scale=scale, split=split, part="test")]
+    """Every method on clips, with metrics beyond the paper's."""
+    rows = [row for scale in CLIP_SCALES for row in results.find(scale=scale, split=split, part="test")]
     if not rows:
         return []
-    check_alike(rows)
-    told = {"nothing": 0, "length": 1, "positions": 2, "positions and length": 3}
-    rows.sort(key=lambda row: (told.get(row.given, 4), row.system))
+    check_comparable(rows)
+    rows.sort(key=lambda row: (GIVEN.index(row.given) if row.given in GIVEN else len(GIVEN), row.system))
     return [_extra_metrics(results, rows, f"Methods on clips, {split}", f"classical-{split}")]
 
 
 def table_extra_metrics(results: Results, scale: str, split: str = "random") -> list[Table]:
-    """What the paper does not measure, of every trained row."""
+    """Metrics beyond the paper's for every trained row."""
     systems = (*published.TABLE_1, *published.TABLE_3, *published.OTHERS, *published.IN_ONE_PASS.values())
     rows = [row for o in OPTIMISERS for row in pick(results, scale, split, o, dict.fromkeys(systems)).values()]
     if not rows:
         return []
-    check_alike(rows)
-    return [
-        _extra_metrics(results, rows, f"Beside the paper's measures, scale {scale}, {split}", f"beside-{scale}-{split}")
-    ]
+    check_comparable(rows)
+    return [_extra_metrics(results, rows, f"Further metrics, scale {scale}, {split}", f"extra-{scale}-{split}")]
 
 
 def _paper_tables(
@@ -119,7 +125,7 @@ def _paper_tables(
     measured = [row for rows in found.values() for row in rows.values()] + [row for rows in more for row in rows]
     if not measured:
         return []
-    check_alike(measured)
+    check_comparable(measured)
     rows: list[tuple[str, ...]] = []
     for system, values in printed.items():
         of_lpt = (f"{published.ACCURACY:.2f}", f"{published.MSE:.4f}") if system == "lpt" else ("-", "-")
@@ -134,22 +140,22 @@ def _paper_tables(
             rows.append(("follows the paper's order", OPTIMISERS[optimiser], *verdicts, "", "", "", ""))
     caption = f"Table {n} of the paper, scale {scale}, {split}"
     tables = [Table(caption, f"table{n}-{scale}-{split}", HEAD, tuple(rows), _notes(results, measured))]
-    said = [
+    judged_claims = [
         (claim.claim, OPTIMISERS[optimiser], claim.printed, claim.measured, "yes" if claim.holds else "no")
         for optimiser, by in found.items()
         for claim in claims(by)
     ]
-    if said:
-        head = ("the paper says", "trained by", "paper", "measured", "holds")
-        caption = f"What the paper says beside table {n}, scale {scale}, {split}"
-        tables.append(Table(caption, f"claims{n}-{scale}-{split}", head, tuple(said)))
+    if judged_claims:
+        head = ("claim of the paper", "trained by", "paper", "measured", "holds")
+        caption = f"Claims of the paper's text about table {n}, scale {scale}, {split}"
+        tables.append(Table(caption, f"claims{n}-{scale}-{split}", head, tuple(judged_claims)))
     return tables
 
 
 def _row(row: ResultRow) -> tuple[str, ...]:
     scores = [number(row.score(published.SCORES[metric])) for metric in published.METRICS]
     more = (number(row.score("paa_all")), number(row.score("accuracy")), short(row.score("mse")))
-    return (published.name(row.system), _given(row), *scores, *more, number(row.score("ms_mean"), 2))
+    return (published.name(row.system), _origin(row), *scores, *more, number(row.score("ms_mean"), 2))
 
 
 def _extra_metrics(results: Results, rows: Sequence[ResultRow], caption: str, label: str) -> Table:
@@ -171,7 +177,7 @@ def _extra_metrics(results: Results, rows: Sequence[ResultRow], caption: str, la
         ("ms_median", 2, "ms, median"),
     )
     cells = [
-        (published.name(row.system), _given(row), *(number(row.score(name), digits) for name, digits, _ in columns))
+        (published.name(row.system), _origin(row), *(number(row.score(name), digits) for name, digits, _ in columns))
         for row in rows
     ]
     return Table(
@@ -179,36 +185,37 @@ def _extra_metrics(results: Results, rows: Sequence[ResultRow], caption: str, la
     )
 
 
-def _given(row: ResultRow) -> str:
+def _origin(row: ResultRow) -> str:
+    """The cell that states how a row's system was trained, or what its method was given."""
     if row.scale == CLASSICAL:
-        return f"classical, told {row.given}"
-    if row.scale == OWN:
-        return f"signsplice, told {row.given}"
-    if row.scale == TAUGHT:
-        return f"signsplice, taught its training part, told {row.given}"
+        return f"classical, given {row.given}"
+    if row.scale == SHIPPED:
+        return f"signsplice, given {row.given}"
+    if row.scale == CORPUS_TRAINED:
+        return f"signsplice, trained on the split, given {row.given}"
     steps = f", {row.steps} steps" if row.steps is not None else ""
     return OPTIMISERS.get(row.optimiser, row.optimiser) + steps
 
 
-def _on_clips(results: Results, split: str, system: str, told: str) -> list[ResultRow]:
-    rows = results.find(system=system, told=told, split=split, part="test")
-    return [row for row in rows if row.scale in ON_CLIPS]
+def _on_clips(results: Results, split: str, system: str, given: str) -> list[ResultRow]:
+    rows = results.find(system=system, given=given, split=split, part="test")
+    return [row for row in rows if row.scale in CLIP_SCALES]
 
 
 def _notes(results: Results, rows: Sequence[ResultRow]) -> tuple[str, ...]:
-    told = results.signatures.get(rows[0].measures, {})
-    recipes = "; ".join(f"`{told[name]}`" for name in ("accuracy", "mse", "bleu") if name in told)
-    notes = [f"Judged by `{rows[0].protocol}`.", f"Measures `{rows[0].measures}`: {recipes}."]
+    signatures = results.signatures.get(rows[0].metrics_id, {})
+    recipes = "; ".join(f"`{signatures[name]}`" for name in ("accuracy", "mse", "bleu") if name in signatures)
+    notes = [f"Judged by `{rows[0].protocol}`.", f"Metrics `{rows[0].metrics_id}`: {recipes}."]
     machines = sorted({row.machine for row in rows})
     if len(machines) > 1:
-        notes.append(f"Times are of {len(machines)} machines and not to be compared: {'; '.join(machines)}.")
+        notes.append(f"Times are of {len(machines)} machines and cannot be compared: {'; '.join(machines)}.")
     else:
         notes.append(f"Times: {machines[0]}.")
     return tuple(notes)
 
 
 def pages(results: Results, scale: str) -> dict[str, list[Table]]:
-    """All tables by page: table1, table3, fr, classical; each for every split that was judged."""
+    """The tables by page (table1, table3, fr, classical), each for every split that was judged."""
     out: dict[str, list[Table]] = {page: [] for page in PAGES}
     for split in SPLITS:
         out["table1"] += table_1(results, scale, split)
@@ -219,8 +226,8 @@ def pages(results: Results, scale: str) -> dict[str, list[Table]]:
 
 
 def write(results: Results, folder: Path, scale: str, only: Sequence[str] = PAGES) -> list[Path]:
-    """Write pages of tables, each as .md and .tex, and put tables 1 and 3 between the marks of a README.md that has
-    them; the paths written.
+    """Write pages of tables as .md and .tex, and the tables of table1, table3 and fr between the marks of README.md if
+    the folder has one; the paths written.
     """
     made = pages(results, scale)
     written = []

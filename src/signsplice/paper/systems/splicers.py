@@ -1,20 +1,20 @@
 """Trained systems that splice two words: positions by one network and frames by another, or both by one.
 
-Positions follow eq. 10: a token is emitted where its class wins at some frame, with a bias that was chosen on
-validation pairs, and the position is the frame at which its log-odds against "none" are highest. Frames follow eq. 16:
-from the start token to the first frame that is called the last one.
+Positions follow eq. 10: a token is emitted if its class wins at some frame, with a bias that was chosen on validation
+pairs; its position is the frame with the highest log-odds against "none". Frames follow eq. 16: from the start token to
+the first frame that is classified as the last one.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.paper.prediction import N_NUMBERS, Float, Prediction
+from signsplice.splicing.bundle import BundleConfig, RunConfig
 from signsplice.splicing.culling import check, cull
 from signsplice.splicing.sessions import Array, Sessions, single
 
@@ -24,44 +24,52 @@ START, FRAME, HIDDEN = 0, 1, 2
 
 
 class PaperSystem(ABC):
-    """A trained system; ``facts`` is its bundle.json."""
+    """A trained system.
 
-    def __init__(self, name: str, facts: Mapping[str, Any], graphs: Sessions, decoding: str) -> None:
-        self.name, self.facts, self.graphs, self.decoding = name, facts, graphs, decoding
-        runs = facts["runs"]
-        self.frames_by: str = runs["frames"]
-        self.fr: int | None = facts["fr"]
-        self.n_fed: int = runs["n_fed"]
-        self.most_frames: int = runs["most_frames"]
-        self.token_bias: float = runs.get("token_bias", 0.0)
+    - name: the system's name
+    - config: its bundle.json
+    - graphs: the exported graphs
+    - decoding: one of ``DECODINGS``
+    """
+
+    def __init__(self, config: BundleConfig, runs: RunConfig, graphs: Sessions, decoding: str) -> None:
+        self.name, self.config, self.graphs, self.decoding = config.system or "", config, graphs, decoding
+        self.frames_by, self.fr, self.n_fed = runs.frames, config.fr, runs.n_fed
+        self.most_frames, self.token_bias = runs.most_frames, runs.token_bias
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of parameters of all networks."""
+        return self.config.n_parameters or 0
 
     @abstractmethod
     def predict(self, before: Float, after: Float) -> Prediction:
         """The splice of ``before`` (N, 159) and ``after`` (M, 159), both in [-0.5, 0.5]."""
 
     @abstractmethod
-    def rehearse(self, before: Float, after: Float, pre: int, post: int, n_frames: int) -> Float:
-        """The work of a prediction whose outcome is told: positions are searched for, and ``n_frames`` frames made as
-        for pre and post. What it costs depends on the sizes of the networks alone, not on what they have learned.
+    def predict_fixed(self, before: Float, after: Float, pre: int, post: int, n_frames: int) -> Float:
+        """The frames (n_frames, 159) of a prediction with a fixed outcome, for timing. Positions are searched for, but
+        ``n_frames`` frames are made at pre and post. The cost depends only on the sizes of the networks, not on their
+        weights.
         """
 
-    def _generated(self, encoded: Mapping[str, Array], n_frames: int | None = None) -> Float:
-        """Transition frames (n, 159) that a decoder makes of what an encoder hands on; ``n_frames``: so many, wherever
-        it would end.
+    def _decode(self, encoded: Mapping[str, Array], n_frames: int | None = None) -> Float:
+        """Transition frames (n, 159) that the decoder makes from the encoder's outputs; with ``n_frames``, as many,
+        without regard to the end token.
         """
-        given = {name: value for name, value in encoded.items() if name.startswith(("memory", "state"))}
+        inputs = {name: value for name, value in encoded.items() if name.startswith(("memory", "state"))}
         if self.decoding == "parallel":
             kinds = np.full((1, self.most_frames), HIDDEN)
             kinds[:, 0] = START
-            nothing = np.zeros((1, self.most_frames, self.n_fed), np.float32)
-            made = self.graphs.run("decoder", {**given, "fed": nothing, "kinds": kinds, "start": np.array(0)})
+            blank = np.zeros((1, self.most_frames, self.n_fed), np.float32)
+            made = self.graphs.run("decoder", {**inputs, "fed": blank, "kinds": kinds, "start": np.array(0)})
             ends = np.flatnonzero(made["last"][0] > 0.0)
             count = (int(ends[0]) + 1 if len(ends) else self.most_frames) if n_frames is None else n_frames
             return made["made"][0, :count, :N_NUMBERS].astype(np.float64)
         frames: list[Array] = []
         fed, kinds, start = np.zeros((1, 1, self.n_fed), np.float32), np.full((1, 1), START), 0
         while len(frames) < (self.most_frames if n_frames is None else n_frames):
-            made = self.graphs.run("decoder", {**given, "fed": fed, "kinds": kinds, "start": np.array(start)})
+            made = self.graphs.run("decoder", {**inputs, "fed": fed, "kinds": kinds, "start": np.array(start)})
             newest = made["made"][:, -1:]
             frames.append(newest[0, 0, :N_NUMBERS])
             if n_frames is None and made["last"][0, -1] > 0.0:
@@ -70,36 +78,36 @@ class PaperSystem(ABC):
                 fed, kinds = np.concatenate([fed, newest], axis=1), np.append(kinds, [[FRAME]], axis=1)
             else:
                 fed, kinds, start = newest, np.full((1, 1), FRAME), len(frames)
-                given |= {name.removeprefix("next_"): made[name] for name in made if name.startswith("next_")}
+                inputs |= {name.removeprefix("next_"): made[name] for name in made if name.startswith("next_")}
         return np.stack(frames).astype(np.float64)
 
 
 class TwoNetworkSystem(PaperSystem):
-    """SPSN for the positions, another network for the frames: LpTransformer, its ablations, and other transition makers
-    behind the same SPSN.
+    """SPSN for the positions and another network for the frames: LpTransformer, its ablations, and other networks for
+    transitions behind the same SPSN.
     """
 
     def predict(self, before: Float, after: Float) -> Prediction:
-        """The splice; without Culling frames are made even where a position is missing."""
+        """The splice. Without Culling, frames are made even if a position is missing."""
         pre, post = self.positions(before, after)
         if self.fr is not None and (pre is None or post is None):
             return Prediction(pre, post, np.zeros((0, N_NUMBERS)))
         return Prediction(pre, post, self._frames(before, after, pre, post))
 
     def positions(self, before: Float, after: Float) -> tuple[int | None, int | None]:
-        """Where SPSN leaves and enters, None for a token that it does not emit."""
+        """SPSN's positions pre and post, None for a token that it does not emit."""
         logits = self.graphs.run(
             "spsn", {"x": single(np.concatenate([before, after])), "n_before": np.array([len(before)])}
         )["tokens"]
-        return decided(logits[0], len(before), self.token_bias)
+        return splice_position(logits[0], len(before), self.token_bias)
 
     def fill(self, before: Float, after: Float, pre: int, post: int) -> Float:
-        """The transition (n, 159) for positions that are told, the true ones say."""
+        """The transition (n, 159) at given positions."""
         check(before, after, pre, post)
         return self._frames(before, after, pre, post)
 
-    def rehearse(self, before: Float, after: Float, pre: int, post: int, n_frames: int) -> Float:
-        """The work of a prediction whose outcome is told."""
+    def predict_fixed(self, before: Float, after: Float, pre: int, post: int, n_frames: int) -> Float:
+        """The frames of a prediction with a fixed outcome."""
         self.positions(before, after)
         return self._frames(before, after, pre, post, n_frames)
 
@@ -113,7 +121,7 @@ class TwoNetworkSystem(PaperSystem):
         n_before = len(before) if self.fr is None else self.fr
         inputs: dict[str, Array] = {"x": single(x), "mask": mask[None], "n_before": np.array([n_before])}
         if self.frames_by == "generator":
-            return self._generated(self.graphs.run("encoder", inputs), n_frames)
+            return self._decode(self.graphs.run("encoder", inputs), n_frames)
         count = int(self.graphs.run("length", inputs)["numbers"][0].argmax()) + 1
         if n_frames is not None:
             count = n_frames
@@ -122,28 +130,28 @@ class TwoNetworkSystem(PaperSystem):
 
 
 class OneNetworkSystem(PaperSystem):
-    """One network for both, which reads the whole X: the paper's rivals."""
+    """One network for positions and frames, which reads the whole X: the systems that the paper compares with."""
 
     def predict(self, before: Float, after: Float) -> Prediction:
         """The splice."""
-        encoded, pre, post = self._read(before, after)
-        return Prediction(pre, post, self._generated(encoded))
+        encoded, pre, post = self._encode(before, after)
+        return Prediction(pre, post, self._decode(encoded))
 
-    def rehearse(self, before: Float, after: Float, pre: int, post: int, n_frames: int) -> Float:
-        """The work of a prediction whose outcome is told; the positions have no part in it."""
-        return self._generated(self._read(before, after)[0], n_frames)
+    def predict_fixed(self, before: Float, after: Float, pre: int, post: int, n_frames: int) -> Float:
+        """The frames of a prediction with a fixed outcome; the positions do not affect them."""
+        return self._decode(self._encode(before, after)[0], n_frames)
 
-    def _read(self, before: Float, after: Float) -> tuple[Mapping[str, Array], int | None, int | None]:
-        """What the encoder hands on, and the positions in it."""
+    def _encode(self, before: Float, after: Float) -> tuple[Mapping[str, Array], int | None, int | None]:
+        """The encoder's outputs, and the positions in its tokens."""
         x = np.concatenate([before, after])
         inputs = {"x": single(x), "mask": np.ones((1, len(x)), bool), "n_before": np.array([len(before)])}
         encoded = self.graphs.run("encoder", inputs)
-        return encoded, *decided(encoded["tokens"][0], len(before), self.token_bias)
+        return encoded, *splice_position(encoded["tokens"][0], len(before), self.token_bias)
 
 
-def decided(logits: NDArray[np.float32], n_before: int, bias: float = 0.0) -> tuple[int | None, int | None]:
-    """Positions: pre (a frame of P) and post (a frame of Q) of logits (N + M, 3); None for a token whose class wins
-    nowhere, ``bias`` being added to both.
+def splice_position(logits: NDArray[np.float32], n_before: int, bias: float = 0.0) -> tuple[int | None, int | None]:
+    """Positions pre (a frame of P) and post (a frame of Q) from logits (N + M, 3); None for a token whose class wins at
+    no frame. ``bias`` is added to the logits of both tokens first.
     """
     wins = (logits + np.array([0.0, bias, bias])).argmax(axis=1)
     pre = int((logits[:n_before, PRE] - logits[:n_before, NONE]).argmax()) if (wins == PRE).any() else None

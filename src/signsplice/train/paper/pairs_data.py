@@ -1,7 +1,7 @@
 """Batches of a part of a corpus of pairs: padded inputs, masks, labels and true transition frames.
 
-A batch is a function of the seed and the step alone, so that a training that was interrupted goes on with the same
-batches, and several processes share one batch without talking. Only pairs of the chosen part are ever read.
+A batch depends only on the seed and the step. An interrupted training therefore continues with the same batches, and
+several processes divide one batch without communication. Only pairs of the chosen part are read.
 """
 
 from __future__ import annotations
@@ -21,18 +21,24 @@ from signsplice.synth.rng import stream
 from signsplice.train.paper.networks.layers import Normaliser
 
 DEVIATION_FLOOR = 0.01
-"""Numbers that hardly move are not blown up beyond this."""
+"""Smallest deviation of a number, so that joints that hardly move are not amplified."""
 _POOL = 8
-"""Batches drawn together and sorted by length, so that little is padded."""
+"""Number of batches that are drawn together and sorted by length, to limit padding."""
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Pairs side by side; B pairs, S frames of input, T transition frames.
+    """B pairs, with S input frames and T transition frames.
 
-    ``x`` (B, S, 159) is the whole X, or the culled frames; ``mask`` (B, S) False at padding and repeated edges.
-    ``pre``, ``post`` (B,) are frames of ``x``; ``n_before`` (B,) of its frames are of the first word. ``new`` (B, T,
-    159) true transitions, ``real`` (B, T) False at padding. ``numbers`` (B,) names the pairs, ``step`` the batch.
+    - numbers: the pairs' numbers (B,)
+    - x: the whole X, or the culled frames (B, S, 159)
+    - mask: False at padding and repeated edges (B, S)
+    - n_before: number of frames of ``x`` that are of the first word (B,)
+    - pre: frame of ``x`` with the pre token (B,)
+    - post: frame of ``x`` with the post token (B,)
+    - new: true transitions (B, T, 159)
+    - real: False at padding of ``new`` (B, T)
+    - step: the training step of the batch
     """
 
     numbers: Tensor
@@ -46,13 +52,13 @@ class Batch:
     step: int = 0
 
     def to(self, device: torch.device) -> Batch:
-        """The same on a device."""
-        moved = {f.name: getattr(self, f.name).to(device) for f in fields(self) if f.name != "step"}
-        return Batch(**moved, step=self.step)
+        """The same batch on a device."""
+        tensors = {f.name: getattr(self, f.name).to(device) for f in fields(self) if f.name != "step"}
+        return Batch(**tensors, step=self.step)
 
 
 class PairsData:
-    """A part of a split, its words and transitions in memory as float32."""
+    """A part of a split, with its words and transitions in memory as float32."""
 
     def __init__(self, pairs: Pairs, split: str, part: str, fr: int | None = None) -> None:
         self.numbers = np.array(pairs.split(split, part), dtype=np.int64)
@@ -67,26 +73,28 @@ class PairsData:
         return len(self.numbers)
 
     def normaliser(self) -> Normaliser:
-        """Mean and deviation of every number over the words of this part."""
+        """The mean and deviation of every number over the words of this part."""
         frames = np.concatenate(list(self._words.values())).astype(np.float64)
         deviation = np.maximum(frames.std(axis=0), DEVIATION_FLOOR)
         return Normaliser(torch.from_numpy(frames.mean(axis=0)).float(), torch.from_numpy(deviation).float())
 
     def rows(self, step: int, size: int, seed: int) -> NDArray[np.int64]:
-        """Rows of the batch of a step (from 0): passes over all pairs in ever new orders, a batch alike in length."""
+        """The rows of the batch of a step, from 0. Every pass over all pairs has a new order; pairs of a batch have
+        similar lengths.
+        """
         size = min(size, len(self))
         n_batches = max(1, len(self) // size)
-        epoch, at = divmod(step, n_batches)
+        epoch, index = divmod(step, n_batches)
         order = stream("batches", seed, epoch).permutation(len(self))[: n_batches * size]
         if self.fr is not None:
-            return order[at * size : (at + 1) * size]
+            return order[index * size : (index + 1) * size]
         pools = [order[k : k + _POOL * size] for k in range(0, len(order), _POOL * size)]
-        alike = np.concatenate([pool[np.argsort(self._lengths[pool], kind="stable")] for pool in pools])
-        batches = alike.reshape(n_batches, size)
-        return np.asarray(batches[stream("batch-order", seed, epoch).permutation(n_batches)[at]])
+        by_length = np.concatenate([pool[np.argsort(self._lengths[pool], kind="stable")] for pool in pools])
+        batches = by_length.reshape(n_batches, size)
+        return np.asarray(batches[stream("batch-order", seed, epoch).permutation(n_batches)[index]])
 
     def batch(self, rows: Sequence[int] | NDArray[np.int64], step: int = 0) -> Batch:
-        """These rows of the part side by side."""
+        """The batch of these rows of the part."""
         index = [self._index[row].tolist() for row in rows]
         inputs, masks = [], []
         for p, q, pre, post, _, _ in index:

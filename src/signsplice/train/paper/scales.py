@@ -1,11 +1,11 @@
-"""The one dial: what each system is made of, how large its parts are, and how long they learn.
+"""The parts of each system, their sizes, and how long they are trained, for every scale.
 
-A system has parts that learn apart: a splice position is chosen, not weighed, so no gradient runs from TFGN through
-Culling into SPSN, and learning together would be learning apart. LpTransformer and its ablations share parts; what is
-compared between them is then the design and no second draw of weights.
+The parts of a system are trained separately: a splice position is a choice, so that no gradient passes from TFGN
+through Culling to SPSN, and joint training would equal separate training. LpTransformer and its ablations share parts,
+so that comparing them compares designs, not random initial weights.
 
-smoke: everything in minutes, for the way itself. cpu: smaller networks, some hours on two cores. paper: the sizes of
-the paper (512 units everywhere, 6 + 6 and 20 + 20 layers, 8 heads), which want a GPU.
+smoke: everything in minutes, to test the pipeline. cpu: smaller networks, some hours on two cores. paper: the sizes of
+the paper (512 units everywhere, 6 + 6 and 20 + 20 layers, 8 heads), which need a GPU.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from signsplice.train.task import Task
 
 SCALES = ("smoke", "cpu", "paper")
 FR = 8
-"""The paper's choice after its sweep."""
+"""Frames that Culling keeps on each side: the paper's choice after its sweep."""
 
 SYSTEMS: dict[str, tuple[str, ...]] = {
     "lpt": ("spsn", "tfgn"),
@@ -43,18 +43,24 @@ SYSTEMS: dict[str, tuple[str, ...]] = {
     "nat": ("spsn", "nat"),
     "conv-interp": ("spsn", "interpolation"),
 }
-"""System -> its parts: the one that finds positions, if another than that which makes frames, and the latter."""
+"""System -> its parts: the one for positions, if it is separate, then the one for frames."""
 
 CULLED = ("tfgn", "progressive", "nat", "interpolation")
-"""Parts that see ``fr`` frames around the splice in place of the whole X."""
+"""Parts that see ``fr`` frames on each side of the splice instead of the whole X."""
 
 Config = SpsnConfig | TransformerConfig | ConvS2SConfig | LstmConfig | NatConfig | InterpolationConfig
 
 
 @dataclass(frozen=True)
 class SystemPart:
-    """A network and how it learns: sizes, frames on each side that it sees (None: all), steps, pairs a batch, and the
-    rate for AdamW (SGD has the paper's).
+    """A network and its training.
+
+    - name: name of the part
+    - config: sizes of the network
+    - fr: frames that it sees on each side of the splice, None for all
+    - steps: training steps
+    - batch: pairs per batch
+    - rate: highest learning rate of AdamW; SGD has the paper's
     """
 
     name: str
@@ -65,17 +71,17 @@ class SystemPart:
     rate: float
 
     def facts(self) -> dict[str, Any]:
-        """For a bundle and for the name of its checkpoints."""
+        """The part as JSON, for bundle.json and for the hash in the name of its checkpoints."""
         return {"config": asdict(self.config), **{k: v for k, v in asdict(self).items() if k not in ("name", "config")}}
 
 
-def _transformer(scale: str, **what: Any) -> TransformerConfig:
+def _transformer(scale: str) -> TransformerConfig:
     sizes = {
         "smoke": TransformerConfig(32, 2, 1, 1, 64, 0.0),
         "cpu": TransformerConfig(128, 8, 3, 3, 512, 0.0),
         "paper": TransformerConfig(),
     }
-    return replace(sizes[scale], **what)
+    return sizes[scale]
 
 
 def _config(name: str, scale: str, fr: int) -> Config:
@@ -106,18 +112,23 @@ def _convolutions(scale: str) -> ConvS2SConfig:
 
 @dataclass(frozen=True)
 class _PartSchedule:
-    """Steps at smoke, cpu and paper scale; pairs a batch and AdamW's rate at cpu scale."""
+    """The training of a part.
+
+    - steps: at smoke, cpu and paper scale
+    - batch: pairs per batch at cpu scale
+    - rate: AdamW's rate at cpu scale
+    """
 
     steps: tuple[int, int, int]
     batch: int = 64
     rate: float = 1e-3
 
 
-_SEARCH = _PartSchedule((60, 8000, 60_000), 32, 3e-3)
+_SPSN = _PartSchedule((60, 8000, 60_000), 32, 3e-3)
 _SCHEDULES = {
-    "spsn": _SEARCH,
-    "spsn-printed": _SEARCH,
-    "spsn-wa": _SEARCH,
+    "spsn": _SPSN,
+    "spsn-printed": _SPSN,
+    "spsn-wa": _SPSN,
     "tfgn": _PartSchedule((60, 3000, 60_000)),
     "tfgn-wc": _PartSchedule((60, 2400, 60_000), 32),
     "transformer": _PartSchedule((60, 5500, 60_000), 32),
@@ -127,14 +138,13 @@ _SCHEDULES = {
     "nat": _PartSchedule((60, 2000, 60_000)),
     "interpolation": _PartSchedule((60, 2000, 60_000)),
 }
-"""At cpu scale LpTransformer and each of its rivals learn for about 50 minutes of one core, since a step of one costs
-up to five times as much as a step of another.
+"""At cpu scale LpTransformer and each system compared with it are trained for about 50 minutes of one core. Their steps
+differ in cost by up to five times.
 """
 
-
-SHORTER = {("cpu", "sgd"): 0.05, ("cpu", "unseen-words"): 0.3}
-"""Shares of the steps: SGD as printed gets nowhere in hours of two cores, so that it is given few of them; unseen words
-leave three fifths of the pairs to learn from, and half as many passes over them are made.
+STEP_FRACTIONS = {("cpu", "sgd"): 0.05, ("cpu", "unseen-words"): 0.3}
+"""Fractions of the steps. SGD as printed learns almost nothing in hours on two cores, and gets few steps. The split of
+unseen words leaves three fifths of the pairs to learn from, over which half as many passes are made.
 """
 
 
@@ -146,9 +156,10 @@ def parts(
     optimiser: str = "adamw",
     split: str = "random",
 ) -> tuple[SystemPart, ...]:
-    """A system's parts at a scale; with 0 ``steps`` they stay as they were drawn, which tells their size and time.
+    """A system's parts at a scale. With 0 ``steps`` they stay untrained, which is enough to measure their size and
+    time.
 
-    Raises ``InputError`` for an unknown name, or an ``fr`` where nothing is culled.
+    Raises ``InputError`` for an unknown name, numbers out of range, and an ``fr`` for a system without Culling.
     """
     if system not in SYSTEMS:
         raise InputError(f"no system {system!r}, expected all or one of {', '.join(SYSTEMS)}")
@@ -161,23 +172,23 @@ def parts(
         if value is not None and value < least:
             raise InputError(f"{option} {value}, expected at least {least}")
     side = FR if fr is None else fr
-    at = SCALES.index(scale)
-    share = SHORTER.get((scale, optimiser), 1.0) * SHORTER.get((scale, split), 1.0)
+    column = SCALES.index(scale)
+    fraction = STEP_FRACTIONS.get((scale, optimiser), 1.0) * STEP_FRACTIONS.get((scale, split), 1.0)
     return tuple(
         SystemPart(
             name,
             _config(name, scale, side),
             side if name in CULLED else None,
-            round(share * _SCHEDULES[name].steps[at]) if steps is None else steps,
-            (16, _SCHEDULES[name].batch, 64)[at],
-            (1e-2, _SCHEDULES[name].rate, 3e-4)[at],
+            round(fraction * _SCHEDULES[name].steps[column]) if steps is None else steps,
+            (16, _SCHEDULES[name].batch, 64)[column],
+            (1e-2, _SCHEDULES[name].rate, 3e-4)[column],
         )
         for name in names
     )
 
 
 def task(part: SystemPart, normaliser: Normaliser, parents: Sequence[int], seed: int) -> Task:
-    """A part's network with its loss; ``parents`` are those of the 53 joints."""
+    """A part's network with its loss; ``parents``: parents of the 53 joints."""
     network = network_of(part.config, normaliser, parents)
     if isinstance(network, Spsn):
         return TokenTask(network)
@@ -188,7 +199,7 @@ def task(part: SystemPart, normaliser: Normaliser, parents: Sequence[int], seed:
 
 
 def network_of(config: Config, normaliser: Normaliser, parents: Sequence[int]) -> nn.Module:
-    """The network of some sizes."""
+    """The network with these sizes."""
     if isinstance(config, SpsnConfig):
         return Spsn(config, normaliser)
     if isinstance(config, TransformerConfig):

@@ -1,8 +1,8 @@
-"""What a network learns from a batch, and how well it does on pairs that it does not learn from.
+"""The tasks of the paper's networks: their losses, and their scores on validation pairs.
 
-**Exposure bias.** A decoder that always sees the true frame before learns to copy it, and errs more and more on its own
-output. Three measures, all drawn from seed and step: noise on the frames fed to it; single frames hidden from it (a
-quarter of them); and, in networks that can put out all frames in one pass, half of the pairs with every frame hidden.
+**Exposure bias.** A decoder that always sees the true frame before learns to copy it, and its errors accumulate on its
+own output. Three measures counter this, all drawn from seed and step: noise on the frames fed to the decoder; hiding a
+quarter of these frames; and, in networks that can make all frames in one pass, hiding every frame of half of the pairs.
 """
 
 from __future__ import annotations
@@ -26,50 +26,50 @@ from signsplice.train.paper.pairs_data import Batch, PairsData
 from signsplice.train.task import Task
 
 NOISE = 0.1
-"""Spread of the noise on frames fed to a decoder, in deviations of the training pairs."""
+"""Deviation of the noise on frames fed to a decoder, in deviations of the training pairs."""
 HIDDEN_FRAMES = 0.25
+"""Probability that a fed frame is hidden."""
 HIDDEN_PAIRS = 0.5
+"""Probability that all fed frames of a pair are hidden."""
 MOST_FRAMES = 32
-"""Transitions are at most this long; longer ones are cut off."""
+"""Longest transition that is generated."""
+EMITTED = 0.999
+"""Fraction of validation pairs for which both tokens must be emitted."""
 
 
 def positions(logits: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
-    """Of logits (B, S, 3): where pre and post are likeliest (B, 2), and whether each is emitted (B, 2)."""
+    """The frames where pre and post are likeliest (B, 2), and whether each is emitted (B, 2), from logits (B, S, 3)."""
     odds = (logits[..., [PRE, POST]] - logits[..., NONE : NONE + 1]).masked_fill(~mask[..., None], -1e4)
     wins = logits.argmax(-1)[..., None] == torch.tensor([PRE, POST], device=logits.device)
     return odds.argmax(1), (wins & mask[..., None]).any(1)
 
 
-EMITTED = 0.999
-"""Share of validation pairs for which both tokens are emitted at the least."""
-
-
 @torch.no_grad()
 def token_bias(task: Task, valid: PairsData) -> float:
-    """What is added to the logits of both tokens, so that a system speaks on validation pairs as good as always.
+    """The bias for the logits of both tokens with which a system emits them on ``EMITTED`` of the validation pairs.
 
-    How much a token weighs against "none" in the loss is a choice of ours (``TOKEN_WEIGHT``), and so is then how often
-    a network is silent; this takes that choice back, for every system alike. Positions do not change by it.
+    The weight of a token against "none" in the loss is our choice (``TOKEN_WEIGHT``), and it affects how often a
+    network emits no token. The bias removes that effect for every system alike. It changes no position.
     """
     if not len(valid):
         return 0.0
     task.eval()
     network: Any = task.network
-    short = []
+    missing = []
     for first in range(0, len(valid), 64):
         batch = valid.batch(range(first, min(first + 64, len(valid))))
         if isinstance(network, Spsn):
             logits = network(batch.x, batch.n_before, batch.mask)
         else:
             logits = network.encode(batch.x, batch.mask, batch.n_before).tokens
-        lacking = (logits[..., [NONE]] - logits[..., [PRE, POST]]).masked_fill(~batch.mask[..., None], torch.inf)
-        short.append(lacking.amin(1).amax(1))
-    return max(0.0, float(np.quantile(torch.cat(short).double().numpy(), EMITTED, method="higher")) + 1e-3)
+        margins = (logits[..., [NONE]] - logits[..., [PRE, POST]]).masked_fill(~batch.mask[..., None], torch.inf)
+        missing.append(margins.amin(1).amax(1))  # (B,)
+    return max(0.0, float(np.quantile(torch.cat(missing).double().numpy(), EMITTED, method="higher")) + 1e-3)
 
 
 def _judge_positions(logits: Tensor, batch: Batch) -> dict[str, float]:
-    at, emitted = positions(logits, batch.mask)
-    right = at == torch.stack([batch.pre, batch.post], dim=1)
+    frames, emitted = positions(logits, batch.mask)
+    right = frames == torch.stack([batch.pre, batch.post], dim=1)
     return {
         "pre": right[:, 0].float().mean().item(),
         "post": right[:, 1].float().mean().item(),
@@ -78,7 +78,8 @@ def _judge_positions(logits: Tensor, batch: Batch) -> dict[str, float]:
     }
 
 
-def _judge_frames(made: list[Tensor], batch: Batch, mark: str = "") -> dict[str, float]:
+def _judge_frames(made: list[Tensor], batch: Batch, suffix: str = "") -> dict[str, float]:
+    """Accuracy, fraction of right lengths and squared error of frames (n, 159) by pair; ``suffix`` ends the names."""
     counts = batch.real.sum(1).tolist()
     pairs = [
         (frames.double().cpu().numpy(), true[:count].double().cpu().numpy())
@@ -87,58 +88,62 @@ def _judge_frames(made: list[Tensor], batch: Batch, mark: str = "") -> dict[str,
     right = [len(frames) == len(true) for frames, true in pairs]
     errors = [float(np.mean((a - b) ** 2)) for a, b in pairs if len(a) == len(b)]
     scores = {
-        f"accuracy{mark}": float(np.mean([accuracy(frames, true) for frames, true in pairs])),
-        f"length{mark}": float(np.mean(right)),
+        f"accuracy{suffix}": float(np.mean([accuracy(frames, true) for frames, true in pairs])),
+        f"length{suffix}": float(np.mean(right)),
     }
-    return scores | ({f"frame_mse{mark}": float(np.mean(errors))} if errors else {})
+    return scores | ({f"frame_mse{suffix}": float(np.mean(errors))} if errors else {})
 
 
 @dataclass(frozen=True)
 class DecoderInput:
-    """What a decoder is fed in training: frames (B, T, n_fed) and their kinds (B, T)."""
+    """The inputs of a decoder in training.
+
+    - frames: the frames that are fed (B, T, n_fed)
+    - kinds: their kinds (B, T)
+    """
 
     frames: Tensor
     kinds: Tensor
 
 
 def decoder_input(batch: Batch, network: Generator, normaliser: Normaliser, seed: int) -> DecoderInput:
-    """The true frames, one step late, with noise and hidden ones; the draws belong to seed, step and pair alone."""
+    """The true frames, delayed by one step, with noise, some of them hidden; depends only on seed, step and pair."""
     n_batch, n_frames = batch.real.shape
     rows = []
     kinds = np.full((n_batch, n_frames), FRAME)
     for k, number in enumerate(batch.numbers.tolist()):
         rng = stream("fed", seed, batch.step, number)
         hidden = network.concurrent and rng.random() < HIDDEN_PAIRS
-        drawn = rng.random(MOST_FRAMES)
-        kinds[k, np.resize(drawn, n_frames) < (1.0 if hidden else HIDDEN_FRAMES)] = HIDDEN
+        chances = rng.random(MOST_FRAMES)
+        kinds[k, np.resize(chances, n_frames) < (1.0 if hidden else HIDDEN_FRAMES)] = HIDDEN
         rows.append(np.resize(rng.standard_normal((MOST_FRAMES, 159), np.float32), (n_frames, 159)))
     kinds[:, 0] = START
     noise = torch.from_numpy(np.stack(rows)).to(batch.new.device) * NOISE * normaliser.deviation
-    late = torch.cat([torch.zeros_like(batch.new[:, :1]), batch.new[:, :-1]], dim=1) + noise
-    if network.n_fed > late.shape[-1]:
-        at = torch.arange(n_frames, device=late.device) / batch.real.sum(1, keepdim=True)
-        late = torch.cat([late, at[..., None]], dim=-1)
-    return DecoderInput(late, torch.from_numpy(kinds).to(late.device))
+    delayed = torch.cat([torch.zeros_like(batch.new[:, :1]), batch.new[:, :-1]], dim=1) + noise
+    if network.n_fed > delayed.shape[-1]:
+        counter = torch.arange(n_frames, device=delayed.device) / batch.real.sum(1, keepdim=True)
+        delayed = torch.cat([delayed, counter[..., None]], dim=-1)
+    return DecoderInput(delayed, torch.from_numpy(kinds).to(delayed.device))
 
 
 class TokenTask(Task):
-    """SPSN: the splice positions."""
+    """SPSN, which predicts the splice positions."""
 
     def __init__(self, network: Spsn) -> None:
         super().__init__()
         self.network: Spsn = network
 
     def forward(self, batch: Batch) -> Tensor:
-        """Loss of the tokens."""
+        """The loss () of the tokens."""
         return token_loss(self.network(batch.x, batch.n_before, batch.mask), batch.pre, batch.post, batch.mask)
 
     def judge(self, batch: Batch) -> dict[str, float]:
-        """Shares of right positions."""
+        """Fractions of right positions and of emitted tokens."""
         return _judge_positions(self.network(batch.x, batch.n_before, batch.mask), batch)
 
 
 class FrameTask(Task):
-    """A generator: the transition frames, and the positions where it has a head for them."""
+    """A generator, which predicts the transition frames, and the positions if it has a head for them."""
 
     def __init__(self, network: Generator, normaliser: Normaliser, seed: int) -> None:
         super().__init__()
@@ -146,14 +151,14 @@ class FrameTask(Task):
         self.normaliser, self.seed = normaliser, seed
 
     def forward(self, batch: Batch) -> Tensor:
-        """Loss of frames, of last frames, and of tokens."""
+        """The loss () of frames, of last frames, and of tokens."""
         inputs = decoder_input(batch, self.network, self.normaliser, self.seed)
         tokens, made, last = self.network(batch.x, batch.mask, batch.n_before, inputs.frames, inputs.kinds)
         loss = frame_loss(made[..., :159], batch.new, batch.real, self.normaliser.deviation)
         if self.network.n_fed > 159:
             counter = torch.arange(1, made.shape[1] + 1, device=made.device) / batch.real.sum(1, keepdim=True)
-            each = (made[..., 159].float() - counter).square() * batch.real
-            loss = loss + 10.0 * (each.sum(1) / batch.real.sum(1)).mean()
+            errors = (made[..., 159].float() - counter).square() * batch.real
+            loss = loss + 10.0 * (errors.sum(1) / batch.real.sum(1)).mean()
         else:
             loss = loss + last_loss(last, batch.real)
         if tokens is not None:
@@ -161,7 +166,7 @@ class FrameTask(Task):
         return loss
 
     def judge(self, batch: Batch) -> dict[str, float]:
-        """The paper's accuracy, shares of right lengths and positions; in one pass too, where the network can."""
+        """The paper's accuracy, and fractions of right lengths and positions; also for one pass, if the network can."""
         encoded: Encoded = self.network.encode(batch.x, batch.mask, batch.n_before)
         made = generate(self.network, encoded, len(batch.x), MOST_FRAMES)
         scores = _judge_frames(made, batch)
@@ -172,7 +177,7 @@ class FrameTask(Task):
 
 
 class FillTask(Task):
-    """A filler: the number of frames, and all of them together."""
+    """A filler, which predicts the number of frames, and all frames together."""
 
     def __init__(self, network: Filler, normaliser: Normaliser) -> None:
         super().__init__()
@@ -180,13 +185,13 @@ class FillTask(Task):
         self.normaliser = normaliser
 
     def forward(self, batch: Batch) -> Tensor:
-        """Loss of frames and of their number."""
+        """The loss () of frames and of their number."""
         numbers, made = self.network(batch.x, batch.mask, batch.real)
         length = F.cross_entropy(numbers.float(), (batch.real.sum(1) - 1).clamp(max=numbers.shape[1] - 1))
         return length + frame_loss(made, batch.new, batch.real, self.normaliser.deviation)
 
     def judge(self, batch: Batch) -> dict[str, float]:
-        """The paper's accuracy and the share of right lengths."""
+        """The paper's accuracy and the fraction of right lengths."""
         counts = self.network.length(batch.x, batch.mask).argmax(1) + 1
         most = int(counts.max())
         real = torch.arange(most, device=counts.device)[None] < counts[:, None]

@@ -1,4 +1,4 @@
-"""A system from a corpus of pairs to a bundle: its parts trained or found trained, exported, and put together."""
+"""Training a system of the paper from a corpus of pairs to a bundle: its parts are trained, exported and combined."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ from signsplice.formats.atomic import replacing
 from signsplice.splicing.bundle import write_bundle
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.signer import skeleton
-from signsplice.train import checkpoint
+from signsplice.train import checkpoint, provenance
 from signsplice.train import log as logs
-from signsplice.train.export import check_bundle_folder, paper_graphs
+from signsplice.train.export import check_bundle_folder
 from signsplice.train.loop import SGD_RATE, LoopConfig, ProgressCallback, train
+from signsplice.train.paper.graphs import paper_graphs
 from signsplice.train.paper.networks.generator import Generator
 from signsplice.train.paper.pairs_data import PairsData
 from signsplice.train.paper.scales import SystemPart, parts, task
@@ -31,16 +32,24 @@ from signsplice.train.paper.tasks import MOST_FRAMES, token_bias
 from signsplice.train.processes import Processes, only_one
 from signsplice.train.task import Task
 
-_TRAINED_AS = {"unseen-signer": "random"}
-"""Splits whose training part is another's."""
+_SHARED_TRAINING = {"unseen-signer": "random"}
+"""Splits that have the training part of another split."""
 
 
 @dataclass(frozen=True)
 class Training:
-    """What to train and how.
+    """What to train.
 
-    ``n_judged`` validation pairs are judged ``n_judgements`` times, None: 4 at smoke scale, else 20. ``bf16``, None:
-    on GPUs.
+    - system: one of ``scales.SYSTEMS``
+    - scale: one of ``scales.SCALES``
+    - optimiser: adamw or sgd
+    - split: the split whose training part is learned from
+    - seed: of weights, batches and noise
+    - fr: frames that Culling keeps on each side, None for the default
+    - steps: steps of every part, None for those of the scale
+    - bf16: whether to compute in bfloat16, None for GPUs only
+    - n_judgements: how often a part is validated, None for 4 at smoke scale, else 20
+    - n_judged: number of validation pairs
     """
 
     system: str
@@ -61,12 +70,12 @@ def make(
     out: Path,
     shared: Path,
     processes: Processes,
-    tell: Callable[[str], ProgressCallback] | None = None,
+    progress: Callable[[str], ProgressCallback] | None = None,
 ) -> None:
-    """Train what is not trained yet, and write the bundle into ``out``.
+    """Train a system's parts, as far as they are not trained, and write the bundle into ``out``.
 
-    Checkpoints lie in ``shared``, a folder a part, where other systems with the same parts find them. The same call
-    after an interruption goes on from the last one. ``tell``: part's name -> who is told of its progress.
+    ``shared`` holds a folder of checkpoints for each part, where other systems with the same parts find them. The same
+    call after an interruption continues from the last checkpoint. ``progress``: name of a part -> callback.
     """
     chosen = parts(training.system, training.scale, training.fr, training.steps, training.optimiser, training.split)
     check_bundle_folder(out)
@@ -76,29 +85,31 @@ def make(
         folder = part_folder(shared, part, training, pairs)
         folder.mkdir(parents=True, exist_ok=True)
         with only_one(folder) if processes.first else nullcontext():
-            told = None if tell is None else tell(part.name)
-            tasks.append(trained(part, training, pairs, folder, processes, told))
+            if processes.first:
+                provenance.corpus_data(pairs.folder, folder)
+            callback = None if progress is None else progress(part.name)
+            tasks.append(trained(part, training, pairs, folder, processes, callback))
     if processes.first:
         _write(training, pairs, chosen, tasks, out, [part_folder(shared, part, training, pairs) for part in chosen])
 
 
 def recipe(part: SystemPart, training: Training, pairs: Pairs) -> str:
-    """Twelve hex digits that change with everything that a trained part is told; not with the code that makes it."""
-    told = {
+    """Twelve hex digits that depend on everything that a part's training is given, but not on the code."""
+    given = {
         "part": part.name,
         **part.facts(),
         "optimiser": training.optimiser,
-        "split": _TRAINED_AS.get(training.split, training.split),
+        "split": _SHARED_TRAINING.get(training.split, training.split),
         "seed": training.seed,
         "corpus": pairs.head["hash"],
     }
-    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:12]
+    return hashlib.sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()[:12]
 
 
 def part_folder(shared: Path, part: SystemPart, training: Training, pairs: Pairs) -> Path:
-    """Where a part's checkpoint and log lie."""
+    """The folder of a part's checkpoint and log."""
     fr = "" if part.fr is None else f"-fr{part.fr}"
-    split = _TRAINED_AS.get(training.split, training.split)
+    split = _SHARED_TRAINING.get(training.split, training.split)
     name = f"{part.name}{fr}-{training.scale}-{training.optimiser}-{split}-seed{training.seed}"
     return shared / f"{name}-{recipe(part, training, pairs)}"
 
@@ -109,10 +120,10 @@ def trained(
     pairs: Pairs,
     folder: Path,
     processes: Processes,
-    tell: ProgressCallback | None = None,
+    progress: ProgressCallback | None = None,
     until: int | None = None,
 ) -> Task:
-    """A part's task, trained; ``until``: only so far."""
+    """A part's trained task; ``until``: the step to stop at."""
     data = PairsData(pairs, training.split, "train", part.fr)
     valid = PairsData(pairs, training.split, "valid", part.fr)
     if not len(data):
@@ -131,7 +142,7 @@ def trained(
         bf16=processes.device.type == "cuda" if training.bf16 is None else training.bf16,
         until=until,
     )
-    train(made, loop, data, valid, folder, recipe(part, training, pairs), processes, tell)
+    train(made, loop, data, valid, folder, recipe(part, training, pairs), processes, progress)
     return made
 
 
@@ -141,16 +152,31 @@ def _write(
     files: dict[str, bytes] = {}
     for part, made, folder in zip(chosen, tasks, folders, strict=True):
         files |= _exported(part, made, folder)
-    told = facts(training, pairs, chosen, tasks, folders)
+    contents = facts(training, pairs, chosen, tasks, folders) | _provenance(training, pairs, out, folders)
     if training.steps != 0:
-        told["runs"]["token_bias"] = token_bias(tasks[0], PairsData(pairs, training.split, "valid"))
-    write_bundle(out, told, files)
+        contents["runs"]["token_bias"] = token_bias(tasks[0], PairsData(pairs, training.split, "valid"))
+    write_bundle(out, contents, files)
     for part, folder in zip(chosen, folders, strict=True):
         shutil.copyfile(folder / logs.NAME, out / f"{part.name}.jsonl")
 
 
+def _provenance(training: Training, pairs: Pairs, out: Path, folders: list[Path]) -> dict[str, Any]:
+    """The command that makes a bundle, and the sha256 of its data; None where a part's data are unknown."""
+    options: dict[str, provenance.Option] = {
+        "pairs": pairs.folder, "system": training.system, "scale": training.scale, "optimiser": training.optimiser,
+        "split": training.split, "fr": training.fr, "steps": training.steps, "seed": training.seed,
+        "bf16": training.bf16, "out": out,
+    }  # fmt: skip
+    data = [provenance.corpus_data(pairs.folder, folder) for folder in folders]
+    return {
+        "command": provenance.command(["train", "paper"], options),
+        "data": None if None in data else data[0],
+        "signsplice": provenance.software(),
+    }
+
+
 def _exported(part: SystemPart, made: Task, folder: Path) -> dict[str, bytes]:
-    """A part's graphs; those that lie beside its checkpoint and are newer are not made again."""
+    """A part's graphs; graphs next to its checkpoint are reused if they are newer."""
     kept = sorted(folder.glob("*.onnx"))
     trained_at = (folder / checkpoint.NAME).stat().st_mtime_ns
     if kept and min(path.stat().st_mtime_ns for path in kept) > trained_at:
@@ -167,7 +193,7 @@ def _exported(part: SystemPart, made: Task, folder: Path) -> dict[str, bytes]:
 def facts(
     training: Training, pairs: Pairs, chosen: tuple[SystemPart, ...], tasks: list[Task], folders: list[Path]
 ) -> dict[str, Any]:
-    """What a bundle says of itself, but its files; ``folders`` hold the parts' logs."""
+    """The contents of bundle.json without its files; ``folders`` hold the parts' logs."""
     frames = tasks[-1].network
     normaliser: Any = frames.normaliser
     generator = frames if isinstance(frames, Generator) else None
@@ -204,6 +230,6 @@ def facts(
 
 
 def _last_scores(folder: Path) -> dict[str, float]:
-    """A part's last scores on validation pairs."""
+    """The last scores of a part on validation pairs."""
     judged = [line for line in logs.lines(folder / logs.NAME) if {"accuracy", "pta"} & set(line)]
     return {k: v for k, v in judged[-1].items() if k != "step"} if judged else {}

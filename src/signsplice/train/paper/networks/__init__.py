@@ -1,1 +1,1 @@
-"""SPSN, TFGN, the rival systems and related transition makers, as torch modules."""
+"""The networks of the paper's systems as torch modules: SPSN, TFGN, the systems compared with, and related work."""

@@ -1,14 +1,14 @@
-"""Networks that make all transition frames at once, their number being told or guessed before.
+"""Networks that make all transition frames at once, for a given or predicted number of frames.
 
-* NAT (after Huang et al. 2021 [10]): a non-autoregressive Transformer. A number of frames is predicted, the encoder's
-  states at the splice are spread over it (their length regulator; here a blend of the two inner states), the decoder
-  refines all frames together, and a graph convolution over the skeleton's joints puts them out. Their gloss input, and
-  the external aligner that taught lengths, have no counterpart: lengths are known here.
+* NAT (after Huang et al. 2021 [10]): a non-autoregressive Transformer. It predicts a number of frames, spreads the
+  encoder's states at the splice over it (their length regulator; here a blend of the two inner states), refines all
+  frames together in the decoder, and makes positions by a graph convolution over the skeleton's joints. Their gloss
+  input, and the external aligner for lengths, have no counterpart, because lengths are known here.
 * Convolutional interpolation (after Zhou et al. 2021 [11]): kept frames on both sides and a linear interpolation
-  between them go through residual convolutions over time; the output is added to the interpolation. Theirs works on
-  rotations with kinematics behind it; here on positions, as all systems of the comparison.
+  between them pass through residual convolutions over time; the output is added to the interpolation. Theirs works on
+  rotations followed by kinematics, this one on positions, as all systems of the comparison.
 
-Both see the culled frames X_c and know no positions of their own: those are SPSN's, or the truth.
+Both see the culled frames X_c and predict no positions; those come from SPSN or the truth.
 """
 
 from __future__ import annotations
@@ -27,13 +27,24 @@ from signsplice.train.paper.networks.layers import (
     Encoder,
     Normaliser,
     positional_code,
-    with_steps,
+    with_deltas,
 )
 
 
 @dataclass(frozen=True)
 class NatConfig:
-    """Sizes; ``graph`` numbers a joint in the graph convolution."""
+    """Sizes.
+
+    - fr: frames that Culling keeps on each side
+    - width: of states
+    - n_heads: attention heads
+    - n_encoder_layers: number of encoder layers
+    - n_decoder_layers: number of decoder layers
+    - inner: width of the feed-forward layers
+    - graph: numbers per joint in the graph convolution
+    - dropout: probability
+    - most_frames: longest transition
+    """
 
     fr: int = 8
     width: int = 512
@@ -48,7 +59,13 @@ class NatConfig:
 
 @dataclass(frozen=True)
 class InterpolationConfig:
-    """Sizes; dilations go 1, 2, 4, 1, 2, 4, ..."""
+    """Sizes.
+
+    - fr: frames that Culling keeps on each side
+    - width: of states
+    - n_layers: number of convolutions, with dilations 1, 2, 4, 1, 2, 4, ...
+    - most_frames: longest transition
+    """
 
     fr: int = 8
     width: int = 512
@@ -57,29 +74,31 @@ class InterpolationConfig:
 
 
 class Filler(nn.Module, ABC):
-    """A network that guesses a number of frames and makes them together."""
+    """A network that predicts a number of frames and makes them together."""
 
     @abstractmethod
     def length(self, x: Tensor, mask: Tensor) -> Tensor:
-        """Logits (B, most_frames) of 1, 2, ... frames, of culled frames (B, 2 fr, 159), raw, and their mask."""
+        """Logits (B, most_frames) of 1, 2, ... frames, from culled frames (B, 2 fr, 159), not normalised, and their
+        mask (B, 2 fr).
+        """
 
     @abstractmethod
     def fill(self, x: Tensor, mask: Tensor, real: Tensor) -> Tensor:
-        """Frames (B, T, 159), raw; ``real`` (B, T) says how many of each row are asked for."""
+        """Frames (B, T, 159), not normalised; ``real`` (B, T) is True for the frames that each row needs."""
 
     def forward(self, x: Tensor, mask: Tensor, real: Tensor) -> tuple[Tensor, Tensor]:
         """Logits of the lengths, and frames."""
         return self.length(x, mask), self.fill(x, mask, real)
 
 
-def shares(real: Tensor) -> Tensor:
-    """Where each of n frames lies between the two kept ones (B, T): 1 / (n + 1), 2 / (n + 1), ..."""
+def gap_fractions(real: Tensor) -> Tensor:
+    """The times (B, T) of n frames between the kept frames, which lie at 0 and 1: 1 / (n + 1), 2 / (n + 1), ..."""
     n = real.sum(1, keepdim=True)
     return torch.arange(1, real.shape[1] + 1, device=real.device) / (n + 1.0)
 
 
 class GraphConvolution(nn.Module):
-    """Joints' features (B, T, J, G) mixed along bones by a row-normalised adjacency with self-loops, then over time."""
+    """Mixes the features of joints along bones, by a row-normalised adjacency with self-loops, and then over time."""
 
     adjacency: Tensor
 
@@ -94,14 +113,16 @@ class GraphConvolution(nn.Module):
         self.time = nn.Conv2d(n_features, n_features, (3, 1), padding=(1, 0))
 
     def forward(self, x: Tensor, real: Tensor) -> Tensor:
-        """Features of the same shape; frames that are not ``real`` (B, T) count as zero for their neighbours."""
+        """Features (B, T, J, G) of features (B, T, J, G); frames that are not ``real`` (B, T) count as zero for their
+        neighbours.
+        """
         mixed = torch.relu(self.own(x) + self.adjacency @ self.near(x)) * real[:, :, None, None]
         over_time = self.time(mixed.permute(0, 3, 1, 2)).permute(0, 2, 3, 1)
         return x + torch.relu(over_time)
 
 
 class Nat(Filler):
-    """Non-autoregressive Transformer with a graph convolution at its end."""
+    """Non-autoregressive Transformer that ends in a graph convolution."""
 
     def __init__(self, config: NatConfig, normaliser: Normaliser, parents: Sequence[int]) -> None:
         super().__init__()
@@ -119,37 +140,37 @@ class Nat(Filler):
 
     def length(self, x: Tensor, mask: Tensor) -> Tensor:
         """Logits (B, most_frames)."""
-        return self._number(self._encoded(x, mask))
+        return self._length_logits(self._encode(x, mask))
 
     def fill(self, x: Tensor, mask: Tensor, real: Tensor) -> Tensor:
         """Frames (B, T, 159)."""
-        return self._fill(self._encoded(x, mask), mask, real)
+        return self._frames(self._encode(x, mask), mask, real)
 
     def forward(self, x: Tensor, mask: Tensor, real: Tensor) -> tuple[Tensor, Tensor]:
         """Logits of the lengths, and frames; the encoder runs once."""
-        states = self._encoded(x, mask)
-        return self._number(states), self._fill(states, mask, real)
+        states = self._encode(x, mask)
+        return self._length_logits(states), self._frames(states, mask, real)
 
-    def _encoded(self, x: Tensor, mask: Tensor) -> Tensor:
+    def _encode(self, x: Tensor, mask: Tensor) -> Tensor:
         n_before = torch.full((x.shape[0],), self.config.fr, device=x.device)
-        out: Tensor = self.encoder(with_steps(self.normaliser(x), n_before), mask)
+        out: Tensor = self.encoder(with_deltas(self.normaliser(x), n_before), mask)
         return out
 
-    def _number(self, states: Tensor) -> Tensor:
+    def _length_logits(self, states: Tensor) -> Tensor:
         fr = self.config.fr
         out: Tensor = self.number(states[:, fr - 1 : fr + 1].flatten(1))
         return out
 
-    def _fill(self, states: Tensor, mask: Tensor, real: Tensor) -> Tensor:
-        fr, share = self.config.fr, shares(real)[..., None]
-        x = (1.0 - share) * states[:, fr - 1 : fr] + share * states[:, fr : fr + 1]
+    def _frames(self, states: Tensor, mask: Tensor, real: Tensor) -> Tensor:
+        fr, alpha = self.config.fr, gap_fractions(real)[..., None]  # (B, T, 1)
+        x = (1.0 - alpha) * states[:, fr - 1 : fr] + alpha * states[:, fr : fr + 1]  # (B, T, D)
         x = x + positional_code(torch.arange(real.shape[1], device=x.device), x.shape[-1]).to(x.dtype)
-        x = x + positional_code(100.0 * share.flatten(), x.shape[-1]).to(x.dtype).reshape(x.shape)
+        x = x + positional_code(100.0 * alpha.flatten(), x.shape[-1]).to(x.dtype).reshape(x.shape)
         for layer in self.layers:
             assert isinstance(layer, DecoderLayer)
             cross = layer.cross.keys_values(states)
-            empty = (cross[0][:, :, :0], cross[1][:, :, :0])
-            x, _ = layer(x, empty, cross, real[:, None, None, :], mask[:, None, None, :])
+            no_cache = (cross[0][:, :, :0], cross[1][:, :, :0])
+            x, _ = layer(x, no_cache, cross, real[:, None, None, :], mask[:, None, None, :])
         joints = self.joints(self.norm(x)).reshape(*real.shape, N_NUMBERS // 3, self.config.graph)
         return self.normaliser.inverse(self.out(self.graph(joints, real)).flatten(-2))
 
@@ -182,17 +203,17 @@ class Interpolation(Filler):
         """Frames (B, T, 159)."""
         fr, n_gap = self.config.fr, real.shape[1]
         x = self.normaliser(x)
-        share = shares(real)[..., None]
-        line = (1.0 - share) * x[:, fr - 1 : fr] + share * x[:, fr : fr + 1]  # (B, T, 159)
-        # Rows are [P, gap, Q, padding]: place k of the row comes from place `source` of [P, Q, line].
-        count = real.sum(1, keepdim=True)
-        places = torch.arange(2 * fr + n_gap, device=x.device)[None]
-        source = torch.where(places < fr + count, places + fr, places - count)
-        source = torch.where(places < fr, places, source).clamp(max=2 * fr + n_gap - 1)
-        within = (places < 2 * fr + count)[..., None].to(x.dtype)
-        gap = ((places >= fr) & (places < fr + count))[..., None].to(x.dtype)
+        alpha = gap_fractions(real)[..., None]  # (B, T, 1)
+        line = (1.0 - alpha) * x[:, fr - 1 : fr] + alpha * x[:, fr : fr + 1]  # (B, T, 159)
+        # Rows are [P, gap, Q, padding]; frame k of a row is frame source[k] of [P, Q, line].
+        count = real.sum(1, keepdim=True)  # (B, 1)
+        frames = torch.arange(2 * fr + n_gap, device=x.device)[None]
+        source = torch.where(frames < fr + count, frames + fr, frames - count)
+        source = torch.where(frames < fr, frames, source).clamp(max=2 * fr + n_gap - 1)
+        within = (frames < 2 * fr + count)[..., None].to(x.dtype)
+        gap = ((frames >= fr) & (frames < fr + count))[..., None].to(x.dtype)
         row = torch.cat([x, line], dim=1).gather(1, source[..., None].expand(-1, -1, N_NUMBERS))
-        phase = ((places - fr + 1) / (count + 1.0))[..., None]
+        phase = ((frames - fr + 1) / (count + 1.0))[..., None]
         states = self.embedding(torch.cat([row, gap, phase * gap, 8.0 / (count + 1.0)[..., None] * gap], dim=-1))
         for layer, norm in zip(self.layers, self.norms, strict=True):
             inner = (norm(states) * within).transpose(1, 2)

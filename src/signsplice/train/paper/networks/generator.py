@@ -1,9 +1,9 @@
-"""What every network that makes transition frames one after another is, and how frames are drawn from it.
+"""The base of all networks that make transition frames one after another, and decoding with them.
 
 Start and stop tokens (eq. 15, 16): the first input is preIndexToken, and each frame comes with the logit of
-postIndexToken, "this is the last one". Eq. 15 prints a softmax over the output; coordinates are regressed linearly, and
-only the token is a probability. An input can also be hidden: where all of them are, every frame depends on the encoder
-alone, and all frames come out in one pass ("concurrently").
+postIndexToken, "this is the last frame". Eq. 15 prints a softmax over the output; here coordinates are regressed
+linearly, and only the token is a probability. An input can be hidden. If all inputs are, every frame depends only on
+the encoder, and all frames are made in one pass ("concurrently").
 """
 
 from __future__ import annotations
@@ -15,14 +15,17 @@ import torch
 from torch import Tensor, nn
 
 START, FRAME, HIDDEN = 0, 1, 2
-"""Kinds of decoder inputs: the start token, the frame before, a frame that is not shown."""
+"""Kinds of decoder inputs: the start token, the frame before, a hidden frame."""
 
 State = tuple[Tensor, ...]
 
 
 class Encoded(NamedTuple):
-    """What an encoder hands on: logits of the tokens where the network gives them (B, S, 3), what the decoder looks at,
-    and the decoder's state before the first frame.
+    """The outputs of an encoder.
+
+    - tokens: logits of the position tokens (B, S, 3), None without a head for them
+    - memory: tensors that the decoder attends to
+    - state: the decoder's state before the first frame
     """
 
     tokens: Tensor | None
@@ -31,31 +34,37 @@ class Encoded(NamedTuple):
 
 
 class Generator(nn.Module, ABC):
-    """A network that puts out transition frames step by step; ``n_fed`` numbers of a frame are fed back."""
+    """A network that makes transition frames step by step.
+
+    - n_fed: how many numbers of each frame are fed back
+    - concurrent: whether it can make all frames in one pass
+    """
 
     n_fed: int
     concurrent: bool
-    """Whether it can put out all frames in one pass."""
 
     @abstractmethod
     def encode(self, x: Tensor, mask: Tensor, n_before: Tensor) -> Encoded:
-        """The input (B, S, 159), raw; ``mask`` (B, S) False at padding; ``n_before`` (B,) frames are of the first
-        word.
+        """Encode the input.
+
+        x (B, S, 159): frames, not normalised. mask (B, S): False at padding. n_before (B,): number of frames of the
+        first word.
         """
 
     @abstractmethod
     def decode(
         self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State
     ) -> tuple[Tensor, Tensor, State]:
-        """Frames (B, T, n_fed), logits (B, T) of being the last one, and the state after them.
+        """Frames (B, T, n_fed), logits (B, T) of being the last frame, and the state after them.
 
-        fed (B, T, n_fed): the frame before each, raw; kinds (B, T); start (): how many frames came before these.
+        fed (B, T, n_fed): the frame before each, not normalised. kinds (B, T): kind of each input. start (): number of
+        earlier frames.
         """
 
     def forward(
         self, x: Tensor, mask: Tensor, n_before: Tensor, fed: Tensor, kinds: Tensor
     ) -> tuple[Tensor | None, Tensor, Tensor]:
-        """Tokens, frames and last-logits of whole sequences, the true frames before being given."""
+        """Tokens, frames and logits of the last frame for whole sequences, given the true frames (teacher forcing)."""
         encoded = self.encode(x, mask, n_before)
         start = torch.zeros((), dtype=torch.long, device=x.device)
         made, last, _ = self.decode(fed, kinds, start, encoded.memory, encoded.state)
@@ -64,7 +73,7 @@ class Generator(nn.Module, ABC):
 
 @torch.no_grad()
 def generate(network: Generator, encoded: Encoded, n_batch: int, most: int, parallel: bool = False) -> list[Tensor]:
-    """Frames (n, 159) of each of a batch, up to and with the first that is called the last one; at most ``most``."""
+    """The frames (n, 159) of each pair of a batch up to the first that is classified as the last one; n <= ``most``."""
     device = encoded.memory[0].device if encoded.memory else encoded.state[0].device
     zero = torch.zeros(n_batch, 1, network.n_fed, device=device)
     if parallel:

@@ -1,6 +1,7 @@
-"""What several networks are built of: normaliser, positional code (eq. 12), attention (eq. 13), feed-forward (eq. 14).
+"""Layers shared by several networks: normaliser, positional code (eq. 12), attention (eq. 13), feed-forward (eq. 14).
 
-Shapes: B batch, S frames of the input, T frames of the output, P frames already put out, D width, H heads.
+Shapes: B pairs, S input frames, T output frames, P earlier output frames, D width, H heads. The names of modules are
+keys of checkpoints.
 """
 
 from __future__ import annotations
@@ -13,15 +14,15 @@ from torch.nn import functional as F  # noqa: N812
 
 N_NUMBERS = 159
 N_READ = 2 * N_NUMBERS
-"""Numbers of a frame that an encoder reads."""
-STEPS_BY = 5.0
-"""Steps are some tenths of a deviation: scaled up to weigh like places."""
+"""Numbers per frame that an encoder reads: positions and their differences."""
+DELTA_SCALE = 5.0
+"""Scales differences between frames, some tenths of a deviation, to the size of positions."""
 
 
 class Normaliser(nn.Module):
-    """Positions in [-0.5, 0.5] <-> numbers of mean 0 and spread 1 over the training pairs, by fixed mean and deviation.
+    """Converts positions in [-0.5, 0.5] to numbers of mean 0 and deviation 1 over the training pairs, and back.
 
-    Most joints move little beside their own offset, and raw positions would start every network near a constant.
+    Most joints move little compared with their offset, so that raw positions would start every network near a constant.
     """
 
     mean: Tensor
@@ -41,20 +42,20 @@ class Normaliser(nn.Module):
         return x * self.deviation + self.mean
 
 
-def with_steps(x: Tensor, n_before: Tensor) -> Tensor:
-    """What an encoder reads of two words (B, S, 159): every frame and its step from the one before (B, S, 318); no step
-    at the first frame of either word. ``n_before`` (B,) frames are of the first.
+def with_deltas(x: Tensor, n_before: Tensor) -> Tensor:
+    """The encoder's input (B, S, 318) for two words (B, S, 159): every frame and its difference to the one before,
+    which is 0 at the first frame of either word. ``n_before`` (B,) frames are of the first word.
 
-    The paper's networks read frames alone; a step is what a movement begins and ends by, and most networks are slow to
-    learn a difference of two frames.
+    The paper's networks read only frames. The differences show where a movement begins and ends, and most networks are
+    slow to learn them.
     """
-    steps = torch.cat([torch.zeros_like(x[:, :1]), x[:, 1:] - x[:, :-1]], dim=1)
-    first = torch.arange(x.shape[1], device=x.device)[None] == n_before[:, None]
-    return torch.cat([x, STEPS_BY * steps.masked_fill(first[..., None], 0.0)], dim=-1)
+    deltas = torch.cat([torch.zeros_like(x[:, :1]), x[:, 1:] - x[:, :-1]], dim=1)
+    first = torch.arange(x.shape[1], device=x.device)[None] == n_before[:, None]  # (B, S)
+    return torch.cat([x, DELTA_SCALE * deltas.masked_fill(first[..., None], 0.0)], dim=-1)
 
 
 def positional_code(positions: Tensor, width: int) -> Tensor:
-    """The code (T, D) of frame positions (T,), D even: sin in the even, cos in the odd dimensions (eq. 12, which prints
+    """The code (T, D) of frame positions (T,), with D even: sin in even and cos in odd dimensions (eq. 12, which prints
     sin twice).
     """
     rates = torch.exp(torch.arange(0, width, 2, device=positions.device) * (-math.log(10000.0) / width))
@@ -63,14 +64,14 @@ def positional_code(positions: Tensor, width: int) -> Tensor:
 
 
 def causal(n_new: int, n_past: int, device: torch.device) -> Tensor:
-    """Which of P + T frames each of T new frames may look at (T, P + T): itself and all before it."""
-    new = torch.arange(n_new, device=device)
-    every = torch.arange(n_past + n_new, device=device)
-    return every[None] <= new[:, None] + n_past
+    """The mask (T, P + T) of causal attention: each of T new frames may attend to itself and all frames before it."""
+    queries = torch.arange(n_new, device=device)
+    keys = torch.arange(n_past + n_new, device=device)
+    return keys[None] <= queries[:, None] + n_past
 
 
 class MultiHead(nn.Module):
-    """Multi-head attention (eq. 13), its Q, K and V being learned projections of the layer's inputs."""
+    """Multi-head attention (eq. 13); Q, K and V are learned projections of the layer's inputs."""
 
     def __init__(self, width: int, n_heads: int) -> None:
         super().__init__()
@@ -83,25 +84,25 @@ class MultiHead(nn.Module):
         return x.reshape(*x.shape[:2], self.n_heads, -1).transpose(1, 2)
 
     def keys_values(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Keys and values (B, H, T, D / H) of what is looked at, to be kept from step to step."""
+        """Keys and values (B, H, T, D / H) of what is attended to, to be cached between steps."""
         return self.split(self.key(x)), self.split(self.value(x))
 
     def forward(self, x: Tensor, keys: Tensor, values: Tensor, allowed: Tensor | None = None) -> Tensor:
-        """Z (B, T, D); ``allowed``: True where a frame may be looked at, of a shape that broadcasts to (B, H, T, S)."""
+        """Z (B, T, D). ``allowed``: True where a frame may be attended to; broadcasts to (B, H, T, S)."""
         heads = F.scaled_dot_product_attention(self.split(self.query(x)), keys, values, attn_mask=allowed)
         out: Tensor = self.out(heads.transpose(1, 2).flatten(-2))
         return out
 
 
 class FeedForward(nn.Module):
-    """Relu(Z W1 + b1) W3 + b3 (eq. 14); the "+ Z" is the layer's residual path."""
+    """Relu(Z W1 + b1) W3 + b3 (eq. 14); its "+ Z" is the layer's residual connection."""
 
     def __init__(self, width: int, inner: int) -> None:
         super().__init__()
         self.first, self.second = nn.Linear(width, inner), nn.Linear(inner, width)
 
     def forward(self, z: Tensor) -> Tensor:
-        """What is added to Z (B, T, D)."""
+        """The term (B, T, D) that is added to Z (B, T, D)."""
         out: Tensor = self.second(torch.relu(self.first(z)))
         return out
 
@@ -109,7 +110,8 @@ class FeedForward(nn.Module):
 class EncoderLayer(nn.Module):
     """Self-attention and feed-forward, each added to its input.
 
-    Layer norms come first in each block (not printed; the norm-last order of the original needs a slow warm-up).
+    Layer norms come first in each block, which the paper does not specify; the original's norm-last order needs a slow
+    warm-up.
     """
 
     def __init__(self, width: int, n_heads: int, inner: int, dropout: float) -> None:
@@ -119,7 +121,7 @@ class EncoderLayer(nn.Module):
         self.dropout = nn.Dropout(dropout)
 
     def forward(self, x: Tensor, allowed: Tensor | None) -> Tensor:
-        """States (B, S, D) of the next layer."""
+        """States (B, S, D) for the next layer."""
         inner = self.norms[0](x)
         x = x + self.dropout(self.attention(inner, *self.attention.keys_values(inner), allowed))
         out: Tensor = x + self.dropout(self.feed(self.norms[1](x)))
@@ -139,16 +141,19 @@ class DecoderLayer(nn.Module):
     def forward(
         self,
         x: Tensor,
-        own: tuple[Tensor, Tensor],
+        cache: tuple[Tensor, Tensor],
         cross: tuple[Tensor, Tensor],
-        own_allowed: Tensor,
+        self_allowed: Tensor,
         cross_allowed: Tensor | None,
     ) -> tuple[Tensor, tuple[Tensor, Tensor]]:
-        """States (B, T, D), and the cache ``own`` (keys, values: (B, H, P, D / H)) made longer by the T new frames."""
+        """States (B, T, D), and the cache (keys and values (B, H, P, D / H)) extended by the T new frames.
+
+        cross: keys and values of the encoder's states.
+        """
         inner = self.norms[0](x)
         keys, values = self.own.keys_values(inner)
-        keys, values = torch.cat([own[0], keys], dim=2), torch.cat([own[1], values], dim=2)
-        x = x + self.dropout(self.own(inner, keys, values, own_allowed))
+        keys, values = torch.cat([cache[0], keys], dim=2), torch.cat([cache[1], values], dim=2)
+        x = x + self.dropout(self.own(inner, keys, values, self_allowed))
         x = x + self.dropout(self.cross(self.norms[1](x), *cross, cross_allowed))
         return x + self.dropout(self.feed(self.norms[2](x))), (keys, values)
 
@@ -163,7 +168,7 @@ class Encoder(nn.Module):
         self.norm = nn.LayerNorm(width)
 
     def forward(self, x: Tensor, mask: Tensor | None) -> Tensor:
-        """States (B, S, D) of what is read of normalised frames (B, S, 318); ``mask`` (B, S) is False at padding."""
+        """States (B, S, D) of normalised inputs (B, S, 318); ``mask`` (B, S) is False at padding."""
         states = self.embedding(x)
         positions = torch.arange(x.shape[1], device=x.device)
         states = states + positional_code(positions, states.shape[-1]).to(states.dtype)

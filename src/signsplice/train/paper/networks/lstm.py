@@ -1,9 +1,8 @@
-"""LSTM, the paper's second rival: sequence to sequence without attention.
+"""LSTM, one of the systems that the paper compares with: sequence to sequence without attention.
 
-One encoder reads X; one decoder, started from the encoder's last state through a learned bridge, does both jobs with
-the same weights: it reads X again and classifies every frame as {none, pre, post}, and it goes from the start token
-from frame to frame, without steps then. All it knows of the words while it makes frames has to pass through that one
-state.
+One encoder reads X. One decoder starts from the encoder's last state, through a learned linear layer, and does both
+jobs with the same weights: it reads X again and classifies every frame as {none, pre, post}, and it makes frames from
+the start token on, without differences between frames. All information about the words passes through that one state.
 """
 
 from __future__ import annotations
@@ -14,14 +13,17 @@ from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
 from signsplice.train.paper.networks.generator import FRAME, Encoded, Generator, State
-from signsplice.train.paper.networks.layers import N_NUMBERS, N_READ, Normaliser, with_steps
+from signsplice.train.paper.networks.layers import N_NUMBERS, N_READ, Normaliser, with_deltas
 from signsplice.train.paper.networks.recurrent import Lstm
 from signsplice.train.paper.networks.spsn import admissible, last_states
 
 
 @dataclass(frozen=True)
 class LstmConfig:
-    """Sizes."""
+    """Sizes.
+
+    - width: of states and embeddings
+    """
 
     width: int = 512
 
@@ -44,16 +46,16 @@ class LstmSeq2Seq(Generator):
 
     def encode(self, x: Tensor, mask: Tensor, n_before: Tensor) -> Encoded:
         """Memory: none. State: the decoder's hidden and cell state (1, B, D)."""
-        x = self.embedding(with_steps(self.normaliser(x), n_before))
+        x = self.embedding(with_deltas(self.normaliser(x), n_before))
         hidden, cell = self.bridge(last_states(self.encoder(x)[0], mask)).chunk(2, dim=-1)
         state = (hidden.tanh()[None].contiguous(), cell[None].contiguous())
-        read, _ = self.decoder(x, state)
-        return Encoded(admissible(self.token(read), n_before), (), state)
+        states, _ = self.decoder(x, state)
+        return Encoded(admissible(self.token(states), n_before), (), state)
 
     def decode(
         self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State
     ) -> tuple[Tensor, Tensor, State]:
-        """Frames, last-logits and the decoder's state."""
+        """Frames, logits of the last frame, and the decoder's state."""
         shown = (kinds == FRAME)[..., None].to(fed.dtype)
         inputs = self.kind(kinds) + shown * self.embedding(F.pad(self.normaliser(fed), (0, N_NUMBERS)))
         states, (hidden, cell) = self.decoder(inputs, (state[0], state[1]))

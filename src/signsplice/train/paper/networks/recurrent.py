@@ -1,4 +1,4 @@
-"""An LSTM that runs as torch's own in training, and becomes ONNX's LSTM operator, of any length, when exported."""
+"""An LSTM that is torch's in training and becomes ONNX's LSTM operator, for any length, when exported."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Lstm(nn.Module):
         """Hidden states (B, S, D) of inputs (B, S, n_inputs), and the last hidden and cell state, each (1, B, D)."""
         if torch.compiler.is_exporting():
             return self._symbolic(x, state)
-        with torch.autocast(x.device.type, enabled=x.device.type != "cpu"):  # no bf16 kernel learns on CPUs
+        with torch.autocast(x.device.type, enabled=x.device.type != "cpu"):  # torch has no bf16 LSTM gradient on CPUs
             if x.device.type == "cpu":
                 x = x.float()
                 state = None if state is None else (state[0].float(), state[1].float())
@@ -35,7 +35,8 @@ class Lstm(nn.Module):
         n_batch, n_frames = x.shape[0], x.shape[1]
         if state is None:
             state = (x.new_zeros(1, n_batch, self.width), x.new_zeros(1, n_batch, self.width))
-        ordered = [_onnx_order(weights) for weights in self.cells.parameters()]  # input, hidden, and their biases
+        # Input weights, hidden weights, and the biases of both.
+        ordered = [_onnx_order(weights) for weights in self.cells.parameters()]
         weights, bias = [ordered[0][None], ordered[1][None]], torch.cat(ordered[2:])[None]
         ends = (1, n_batch, self.width)
         states, hidden, cell = torch.onnx.ops.symbolic_multi_out(
@@ -50,6 +51,8 @@ class Lstm(nn.Module):
 
 
 def _onnx_order(weights: Tensor) -> Tensor:
-    """Torch's gates input, forget, cell, output as ONNX orders them: input, output, forget, cell."""
+    """Weights (4 D, ...) with the gates in ONNX's order (input, output, forget, cell), from torch's (input, forget,
+    cell, output).
+    """
     i, f, g, o = weights.chunk(4)
     return torch.cat([i, o, f, g])

@@ -1,16 +1,15 @@
-"""TFGN (eq. 12-16), and what is built like it: the rival Transformer and the Progressive Transformer.
+"""TFGN (eq. 12-16), and the networks of the same design: the paper's Transformer and the Progressive Transformer.
 
-* TFGN: encoder over the culled frames X_c (or over all of X, the ablation WC), decoder for the transition frames. It
-  is told no positions: with Culling they lie in the middle of X_c, without it it has to find them itself.
+* TFGN: encoder over the culled frames X_c (or over all of X, the ablation WC), decoder for the transition frames. It is
+  not given the positions: with Culling they lie in the middle of X_c, without it TFGN has to find them.
 * Transformer: the same over all of X, and a linear layer on the encoder's states classifies every frame as {none, pre,
-  post}: one network and one loss for both jobs, the paper's setting being unsaid.
+  post}: one network and one loss for both jobs, which the paper does not specify.
 * Progressive Transformer (Saunders et al. 2020 [7]): every frame comes with a counter that runs from 0 to 1 over the
-  transition, takes the place of the decoder's positional code, and ends the sequence when it reaches 1. Of their
-  augmentations, noise and "just counter" (the frame hidden, its counter not) are used; predicting several frames ahead
-  is not.
+  transition, replaces the decoder's positional code, and ends the sequence when it reaches 1. Of their augmentations,
+  noise and "just counter" (the frame hidden, its counter not) are used; predicting several frames ahead is not.
 
-Decoding is causal in both ways of running, so that a frame does not depend on how many come after it: one after another
-with a key-value cache, or all at once with the inputs hidden.
+Decoding is causal both one by one with a key-value cache and all at once with hidden inputs, so that a frame does not
+depend on how many come after it.
 """
 
 from __future__ import annotations
@@ -28,18 +27,28 @@ from signsplice.train.paper.networks.layers import (
     Normaliser,
     causal,
     positional_code,
-    with_steps,
+    with_deltas,
 )
 from signsplice.train.paper.networks.spsn import admissible
 
 COUNTED = 0.96
 """The counter at which a sequence ends: above 1 - 1/n for every n up to 24."""
-_STEEP = 50.0
+_LOGIT_SLOPE = 50.0
 
 
 @dataclass(frozen=True)
 class TransformerConfig:
-    """Sizes. ``tokens``: a head for positions too; ``counter``: progressive decoding."""
+    """Sizes and design.
+
+    - width: of states
+    - n_heads: attention heads
+    - n_encoder_layers: number of encoder layers
+    - n_decoder_layers: number of decoder layers
+    - inner: width of the feed-forward layers
+    - dropout: probability
+    - tokens: whether it has a head for positions
+    - counter: whether decoding is progressive
+    """
 
     width: int = 512
     n_heads: int = 8
@@ -74,8 +83,8 @@ class Transformer(Generator):
             self.count = nn.Linear(1, width)
 
     def encode(self, x: Tensor, mask: Tensor, n_before: Tensor) -> Encoded:
-        """Memory: mask (B, S), then each decoder layer's keys and values (B, H, S, D / H). State: empty caches."""
-        states = self.encoder(with_steps(self.normaliser(x), n_before), mask)
+        """Memory: mask (B, S), then keys and values (B, H, S, D / H) of each decoder layer. State: empty caches."""
+        states = self.encoder(with_deltas(self.normaliser(x), n_before), mask)
         tokens = admissible(self.token(states), n_before) if self.config.tokens else None
         memory = [mask]
         state = []
@@ -89,7 +98,7 @@ class Transformer(Generator):
     def decode(
         self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State
     ) -> tuple[Tensor, Tensor, State]:
-        """Frames, last-logits and longer caches."""
+        """Frames, logits of the last frame, and extended caches."""
         shown = (kinds == FRAME)[..., None].to(fed.dtype)
         inputs = self.kind(kinds) + shown * self.embedding(self.normaliser(fed[..., :N_NUMBERS]))
         n_new, n_past = fed.shape[1], state[0].shape[2]
@@ -98,16 +107,17 @@ class Transformer(Generator):
         else:
             positions = start + torch.arange(n_new, device=fed.device)
             inputs = inputs + positional_code(positions, inputs.shape[-1]).to(inputs.dtype)
-        own, cross = causal(n_new, n_past, fed.device), memory[0][:, None, None, :]
+        self_allowed, cross_allowed = causal(n_new, n_past, fed.device), memory[0][:, None, None, :]
         caches: list[Tensor] = []
         x = inputs
         for k, layer in enumerate(self.layers):
-            x, cache = layer(x, (state[2 * k], state[2 * k + 1]), (memory[2 * k + 1], memory[2 * k + 2]), own, cross)
+            cross = (memory[2 * k + 1], memory[2 * k + 2])
+            x, cache = layer(x, (state[2 * k], state[2 * k + 1]), cross, self_allowed, cross_allowed)
             caches += cache
         x = self.norm(x)
         frames = self.normaliser.inverse(self.frame(x))
         last: Tensor = self.last(x)
         if self.config.counter:
             counter = torch.sigmoid(last)
-            return torch.cat([frames, counter], dim=-1), _STEEP * (counter[..., 0] - COUNTED), tuple(caches)
+            return torch.cat([frames, counter], dim=-1), _LOGIT_SLOPE * (counter[..., 0] - COUNTED), tuple(caches)
         return frames, last[..., 0], tuple(caches)

@@ -1,0 +1,52 @@
+"""What ran and where: commit, versions and machine, stored with every row."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+PACKAGES = ("signsplice", "numpy", "scipy", "onnxruntime")
+
+
+def environment() -> dict[str, Any]:
+    """The ``commit``, ``versions`` and ``machine`` of a row."""
+    return {"commit": commit(), "versions": versions(), "machine": machine()}
+
+
+def commit(folder: Path | None = None) -> str:
+    """The git revision of this code, with "+" if files differ from it; empty outside a repository."""
+    where = folder or Path(__file__).resolve().parents[1]
+    try:
+        revision, changes = (
+            subprocess.run(["git", *call], cwd=where, capture_output=True, text=True, check=True, timeout=20).stdout
+            for call in (["rev-parse", "--short=12", "HEAD"], ["status", "--porcelain", "--", "."])
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return revision.strip() + ("+" if changes.strip() else "")
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that affect results."""
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def machine() -> str:
+    """The processor and its number of cores; times of different machines cannot be compared."""
+    name = platform.processor() or platform.machine()
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        name = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), name)
+    except OSError:
+        pass
+    return f"{name}, {os.cpu_count()} cores"
