@@ -1,8 +1,8 @@
-"""The mannequin: the body of a skeleton as one skin of triangles, which its joints carry.
+"""The mannequin: the body of a skeleton as a mesh that its joints carry.
 
-The capsules of ``motion.body`` flow into one another, thing by thing (a shirt with its sleeves, a hand, a face),
-and their skin is bound to the joints by linear blend skinning, in the common pose with fingers spread. The last phalanx
-of each has a tint of its own, so that handshapes can be read.
+The capsules of ``body.capsules`` are blended into one another, part by part (a shirt with its sleeves, a hand, a face).
+The mesh is bound to the joints by linear blend skinning, in the T-pose with fingers spread. The last phalanx of each
+finger has a tint of its own, so that handshapes can be read.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Skeleton
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
+from signsplice.rig.t_pose import posed_positions
 
 Float = NDArray[np.float64]
 
 SKIN = {"right": (0.93, 0.72, 0.58), "left": (0.80, 0.58, 0.47), "": (0.90, 0.69, 0.56)}
-"""Colours of skin, sRGB 0 to 1; the left hand is darker, so that crossed hands are told apart."""
+"""Colours of skin, sRGB 0 to 1; the left hand is darker, so that crossed hands can be distinguished."""
 TIPS = {"right": (0.97, 0.63, 0.55), "left": (0.85, 0.50, 0.45)}
 CLOTHES = {
     "shirt": (0.26, 0.31, 0.40),
@@ -40,36 +41,39 @@ CLOTHES = {
 N_JOINTS = 4
 """Joints, at most, that carry a vertex."""
 _STEP = {"face": 0.0036, "hair": 0.0060, "shirt": 0.0062, "leg": 0.0100, "shoe": 0.0070, "hand": 0.0020}
-"""Distance of a thing's vertices as a share of stature, 6 mm in a face of 1.70 m; 3.4 mm where nothing is told."""
+"""Distance of a part's vertices as a fraction of stature: 6 mm in the face of a body of 1.70 m; 3.4 mm by default."""
 _COARSEST = 0.06
-"""No thing needs a smaller distance than this share of its thickest capsule."""
-_FLOW = {"shirt": 0.0085, "face": 0.0035, "leg": 0.0040, "hand": 0.0014}
-"""How far capsules of one thing flow together, as a share of stature; 1 mm where nothing is told."""
-_PALM_FLOW, _LIMB_FLOW = 0.0045, 0.0005
-"""How far those of a palm, and of a finger, an arm or a leg do, before these flow together."""
+"""No part needs a smaller distance than this fraction of its thickest capsule."""
+_BLEND = {"shirt": 0.0085, "face": 0.0035, "leg": 0.0040, "hand": 0.0014}
+"""Blend radius of the capsules of a part, as a fraction of stature; 1 mm by default."""
+_PALM_BLEND, _LIMB_BLEND = 0.0045, 0.0005
+"""Blend radius within a palm, and within a finger, an arm or a leg, before these are blended with each other."""
 _SOFT = {"shirt": 0.45}
-"""How softly a vertex goes from one joint to the next, as a share of the capsule's thickness."""
+"""Softness of the transition from one joint to the next, as a fraction of the capsule's thickness."""
 _SPREAD_DEG = {"Index": 7.0, "Middle": 1.0, "Ring": -6.0, "Little": -14.0}
-"""How far fingers are spread in the pose in which the skin is bound, so that they do not grow together."""
+"""How far fingers are spread in the bind pose, so that their meshes do not merge."""
 _BENT = 0.25
-"""At elbows and knees it goes quicker by this: half-way between two bones that lie along one another, a skin that is
-carried by both would be pinched.
+"""Factor on that softness at elbows and knees: half-way between two bones that are folded onto one another, a vertex
+that both carry would be pinched.
 """
 _BALL = 0.95
-"""Thickness of the ball in an elbow or a knee, as a share of the limb's."""
+"""Thickness of the ball in an elbow or a knee, as a fraction of the limb's."""
 _CUFF_END = 0.90
-"""Share of the forearm that the sleeve covers; from there on a wrist of skin leads into the palm."""
+"""Fraction of the forearm that the sleeve covers; from there on a bare wrist leads into the palm."""
 _WRIST = (0.0125, 0.0135)
 _GROWN = {"mouth": 0.0020, "eye": 0.0010}
-"""What is laid onto the face stands out so much farther than its capsules: flowing together makes a face fuller."""
+"""Added to the radii of parts on the face, as a fraction of stature, because blending makes the face fuller."""
 
 
 @dataclass(frozen=True, eq=False)
 class MeshPart:
-    """A part of the skin in one colour (sRGB, 0 to 1).
+    """A part of the mesh in one colour.
 
-    vertices and normals (V, 3) in the pose of ``bind_pose``, clip units, the root at the origin. triangles (F, 3). joints
-    and weights (V, 4): which joints carry each vertex, and how much of it; unused ones have weight 0.
+    name: what it is, with its side.
+    colour: sRGB, 0 to 1.
+    vertices, normals: (V, 3) in the bind pose, clip units, the root at the origin.
+    triangles: (F, 3) indices of vertices.
+    joints, weights: (V, 4) which joints carry each vertex, and how much; unused ones have weight 0.
     """
 
     name: str
@@ -82,7 +86,7 @@ class MeshPart:
 
 
 def body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
-    """The skin of a skeleton, thing by thing; remembered as long as the skeleton lives."""
+    """The mesh of a skeleton, part by part, kept as long as the skeleton lives."""
     return CACHE.of(skeleton, _body_mesh)
 
 
@@ -94,29 +98,29 @@ def colour(part: str, side: str) -> tuple[float, float, float]:
 
 
 def bind_pose(skeleton: Skeleton) -> tuple[Float, Float]:
-    """The pose in which the skin is bound, the common pose with fingers spread: global rotations (J, 4) and places (J,
-    3), clip units, the root at the origin.
+    """The bind pose, the T-pose with fingers spread: global rotations (J, 4) and positions (J, 3), clip units, the root
+    at the origin.
     """
-    joints = rig_info(skeleton).roles.joints
-    turns = rig_info(skeleton).t_pose.rotations.copy()
+    info = rig_info(skeleton)
+    joints, rotations = info.roles.joints, info.t_pose.rotations.copy()
     for side, sign in (("left", 1.0), ("right", -1.0)):
         for finger, degrees in _SPREAD_DEG.items():
-            # Palms lie down and index fingers in front: what spreads them turns about the vertical.
+            # Palms face down and index fingers are in front: spreading is a rotation about the vertical.
             turn = rotation.exp([0.0, -sign * np.deg2rad(degrees), 0.0])
             first = joints.get(f"{side}{finger}Proximal")
             for joint in () if first is None else kinematics.subtree(skeleton, first):
-                turns[joint] = rotation.multiply(turn, turns[joint])
-    places = np.zeros((len(skeleton), 3))
-    for joint in range(1, len(skeleton)):
-        parent = skeleton.parents[joint]
-        places[joint] = places[parent] + rotation.rotate(turns[parent], skeleton.offsets[joint])
-    return turns, places
+                rotations[joint] = rotation.multiply(turn, rotations[joint])
+    return rotations, posed_positions(skeleton, rotations)
 
 
 @dataclass(frozen=True, eq=False)
 class _MeshCapsules:
-    """Capsules of one thing in the bound pose: ends (C, 3), radii (C, 2), joints (C,), and with which others each flows
-    together first (C,), by number.
+    """The capsules of one part in the bind pose.
+
+    starts, ends: (C, 3) of their axes.
+    radii: (C, 2) at both ends.
+    joints: (C,) that carry them.
+    bundles: (C,) number of the group in which each is blended first.
     """
 
     starts: Float
@@ -128,13 +132,13 @@ class _MeshCapsules:
 
 def _body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
     shape = body_capsules(skeleton)
-    turns, places = bind_pose(skeleton)
-    starts, ends = (points[0] for points in capsule_ends(shape, rotation.to_matrix(turns)[None], places[None]))
+    rotations, positions = bind_pose(skeleton)
+    starts, ends = (p[0] for p in capsule_ends(shape, rotation.to_matrix(rotations)[None], positions[None]))
     height = rig_info(skeleton).sizes.stature or float(np.ptp(np.concatenate([starts, ends]), axis=0).max()) or 1.0
     groups: dict[tuple[str, str], list[int]] = {}
     for n, (part, side) in enumerate(zip(shape.parts, shape.sides, strict=True)):
         groups.setdefault(_part_of(part, side), []).append(n)
-    things = []
+    pieces = []
     for (kind, side), own in groups.items():
         parts, sides = [shape.parts[n] for n in own], [shape.sides[n] for n in own]
         made = _MeshCapsules(starts[own], ends[own].copy(), shape.radii[own], shape.joints[own], _bundles(parts, sides))
@@ -146,24 +150,22 @@ def _body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
         made = replace(made, radii=made.radii + height * _GROWN.get(kind, 0.0))
         tint = colour(kind if kind in CLOTHES else parts[0], side)
         bends = _bends(made, [part in ("cuff", "leg") for part in parts])
-        thing = _skin(f"{side} {kind}".strip(), kind, tint, made, height, bends)
+        piece = _skin(f"{side} {kind}".strip(), kind, tint, made, height, bends)
         if bends.any():
-            thing = _merged([thing, *(_skin("", kind, tint, ball, height) for ball in _balls(made, bends))])
-        things.append(thing)
-    return tuple(things)
+            piece = _merged([piece, *(_skin("", kind, tint, ball, height) for ball in _balls(made, bends))])
+        pieces.append(piece)
+    return tuple(pieces)
 
 
 def _bends(own: _MeshCapsules, may: Sequence[bool]) -> NDArray[np.bool_]:
-    """Which capsules (C,) of those that ``may`` begin where another ends that another joint carries: at elbows and
-    knees.
-    """
+    """Which capsules (C,), among those that ``may``, begin where one of another joint ends: at elbows and knees."""
     apart = np.linalg.norm(own.ends[None] - own.starts[:, None], axis=-1)
     follows = (apart < 0.2 * own.radii[:, :1]) & (own.joints[:, None] != own.joints)
     return np.asarray(follows.any(axis=1) & np.resize(np.array(may), len(own.starts)))
 
 
 def _balls(own: _MeshCapsules, bends: NDArray[np.bool_]) -> list[_MeshCapsules]:
-    """A ball in every elbow and knee: the skins on both sides end in it when the limb bends."""
+    """A ball in every elbow and knee, in which the meshes on both sides end when the limb bends."""
     return [
         _MeshCapsules(at := own.starts[n : n + 1], at.copy(), _BALL * own.radii[n : n + 1, :1].repeat(2, axis=1),
                   own.joints[n : n + 1], np.zeros(1, np.intp))
@@ -171,16 +173,16 @@ def _balls(own: _MeshCapsules, bends: NDArray[np.bool_]) -> list[_MeshCapsules]:
     ]  # fmt: skip
 
 
-def _merged(things: Sequence[MeshPart]) -> MeshPart:
-    """Things as one, named and coloured as the first."""
-    starts = np.cumsum([0, *(len(thing.vertices) for thing in things)])
+def _merged(pieces: Sequence[MeshPart]) -> MeshPart:
+    """Pieces as one, named and coloured as the first."""
+    starts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
     return replace(
-        things[0],
-        vertices=np.concatenate([thing.vertices for thing in things]),
-        normals=np.concatenate([thing.normals for thing in things]),
-        triangles=np.concatenate([thing.triangles + k for thing, k in zip(things, starts[:-1], strict=True)]),
-        joints=np.concatenate([thing.joints for thing in things]),
-        weights=np.concatenate([thing.weights for thing in things]),
+        pieces[0],
+        vertices=np.concatenate([piece.vertices for piece in pieces]),
+        normals=np.concatenate([piece.normals for piece in pieces]),
+        triangles=np.concatenate([piece.triangles + k for piece, k in zip(pieces, starts[:-1], strict=True)]),
+        joints=np.concatenate([piece.joints for piece in pieces]),
+        weights=np.concatenate([piece.weights for piece in pieces]),
     )
 
 
@@ -193,7 +195,7 @@ def _part_of(part: str, side: str) -> tuple[str, str]:
 
 
 def _bundles(parts: list[str], sides: list[str]) -> NDArray[np.intp]:
-    """Which capsules flow together first: a hand's palm and each of its fingers, an arm, a leg, else each alone."""
+    """Groups (C,) of capsules that are blended first: a palm, each finger, an arm, a leg, else each capsule alone."""
     limbs = {"sleeve": "arm", "cuff": "arm", "leg": "leg"} | {part: part for part in ("palm", *FINGERS)}
     names = [
         f"{limbs[part]} {side}" if part in limbs else str(n)
@@ -205,7 +207,7 @@ def _bundles(parts: list[str], sides: list[str]) -> NDArray[np.intp]:
 def _with_wrist(
     own: _MeshCapsules, starts: Float, ends: Float, shape: BodyCapsules, side: str, height: float
 ) -> _MeshCapsules:
-    """A hand with the end of its forearm, which the sleeve leaves free."""
+    """A hand with the end of its forearm, which the sleeve leaves bare."""
     cuff = next((n for n, part in enumerate(shape.parts) if part == "cuff" and shape.sides[n] == side), None)
     if cuff is None:
         return own
@@ -227,20 +229,20 @@ def _skin(
     height: float,
     bends: NDArray[np.bool_] | None = None,
 ) -> MeshPart:
-    flow = height * _FLOW.get(kind, 0.0006)
+    blend = height * _BLEND.get(kind, 0.0006)
 
     def distances(points: Float) -> Float:
         return _distances(points, own)
 
     def field(points: Float) -> Float:
         each = distances(points)
-        flows = {int(k): _LIMB_FLOW * height for k in own.bundles}
+        blends = {int(k): _LIMB_BLEND * height for k in own.bundles}
         if kind == "hand":
-            flows[int(own.bundles[0])] = _PALM_FLOW * height  # the palm comes first
-        each = np.stack([_union(each[:, own.bundles == k], flow) for k, flow in flows.items()], axis=1)
-        return _union(each, flow)
+            blends[int(own.bundles[0])] = _PALM_BLEND * height  # the palm comes first
+        each = np.stack([_union(each[:, own.bundles == k], blend) for k, blend in blends.items()], axis=1)
+        return _union(each, blend)
 
-    margin = own.radii.max() + 2.0 * flow
+    margin = own.radii.max() + 2.0 * blend
     low, high = np.minimum(own.starts, own.ends).min(axis=0) - margin, np.maximum(own.starts, own.ends).max(axis=0)
     step = max(height * _STEP.get(kind, 0.0020), _COARSEST * float(own.radii.max()))
     vertices, normals, triangles = surface(field, low, high + margin, step)
@@ -251,20 +253,22 @@ def _skin(
     return MeshPart(name, tint, vertices, normals, triangles, joints, weights)
 
 
-def _union(distances: Float, flow: float) -> Float:
-    """A smooth union (N,) of distances (N, C): what lies near to several solids is a little deeper inside."""
+def _union(distances: Float, blend: float) -> Float:
+    """A smooth union (N,) of distances (N, C): a point near to several solids counts as a little deeper inside."""
     nearest = distances.min(axis=1)
-    return np.asarray(nearest - flow * np.log(np.exp((nearest[:, None] - distances) / flow).sum(axis=1)))
+    return np.asarray(nearest - blend * np.log(np.exp((nearest[:, None] - distances) / blend).sum(axis=1)))
 
 
 def _distances(points: Float, own: _MeshCapsules) -> Float:
-    """How far (N, C) points (N, 3) lie outside of each capsule, which is all balls from its one to its other end."""
+    """Signed distances (N, C) of points (N, 3) from tapered capsules, negative inside; a capsule is the union of all balls
+    between its two end balls.
+    """
     axes, (first, second) = own.ends - own.starts, own.radii.T
     squared, taper = np.einsum("cx,cx->c", axes, axes), first - second
     slope = squared - taper**2
     cone = slope > 1e-12 * squared  # else the one ball holds the other
     whole = np.where(cone, squared, 1.0)
-    middle = own.starts.mean(axis=0)  # small numbers, so that products of matrices lose nothing
+    middle = own.starts.mean(axis=0)  # small numbers keep the matrix products exact
     points, starts = points - middle, own.starts - middle
     along = points @ axes.T - np.einsum("cx,cx->c", starts, axes)
     far = np.einsum("nx,nx->n", points, points)[:, None] + np.einsum("cx,cx->c", starts, starts)
@@ -284,14 +288,15 @@ def _distances(points: Float, own: _MeshCapsules) -> Float:
 
 
 def _carried(distances: Float, softness: Float, joints: NDArray[np.intp]) -> tuple[NDArray[np.int64], Float]:
-    """Joints and weights (V, 4) of vertices, by their distances (V, C) from the capsules that each joint carries; how
-    softly a vertex goes over to a capsule (C,) counts at both ends of the way.
+    """Skinning joints and weights (V, 4) of vertices, by their distances (V, C) from the capsules of each joint.
+
+    softness: (C,) distance over which a vertex passes from one capsule to the next; the smaller of two counts.
     """
     nearest = distances.argmin(axis=1)
     soft = np.minimum(softness, softness[nearest, None])
-    shares = np.exp(-(distances - distances.min(axis=1, keepdims=True)) / soft)
+    falloff = np.exp(-(distances - distances.min(axis=1, keepdims=True)) / soft)
     names = np.unique(joints)
-    whole = np.stack([shares[:, joints == joint].max(axis=1) for joint in names], axis=1)
+    whole = np.stack([falloff[:, joints == joint].max(axis=1) for joint in names], axis=1)
     whole = np.pad(whole, ((0, 0), (0, max(0, N_JOINTS - len(names)))))
     names = np.pad(names, (0, max(0, N_JOINTS - len(names))))
     order = np.argsort(-whole, axis=1, kind="stable")[:, :N_JOINTS]

@@ -1,7 +1,7 @@
-"""The surface of a solid that is told by a field of distances, as triangles.
+"""The surface of a solid given by a distance field, as triangles.
 
-Naive surface nets (Gibson 1998): a vertex in every cell of a grid that the surface crosses, a quad across every edge
-that it crosses; then every vertex goes onto the surface along the field's gradient.
+Naive surface nets (Gibson 1998): a vertex in every grid cell that the surface crosses, a quad across every grid edge
+that it crosses; then every vertex is moved onto the surface along the field's gradient.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ Field = Callable[[Float], Float]
 
 _BLOCK = 20_000
 _COARSE = 4
-_ONTO = 2
-"""Steps by which a vertex goes onto the surface."""
+_N_PROJECTIONS = 2
+"""Steps by which a vertex is moved onto the surface."""
 
 
 def surface(field: Field, low: Float, high: Float, step: float) -> tuple[Float, Float, NDArray[np.int64]]:
@@ -42,7 +42,7 @@ def surface(field: Field, low: Float, high: Float, step: float) -> tuple[Float, 
     numbers[tuple(cells.T)] = np.arange(len(cells))
     vertices = origin + step * (cells + _within(values, cells))
     triangles = _triangles(inside, numbers)
-    for _ in range(_ONTO):
+    for _ in range(_N_PROJECTIONS):
         here = field(vertices)
         slopes = [field(vertices + move) - here for move in 0.05 * step * np.eye(3)]
         vertices = vertices - np.clip(here, -step, step)[:, None] * _unit(np.stack(slopes, axis=-1))
@@ -50,7 +50,7 @@ def surface(field: Field, low: Float, high: Float, step: float) -> tuple[Float, 
 
 
 def _in_blocks(field: Field) -> Field:
-    """The same field, asked for so many points at a time: memory stays small."""
+    """The same field, evaluated for a limited number of points at a time, so that memory stays small."""
 
     def asked(points: Float) -> Float:
         return np.concatenate([field(points[at : at + _BLOCK]) for at in range(0, max(len(points), 1), _BLOCK)])
@@ -77,7 +77,7 @@ def _sampled(field: Field, origin: Float, counts: NDArray[np.int_], step: float)
         values[_block(i, j, k)] = 0.0
     todo = np.argwhere(values == 0.0)
     values[tuple(todo.T)] = field(origin + step * todo)
-    # Whole blocks without surface: inside ones are told from the rough field.
+    # Whole blocks without surface: the rough field shows which are inside.
     for i, j, k in np.argwhere(~wide & (rough < 0.0)):
         box = _block(i, j, k)
         values[box] = np.where(np.isinf(values[box]), -np.inf, values[box])
@@ -107,11 +107,11 @@ def _within(values: Float, cells: NDArray[np.int_]) -> Float:
             end[:, axis] += 1
             a, b = values[tuple(start.T)], values[tuple(end.T)]
             hit = (a < 0.0) != (b < 0.0)
-            share = np.full(len(cells), 0.5)
-            np.divide(a, a - b, out=share, where=hit & np.isfinite(a) & np.isfinite(b))
+            alpha = np.full(len(cells), 0.5)
+            np.divide(a, a - b, out=alpha, where=hit & np.isfinite(a) & np.isfinite(b))
             point = np.zeros((len(cells), 3))
             point[:, others] = shift
-            point[:, axis] = share
+            point[:, axis] = alpha
             sums[hit] += point[hit]
             counts[hit] += 1.0
     return sums / counts
@@ -148,5 +148,5 @@ def _gradient(field: Field, points: Float, step: float) -> Float:
     return _unit(slopes)
 
 
-def _unit(ways: Float) -> Float:
-    return np.asarray(ways / (np.linalg.norm(ways, axis=-1, keepdims=True) + 1e-300))
+def _unit(vectors: Float) -> Float:
+    return np.asarray(vectors / (np.linalg.norm(vectors, axis=-1, keepdims=True) + 1e-300))

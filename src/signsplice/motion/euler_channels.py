@@ -100,8 +100,8 @@ class Channels:
 
 def default_names(n_joints: int) -> Names:
     """Channels for a clip that no file gave any: XYZ position and ZXY rotation on the root, ZXY rotation elsewhere."""
-    turn = ("Zrotation", "Xrotation", "Yrotation")
-    return ((*POSITIONS, *turn), *([turn] * (n_joints - 1)))
+    rotations = ("Zrotation", "Xrotation", "Yrotation")
+    return ((*POSITIONS, *rotations), *([rotations] * (n_joints - 1)))
 
 
 def rotation_axes(names: Sequence[str]) -> str:
@@ -131,8 +131,8 @@ def to_motion(names: Names, values: Float, offsets: Float) -> tuple[Float, Float
         groups.setdefault(channels, []).append(joint)
     for channels, joints in groups.items():
         first = np.array([starts[j] for j in joints])
-        turning = [i for i, name in enumerate(channels) if name.endswith("rotation")]
-        cols = first[:, None] + np.array(turning, np.intp)
+        rotating = [i for i, name in enumerate(channels) if name.endswith("rotation")]
+        cols = first[:, None] + np.array(rotating, np.intp)
         rotations[:, joints] = rotation.from_euler(np.deg2rad(values[:, cols]), rotation_axes(channels))
         for i, name in enumerate(channels):
             if name in POSITIONS:

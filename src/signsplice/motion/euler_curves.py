@@ -1,7 +1,7 @@
-"""The Euler curves of a clip: every number that a file needs, those that were read untouched.
+"""The Euler curves of a clip: every number that a file needs, with the numbers that were read unchanged.
 
-Where a frame is new (a transition, a retargeted pose) its numbers are derived, and chosen so that every curve runs on
-without a jump of a half or a whole turn.
+Where a frame is new (a transition, a retargeted pose) its numbers are derived, and chosen so that every curve continues
+without a jump of a half or a whole revolution.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from signsplice.motion.euler_channels import (
 Float = NDArray[np.float64]
 
 _WIDEN_DEG = 1e-4
-"""A joint gets the rotation channels it lacks only where it turns by more than this about their axes."""
+"""A joint gets the rotation channels it lacks only where it rotates by more than this about their axes."""
 _DECIMALS = 8
-"""Of numbers that no file gave: far below what any capture resolves."""
+"""Of derived numbers: far below what any capture resolves."""
 _LOCKED = 1e-6
-"""Below this cosine of the middle angle only the sum or difference of the other two is told."""
+"""Below this cosine of the middle angle only the sum or difference of the other two is determined."""
 
 
 def complete(clip: Clip) -> tuple[Names, Float]:
     """Channel names and values (T, C) of every frame of a clip, no number missing.
 
-    Numbers that a file gave stay as they are; each run of them may shift as a whole by whole turns, or to the other
-    equal triple, so that curves run on from what comes before. The first run is never touched. All other numbers are
+    Numbers from a file stay as they are; each run of them may shift as a whole by whole revolutions, or to the other
+    equal triple, so that curves continue from what comes before. The first run is never changed. All other numbers are
     derived from the rotations. A joint gets channels that it lacks only where its motion cannot be written without
     them.
     """
@@ -65,14 +65,14 @@ def complete(clip: Clip) -> tuple[Names, Float]:
 
 
 def _still_valid(clip: Clip, given: Channels) -> tuple[Channels, bool]:
-    """The numbers given, NaN wherever they no longer mean the clip's rotations and places; and whether any do not,
+    """The numbers given, NaN wherever they no longer mean the clip's rotations and is_position; and whether any do not,
     because those were edited since.
     """
     rotations, translations = to_motion(given.names, given.values, given.offsets)
     turned = np.abs(np.einsum("tjc,tjc->tj", rotations, clip.local_rotations)) < 1.0 - 1e-11  # half angle of some 5e-6
-    places = bone_translations(clip)
-    limit = 1e-9 * max(1.0, float(np.abs(places).max()))
-    moved = np.abs(translations - places) > limit
+    is_position = bone_translations(clip)
+    limit = 1e-9 * max(1.0, float(np.abs(is_position).max()))
+    moved = np.abs(translations - is_position) > limit
     moved[:, 0] = np.abs(translations[:, 0] - clip.root_positions) > limit
     if not (turned.any() or moved.any()):
         return given, False
@@ -124,13 +124,13 @@ def _continued_span(angles: Float, before: Float) -> Float:
     """A span (S, K, 3), degrees, moved as a whole to the equal numbers nearest to ``before`` (K, 3)."""
     first = angles[0]
     other = np.stack([first[:, 0] + 180.0, 180.0 - first[:, 1], first[:, 2] + 180.0], axis=-1)
-    turns = 360.0 * np.round((before - first) / 360.0)
-    other_turns = 360.0 * np.round((before - other) / 360.0)
-    cost = np.abs(first + turns - before).sum(-1)
-    other_cost = np.abs(other + other_turns - before).sum(-1)
+    shift = 360.0 * np.round((before - first) / 360.0)
+    other_shift = 360.0 * np.round((before - other) / 360.0)
+    cost = np.abs(first + shift - before).sum(-1)
+    other_cost = np.abs(other + other_shift - before).sum(-1)
     mirrored = np.stack([angles[..., 0] + 180.0, 180.0 - angles[..., 1], angles[..., 2] + 180.0], axis=-1)
-    # The other triple has to be nearer by a real margin, so that equal costs leave numbers as they were.
-    return np.asarray(np.where((other_cost < cost - 1e-6)[:, None], mirrored + other_turns, angles + turns))
+    # The other triple has to be nearer by a clear margin, so that equal costs leave numbers unchanged.
+    return np.asarray(np.where((other_cost < cost - 1e-6)[:, None], mirrored + other_shift, angles + shift))
 
 
 def _derived(rotations: Float, axes: str, before: Float | None) -> Float:
@@ -161,24 +161,24 @@ def _written(clip: Clip, given: Channels, axes: Sequence[str], angles: Float) ->
     kept: list[Float] = []
     nothing = np.full(len(clip), np.nan)
     for joint, (start, channels) in enumerate(zip(first_columns(given.names), given.names, strict=True)):
-        place = _place(clip, joint)
+        position = _positions(clip, joint)
         wider: list[str] = []
         for axis, name in enumerate(POSITIONS):
-            if name not in channels and np.any(place[:, axis] != given.offsets[joint, axis]):
+            if name not in channels and np.any(position[:, axis] != given.offsets[joint, axis]):
                 wider.append(name)
         n_axes = len(rotation_axes(channels))
         if n_axes < 3 and np.abs(angles[:, joint, n_axes:]).max() > _WIDEN_DEG:
             wider += [f"{letter}rotation" for letter in axes[joint][n_axes:]]
         names.append((*channels, *wider))
-        curves += [_curve(name, axes[joint], angles[:, joint], place) for name in names[-1]]
+        curves += [_curve(name, axes[joint], angles[:, joint], position) for name in names[-1]]
         kept += [*given.values[:, start : start + len(channels)].T, *(nothing for _ in wider)]
     if not curves:
         return tuple(names), np.empty((len(clip), 0))
     return tuple(names), _rounded(np.stack(curves, axis=1), np.stack(kept, axis=1), names)
 
 
-def _place(clip: Clip, joint: int) -> Float:
-    """Translation (T, 3) of a joint from its parent in every frame; the root's is its place in the world."""
+def _positions(clip: Clip, joint: int) -> Float:
+    """Translation (T, 3) of a joint from its parent in every frame; the root's is its position in the world."""
     if joint == 0:
         return clip.root_positions
     if clip.translations is not None:
@@ -186,15 +186,15 @@ def _place(clip: Clip, joint: int) -> Float:
     return np.broadcast_to(clip.skeleton.offsets[joint], (len(clip), 3))
 
 
-def _curve(name: str, axes: str, angles: Float, place: Float) -> Float:
-    """One channel's curve (T,): an angle of ``angles`` (T, 3), or a component of ``place`` (T, 3)."""
-    return place[:, POSITIONS.index(name)] if name in POSITIONS else angles[:, axes.index(name[0].upper())]
+def _curve(name: str, axes: str, angles: Float, position: Float) -> Float:
+    """One channel's curve (T,): an angle of ``angles`` (T, 3), or a component of ``position`` (T, 3)."""
+    return position[:, POSITIONS.index(name)] if name in POSITIONS else angles[:, axes.index(name[0].upper())]
 
 
 def _rounded(curves: Float, given: Float, names: Sequence[Sequence[str]]) -> Float:
     """Curves (T, C), numbers that were given (T, C) among them, the others rounded. An angle that was given counts as
     long as its curve was not led elsewhere.
     """
-    places = np.array([name in POSITIONS for channels in names for name in channels])
-    stays = np.where(places, ~np.isnan(given), curves == given)
+    is_position = np.array([name in POSITIONS for channels in names for name in channels])
+    stays = np.where(is_position, ~np.isnan(given), curves == given)
     return np.where(stays, given, np.round(curves, _DECIMALS))

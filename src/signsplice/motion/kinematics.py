@@ -20,38 +20,42 @@ Float = NDArray[np.float64]
 def forward(clip: Clip, joints: Sequence[int] | None = None, origin: int | None = None) -> tuple[Float, Float]:
     """Global rotations (T, K, 3, 3) and positions (T, K, 3) of joints in the world.
 
-    ``joints``: K joint indices, all by default. Only they and their ancestors are computed. global_j = global_parent
-    local_j; position_j = position_parent + global_parent offset_j; the root stands at root_positions. ``origin``: a
-    joint above all of them, in whose axes and from whose place they are seen; by default the world's.
+    joints: K joint indices, all by default; only they and their ancestors are computed.
+    origin: a joint above all of them, in whose axes and from whose position they are given; by default the world's.
+
+    global_j = global_parent local_j; position_j = position_parent + global_parent offset_j; the root is at
+    root_positions.
     """
     skeleton = clip.skeleton
-    way = _joint_path(skeleton, None if joints is None else tuple(int(joint) for joint in joints), origin or 0)
-    # Components first, frames last, all joints of one depth together: few operations, on long rows. Rotation and place
-    # go down together, as the three columns of a matrix and a fourth.
-    local = np.empty((3, 4, len(way.order), len(clip)))
-    _components_first(clip.local_rotations[:, way.order], out=local[:, :3])
+    path = _joint_path(skeleton, None if joints is None else tuple(int(joint) for joint in joints), origin or 0)
+    # Components first, frames last, all joints of one depth together: few operations on long rows. Rotation and
+    # position are computed together, as the three columns of a matrix and a fourth: (3, 4, K, T).
+    local = np.empty((3, 4, len(path.order), len(clip)))
+    _components_first(clip.local_rotations[:, path.order], out=local[:, :3])
     if clip.translations is None:
-        local[:, 3] = skeleton.offsets[way.order].T[..., None]
+        local[:, 3] = skeleton.offsets[path.order].T[..., None]
     else:
-        local[:, 3] = clip.translations[:, way.order].transpose(2, 1, 0)
+        local[:, 3] = clip.translations[:, path.order].transpose(2, 1, 0)
     if origin is None:
         local[:, 3, 0] = clip.root_positions.T
     else:
         local[:, :, 0] = np.eye(3, 4)[..., None]
-    for rows, parents in way.levels:
+    for rows, parents in path.levels:
         over = local.take(parents, axis=2)
         below = np.einsum("abkt,bckt->ackt", over[:, :3], local[:, :, rows])
         below[:, 3] += over[:, 3]
         local[:, :, rows] = below
-    found = local[:, :, way.wanted].transpose(3, 2, 0, 1)
+    found = local[:, :, path.wanted].transpose(3, 2, 0, 1)
     return found[..., :3], found[..., 3]
 
 
 @dataclass(frozen=True, eq=False)
 class _JointPath:
-    """The way down a skeleton to some joints: ``order``, all that are needed, by depth, the first above all;
-    ``levels``, the rows of ``order`` of every depth below it with the rows of their parents; ``wanted``, the rows of
-    the joints asked for.
+    """The path down a skeleton to some joints.
+
+    order: all joints that are needed, by depth; the first is above all.
+    levels: for every depth below the first, the rows of ``order`` and the rows of their parents.
+    wanted: the rows of the joints asked for.
     """
 
     order: NDArray[np.intp]
@@ -136,10 +140,10 @@ def tip_positions(clip: Clip, global_rotations: Float, global_positions: Float) 
 
 def rest_positions(skeleton: Skeleton) -> Float:
     """Joint positions (J, 3) of the rest pose, every rotation identity, the root at the origin."""
-    places = np.zeros((len(skeleton), 3))
+    positions = np.zeros((len(skeleton), 3))
     for joint in range(1, len(skeleton)):
-        places[joint] = places[skeleton.parents[joint]] + skeleton.offsets[joint]
-    return places
+        positions[joint] = positions[skeleton.parents[joint]] + skeleton.offsets[joint]
+    return positions
 
 
 def rotations_from_positions(
@@ -149,7 +153,7 @@ def rotations_from_positions(
 
     Bone lengths are the skeleton's own: only directions are taken from the positions. A joint with several children
     that span a plane is fitted to all of them (Kabsch 1976). A joint with one child follows its direction; the twist
-    about the bone, which positions do not show, is carried from frame to frame without turning (parallel transport).
+    about the bone, which positions do not show, is carried from frame to frame unchanged (parallel transport).
     ``before`` and ``after``: local rotations (J, 4) of the frames on either side, where known: twist starts from the
     first and drifts evenly to the second. Joints without children keep those too (slerp between them), or the rest
     pose. Raises ``InputError`` on wrong shapes.
@@ -206,6 +210,6 @@ def _transported(rest: Float, seen: Float, start: Float, end: Float | None) -> F
         axis = rest / np.linalg.norm(rest)
         landing = rotation.multiply(rotation.between_vectors(rotation.rotate(q, rest), rotation.rotate(end, rest)), q)
         twist = rotation.twist_angle(rotation.multiply(rotation.inverse(landing), end), axis)
-        share = np.arange(1, len(seen) + 1) / (len(seen) + 1)
-        out = rotation.multiply(out, rotation.exp(axis * (twist * share)[:, None]))
+        alpha = np.arange(1, len(seen) + 1) / (len(seen) + 1)
+        out = rotation.multiply(out, rotation.exp(axis * (twist * alpha)[:, None]))
     return out

@@ -1,7 +1,7 @@
 """Rotations in batches: what scipy's ``Rotation`` lacks.
 
 Convention: a rotation is a unit quaternion ``(..., 4)`` in scipy's order **x, y, z, w** (rejected: w first, since it
-would have to be turned at every call of scipy). Quaternions act on column vectors; ``multiply(a, b)`` does ``b`` first,
+would have to be reordered at every call of scipy). Quaternions act on column vectors; ``multiply(a, b)`` does ``b`` first,
 then ``a``, so that ``global = multiply(parent_global, local)``. Angles are radians. All functions broadcast over
 leading axes, are pure and leave their arguments as they are.
 """
@@ -21,7 +21,7 @@ _TINY = 1e-12
 
 
 def cross(a: ArrayLike, b: ArrayLike) -> Float:
-    """Cross product (..., 3); several times as quick as numpy's on the small arrays of a seam."""
+    """Cross product (..., 3); several times as fast as numpy's on the small arrays of a seam."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
     x = ay * bz - az * by
@@ -58,7 +58,7 @@ def normalize(q: ArrayLike) -> Float:
 
 
 def rotate(q: ArrayLike, v: ArrayLike) -> Float:
-    """Vectors ``v`` (..., 3) turned by ``q`` (..., 4): v + 2w(u x v) + 2u x (u x v), u the vector part."""
+    """Vectors ``v`` (..., 3) rotated by ``q`` (..., 4): v + 2w(u x v) + 2u x (u x v), u the vector part."""
     q, v = np.asarray(q, np.float64), np.asarray(v, np.float64)
     u = q[..., :3]
     t = 2.0 * cross(u, v)
@@ -122,7 +122,7 @@ def exp(rotvec: ArrayLike) -> Float:
 
 
 def log(q: ArrayLike) -> Float:
-    """Rotation vectors (..., 3) of unit quaternions (..., 4), the short way round (angle <= pi)."""
+    """Rotation vectors (..., 3) of unit quaternions (..., 4), by the short side (angle <= pi)."""
     q = np.asarray(q, np.float64)
     sign = np.where(q[..., 3:] < 0.0, -1.0, 1.0)
     v, w = q[..., :3] * sign, q[..., 3:] * sign
@@ -144,13 +144,13 @@ def angle_between(a: ArrayLike, b: ArrayLike) -> Float:
 
 
 def slerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Float:
-    """Great-circle interpolation (..., 4) from ``a`` (t = 0) to ``b`` (t = 1), the short way round."""
+    """Great-circle interpolation (..., 4) from ``a`` (t = 0) to ``b`` (t = 1), by the short side."""
     t = np.asarray(t, np.float64)
     return multiply(a, exp(difference(a, b) * t[..., None]))
 
 
 def nlerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Float:
-    """Normalised linear interpolation (..., 4), the short way round."""
+    """Normalised linear interpolation (..., 4), by the short side."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     t = np.asarray(t, np.float64)[..., None]
     b = np.where(np.sum(a * b, axis=-1, keepdims=True) < 0.0, -b, b)
@@ -235,7 +235,7 @@ def from_euler(angles: ArrayLike, axes: str) -> Float:
 def to_euler(q: ArrayLike, axes: str) -> Float:
     """Intrinsic Euler angles (..., 3), radians, of rotations (..., 4) for three different ``axes`` ("ZXY", ...).
 
-    The middle angle lies in [-pi/2, pi/2]. In gimbal lock the first angle is 0 and the third takes the whole turn.
+    The middle angle lies in [-pi/2, pi/2]. In gimbal lock the first angle is 0 and the third takes the whole rotation.
     """
     i, j, k = (_AXIS[letter] for letter in axes)
     sign = 1.0 if (j - i) % 3 == 1 else -1.0
@@ -253,13 +253,13 @@ def to_euler(q: ArrayLike, axes: str) -> Float:
 def nearest_euler(angles: ArrayLike, reference: ArrayLike) -> Float:
     """Those Euler angles (..., 3) of the same rotation that lie nearest to ``reference`` (..., 3).
 
-    A rotation has the triples (a, b, c) and (a + pi, pi - b, c + pi), each up to whole turns of any angle.
+    A rotation has the triples (a, b, c) and (a + pi, pi - b, c + pi), each up to whole revolutions of any angle.
     """
     angles, reference = np.asarray(angles, np.float64), np.asarray(reference, np.float64)
     other = np.stack([angles[..., 0] + np.pi, np.pi - angles[..., 1], angles[..., 2] + np.pi], axis=-1)
-    turn = 2.0 * np.pi
-    near = angles + turn * np.round((reference - angles) / turn)
-    far = other + turn * np.round((reference - other) / turn)
+    revolution = 2.0 * np.pi
+    near = angles + revolution * np.round((reference - angles) / revolution)
+    far = other + revolution * np.round((reference - other) / revolution)
     cost_near = np.sum(np.abs(near - reference), axis=-1, keepdims=True)
     cost_far = np.sum(np.abs(far - reference), axis=-1, keepdims=True)
     return np.where(cost_far < cost_near, far, near)
@@ -270,26 +270,26 @@ def nearest_euler_sequence(angles: ArrayLike, before: ArrayLike | None = None) -
     nearest to ``before`` (..., 3), where there is one: ``nearest_euler`` again and again, for all frames at once.
     """
     angles = np.asarray(angles, np.float64)
-    turn = 2.0 * np.pi
+    revolution = 2.0 * np.pi
     other = np.stack([angles[..., 0] + np.pi, np.pi - angles[..., 1], angles[..., 2] + np.pi], axis=-1)
     both = np.stack([angles, other])
-    # What it costs to go on from either triple to either, whole turns apart.
+    # Cost of going on from either triple to either, up to whole revolutions.
     step = both[:, None, :-1] - both[None, :, 1:]
-    cost = np.abs(step - turn * np.round(step / turn)).sum(axis=-1)
+    cost = np.abs(step - revolution * np.round(step / revolution)).sum(axis=-1)
     goes_over = cost[:, 1] < cost[:, 0]  # (from, T - 1, ...)
     is_other = np.zeros(angles.shape[:-1], bool)
     if before is not None:
         step = np.asarray(before, np.float64) - both[:, 0]
-        first = np.abs(step - turn * np.round(step / turn)).sum(axis=-1)
+        first = np.abs(step - revolution * np.round(step / revolution)).sum(axis=-1)
         is_other[0] = first[1] < first[0]
     for frame in range(1, len(angles)):
         is_other[frame] = np.where(is_other[frame - 1], goes_over[1, frame - 1], goes_over[0, frame - 1])
     out = np.where(is_other[..., None], other, angles)
-    turns = np.zeros_like(out)
-    turns[1:] = np.round((out[:-1] - out[1:]) / turn)
+    revolutions = np.zeros_like(out)
+    revolutions[1:] = np.round((out[:-1] - out[1:]) / revolution)
     if before is not None:
-        turns[0] = np.round((np.asarray(before, np.float64) - out[0]) / turn)
-    return np.asarray(out + turn * np.cumsum(turns, axis=0))
+        revolutions[0] = np.round((np.asarray(before, np.float64) - out[0]) / revolution)
+    return np.asarray(out + revolution * np.cumsum(revolutions, axis=0))
 
 
 def to_6d(q: ArrayLike) -> Float:

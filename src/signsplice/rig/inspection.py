@@ -1,4 +1,4 @@
-"""What can be told of a clip before it is spliced."""
+"""Facts about a clip before it is spliced: rig, unit, rest spans, and warnings."""
 
 from __future__ import annotations
 
@@ -9,23 +9,20 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
-from signsplice.rig import proportions
 from signsplice.rig.arms import active_span, arms
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import placement
+from signsplice.rig.proportions import LengthUnit
 
 _STEP_DEG = 60.0
-_STILL_M = 0.02
 
 
 def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
-    """Facts about a clip, ready for JSON: rig, roles, rate, frames, unit, axes, rest spans, and what a user should
-    know.
-    """
+    """Facts about a clip, ready for JSON: rig, roles, rate, frames, unit, axes, rest spans and warnings."""
     skeleton = clip.skeleton
-    humanoid = rig_info(skeleton).roles
-    unit = rig_info(skeleton).sizes.unit
-    standing = placement(clip)
+    info = rig_info(skeleton)
+    humanoid, unit = info.roles, info.sizes.unit
+    stands = placement(clip)
     warnings: list[str] = []
     facts: dict[str, Any] = {
         "file": file or clip.name,
@@ -37,8 +34,8 @@ def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
         "seconds": round(clip.seconds, 3),
         "unit": unit.name,
         "stature m": round(unit.stature_m, 3),
-        "up": _axis(standing.up),
-        "forward": _axis(standing.forward),
+        "up": _axis(stands.up),
+        "forward": _axis(stands.forward),
         "memory kB": clip.nbytes // 1024,
     }
     try:
@@ -65,23 +62,23 @@ def _motion_warnings(clip: Clip) -> list[str]:
     if len(clip) < 2:
         return ["a single frame: it has no velocity, so transitions into and out of it start from rest"]
     steps = np.rad2deg(rotation.angle_between(clip.local_rotations[:-1], clip.local_rotations[1:]))
-    said = []
+    warnings = []
     if steps.max() < 0.01:
-        said.append("nothing turns: every frame is the same pose")
+        warnings.append("nothing turns: every frame is the same pose")
     for frame, joint in np.argwhere(steps > _STEP_DEG)[:5]:
-        said.append(
+        warnings.append(
             f"{clip.skeleton.names[joint]} turns by {steps[frame, joint]:.0f} degrees "
             f"from frame {frame} to {frame + 1}: a fault of the capture?"
         )
-    return said
+    return warnings
 
 
-def _rig_warnings(clip: Clip, n_roles: int, unit: proportions.LengthUnit) -> list[str]:
-    said = []
+def _rig_warnings(clip: Clip, n_roles: int, unit: LengthUnit) -> list[str]:
+    warnings = []
     if n_roles == 0:
-        said.append("no role was found by the joints' names; a roles file names them (--roles)")
+        warnings.append("no role was found by the joints' names; a roles file names them (--roles)")
     if not 1.2 <= unit.stature_m <= 2.3:
-        said.append(f"the body would be {unit.stature_m:.2f} m tall in {unit.name}: the unit may be another")
+        warnings.append(f"the body would be {unit.stature_m:.2f} m tall in {unit.name}: the unit may be another")
     if clip.translations is not None:
-        said.append("bone lengths change over time; transitions interpolate them")
-    return said
+        warnings.append("bone lengths change over time; transitions interpolate them")
+    return warnings

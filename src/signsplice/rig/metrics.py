@@ -1,4 +1,4 @@
-"""Every score, each with the signature of its parameters: a number means nothing without the recipe that made it."""
+"""Scores of motion, each with a signature of its parameters: a number means nothing without them."""
 
 from __future__ import annotations
 
@@ -20,13 +20,9 @@ VELOCITY_JUMP = "velocity-jump|joints:wrists|step:1-frame|unit:m/s|max"
 PEAK_SPEED = "peak-speed|joints:wrists|step:1-frame|unit:m/s|max"
 JERK_RATIO = "jerk-ratio|joints:wrists|third-difference|rms|transition+-1/signs"
 
-_PARTS = ("UpperArm", "LowerArm", "Hand")
-
 
 def arm_and_finger_joints(clip: Clip) -> list[int]:
-    """Indices of the elbow, wrist and every finger joint of both arms (the joints that moving an arm or a finger
-    moves).
-    """
+    """Indices of the elbow, wrist and every finger joint of both arms."""
     joints = rig_info(clip.skeleton).roles.joints
     return [
         joint
@@ -43,7 +39,7 @@ def fingertip_joints(clip: Clip) -> list[int]:
 
 
 def relative_positions(clip: Clip, joints: Sequence[int]) -> Float:
-    """Positions (T, K, 3) of joints seen from the root: turned and moved with it."""
+    """Positions (T, K, 3) of joints in the axes of the root."""
     rotations, positions = kinematics.forward(clip, [0, *joints])
     return np.asarray(np.einsum("tba,tkb->tka", rotations[:, 0], positions[:, 1:] - positions[:, :1]))
 
@@ -56,23 +52,24 @@ def position_error(predicted: Clip, true: Clip) -> float:
 
 
 EVEN_FRACTION = 0.02
-"""Change of a joint's turn from one frame to the next, as a share of the quickest joint's, up to which it turns evenly.
+"""Change of a joint's rotation step from one frame to the next, as a fraction of the fastest joint's step, up to which
+it rotates evenly.
 """
 _MOVING_RAD = 0.005
-"""Turn of the quickest joint in a frame (0.3 degrees) from which on a body moves."""
+"""Rotation of the fastest joint in a frame (0.3 degrees) from which on a body counts as moving."""
 
 
 def even_rotation_frames(clip: Clip) -> Float:
-    """For every frame but the first and the last (T - 2,): 1 where every arm and finger joint turns on just as it
-    turned before, 0 where one does not, NaN where none moves or is known.
+    """For every frame but the first and the last (T - 2,): 1 where every arm and finger joint repeats its last rotation
+    step, 0 where one does not, NaN where none moves or is known.
 
-    People never move so; a program that draws the frames between keys does (slerp), and so does filling of gaps in a
-    capture. What hides such frames measures how near a method is to that program.
+    People never move so; a program that interpolates between keys does (slerp), and so does gap filling in a capture. A
+    measurement on such frames shows how near a method is to that program.
     """
     q = clip.local_rotations[:, arm_and_finger_joints(clip)]
     steps = rotation.difference(q[:-1], q[1:])
-    quickest = np.linalg.norm(steps, axis=-1).max(axis=1, initial=0.0)
-    speed = np.maximum(quickest[:-1], quickest[1:])
+    fastest = np.linalg.norm(steps, axis=-1).max(axis=1, initial=0.0)
+    speed = np.maximum(fastest[:-1], fastest[1:])
     change = np.linalg.norm(np.diff(steps, axis=0), axis=-1).max(axis=1, initial=0.0)
     return np.where(speed > _MOVING_RAD, change < EVEN_FRACTION * speed, np.nan)
 
@@ -90,8 +87,8 @@ def velocity_jump(positions: Float, first: int, stop: int, fps: float) -> float:
     """Largest change of velocity from one frame step to the next at either end of frames [first, stop).
 
     positions: (T, K, 3) with at least two frames before ``first`` and after ``stop`` where the clip has them; the unit
-    is that of positions a second. Compared are, at each end, the steps on either side of the last frame outside and the
-    first inside.
+    is that of positions a second. At each end, the steps on either side of the last frame outside and of the first
+    inside are compared.
     """
     velocity = np.diff(positions, axis=0) * fps
     changes = np.linalg.norm(np.diff(velocity, axis=0), axis=-1).max(
@@ -102,7 +99,7 @@ def velocity_jump(positions: Float, first: int, stop: int, fps: float) -> float:
 
 
 def peak_speed(positions: Float, first: int, stop: int, fps: float) -> float:
-    """Highest speed of any point (T, K, 3) on the way from frame first - 1 to frame stop, in units a second."""
+    """Highest speed of any point (T, K, 3) between frame first - 1 and frame stop, in units a second."""
     path = positions[max(first - 1, 0) : stop + 1]
     if len(path) < 2:
         return 0.0

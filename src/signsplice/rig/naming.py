@@ -1,7 +1,7 @@
 """The naming conventions of humanoid rigs, as tables: which word stands for which part of the body.
 
-Words are in the form that ``humanoid.simplify`` gives, without the side: ``LeftForeArm``, ``forearm.L`` and
-``lForeArm`` are all ``forearm``. A slash parts spellings of one joint, best first.
+Words are in the form that ``roles.simplify`` gives, without the side: ``LeftForeArm``, ``forearm.L`` and ``lForeArm``
+are all ``forearm``. A slash separates spellings of one joint, best first.
 """
 
 from __future__ import annotations
@@ -10,18 +10,23 @@ from dataclasses import dataclass
 
 HIPS, NECK, HEAD = "hips/hip/pelvis", "neck/neck1/neck01/necklower/lowerneck", "head"
 EYE, JAW = "eye/faceeye/eyesmplhf", "jaw/jawroot"
-"""What most rigs call these, tried after a rig's own words."""
+"""Words that most rigs use, tried after a rig's own."""
 
 
 @dataclass(frozen=True)
 class NamingConvention:
-    """One naming convention.
+    """One naming convention; words separated by blanks.
 
-    arm: collar bone, upper arm, lower arm, hand. leg: upper leg, lower leg, foot, toes. fingers: thumb, index, middle,
-    ring and little, each word followed by the endings in ``thumb`` or ``segments``, from the metacarpal of the thumb
-    and the knuckles of the others out. hips, neck, head: own words, tried before the usual ones. spine: spine, chest,
-    upper chest, where the rig tells them apart; elsewhere they are counted off between hips and neck. marks: joints
-    without a role that betray the rig.
+    name: of the convention, as ``inspect`` shows it.
+    arm: collar bone, upper arm, lower arm, hand.
+    leg: upper leg, lower leg, foot, toes.
+    fingers: thumb, index, middle, ring and little finger.
+    thumb, segments: endings that follow a finger's word, from the metacarpal of the thumb and the knuckles of the other
+        fingers outwards.
+    hips, neck, head: the convention's own words, tried before the usual ones.
+    spine: spine, chest, upper chest, where the rig names them apart; elsewhere they are counted off between hips and
+        neck.
+    marks: joints without a role that are typical of the rig.
     """
 
     name: str

@@ -1,7 +1,7 @@
-"""Which joint of a skeleton plays which role of one canonical humanoid, told by the joints' names.
+"""Which joint of a skeleton plays which role of one canonical humanoid, found by the joints' names.
 
-The roles are VRM 1.0's humanoid bones. The naming conventions are tables in ``rigs``; the one that explains most
-joints of a skeleton is taken, since a name may mean two things: "LeftShoulder" is the collar bone of one rig, the
+The roles are VRM 1.0's humanoid bones. The naming conventions are tables in ``naming``; the one that explains most
+joints of a skeleton is chosen, since a name may mean two things: "LeftShoulder" is the collar bone of one rig, the
 upper arm of another. No assignment may break the order of the body: a hand hangs below its arm, an arm below the hips.
 """
 
@@ -67,9 +67,11 @@ _MIN_ROLES = 3
 class Humanoid:
     """The body found in a skeleton.
 
-    rig: the naming convention, a name in ``rigs.RIGS``; "custom" where a user named roles, "unknown" where the names
-    say nothing. joints: role -> joint index, immutable, in the order of ``ROLES``. Raises ``InputError`` for a role
-    that there is not, or one joint in two roles.
+    rig: the naming convention, a name in ``naming.CONVENTIONS``; "custom" where a user named roles, "unknown" where no
+        convention fits.
+    joints: role -> joint index, immutable, in the order of ``ROLES``.
+
+    Raises ``InputError`` for an unknown role, or one joint in two roles.
     """
 
     rig: str
@@ -97,15 +99,19 @@ class Humanoid:
 # --- names ----------------------------------------------------------------------------------------------------------
 
 
-def _names(rig: NamingConvention) -> dict[str, tuple[str, ...]]:
-    """Role -> the simplified names that ``rig`` and common usage have for it, best first."""
-    words = {"hips": f"{rig.hips}/{HIPS}", "neck": f"{rig.neck}/{NECK}", "head": f"{rig.head}/{HEAD}"}
+def _names(convention: NamingConvention) -> dict[str, tuple[str, ...]]:
+    """Role -> the simplified names that a convention and common usage have for it, best first."""
+    words = {
+        "hips": f"{convention.hips}/{HIPS}",
+        "neck": f"{convention.neck}/{NECK}",
+        "head": f"{convention.head}/{HEAD}",
+    }
     words |= {"jaw": JAW, "Eye": EYE}
-    words |= zip(_SPINE, rig.spine.split(), strict=False)
-    words |= zip(_ARM, rig.arm.split(), strict=True)
-    words |= zip(_LEG, rig.leg.split(), strict=True)
-    for finger, word in zip(FINGERS, rig.fingers.split(), strict=False):
-        endings = rig.thumb if finger == "Thumb" else rig.segments
+    words |= zip(_SPINE, convention.spine.split(), strict=False)
+    words |= zip(_ARM, convention.arm.split(), strict=True)
+    words |= zip(_LEG, convention.leg.split(), strict=True)
+    for finger, word in zip(FINGERS, convention.fingers.split(), strict=False):
+        endings = convention.thumb if finger == "Thumb" else convention.segments
         words |= {role: word + ending for role, ending in zip(finger_roles(finger), endings, strict=False)}
     names = {}
     for role in ROLES:
@@ -115,13 +121,16 @@ def _names(rig: NamingConvention) -> dict[str, tuple[str, ...]]:
     return names
 
 
-_NAMES = {rig.name: _names(rig) for rig in CONVENTIONS}
-_MARKS = {rig.name: [side + mark for mark in rig.marks.split() for side in ("", *_SIDES)] for rig in CONVENTIONS}
+_NAMES = {convention.name: _names(convention) for convention in CONVENTIONS}
+_MARKS = {
+    convention.name: [side + mark for mark in convention.marks.split() for side in ("", *_SIDES)]
+    for convention in CONVENTIONS
+}
 # What may follow a side's letter without a gap, as in "lshldr" and "rthumb1".
 _LIMB_WORDS = frozenset(
     name.removeprefix("left")
-    for rig in CONVENTIONS
-    for name in (*_MARKS[rig.name], *(name for names in _NAMES[rig.name].values() for name in names))
+    for convention in CONVENTIONS
+    for name in (*_MARKS[convention.name], *(name for names in _NAMES[convention.name].values() for name in names))
     if name.startswith("left")
 )
 _SIDE_OF = {"l": "left", "left": "left", "r": "right", "right": "right"}
@@ -143,9 +152,9 @@ def simplify(name: str) -> str:
     while match := _PREFIX.match(bare):
         bare = bare[match.end() :]
     tokens = [token.lower() for token in _GAP.split(bare) if token]
-    place = next((n for n, token in enumerate(tokens) if token in _SIDE_OF), None)
-    if place is not None and len(tokens) > 1:
-        return _SIDE_OF[tokens.pop(place)] + "".join(tokens)
+    at = next((n for n, token in enumerate(tokens) if token in _SIDE_OF), None)
+    if at is not None and len(tokens) > 1:
+        return _SIDE_OF[tokens.pop(at)] + "".join(tokens)
     form = "".join(tokens) or name.lower()
     return _SIDE_OF[form[0]] + form[1:] if form[1:] in _LIMB_WORDS and form[0] in "lr" else form
 
@@ -206,19 +215,19 @@ def _find(skeleton: Skeleton, override: Mapping[str, str]) -> Humanoid:
         if not given:
             return Humanoid("unknown", {})
     joints = _with_spine(_with_hips(found[best], ancestors), ancestors)
-    for rig in others:  # what the best one left open, such as the fingers of another convention
+    for rig in others:  # roles that the best one left open, such as the fingers of another convention
         names_but_hips = {role: names for role, names in _NAMES[rig.name].items() if role != "hips"}
         joints = _with_names(joints, names_but_hips, index, ancestors)
     return Humanoid("custom" if given else best.name, joints)
 
 
-def _explained(rig: NamingConvention, joints: _Joints, index: Mapping[str, list[int]]) -> tuple[int, int]:
-    """How many joints of the body a rig explains, with those that only mark it; then how many fingers.
+def _explained(convention: NamingConvention, joints: _Joints, index: Mapping[str, list[int]]) -> tuple[int, int]:
+    """How many joints of the body a convention explains, typical joints without a role included; then how many fingers.
 
     Fingers come second: some bodies have the fingers of another convention, and two hands outnumber a body.
     """
     fingers = {joint for role, joint in joints.items() if not _HANDS.isdisjoint(_LINE[role])}
-    explained = set(joints.values()).union(*(index.get(mark, ()) for mark in _MARKS[rig.name]))
+    explained = set(joints.values()).union(*(index.get(mark, ()) for mark in _MARKS[convention.name]))
     return len(explained - fingers), len(fingers)
 
 
@@ -286,7 +295,7 @@ def _with_names(
 
 
 def _with_hips(joints: _Joints, ancestors: _Ancestors) -> _Joints:
-    """``joints`` with hips where legs and trunk meet, if no name told them."""
+    """``joints`` with hips where legs and trunk meet, where no name gives them."""
     legs = [joints[role] for role in ("leftUpperLeg", "rightUpperLeg") if role in joints]
     trunk = [joints[role] for role in ("neck", "head", "leftUpperArm", "rightUpperArm") if role in joints]
     shared = frozenset.intersection(*(ancestors[joint] for joint in legs + trunk)) if len(legs) == 2 and trunk else ()
@@ -321,7 +330,7 @@ def _with_spine(joints: _Joints, ancestors: _Ancestors) -> _Joints:
 
 
 def unknown_role(role: str) -> str:
-    """What to say of a role that there is not."""
+    """The error message for an unknown role."""
     return f"unknown role {role!r}{_nearest(role, ROLES)}, expected a VRM 1.0 humanoid bone such as leftUpperArm"
 
 

@@ -1,6 +1,6 @@
-"""The two layers of the paper that learn nothing: Culling (eq. 11) before the network, Filter (eq. 17) after it.
+"""The two layers of the paper without weights: Culling (eq. 11) before the network, Filter (eq. 17) after it.
 
-Training and running share them. Frames are rows of positions (N, 159), but any rows do.
+Training and running share them. Frames are rows, usually of positions (N, 159).
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ VERSION = 1
 def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None) -> dict[str, Any]:
     """The report as JSON-ready values. ``timing_ms`` adds to the result's own (load, save). Unknown scores are null.
 
-    Copying every sign span from its source (the clip on the first one's ground, at the output rate) and every
+    Copying every sign span from its source (the clip aligned to the first one, at the output rate) and every
     transition span from the output rebuilds the output exactly.
     """
     timing = {"load": 0.0, "cut": 0.0, "transition": 0.0, "join": 0.0, "save": 0.0}
