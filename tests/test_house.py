@@ -1,8 +1,9 @@
-"""The walls of the house: which room may import which, and what a splice leaves unimported."""
+"""The structure of the package: which room may import which, unique class names, one cache, light imports."""
 
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 import tomllib
@@ -88,7 +89,7 @@ def test_imports_run_down(path: Path) -> None:
             )
 
 
-def test_rooms_have_no_circles() -> None:
+def test_no_import_runs_in_a_circle() -> None:
     graph = {
         module_name(path): {t for t in imports(path, inside_functions=False) if t.startswith("signsplice")}
         for path in MODULES
@@ -106,13 +107,38 @@ def test_rooms_have_no_circles() -> None:
         visit(module, ())
 
 
-def test_motion_knows_no_file_and_no_picture() -> None:
+def test_motion_rig_and_body_know_no_file() -> None:
     allowed = {"numpy", "scipy", "signsplice"} | set(sys.stdlib_module_names) - {"io", "json", "os", "pathlib"}
-    for path in (SOURCE / "motion").glob("*.py"):
-        assert {target.split(".")[0] for target in imports(path)} <= allowed, path
+    for path in MODULES:
+        if room(module_name(path)) in ("motion", "rig", "body"):
+            assert {target.split(".")[0] for target in imports(path)} <= allowed, path
 
 
-def test_the_product_needs_only_its_own_dependencies() -> None:
+def test_a_class_name_occurs_once() -> None:
+    homes: dict[str, list[str]] = {}
+    for path in MODULES:
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.ClassDef):
+                homes.setdefault(node.name.lstrip("_"), []).append(module_name(path))
+    assert {name: where for name, where in homes.items() if len(where) > 1} == {}
+
+
+def test_the_package_keeps_state_in_one_place() -> None:
+    """``motion.cache.CACHE`` is the only cache of a module; instances may keep their own."""
+    found = []
+    for path in MODULES:
+        for node in ast.parse(path.read_text()).body:
+            text = ast.unparse(node)
+            if isinstance(node, (ast.Assign, ast.AnnAssign)) and re.search(r"Weak\w*Dictionary\(|\bCache\(", text):
+                found.append(f"{module_name(path)}: {text}")
+            for part in ast.walk(node):
+                for decorator in getattr(part, "decorator_list", ()):
+                    if re.match(r"(functools\.)?(lru_)?cache\b", ast.unparse(decorator)):
+                        found.append(f"{module_name(path)}: {part.name}")
+    assert found == ["signsplice.motion.cache: CACHE = Cache()"]
+
+
+def test_other_rooms_need_only_declared_dependencies() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     names = {entry.split(">")[0].split("=")[0] for entry in project["dependencies"]}
     assert names == {"numpy", "scipy", "onnxruntime", "click", "rich", "pygltflib"}
@@ -137,7 +163,7 @@ def test_the_product_needs_only_its_own_dependencies() -> None:
         assert not at_top & (optional | training | serving | loading), path
 
 
-def test_the_service_is_a_room_of_its_own() -> None:
+def test_only_the_service_imports_web_libraries() -> None:
     allowed = {"numpy", "fastapi", "starlette", "uvicorn", "pydantic", "prometheus_client", "signsplice"}
     for path in MODULES:
         if room(module_name(path)) == "service":
@@ -146,7 +172,7 @@ def test_the_service_is_a_room_of_its_own() -> None:
             assert not any(t.startswith("signsplice.service") for t in imports(path)), path
 
 
-def test_training_is_a_room_of_its_own() -> None:
+def test_only_training_imports_torch() -> None:
     allowed = {"numpy", "torch", "filelock", "onnx", "onnxruntime", "onnxscript", "signsplice"} | set(
         sys.stdlib_module_names
     )
@@ -194,7 +220,7 @@ def test_import_and_help_are_light() -> None:
     assert in_a_fresh_process(code).strip() == "set()"
 
 
-def test_the_face_is_small_and_whole() -> None:
+def test_the_public_names_are_few_and_documented() -> None:
     assert len(signsplice.__all__) <= 16
     for name in signsplice.__all__:
         value = getattr(signsplice, name)
@@ -207,7 +233,7 @@ def test_the_face_is_small_and_whole() -> None:
     assert in_a_fresh_process(code).strip() == "splice"
 
 
-def test_every_public_function_says_what_comes_back() -> None:
+def test_every_public_function_has_a_docstring() -> None:
     for path in MODULES:
         nodes = list(ast.parse(path.read_text()).body)
         for node in nodes:
