@@ -1,4 +1,4 @@
-"""Training: a system of the paper from a corpus of pairs to a bundle."""
+"""The commands `train paper`, `train cutter`, `train transition` and `export`."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def train() -> None:
 @click.option("--pairs", required=True, metavar="DIR", help="Corpus of pairs, of `signsplice synth pairs`.")
 @click.option("--system", required=True, metavar="NAME|all", help="lpt, lpt-wa, ..., or all: a folder in --out each.")
 @click.option("--scale", type=click.Choice(("smoke", "cpu", "paper")), default="cpu", show_default=True,
-              help="How large the networks are and how long they learn.")  # fmt: skip
+              help="How large the networks are and how long they are trained.")  # fmt: skip
 @click.option("--optimiser", type=click.Choice(("adamw", "sgd")), default="adamw", show_default=True,
               help="sgd: as in the paper, rate 1e-3.")  # fmt: skip
 @click.option("--split", type=click.Choice(("random", "unseen-words", "unseen-signer")), default="random",
-              show_default=True, help="Which pairs are learned from.")  # fmt: skip
+              show_default=True, help="Which pairs are trained on.")  # fmt: skip
 @click.option("--out", required=True, metavar="DIR", help="Folder for the bundle.")
 @click.option(
     "--parts", metavar="DIR", help="Checkpoints, shared by systems of the same parts.  [default: beside --out]"
@@ -55,11 +55,11 @@ def paper(
     device: str,
     bf16: bool | None,
 ) -> None:
-    """Train a system of the paper and export it. Called again after an interruption, it goes on where it was.
+    """Train a system of the paper and export it. The same command continues after an interruption.
 
-    Several processes share the work: torchrun --nproc-per-node 2 -m signsplice train paper ...
+    Several processes can divide the work: torchrun --nproc-per-node 2 -m signsplice train paper ...
     """
-    _check_extra()
+    check_extra()
     from signsplice.synth.corpus import Pairs
     from signsplice.train import processes
     from signsplice.train.paper import scales, training
@@ -70,23 +70,23 @@ def paper(
         raise InputError(f"--fr {fr} with --system all; name one system with a Culling layer")
     for name in systems:
         scales.parts(name, scale, fr, steps, optimiser, split)
-    with processes.joined(device) as here:
+    with processes.joined(device) as process:
         for name in systems:
             folder = Path(out) / name if system == "all" else Path(out)
             shared = Path(parts) if parts is not None else Path(out).parent / "parts"
-            told = training.Training(name, scale, optimiser, split, seed, fr, steps, bf16)
-            training.make(told, corpus, folder, shared, here, _teller if here.first else None)
-            if here.first:
+            config = training.Training(name, scale, optimiser, split, seed, fr, steps, bf16)
+            training.make(config, corpus, folder, shared, process, progress_printer if process.first else None)
+            if process.first:
                 print(f"{folder}: {name}, scale {scale}, {optimiser}, {split}")
 
 
-def _own_options(command: Command) -> Command:
-    """What the product's own networks share."""
+def _product_options(command: Command) -> Command:
+    """Add the options that `train cutter` and `train transition` share."""
     for option in reversed(
         (
             click.option("--out", required=True, metavar="DIR", help="Bundle that the network is written into."),
             click.option("--scale", type=click.Choice(("smoke", "ship", "more", "corpus")), default="ship",
-                         show_default=True, help="How large the network is and how long it learns."),
+                         show_default=True, help="How large the network is and how long it is trained."),
             click.option("--steps", type=int, metavar="N", help="Steps in place of the scale's."),
             click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of weights and pairs."),
             click.option("--device", default="auto", show_default=True, metavar="NAME", help="auto, cpu or cuda."),
@@ -96,7 +96,7 @@ def _own_options(command: Command) -> Command:
     return command
 
 
-def _train_own(
+def _train_product(
     network: str,
     signing: Sequence[str],
     out: str,
@@ -107,16 +107,17 @@ def _train_own(
     earlier: Sequence[str] = (),
 ) -> None:
     _check_steps(steps, least=0 if earlier else 1)
-    _check_extra()
+    check_extra()
     from signsplice.train import processes
-    from signsplice.train.product import training as own
+    from signsplice.train.product import training
 
-    with processes.joined(device) as here:
-        told = own.ProductTraining(network, scale, seed, steps)
-        folders = [[Path(folder) for folder in given] for given in (signing, earlier)]
-        own.make(told, folders[0], Path(out), here, _teller if here.first else None, folders[1])
-        if here.first:
-            print(f"{out}: {network}, scale {scale}, {told.n_steps} steps")
+    with processes.joined(device) as process:
+        config = training.ProductTraining(network, scale, seed, steps)
+        data, starts = ([Path(folder) for folder in folders] for folders in (signing, earlier))
+        progress = progress_printer(network) if process.first else None
+        training.make(config, data, Path(out), process, progress, starts)
+        if process.first:
+            print(f"{out}: {network}, scale {scale}, {config.n_steps} steps")
 
 
 def _check_steps(steps: int | None, least: int = 1) -> None:
@@ -124,29 +125,29 @@ def _check_steps(steps: int | None, least: int = 1) -> None:
         raise InputError(f"--steps {steps}, expected at least {least}")
 
 
-_SIGNING = "Signing to learn from, of `signsplice synth endless`; several are drawn from as often."
+_SIGNING = "Signing to train on, of `signsplice synth endless`; several folders are used equally often."
 
 
 @train.command()
 @click.option("--signing", required=True, multiple=True, metavar="DIR", help=_SIGNING)
 @click.option("--from", "earlier", multiple=True, metavar="DIR",
-              help="An earlier training's folder, or a bundle: the first weights; of several the mean.")  # fmt: skip
-@_own_options
+              help="Folder of an earlier training, or a bundle, to start from; of several the mean.")  # fmt: skip
+@_product_options
 def cutter(
     signing: tuple[str, ...], earlier: tuple[str, ...], out: str, scale: str, steps: int | None, seed: int, device: str
 ) -> None:
-    """Train the network that finds where to leave and enter, and how long the way between takes. Called again after an
-    interruption, it goes on where it was.
+    """Train the network that finds where to leave and enter words, and how long the transition takes. The same command
+    continues after an interruption.
     """
-    _train_own("cutter", signing, out, scale, steps, seed, device, earlier)
+    _train_product("cutter", signing, out, scale, steps, seed, device, earlier)
 
 
 @train.command()
 @click.option("--signing", multiple=True, metavar="DIR", help=_SIGNING)
 @click.option("--lexicon", metavar="DIR", help="Lexicon to tune a trained network to, of `signsplice lexicon build`.")
 @click.option("--from", "earlier", multiple=True, metavar="DIR", help="With --lexicon the bundle to tune [default: "
-              "what ships]; with --signing a bundle or an earlier training's folder, of several the mean.")  # fmt: skip
-@_own_options
+              "what ships]; with --signing a bundle or an earlier training's folder; of several the mean.")  # fmt: skip
+@_product_options
 def transition(
     signing: tuple[str, ...],
     lexicon: str | None,
@@ -157,69 +158,69 @@ def transition(
     seed: int,
     device: str,
 ) -> None:
-    """Train the network that makes the frames between, or tune it to a lexicon of your own, and keep it if it is better
-    there. Called again after an interruption, it goes on where it was.
+    """Train the network that makes the transition's frames, or tune it to your own lexicon, and keep it if it is better
+    there. The same command continues after an interruption.
     """
     if bool(signing) == (lexicon is not None):
-        raise InputError("expected --signing DIR, to train anew, or --lexicon DIR, to tune; one of them")
+        raise InputError("expected either --signing DIR, to train, or --lexicon DIR, to tune")
     if signing:
-        _train_own("transition", signing, out, scale, steps, seed, device, earlier)
+        _train_product("transition", signing, out, scale, steps, seed, device, earlier)
         return
     if len(earlier) > 1:
-        raise InputError(f"--lexicon tunes one network, expected one --from and not {len(earlier)}")
+        raise InputError(f"--lexicon tunes one network: expected one --from, not {len(earlier)}")
     _check_steps(steps)
-    _check_extra()
+    check_extra()
     from signsplice.splicing.methods import WEIGHTS
     from signsplice.train import processes
     from signsplice.train.product import tuning
 
     source = Path(earlier[0]) if earlier else WEIGHTS
-    with processes.joined(device) as here:
-        told = tuning.Tuning(seed=seed) if steps is None else tuning.Tuning(steps=steps, seed=seed)
-        tell = _teller("transition") if here.first else None
-        outcome = tuning.make(told, Path(str(lexicon)), source, Path(out), here, tell)
-    errors = f"{outcome.after:.1f} tuned, {outcome.before:.1f} before, {outcome.classical:.1f} classical"
-    print(f"{outcome.n_learned} words taught; error on {outcome.n_held} held back, arm / 1000: {errors}")
-    print(f"{out}: written" if outcome.better else f"{out}: not written, since the tuned network is no better")
+    with processes.joined(device) as process:
+        config = tuning.Tuning(seed=seed) if steps is None else tuning.Tuning(steps=steps, seed=seed)
+        progress = progress_printer("transition") if process.first else None
+        result = tuning.make(config, Path(str(lexicon)), source, Path(out), process, progress)
+    errors = f"{result.after:.1f} tuned, {result.before:.1f} before, {result.classical:.1f} classical"
+    print(f"trained on {result.n_train} words; error on {result.n_held} held back, arm length / 1000: {errors}")
+    print(f"{out}: written" if result.better else f"{out}: not written, because the tuned network is no better")
 
 
 @click.command()
 @click.argument("bundle", metavar="BUNDLE")
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder for the bundle to write.")
-@click.option("--int8", is_flag=True, required=True, help="With 8-bit weights: smaller and quicker, and less exact.")
+@click.option("--int8", is_flag=True, required=True, help="With 8-bit weights: smaller and faster, and less exact.")
 def export(bundle: str, output: str, int8: bool) -> None:
-    """Write the networks of a bundle in another form; needs the extra `train`. `signsplice evaluate` tells what it
-    costs.
+    """Write the networks of a bundle with 8-bit weights; needs the extra `train`. `signsplice evaluate` measures the
+    loss of accuracy.
     """
-    _check_extra()
+    check_extra()
     from signsplice.train import quantization
 
     before, after = quantization.quantize_bundle(Path(bundle), Path(output))
     print(f"{output}: {before / 1e6:.1f} MB in {after / 1e6:.1f} MB")
 
 
-def _check_extra() -> None:
+def check_extra() -> None:
+    """Raise ``MissingExtraError`` if a package of the extra `train` is missing."""
     missing = [name for name in ("torch", "onnxscript", "filelock") if importlib.util.find_spec(name) is None]
     if missing:
         raise MissingExtraError(f"training needs {missing[0]}: pip install 'signsplice[train]'")
 
 
-def _teller(part: str) -> ProgressCallback:
-    """Writes a part's progress to standard error: on one line in a terminal, else the scores alone."""
-    lively = sys.stderr.isatty()
+def progress_printer(part: str) -> ProgressCallback:
+    """A callback that prints a part's progress to standard error: in a terminal one line that is overwritten, and each
+    validation's scores; elsewhere the scores alone.
+    """
+    terminal = sys.stderr.isatty()
 
-    def tell(step: int, steps: int, numbers: dict[str, float]) -> None:
+    def report(step: int, steps: int, numbers: dict[str, float]) -> None:
         scores = "loss" not in numbers
-        if not lively and not scores:
+        if not terminal and not scores:
             return
-        left = ""
-        if not scores:
-            minutes = numbers["seconds_a_step"] * (steps - step) / 60.0
-            left = f", {minutes:.1f} min left"
-        shown = " ".join(f"{name} {value:.4g}" for name, value in numbers.items() if name != "seconds_a_step")
-        print(f"{part} {step}/{steps}: {shown}{left}", end="\n" if scores or not lively else "\r", file=sys.stderr)
+        left = "" if scores else f", {numbers['seconds_a_step'] * (steps - step) / 60.0:.1f} min left"
+        values = " ".join(f"{name} {value:.4g}" for name, value in numbers.items() if name != "seconds_a_step")
+        print(f"{part} {step}/{steps}: {values}{left}", end="\n" if scores or not terminal else "\r", file=sys.stderr)
 
-    return tell
+    return report
 
 
 COMMANDS = (train, export)

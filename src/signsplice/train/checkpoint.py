@@ -1,6 +1,6 @@
-"""Checkpoints: a training's whole state at a step, written whole or not at all.
+"""Checkpoints: a training's complete state at a step, written whole or not at all.
 
-Random numbers need no state: batches, noise and dropout are drawn from the seed and the step.
+No state of random generators is stored, because batches, noise and dropout are drawn from the seed and the step.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def save(folder: Path, step: int, network: nn.Module, optimiser: torch.optim.Opt
 
 
 def load(folder: Path, network: nn.Module, optimiser: torch.optim.Optimizer | None, recipe: str) -> int:
-    """Steps done, network and optimiser being set to what they were then; 0 where nothing is there.
+    """The number of steps done, with network and optimiser set to the checkpoint's state; 0 where there is none.
 
     Raises ``InputError`` where the checkpoint is broken or of another training.
     """
@@ -37,7 +37,7 @@ def load(folder: Path, network: nn.Module, optimiser: torch.optim.Optimizer | No
         return 0
     state = read(folder)
     if state["recipe"] != recipe:
-        raise InputError(f"{path}: of another training ({state['recipe']}, not {recipe}); choose another folder")
+        raise InputError(f"{path}: of another training ({state['recipe']}, not {recipe}); name another folder")
     with _readable(path):
         network.load_state_dict(state["network"])
         if optimiser is not None:
@@ -46,16 +46,14 @@ def load(folder: Path, network: nn.Module, optimiser: torch.optim.Optimizer | No
 
 
 def read(folder: Path) -> dict[str, Any]:
-    """A checkpoint's step, recipe, network and optimiser. Raises ``InputError`` where there is none, or it is
-    broken.
-    """
+    """A checkpoint's step, recipe, network and optimiser. Raises ``InputError`` where it is missing or broken."""
     with _readable(folder / NAME):
         state: dict[str, Any] = torch.load(folder / NAME, map_location="cpu", weights_only=True)
         return {name: state[name] for name in ("step", "recipe", "network", "optimiser")}
 
 
-def begin(folder: Path, network: nn.Module) -> None:
-    """Give a network the weights of an earlier training. Raises ``InputError`` where that was of another network."""
+def load_weights(folder: Path, network: nn.Module) -> None:
+    """Set a network to the weights of a checkpoint. Raises ``InputError`` where it is of another network."""
     state = read(folder)
     with _readable(folder / NAME):
         network.load_state_dict(state["network"])
@@ -66,5 +64,5 @@ def _readable(path: Path) -> Iterator[None]:
     try:
         yield
     except (RuntimeError, KeyError, ValueError, OSError, EOFError, pickle.UnpicklingError) as error:
-        told = str(error).splitlines()[0]
-        raise InputError(f"{path}: cannot be read ({told}); remove it to begin anew") from error
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{path}: cannot be read ({reason}); remove it to start again from step 0") from error

@@ -1,4 +1,4 @@
-"""A training's log: JSON lines, and TensorBoard's files where it is installed."""
+"""A training's log: JSON lines, and TensorBoard files where TensorBoard is installed."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ NAME = "log.jsonl"
 
 
 class Log:
-    """Appends to ``log.jsonl`` of a folder; lines after ``step``, of steps to be done again, are dropped first."""
+    """Appends to ``log.jsonl`` of a folder. Lines after ``step`` are removed first: those steps are done again.
 
-    def __init__(self, folder: Path, step: int, on: bool = True) -> None:
+    Writes nothing where ``enabled`` is False.
+    """
+
+    def __init__(self, folder: Path, step: int, enabled: bool = True) -> None:
         self._file = None
         self._board: Any = None
-        if not on:
+        if not enabled:
             return
         path = folder / NAME
         kept = [line for line in lines(path) if line["step"] <= step]
@@ -29,7 +32,7 @@ class Log:
         self._board = SummaryWriter(folder / "tensorboard", purge_step=step + 1)
 
     def write(self, step: int, **numbers: float) -> None:
-        """One line."""
+        """Append one line."""
         if self._file is None:
             return
         self._file.write(json.dumps({"step": step, **{k: round(v, 7) for k, v in numbers.items()}}) + "\n")
@@ -51,7 +54,7 @@ class Log:
 
 
 def lines(path: Path) -> list[dict[str, Any]]:
-    """The log's lines; one that was cut off is left out."""
+    """The lines of a log; one that an interruption cut off is left out."""
     if not path.exists():
         return []
     found = []

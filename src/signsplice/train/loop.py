@@ -1,7 +1,7 @@
-"""The training loop: one, visible, the same for every network.
+"""The training loop, the same for every network.
 
-Optimisers: SGD with the paper's initial rate 1e-3, no momentum; AdamW with a short warm-up. Both rates fall along a
-half cosine to nothing; gradients are clipped to length 1 (neither is said in the paper).
+Optimisers: SGD with the paper's initial rate 1e-3 and no momentum; AdamW with a short warm-up. Both rates decrease to 0
+along half a cosine, and gradients are clipped to norm 1; the paper specifies neither.
 """
 
 from __future__ import annotations
@@ -27,17 +27,27 @@ from signsplice.train.task import Task
 OPTIMISERS = ("adamw", "sgd")
 SGD_RATE = 1e-3
 _WARM_UP = 0.05
-_CLIP = 1.0
-_BLOWN_UP = "the training has blown up; its last checkpoint is sound, and another seed or a lower rate may help"
+"""Fraction of the steps over which AdamW's rate rises."""
+_MAX_GRADIENT_NORM = 1.0
+_DIVERGED = "the training has diverged; its last checkpoint is still good, and another seed or a lower rate may help"
 
 ProgressCallback = Callable[[int, int, dict[str, float]], None]
-"""Step, all steps, and the newest numbers."""
+"""Called with the step, the number of steps, and the latest numbers by name: a loss with its rate, or scores."""
 
 
 @dataclass(frozen=True)
 class LoopConfig:
-    """How to train: steps in all, pairs a batch, optimiser and its rate, seed; how often to judge and save, how many
-    validation pairs to judge; bf16 where wanted; ``until``: stop there, as an interruption would.
+    """How to train.
+
+    - steps: number of steps
+    - batch: examples in a batch
+    - optimiser: one of ``OPTIMISERS``
+    - rate: highest learning rate of AdamW; SGD has the paper's
+    - seed: of batches and dropout
+    - every: steps from one validation and checkpoint to the next
+    - n_judged: validation examples
+    - bf16: whether to compute in bfloat16
+    - until: the step to stop at, as an interruption would; None: ``steps``
     """
 
     steps: int
@@ -52,7 +62,7 @@ class LoopConfig:
 
 
 def make_optimiser(network: nn.Module, loop: LoopConfig) -> torch.optim.Optimizer:
-    """The optimiser of a network's weights. Raises ``InputError`` for an unknown name."""
+    """An optimiser of a network's trainable weights. Raises ``InputError`` for an unknown name."""
     weights = [p for p in network.parameters() if p.requires_grad]
     if loop.optimiser == "sgd":
         return torch.optim.SGD(weights, lr=SGD_RATE)
@@ -62,7 +72,7 @@ def make_optimiser(network: nn.Module, loop: LoopConfig) -> torch.optim.Optimize
 
 
 def rate(loop: LoopConfig, step: int) -> float:
-    """The learning rate of a step, from 0."""
+    """The learning rate of a step, which counts from 0."""
     cosine = 0.5 * (1.0 + math.cos(math.pi * step / loop.steps))
     if loop.optimiser == "sgd":
         return SGD_RATE * cosine
@@ -77,46 +87,44 @@ def train(
     folder: Path,
     recipe: str,
     processes: Processes,
-    tell: ProgressCallback | None = None,
+    report_progress: ProgressCallback | None = None,
 ) -> int:
-    """Train ``task`` in place from where its folder's checkpoint left it; steps done.
+    """Train ``task`` in place, from the folder's checkpoint on if there is one; returns the number of steps done.
 
-    Raises ``InputError`` where there are no pairs, or a batch cannot be shared evenly by the processes.
+    Raises ``InputError`` where there are no examples, or the processes cannot divide a batch evenly, and
+    ``SignspliceError`` where the training diverges.
     """
     if not len(data):
         raise InputError("no pair to train on; choose a split with some, or make a corpus of more words")
     if min(loop.batch, len(data)) % processes.count:
         raise InputError(
-            f"batches of {min(loop.batch, len(data))} pairs cannot be shared by {processes.count} processes"
+            f"batches of {min(loop.batch, len(data))} examples cannot be divided among {processes.count} processes"
         )
     task.to(processes.device)
     optimiser = make_optimiser(task, loop)
     step = checkpoint.load(folder, task, optimiser, recipe)
     wrapped = DistributedDataParallel(task) if processes.count > 1 else task
     end = loop.steps if loop.until is None else min(loop.until, loop.steps)
-    begun, first = time.perf_counter(), step
+    report = report_progress or (lambda *_: None)
+    started, first = time.perf_counter(), step
     with Log(folder, step, processes.first) as log:
         while step < end:
             loss = _step(wrapped, optimiser, loop, data, step, processes)
             step += 1
             if step % max(1, loop.every // 10) == 0 or step == end:
-                passed = time.perf_counter() - begun
-                seconds = passed / (step - first)
                 numbers = {
                     "loss": _finite(_mean(loss, processes), step),
                     "rate": rate(loop, step - 1),
-                    "seconds_a_step": seconds,
+                    "seconds_a_step": (time.perf_counter() - started) / (step - first),
                 }
                 log.write(step, **numbers)
-                if tell is not None:
-                    tell(step, loop.steps, numbers)
+                report(step, loop.steps, numbers)
             if step % loop.every == 0 or step == end:
                 _check_weights(task, step)
             if (step % loop.every == 0 or step == end) and processes.first:
                 scores = judge(task, valid, loop, processes)
                 log.write(step, **scores)
-                if tell is not None:
-                    tell(step, loop.steps, scores)
+                report(step, loop.steps, scores)
                 checkpoint.save(folder, step, task, optimiser, recipe)
         if end == 0 and processes.first:
             checkpoint.save(folder, step, task, optimiser, recipe)
@@ -126,7 +134,7 @@ def train(
 def _step(
     task: nn.Module, optimiser: torch.optim.Optimizer, loop: LoopConfig, data: Dataset, step: int, processes: Processes
 ) -> torch.Tensor:
-    """One step on this process's share of the batch; its loss."""
+    """The loss () of one step on this process's part of the batch."""
     torch.manual_seed(int(stream("dropout", loop.seed, step, processes.rank).integers(2**62)))
     rows = data.rows(step, loop.batch, loop.seed)[processes.rank :: processes.count]
     batch = data.batch(rows, step).to(processes.device)
@@ -137,13 +145,13 @@ def _step(
         loss: torch.Tensor = task(batch)
     optimiser.zero_grad(set_to_none=True)
     loss.backward()  # type: ignore[no-untyped-call]
-    nn.utils.clip_grad_norm_(task.parameters(), _CLIP)
+    nn.utils.clip_grad_norm_(task.parameters(), _MAX_GRADIENT_NORM)
     optimiser.step()
     return loss.detach()
 
 
 def _mean(loss: torch.Tensor, processes: Processes) -> float:
-    """The loss of the whole batch."""
+    """The loss of the whole batch: the mean over the processes."""
     if processes.count > 1:
         torch.distributed.all_reduce(loss)
         loss = loss / processes.count
@@ -152,28 +160,28 @@ def _mean(loss: torch.Tensor, processes: Processes) -> float:
 
 def _finite(loss: float, step: int) -> float:
     if not math.isfinite(loss):
-        raise SignspliceError(f"the loss of step {step} is {loss}: {_BLOWN_UP}")
+        raise SignspliceError(f"the loss of step {step} is {loss}: {_DIVERGED}")
     return loss
 
 
 def _check_weights(task: nn.Module, step: int) -> None:
-    """Raise ``SignspliceError`` before weights are saved that nothing can be learned from any more."""
+    """Raise ``SignspliceError`` where a weight is not finite, before the weights are saved."""
     if not all(bool(torch.isfinite(p).all()) for p in task.parameters()):
-        raise SignspliceError(f"a weight is not finite after step {step}: {_BLOWN_UP}")
+        raise SignspliceError(f"a weight is not finite after step {step}: {_DIVERGED}")
 
 
 @torch.no_grad()
 def judge(task: Task, valid: Dataset, loop: LoopConfig, processes: Processes) -> dict[str, float]:
-    """Scores on the first pairs of a fixed order of the validation part."""
+    """Scores on the first ``n_judged`` validation examples of a fixed random order; empty where there are none."""
     if not len(valid):
         return {}
     task.eval()
     rows = stream("judged", len(valid)).permutation(len(valid))[: loop.n_judged]
-    shares = [rows[k : k + 64] for k in range(0, len(rows), 64)]
-    scores = [task.judge(valid.batch(share).to(processes.device)) for share in shares]
-    names = {name for score in scores for name in score}
+    batches = [rows[k : k + 64] for k in range(0, len(rows), 64)]
+    scored = [(task.judge(valid.batch(batch).to(processes.device)), len(batch)) for batch in batches]
+    names = sorted({name for scores, _ in scored for name in scores})
     return {
-        name: sum(score[name] * len(share) for score, share in zip(scores, shares, strict=True) if name in score)
-        / sum(len(share) for score, share in zip(scores, shares, strict=True) if name in score)
-        for name in sorted(names)
+        name: sum(scores[name] * n for scores, n in scored if name in scores)
+        / sum(n for scores, n in scored if name in scores)
+        for name in names
     }

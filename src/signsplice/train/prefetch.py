@@ -1,80 +1,131 @@
-"""Batches made ahead: while a network learns from one, another process makes the next."""
+"""Batches made in advance: while a network is trained on one, another process makes the next."""
 
 from __future__ import annotations
 
 import multiprocessing
+import signal
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from signsplice.errors import SignspliceError
+
 Rows = NDArray[np.int64]
 
 
 class Dataset(Protocol):
-    """What a loop learns from: rows of a step, and rows side by side. Both are functions of their arguments alone."""
+    """What a loop trains on. Rows and batches depend on their arguments alone."""
 
     def __len__(self) -> int:
-        """How many pairs there are; of data without end, about how many."""
+        """Number of examples; about how many where they are drawn without end."""
         ...
 
     def rows(self, step: int, size: int, seed: int) -> Rows:
-        """The rows of a step's batch, counted from 0."""
+        """The rows of the batch of a step, which counts from 0."""
         ...
 
     def batch(self, rows: Sequence[int] | Rows, step: int = 0) -> Any:
-        """These rows side by side."""
+        """These rows as one batch."""
         ...
 
 
-_made: dict[str, Dataset] = {}
+class _BatchWorker:
+    """A process with a copy of a dataset that makes the batches it is asked for, one after another."""
+
+    def __init__(self, dataset: Dataset) -> None:
+        context = multiprocessing.get_context("fork")
+        self._connection, remote = context.Pipe()
+        self._process = context.Process(target=_serve, args=(dataset, remote, self._connection), daemon=True)
+        self._process.start()
+        remote.close()
+
+    def request(self, rows: Rows, step: int) -> None:
+        """Ask for a batch."""
+        try:
+            self._connection.send((rows, step))
+        except OSError as error:
+            raise self._ended() from error
+
+    def receive(self) -> Any:
+        """The batch that was asked for first of those not received yet; None where making it failed."""
+        try:
+            return self._connection.recv()
+        except (EOFError, OSError) as error:
+            raise self._ended() from error
+
+    def _ended(self) -> SignspliceError:
+        self._process.join(1.0)
+        return SignspliceError(
+            f"the process that makes batches has ended (exit code {self._process.exitcode}); call again to continue "
+            "from the last checkpoint"
+        )
+
+    def close(self) -> None:
+        """End the process, whatever it is doing."""
+        self._process.terminate()
+        self._process.join()
+        self._connection.close()
 
 
-def _begin(data: Dataset) -> None:
+def _serve(dataset: Dataset, connection: Connection, parent_end: Connection) -> None:
+    """Answer requests until the parent closes its end or dies."""
+    parent_end.close()  # This process's copy; while it is open, the parent's death would go unnoticed.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches both processes; the parent ends this one.
     torch.set_num_threads(1)
-    _made["data"] = data
-
-
-def _batch(rows: Rows, step: int) -> Any:
-    return _made["data"].batch(rows, step)
+    try:
+        while True:
+            rows, step = connection.recv()
+            try:
+                batch = dataset.batch(rows, step)
+            except Exception:
+                batch = None  # The parent makes it again and meets the same error, with its traceback.
+            connection.send(batch)
+    except (EOFError, OSError):
+        return
 
 
 class _PrefetchedDataset:
-    """Data whose next batch is being made while the last one is used."""
+    """A dataset whose next batch is made while the last one is used."""
 
-    def __init__(self, data: Dataset, pool: ProcessPoolExecutor, share: slice) -> None:
-        self._data, self._pool, self._share = data, pool, share
-        self._waiting: dict[int, tuple[Rows, Future[Any]]] = {}
-        self._asked: tuple[int, int] | None = None
+    def __init__(self, dataset: Dataset, worker: _BatchWorker, rank_rows: slice) -> None:
+        self._dataset, self._worker, self._rank_rows = dataset, worker, rank_rows
+        self._size_and_seed: tuple[int, int] | None = None
+        self._requested: tuple[int, Rows] | None = None
 
     def __len__(self) -> int:
-        return len(self._data)
+        return len(self._dataset)
 
     def rows(self, step: int, size: int, seed: int) -> Rows:
-        self._asked = (size, seed)
-        return self._data.rows(step, size, seed)
+        self._size_and_seed = (size, seed)
+        return self._dataset.rows(step, size, seed)
 
     def batch(self, rows: Sequence[int] | Rows, step: int = 0) -> Any:
         rows = np.asarray(rows)
-        known, future = self._waiting.pop(step, (None, None))
-        self._waiting.clear()
-        if self._asked is not None:
-            following = self._data.rows(step + 1, *self._asked)[self._share]
-            self._waiting[step + 1] = (following, self._pool.submit(_batch, following, step + 1))
-        if future is not None and known is not None and np.array_equal(known, rows):
-            return future.result()
-        return self._data.batch(rows, step)
+        requested, self._requested = self._requested, None
+        if self._size_and_seed is not None:
+            next_rows = self._dataset.rows(step + 1, *self._size_and_seed)[self._rank_rows]
+            self._worker.request(next_rows, step + 1)
+            self._requested = (step + 1, next_rows)
+        if requested is not None:
+            made = self._worker.receive()
+            if made is not None and requested[0] == step and np.array_equal(requested[1], rows):
+                return made
+        return self._dataset.batch(rows, step)
 
 
 @contextmanager
-def prefetched(data: Dataset, rank: int = 0, count: int = 1) -> Iterator[Dataset]:
-    """The same data, with one process that makes batches ahead; ``rank`` of ``count`` trainers share each batch."""
-    with ProcessPoolExecutor(1, multiprocessing.get_context("fork"), _begin, (data,)) as pool:
-        try:
-            yield _PrefetchedDataset(data, pool, slice(rank, None, count))
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+def prefetched(dataset: Dataset, rank: int = 0, count: int = 1) -> Iterator[Dataset]:
+    """The same dataset with a process that makes batches in advance, which ends with the block.
+
+    ``rank`` of ``count`` processes trains on every ``count``-th row of each batch.
+    """
+    worker = _BatchWorker(dataset)
+    try:
+        yield _PrefetchedDataset(dataset, worker, slice(rank, None, count))
+    finally:
+        worker.close()

@@ -1,4 +1,4 @@
-"""Several processes that train one network (`torchrun`), or one that trains it alone."""
+"""Training one network with one process, or with several that `torchrun` started."""
 
 from __future__ import annotations
 
@@ -15,7 +15,12 @@ from torch import distributed
 
 @dataclass(frozen=True)
 class Processes:
-    """Which of how many this one is, and the device it works on."""
+    """The processes that train one network.
+
+    - rank: number of this one, from 0
+    - count: how many there are
+    - device: what this one computes on
+    """
 
     rank: int
     count: int
@@ -23,12 +28,12 @@ class Processes:
 
     @property
     def first(self) -> bool:
-        """Whether this one writes files and judges."""
+        """Whether this is the process that validates and writes files."""
         return self.rank == 0
 
 
 def pick_device(name: str) -> torch.device:
-    """The device of a name; auto: a GPU where there is one."""
+    """The device with a name; ``auto`` is a GPU where there is one, else the CPU."""
     if name == "auto":
         name = "cuda" if torch.cuda.is_available() else "cpu"
     return torch.device(name)
@@ -36,8 +41,8 @@ def pick_device(name: str) -> torch.device:
 
 @contextmanager
 def only_one(folder: Path) -> Iterator[None]:
-    """Waits until no other call trains in a folder, and keeps others out: systems of one part may be trained side by
-    side, and the second finds the part trained.
+    """Wait until no other call trains in a folder, and keep others out: of two systems that share a part and are
+    trained at once, the second one finds the part trained.
     """
     with FileLock(folder / ".lock"):
         yield
@@ -45,7 +50,7 @@ def only_one(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def joined(device: str = "auto") -> Iterator[Processes]:
-    """The process, among those that `torchrun` started: gradients meet by nccl on GPUs, by gloo elsewhere."""
+    """The processes that `torchrun` started, or this one alone; gradients meet by nccl on GPUs, else by gloo."""
     count = int(os.environ.get("WORLD_SIZE", "1"))
     chosen = pick_device(device)
     if count == 1:

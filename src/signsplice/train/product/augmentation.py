@@ -1,10 +1,13 @@
-"""What makes the procedural signer less regular than it is: stretches of its signing as people and captures have them.
+"""Random changes that make the synthetic signer's motion as varied as people and captures are.
 
-A network that could tell a stretch from its ends alone would be too sure of itself on captures. So a tempo wavers,
-joints run ahead or behind, an arm comes from another take; in some stretches nothing is signed at all, bodies stand
-still and arms wander. Captures hold more that the signer does not do: bodies that stand, are marked and rigged a little
-otherwise, trunks and shoulders that sway, noise. All functions take turns (T, R, 4), a quaternion for each role,
-and give some, as many as they say; what they draw is a function of the generator alone.
+The synthetic signer is too regular: a network could predict a hidden stretch from its two ends alone, and would then be
+overconfident on captures. So some stretches get a varying tempo, joints that lag, or the left arm of another take; in
+others nothing is signed while the body stands still and the arms wander. Captures also differ in how bodies stand, are
+marked and are rigged, they sway, and they are noisy.
+
+All functions take canonical rotations, quaternions (T, R, 4) with one for each role of ``rig.canonical.ROLES``, and
+return an array of that form, with the number of frames that they state. Everything random comes from the generator that
+they are given.
 """
 
 from __future__ import annotations
@@ -15,131 +18,131 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import rotation
-from signsplice.rig.canonical import ARM, FEATURE_FPS, LEFT, RIGHT
+from signsplice.rig.canonical import FEATURE_FPS
+from signsplice.rig.canonical_map import ARM, LEFT, RIGHT
 from signsplice.splicing import features
 
 Float = NDArray[np.float64]
 
-NOISY = 0.3
-NOISE_RAD = (0.001, 0.008)
-"""Least and most spread of a noisy capture's turns, from frame to frame alike by half."""
 STILL, WANDERING = 0.12, 0.18
-"""Shares of the hidden stretches in which a body stands still, and in which its arms wander."""
+"""Fractions of the hidden stretches in which the body stands still, and in which the arms wander."""
 WANDER_RAD, WANDER_HZ = 0.4, (0.15, 1.5)
-"""Most spread of the turns that make them wander."""
-TEMPOS = (0.6, 1.7)
-WAVERING = 0.7
-"""Share of the hidden stretches whose tempo wavers."""
-WAVERS = 0.5
-"""Most spread of that, of the tempo's logarithm, ``WAVER_HZ``."""
-WAVER_HZ = (0.5, 3.0)
-SKEWED = 0.6
-"""Share of the hidden stretches whose joints run ahead or behind."""
-SKEW = 2.5
-"""Most spread of that, frames."""
-SET = 0.6
-"""Share of the gaps whose joints are turned by so much throughout."""
-SET_RAD = 0.25
-"""Most spread of that."""
-SWAYING = 0.4
-SWAY_RAD = 0.1
-"""Most spread of slow turns of all joints, ``SWAY_HZ``."""
-SWAY_HZ = (0.2, 2.0)
-EXCHANGED = 0.3
-"""Share of the hidden stretches whose left arm is another take's."""
-_SHORTEST = features.MIN_GAP_FRAMES + 2 * features.CONTEXT
-"""Frames of a take in which a gap can be hidden well."""
+"""Largest standard deviation of the wandering rotations, and the range of their frequencies."""
+TEMPO_RANGE = (0.6, 1.7)
+TEMPO_PROBABILITY = 0.7
+TEMPO_WAVES_PROBABILITY = 0.7
+TEMPO_WAVES = 0.5
+"""Largest standard deviation of the logarithm of a tempo that varies within a stretch."""
+TEMPO_WAVES_HZ = (0.5, 3.0)
+LAG_PROBABILITY = 0.6
+LAG_FRAMES = 2.5
+"""Largest standard deviation of the lags of single joints."""
+OFFSET_PROBABILITY = 0.6
+OFFSET_RAD = 0.25
+"""Largest standard deviation of constant rotations added to all joints."""
+SWAY_PROBABILITY = 0.4
+SWAY_RAD, SWAY_HZ = 0.1, (0.2, 2.0)
+"""Largest standard deviation of slow rotations added to all joints, and the range of their frequencies."""
+NOISE_PROBABILITY = 0.3
+NOISE_RAD = (0.001, 0.008)
+"""Range of the standard deviation of noise."""
+OTHER_ARM_PROBABILITY = 0.3
+_MIN_FRAMES = features.MIN_GAP_FRAMES + 2 * features.CONTEXT
+"""The shortest gap with all the frames that the network sees on either side."""
 
 
-def stretch(take: Callable[[], Float], rng: np.random.Generator, idle: bool = True) -> Float:
-    """A take of ``take``, at least as many frames of it as a gap is hidden in, as various as people are; ``idle``: in
-    some nothing is signed.
+def augmented_take(draw_take: Callable[[], Float], rng: np.random.Generator, idle: bool = True) -> Float:
+    """One take of ``draw_take`` with a random tempo, lags, another take's left arm; at least ``_MIN_FRAMES`` long.
+
+    ``idle``: a fraction of the results shows no signing, but a body that stands still or arms that wander.
     """
-    turns = at_any_tempo(take(), rng)
+    quats = with_random_tempo(draw_take(), rng)
     kind = rng.random() if idle else 1.0
     if kind < STILL or rng.random() < 0.5 * (kind < STILL + WANDERING):
-        turns = np.repeat(turns[int(rng.integers(len(turns)))][None], len(turns), axis=0)
+        quats = np.repeat(quats[int(rng.integers(len(quats)))][None], len(quats), axis=0)
     if STILL <= kind < STILL + WANDERING:
-        turns = wandering(turns, rng)
-    if rng.random() < EXCHANGED:
-        turns = exchanged(turns, take())
-    if rng.random() < SKEWED:
-        turns = skewed(turns, rng)
-    return turns
+        quats = with_wandering_arms(quats, rng)
+    if rng.random() < OTHER_ARM_PROBABILITY:
+        quats = with_left_arm_of(quats, draw_take())
+    if rng.random() < LAG_PROBABILITY:
+        quats = with_joint_lags(quats, rng)
+    return quats
 
 
-def at_any_tempo(turns: Float, rng: np.random.Generator) -> Float:
-    """A take at a tempo of its own, unless too little were left of it."""
-    tempo = float(rng.uniform(*TEMPOS)) if rng.random() < 0.7 else 1.0
-    out = at_tempo(turns, _wavering(tempo, len(turns), rng) if rng.random() < WAVERING else tempo)
-    return out if len(out) >= _SHORTEST else turns
+def with_random_tempo(quats: Float, rng: np.random.Generator) -> Float:
+    """The motion at a random tempo; unchanged where it would become shorter than ``_MIN_FRAMES``."""
+    tempo = float(rng.uniform(*TEMPO_RANGE)) if rng.random() < TEMPO_PROBABILITY else 1.0
+    varies = rng.random() < TEMPO_WAVES_PROBABILITY
+    out = with_tempo(quats, _varying_tempo(tempo, len(quats), rng) if varies else tempo)
+    return out if len(out) >= _MIN_FRAMES else quats
 
 
-def at_tempo(turns: Float, tempo: float | Float) -> Float:
-    """The same motion ``tempo`` times as fast, one number or one for each frame."""
+def with_tempo(quats: Float, tempo: float | Float) -> Float:
+    """The same motion ``tempo`` times as fast; ``tempo`` is one number, or one for each frame of the result."""
     if isinstance(tempo, float):
-        at = np.arange(0.0, len(turns) - 1.0, tempo)
+        at = np.arange(0.0, len(quats) - 1.0, tempo)
     else:
         at = np.cumsum(tempo) - tempo[0]
-        at = at[at < len(turns) - 1.0]
+        at = at[at < len(quats) - 1.0]
     low = at.astype(int)
-    return rotation.nlerp(turns[low], turns[low + 1], (at - low)[:, None])
+    return rotation.nlerp(quats[low], quats[low + 1], (at - low)[:, None])
 
 
-def _wavering(tempo: float, n_frames: int, rng: np.random.Generator) -> Float:
-    """Tempos that waver around one, as many as its frames need."""
+def _varying_tempo(tempo: float, n_frames: int, rng: np.random.Generator) -> Float:
+    """Tempos that vary around one value, enough of them to reach the end of ``n_frames``."""
     times = np.arange(int(2.0 * n_frames / tempo) + 1) / FEATURE_FPS
-    rates, phases = rng.uniform(*WAVER_HZ, 3), rng.uniform(0.0, 2.0 * np.pi, 3)
+    rates, phases = rng.uniform(*TEMPO_WAVES_HZ, 3), rng.uniform(0.0, 2.0 * np.pi, 3)
     waves = np.sin(2.0 * np.pi * rates * times[:, None] + phases).sum(axis=1) * np.sqrt(2.0 / 3.0)
-    return np.asarray(tempo * np.exp(rng.uniform(0.0, WAVERS) * waves))
+    return np.asarray(tempo * np.exp(rng.uniform(0.0, TEMPO_WAVES) * waves))
 
 
-def wandering(turns: Float, rng: np.random.Generator) -> Float:
-    """Turns with arms and hands that wander besides, by no plan."""
-    spread = np.full(turns.shape[1], 0.15)
+def with_wandering_arms(quats: Float, rng: np.random.Generator) -> Float:
+    """The motion with slow random rotations added: large ones to arms and hands, small ones to all other joints."""
+    scale = np.full(quats.shape[1], 0.15)  # (R,)
     for side in (LEFT, RIGHT):
-        spread[side.start + 1 : side.start + len(ARM)] = 1.0
-    size = rng.normal(0.0, rng.uniform(0.05, WANDER_RAD), (turns.shape[1], 3)) * spread[:, None]
-    return _swaying(turns, size, WANDER_HZ, 3, rng)
+        scale[side.start + 1 : side.start + len(ARM)] = 1.0
+    rotvecs = rng.normal(0.0, rng.uniform(0.05, WANDER_RAD), (quats.shape[1], 3)) * scale[:, None]
+    return _with_waves(quats, rotvecs, WANDER_HZ, 3, rng)
 
 
-def _swaying(turns: Float, size: Float, hz: tuple[float, float], n_waves: int, rng: np.random.Generator) -> Float:
-    """Turns with every joint turned besides by waves of ``size`` (R, 3)."""
-    times = np.arange(len(turns))[:, None, None, None] / FEATURE_FPS
-    shape = (*size.shape, n_waves)
+def _with_waves(quats: Float, rotvecs: Float, hz: tuple[float, float], n_waves: int, rng: np.random.Generator) -> Float:
+    """The motion with every joint rotated by ``n_waves`` sine waves of amplitude ``rotvecs`` (R, 3)."""
+    times = np.arange(len(quats))[:, None, None, None] / FEATURE_FPS  # (T, 1, 1, 1)
+    shape = (*rotvecs.shape, n_waves)
     rates, phases = rng.uniform(*hz, shape), rng.uniform(0.0, 2.0 * np.pi, shape)
-    waves = np.sin(2.0 * np.pi * rates * times + phases).sum(axis=-1) / np.sqrt(n_waves)
-    return rotation.multiply(turns, rotation.exp(size * waves))
+    waves = np.sin(2.0 * np.pi * rates * times + phases).sum(axis=-1) / np.sqrt(n_waves)  # (T, R, 3)
+    return rotation.multiply(quats, rotation.exp(rotvecs * waves))
 
 
-def skewed(turns: Float, rng: np.random.Generator) -> Float:
-    """Turns whose joints run ahead or behind, each by so much throughout."""
-    late = rng.normal(0.0, rng.uniform(0.0, SKEW), turns.shape[1])
-    at = np.clip(np.arange(len(turns))[:, None] + late, 0.0, len(turns) - 1.001)
-    low, rows = at.astype(int), np.arange(turns.shape[1])
-    return rotation.nlerp(turns[low, rows], turns[low + 1, rows], at - low)
+def with_joint_lags(quats: Float, rng: np.random.Generator) -> Float:
+    """The motion with every joint delayed or advanced by a constant time of its own."""
+    lags = rng.normal(0.0, rng.uniform(0.0, LAG_FRAMES), quats.shape[1])
+    at = np.clip(np.arange(len(quats))[:, None] + lags, 0.0, len(quats) - 1.001)  # (T, R)
+    low, roles = at.astype(int), np.arange(quats.shape[1])
+    return rotation.nlerp(quats[low, roles], quats[low + 1, roles], at - low)
 
 
-def exchanged(turns: Float, other: Float) -> Float:
-    """Turns with the left arm of another take, as far as both go."""
-    n_frames = min(len(turns), len(other))
-    out = turns[:n_frames].copy()
+def with_left_arm_of(quats: Float, other: Float) -> Float:
+    """The motion with the left arm of another take; as many frames as the shorter of the two."""
+    n_frames = min(len(quats), len(other))
+    out = quats[:n_frames].copy()
     out[:, LEFT] = other[:n_frames, LEFT]
     return out
 
 
-def elsewhere(turns: Float, rng: np.random.Generator) -> Float:
-    """Turns of a body that stands or is rigged a little otherwise, and one that sways."""
-    n_roles = turns.shape[1]
-    if rng.random() < SET:
-        turns = rotation.multiply(turns, rotation.exp(rng.normal(0.0, rng.uniform(0.0, SET_RAD), (n_roles, 3))))
-    if rng.random() < SWAYING:
-        turns = _swaying(turns, rng.normal(0.0, rng.uniform(0.0, SWAY_RAD), (n_roles, 3)), SWAY_HZ, 1, rng)
-    return turns
+def with_offsets_and_sway(quats: Float, rng: np.random.Generator) -> Float:
+    """The motion of a body that stands or is rigged a little differently, or that sways; each with a probability."""
+    n_roles = quats.shape[1]
+    if rng.random() < OFFSET_PROBABILITY:
+        rotvecs = rng.normal(0.0, rng.uniform(0.0, OFFSET_RAD), (n_roles, 3))
+        quats = rotation.multiply(quats, rotation.exp(rotvecs))
+    if rng.random() < SWAY_PROBABILITY:
+        quats = _with_waves(quats, rng.normal(0.0, rng.uniform(0.0, SWAY_RAD), (n_roles, 3)), SWAY_HZ, 1, rng)
+    return quats
 
 
-def noisy(turns: Float, spread: float, rng: np.random.Generator) -> Float:
-    """Turns that tremble by ``spread`` rad, from frame to frame alike by half."""
-    white = rng.normal(0.0, spread, (len(turns), turns.shape[1], 3))
+def with_noise(quats: Float, deviation: float, rng: np.random.Generator) -> Float:
+    """The motion with noise of standard ``deviation``, rad; noise of neighbouring frames is correlated."""
+    white = rng.normal(0.0, deviation, (len(quats), quats.shape[1], 3))
     white[1:] = 0.5 * white[:-1] + np.sqrt(0.75) * white[1:]
-    return rotation.multiply(turns, rotation.exp(white))
+    return rotation.multiply(quats, rotation.exp(white))

@@ -1,7 +1,7 @@
-"""Words to be cut, and what the network that cuts and times them learns.
+"""Training data of the network that cuts and times.
 
-A draw is a few words of one signer, and every pair of them teaches. Some words are noisy, as captures are, and some are
-seen between the frames at which they were made. A batch is a function of seed and step alone.
+A draw is a few words of one signer, and all pairs of them are trained on. Some words are noisy, as captures are, and
+some are sampled between the frames at which they were generated. A batch depends on the seed and the step alone.
 """
 
 from __future__ import annotations
@@ -16,81 +16,87 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn import functional as F  # noqa: N812
 from torch.nn.utils.rnn import pad_sequence
 
 from signsplice.motion import rotation
-from signsplice.rig.canonical import FEATURE_FPS, ROLES
+from signsplice.rig.canonical import FEATURE_FPS
+from signsplice.rig.canonical_map import ROLES
 from signsplice.splicing import features
 from signsplice.splicing.features import PHASES, CanonicalTrajectory
 from signsplice.synth.rng import stream
-from signsplice.train.product.networks.cutting import Cutting
-from signsplice.train.product.sampling import by_folder, drawn
-from signsplice.train.task import Task
+from signsplice.train.product.sampling import draw_from_folders, group_by_folder
 
 Float = NDArray[np.float64]
+Int = NDArray[np.int64]
 
-PHASE_WEIGHT = 0.5
-TIME_WEIGHT = 0.5
-N_WORDS = 12
-"""Words of a draw."""
-NOISY = 0.25
-SET = 0.35
-"""Share of the draws whose joints are turned by so much throughout: bodies are marked and rigged otherwise."""
-SET_RAD = 0.2
-"""Most spread of that."""
+WORDS_PER_DRAW = 12
+NOISE_PROBABILITY = 0.25
+"""Fraction of the words that are noisy."""
 NOISE = (0.001, 0.006)
-"""Least and most spread of a noisy capture: of the turns' columns, and of places in arm lengths."""
-BETWEEN = 0.25
-"""Share of the words that are seen between two frames."""
-ASIDE = 0.5
-"""Share of the pairs that teach the time between two other frames than the truth's."""
-_IMPOSSIBLE = -1e4
-_TRUTH = ("pre", "post", "leaving", "entering", "seconds", "known")
+"""Range of the noise's standard deviation: of numbers of the 6D rotations, and of positions in arm lengths."""
+OFFSET_PROBABILITY = 0.35
+"""Fraction of the draws in which every joint has a constant extra rotation: bodies differ in markers and rigs."""
+OFFSET_RAD = 0.2
+"""Largest standard deviation of that rotation."""
+SUBFRAME_PROBABILITY = 0.25
+"""Fraction of the words that are sampled between two frames."""
+NEARBY_PROBABILITY = 0.5
+"""Fraction of the pairs whose duration is trained between two frames near the true ones."""
 
 
 @dataclass(frozen=True, eq=False)
 class SignerWords:
-    """A signer's words: courses, phases (T,) by number in ``PHASES``, and the truth of every pair (W, W, 3), -1 where
-    there is none; ``asides`` (W, W, 3): other frames near it and the time between, the truth itself where none are
-    told.
+    """A signer's W words with their truth.
+
+    - trajectories: the words on the canonical humanoid
+    - phases: (T,) for each word, indices into ``PHASES``
+    - true_cuts: (W, W, 3) for word before and word after: last frame kept, first frame kept, number of transition
+      frames; -1 where a pair has no truth
+    - nearby_cuts: (W, W, 3) the same for two frames near those; equal to ``true_cuts`` where the file has none
     """
 
     trajectories: tuple[CanonicalTrajectory, ...]
-    phases: tuple[NDArray[np.int64], ...]
-    pairs: NDArray[np.int64]
-    asides: NDArray[np.int64]
+    phases: tuple[Int, ...]
+    true_cuts: Int
+    nearby_cuts: Int
 
 
 def read_words(path: Path) -> SignerWords:
-    """The words of a part of ``synth.endless``."""
-    there = np.ones(len(ROLES), bool)
-    courses, phases = [], []
+    """The words of a signer's file, as ``synth.training_data`` writes it."""
+    has_role = np.ones(len(ROLES), bool)
+    trajectories, phases = [], []
     with np.load(path) as stored:
-        turns, places, events, pairs = (stored[name] for name in ("turns", "places", "events", "pairs"))
-        for (first, n), told in zip(stored["words"].tolist(), events.tolist(), strict=True):
-            own = rotation.to_6d(rotation.normalize(turns[first : first + n] / 32767.0))
-            courses.append(CanonicalTrajectory(own, places[first : first + n], there))
-            phases.append(phases_of(np.arange(n), tuple(told)))
-        asides = stored.get("asides", pairs)
-    return SignerWords(tuple(courses), tuple(phases), pairs.astype(np.int64), asides.astype(np.int64))
+        packed_quats, positions, events, true_cuts = (stored[key] for key in ("turns", "places", "events", "pairs"))
+        for (first, n_frames), word_events in zip(stored["words"].tolist(), events.tolist(), strict=True):
+            frames = slice(first, first + n_frames)
+            rotations_6d = rotation.to_6d(rotation.normalize(packed_quats[frames] / 32767.0))
+            trajectories.append(CanonicalTrajectory(rotations_6d, positions[frames], has_role))
+            phases.append(frame_phases(np.arange(n_frames), word_events))
+        nearby_cuts = stored.get("asides", true_cuts)
+    return SignerWords(tuple(trajectories), tuple(phases), true_cuts.astype(np.int64), nearby_cuts.astype(np.int64))
 
 
-def phases_of(at: NDArray[np.int64], events: Sequence[int]) -> NDArray[np.int64]:
-    """Which of ``PHASES`` frames ``at`` (T,) of a word with such events (8,) are; events as ``synth.endless`` tells."""
+def frame_phases(at: Int, events: Sequence[int]) -> Int:
+    """Indices (T,) into ``PHASES`` of frames ``at`` (T,) of a word with the events (8,) of ``synth.training_data``."""
     up, start, end, down, begin, _, _, stop = events
-    stroke = (at >= begin) & (at <= stop) & (begin >= 0)
-    rest, preparation, hold, moving, retraction = range(len(PHASES))
-    after = [at <= up, at < start, stroke, at <= end, at < down]
-    return np.select(after, [rest, preparation, moving, hold, retraction], rest)
+    in_stroke = (at >= begin) & (at <= stop) & (begin >= 0)
+    rest, preparation, hold, stroke, retraction = range(len(PHASES))
+    conditions = [at <= up, at < start, in_stroke, at <= end, at < down]
+    return np.select(conditions, [rest, preparation, stroke, hold, retraction], rest)
 
 
 @dataclass(frozen=True)
 class CutBatch:
-    """Draws side by side, W words each: tokens (G, W, T, N_WORD), mask (G, W, T) and phases (G, W, T); for every word
-    (row) before every other (column): the last frame kept ``pre`` and the first kept ``post`` (G, W, W); the two frames
-    ``leaving`` and ``entering`` (G, W, W), these or others near them, between which a transition takes ``seconds`` (G,
-    W, W); ``known`` (G, W, W) which of these pairs have a truth.
+    """G draws of W words each, padded to T frames; pairs are indexed by word before, word after.
+
+    - tokens: (G, W, T, N_WORD)
+    - mask: (G, W, T), False at padding
+    - phases: (G, W, T), indices into ``PHASES``
+    - pre, post: (G, W, W), last frame kept of the word before, first frame kept of the word after
+    - timed_pre, timed_post: (G, W, W), the same two frames or two near them, whose duration is trained
+    - seconds: (G, W, W), duration from ``timed_pre`` to ``timed_post``
+    - has_truth: (G, W, W), False where the four frames and the duration are meaningless
+    - step: the training step, for messages
     """
 
     tokens: Tensor
@@ -98,182 +104,155 @@ class CutBatch:
     phases: Tensor
     pre: Tensor
     post: Tensor
-    leaving: Tensor
-    entering: Tensor
+    timed_pre: Tensor
+    timed_post: Tensor
     seconds: Tensor
-    known: Tensor
+    has_truth: Tensor
     step: int = 0
 
     def to(self, device: torch.device) -> CutBatch:
-        """The same on a device."""
+        """The batch on a device."""
         moved = {f.name: getattr(self, f.name).to(device) for f in fields(self) if f.name != "step"}
         return CutBatch(**moved, step=self.step)
 
 
-class CutDataset:
-    """Words drawn from some signers, as often from each folder; ``fixed``: so many draws, always the same and clean,
-    for judging; ``as_made``: no noise, nothing turned aside or seen between frames.
+@dataclass(frozen=True, eq=False)
+class CutDraw:
+    """W words of one signer, with the truth of every pair: the fields of ``CutBatch`` for one draw.
+
+    - words: tokens (T, N_WORD) and phases (T,) of each word
+    - others: (W, W), as in ``CutBatch``
     """
 
-    def __init__(self, paths: Sequence[Path], seed: int = 0, fixed: int | None = None, as_made: bool = False) -> None:
-        self.signers = [[read_words(path) for path in folder] for folder in by_folder(paths)]
-        self.seed, self.fixed, self.as_made = seed, fixed, as_made or fixed is not None
-        self.n_words = min(N_WORDS, *(len(signer.trajectories) for signer in chain(*self.signers)))
+    words: list[tuple[NDArray[np.float32], Int]]
+    pre: Int
+    post: Int
+    timed_pre: Int
+    timed_post: Int
+    seconds: NDArray[np.float32]
+    has_truth: NDArray[np.bool_]
+
+
+class CutDataset:
+    """Draws of words from signers' files; every folder has the same probability.
+
+    - signers: words of every signer, by folder
+    - seed: all draws depend on it and on their number alone
+    - n_fixed: the number of draws, always the same ones, for validation; None: draws without end
+    - clean: no augmentation; validation data are always clean
+    - n_words: words in a draw
+    """
+
+    def __init__(self, paths: Sequence[Path], seed: int = 0, n_fixed: int | None = None, clean: bool = False) -> None:
+        self.signers = [[read_words(path) for path in folder] for folder in group_by_folder(paths)]
+        self.seed, self.n_fixed, self.clean = seed, n_fixed, clean or n_fixed is not None
+        self.n_words = min(WORDS_PER_DRAW, *(len(signer.trajectories) for signer in chain(*self.signers)))
 
     def __len__(self) -> int:
-        return self.fixed if self.fixed is not None else sum(len(s.trajectories) ** 2 for s in chain(*self.signers))
+        if self.n_fixed is not None:
+            return self.n_fixed
+        return sum(len(signer.trajectories) ** 2 for signer in chain(*self.signers))
 
-    def rows(self, step: int, size: int, seed: int) -> NDArray[np.int64]:
+    def rows(self, step: int, size: int, seed: int) -> Int:
         """Numbers of the draws of a step."""
         return np.arange(step * size, (step + 1) * size)
 
-    def batch(self, rows: Sequence[int] | NDArray[np.int64], step: int = 0) -> CutBatch:
-        """The draws of these numbers side by side."""
-        made = [self.draw(int(row)) for row in rows]
-        words = [word for one in made for word in one["words"]]
-        shape = len(made), self.n_words
+    def batch(self, rows: Sequence[int] | Int, step: int = 0) -> CutBatch:
+        """The draws with these numbers, padded to one length."""
+        draws = [self.draw(int(row)) for row in rows]
+        words = [word for draw in draws for word in draw.words]
+        shape = len(draws), self.n_words
 
-        def padded(parts: Sequence[NDArray[Any]]) -> Tensor:
-            whole = pad_sequence([torch.from_numpy(part) for part in parts], batch_first=True)
+        def padded(arrays: Sequence[NDArray[Any]]) -> Tensor:
+            whole = pad_sequence([torch.from_numpy(array) for array in arrays], batch_first=True)
             return whole.reshape(*shape, *whole.shape[1:])
 
+        pair_fields = [f.name for f in fields(CutDraw) if f.name != "words"]
         return CutBatch(
             tokens=padded([tokens for tokens, _ in words]),
             mask=padded([np.ones(len(tokens), bool) for tokens, _ in words]),
             phases=padded([phases for _, phases in words]),
-            **{name: torch.from_numpy(np.stack([one[name] for one in made])) for name in _TRUTH},
+            **{name: torch.from_numpy(np.stack([getattr(draw, name) for draw in draws])) for name in pair_fields},
             step=step,
         )
 
-    def draw(self, number: int) -> dict[str, Any]:
-        """One draw: words as (tokens, phases), and the truth of every pair."""
-        rng = stream("cut", self.seed, "fixed" if self.fixed is not None else "endless", number)
-        signer = drawn(self.signers, rng)
+    def draw(self, number: int) -> CutDraw:
+        """The draw of a number."""
+        rng = stream("cut", self.seed, "fixed" if self.n_fixed is not None else "endless", number)
+        signer = draw_from_folders(self.signers, rng)
         chosen = rng.choice(len(signer.trajectories), self.n_words, replace=False)
-        late = np.zeros(self.n_words)
+        words, delays = self._words(signer, chosen, rng)
+        lengths = np.array([min(len(trajectory), features.WORD_FRAMES) for trajectory, _ in words])
+        pairs = np.ix_(chosen, chosen)
+        truth = timed = signer.true_cuts[pairs]
+        if not self.clean:
+            nearby = rng.random(truth.shape[:2])[..., None] < NEARBY_PROBABILITY
+            timed = np.where(nearby, signer.nearby_cuts[pairs], truth)
+        pre, post = _shifted_frames(truth, delays, lengths)
+        timed_pre, timed_post = _shifted_frames(timed, delays, lengths)
+        has_truth = truth[..., 2] >= 0
+        seconds = np.where(has_truth, timed[..., 2] + 1, 1) / FEATURE_FPS
+        return CutDraw(
+            [_tokens(trajectory, phases) for trajectory, phases in words],
+            pre, post, timed_pre, timed_post, seconds.astype(np.float32), has_truth,
+        )  # fmt: skip
+
+    def _words(
+        self, signer: SignerWords, chosen: Int, rng: np.random.Generator
+    ) -> tuple[list[tuple[CanonicalTrajectory, Int]], Float]:
+        """The chosen words, augmented, with their phases; and by how many frames (W,) each is sampled later."""
+        delays = np.zeros(len(chosen))
         words = []
-        turned = None
-        if not self.as_made and rng.random() < SET:
-            turned = rotation.to_matrix(rotation.exp(rng.normal(0.0, rng.uniform(0.0, SET_RAD), (len(ROLES), 3))))
+        offsets = None
+        if not self.clean and rng.random() < OFFSET_PROBABILITY:
+            rotvecs = rng.normal(0.0, rng.uniform(0.0, OFFSET_RAD), (len(ROLES), 3))
+            offsets = rotation.to_matrix(rotation.exp(rotvecs))  # (R, 3, 3)
         for k, word in enumerate(chosen):
-            course, phases = signer.trajectories[word], signer.phases[word]
-            if turned is not None:
-                course = CanonicalTrajectory(
-                    rotation.matrix_to_6d(rotation.matrix_from_6d(course.turns) @ turned), course.places, course.there
+            trajectory, phases = signer.trajectories[word], signer.phases[word]
+            if offsets is not None:
+                matrices = rotation.matrix_from_6d(trajectory.rotations_6d) @ offsets
+                trajectory = CanonicalTrajectory(
+                    rotation.matrix_to_6d(matrices), trajectory.positions, trajectory.has_role
                 )
-            if not self.as_made:
-                if rng.random() < BETWEEN:
-                    late[k] = rng.random()
-                    course, phases = _between(course, float(late[k])), phases[: len(phases) - 1]
-                if rng.random() < NOISY:
-                    course = _noisy(course, float(rng.uniform(*NOISE)), rng)
-            words.append((course, phases[: features.WORD_FRAMES]))
-        # One hand leads in all of a signer's words: whether it is the left is told from all together.
-        if features.left_hand_busier(*(course for course, _ in words)):
-            words = [(features.mirrored(course), phases) for course, phases in words]
-        rows = np.ix_(chosen, chosen)
-        truth = signer.pairs[rows]
-        # A cut a frame or two aside of the truth has another way to time.
-        timed = truth
-        if not self.as_made:
-            timed = np.where(rng.random(truth.shape[:2])[..., None] < ASIDE, signer.asides[rows], truth)
-        known = truth[..., 2] >= 0
-        lengths = np.array([min(len(course), features.WORD_FRAMES) for course, _ in words])
-
-        def frames(told: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-            """Frames to leave and to enter at, of words that are seen late."""
-            left, entered = np.rint(told[..., 0] - late[:, None]), np.rint(told[..., 1] - late)
-            clipped = np.clip(left, 0, lengths[:, None] - 1), np.clip(entered, 0, lengths - 1)
-            return clipped[0].astype(np.int64), clipped[1].astype(np.int64)
-
-        (pre, post), (leaving, entering) = frames(truth), frames(timed)
-        seen = [_seen(course, phases) for course, phases in words]
-        return {
-            "words": seen,
-            "pre": pre,
-            "post": post,
-            "leaving": leaving,
-            "entering": entering,
-            "seconds": (np.where(known, timed[..., 2] + 1, 1) / FEATURE_FPS).astype(np.float32),
-            "known": known,
-        }
+            if not self.clean:
+                if rng.random() < SUBFRAME_PROBABILITY:
+                    delays[k] = rng.random()
+                    trajectory, phases = _delayed(trajectory, float(delays[k])), phases[: len(phases) - 1]
+                if rng.random() < NOISE_PROBABILITY:
+                    trajectory = _with_noise(trajectory, float(rng.uniform(*NOISE)), rng)
+            words.append((trajectory, phases[: features.WORD_FRAMES]))
+        # One hand is dominant in all words of a signer, so all words together decide whether it is the left one.
+        if features.left_hand_busier(*(trajectory for trajectory, _ in words)):
+            words = [(features.mirrored(trajectory), phases) for trajectory, phases in words]
+        return words, delays
 
 
-def _seen(course: CanonicalTrajectory, phases: NDArray[np.int64]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    tokens = features.word_tokens(course)[: features.WORD_FRAMES]
+def _shifted_frames(cuts: Int, delays: Float, lengths: Int) -> tuple[Int, Int]:
+    """Frames (W, W) to leave and to enter at, of cuts (W, W, 3), in words that are sampled ``delays`` (W,) later."""
+    pre, post = np.rint(cuts[..., 0] - delays[:, None]), np.rint(cuts[..., 1] - delays)
+    clipped = np.clip(pre, 0, lengths[:, None] - 1), np.clip(post, 0, lengths - 1)
+    return clipped[0].astype(np.int64), clipped[1].astype(np.int64)
+
+
+def _tokens(trajectory: CanonicalTrajectory, phases: Int) -> tuple[NDArray[np.float32], Int]:
+    """What the network sees of a word, an even number of frames, and their phases."""
+    tokens = features.word_tokens(trajectory)[: features.WORD_FRAMES]
     return tokens, np.concatenate([phases, phases[-1:]])[: len(tokens)]
 
 
-def _between(course: CanonicalTrajectory, late: float) -> CanonicalTrajectory:
-    """The course as it is ``late`` frames after each of its frames."""
-    turns = (1.0 - late) * course.rotations_6d[:-1] + late * course.rotations_6d[1:]
-    places = (1.0 - late) * course.positions[:-1] + late * course.positions[1:]
-    return CanonicalTrajectory(rotation.matrix_to_6d(rotation.matrix_from_6d(turns)), places, course.has_role)
+def _delayed(trajectory: CanonicalTrajectory, delay: float) -> CanonicalTrajectory:
+    """The trajectory sampled ``delay`` frames after each of its frames but the last, 0 to 1."""
+    rotations_6d = (1.0 - delay) * trajectory.rotations_6d[:-1] + delay * trajectory.rotations_6d[1:]
+    positions = (1.0 - delay) * trajectory.positions[:-1] + delay * trajectory.positions[1:]
+    return _from_inexact(rotations_6d, positions, trajectory)
 
 
-def _noisy(course: CanonicalTrajectory, spread: float, rng: np.random.Generator) -> CanonicalTrajectory:
-    turns = course.rotations_6d + rng.normal(0.0, spread, course.rotations_6d.shape)
-    places = course.positions + rng.normal(0.0, spread, course.positions.shape)
-    return CanonicalTrajectory(rotation.matrix_to_6d(rotation.matrix_from_6d(turns)), places, course.has_role)
+def _with_noise(trajectory: CanonicalTrajectory, deviation: float, rng: np.random.Generator) -> CanonicalTrajectory:
+    rotations_6d = trajectory.rotations_6d + rng.normal(0.0, deviation, trajectory.rotations_6d.shape)
+    positions = trajectory.positions + rng.normal(0.0, deviation, trajectory.positions.shape)
+    return _from_inexact(rotations_6d, positions, trajectory)
 
 
-class CuttingTask(Task):
-    """The network that cuts and times, with its loss: cross-entropy of both frames of every pair and of the phases, and
-    the mean error of the logarithm of seconds, so that short transitions count like long ones.
-    """
-
-    def __init__(self, network: Cutting) -> None:
-        super().__init__()
-        self.network: Cutting = network
-
-    def _said(self, batch: CutBatch) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """Scores of leaving and entering (G, W, W, T), seconds (G, W, W), and phases (G, W, T, 5)."""
-        groups, words = batch.mask.shape[:2]
-        states, leave, enter, phases = (
-            part.float().reshape(groups, words, *part.shape[1:])
-            for part in self.network.read(batch.tokens.flatten(0, 1), batch.mask.flatten(0, 1))
-        )
-        leave = leave[:, :, None].expand(-1, -1, words, -1)
-        enter = enter[:, None].expand(-1, words, -1, -1)
-        condition = self.network.condition(leave, enter)
-        left = self.network.leaving(states[:, :, None], condition).masked_fill(~batch.mask[:, :, None], _IMPOSSIBLE)
-        entered = self.network.entering(states[:, None], condition).masked_fill(~batch.mask[:, None], _IMPOSSIBLE)
-        numbers = batch.tokens[..., : features.N_FRAME]
-        group = torch.arange(groups, device=numbers.device)[:, None, None]
-        word = torch.arange(words, device=numbers.device)
-        seconds = self.network.seconds(
-            numbers[group, word[:, None], batch.leaving], numbers[group, word[None], batch.entering], leave, enter
-        )
-        return left, entered, seconds.float(), phases
-
-    def forward(self, batch: CutBatch) -> Tensor:
-        """The loss () of a batch."""
-        left, entered, seconds, phases = self._said(batch)
-        known = batch.known
-        n_known = known.sum().clamp(min=1)
-        cut = F.cross_entropy(left[known], batch.pre[known], reduction="sum")
-        cut = (cut + F.cross_entropy(entered[known], batch.post[known], reduction="sum")) / n_known
-        each = F.cross_entropy(phases.flatten(0, 2), batch.phases.flatten(), reduction="none")
-        phase = (each * batch.mask.flatten()).sum() / batch.mask.sum()
-        timed = (seconds[known].log() - batch.seconds[known].log()).abs().sum() / n_known
-        return cut + PHASE_WEIGHT * phase + TIME_WEIGHT * timed
-
-    def judge(self, batch: CutBatch) -> dict[str, float]:
-        """Shares of pairs with exact positions, both, and both within two frames; error (ms) and exact frames of the
-        durations, told the true positions; nothing where no pair has a truth.
-        """
-        if not bool(batch.known.any()):
-            return {}
-        left, entered, seconds, _ = self._said(batch)
-        known, told = batch.known, batch.seconds[batch.known]
-        off = torch.stack([left.argmax(-1) - batch.pre, entered.argmax(-1) - batch.post], dim=-1).abs()[known]
-        exact = off == 0
-        frames = (seconds[known] * FEATURE_FPS).round() == (told * FEATURE_FPS).round()
-        return {
-            "pre": exact[..., 0].float().mean().item(),
-            "post": exact[..., 1].float().mean().item(),
-            "both": exact.all(-1).float().mean().item(),
-            "within_2": (off <= 2).all(-1).float().mean().item(),
-            "error_ms": 1e3 * (seconds[known] - told).abs().mean().item(),
-            "length": frames.float().mean().item(),
-        }
+def _from_inexact(rotations_6d: Float, positions: Float, like: CanonicalTrajectory) -> CanonicalTrajectory:
+    """A trajectory with orthonormalised rotations."""
+    return CanonicalTrajectory(rotation.matrix_to_6d(rotation.matrix_from_6d(rotations_6d)), positions, like.has_role)

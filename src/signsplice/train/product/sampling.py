@@ -1,6 +1,4 @@
-"""Which signer a draw is of: folders of signing are drawn from as often, whatever they hold, and so are signers of a
-folder.
-"""
+"""Random draws that give every folder of training data the same probability, and every signer of a folder too."""
 
 from __future__ import annotations
 
@@ -11,15 +9,15 @@ from typing import TypeVar
 
 import numpy as np
 
-One = TypeVar("One")
+T = TypeVar("T")
 
 
-def by_folder(paths: Sequence[Path]) -> list[list[Path]]:
-    """Paths in order, those of a folder together."""
+def group_by_folder(paths: Sequence[Path]) -> list[list[Path]]:
+    """Paths in their order, consecutive ones of the same folder in one list."""
     return [list(folder) for _, folder in groupby(paths, key=lambda path: path.parent)]
 
 
-def drawn(folders: Sequence[Sequence[One]], rng: np.random.Generator) -> One:
-    """One of one of the folders."""
+def draw_from_folders(folders: Sequence[Sequence[T]], rng: np.random.Generator) -> T:
+    """One entry of one of the folders, whatever their sizes."""
     folder = folders[int(rng.integers(len(folders))) if len(folders) > 1 else 0]
     return folder[int(rng.integers(len(folder)))]

@@ -1,9 +1,8 @@
-"""The transition network tuned to a user's own lexicon, on a CPU, and kept only where it is better.
+"""Tuning the transition network to a user's lexicon, on a CPU; the result is kept only where it is better.
 
-Every fifth word is held back. The others teach by what they are: stretches of them are hidden and filled, as in the
-first training. Whether the tuned network is better is told on the words held back, by the product's own measure
-(``splicing.evaluate.hidden_frames``) of the exported graphs, beside the network it began from and the classical
-transition.
+Every fifth word is held back. Stretches of the other words are hidden and filled, as in the first training. The words
+held back decide: the exported graphs are compared by the product's own measure (``evaluation.hidden_frames``) with the
+network before tuning and with the classical transition.
 """
 
 from __future__ import annotations
@@ -25,28 +24,36 @@ from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, resample
 from signsplice.rig.canonical import FEATURE_FPS, canonical_bones, canonical_motion
 from signsplice.splicing import features
-from signsplice.splicing.bundle import BUNDLE_FILE, read_facts, read_file, write_bundle
+from signsplice.splicing.bundle import BUNDLE_FILE, read_file, write_bundle
 from signsplice.splicing.learned import LearnedTransition, open_sessions
 from signsplice.splicing.transition import find_transition
+from signsplice.train import provenance
 from signsplice.train.export import check_bundle_folder
 from signsplice.train.loop import LoopConfig, ProgressCallback, train
 from signsplice.train.prefetch import prefetched
 from signsplice.train.processes import Processes, only_one
 from signsplice.train.product.bridge_task import BridgeTask
-from signsplice.train.product.gap_data import GapDataset, SignerData, signer_data
+from signsplice.train.product.gap_data import GapDataset, SignerMotion, signer_motion
 from signsplice.train.product.networks.bridge import Bridge, BridgeConfig
-from signsplice.train.product.training import FILES, product_graphs
-from signsplice.train.product.warm_start import load
+from signsplice.train.product.onnx_graphs import product_graphs
+from signsplice.train.product.training import FILES
+from signsplice.train.product.warm_start import load_graphs
 
-EVERY = 5
-"""One word of so many is held back."""
-_SHORTEST = LENGTHS[0] + 2 * CONTEXT
+HELD_BACK_EVERY = 5
+"""One word of this many is held back."""
+_MIN_FRAMES = LENGTHS[0] + 2 * CONTEXT
 (_FILE,) = FILES["transition"]
 
 
 @dataclass(frozen=True)
 class Tuning:
-    """How to tune: steps, gaps a batch, rate, seed. As many steps as two cores make in about a quarter of an hour."""
+    """How to tune. The default number of steps takes two cores about a quarter of an hour.
+
+    - steps: number of steps
+    - batch: gaps in a batch
+    - rate: highest learning rate
+    - seed: of gaps and dropout
+    """
 
     steps: int = 1500
     batch: int = 16
@@ -55,15 +62,18 @@ class Tuning:
 
 
 @dataclass(frozen=True)
-class Tuned:
-    """What came of it: mean position error (arm / 1000) on the words held back of the classical transition, the network
-    as it was and as it is, over lengths of gaps; how many words taught and judged.
+class TuningResult:
+    """Mean position errors on the words held back, arm length / 1000, over all lengths of gaps.
+
+    - classical: of the classical transition
+    - before, after: of the network before and after tuning
+    - n_train, n_held: number of words trained on, and held back
     """
 
     classical: float
     before: float
     after: float
-    n_learned: int
+    n_train: int
     n_held: int
 
     @property
@@ -73,67 +83,91 @@ class Tuned:
 
 
 def make(
-    tuning: Tuning, lexicon: Path, source: Path, out: Path, processes: Processes, tell: ProgressCallback | None = None
-) -> Tuned:
-    """Tune the transition network of the bundle ``source`` to a lexicon; write the bundle ``out`` where it is better.
+    tuning: Tuning,
+    lexicon: Path,
+    source: Path,
+    out: Path,
+    processes: Processes,
+    report_progress: ProgressCallback | None = None,
+) -> TuningResult:
+    """Tune the transition network of the bundle ``source`` to a lexicon; write the bundle ``out`` if it is better.
 
-    Called again after an interruption it goes on from its last checkpoint, in a folder beside ``out``. Raises
-    ``InputError`` where the lexicon has too few words, or the bundle no such network or no weights to go on from.
+    The same call after an interruption continues from the last checkpoint, in a folder beside ``out``. Raises
+    ``InputError`` where the lexicon has too few words, or the bundle no such network or no weights to start from.
     """
     if processes.count > 1:
-        raise InputError(f"tuning by {processes.count} processes, expected one: it takes minutes")
+        raise InputError(f"tuning with {processes.count} processes, expected one: it takes minutes")
     check_bundle_folder(out)
-    learned, held = split(lexicon)
-    facts = {k: v for k, v in open_sessions(source).facts.items() if k != "precision"}
-    content = read_file(source, facts, _FILE)
-    network = begun(facts, content, source)
-    told = {**asdict(tuning), "from": facts["files"][_FILE], "words": [_fingerprint(clip) for clip in learned]}
-    recipe = hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:12]
+    clips, held = split(lexicon)
+    config = open_sessions(source).config
+    facts = {k: v for k, v in config.stored.items() if k != "precision"}
+    network = network_from_bundle(facts, read_file(source, config, _FILE), source)
+    settings: dict[str, Any] = {**asdict(tuning), "from": config.files[_FILE]}
+    made_of = settings | {"words": [_fingerprint(clip) for clip in clips]}
+    recipe = hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()[:12]
     folder = out.parent / "parts" / f"transition-tuned-{recipe}"
     folder.mkdir(parents=True, exist_ok=True)
-    data, valid = ClipGapDataset(learned, tuning.seed), ClipGapDataset(held, tuning.seed, 128)
+    data, valid = ClipGapDataset(clips, tuning.seed), ClipGapDataset(held, tuning.seed, 128)
     torch.manual_seed(tuning.seed)
-    task = BridgeTask(network, data.above.tolist())
+    task = BridgeTask(network, data.role_parents.tolist())
     loop = LoopConfig(
         tuning.steps, tuning.batch, "adamw", tuning.rate, tuning.seed, max(1, tuning.steps // 5), 128,
         bf16=processes.device.type == "cuda",
     )  # fmt: skip
-    with only_one(folder), prefetched(data) as following:
-        train(task, loop, following, valid, folder, recipe, lambda *_: float("nan"), processes, tell)
+    with only_one(folder), prefetched(data) as batches:
+        train(task, loop, batches, valid, folder, recipe, processes, report_progress)
+    tuned = settings | {
+        "words": len(clips),
+        "command": _command(tuning, lexicon, source, out, processes),
+        "data": provenance.folder_sha256(lexicon, "*"),
+        "signsplice": provenance.software(),
+    }
+    files = {name: read_file(source, config, name) for name in config.files} | product_graphs(task, valid)
     trial = folder / "bundle"
     trial.mkdir(exist_ok=True)
-    files = {name: read_file(source, facts, name) for name in facts["files"]} | product_graphs(task, valid)
-    networks = facts["networks"] | {
-        "transition": facts["networks"]["transition"] | {"tuned": told | {"words": len(learned)}}
-    }
-    write_bundle(trial, {k: v for k, v in facts.items() if k != "files"} | {"networks": networks}, files)
-    outcome = judged(held, source, trial, len(learned))
-    if outcome.better:
+    _write(trial, facts, files, tuned)
+    result = compare(held, source, trial, len(clips))
+    if result.better:
         out.mkdir(parents=True, exist_ok=True)
-        trial_facts = read_facts(trial)
-        scores = {"error": outcome.after, "error_before": outcome.before, "error_classical": outcome.classical}
-        trial_facts["networks"]["transition"]["tuned"]["scores"] = scores
-        write_bundle(out, {k: v for k, v in trial_facts.items() if k != "files"}, files)
-    return outcome
+        scores = {"error": result.after, "error_before": result.before, "error_classical": result.classical}
+        _write(out, facts, files, tuned | {"scores": scores})
+    return result
+
+
+def _command(tuning: Tuning, lexicon: Path, source: Path, out: Path, processes: Processes) -> list[str]:
+    options: dict[str, provenance.Option] = {
+        "lexicon": lexicon, "from": source, "steps": tuning.steps, "seed": tuning.seed,
+        "device": processes.device.type, "out": out,
+    }  # fmt: skip
+    return provenance.command(["train", "transition"], options)
+
+
+def _write(folder: Path, facts: Mapping[str, Any], files: Mapping[str, bytes], tuned: Mapping[str, Any]) -> None:
+    """Write a bundle whose transition network says how it was tuned."""
+    networks = facts["networks"]
+    networks = networks | {"transition": networks["transition"] | {"tuned": tuned}}
+    write_bundle(folder, {k: v for k, v in facts.items() if k != "files"} | {"networks": networks}, files)
 
 
 def split(lexicon: Path) -> tuple[list[Clip], list[Clip]]:
-    """Words to learn from and to judge on, at the networks' rate, those without known arms or of fewer than 21 frames
-    left out: a gap with what is shown on either side. Raises ``InputError`` for fewer than ten.
+    """Words to train on and words to hold back, at the networks' frame rate.
+
+    Words without arms that the retargeting knows are left out, and those of fewer than 21 frames: the shortest gap with
+    what the network sees on either side. Raises ``InputError`` where fewer than ten are left.
     """
     with open_lexicon(lexicon) as words:
         clips = [words.clip(gloss) for gloss in words]
-    usable = [resample(clip, FEATURE_FPS) for clip in clips if _usable(clip)]
-    if len(usable) < 2 * EVERY:
+    usable = [resample(clip, FEATURE_FPS) for clip in clips if _is_usable(clip)]
+    if len(usable) < 2 * HELD_BACK_EVERY:
         raise InputError(
-            f"{lexicon}: {len(usable)} of {len(clips)} words can teach (known arms, {_SHORTEST} frames at "
-            f"{FEATURE_FPS:g} a second), expected at least {2 * EVERY}"
+            f"{lexicon}: {len(usable)} of {len(clips)} words can be trained on (known arms, {_MIN_FRAMES} frames at "
+            f"{FEATURE_FPS:g} a second), expected at least {2 * HELD_BACK_EVERY}"
         )
-    return [c for k, c in enumerate(usable) if k % EVERY], usable[::EVERY]
+    return [clip for k, clip in enumerate(usable) if k % HELD_BACK_EVERY], usable[::HELD_BACK_EVERY]
 
 
-def _usable(clip: Clip) -> bool:
-    if clip.seconds * FEATURE_FPS < _SHORTEST + 1:
+def _is_usable(clip: Clip) -> bool:
+    if clip.seconds * FEATURE_FPS < _MIN_FRAMES + 1:
         return False
     try:
         canonical_motion(clip[:1])
@@ -143,50 +177,55 @@ def _usable(clip: Clip) -> bool:
 
 
 def _fingerprint(clip: Clip) -> str:
-    return hashlib.sha256(np.ascontiguousarray(clip.local_rotations).tobytes()).hexdigest()[:16]
+    """A hash of all that training uses of a clip: its rotations and its skeleton, at the networks' frame rate."""
+    skeleton = clip.skeleton
+    parts = (repr(skeleton.names).encode(), skeleton.parents, skeleton.offsets, clip.local_rotations)
+    whole = hashlib.sha256()
+    for part in parts:
+        whole.update(part if isinstance(part, bytes) else np.ascontiguousarray(part).tobytes())
+    return whole.hexdigest()
 
 
 class ClipGapDataset(GapDataset):
-    """Gaps drawn from clips of any rigs, as they are seen at the networks' rate; what people did is taught whole, and
-    nothing else.
-    """
+    """Gaps hidden in clips of any rigs. What people did is the target in full, and there are no idle stretches."""
 
-    sure, idle = 1.0, False
+    stretch_target, idle = 1.0, False
 
-    def __init__(self, clips: Sequence[Clip], seed: int = 0, fixed: int | None = None) -> None:
-        super().__init__((), seed, fixed)
-        self.parts = [[_part(clip) for clip in clips]]
+    def __init__(self, clips: Sequence[Clip], seed: int = 0, n_fixed: int | None = None) -> None:
+        super().__init__((), seed, n_fixed)
+        self.signers = [[_signer_motion(clip) for clip in clips]]
 
     def __len__(self) -> int:
-        return self.fixed if self.fixed is not None else sum(len(part.sentences[0]) for part in self.parts[0])
+        return self.n_fixed if self.n_fixed is not None else sum(len(one.sentences[0]) for one in self.signers[0])
 
 
-def _part(clip: Clip) -> SignerData:
-    own = features.trajectory(canonical_motion(clip))
-    turns = rotation.from_matrix(rotation.matrix_from_6d(own.rotations_6d))
-    return signer_data(canonical_bones(clip.skeleton).astype(np.float32), own.has_role, (rotation.continuous(turns),))
+def _signer_motion(clip: Clip) -> SignerMotion:
+    trajectory = features.trajectory(canonical_motion(clip))
+    quats = rotation.from_matrix(rotation.matrix_from_6d(trajectory.rotations_6d))
+    bones = canonical_bones(clip.skeleton).astype(np.float32)
+    return signer_motion(bones, trajectory.has_role, (rotation.continuous(quats),))
 
 
-def begun(facts: Mapping[str, Any], content: bytes, folder: Path) -> Bridge:
-    """The network of a bundle with its weights, which its graph holds by name. Raises ``InputError`` where it does
-    not.
+def network_from_bundle(facts: Mapping[str, Any], content: bytes, folder: Path) -> Bridge:
+    """The transition network of a bundle, from its facts and its graph. Raises ``InputError`` where the facts name no
+    sizes, or the graph lacks weights.
     """
-    told = facts.get("networks", {}).get("transition", {})
-    if "config" not in told:
+    network_facts = facts.get("networks", {}).get("transition", {})
+    if "config" not in network_facts:
         raise InputError(
-            f"{folder / BUNDLE_FILE}: says no sizes of its transition network, so that it cannot be trained on"
+            f"{folder / BUNDLE_FILE}: names no sizes of its transition network, so training cannot continue from it"
         )
-    network = Bridge(BridgeConfig(**told["config"]))
-    load(network, [content], folder / _FILE)
+    network = Bridge(BridgeConfig(**network_facts["config"]))
+    load_graphs(network, [content], folder / _FILE)
     return network
 
 
-def judged(held: Sequence[Clip], before: Path, after: Path, n_learned: int) -> Tuned:
-    """Both bundles' transitions and the classical one on hidden frames of words that taught neither."""
+def compare(held: Sequence[Clip], before: Path, after: Path, n_train: int) -> TuningResult:
+    """Errors of two bundles' transitions and of the classical one on hidden frames of words held back."""
     lengths = [n for n in LENGTHS if any(len(clip) >= n + 2 * CONTEXT for clip in held)]
     methods = (find_transition("hermite"), *(LearnedTransition(open_sessions(folder)) for folder in (before, after)))
-    classical, was, now = (_mean_error(hidden_frames(held, [method], lengths)) for method in methods)
-    return Tuned(classical, was, now, n_learned, len(held))
+    errors = [_mean_error(hidden_frames(held, [method], lengths)) for method in methods]
+    return TuningResult(*errors, n_train, len(held))
 
 
 def _mean_error(rows: Sequence[HiddenFrames]) -> float:

@@ -1,7 +1,7 @@
-"""What an earlier training left to go on from: a folder with its checkpoint, or a bundle that its network is in.
+"""Weights to start a training from: an earlier training's checkpoint, or a bundle that holds the network.
 
-A bundle's graphs hold the weights by name, 8-bit ones as near as they are kept, so that who has the networks that ship
-can teach them more.
+A bundle's graphs store weights by name, so that the networks that ship can be trained further. 8-bit weights are
+dequantised.
 """
 
 from __future__ import annotations
@@ -18,78 +18,102 @@ import torch
 from torch import Tensor, nn
 
 from signsplice.errors import InputError
-from signsplice.splicing.bundle import BUNDLE_FILE, read_facts, read_file
-from signsplice.train import checkpoint
+from signsplice.splicing.bundle import BUNDLE_FILE, read_config, read_file
+from signsplice.train import checkpoint, provenance
 from signsplice.train.export import TRANSPOSED
 from signsplice.train.quantization import weights_of
 from signsplice.train.task import Task
 
-TAUGHT = "taught.json"
-"""What a training was taught of a corpus of pairs, in its folder."""
-_WRAPPED = "network."
-"""How a graph that is a part of a network begins the names of its weights."""
+PROVENANCE_FILE = "recipe.json"
+"""What a training is made of, in its folder."""
+CORPUS_FILE = "taught.json"
+"""Which corpus of pairs and which of its splits a training is trained on, in its folder."""
+_PREFIX = "network."
+"""Prefix of the weights' names in a graph that is a part of a network."""
 
 
 @dataclass(frozen=True)
 class WarmStart:
-    """An earlier training of a network: its recipe, with a hash of its files where it comes from a bundle, since those
-    may have been tuned; and which corpus of pairs and split of it were among what it learned from, None where none was.
+    """An earlier training of a network.
+
+    - folder: the folder of its checkpoint, or a bundle
+    - recipe: the training's recipe; from a bundle, with a hash of the graphs, because the weights may have been tuned
+    - trained_on: hash of the corpus of pairs and name of the split that it was trained on, None where on none
+    - provenance: what bundle.json of the next training says of this one
+    - files: the bundle's graphs, empty for a checkpoint
     """
 
     folder: Path
     recipe: str
-    taught: dict[str, str] | None
+    trained_on: dict[str, str] | None
+    provenance: dict[str, Any]
     files: tuple[str, ...] = ()
 
-    def begin(self, task: Task) -> None:
-        """Give a task's network these weights. Raises ``InputError`` where they are another network's."""
+    def load_into(self, task: Task) -> None:
+        """Set a task's network to these weights. Raises ``InputError`` where they are of another network."""
         if not self.files:
-            checkpoint.begin(self.folder, task)
+            checkpoint.load_weights(self.folder, task)
             return
-        facts = read_facts(self.folder)
-        load(task.network, [read_file(self.folder, facts, name) for name in self.files], self.folder)
+        config = read_config(self.folder)
+        load_graphs(task.network, [read_file(self.folder, config, name) for name in self.files], self.folder)
 
 
-def begin(task: Task, earlier: Sequence[WarmStart]) -> None:
-    """Give a task's network the weights of an earlier training, of several the mean.
+def load_mean(task: Task, warm_starts: Sequence[WarmStart]) -> None:
+    """Set a task's network to the weights of an earlier training, or to the mean of several.
 
-    The mean of networks that went on from the same weights is often better than each (Wortsman et al. 2022).
+    The mean of networks that were trained further from the same weights is often better than each of them (Wortsman et
+    al. 2022).
     """
     states = []
-    for one in earlier:
-        one.begin(task)
+    for warm_start in warm_starts:
+        warm_start.load_into(task)
         states.append({name: values.clone() for name, values in task.state_dict().items()})
     task.load_state_dict({name: torch.stack([state[name] for state in states]).mean(0) for name in states[0]})
 
 
 def find_warm_start(folder: Path, network: str, files: tuple[str, ...]) -> WarmStart:
-    """The training that a folder holds the checkpoint of, or that the ``files`` of a bundle come from. Raises
-    ``InputError`` where there is neither.
+    """The training whose checkpoint is in a folder, or which the graphs ``files`` of a bundle come from.
+
+    Raises ``InputError`` where the folder is neither, or the bundle does not hold the network.
     """
     if not (folder / BUNDLE_FILE).exists():
-        path = folder / TAUGHT
-        taught = json.loads(path.read_text()) if path.exists() else None
-        return WarmStart(folder, checkpoint.read(folder)["recipe"], taught)
-    facts = read_facts(folder)
-    told: dict[str, Any] = facts.get("networks", {}).get(network, {})
-    if "recipe" not in told:
-        raise InputError(f"{folder / BUNDLE_FILE}: tells of no {network}, so that it cannot be gone on with")
-    kept = hashlib.sha256("".join(facts["files"].get(name, "") for name in files).encode()).hexdigest()[:12]
-    return WarmStart(folder, f"{told['recipe']}@{kept}", told.get("taught"), files)
+        state = checkpoint.read(folder)
+        made_of = {"folder": provenance.portable(folder), "recipe": state["recipe"], "step": int(state["step"])}
+        made_of |= _read_json(folder / PROVENANCE_FILE) or {}
+        return WarmStart(folder, state["recipe"], _read_json(folder / CORPUS_FILE), made_of)
+    config = read_config(folder)
+    known = config.networks.get(network)
+    if known is None or known.recipe is None:
+        raise InputError(
+            f"{folder / BUNDLE_FILE}: does not say how its {network} was trained, so training cannot continue from it"
+        )
+    hashes = {name: config.files.get(name, "") for name in files}
+    graphs_hash = hashlib.sha256("".join(hashes.values()).encode()).hexdigest()[:12]
+    made_of = {"folder": provenance.portable(folder), "recipe": known.recipe, "files": hashes}
+    made_of |= {key: known.stored[key] for key in provenance.KEYS if key in known.stored}
+    trained_on = None if known.trained_on is None else dict(known.trained_on)
+    return WarmStart(folder, f"{known.recipe}@{graphs_hash}", trained_on, made_of, files)
 
 
-def load(network: nn.Module, graphs: Iterable[bytes], where: Path) -> None:
-    """Give a network the weights that its graphs hold by name. Raises ``InputError`` where they do not hold all."""
+def _read_json(path: Path) -> dict[str, Any] | None:
+    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else None
+
+
+def load_graphs(network: nn.Module, graphs: Iterable[bytes], where: Path) -> None:
+    """Set a network to the weights that its ONNX graphs store by name. Raises ``InputError`` where one is missing or of
+    another shape; ``where`` is named in the message.
+    """
     stored: dict[str, Tensor] = {}
     for content in graphs:
         for name, values in weights_of(content).items():
             tensor = torch.from_numpy(np.array(values))
-            plain = name.removeprefix(_WRAPPED)
+            plain = name.removeprefix(_PREFIX)
             stored[plain.removesuffix(TRANSPOSED)] = tensor.T if plain.endswith(TRANSPOSED) else tensor
     expected = network.state_dict()
     missing = [name for name in expected if name not in stored or stored[name].shape != expected[name].shape]
     if missing:
         raise InputError(
-            f"{where}: holds no weights named {missing[0]} of such a size, so that it cannot be gone on with"
+            f"{where}: holds no weights {missing[0]} of shape {tuple(expected[missing[0]].shape)}, so training cannot "
+            "continue from it"
         )
     network.load_state_dict({name: stored[name] for name in expected})

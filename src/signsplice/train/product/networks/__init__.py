@@ -1,1 +1,1 @@
-"""The two networks that ship, as torch modules."""
+"""The two networks of the product, as torch modules."""

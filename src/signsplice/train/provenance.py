@@ -1,0 +1,102 @@
+"""Where a network comes from: its command, and the sha256 of the data that it is trained on.
+
+Every bundle names both for each of its networks, so that its training can be repeated and its data checked with
+``sha256sum``. Nothing in them depends on the machine: absolute paths are shortened to their last part.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from signsplice.errors import InputError
+from signsplice.formats.atomic import replacing
+from signsplice.train import checkpoint
+
+KEYS = ("command", "seed", "data", "signsplice", "started_from")
+"""What a bundle says of how a network was trained; the last one only where it was trained further."""
+DATA_FILE = "data.json"
+"""The sha256 of the data that a part of a system of the paper is trained on, in the part's folder."""
+
+Option = str | int | Path | bool | Sequence[Path] | None
+
+
+def command(words: Sequence[str], options: Mapping[str, Option]) -> list[str]:
+    """The words of a `signsplice` command: ``words``, then every option with its value.
+
+    An option that is None is left out, a flag stands alone, and an option with several values is repeated.
+    """
+    words = ["signsplice", *words]
+    for option, value in options.items():
+        if isinstance(value, bool):
+            words.append(f"--{option}" if value else f"--no-{option}")
+        elif isinstance(value, (str, int, Path)):
+            words += [f"--{option}", portable(value) if isinstance(value, Path) else str(value)]
+        elif value is not None:
+            for one in value:
+                words += [f"--{option}", portable(one)]
+    return words
+
+
+def portable(path: Path) -> str:
+    """A path as it was given if it is relative; relative to the working folder if it lies there; else its last part."""
+    if path.is_absolute():
+        here = Path.cwd()
+        return path.relative_to(here).as_posix() if path.is_relative_to(here) else path.name
+    return path.as_posix()
+
+
+def software() -> str:
+    """The version of this package."""
+    try:
+        return version("signsplice")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def sha256(path: Path) -> str:
+    """The sha256 of a file, read in pieces. Raises ``InputError`` where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def folder_sha256(folder: Path, *patterns: str) -> dict[str, str]:
+    """The sha256 of a folder's files whose names match one of the patterns, by name."""
+    paths = {path for pattern in patterns for path in folder.glob(pattern) if path.is_file()}
+    return {path.name: sha256(path) for path in sorted(paths)}
+
+
+def corpus_data(corpus: Path, folder: Path) -> dict[str, str] | None:
+    """The sha256 of every file of a corpus of pairs, by name, which the ``folder`` of a training on it records.
+
+    None where the folder's checkpoint is older than such records, so that its data are unknown. Raises ``InputError``
+    where the folder records other data.
+    """
+    data = folder_sha256(corpus, "corpus.json", "*.npy")
+    path = folder / DATA_FILE
+    if path.exists():
+        recorded: dict[str, str] = json.loads(path.read_text(encoding="utf-8"))
+        changed = sorted(name for name in recorded.keys() | data.keys() if recorded.get(name) != data.get(name))
+        if changed:
+            raise InputError(
+                f"{folder}: was trained on data in which {', '.join(changed)} differed; name another folder for the "
+                "checkpoints, or remove this one"
+            )
+        return data
+    if (folder / checkpoint.NAME).exists():
+        return None
+    write_json(path, data)
+    return data
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write JSON whole or not at all."""
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
