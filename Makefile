@@ -1,16 +1,19 @@
-# One word a chore. Every word makes its own environment; nothing but Python >= 3.11 and make is needed.
+# One word per task. Each makes its own environment; nothing but Python >= 3.11 and make is needed.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 NODE := viewer/node_modules/.package-lock.json
 PAGE := src/signsplice/service/page/index.html
 
-.PHONY: demo test lint types unit viewer bench words corpus smoke paper weights clean
+.PHONY: demo test test-slow lint types unit viewer bench words corpus smoke paper weights clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet and a report in out/demo
 	$(BIN)/signsplice demo --out out/demo
 
-test: lint types unit          ## everything that must pass
+test: lint types unit          ## style, types and the fast tests: minutes on two cores
+
+test-slow: $(VENV)/.dev $(PAGE) ## the tests that take long; CI runs them too
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile -m slow
 
 lint: $(VENV)/.dev             ## style
 	$(BIN)/ruff check src tests
