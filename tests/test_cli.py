@@ -1,25 +1,38 @@
-"""The command line as other programs call it: names, exit statuses, one-line errors, whole files."""
+"""The command line: options, exit statuses, one-line errors, files that are whole or absent."""
 
 from __future__ import annotations
 
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from signsplice import demo
+from signsplice.cli import main
+from signsplice.evaluation import speed_learned, speed_parts
 from signsplice.formats import load, save
 from signsplice.motion.clip import Clip
+from signsplice.render import film
+from signsplice.rig.info import rig_info
+
+Run = subprocess.CompletedProcess[str]
+Call = Callable[..., Run]
 
 
-def signsplice(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """A run of the real program, without a terminal."""
-    command = [sys.executable, "-m", "signsplice", *map(str, arguments)]
+def run_program(*arguments: str, cwd: Path) -> Run:
+    """A run of the program in a process of its own, without a terminal."""
     return subprocess.run(
-        command, cwd=cwd, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120, check=False
+        [sys.executable, *arguments],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        stdin=subprocess.DEVNULL,
+        timeout=120,
+        check=False,
     )
 
 
@@ -30,8 +43,28 @@ def folder(tmp_path: Path, words: dict[str, Clip]) -> Path:
     return tmp_path
 
 
+@pytest.fixture
+def signsplice(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
+    """Runs the command line in this process and in ``folder``: the same as the program, without its start."""
+    monkeypatch.chdir(folder)
+
+    def call(*arguments: str) -> Run:
+        monkeypatch.setattr(sys, "argv", ["signsplice", *arguments])
+        status: str | int | None = 0
+        try:
+            main()
+        except SystemExit as stop:
+            status = stop.code
+        out, err = capsys.readouterr()
+        assert isinstance(status, int)
+        return subprocess.CompletedProcess(arguments, status, out, err)
+
+    return call
+
+
 def test_splice_writes_a_clip_and_a_report_that_rebuilds_it(folder: Path) -> None:
-    run = signsplice("splice", "HELLO.bvh", "SIGN.bvh", "I.bvh", "-o", "out.bvh", "--report", "r.json", cwd=folder)
+    call = ("-m", "signsplice", "splice", "HELLO.bvh", "SIGN.bvh", "I.bvh", "-o", "out.bvh", "--report", "r.json")
+    run = run_program(*call, cwd=folder)
     assert (run.returncode, run.stderr) == (0, "")
     report = json.loads((folder / "r.json").read_text())
     out = load(folder / "out.bvh")
@@ -45,11 +78,10 @@ def test_splice_writes_a_clip_and_a_report_that_rebuilds_it(folder: Path) -> Non
     first = report["spans"][0]["output"]
     assert out.channels is not None
     assert sources[0].channels is not None
-    very_numbers = sources[0].channels.values[: first[1]]
-    assert np.array_equal(out.channels.values[: first[1]], very_numbers)
+    assert np.array_equal(out.channels.values[: first[1]], sources[0].channels.values[: first[1]])
 
 
-def test_the_dials(folder: Path) -> None:
+def test_splicing_options_change_the_result(folder: Path, signsplice: Call) -> None:
     common = ("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.npz", "--report", "r.json")
     for extra, check in (
         (("--transition-time", "0.5"), lambda r: r["seams"][0]["n_transition"] == 15),
@@ -58,9 +90,39 @@ def test_the_dials(folder: Path) -> None:
         (("--fps", "60"), lambda r: r["fps"] == 60.0),
         (("--sign-speed", "2", "--cutter", "ends"), lambda r: r["frames"] < 90),
     ):
-        run = signsplice(*common, *extra, cwd=folder)
+        run = signsplice(*common, *extra)
         assert run.returncode == 0, run.stderr
         assert check(json.loads((folder / "r.json").read_text())), extra
+
+
+@pytest.mark.parametrize(
+    ("option", "avoids"),
+    [
+        ("--avoid-collisions", True),
+        ("--no-avoid-collisions", False),
+        ("--body-sense", True),
+        ("--no-body-sense", False),
+    ],
+)
+def test_collision_avoidance_by_its_name_and_its_former_name(
+    option: str, avoids: bool, folder: Path, signsplice: Call
+) -> None:
+    methods = ("--cutter", "rest-trim", "--transition", "hermite")
+    run = signsplice("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.npz", "--report", "r.json", *methods, option)
+    assert run.returncode == 0, run.stderr
+    (seam,) = json.loads((folder / "r.json").read_text())["seams"]
+    assert (seam["intrusion_mm"] is not None) == avoids
+    run = signsplice("inbetween", "SIGN.bvh", "--gap", "30:38", "-o", "out.bvh", "--report", "r.json", option)
+    assert run.returncode == 0, run.stderr
+    (seam,) = json.loads((folder / "r.json").read_text())["seams"]
+    assert (seam["intrusion_mm"] is not None) == avoids
+
+
+@pytest.mark.parametrize("command", ["splice", "sentence", "inbetween"])
+def test_help_shows_options_by_their_present_names_only(command: str, signsplice: Call) -> None:
+    text = signsplice(command, "--help").stdout
+    assert "--avoid-collisions / --no-avoid-collisions" in text
+    assert "body" not in text
 
 
 BAD_CALLS = [
@@ -92,7 +154,9 @@ BAD_CALLS = [
 
 
 @pytest.mark.parametrize(("call", "message"), BAD_CALLS, ids=[" ".join(call) for call, _ in BAD_CALLS])
-def test_bad_calls_get_one_line_and_write_nothing(call: tuple[str, ...], message: str, folder: Path) -> None:
+def test_a_bad_call_prints_one_line_and_writes_nothing(
+    call: tuple[str, ...], message: str, folder: Path, signsplice: Call
+) -> None:
     (folder / "bad.bvh").write_text((folder / "SIGN.bvh").read_text()[:-300])
     (folder / "bad.json").write_text("[1, 2")
     (folder / "table.bvh").write_text(
@@ -100,7 +164,7 @@ def test_bad_calls_get_one_line_and_write_nothing(call: tuple[str, ...], message
         "MOTION\nFrames: 2\nFrame Time: 0.1\n1\n2\n"
     )
     before = sorted(path.name for path in folder.iterdir())
-    run = signsplice(*call, cwd=folder)
+    run = signsplice(*call)
     assert run.returncode == 2
     assert run.stderr.startswith("error: ")
     assert run.stderr.count("\n") == 1
@@ -109,8 +173,14 @@ def test_bad_calls_get_one_line_and_write_nothing(call: tuple[str, ...], message
     assert sorted(path.name for path in folder.iterdir()) == before
 
 
-def test_inbetween_keeps_every_other_number(folder: Path) -> None:
-    run = signsplice("inbetween", "SIGN.bvh", "--gap", "30:38", "--gap", "50:55", "-o", "out.bvh", cwd=folder)
+def test_the_program_exits_with_status_2_after_a_bad_call(folder: Path) -> None:
+    run = run_program("-m", "signsplice", "splice", "nowhere.bvh", "-o", "out.bvh", cwd=folder)
+    assert (run.returncode, run.stdout) == (2, "")
+    assert run.stderr.startswith("error: nowhere.bvh: no such file")
+
+
+def test_inbetween_changes_no_other_frame(folder: Path, signsplice: Call) -> None:
+    run = signsplice("inbetween", "SIGN.bvh", "--gap", "30:38", "--gap", "50:55", "-o", "out.bvh")
     assert run.returncode == 0, run.stderr
     source, out = load(folder / "SIGN.bvh").channels, load(folder / "out.bvh").channels
     assert source is not None
@@ -122,94 +192,105 @@ def test_inbetween_keeps_every_other_number(folder: Path) -> None:
     assert not np.allclose(out.values[~kept], source.values[~kept], atol=1e-3)
 
 
-def test_inspect_tells_what_a_clip_is(folder: Path) -> None:
-    run = signsplice("inspect", "SIGN.bvh", "--json", cwd=folder)
+def test_inspect_describes_a_clip(folder: Path, signsplice: Call) -> None:
+    run = signsplice("inspect", "SIGN.bvh", "--json")
     facts = json.loads(run.stdout)
     assert (facts["rig"], facts["unit"], facts["fps"]) == ("mixamo", "cm", 30.0)
     assert (facts["joints"], facts["frames"]) == (53, len(load(folder / "SIGN.bvh")))
     assert facts["roles"]["leftUpperArm"] == "mixamorig:LeftArm"
     assert len(facts["rest"]) == 2
     assert facts["warnings"] == []
-    assert "mixamorig:LeftArm" in signsplice("inspect", "SIGN.bvh", cwd=folder).stdout
+    assert "mixamorig:LeftArm" in signsplice("inspect", "SIGN.bvh").stdout
 
 
-def test_convert_there_and_back_is_the_same_file(folder: Path) -> None:
-    assert signsplice("convert", "SIGN.bvh", "a.npz", cwd=folder).returncode == 0
-    assert signsplice("convert", "a.npz", "b.bvh", cwd=folder).returncode == 0
+def test_converted_and_converted_back_a_file_is_the_same(folder: Path, signsplice: Call) -> None:
+    assert signsplice("convert", "SIGN.bvh", "a.npz").returncode == 0
+    assert signsplice("convert", "a.npz", "b.bvh").returncode == 0
     assert (folder / "b.bvh").read_text() == (folder / "SIGN.bvh").read_text()
 
 
-def test_methods_lists_every_part(folder: Path) -> None:
-    rows = json.loads(signsplice("methods", "--json", cwd=folder).stdout)
+def test_methods_are_listed_with_their_defaults(signsplice: Call) -> None:
+    rows = json.loads(signsplice("methods", "--json").stdout)
     names = {row["name"] for row in rows}
     assert names >= {"ends", "rest-trim", "hand-distance", "pose-velocity", "hold", "linear", "slerp", "minimum-jerk"}
     assert names >= {"hermite", "quintic", "inertialize", "fixed", "travel", "speed", "tempo"}
     assert [row["name"] for row in rows if row["default"]] == ["learned", "learned", "learned"]
-    assert len(signsplice("methods", cwd=folder).stdout.splitlines()) == len(rows)
+    assert len(signsplice("methods").stdout.splitlines()) == len(rows)
 
 
-def test_roles_can_be_given_by_hand(folder: Path, words: dict[str, Clip]) -> None:
-    """A rig whose names say nothing is spliced once its roles are named."""
-    from signsplice.rig.roles import find_roles
-
+def test_a_roles_file_makes_an_unknown_rig_usable(folder: Path, words: dict[str, Clip], signsplice: Call) -> None:
     text = (folder / "SIGN.bvh").read_text()
-    renamed = {name: f"b{n:02d}" for n, name in enumerate(words["SIGN"].skeleton.names)}
-    for name in sorted(renamed, key=len, reverse=True):
-        text = text.replace(name, renamed[name])
-    (folder / "mute.bvh").write_text(text)
-    joints = find_roles(words["SIGN"].skeleton).joints
+    new_names = {name: f"b{n:02d}" for n, name in enumerate(words["SIGN"].skeleton.names)}
+    for name in sorted(new_names, key=len, reverse=True):
+        text = text.replace(name, new_names[name])
+    (folder / "unknown.bvh").write_text(text)
+    joints = rig_info(words["SIGN"].skeleton).roles.joints
     (folder / "roles.json").write_text(json.dumps({role: f"b{joint:02d}" for role, joint in joints.items()}))
-    run = signsplice("splice", "mute.bvh", "mute.bvh", "-o", "out.bvh", cwd=folder)
+    run = signsplice("splice", "unknown.bvh", "unknown.bvh", "-o", "out.bvh")
     assert run.returncode == 2
     assert "roles" in run.stderr
-    for first, second in (("mute.bvh", "mute.bvh"), ("HELLO.bvh", "mute.bvh"), ("mute.bvh", "I.bvh")):
-        run = signsplice("splice", first, second, "-o", "out.bvh", "--roles", "roles.json", cwd=folder)
+    for first, second in (("unknown.bvh", "unknown.bvh"), ("HELLO.bvh", "unknown.bvh"), ("unknown.bvh", "I.bvh")):
+        run = signsplice("splice", first, second, "-o", "out.bvh", "--roles", "roles.json")
         assert run.returncode == 0, run.stderr
     (folder / "roles.json").write_text('{"leftHand": "nowhere"}')
-    run = signsplice("splice", "mute.bvh", "mute.bvh", "-o", "out.bvh", "--roles", "roles.json", cwd=folder)
+    run = signsplice("splice", "unknown.bvh", "unknown.bvh", "-o", "out.bvh", "--roles", "roles.json")
     assert run.returncode == 2
     assert "no joint 'nowhere'" in run.stderr
 
 
-def test_evaluate_and_bench_print_json(folder: Path) -> None:
-    run = signsplice("evaluate", "--clips", "SIGN.bvh", "--json", cwd=folder)
-    told = json.loads(run.stdout)
-    assert "arm/1000" in told["signature"]
-    assert {row["n_frames"] for row in told["rows"]} == {5, 8, 12, 18, 24}
-    figures = json.loads(signsplice("bench", "--repeats", "3", "--json", cwd=folder).stdout)
+def test_evaluate_prints_json(signsplice: Call) -> None:
+    printed = json.loads(signsplice("evaluate", "--clips", "SIGN.bvh", "--json").stdout)
+    assert "arm/1000" in printed["signature"]
+    assert {row["n_frames"] for row in printed["rows"]} == {5, 8, 12, 18, 24}
+    assert {row["drawn"] for row in printed["rows"]} == {0.0}
+
+
+def test_bench_prints_json(signsplice: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(speed_parts, "N_LEXICON", 134)
+    monkeypatch.setattr(speed_parts, "N_LONG", 300)
+    monkeypatch.setattr(speed_learned, "N_STREAM", 20)
+    figures = json.loads(signsplice("bench", "--repeats", "3", "--json").stdout)
     assert figures["joints"] == 53
-    assert figures["memory"]["ratio"] < 2.0, "a splice holds less than twice its clips"
+    assert figures["memory"]["ratio"] < 2.0, "a splice allocates less than twice the size of its clips"
     assert figures["memory"]["ratio at worst"] < 2.0
 
 
-def test_demo_leaves_something_to_look_at(tmp_path: Path) -> None:
-    run = signsplice("demo", "--out", "d", cwd=tmp_path)
+def test_demo_writes_clips_pictures_and_a_report(
+    folder: Path, signsplice: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sentence = ("HELLO", "SIGN")
+    assert set(sentence) < set(demo.SENTENCE)
+    monkeypatch.setattr(demo, "SENTENCE", sentence)
+    monkeypatch.setattr(film, "GIF_SIZE", (96, 96))
+    run = signsplice("demo", "--out", "d")
     assert run.returncode == 0, run.stderr
     for name in ("sentence.bvh", "sentence.gif", "sentence.png", "report.json", "words/SIGN.bvh"):
-        assert (tmp_path / "d" / name).stat().st_size > 500
-    for gloss in demo.SENTENCE:
-        assert gloss in run.stdout
-    report = json.loads((tmp_path / "d" / "report.json").read_text())
-    assert len(load(tmp_path / "d" / "sentence.bvh")) == report["frames"]
+        assert (folder / "d" / name).stat().st_size > 500
+    assert " ".join(sentence) in run.stdout
+    report = json.loads((folder / "d" / "report.json").read_text())
+    assert len(load(folder / "d" / "sentence.bvh")) == report["frames"]
 
 
-def test_long_work_can_be_interrupted(folder: Path) -> None:
-    """Ctrl-C leaves no half-written file and no traceback."""
-    import signal
-    import time
+INTERRUPTED = """
+import signal
+from signsplice.cli import main
+from signsplice.render import film
 
-    process = subprocess.Popen(
-        [sys.executable, "-m", "signsplice", "render", "SIGN.bvh", "out.gif"],
-        cwd=folder,
-        stderr=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        text=True,
-    )
-    time.sleep(1.5)
-    process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=60)
-    if process.returncode != 0:  # it may have been done already on a quick machine
-        assert process.returncode == 130
-        assert said.strip() == "error: interrupted; nothing was half-written"
-        assert not (folder / "out.gif").exists()
-    assert [p.name for p in folder.iterdir() if p.name.startswith(".")] == []
+def draw(*arguments):
+    drawn.append(arguments)
+    if len(drawn) == 3:
+        signal.raise_signal(signal.SIGINT)
+    return draw_frame(*arguments)
+
+drawn, draw_frame, film.draw = [], film.draw, draw
+main()
+"""
+"""The program, which gets a SIGINT while it draws its third frame."""
+
+
+def test_interrupted_work_leaves_no_file_and_no_traceback(folder: Path) -> None:
+    before = sorted(path.name for path in folder.iterdir())
+    run = run_program("-c", INTERRUPTED, "render", "SIGN.bvh", "out.gif", cwd=folder)
+    assert run.returncode == 130
+    assert run.stderr.strip() == "error: interrupted; no file was left half-written"
+    assert sorted(path.name for path in folder.iterdir()) == before

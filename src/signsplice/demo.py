@@ -1,4 +1,4 @@
-"""The demo: the main job on the words that ship, with everything there is to look at."""
+"""The demo: words that ship, spliced into a sentence, with pictures and a report."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from signsplice.splicing import report
 from signsplice.splicing.engine import SpliceResult, splice
 
 SENTENCE = ("HELLO", "I", "DEAF", "I", "SIGN", "THANK-YOU")
-"""What the demo splices: a row of words chosen for their variety of places and hands, not as a grammatical sentence."""
+"""The words that the demo splices, chosen for their different locations and handshapes; no grammatical sentence."""
 
 
 def run(out: Path, progress: Callable[[int, int], None] | None = None) -> list[str]:
-    """Write the words, the sentence, its report, a contact sheet and a film into ``out``; the lines to print come
-    back.
+    """Lines that describe the result, after the words, the sentence, its report, a contact sheet and a film have been
+    written into the folder ``out``.
     """
     try:
         (out / "words").mkdir(parents=True, exist_ok=True)
@@ -46,7 +46,7 @@ def run(out: Path, progress: Callable[[int, int], None] | None = None) -> list[s
 
 
 def seam_table(result: SpliceResult) -> list[str]:
-    """A line for each seam, under a head."""
+    """Lines of a table of the seams."""
     lines = [
         f"cutter {result.cutter}, transition {result.transition}",
         f"{'seam':24} {'leave':>5} {'enter':>5} {'new':>4} {'s':>6} {'jump m/s':>9} {'peak m/s':>9} {'jerk':>5}",

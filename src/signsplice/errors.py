@@ -1,7 +1,4 @@
-"""What can go wrong, as kinds that a caller can tell apart.
-
-Every message is one line: where, what was found, what was expected, what to do.
-"""
+"""Exceptions. Every message is one line: where, what was given, what was expected, what to do."""
 
 from __future__ import annotations
 
@@ -13,13 +10,17 @@ class SignspliceError(Exception):
 
 
 class InputError(SignspliceError):
-    """An input or a call was wrong; nothing was written. The command line answers with exit status 2."""
+    """A wrong input or call; nothing was written. The command line exits with status 2."""
 
 
 class FormatError(InputError):
-    """A file does not say what its format requires.
+    """A file that does not follow its format.
 
-    The message has the form ``FILE:LINE: what, expected what``; the line is left out where a format has none.
+    what: what was found and what was expected.
+    file: path; empty for text that is not from a file.
+    line: line number; None for a format without lines.
+
+    The message is ``FILE:LINE: what``.
     """
 
     def __init__(self, what: str, *, file: str = "", line: int | None = None) -> None:
@@ -29,24 +30,28 @@ class FormatError(InputError):
 
 
 class RigMismatchError(InputError):
-    """Two skeletons have nothing in common, so no motion can be carried from one to the other."""
+    """Two skeletons with too few body parts in common to retarget motion from one to the other."""
 
 
 class UnknownGlossError(InputError):
-    """A lexicon has no such word. ``unknown``: each gloss asked for -> the nearest ones that there are."""
+    """Glosses that a lexicon does not have.
+
+    unknown: each of them -> the glosses nearest to it, none where nothing is near.
+    where: the lexicon.
+    """
 
     def __init__(self, unknown: Mapping[str, Sequence[str]], where: str) -> None:
         self.unknown = {gloss: tuple(nearest) for gloss, nearest in unknown.items()}
         self.where = where
-        told = (
+        glosses = (
             f"{gloss!r} ({'nearest: ' + ', '.join(nearest) if nearest else 'nothing is near it'})"
             for gloss, nearest in self.unknown.items()
         )
-        super().__init__(f"{where}: no gloss {'; '.join(told)}; `signsplice lexicon list` shows all")
+        super().__init__(f"{where}: no gloss {'; '.join(glosses)}; `signsplice lexicon list` shows all")
 
     def __reduce__(self) -> tuple[type[UnknownGlossError], tuple[Mapping[str, Sequence[str]], str]]:
         return type(self), (self.unknown, self.where)
 
 
 class MissingExtraError(SignspliceError):
-    """A part needs a package that an extra installs; the message names the extra."""
+    """A package is missing that an extra installs; the message names the extra."""

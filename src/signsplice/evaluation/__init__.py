@@ -1,1 +1,1 @@
-"""Every measurement of the project: hidden frames, seams, collisions, the corpus, and speed."""
+"""Every measurement of this project's own: transitions, seams, collisions, the corpus of pairs, and speed."""

@@ -1,7 +1,7 @@
-"""How deep transitions lead hands into head, trunk or the other hand, over every pair of a corpus.
+"""How deep transitions lead a hand into head, trunk or the other hand, over the pairs of a corpus.
 
-Every transition joins the pairs at their true positions, in their true time, with body sense and without; what both of
-its ends call for (``splicing.body_sense``) is not counted.
+Each transition joins each pair at its true cut with its true number of frames, with and without collision avoidance.
+Depth that the two ends of a gap already have does not count (``splicing.collision_avoidance.depths``).
 """
 
 from __future__ import annotations
@@ -12,9 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from signsplice.evaluation.tables import markdown
 from signsplice.motion.clip import Clip
 from signsplice.splicing.collision_avoidance import TOLERANCE_M, depths
-from signsplice.splicing.filling import fill, n_shown_frames
+from signsplice.splicing.cut import Cut
+from signsplice.splicing.filling import fill
+from signsplice.splicing.gap import Gap, gap_at
 from signsplice.splicing.seam import DEEP_M
 from signsplice.splicing.transition import TRANSITIONS, Transition
 from signsplice.synth.corpus import Pairs
@@ -27,8 +30,15 @@ SIGNATURE = f"intrusion|hands-in:head,trunk,hand|beyond-ends:{1e3 * TOLERANCE_M:
 
 @dataclass(frozen=True)
 class CollisionRow:
-    """A transition on ``n_gaps`` gaps of ``n_frames`` frames in all: shares of gaps and frames that lie deep, and the
-    deepest, m.
+    """One transition over all gaps; deep is a hand more than ``DEEP_M`` in the body.
+
+    transition: its name.
+    avoids_collisions: whether collision avoidance was on.
+    n_gaps: gaps filled.
+    n_frames: new frames in all gaps together.
+    deep_gaps: fraction of the gaps that have a deep frame.
+    deep_frames: fraction of the new frames that are deep.
+    deepest: greatest depth, m.
     """
 
     transition: str
@@ -41,8 +51,8 @@ class CollisionRow:
 
 
 def compared_transitions(learned: Transition | None = None) -> list[tuple[Transition, bool]]:
-    """The transitions that are compared, and whether with body sense."""
-    out = [(transition, False) for transition in TRANSITIONS.values()] + [(TRANSITIONS["hermite"], True)]
+    """Transitions to compare, each with whether it avoids collisions."""
+    out: list[tuple[Transition, bool]] = [*((t, False) for t in TRANSITIONS.values()), (TRANSITIONS["hermite"], True)]
     return out if learned is None else [*out, (learned, False), (learned, True)]
 
 
@@ -52,30 +62,28 @@ def compare(
     methods: Sequence[tuple[Transition, bool]],
     progress: Progress | None = None,
 ) -> list[CollisionRow]:
-    """Every transition on the pairs of these numbers."""
-    words = {int(p): pairs.word_clip(int(p)) for p in np.unique(pairs.index[list(numbers), :2])}
-    found: list[list[Float]] = [[] for _ in methods]
+    """One row for each method, measured on the pairs of these numbers."""
+    clips = {int(p): pairs.word_clip(int(p)) for p in np.unique(pairs.index[list(numbers), :2])}
+    found: list[list[Float]] = [[] for _ in methods]  # depths (n_frames,) of every gap, for each method
     for done, number in enumerate(numbers, 1):
-        gap = _gap(pairs, words, number)
-        for row, (transition, body_sense) in zip(found, methods, strict=True):
-            row.append(depths(fill(transition, [gap], body_sense)[0].clip, gap[0], gap[1]))
+        gap = _gap(pairs, clips, number)
+        for row, (transition, avoid) in zip(found, methods, strict=True):
+            row.append(depths(fill(transition, [gap], avoid)[0].clip, gap.before, gap.after))
         if progress is not None:
             progress(done, len(numbers))
     return [_row(*method, row) for method, row in zip(methods, found, strict=True)]
 
 
-def _gap(pairs: Pairs, words: Mapping[int, Clip], number: int) -> tuple[Clip, Clip, int]:
+def _gap(pairs: Pairs, clips: Mapping[int, Clip], number: int) -> Gap:
     p, q, pre, post, _, count = pairs.index[number].tolist()
-    before, after = words[p], words[q]
-    n_shown = n_shown_frames(before.fps)
-    return before[max(0, pre + 1 - n_shown) : pre + 1], after[post : post + n_shown], count
+    return gap_at(clips[p], clips[q], Cut(pre, post), count)
 
 
-def _row(transition: Transition, body_sense: bool, found: Sequence[Float]) -> CollisionRow:
+def _row(transition: Transition, avoid: bool, found: Sequence[Float]) -> CollisionRow:
     every = np.concatenate(found)
     return CollisionRow(
         transition=transition.name,
-        avoids_collisions=body_sense,
+        avoids_collisions=avoid,
         n_gaps=len(found),
         n_frames=len(every),
         deep_gaps=float(np.mean([depth.max() > DEEP_M for depth in found])),
@@ -86,9 +94,13 @@ def _row(transition: Transition, body_sense: bool, found: Sequence[Float]) -> Co
 
 def table(rows: Sequence[CollisionRow]) -> list[str]:
     """The rows as Markdown, with their signature."""
-    lines = [f"`{SIGNATURE}`", "", "| transition | body sense | transitions deep | frames deep | deepest, mm |"]
-    lines.append("| --- | --- | --- | --- | --- |")
-    for r in rows:
-        cells = (f"{100 * r.deep_gaps:.1f} %", f"{100 * r.deep_frames:.1f} %", f"{1e3 * r.deepest:.1f}")
-        lines.append("| " + " | ".join((r.transition, "yes" if r.avoids_collisions else "no", *cells)) + " |")
-    return [*lines, "", f"{rows[0].n_gaps} transitions of {rows[0].n_frames} frames in all, each." if rows else ""]
+    cells = (
+        (
+            *(r.transition, "yes" if r.avoids_collisions else "no"),
+            *(f"{100 * r.deep_gaps:.1f} %", f"{100 * r.deep_frames:.1f} %", f"{1e3 * r.deepest:.1f}"),
+        )
+        for r in rows
+    )
+    head = ("transition", "collision avoidance", "transitions deep", "frames deep", "deepest, mm")
+    counted = f"{rows[0].n_gaps} transitions of {rows[0].n_frames} frames in all, each." if rows else ""
+    return [f"`{SIGNATURE}`", "", *markdown(head, cells), "", counted]

@@ -8,31 +8,45 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion import kinematics
+from signsplice.evaluation.tables import markdown
+from signsplice.evaluation.wrists import wrist_positions
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.rig import metrics, proportions
-from signsplice.rig.arms import has_arms
-from signsplice.rig.roles import find_roles
+from signsplice.rig import metrics
+from signsplice.rig.info import rig_info
 from signsplice.splicing.collision_avoidance import depths
 from signsplice.splicing.filling import fill
+from signsplice.splicing.gap import Gap
 from signsplice.splicing.seam import DEEP_M
 from signsplice.splicing.transition import Transition
 
 CONTEXT = 8
-"""Frames on either side that a transition is shown."""
+"""Frames shown to a transition on either side of the gap."""
 
 LENGTHS = (5, 8, 12, 18, 24)
+"""Hidden frames per gap."""
+
 STRIDE = 6
+"""Frames from the start of one gap to the start of the next."""
 
 SIGNATURE = f"hidden-frames|context:{CONTEXT}|stride:{STRIDE}|{metrics.POSITION_ERROR}"
 
 
 @dataclass(frozen=True)
 class HiddenFrames:
-    """One transition on gaps of one length, means over ``n_gaps``; velocity jumps (m/s) are medians, ``true_`` of the
-    real motion. deep: share of the gaps in which a hand lies deep in the body beyond what both ends call for, deepest:
-    how deep, m; NaN where the rig's arms are not known. drawn: share of the gaps whose hidden frames turn evenly for
-    the most part (``measures.evenly_turning``): nobody moved so, a program drew them between keys.
+    """One transition on gaps of one length: means over the gaps, but for the two velocity jumps (medians).
+
+    transition: its name.
+    n_frames: hidden frames per gap.
+    n_gaps: gaps filled.
+    position_error: mean joint position error, arm length / 1000 (``rig.metrics.position_error``).
+    motion_ratio: path of the fingertips over that of the real motion.
+    velocity_jump: largest change of wrist velocity at the ends of the gap, m/s.
+    true_velocity_jump: the same in the real motion, m/s.
+    deep: fraction of the gaps in which a hand lies more than ``DEEP_M`` in the body, depth at the two ends not counted;
+        NaN where the rig's arms are not known.
+    deepest: greatest such depth, m; NaN where the rig's arms are not known.
+    keyframed: fraction of the gaps whose hidden frames mostly rotate at constant speed: interpolated between keys by a
+        program, not captured (``metrics.even_rotation_frames``).
     """
 
     transition: str
@@ -44,7 +58,7 @@ class HiddenFrames:
     true_velocity_jump: float
     deep: float
     deepest: float
-    drawn: float
+    keyframed: float
 
 
 def hidden_frames(
@@ -54,14 +68,13 @@ def hidden_frames(
     stride: int = STRIDE,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[HiddenFrames]:
-    """Every transition on every gap of each length, a gap every ``stride`` frames of each clip, 8 frames shown on
-    either side.
+    """One row for each length and transition, over a gap every ``stride`` frames of each clip.
 
-    A learned transition has body sense, as it has by default. Raises ``InputError`` where no clip is long enough for a
-    length.
+    Each transition sees ``CONTEXT`` frames on either side. Collision avoidance is at its default: on for learned
+    transitions. Raises ``InputError`` where no clip is long enough for a length.
     """
     rows: list[HiddenFrames] = []
-    total, done = len(lengths) * len(transitions), 0
+    total = len(lengths) * len(transitions)
     for n_frames in lengths:
         windows = [
             clip[start : start + n_frames + 2 * CONTEXT]
@@ -70,39 +83,40 @@ def hidden_frames(
         ]
         if not windows:
             raise InputError(
-                f"no clip has {n_frames + 2 * CONTEXT} frames, as a gap of {n_frames} with its context needs"
+                f"no clip has {n_frames + 2 * CONTEXT} frames, as a gap of {n_frames} frames with {CONTEXT} frames of "
+                "context on either side needs; give longer clips"
             )
-        true_jumps = [_jump(window, n_frames) for window in windows]
-        drawn = float(np.mean([_drawn(window) for window in windows]))
+        true_jump = float(np.median([_velocity_jump(window, n_frames) for window in windows]))
+        keyframed = float(np.mean([_is_keyframed(window) for window in windows]))
         for transition in transitions:
-            scores = [_score(window, transition, n_frames) for window in windows]
-            error, ratio, _, _ = np.nanmean(scores, axis=0)
-            jump, depth = np.median([score[2] for score in scores]), np.array([score[3] for score in scores])
+            scores = np.array([_score(window, transition, n_frames) for window in windows])  # (n_gaps, 4)
+            error, ratio = np.nanmean(scores[:, :2], axis=0)
+            depth = scores[:, 3]
             rows.append(
                 HiddenFrames(
-                    transition.name,
-                    n_frames,
-                    len(windows),
-                    float(error),
-                    float(ratio),
-                    float(jump),
-                    float(np.median(true_jumps)),
-                    float(np.mean(depth > DEEP_M)) if np.isfinite(depth).all() else float("nan"),
-                    float(depth.max()),
-                    drawn,
+                    transition=transition.name,
+                    n_frames=n_frames,
+                    n_gaps=len(windows),
+                    position_error=float(error),
+                    motion_ratio=float(ratio),
+                    velocity_jump=float(np.median(scores[:, 2])),
+                    true_velocity_jump=true_jump,
+                    deep=float(np.mean(depth > DEEP_M)) if np.isfinite(depth).all() else float("nan"),
+                    deepest=float(depth.max()),
+                    keyframed=keyframed,
                 )
             )
-            done += 1
             if progress is not None:
-                progress(done, total)
+                progress(len(rows), total)
     return rows
 
 
 def table(rows: Sequence[HiddenFrames]) -> list[str]:
-    """The rows as Markdown: a line for each transition, a column for each length, with signature and real motion."""
+    """The rows as Markdown with their signature: a table for each score, a column for each length."""
     lengths = sorted({row.n_frames for row in rows})
     found = {(row.transition, row.n_frames): row for row in rows}
     names = list(dict.fromkeys(row.transition for row in rows))
+    of_length = [found[names[0], n] for n in lengths]
     lines: list[str] = [f"`{SIGNATURE}`"]
     for title, field, digits in (
         ("error, arm/1000", "position_error", 1),
@@ -110,42 +124,36 @@ def table(rows: Sequence[HiddenFrames]) -> list[str]:
         ("velocity jump, m/s", "velocity_jump", 2),
         ("deepest in the body, mm", "deepest", 1),
     ):
-        lines += ["", "| " + " | ".join([title, *map(str, lengths)]) + " |", "| --- |" + " --- |" * len(lengths)]
-        for name in names:
-            scale = 1e3 if field == "deepest" else 1.0
-            values = [f"{scale * getattr(found[name, n], field):.{digits}f}" for n in lengths]
-            lines.append("| " + " | ".join([name, *values]) + " |")
+        scale = 1e3 if field == "deepest" else 1.0
+        cells = [[name, *(f"{scale * getattr(found[name, n], field):.{digits}f}" for n in lengths)] for name in names]
         if field == "velocity_jump":
-            true = [f"{found[names[0], n].true_velocity_jump:.2f}" for n in lengths]
-            lines.append("| " + " | ".join(["real motion", *true]) + " |")
-    gaps = ", ".join(f"{found[names[0], n].n_gaps} of {n}" for n in lengths)
+            cells.append(["real motion", *(f"{row.true_velocity_jump:.2f}" for row in of_length)])
+        lines += ["", *markdown((title, *lengths), cells)]
+    gaps = ", ".join(f"{row.n_gaps} of {row.n_frames}" for row in of_length)
     lines += ["", f"Gaps: {gaps} frames."]
-    drawn = [found[names[0], n].drawn for n in lengths]
-    if max(drawn) > 0.0:
-        told = ", ".join(f"{100.0 * share:.0f} % of {n}" for share, n in zip(drawn, lengths, strict=True))
-        lines += ["", f"Drawn evenly between keys by a program, not captured, for the most part: {told} frames."]
+    if any(row.keyframed > 0.0 for row in of_length):
+        fractions = ", ".join(f"{100.0 * row.keyframed:.0f} % of {row.n_frames}" for row in of_length)
+        lines += ["", f"Gaps that a program mostly interpolated between keys, not captured: {fractions} frames."]
     return lines
 
 
-def _drawn(window: Clip) -> bool:
-    """Whether most of the hidden frames turn evenly."""
+def _is_keyframed(window: Clip) -> bool:
+    """Whether more than half of the hidden frames rotate at constant speed."""
     evenly = metrics.even_rotation_frames(window[CONTEXT - 1 : 1 - CONTEXT])
     return bool(np.nansum(evenly) > 0.5 * len(evenly))
 
 
 def _score(window: Clip, transition: Transition, n_frames: int) -> tuple[float, float, float, float]:
+    """Position error, motion ratio, velocity jump (m/s) and depth (m) of a transition on one gap."""
     before, true, after = window[:CONTEXT], window[CONTEXT:-CONTEXT], window[-CONTEXT:]
-    filled = fill(transition, [(before, after, n_frames)], None)[0].clip
+    filled = fill(transition, [Gap(before, after, n_frames)], None)[0].clip
     whole = concatenate([before, filled, after])
     # Motion is counted from the last frame before to the first after, so that a held pose counts its jumps too.
     ratio = metrics.motion_ratio(whole[CONTEXT - 1 : 1 - CONTEXT], window[CONTEXT - 1 : 1 - CONTEXT])
-    depth = float(depths(filled, before, after).max()) if has_arms(window.skeleton) else float("nan")
-    return metrics.position_error(filled, true), ratio, _jump(whole, n_frames), depth
+    depth = float(depths(filled, before, after).max()) if rig_info(window.skeleton).has_arms else float("nan")
+    return metrics.position_error(filled, true), ratio, _velocity_jump(whole, n_frames), depth
 
 
-def _jump(window: Clip, n_frames: int) -> float:
-    joints = find_roles(window.skeleton).joints
-    hands = [joints[role] for role in ("leftHand", "rightHand") if role in joints]
-    _, positions = kinematics.forward(window, hands)
-    metres = proportions.sizes(window.skeleton).unit.metres
-    return metrics.velocity_jump(positions * metres, CONTEXT, CONTEXT + n_frames, window.fps)
+def _velocity_jump(window: Clip, n_frames: int) -> float:
+    """Largest change of wrist velocity at the ends of the gap, m/s."""
+    return metrics.velocity_jump(wrist_positions(window), CONTEXT, CONTEXT + n_frames, window.fps)

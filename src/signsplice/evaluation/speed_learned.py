@@ -1,16 +1,19 @@
-"""Speed of what the networks that ship do: whole seams, sentences, streams. A part of the bench."""
+"""Speed of the networks that ship: whole seams, sentences and streams."""
 
 from __future__ import annotations
 
 import time
 import tracemalloc
+from collections import deque
 from collections.abc import Iterator
+from functools import partial
 from itertools import islice
 from statistics import median
 from typing import Any
 
 import numpy as np
 
+from signsplice.evaluation.timing import forget, milliseconds
 from signsplice.lexicon import shipped
 from signsplice.motion.clip import Clip
 from signsplice.splicing.engine import splice, stream
@@ -18,75 +21,83 @@ from signsplice.splicing.learned import LearnedCutter
 from signsplice.splicing.methods import choose
 
 N_STREAM = 1000
-"""Words of a long stream; fewer where few repeats are asked for."""
+"""Words of a long stream; fewer with few repeats."""
+N_WARM_UP = 20
+"""Seams before the first that is timed."""
 
 
 def seams(repeats: int) -> dict[str, Any]:
-    """Whole seams of words that ship, each pair another one, with the networks that ship: features, cut, duration,
-    transition, body sense, join and scores, and how much of it the networks themselves take; and a sentence of ten.
+    """Times of whole seams (features, cut, duration, transition, collision avoidance, join, scores), of the part that
+    the networks take, and of a sentence of ten words; a different pair of the words that ship each time.
     """
     cutter = choose().cutter
     if not isinstance(cutter, LearnedCutter):
         return {"networks": "none to be read"}
-    graphs = cutter.reader.graphs
+    reader = cutter.reader
     with shipped() as words:
         clips = [words.clip(gloss) for gloss in words]
     rng = np.random.default_rng(0)
-    times, bare = [], []
-    for turn in range(20 * repeats + 20):
-        # Fresh views of the clips: what was read of a word for an earlier seam must not count.
-        before, after = (clips[k][:] for k in rng.choice(len(clips), 2, replace=False))
-        inside, start = graphs.seconds, time.perf_counter()
-        splice([before, after])
-        if turn >= 20:
-            times.append(1e3 * (time.perf_counter() - start))
-            bare.append(1e3 * (graphs.seconds - inside))
+    times, inside = [], []  # ms of the whole call and of the networks in it
+    for n in range(20 * repeats + N_WARM_UP):
+        pair = [clips[k] for k in rng.choice(len(clips), 2, replace=False)]
+        forget(pair, reader)
+        seconds = reader.sessions.seconds
+        took = milliseconds(partial(splice, pair))
+        if n >= N_WARM_UP:
+            times.append(took)
+            inside.append(1e3 * (reader.sessions.seconds - seconds))
     sentences = []
     for _ in range(repeats + 2):
-        row = [clips[k][:] for k in rng.choice(len(clips), 10, replace=False)]
-        start = time.perf_counter()
-        splice(row)
-        sentences.append(1e3 * (time.perf_counter() - start))
+        words_of_sentence = [clips[k] for k in rng.choice(len(clips), 10, replace=False)]
+        forget(words_of_sentence, reader)
+        sentences.append(milliseconds(partial(splice, words_of_sentence)))
     return {
         "seam, p50, ms": float(np.percentile(times, 50)),
         "seam, p99, ms": float(np.percentile(times, 99)),
-        "of it networks, ms": median(bare),
-        "by the networks alone": median(times) / median(bare),
+        "of it networks, ms": median(inside),
+        "by the networks alone": median(times) / median(inside),
         "sentence of 10 words, ms": median(sentences[2:]),
     }
 
 
 def streams(repeats: int) -> dict[str, Any]:
-    """A stream: from the second word's being known to the first piece; and a long one, its second half by its first, in
-    time and in memory at its peak.
+    """Time from the moment the second word is known to the first piece; and of a long stream the time per word and its
+    second half over its first, in time and in peak memory.
     """
+    cutter = choose().cutter
+    reader = cutter.reader if isinstance(cutter, LearnedCutter) else None
     with shipped() as words:
         clips = [words.clip(gloss) for gloss in words]
 
     def first_piece() -> float:
-        known = 0.0
+        start = 0.0
 
-        def line() -> Iterator[Clip]:
-            nonlocal known
-            yield clips[0][:]
-            known = time.perf_counter()
-            yield clips[1][:]
+        def two_words() -> Iterator[Clip]:
+            nonlocal start
+            yield clips[0]
+            start = time.perf_counter()
+            yield clips[1]
 
-        next(stream(line()))
-        return 1e3 * (time.perf_counter() - known)
+        forget(clips[:2], reader)
+        next(stream(two_words()))
+        return 1e3 * (time.perf_counter() - start)
+
+    def unread(count: int) -> Iterator[Clip]:
+        """Words in turn, each as if it were new."""
+        for n in range(count):
+            forget([clips[n % len(clips)]], reader)
+            yield clips[n % len(clips)]
 
     n_words = min(N_STREAM, 40 * repeats)
     firsts = [first_piece() for _ in range(repeats + 3)][3:]
     peaks, seconds = [], []
     for traced in (False, True):
-        pieces = stream(clips[n % len(clips)][:] for n in range(n_words))
+        pieces = stream(unread(n_words))
         for _ in range(2):
             if traced:
                 tracemalloc.start()
-            start = time.perf_counter()
-            for _ in islice(pieces, n_words):  # two pieces a word
-                pass
-            seconds.append(time.perf_counter() - start)
+            half = islice(pieces, n_words)  # a word makes two pieces
+            seconds.append(1e-3 * milliseconds(partial(deque, half, maxlen=0)))
             if traced:
                 peaks.append(tracemalloc.get_traced_memory()[1])
                 tracemalloc.stop()

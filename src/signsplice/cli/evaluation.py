@@ -1,0 +1,111 @@
+"""The command ``evaluate``: every method measured on hidden frames, at seams, or for collisions."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from signsplice.cli.aliases import former_names
+from signsplice.cli.clips import load
+from signsplice.cli.terminal import progress, warn
+from signsplice.errors import InputError
+
+if TYPE_CHECKING:
+    from signsplice.splicing.transition import Transition
+
+Measured = tuple[str, Sequence[Any], list[str]]
+"""Signature, rows, and the rows as lines of Markdown."""
+
+
+@click.command(context_settings=former_names({"joins": "seams"}))
+@click.argument("bundle", required=False, metavar="[BUNDLE]")
+@click.option("--clips", "files", multiple=True, metavar="FILE", help="Clip to hide frames of; may be repeated.")
+@click.option("--fps", type=float, metavar="N", help="With --clips: resample the clips to this rate first.")
+@click.option("--seams", "n_seams", type=int, metavar="N", help="Join N pairs of words that ship, measure the seams.")
+@click.option("--rest", metavar="NAME", help="With --seams: how the signer's arms rest: hanging [default], folded, "
+              "bent or low.")  # fmt: skip
+@click.option("--pairs", metavar="DIR", help="Corpus of pairs: measure how deep hands get into the body.")
+@click.option("--limit", type=int, metavar="N", help="With --pairs: only the first N pairs.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+def evaluate(
+    bundle: str | None,
+    files: tuple[str, ...],
+    fps: float | None,
+    n_seams: int | None,
+    rest: str | None,
+    pairs: str | None,
+    limit: int | None,
+    as_json: bool,
+) -> None:
+    """Measure every method: on frames hidden from clips (--clips), at the seams of words that were recorded apart
+    (--seams), or for collisions of the hands with the body (--pairs). BUNDLE: networks in place of those that ship.
+    """
+    from signsplice.evaluation.tables import to_json
+
+    if sum((bool(files), n_seams is not None, pairs is not None)) != 1:
+        raise InputError("expected exactly one of --clips FILE, --seams N and --pairs DIR")
+    if rest is not None and n_seams is None:
+        raise InputError("--rest sets how the signer of --seams rests; expected --seams N too")
+    if n_seams is not None:
+        signature, rows, lines = _seams(n_seams, rest or "hanging", bundle)
+    elif pairs is not None:
+        signature, rows, lines = _collisions(pairs, limit, bundle)
+    else:
+        signature, rows, lines = _hidden_frames(files, fps, bundle)
+    if as_json:
+        print(json.dumps({"signature": signature, "rows": [to_json(row) for row in rows]}, indent=2))
+        return
+    print("\n".join(lines))
+
+
+def _hidden_frames(files: tuple[str, ...], fps: float | None, bundle: str | None) -> Measured:
+    from signsplice.evaluation.hidden_frames import SIGNATURE, hidden_frames, table
+    from signsplice.motion.clip import resample
+    from signsplice.splicing.transition import TRANSITIONS
+
+    transitions = [*TRANSITIONS.values(), *_learned_transition(bundle)]
+    clips = [load(file) for file in files]
+    if fps is not None:
+        clips = [resample(clip, fps) for clip in clips]
+    with progress("evaluate") as advance:
+        rows = hidden_frames(clips, transitions, progress=advance)
+    return SIGNATURE, rows, table(rows)
+
+
+def _learned_transition(bundle: str | None) -> list[Transition]:
+    """The learned transition, where there is one; a warning where there is none."""
+    from signsplice.splicing.methods import choose
+
+    chosen = choose("ends", None, "fixed", bundle)
+    warn(chosen.warnings)
+    return [chosen.transition] if chosen.transition.learned else []
+
+
+def _collisions(folder: str, limit: int | None, bundle: str | None) -> Measured:
+    from signsplice.evaluation import collisions
+    from signsplice.synth.corpus import Pairs
+
+    pairs = Pairs(folder)
+    if limit is not None and limit < 1:
+        raise InputError(f"--limit {limit}, expected at least 1")
+    methods = collisions.compared_transitions(*_learned_transition(bundle))
+    numbers = range(len(pairs.index))[:limit]
+    with progress("pairs") as advance:
+        rows = collisions.compare(pairs, numbers, methods, advance)
+    return collisions.SIGNATURE, rows, collisions.table(rows)
+
+
+def _seams(n_pairs: int, rest: str, bundle: str | None) -> Measured:
+    from signsplice.evaluation import seams
+
+    if n_pairs < 1:
+        raise InputError(f"--seams {n_pairs}, expected at least 1")
+    with progress("seams") as advance:
+        rows = seams.compare(seams.word_pairs(n_pairs, rest=rest), seams.compared_methods(bundle), advance)
+    return seams.signature(rest), rows, seams.table(rows, rest)
+
+
+COMMANDS = (evaluate,)

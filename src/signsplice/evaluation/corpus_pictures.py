@@ -1,0 +1,142 @@
+"""Pictures of a corpus of pairs: a page of plots, and contact sheets of words, letters and pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from signsplice.errors import MissingExtraError
+from signsplice.evaluation.corpus_realism import Float, Quantity, WristMotion
+from signsplice.render.strips import Strip, write_strips
+from signsplice.synth import notation, planner
+from signsplice.synth.corpus import Pairs
+from signsplice.synth.phonology import Sign
+from signsplice.synth.rng import stream
+
+SHEET_WORDS = (
+    *("HELLO", "I", "DEAF", "SIGN", "THANK-YOU", "NAME", "MY", "YOU", "SEE", "TOMORROW"),
+    *("MOTHER", "BOOK", "LEARN", "HOUSE", "WATER", "PLEASE", "FRIEND", "UNDERSTAND", "TREE", "SCHOOL"),
+)
+_BLUE, _AMBER = "#3f6fa8", "#de8e20"
+
+
+def write_sheets(
+    pairs: Pairs, signs: Mapping[str, Sign], images: Path, advance: Callable[[int, int], None] | None
+) -> None:
+    """Write contact sheets of twenty words, all letters and ten pairs into a folder."""
+    words = [planner.isolated(signs[g]) for g in SHEET_WORDS if g in signs]
+    half = (len(words) + 1) // 2
+    for n, part in enumerate((words[:half], words[half:]), 1):
+        write_strips([_word_strip(word) for word in part], images / f"corpus-words-{n}.png", progress=advance)
+    letters = [planner.isolated(sign) for sign in notation.alphabet().values()]
+    _write_letters(letters, images / "corpus-letters.png")
+    n_words = len(pairs.head["words"]) // 2
+    chosen = stream("sheet", n_words).choice(np.flatnonzero(pairs.index[:, 0] < n_words), 10, replace=False).tolist()
+    write_strips([_pair_strip(pairs, k) for k in chosen], images / "corpus-pairs.png", progress=advance)
+
+
+def _word_strip(word: planner.IsolatedWord) -> Strip:
+    """A frame of the preparation, eight of the sign, one of the retraction."""
+    e = word.events
+    inner = np.linspace(e.start, e.end, 8).round().astype(int).tolist()
+    return Strip(word.clip, word.sign.gloss, [(e.up + e.start) // 2, *inner, (e.end + e.down) // 2])
+
+
+def _pair_strip(pairs: Pairs, number: int) -> Strip:
+    """Frames on either side of the transition and up to four of it, which are framed."""
+    pre, _, _ = pairs.truth(number)
+    count = int(pairs.index[number, 5])
+    clip = pairs.clip(number)
+    new = list(range(pre + 1, pre + 1 + count))
+    inner = [new[k] for k in np.linspace(0, count - 1, min(4, count)).round().astype(int)]
+    frames = [pre - 6, pre - 3, pre, *inner, new[-1] + 1, new[-1] + 4, new[-1] + 7]
+    return Strip(clip, clip.name.replace(" ", " > "), [min(f, len(clip) - 1) for f in frames], new)
+
+
+def _write_letters(letters: Sequence[planner.IsolatedWord], path: Path, columns: int = 9, size: int = 150) -> None:
+    """Every letter's hand at the middle of its hold, large, on one page."""
+    from signsplice.render.page import INK, PAPER, pillow, write_line
+    from signsplice.render.picture import draw_hand, make_scene
+
+    image_ = pillow("Image")
+    rows = -(-len(letters) // columns)
+    sheet = image_.new("RGB", (columns * size, rows * (size + 22)), PAPER)
+    pen = pillow("ImageDraw").Draw(sheet)
+    for n, letter in enumerate(letters):
+        frame = (letter.events.start + letter.events.end) // 2
+        x, y = n % columns * size, n // columns * (size + 22)
+        sheet.paste(image_.fromarray(draw_hand(make_scene(letter.clip), frame, "right", size)), (x, y))
+        write_line(pen, letter.sign.gloss.removeprefix("fs-"), x + 0.5 * size, y + size + 2, size, INK, 15)
+    sheet.save(path, format="PNG")
+
+
+def check_matplotlib() -> None:
+    """Raise ``MissingExtraError`` without matplotlib."""
+    try:
+        import matplotlib
+    except ImportError as error:
+        raise MissingExtraError("plots need matplotlib: pip install 'signsplice[paper]'") from error
+    matplotlib.use("Agg")
+
+
+def write_plot(
+    durations: Sequence[Quantity], motion: WristMotion, bends: Mapping[str, Mapping[str, Float]], path: Path
+) -> None:
+    """Write four plots: durations, speeds at the ends of transitions, wrist speeds, finger ranges.
+
+    bends: column -> finger joint -> its bend, degrees, of the corpus and of real clips.
+    """
+    check_matplotlib()
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(2, 2, figsize=(10.5, 7.2), constrained_layout=True)
+    _plot_durations(axes[0, 0], durations)
+    _plot_ends(axes[0, 1], motion)
+    _plot_speeds(axes[1, 0], motion)
+    _plot_bends(axes[1, 1], bends)
+    figure.savefig(path, dpi=110)
+    pyplot.close(figure)
+
+
+def _plot_durations(ax: Any, durations: Sequence[Quantity]) -> None:
+    for n, q in enumerate(durations):
+        for values, shift, colour in ((q.ours, -0.13, _BLUE), (q.real, 0.13, _AMBER)):
+            ax.plot([values[0], values[4]], [n + shift] * 2, color=colour, lw=1)
+            ax.plot([values[1], values[3]], [n + shift] * 2, color=colour, lw=6, solid_capstyle="butt")
+            ax.plot(values[2], n + shift, "k|", ms=9)
+    ax.set_yticks(range(len(durations)), [q.name for q in durations])
+    ax.invert_yaxis()
+    ax.set(title="durations: corpus (blue), Czech Sign Language (amber)", xlabel="ms; 5, 25, 50, 75, 95 %")
+
+
+def _plot_ends(ax: Any, motion: WristMotion) -> None:
+    bins = np.linspace(0.0, 1.15, 24)
+    for fractions, name, colour, real in ((motion.start, "start", _BLUE, 0.69), (motion.end, "end", _AMBER, 0.52)):
+        ax.hist(fractions, bins=bins, histtype="step", color=colour, label=name)
+        ax.axvline(real, color=colour, ls=":", label=f"{name}, DGS Corpus")
+    ax.set(title="speed at the ends of transitions over their peak", xlabel="speed / peak", ylabel="pairs")
+    ax.legend(fontsize=8)
+
+
+def _plot_speeds(ax: Any, motion: WristMotion) -> None:
+    style: dict[str, Any] = {"bins": 60, "range": (0.0, 3.0), "density": True}
+    ax.hist(motion.speed, color=_BLUE, alpha=0.75, label="all frames", **style)
+    ax.hist(motion.peak, histtype="step", color=_AMBER, label="transition peaks", **style)
+    ax.set(title="strong wrist's speed in pairs", xlabel="m/s", ylabel="density")
+    ax.legend(fontsize=8)
+
+
+def _plot_bends(ax: Any, bends: Mapping[str, Mapping[str, Float]]) -> None:
+    joints = list(bends["corpus"])
+    for k, (name, column) in enumerate(bends.items()):
+        shift = 0.25 * (k - 0.5 * (len(bends) - 1))
+        for n, joint in enumerate(joints):
+            if joint in column:
+                low, high = np.percentile(column[joint], (5, 95))
+                ax.plot([n + shift] * 2, [low, high], color=f"C{k}", lw=3, label=name if n == 0 else None)
+    ax.set_xticks(range(len(joints)), joints, rotation=90, fontsize=7)
+    ax.set(title="bend of finger joints, 5 to 95 %", ylabel="degrees")
+    ax.legend(fontsize=8)

@@ -1,0 +1,27 @@
+"""Measured rows as Markdown tables and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+_STORED = {"avoids_collisions": "body_sense", "n_seams": "n_joins", "keyframed": "drawn"}
+"""Fields of rows whose JSON key is another word: files written before must stay comparable."""
+
+
+def markdown(head: Sequence[object], rows: Iterable[Sequence[object]]) -> list[str]:
+    """Lines of a Markdown table."""
+    return [_line(head), _line(["---"] * len(head)), *map(_line, rows)]
+
+
+def _line(cells: Sequence[object]) -> str:
+    return "| " + " | ".join(map(str, cells)) + " |"
+
+
+def to_json(row: DataclassInstance) -> dict[str, Any]:
+    """A row with the keys that ``signsplice evaluate --json`` prints."""
+    return {_STORED.get(name, name): value for name, value in asdict(row).items()}
