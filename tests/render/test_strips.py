@@ -1,4 +1,4 @@
-"""Strips: a row for each clip, a picture for each frame, a frame around those of the transition."""
+"""Strips: one row for each clip, one picture for each frame, a border around frames of a transition."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from signing import word
 from signsplice.errors import InputError
+from signsplice.motion.clip import Clip
 from signsplice.render.page import PAPER, TRANSITION
 from signsplice.render.strips import Strip, write_strips
 
@@ -23,20 +23,20 @@ def page(path: Path) -> np.ndarray:
 
 
 def coloured(pixels: np.ndarray, colour: tuple[int, int, int]) -> np.ndarray:
-    """Where a page has a colour, as nearly as its palette has it."""
+    """Mask (H, W) of the pixels with a colour, within the precision of the palette."""
     return np.asarray((np.abs(pixels - colour) <= 6).all(axis=-1))
 
 
-def test_a_page_has_a_row_a_strip_and_a_column_a_frame(tmp_path: Path) -> None:
-    told: list[tuple[int, int]] = []
+def test_a_page_has_a_row_per_strip_and_a_column_per_frame(words: dict[str, Clip], tmp_path: Path) -> None:
+    calls: list[tuple[int, int]] = []
     strips = [
-        Strip(word("I").clip, "I", [5, 20, 30]),
-        Strip(word("BOOK").clip, "BOOK", [25, 30], view="side", hand="left"),
+        Strip(words["I"], "I", [5, 20, 30]),
+        Strip(words["SIGN"], "SIGN", [25, 30], view="side", hand="left"),
     ]
-    write_strips(strips, tmp_path / "page.png", cell=60, hand=40, progress=lambda done, of: told.append((done, of)))
+    write_strips(strips, tmp_path / "page.png", cell=60, hand=40, progress=lambda *call: calls.append(call))
     pixels = page(tmp_path / "page.png")
     assert pixels.shape == (2 * (LABEL + 60 + 40 + GAP), 3 * (60 + GAP) + GAP, 3)
-    assert told == [(1, 2), (2, 2)]
+    assert calls == [(1, 2), (2, 2)]
     for row, count in ((0, 3), (1, 2)):
         top = row * (LABEL + 60 + 40 + GAP)
         for column in range(3):
@@ -48,8 +48,8 @@ def test_a_page_has_a_row_a_strip_and_a_column_a_frame(tmp_path: Path) -> None:
     assert not coloured(pixels, TRANSITION).any()
 
 
-def test_marked_frames_have_a_border_and_no_other(tmp_path: Path) -> None:
-    strip = Strip(word("I").clip, "I", [5, 20, 30], marked=[20, 21])
+def test_only_marked_frames_have_a_border(words: dict[str, Clip], tmp_path: Path) -> None:
+    strip = Strip(words["I"], "I", [5, 20, 30], marked=[20, 21])
     write_strips([strip], tmp_path / "page.png", cell=60, hand=40)
     amber = coloured(page(tmp_path / "page.png"), TRANSITION)
     rows, columns = np.nonzero(amber)
@@ -60,26 +60,26 @@ def test_marked_frames_have_a_border_and_no_other(tmp_path: Path) -> None:
     assert not inside.any(), "a border, not a block"
 
 
-def test_hands_can_be_left_out(tmp_path: Path) -> None:
-    strip = Strip(word("I").clip, "I", [20])
+def test_hands_can_be_left_out(words: dict[str, Clip], tmp_path: Path) -> None:
+    strip = Strip(words["I"], "I", [20])
     write_strips([strip], tmp_path / "none.png", cell=60, hand=0)
     assert page(tmp_path / "none.png").shape[0] == LABEL + 60 + GAP
-    write_strips([Strip(word("I").clip, "I", [20], hand="")], tmp_path / "empty.png", cell=60, hand=40)
+    write_strips([Strip(words["I"], "I", [20], hand="")], tmp_path / "empty.png", cell=60, hand=40)
     pixels = page(tmp_path / "empty.png")
     assert coloured(pixels[LABEL + 60 :], PAPER).all()
 
 
-def test_the_enlarged_hand_is_the_one_asked_for(tmp_path: Path) -> None:
-    """Of a one-handed word, the hand that signs is not the one that hangs."""
+def test_the_requested_hand_is_enlarged(words: dict[str, Clip], tmp_path: Path) -> None:
+    """In a one-handed word the two hands look different."""
     for hand in ("left", "right"):
-        write_strips([Strip(word("I").clip, "I", [28], hand=hand)], tmp_path / f"{hand}.png", cell=60, hand=40)
+        write_strips([Strip(words["I"], "I", [28], hand=hand)], tmp_path / f"{hand}.png", cell=60, hand=40)
     left, right = (page(tmp_path / f"{hand}.png") for hand in ("left", "right"))
     other = np.abs(left - right).max(axis=-1)
     assert other[: LABEL + 60].max() < 32, "but for the palette, the picture above is the same"
     assert (other[LABEL + 60 :] > 64).mean() > 0.05
 
 
-def test_views_are_checked(tmp_path: Path) -> None:
+def test_unknown_views_are_refused(words: dict[str, Clip], tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no view 'top'"):
-        write_strips([Strip(word("I").clip, "I", [20], view="top")], tmp_path / "page.png")
+        write_strips([Strip(words["I"], "I", [20], view="top")], tmp_path / "page.png")
     assert not (tmp_path / "page.png").exists()

@@ -1,4 +1,4 @@
-"""Commands on one file: what it holds, another format, pictures of it."""
+"""Commands on one file: inspect it, convert it, draw it."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from pathlib import Path
 
 import click
 
-from signsplice.cli.clips import PICTURES, Spans, check_outputs, load, read_report, write
+from signsplice.cli.clips import Spans, check_outputs, load, read_report, write
 from signsplice.errors import InputError
+from signsplice.render import PICTURE_SUFFIXES
 
 
 @click.command()
@@ -17,9 +18,9 @@ from signsplice.errors import InputError
 @click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
 def inspect(file: str, as_json: bool, roles: str | None) -> None:
     """Show a clip's rig, roles found, rate, frames, units, rest spans and warnings."""
-    from signsplice.rig.inspection import inspect as look
+    from signsplice.rig.inspection import inspect as inspect_clip
 
-    facts = look(load(file, roles), file)
+    facts = inspect_clip(load(file, roles), file)
     if as_json:
         print(json.dumps(facts, indent=2, ensure_ascii=False))
         return
@@ -49,7 +50,7 @@ def convert(source: str, output: str) -> None:
 
 @click.command()
 @click.argument("source", metavar="IN")
-@click.argument("output", metavar="OUT.(png|gif|mp4)")
+@click.argument("output", metavar=f"OUT.({'|'.join(suffix[1:] for suffix in PICTURE_SUFFIXES)})")
 @click.option("--report", metavar="R.json", help="The splice's report, so that its transitions are marked.")
 @click.option("--view", default="front", show_default=True, metavar="VIEW", help="front, three-quarter or side.")
 @click.option(
@@ -57,8 +58,9 @@ def convert(source: str, output: str) -> None:
 )
 def render(source: str, output: str, report: str | None, view: str, size: str | None) -> None:
     """Draw the signer: a contact sheet (.png), or a film (.gif, .mp4)."""
-    if Path(output).suffix.lower() not in PICTURES:
-        raise InputError(f"{output}: expected a name that ends in {', '.join(PICTURES)}; use convert for other files")
+    if Path(output).suffix.lower() not in PICTURE_SUFFIXES:
+        expected = f"expected a name that ends in {', '.join(PICTURE_SUFFIXES)}"
+        raise InputError(f"{output}: {expected}; use convert for other files")
     check_outputs(output)
     clip = load(source)
     spans = _reported_spans(report, len(clip)) if report is not None else ()
@@ -74,7 +76,7 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _reported_spans(path: str, n_frames: int) -> Spans:
-    """Spans of a splice's report, checked against the clip they are to mark."""
+    """Spans of a splice's report, checked against the clip in which they are marked."""
     spans = read_report(path, n_frames)["spans"]
     return [(str(span["kind"]), span["name"] or "", *span["output"]) for span in spans]
 

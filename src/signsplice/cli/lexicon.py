@@ -1,4 +1,4 @@
-"""Commands on lexicons: building one, and seeing what one holds and whether it is whole."""
+"""Commands on lexicons: build one, list its words, check it."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ def build(folder: str, output: str, compact: bool, signer: str, roles: str | Non
 
     Glosses are the files' names, or stand in DIR/glosses.csv.
     """
-    from signsplice import lexicon as wing
+    from signsplice import lexicon as lexicons
 
-    named = _roles(roles)
+    joint_of = _read_roles(roles)
     with progress(f"building {Path(output).name}") as advance:
-        built = wing.build(
+        built = lexicons.build(
             folder,
             output,
             compact=compact,
             signer=signer,
-            roles=named,
+            roles=joint_of,
             skip_broken=skip_broken,
             progress=advance,
         )
@@ -58,8 +58,8 @@ def list_words(path: str | None, search: str | None, as_json: bool) -> None:
     with open_words(path) as words:
         entries = words.search(search or "")
         if as_json:
-            told = {"version": 1, "lexicon": str(words.path), "form": words.form, "bytes": words.n_bytes}
-            print(json.dumps(told | {"words": [_facts(entry) for entry in entries]}, indent=2, ensure_ascii=False))
+            head = {"version": 1, "lexicon": str(words.path), "form": words.form, "bytes": words.n_bytes}
+            print(json.dumps(head | {"words": [_facts(entry) for entry in entries]}, indent=2, ensure_ascii=False))
             return
         for entry in entries:
             print(_line(entry))
@@ -87,8 +87,8 @@ def _facts(entry: Entry) -> dict[str, Any]:
 def _line(entry: Entry) -> str:
     notes = [entry.signer, "checked" if entry.checked else ""]
     notes.append(f"also {', '.join(entry.synonyms)}" if entry.synonyms else "")
-    told = "; ".join(note for note in notes if note)
-    return f"{entry.gloss:24} {entry.kind:6} {entry.seconds:6.2f} s {entry.fps:7.2f} fps  {told}".rstrip()
+    joined = "; ".join(note for note in notes if note)
+    return f"{entry.gloss:24} {entry.kind:6} {entry.seconds:6.2f} s {entry.fps:7.2f} fps  {joined}".rstrip()
 
 
 def _count(n_words: int, n_letters: int) -> str:
@@ -107,13 +107,13 @@ def check(path: str, roles: str | None) -> None:
     from signsplice.lexicon import folder
     from signsplice.lexicon.index import INDEX
 
-    named = _roles(roles)
+    joint_of = _read_roles(roles)
     if (Path(path) / INDEX).exists():
         with open_words(path) as words:
             found, faults = _count(len(words), 0), list(words.faults())
     else:
         with progress(f"checking {Path(path).name}") as advance:
-            n_clips, faults = folder.check(path, named, advance)
+            n_clips, faults = folder.check(path, joint_of, advance)
         found = f"{n_clips} clip{'s' if n_clips != 1 else ''}"
     for fault in faults:
         print(" ".join(fault.splitlines()))
@@ -122,7 +122,7 @@ def check(path: str, roles: str | None) -> None:
         sys.exit(1)
 
 
-def _roles(path: str | None) -> dict[str, str] | None:
+def _read_roles(path: str | None) -> dict[str, str] | None:
     if path is None:
         return None
     from signsplice.formats.roles import read
@@ -131,10 +131,10 @@ def _roles(path: str | None) -> dict[str, str] | None:
 
 
 def open_words(path: str | None) -> Lexicon:
-    """The lexicon at a path, or the one that ships."""
-    from signsplice import lexicon as wing
+    """The lexicon at a path, by default the one that ships."""
+    from signsplice import lexicon as lexicons
 
-    return wing.shipped() if path is None else wing.open(path)
+    return lexicons.shipped() if path is None else lexicons.open(path)
 
 
 COMMANDS = (lexicon,)

@@ -1,4 +1,4 @@
-"""What the terminal is told while a command works: warnings and progress, on standard error."""
+"""Warnings and progress on standard error."""
 
 from __future__ import annotations
 

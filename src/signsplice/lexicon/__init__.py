@@ -1,4 +1,4 @@
-"""Gloss -> clip: lexicons built once from clips, opened in milliseconds, and the words that ship with the package."""
+"""Lexicons: gloss -> clip. Built once from clips, opened in milliseconds; one ships with the package."""
 
 from signsplice.lexicon.builder import Builder, building
 from signsplice.lexicon.entry import Entry

@@ -1,6 +1,4 @@
-"""Lexicons written word by word, whole or not at all: in a hidden folder beside the target, which takes its name at the
-end.
-"""
+"""Lexicons written word by word, whole or not at all: in a hidden temporary folder that is renamed at the end."""
 
 from __future__ import annotations
 
@@ -33,7 +31,11 @@ from signsplice.rig.arms import active_span, arms
 
 
 class Builder:
-    """A lexicon in the making; ``building`` opens and finishes it. Memory does not grow with the frames added."""
+    """A lexicon under construction, made by ``building``. Memory does not grow with the frames added.
+
+    form: how rotations are stored, one of ``FORMS``.
+    n_words: number of words added so far.
+    """
 
     def __init__(self, folder: Path, form: str) -> None:
         self.form = form
@@ -45,16 +47,16 @@ class Builder:
         except BaseException:
             self._frames.close()
             raise
-        self._at = HEAD_BYTES
-        self._names: dict[str, str] = {}
-        self._skeletons: dict[str, tuple[int, str, Skeleton]] = {}
-        self._seen: WeakKeyDictionary[Skeleton, str] = WeakKeyDictionary()
+        self._n_bytes = HEAD_BYTES
+        self._names: dict[str, str] = {}  # folded gloss or synonym -> gloss
+        self._skeletons: dict[str, tuple[int, str, Skeleton]] = {}  # by description
+        self._descriptions: WeakKeyDictionary[Skeleton, str] = WeakKeyDictionary()
         self._digest = hashlib.sha256()
 
     @property
     def n_bytes(self) -> int:
-        """Size of the frames so far."""
-        return self._at
+        """Size of the frames file so far."""
+        return self._n_bytes
 
     def add(
         self,
@@ -67,9 +69,9 @@ class Builder:
         source: str = "",
         checked: bool = False,
     ) -> Entry:
-        """The entry of a clip that was added; its gloss is the clip's name unless given, its kind what the gloss tells.
+        """Add a clip and return its entry. Defaults: gloss from the clip's name, kind from the gloss.
 
-        Raises ``InputError`` where a gloss or synonym is there already or is none; the lexicon can then go on.
+        Raises ``InputError`` where a gloss or synonym is taken or invalid; more words can be added after that.
         """
         gloss = gloss_of(gloss or clip.name)
         kind = kind_of(gloss, kind)
@@ -79,7 +81,7 @@ class Builder:
                 raise InputError(f"gloss {name!r} stands twice: for {gloss} and for {self._names[fold(name)]}")
         block = encode(clip, self.form)
         number, skeleton_sha256, skeleton = self._skeleton(clip.skeleton)
-        before, after = rest(replace(clip, skeleton=skeleton))
+        before, after = rest_frames(replace(clip, skeleton=skeleton))
         entry = Entry(
             gloss=gloss,
             kind=kind,
@@ -94,34 +96,34 @@ class Builder:
             sha256=fingerprint(block, skeleton_sha256, clip.fps, len(clip)),
         )
         self._frames.write(block)
-        self._index.add_word(entry, ClipLocation(number, self._at, len(block), clip.translations is not None))
+        self._index.add_word(entry, ClipLocation(number, self._n_bytes, len(block), clip.translations is not None))
         self._names |= {fold(name): gloss for name in (gloss, *other_names)}
         self._digest.update(bytes.fromhex(entry.sha256))
-        self._at += len(block)
+        self._n_bytes += len(block)
         self.n_words += 1
         return entry
 
     def _skeleton(self, skeleton: Skeleton) -> tuple[int, str, Skeleton]:
-        """The number, SHA-256 and first copy of a skeleton, which is written when it is new."""
-        described = self._seen.get(skeleton)
-        if described is None:
-            described = self._seen[skeleton] = describe(skeleton)
-        if described not in self._skeletons:
-            self._skeletons[described] = (self._index.add_skeleton(described), sha256(described), skeleton)
-        return self._skeletons[described]
+        """Number, SHA-256 and first equal copy of a skeleton; a new one is written to the index."""
+        description = self._descriptions.get(skeleton)
+        if description is None:
+            description = self._descriptions[skeleton] = describe(skeleton)
+        if description not in self._skeletons:
+            self._skeletons[description] = (self._index.add_skeleton(description), sha256(description), skeleton)
+        return self._skeletons[description]
 
     def finish(self) -> None:
-        """Write both heads, and all to the disk."""
+        """Write both heads and flush everything to disk."""
         if not self.n_words:
             raise InputError("no word was added, expected at least one")
         self._frames.seek(0)
         self._frames.write(MAGIC + self._digest.digest())
         self._frames.flush()
         os.fsync(self._frames.fileno())
-        self._index.finish(Head(self.form, self.n_words, self._at, self._digest.hexdigest()))
+        self._index.finish(Head(self.form, self.n_words, self._n_bytes, self._digest.hexdigest()))
 
     def close(self) -> None:
-        """Let go of both files."""
+        """Close both files."""
         try:
             self._index.close()
         finally:
@@ -130,10 +132,10 @@ class Builder:
 
 @contextmanager
 def building(path: str | Path, *, compact: bool = False) -> Iterator[Builder]:
-    """A builder whose lexicon lies at ``path`` when the block ends well; when it does not, nothing has changed there.
+    """A builder whose lexicon is at ``path`` when the block succeeds; when it fails, nothing has changed there.
 
-    A lexicon that lies there already is replaced. compact: int16 rotations, half the size. Raises ``InputError`` where
-    something else lies there, or it cannot be written, as on a full disk.
+    An existing lexicon is replaced. compact: int16 rotations, half the size. Raises ``InputError`` where something else
+    is at ``path``, or it cannot be written, e.g. because the disk is full.
     """
     check_target(path)
     target = Path(path).resolve()
@@ -156,8 +158,8 @@ def building(path: str | Path, *, compact: bool = False) -> Iterator[Builder]:
 
 
 def check_target(path: str | Path) -> None:
-    """Raise ``InputError`` where no lexicon can be put at ``path``: no folder for it, no permission, or something there
-    that is no lexicon and would be lost.
+    """Raise ``InputError`` where no lexicon can be written to ``path``: its folder is missing or not writable, or
+    something that is not a lexicon would be lost.
     """
     target = Path(path).resolve()
     if not target.parent.is_dir():
@@ -174,7 +176,7 @@ def check_target(path: str | Path) -> None:
 
 
 def _publish(temporary: Path, target: Path) -> None:
-    """Let a finished folder take the target's name; the lexicon that had it comes back if that fails."""
+    """Rename a finished folder to ``target``; a lexicon that was there is restored if that fails."""
     umask = os.umask(0)  # mkdtemp makes a private folder
     os.umask(umask)
     temporary.chmod(0o777 & ~umask)
@@ -193,8 +195,8 @@ def _publish(temporary: Path, target: Path) -> None:
         shutil.rmtree(attic, ignore_errors=True)
 
 
-def rest(clip: Clip) -> tuple[int | None, int | None]:
-    """Frames of rest before and after the sign; None where the rig's arms are not known."""
+def rest_frames(clip: Clip) -> tuple[int | None, int | None]:
+    """Numbers of frames of rest before and after the sign; None where the rig's arms are not known."""
     try:
         start, stop = active_span(arms(clip))
     except InputError:

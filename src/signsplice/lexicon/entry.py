@@ -1,4 +1,4 @@
-"""What a lexicon tells of a word: its gloss and other names, its rate and length, who signs and who has checked it."""
+"""The entry of a word in a lexicon, and the rules for glosses."""
 
 from __future__ import annotations
 
@@ -9,17 +9,24 @@ from signsplice.errors import InputError
 
 KINDS = ("sign", "letter")
 LETTER_MARK = "fs-"
-"""Glosses of letters begin so: fs-A."""
+"""Prefix of the glosses of letters: fs-A."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A word of a lexicon.
+    """The entry of a word in a lexicon.
 
-    gloss: its label, which is no translation. kind: "sign", or "letter" of the finger alphabet. synonyms: other glosses
-    it is found by. fps, n_frames: of its clip. signer: who signs. source: where the sign's description or recording
-    comes from. checked: a signer has said that the clip shows this sign. rest_before, rest_after: frames of rest at
-    either end, None where the rig's arms are not known. sha256: of the motion and its skeleton.
+    gloss: its label, which is not a translation.
+    kind: "sign", or "letter" of the finger alphabet.
+    synonyms: other glosses by which it is found.
+    fps: frame rate of its clip.
+    n_frames: length of its clip.
+    signer: who signs.
+    source: where the sign's description or recording comes from.
+    checked: whether a signer has confirmed that the clip shows this sign.
+    rest_before: frames of rest before the sign, None where the rig's arms are not known.
+    rest_after: frames of rest after the sign, likewise.
+    sha256: hash of the motion and its skeleton.
     """
 
     gloss: str
@@ -36,19 +43,19 @@ class Entry:
 
     @property
     def seconds(self) -> float:
-        """How long the word plays, rest included."""
+        """Duration of the clip, rest included."""
         return self.n_frames / self.fps
 
 
 def gloss_of(text: str) -> str:
-    """The gloss that a text means: upper case, ``-`` for white space, ``fs-`` before a letter; composed (NFC).
+    """The gloss that a text stands for: upper case, ``-`` for white space, ``fs-`` before a letter, composed (NFC).
 
-    Raises ``InputError`` where nothing is left or a character cannot be printed.
+    Raises ``InputError`` where nothing is left or a character is not printable.
     """
     words = "-".join(unicodedata.normalize("NFC", text).split())
     if not words.isprintable() or not words:
         raise InputError(f"gloss {text!r}, expected printable characters")
-    upper = "".join(c.upper() if len(c.upper()) == 1 else c for c in words)  # a sharp s is one letter, not two
+    upper = "".join(c.upper() if len(c.upper()) == 1 else c for c in words)  # a sharp s stays one letter
     return LETTER_MARK + upper[3:] if upper.startswith(LETTER_MARK.upper()) and len(upper) > 3 else upper
 
 
@@ -63,8 +70,9 @@ def is_letter(gloss: str) -> bool:
 
 
 def kind_of(gloss: str, kind: str = "") -> str:
-    """The kind given, or the one that the gloss tells. Raises ``InputError`` for a kind that there is not, or a letter
-    whose gloss is none.
+    """The given kind, or the one that follows from the gloss.
+
+    Raises ``InputError`` for an unknown kind, or for a letter whose gloss is not ``fs-`` and one character.
     """
     if kind and kind not in KINDS:
         raise InputError(f"kind {kind!r}, expected {' or '.join(KINDS)}")
@@ -74,5 +82,5 @@ def kind_of(gloss: str, kind: str = "") -> str:
 
 
 def fold(text: str) -> str:
-    """What a gloss is looked up by: case, white space at its ends and the way accents are coded do not count."""
+    """The key by which a gloss is looked up: case, outer white space and the encoding of accents do not matter."""
     return unicodedata.normalize("NFC", "-".join(text.split())).casefold()

@@ -1,4 +1,4 @@
-"""A folder of clips -> a lexicon, and what is wrong with such a folder."""
+"""Lexicons built from folders of clips, and the faults of such folders."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from signsplice.errors import InputError
-from signsplice.formats import SUFFIXES, load
-from signsplice.formats.roles import give
+from signsplice.formats import READ_SUFFIXES, load
+from signsplice.formats.roles import with_roles
 from signsplice.lexicon import glosses
 from signsplice.lexicon.builder import Builder, building, check_target
 from signsplice.lexicon.entry import Entry, fold, gloss_of
@@ -24,7 +24,12 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Source:
-    """A clip's file and what is told of its word; ``where`` says in messages where its gloss stands."""
+    """A clip's file and the metadata of its word.
+
+    path: the file.
+    where: where its gloss comes from, for messages.
+    gloss, kind, synonyms, signer, source, checked: as in ``Entry``; kind is empty where it follows from the gloss.
+    """
 
     path: Path
     where: str
@@ -38,7 +43,14 @@ class Source:
 
 @dataclass(frozen=True)
 class Built:
-    """What a build made, and what has to be said of it."""
+    """The result of a build.
+
+    n_words: number of words, letters included.
+    n_letters: number of letters.
+    n_bytes: size of the frames file.
+    form: how rotations are stored.
+    warnings: what a user should know, one line each.
+    """
 
     n_words: int
     n_letters: int
@@ -47,11 +59,11 @@ class Built:
     warnings: tuple[str, ...]
 
 
-def survey(folder: str | Path, signer: str = "") -> tuple[list[Source], list[str]]:
-    """Every clip below a folder in the order of names, and the faults of names and table, one line each.
+def find_sources(folder: str | Path, signer: str = "") -> tuple[list[Source], list[str]]:
+    """Every clip below a folder, sorted by name, and the faults of file names and table, one line each.
 
-    Folders within are searched, hidden ones and links to folders are not. Raises ``InputError`` where there is no clip
-    or a folder cannot be read.
+    Subfolders are searched, except hidden ones and links. Raises ``InputError`` where there is no clip or a folder
+    cannot be read.
     """
     folder = Path(folder)
     files = _files(folder)
@@ -62,17 +74,17 @@ def survey(folder: str | Path, signer: str = "") -> tuple[list[Source], list[str
             rows, faults = glosses.read(folder / TABLE)
         except InputError as error:
             faults = [str(error)]
-    named = {unicodedata.normalize("NFC", name): row for name, row in rows.items()}
+    unused = {unicodedata.normalize("NFC", name): row for name, row in rows.items()}
     sources: list[Source] = []
     for path in files:
         name = path.relative_to(folder).as_posix()
-        row = named.pop(unicodedata.normalize("NFC", name), None)
+        row = unused.pop(unicodedata.normalize("NFC", name), None)
         try:
             sources.append(_source(path, name, row, folder, signer))
         except InputError as error:
             faults.append(f"{path}: {error}; rename the file, or name its gloss in {TABLE}")
-    faults += [f"{folder / TABLE}:{row.line}: no clip {row.file} in {folder}" for row in named.values()]
-    return sources, faults + _clashes(sources)
+    faults += [f"{folder / TABLE}:{row.line}: no clip {row.file} in {folder}" for row in unused.values()]
+    return sources, faults + _duplicates(sources)
 
 
 def build(
@@ -85,25 +97,25 @@ def build(
     skip_broken: bool = False,
     progress: Progress | None = None,
 ) -> Built:
-    """What was built: a lexicon at ``output`` of every clip below ``folder``, one clip in memory at a time.
+    """Build a lexicon at ``output`` from every clip below ``folder``, with one clip in memory at a time.
 
-    signer: of the clips for which the table names none. roles: role -> joint name, for rigs not known by name.
-    skip_broken: leave broken clips out, each with a warning, rather than stop at the first. Raises ``InputError``; then
-    nothing has changed at ``output``.
+    compact: int16 rotations, half the size. signer: of clips for which the table names none. roles: role -> joint name,
+    for rigs that are not recognised by joint names. skip_broken: leave out broken clips, with a warning each, rather
+    than stop at the first. Raises ``InputError``; then nothing has changed at ``output``.
     """
     check_target(output)
-    sources, faults = survey(folder, signer)
+    sources, faults = find_sources(folder, signer)
     if faults:
         more = f" (and {len(faults) - 1} more: `signsplice lexicon check {folder}`)" if len(faults) > 1 else ""
         raise InputError(faults[0] + more)
     warnings: list[str] = []
-    n_letters = n_armless = 0
+    n_letters = n_without_arms = 0
     with building(output, compact=compact) as builder:
         for done, source in enumerate(sources, start=1):
             try:
                 entry = _add(builder, source, roles)
                 n_letters += entry.kind == "letter"
-                n_armless += entry.rest_before is None
+                n_without_arms += entry.rest_before is None
             except InputError as error:
                 if not skip_broken:
                     raise InputError(
@@ -115,9 +127,9 @@ def build(
                 progress(done, len(sources))
         if not builder.n_words:
             raise InputError(f"{folder}: every clip is broken, the first one: {warnings[0]}")
-    if n_armless:
+    if n_without_arms:
         warnings.append(
-            f"{n_armless} clips have arms that are not known by name: name them with a roles file (--roles)"
+            f"{n_without_arms} clips have arms that are not known by name: name them with a roles file (--roles)"
         )
     return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, tuple(warnings))
 
@@ -125,14 +137,14 @@ def build(
 def check(
     folder: str | Path, roles: Mapping[str, str] | None = None, progress: Progress | None = None
 ) -> tuple[int, list[str]]:
-    """Number of clips below a folder, and everything that would keep it from being built, one line each. Raises
-    ``InputError`` where there is no clip.
+    """Number of clips below a folder, and everything that prevents a build, one line each. Raises ``InputError`` where
+    there is no clip.
     """
-    sources, faults = survey(folder)
+    sources, faults = find_sources(folder)
     for done, source in enumerate(sources, start=1):
         try:
             clip = _read(source, roles)
-            with _naming(source):
+            with _prefixed_errors(source):
                 encode(clip, "float32")
         except InputError as error:
             faults.append(str(error))
@@ -142,9 +154,9 @@ def check(
 
 
 def _add(builder: Builder, source: Source, roles: Mapping[str, str] | None) -> Entry:
-    """The entry of a source that was read and added. Raises ``InputError`` that names its file."""
+    """Read a source, add it and return its entry. Raises ``InputError`` that names its file."""
     clip = _read(source, roles)
-    with _naming(source):
+    with _prefixed_errors(source):
         return builder.add(
             clip,
             source.gloss,
@@ -158,13 +170,13 @@ def _add(builder: Builder, source: Source, roles: Mapping[str, str] | None) -> E
 
 def _read(source: Source, roles: Mapping[str, str] | None) -> Clip:
     clip = load(source.path)
-    with _naming(source):
-        return clip if roles is None else give(clip, roles)
+    with _prefixed_errors(source):
+        return clip if roles is None else with_roles(clip, roles)
 
 
 @contextmanager
-def _naming(source: Source) -> Iterator[None]:
-    """Errors within name the source's file."""
+def _prefixed_errors(source: Source) -> Iterator[None]:
+    """Prefix errors within the block with the source's file."""
     try:
         yield
     except InputError as error:
@@ -174,19 +186,18 @@ def _naming(source: Source) -> Iterator[None]:
 def _files(folder: Path) -> list[Path]:
     if not folder.is_dir():
         what = "is a file" if folder.exists() else "no such folder"
-        raise InputError(f"{folder}: {what}, expected a folder of clips ({', '.join(SUFFIXES)})")
+        raise InputError(f"{folder}: {what}, expected a folder of clips ({', '.join(READ_SUFFIXES)})")
 
-    def refuse(error: OSError) -> None:
+    def fail(error: OSError) -> None:
         raise InputError(f"{error.filename}: cannot be read ({error.strerror})") from error
 
     found = []
-    for parent, inner, names in os.walk(folder, onerror=refuse):
-        inner[:] = [name for name in inner if not name.startswith(".")]
-        found += [
-            Path(parent, name) for name in names if Path(name).suffix.lower() in SUFFIXES and not name.startswith(".")
-        ]
+    for parent, subfolders, names in os.walk(folder, onerror=fail):
+        subfolders[:] = [name for name in subfolders if not name.startswith(".")]
+        visible = [Path(parent, name) for name in names if not name.startswith(".")]
+        found += [path for path in visible if path.suffix.lower() in READ_SUFFIXES]
     if not found:
-        raise InputError(f"{folder}: no clips in it, expected files that end in {' or '.join(SUFFIXES)}")
+        raise InputError(f"{folder}: no clips in it, expected files that end in {' or '.join(READ_SUFFIXES)}")
     return sorted(found, key=lambda path: path.relative_to(folder).as_posix())
 
 
@@ -205,8 +216,8 @@ def _source(path: Path, name: str, row: GlossRow | None, folder: Path, signer: s
     )
 
 
-def _clashes(sources: list[Source]) -> list[str]:
-    """A line for each name that two files would have."""
+def _duplicates(sources: list[Source]) -> list[str]:
+    """A fault for each gloss or synonym that two files would have."""
     owners: dict[str, Source] = {}
     faults = []
     for source in sources:

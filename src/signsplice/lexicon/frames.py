@@ -1,11 +1,16 @@
-"""A clip <-> the bytes it takes in a lexicon's frames file.
+"""A clip to the bytes it takes in a lexicon's frames file, and back.
 
-What does not move within a word is stored once. In order: a byte for each joint that says whether it turns, one for the
-root's place and, where bone lengths change, one more for each joint; zeros up to a multiple of 8; then for rotations,
-place and bone translations first what is still, then what moves, frame by frame; zeros again. Little-endian. Rotations
-are float32, or int16 in units of 1/32767 (an error below 1e-4 rad); all else is float32. Rotations in int16 that move
-are packed to about a quarter: four bytes that tell how many follow, then their first differences in time, all low bytes
-before all high ones, deflated.
+Values that are constant over a word are stored once. The layout, little-endian:
+
+1. one byte, 0 or 1, for each joint: whether its rotation changes; one for the root position; where bone lengths change,
+   one more for each joint: whether its translation changes; zeros up to a multiple of 8;
+2. for each of rotations, root position and bone translations: the constant values, then the changing ones frame by
+   frame;
+3. zeros up to a multiple of 8.
+
+Rotations are quaternions x y z w in float32, or in int16 with a unit of 1/32767 (an error below 1e-4 rad). All else is
+float32. Changing int16 rotations are compressed to about a quarter: a uint32 with the number of compressed bytes, then
+the differences between successive frames, all low bytes before all high bytes, deflated.
 """
 
 from __future__ import annotations
@@ -27,18 +32,23 @@ Buffer = bytes | memoryview
 
 FRAMES = "frames.bin"
 MAGIC = b"signsplice frames 2\n".ljust(32, b"\0")
-"""The file begins so; the 32 bytes of the whole lexicon's SHA-256 follow."""
+"""The first 32 bytes of the file; the lexicon's SHA-256, 32 bytes, follows."""
 HEAD_BYTES = len(MAGIC) + 32
 FORMS = ("float32", "int16")
 _UNIT = 32767.0
 _ALIGN = 8
 _LENGTH_TOLERANCE = 2e-4
-"""Rounding changes a quaternion's length by less; a larger change is damage."""
+"""Rounding changes a quaternion's length by less than this; a larger change is damage."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """What must be known to read a clip's bytes."""
+    """What must be known to decode a clip's bytes.
+
+    form: one of ``FORMS``.
+    n_frames, n_joints: of the clip.
+    has_translations: whether bone lengths change.
+    """
 
     form: str
     n_frames: int
@@ -47,7 +57,7 @@ class Shape:
 
 
 def encode(clip: Clip, form: str) -> bytes:
-    """The bytes of a clip's motion in one of ``FORMS``. Raises ``InputError`` where a position is beyond float32."""
+    """The bytes of a clip's motion in one of ``FORMS``. Raises ``InputError`` where a position exceeds float32."""
     rotations = clip.local_rotations / np.linalg.norm(clip.local_rotations, axis=-1, keepdims=True)
     tracks: list[NDArray[Any]] = [
         np.rint(rotations * _UNIT).astype("<i2") if form == "int16" else rotations.astype("<f4"),
@@ -55,41 +65,42 @@ def encode(clip: Clip, form: str) -> bytes:
     ]
     if clip.translations is not None:
         tracks.append(_positions(clip.translations, clip.name))
-    moving = [np.any(track != track[:1], axis=(0, 2)) for track in tracks]
-    parts = [_padded(np.concatenate(moving).astype(np.uint8).tobytes())]
-    for track, moves in zip(tracks, moving, strict=True):
-        moved = track[:, moves]
-        parts += [track[0, ~moves].tobytes(), _packed(moved) if moved.dtype.kind == "i" else moved.tobytes()]
+    changing = [np.any(track != track[:1], axis=(0, 2)) for track in tracks]
+    parts = [_padded(np.concatenate(changing).astype(np.uint8).tobytes())]
+    for track, changes in zip(tracks, changing, strict=True):
+        varying = track[:, changes]
+        parts.append(track[0, ~changes].tobytes())
+        parts.append(_compressed(varying) if varying.dtype.kind == "i" else varying.tobytes())
     return _padded(b"".join(parts))
 
 
 def decode(block: Buffer, shape: Shape, skeleton: Skeleton, fps: float, name: str) -> Clip:
-    """The clip whose bytes ``encode`` made, checked. Raises ``InputError`` where the bytes do not hold it."""
+    """The clip that was encoded in these bytes. Raises ``InputError`` where they are damaged or of another shape."""
     widths = [shape.n_joints, 1, shape.n_joints][: 3 if shape.has_translations else 2]
     if len(block) < sum(widths):
         raise InputError("its frames end early")
     marks = np.frombuffer(block, np.uint8, sum(widths))
     if np.any(marks > 1):
         raise InputError("its frames are not where the index says")
-    moving = [marks[start : start + n].astype(bool) for start, n in zip([0, *np.cumsum(widths)], widths, strict=False)]
+    changing = np.split(marks.astype(bool), np.cumsum(widths)[:-1])
     types = [np.dtype("<i2" if shape.form == "int16" else "<f4"), np.dtype("<f4"), np.dtype("<f4")]
     at = _aligned(sum(widths))
     tracks: list[Float] = []
-    for moves, n_parts, dtype in zip(moving, (4, 3, 3), types, strict=False):
-        n_moving = int(moves.sum())
-        n_still = len(moves) - n_moving
-        still = _validated(_numbers(block, dtype, n_parts * n_still, at).reshape(n_still, n_parts))
-        at += still.size * dtype.itemsize
-        count = shape.n_frames * n_moving * n_parts
+    for changes, n_parts, dtype in zip(changing, (4, 3, 3), types, strict=False):
+        n_changing = int(changes.sum())
+        n_constant = len(changes) - n_changing
+        constant = _validated(_numbers(block, dtype, n_parts * n_constant, at).reshape(n_constant, n_parts))
+        at += constant.size * dtype.itemsize
+        count = shape.n_frames * n_changing * n_parts
         if dtype.kind == "i":
-            numbers, size = _unpacked(block, shape.n_frames, count, at)
+            numbers, size = _decompressed(block, shape.n_frames, count, at)
         else:
             numbers, size = _numbers(block, dtype, count, at), count * dtype.itemsize
-        moved = _validated(numbers.reshape(shape.n_frames, n_moving, n_parts))
+        varying = _validated(numbers.reshape(shape.n_frames, n_changing, n_parts))
         at += size
-        track = np.empty((shape.n_frames, len(moves), n_parts))
-        track[:, ~moves] = still
-        track[:, moves] = moved
+        track = np.empty((shape.n_frames, len(changes), n_parts))
+        track[:, ~changes] = constant
+        track[:, changes] = varying
         tracks.append(track)
     if _aligned(at) != len(block):
         raise InputError("its frames are not as many as the index says")
@@ -102,16 +113,16 @@ def _numbers(block: Buffer, dtype: np.dtype[Any], count: int, at: int) -> NDArra
     return np.frombuffer(block, dtype, count, at)
 
 
-def _packed(moved: NDArray[np.int16]) -> bytes:
-    """Rotations (T, K, 4) in int16 as bytes; differences wrap round, and so does their sum."""
-    steps = np.diff(moved.reshape(len(moved), -1), axis=0, prepend=np.int16(0)).astype("<i2")
+def _compressed(rotations: NDArray[np.int16]) -> bytes:
+    """Rotations (T, K, 4) in int16, compressed. Differences may overflow, which their sum undoes."""
+    steps = np.diff(rotations.reshape(len(rotations), -1), axis=0, prepend=np.int16(0)).astype("<i2")
     split = np.ascontiguousarray(steps.T).view(np.uint8).reshape(-1, 2).T
     packed = zlib.compress(np.ascontiguousarray(split).tobytes(), 9)
     return struct.pack("<I", len(packed)) + packed
 
 
-def _unpacked(block: Buffer, n_frames: int, count: int, at: int) -> tuple[NDArray[np.int16], int]:
-    """The numbers (count,) that ``_packed`` made, and how many bytes they took. Never unpacks more than ``count``."""
+def _decompressed(block: Buffer, n_frames: int, count: int, at: int) -> tuple[NDArray[np.int16], int]:
+    """The numbers (count,) that ``_compressed`` stored, and how many bytes they took. Expands to ``count`` at most."""
     (size,) = struct.unpack("<I", bytes(_numbers(block, np.dtype(np.uint8), 4, at)))
     packed = bytes(_numbers(block, np.dtype(np.uint8), size, at + 4))
     try:
@@ -133,7 +144,7 @@ def fingerprint(block: Buffer, skeleton_sha256: str, fps: float, n_frames: int) 
 
 
 def _validated(numbers: NDArray[Any]) -> NDArray[Any]:
-    """Numbers as they are; rotations in whole units as unit quaternions."""
+    """Numbers as stored; int16 rotations as unit quaternions in float64."""
     if numbers.dtype.kind != "i":
         return numbers
     values = numbers.astype(np.float64)

@@ -1,4 +1,4 @@
-"""``glosses.csv``: what file names do not tell of a folder of clips."""
+"""``glosses.csv``: metadata of the clips of a folder that file names do not hold."""
 
 from __future__ import annotations
 
@@ -18,7 +18,12 @@ _CHECKED = {"": False, "no": False, "unknown": False, "yes": True}
 
 @dataclass(frozen=True)
 class GlossRow:
-    """A row of the table, checked; empty where the table says nothing. line: where it stands in the file."""
+    """A row of the table, checked; fields that the table leaves out are empty.
+
+    file: path of the clip, relative to the folder.
+    gloss, synonyms, signer, source, checked, kind: as in ``Entry``.
+    line: number of the row in the file.
+    """
 
     file: str
     gloss: str
@@ -33,8 +38,9 @@ class GlossRow:
 def read(path: str | Path) -> tuple[dict[str, GlossRow], list[str]]:
     """File name -> its row, and every fault of the table as a line ``FILE:LINE: what, expected what``.
 
-    A table: UTF-8, commas, a head with ``file`` and any of ``COLUMNS``; synonyms parted by ``;``; checked is yes or no.
-    Raises ``InputError`` where the file cannot be read, ``FormatError`` where its head is wrong.
+    The table is UTF-8 with commas and a header of ``file`` and any other of ``COLUMNS``; synonyms are separated by
+    ``;``; checked is yes or no. Raises ``InputError`` where the file cannot be read, ``FormatError`` where its header
+    is wrong.
     """
     file = str(path)
     try:
@@ -77,21 +83,21 @@ def _check_head(head: list[str], file: str) -> None:
 def _row(head: list[str], cells: list[str], line: int) -> GlossRow:
     if len(cells) != len(head):
         raise InputError(f"{len(cells)} cells, expected {len(head)} as in the head; quote cells that hold commas")
-    told = dict.fromkeys(COLUMNS, "") | {name: cell.strip() for name, cell in zip(head, cells, strict=True)}
-    if not told["file"]:
+    fields = dict.fromkeys(COLUMNS, "") | {name: cell.strip() for name, cell in zip(head, cells, strict=True)}
+    if not fields["file"]:
         raise InputError("no file named, expected a clip's name")
-    if told["checked"].lower() not in _CHECKED:
-        raise InputError(f"checked {told['checked']!r}, expected yes, no or nothing")
-    gloss = gloss_of(told["gloss"]) if told["gloss"] else ""
-    kind = told["kind"].lower()
-    kind_of(gloss or gloss_of(Path(told["file"]).stem), kind)
+    if fields["checked"].lower() not in _CHECKED:
+        raise InputError(f"checked {fields['checked']!r}, expected yes, no or nothing")
+    gloss = gloss_of(fields["gloss"]) if fields["gloss"] else ""
+    kind = fields["kind"].lower()
+    kind_of(gloss or gloss_of(Path(fields["file"]).stem), kind)
     return GlossRow(
-        file=told["file"].replace("\\", "/").removeprefix("./"),
+        file=fields["file"].replace("\\", "/").removeprefix("./"),
         gloss=gloss,
-        synonyms=tuple(gloss_of(name) for name in told["synonyms"].split(";") if name.strip()),
-        signer=told["signer"],
-        source=told["source"],
-        checked=_CHECKED[told["checked"].lower()],
+        synonyms=tuple(gloss_of(name) for name in fields["synonyms"].split(";") if name.strip()),
+        signer=fields["signer"],
+        source=fields["source"],
+        checked=_CHECKED[fields["checked"].lower()],
         kind=kind,
         line=line,
     )

@@ -1,7 +1,6 @@
-"""The index of a lexicon: one SQLite file that is written once, with the lexicon, and never again.
+"""The index of a lexicon: one SQLite file, written once with the lexicon and never changed.
 
-Since nobody ever writes to it, it is opened as immutable: it takes no lock, leaves no file beside it, and may lie in a
-place that cannot be written to.
+It is opened as immutable: SQLite takes no lock and creates no other file, so the folder may be read-only.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from signsplice.motion.clip import EndSite, Skeleton
 INDEX = "index.sqlite"
 VERSION = 1
 APPLICATION_ID = 0x53_50_4C_58
-"""Stands in the file's head, so that a lexicon's index is told from any other SQLite file."""
+"""SQLite's application id in the file's header, by which a lexicon's index is recognised."""
 
 _SCHEMA = f"""
 PRAGMA application_id = {APPLICATION_ID};
@@ -44,13 +43,17 @@ _COLUMNS = (
     "gloss, kind, synonyms, fps, n_frames, signer, source, checked, rest_before, rest_after, sha256, "
     "skeleton, start, n_bytes, has_translations"
 )
-_MEND = "build the lexicon again"
+REBUILD = "build the lexicon again"
 
 
 @dataclass(frozen=True)
 class Head:
-    """What an index tells of the whole: how rotations are stored, how many words, the size of the frames file and the
-    SHA-256 of all words' SHA-256s.
+    """Properties of a whole lexicon.
+
+    form: how rotations are stored.
+    n_words: number of words, letters included.
+    n_bytes: size of the frames file.
+    sha256: hash of all words' hashes.
     """
 
     form: str
@@ -61,7 +64,13 @@ class Head:
 
 @dataclass(frozen=True)
 class ClipLocation:
-    """Where a word's frames lie: its skeleton's number, first byte, bytes, and whether bone lengths change."""
+    """Where a word's clip is stored.
+
+    skeleton: number of its skeleton in the index.
+    start: first byte in the frames file.
+    n_bytes: number of bytes.
+    has_translations: whether bone lengths change.
+    """
 
     skeleton: int
     start: int
@@ -70,27 +79,28 @@ class ClipLocation:
 
 
 class IndexWriter:
-    """An index in the making, in a new file."""
+    """An index under construction, in a new file."""
 
     def __init__(self, path: Path) -> None:
         self._file = sqlite3.connect(path)
         self._file.executescript("PRAGMA journal_mode = MEMORY;" + _SCHEMA)
         self._n_words = self._n_skeletons = 0
 
-    def add_skeleton(self, described: str) -> int:
-        """The number of a skeleton, which is written as ``describe`` gives it."""
+    def add_skeleton(self, description: str) -> int:
+        """Add a skeleton, as ``describe`` gives it, and return its number."""
         self._n_skeletons += 1
-        self._file.execute("INSERT INTO skeleton VALUES (?, ?, ?)", (self._n_skeletons, sha256(described), described))
+        row = (self._n_skeletons, sha256(description), description)
+        self._file.execute("INSERT INTO skeleton VALUES (?, ?, ?)", row)
         return self._n_skeletons
 
-    def add_word(self, entry: Entry, place: ClipLocation) -> None:
-        """Write a word with all its names."""
+    def add_word(self, entry: Entry, location: ClipLocation) -> None:
+        """Add a word with its gloss and synonyms."""
         self._n_words += 1
         row = list(astuple(entry))
         row[2] = json.dumps(entry.synonyms, ensure_ascii=False)
         marks = ", ".join("?" * (len(row) + 4))
         self._file.execute(
-            f"INSERT INTO word ({_COLUMNS}, id) VALUES ({marks}, ?)", (*row, *astuple(place), self._n_words)
+            f"INSERT INTO word ({_COLUMNS}, id) VALUES ({marks}, ?)", (*row, *astuple(location), self._n_words)
         )
         names = ((entry.gloss, True), *((synonym, False) for synonym in entry.synonyms))
         self._file.executemany(
@@ -99,18 +109,18 @@ class IndexWriter:
         )
 
     def finish(self, head: Head) -> None:
-        """Write the head, and all to the disk."""
+        """Write the head and flush everything to disk."""
         self._file.execute("INSERT INTO lexicon VALUES (?, ?, ?, ?)", astuple(head))
         self._file.commit()
 
     def close(self) -> None:
-        """Let go of the file; what was not finished is lost."""
+        """Close the file; an unfinished index is lost."""
         self._file.close()
 
 
 class Index:
-    """An index that is there, for any number of threads. Raises ``InputError`` where it is missing, foreign, of a newer
-    version or damaged, when opened or whenever that shows.
+    """An index open for reading, for any number of threads. Raises ``InputError`` where it is missing, not ours, of a
+    newer version or damaged, when it is opened or when the damage is found.
     """
 
     def __init__(self, path: Path) -> None:
@@ -125,14 +135,14 @@ class Index:
             if application != APPLICATION_ID:
                 raise InputError(f"{path}: is no index of a lexicon, expected one that signsplice wrote")
             if version != VERSION:
-                raise InputError(f"{path}: version {version}, expected {VERSION}; {_MEND}, or update signsplice")
+                raise InputError(f"{path}: version {version}, expected {VERSION}; {REBUILD}, or update signsplice")
             self.head = Head(*self.ask("SELECT form, n_words, n_bytes, sha256 FROM lexicon")[0])
         except (IndexError, TypeError) as error:
             self.close()
-            raise InputError(f"{path}: is damaged (no head); {_MEND}") from error
+            raise InputError(f"{path}: is damaged (no head); {REBUILD}") from error
         except sqlite3.Error as error:
             self.close()
-            raise InputError(f"{path}: cannot be opened ({error}); {_MEND}") from error
+            raise InputError(f"{path}: cannot be opened ({error}); {REBUILD}") from error
         except BaseException:
             self.close()
             raise
@@ -141,29 +151,29 @@ class Index:
         return int(self.ask(f"PRAGMA {pragma}")[0][0])
 
     def ask(self, query: str, *values: object) -> list[Any]:
-        """All rows that answer a query."""
+        """All rows of a query."""
         with self._lock:
             if self._file is None:
                 raise InputError(f"{self.path.parent}: the lexicon is closed")
             try:
                 return self._file.execute(query, values).fetchall()
             except sqlite3.Error as error:
-                raise InputError(f"{self.path}: cannot be read ({error}); {_MEND}") from error
+                raise InputError(f"{self.path}: cannot be read ({error}); {REBUILD}") from error
 
     def find(self, name: str) -> tuple[Entry, ClipLocation] | None:
-        """The word that has a gloss or synonym, and where it lies."""
+        """The word with this gloss or synonym and its location, None where there is none."""
         rows = self.ask(
             f"SELECT {_COLUMNS} FROM word WHERE id = (SELECT word FROM name WHERE folded = ?)", _printable(fold(name))
         )
         return self._word(rows[0]) if rows else None
 
     def words(self) -> Iterator[tuple[Entry, ClipLocation]]:
-        """Every word in the order of glosses."""
+        """Every word and its location, sorted by gloss."""
         for row in self.ask(f"SELECT {_COLUMNS} FROM word ORDER BY gloss"):
             yield self._word(row)
 
     def names(self) -> list[tuple[str, str, bool]]:
-        """Every gloss and synonym: folded, as shown, whether it is a gloss; glosses in order first."""
+        """(folded, shown, is a gloss) of every gloss and synonym: sorted, glosses first."""
         rows = self.ask("SELECT folded, shown, is_gloss FROM name ORDER BY is_gloss DESC, shown")
         return [(str(folded), str(shown), bool(is_gloss)) for folded, shown, is_gloss in rows]
 
@@ -171,16 +181,16 @@ class Index:
         """A skeleton and the SHA-256 of its description."""
         rows = self.ask("SELECT described, sha256 FROM skeleton WHERE id = ?", number)
         try:
-            described, digest = rows[0]
-            if sha256(described) != digest:
+            description, digest = rows[0]
+            if sha256(description) != digest:
                 raise InputError("its SHA-256 is another")
-            return _skeleton(described), digest
+            return _skeleton(description), digest
         except (InputError, IndexError, KeyError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(f"{self.path}: skeleton {number} is damaged ({error}); {_MEND}") from error
+            raise InputError(f"{self.path}: skeleton {number} is damaged ({error}); {REBUILD}") from error
 
     def _word(self, row: tuple[Any, ...]) -> tuple[Entry, ClipLocation]:
         try:
-            gloss, kind, synonyms, fps, n_frames, signer, source, checked, before, after, digest, *place = row
+            gloss, kind, synonyms, fps, n_frames, signer, source, checked, before, after, digest, *location = row
             entry = Entry(
                 gloss=gloss,
                 kind=kind,
@@ -194,15 +204,15 @@ class Index:
                 rest_after=after,
                 sha256=digest,
             )
-            skeleton, start, n_bytes, has_translations = map(int, place)
+            skeleton, start, n_bytes, has_translations = map(int, location)
             if entry.n_frames < 1 or start < 0 or n_bytes < 0:
                 raise ValueError("negative sizes")
         except (TypeError, ValueError) as error:
-            raise InputError(f"{self.path}: word {row[0]!r} is damaged ({error}); {_MEND}") from error
+            raise InputError(f"{self.path}: word {row[0]!r} is damaged ({error}); {REBUILD}") from error
         return entry, ClipLocation(skeleton, start, n_bytes, bool(has_translations))
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         with self._lock:
             if self._file is not None:
                 self._file.close()
@@ -210,7 +220,7 @@ class Index:
 
 
 def application_id(path: Path) -> int | None:
-    """The application number in a SQLite file's head, None where it is no SQLite file or cannot be read."""
+    """The application id in a SQLite file's header, None for other files and files that cannot be read."""
     try:
         with path.open("rb") as file:
             head = file.read(72)
@@ -220,7 +230,7 @@ def application_id(path: Path) -> int | None:
 
 
 def describe(skeleton: Skeleton) -> str:
-    """A skeleton as JSON; numbers read back equal."""
+    """A skeleton as JSON; numbers are read back unchanged."""
     return json.dumps(
         {
             "names": skeleton.names,
@@ -232,14 +242,14 @@ def describe(skeleton: Skeleton) -> str:
     )
 
 
-def _skeleton(described: str) -> Skeleton:
-    told = json.loads(described)
+def _skeleton(description: str) -> Skeleton:
+    fields = json.loads(description)
     return Skeleton(
-        names=tuple(told["names"]),
-        parents=np.array(told["parents"], np.intp),
-        offsets=np.array(told["offsets"], np.float64).reshape(-1, 3),
-        end_sites=tuple(EndSite(int(joint), np.array(offset)) for joint, offset in told["end_sites"]),
-        roles=told["roles"],
+        names=tuple(fields["names"]),
+        parents=np.array(fields["parents"], np.intp),
+        offsets=np.array(fields["offsets"], np.float64).reshape(-1, 3),
+        end_sites=tuple(EndSite(int(joint), np.array(offset)) for joint, offset in fields["end_sites"]),
+        roles=fields["roles"],
     )
 
 
@@ -249,5 +259,5 @@ def sha256(text: str | bytes) -> str:
 
 
 def _printable(text: str) -> str:
-    """Text that SQLite takes: half a surrogate pair, as in names of undecodable bytes, finds nothing."""
+    """Text that SQLite accepts: lone surrogates, as in names of undecodable bytes, become ``?``."""
     return text.encode("utf-8", "replace").decode()

@@ -1,4 +1,4 @@
-"""Lexicons opened: gloss -> clip, straight from memory-mapped frames."""
+"""Lexicons open for reading: gloss -> clip, from memory-mapped frames."""
 
 from __future__ import annotations
 
@@ -14,24 +14,25 @@ from types import TracebackType
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon.entry import Entry, fold
 from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, decode, fingerprint
-from signsplice.lexicon.index import INDEX, ClipLocation, Index
+from signsplice.lexicon.index import INDEX, REBUILD, ClipLocation, Index
 from signsplice.motion.clip import Clip, Skeleton
 
 SHIPPED = Path(__file__).parent / "words"
-_NEAR = 0.55
+_MIN_SIMILARITY = 0.55
+"""Least similarity (difflib's ratio) of the glosses that ``nearest`` suggests."""
 _HINT = "build one from a folder of clips by `signsplice lexicon build`"
 
 
 class Lexicon:
-    """An open lexicon: a mapping of glosses to clips, for any number of threads, which never writes.
+    """A lexicon open for reading: a mapping of glosses to clips, for any number of threads.
 
-    Glosses and synonyms are found in any case. ``len`` and iteration count words, by their glosses. A context manager;
-    clips live on after it. Raises ``InputError`` where the folder holds no sound lexicon of this version.
+    Look-up accepts glosses and synonyms in any case; ``len`` and iteration cover glosses only. A context manager; clips
+    remain valid after it closes. Raises ``InputError`` where the folder holds no valid lexicon of this version.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        _look(self.path)
+        _check_path(self.path)
         self._index = Index(self.path / INDEX)
         self._lock = threading.Lock()
         self._skeletons: dict[int, tuple[Skeleton, str]] = {}
@@ -46,18 +47,17 @@ class Lexicon:
 
     def _map(self) -> mmap.mmap:
         path = self.path / FRAMES
-        mend = "build the lexicon again"
         try:
             with path.open("rb") as file:
                 size = file.seek(0, 2)
                 if size != self._head.n_bytes or size < HEAD_BYTES:
-                    raise InputError(f"{path}: {size} bytes, expected {self._head.n_bytes}; {mend}")
+                    raise InputError(f"{path}: {size} bytes, expected {self._head.n_bytes}; {REBUILD}")
                 frames = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
         if frames[:HEAD_BYTES].hex() != MAGIC.hex() + str(self._head.sha256):
             frames.close()
-            raise InputError(f"{path}: belongs to another index than the one beside it; {mend}")
+            raise InputError(f"{path}: belongs to another index than the one beside it; {REBUILD}")
         return frames
 
     def __enter__(self) -> Lexicon:
@@ -70,11 +70,11 @@ class Lexicon:
         return Lexicon, (self.path,)
 
     def close(self) -> None:
-        """Let go of both files."""
+        """Close both files."""
         frames, self._frames = self._frames, None
         self._index.close()
         if frames is not None:
-            with suppress(BufferError):  # another thread is reading a word: the file is let go of when that is done
+            with suppress(BufferError):  # another thread is reading a word; the file is closed when that is done
                 frames.close()
 
     @property
@@ -98,48 +98,46 @@ class Lexicon:
 
     @cached_property
     def glosses(self) -> tuple[str, ...]:
-        """Every word's gloss, in order; synonyms are not among them."""
+        """The glosses of all words, sorted; without synonyms."""
         return tuple(shown for _, shown, is_gloss in self._index.names() if is_gloss)
 
     def entries(self) -> Iterator[Entry]:
-        """What is told of every word, in the order of ``glosses``."""
+        """The entries of all words, in the order of ``glosses``."""
         return (entry for entry, _ in self._index.words())
 
     def search(self, text: str) -> list[Entry]:
-        """Words that have ``text`` in their gloss or a synonym, in any case: those that begin with it first."""
+        """Entries with ``text`` in their gloss or a synonym, in any case; those that begin with it come first."""
         wanted = fold(text)
         named = [(entry, [fold(name) for name in (entry.gloss, *entry.synonyms)]) for entry in self.entries()]
         found = [(entry, names) for entry, names in named if any(wanted in name for name in names)]
-        found.sort(key=lambda one: not any(name.startswith(wanted) for name in one[1]))
+        found.sort(key=lambda match: not any(name.startswith(wanted) for name in match[1]))
         return [entry for entry, _ in found]
 
     def entry(self, gloss: str) -> Entry:
-        """What is told of the word that has a gloss or synonym. Raises ``UnknownGlossError``, which names the nearest
-        ones.
-        """
+        """The entry of the word with this gloss or synonym. Raises ``UnknownGlossError``, which names similar ones."""
         return self._find(gloss)[0]
 
     def clip(self, gloss: str) -> Clip:
-        """The clip of the word that has a gloss or synonym, named by its gloss.
+        """The clip of the word with this gloss or synonym, named by its gloss.
 
-        Clips of one rig share one skeleton. Raises ``UnknownGlossError``, or ``InputError`` for a damaged word.
+        Clips of one rig share one skeleton object. Raises ``UnknownGlossError``, or ``InputError`` for a damaged word.
         """
         return self._clip(*self._find(gloss))
 
     def nearest(self, gloss: str, n: int = 3) -> tuple[str, ...]:
-        """Up to ``n`` glosses and synonyms that look most like ``gloss``, the likest first (difflib's ratio)."""
-        found = difflib.get_close_matches(fold(gloss), self._shown, n, _NEAR)
+        """Up to ``n`` glosses and synonyms most similar to ``gloss``, best first (difflib's ratio)."""
+        found = difflib.get_close_matches(fold(gloss), self._shown, n, _MIN_SIMILARITY)
         return tuple(self._shown[folded] for folded in found)
 
     def faults(self) -> Iterator[str]:
-        """What is wrong with the words, one line each: bytes, hashes and names against the index. Reads every frame."""
+        """Faults of the words, one line each: checks bytes, hashes and names against the index. Reads every frame."""
         n_words = 0
-        for entry, place in self._index.words():
+        for entry, location in self._index.words():
             n_words += 1
             try:
-                self._clip(entry, place)
-                block = self._block(place)
-                if fingerprint(block, self._skeleton(place.skeleton)[1], entry.fps, entry.n_frames) != entry.sha256:
+                self._clip(entry, location)
+                block = self._block(location)
+                if fingerprint(block, self._skeleton(location.skeleton)[1], entry.fps, entry.n_frames) != entry.sha256:
                     yield f"{self.path}: word {entry.gloss!r}: its SHA-256 is another than when it was written"
                 for name in (entry.gloss, *entry.synonyms):
                     found = self._index.find(name)
@@ -160,22 +158,20 @@ class Lexicon:
             raise UnknownGlossError({gloss: self.nearest(gloss)}, str(self.path))
         return found
 
-    def _clip(self, entry: Entry, place: ClipLocation) -> Clip:
-        block = self._block(place)
+    def _clip(self, entry: Entry, location: ClipLocation) -> Clip:
+        block = self._block(location)
         try:
-            skeleton, _ = self._skeleton(place.skeleton)
-            shape = Shape(self.form, entry.n_frames, len(skeleton), place.has_translations)
+            skeleton, _ = self._skeleton(location.skeleton)
+            shape = Shape(self.form, entry.n_frames, len(skeleton), location.has_translations)
             return decode(block, shape, skeleton, entry.fps, entry.gloss)
         except (InputError, MemoryError) as error:
-            raise InputError(
-                f"{self.path}: word {entry.gloss!r} is damaged ({error}); build the lexicon again"
-            ) from error
+            raise InputError(f"{self.path}: word {entry.gloss!r} is damaged ({error}); {REBUILD}") from error
 
-    def _block(self, place: ClipLocation) -> memoryview:
+    def _block(self, location: ClipLocation) -> memoryview:
         frames = self._frames  # once, since another thread may close
         if frames is None or frames.closed:
             raise InputError(f"{self.path}: the lexicon is closed")
-        return memoryview(frames)[place.start : place.start + place.n_bytes]
+        return memoryview(frames)[location.start : location.start + location.n_bytes]
 
     def _skeleton(self, number: int) -> tuple[Skeleton, str]:
         with self._lock:
@@ -185,21 +181,21 @@ class Lexicon:
 
 
 def open_lexicon(path: str | Path) -> Lexicon:
-    """The lexicon in a folder, open for reading. Raises ``InputError`` where there is none, or it is damaged or newer
-    than this version of signsplice.
+    """Open the lexicon in a folder. Raises ``InputError`` where there is none, or it is damaged or newer than this
+    version of signsplice.
     """
     return Lexicon(path)
 
 
 def shipped() -> Lexicon:
-    """The words that ship with the package. Raises ``InputError`` where this build of it has none."""
+    """Open the lexicon that ships with the package. Raises ``InputError`` where this build has none."""
     if not SHIPPED.is_dir():
         raise InputError(f"no words ship with this build of signsplice; name a lexicon (--lexicon DIR), or {_HINT}")
     return Lexicon(SHIPPED)
 
 
-def _look(path: Path) -> None:
-    """Raise ``InputError`` where a path is plainly no lexicon."""
+def _check_path(path: Path) -> None:
+    """Raise ``InputError`` where a path is clearly not a lexicon."""
     try:
         if not path.exists():
             raise InputError(f"{path}: no such folder, expected a lexicon; {_HINT}")

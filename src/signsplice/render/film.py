@@ -1,4 +1,4 @@
-"""Contact sheets and films: .png, .gif, .mp4, written whole or not at all."""
+"""Contact sheets (``.png``) and films (``.gif``, ``.mp4``), written whole or not at all."""
 
 from __future__ import annotations
 
@@ -14,24 +14,23 @@ import numpy as np
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
 from signsplice.formats.atomic import replacing
 from signsplice.motion.clip import Clip
+from signsplice.render import PICTURE_SUFFIXES
 from signsplice.render.page import INK, PAPER, SIGN, TRANSITION, Mark, Progress, caption, pillow, write_line
-from signsplice.render.picture import Scene, draw, scene, small_colours
+from signsplice.render.picture import Scene, detail_colours, draw, make_scene
 from signsplice.render.sheet import write_sheet
 
 __all__ = ["Mark", "Progress", "find_ffmpeg", "gif_timing", "write"]
 
 GIF_FPS = 25.0
-"""The most frames a second that viewers play a GIF at faithfully; faster clips are thinned."""
-
-SUFFIXES = (".png", ".gif", ".mp4")
+"""Highest frame rate that viewers play reliably in a GIF; of faster clips frames are left out."""
 
 GIF_SIZE = (480, 480)
 _N_FREE = 200
-"""Colours of a GIF that its first picture chooses; the others are kept for marks, hands and mouth."""
+"""Colours of a GIF chosen from its first picture; the others are reserved for marks, hands and mouth."""
 
 MP4_SIZE = (1080, 1080)
 CRF = 20
-"""x264's constant rate factor: 0 loses nothing, 51 most."""
+"""x264's constant rate factor: 0 is lossless, 51 the lowest quality."""
 
 
 def write(
@@ -45,41 +44,42 @@ def write(
 ) -> None:
     """Draw a clip from one of ``picture.VIEWS``: a contact sheet (.png) or a film (.gif, .mp4), by suffix.
 
-    size: width and height of a film, both even; (1920, 1080) for a full-HD one. crf: quality of .mp4. Raises
-    ``MissingExtraError`` where Pillow or an ffmpeg is missing, ``InputError`` for another suffix.
+    marks: spans shown in the picture. size: width and height of a film in pixels, both even, such as (1920, 1080).
+    crf: quality of .mp4, see ``CRF``. Raises ``MissingExtraError`` where Pillow or ffmpeg is missing, ``InputError``
+    for another suffix.
     """
     suffix = Path(path).suffix.lower()
-    if suffix not in SUFFIXES:
-        raise InputError(f"{path}: pictures end in {', '.join(SUFFIXES)}, not {suffix or '(nothing)'}")
+    if suffix not in PICTURE_SUFFIXES:
+        raise InputError(f"{path}: pictures end in {', '.join(PICTURE_SUFFIXES)}, not {suffix or '(nothing)'}")
     if size is not None and (suffix == ".png" or min(size) < 64 or any(side % 2 for side in size)):
         raise InputError(f"size {size} for {suffix}: expected even width and height from 64, for .gif and .mp4 only")
     if not 0 <= crf <= 51:
         raise InputError(f"crf {crf}, expected 0 (loses nothing) to 51")
-    ready = scene(clip, view)
+    scene = make_scene(clip, view)
     with replacing(path) as temporary:
         if suffix == ".png":
-            write_sheet(clip, ready, temporary, marks, progress)
+            write_sheet(clip, scene, temporary, marks, progress)
         elif suffix == ".gif":
-            _write_gif(clip, ready, temporary, marks, progress, size or GIF_SIZE)
+            _write_gif(clip, scene, temporary, marks, progress, size or GIF_SIZE)
         else:
-            _write_mp4(clip, ready, temporary, marks, progress, size or MP4_SIZE, crf)
+            _write_mp4(clip, scene, temporary, marks, progress, size or MP4_SIZE, crf)
 
 
 def _pictures(
-    clip: Clip, ready: Scene, size: tuple[int, int], frames: Sequence[int], marks: Sequence[Mark]
+    clip: Clip, scene: Scene, size: tuple[int, int], frames: Sequence[int], marks: Sequence[Mark]
 ) -> Iterator[Any]:
-    """Pillow images of ``frames``: the signer over a bar that shows the spans, where playing is, and the word."""
+    """Pillow images of ``frames``: the signer, and below a bar with the caption, the spans and the playhead."""
     image_, draw_ = pillow("Image"), pillow("ImageDraw")
     width, height = size
     bar = max(36, height // 14) // 2 * 2
     for frame in frames:
         page = image_.new("RGB", size, PAPER)
-        page.paste(image_.fromarray(draw(ready, frame, width, height - bar)), (0, 0))
+        page.paste(image_.fromarray(draw(scene, frame, width, height - bar)), (0, 0))
         pen = draw_.Draw(page)
-        text, moving = caption(marks, frame)
-        if moving:  # around the picture alone: the timeline below stays in sight
+        text, in_transition = caption(marks, frame)
+        if in_transition:  # around the picture only: the timeline below stays visible
             pen.rectangle((0, 0, width - 1, height - bar - 1), outline=TRANSITION, width=max(2, width // 160))
-        ink = TRANSITION if moving else INK
+        ink = TRANSITION if in_transition else INK
         write_line(pen, text, 0.5 * width, height - bar + 2, width - 16, ink, bar // 2)
         thick = max(8, height // 90)
         for mark in marks:
@@ -92,13 +92,13 @@ def _pictures(
 
 
 def _write_gif(
-    clip: Clip, ready: Scene, path: Path, marks: Sequence[Mark], progress: Progress | None, size: tuple[int, int]
+    clip: Clip, scene: Scene, path: Path, marks: Sequence[Mark], progress: Progress | None, size: tuple[int, int]
 ) -> None:
     frames, delays = gif_timing(len(clip), clip.fps)
     pages: list[Any] = []
     image_ = pillow("Image")
     palette: Any = None
-    for page in _pictures(clip, ready, size, frames, marks):
+    for page in _pictures(clip, scene, size, frames, marks):
         if palette is None:
             palette = page.quantize(colors=_N_FREE, method=image_.Quantize.MEDIANCUT)
             palette = _with_colours(palette)
@@ -117,21 +117,22 @@ def _write_gif(
 
 
 def _with_colours(palette: Any) -> Any:
-    """The palette with the colours of marks, hands and mouth added: the first picture may show few of them."""
+    """The palette with the colours of marks, hands and mouth added, of which the first picture may show few."""
     colours = palette.getpalette()[: _N_FREE * 3]
     colours += [PAPER[0]] * (_N_FREE * 3 - len(colours))
-    colours += [channel for colour in small_colours() for channel in colour]
+    colours += [channel for colour in detail_colours() for channel in colour]
     for colour in (TRANSITION, SIGN, INK):
-        for share in (1.0, 0.75, 0.5, 0.25):
-            colours += [round(share * c + (1.0 - share) * p) for c, p in zip(colour, PAPER, strict=True)]
+        for alpha in (1.0, 0.75, 0.5, 0.25):
+            colours += [round(alpha * c + (1.0 - alpha) * p) for c, p in zip(colour, PAPER, strict=True)]
     palette.putpalette([*colours, *PAPER])
     return palette
 
 
 def gif_timing(n_frames: int, fps: float) -> tuple[list[int], list[int]]:
-    """Frames of a clip that a GIF shows, and how long each stays, in hundredths of a second.
+    """Frames of a clip that a GIF shows, and the duration of each in hundredths of a second.
 
-    GIF counts in hundredths: each delay ends at the hundredth nearest to the clip's own time, so errors never add up.
+    GIF stores hundredths: each frame ends at the hundredth nearest to its time in the clip, so that errors do not add
+    up.
     """
     shown = max(1, int(np.ceil(n_frames * min(1.0, GIF_FPS / fps))))
     starts = np.floor(np.arange(shown) * n_frames / shown + 1e-9).astype(int)
@@ -142,7 +143,7 @@ def gif_timing(n_frames: int, fps: float) -> tuple[list[int], list[int]]:
 
 def _write_mp4(
     clip: Clip,
-    ready: Scene,
+    scene: Scene,
     path: Path,
     marks: Sequence[Mark],
     progress: Progress | None,
@@ -152,41 +153,30 @@ def _write_mp4(
     command = [
         *(find_ffmpeg(), "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"),
         *("-s", f"{size[0]}x{size[1]}", "-r", f"{clip.fps:.6f}", "-i", "-", "-an"),
-        *(
-            "-c:v",
-            "libx264",
-            "-pix_fmt",
-            "yuv420p",
-            "-crf",
-            str(crf),
-            "-movflags",
-            "+faststart",
-            "-f",
-            "mp4",
-            str(path),
-        ),
+        *("-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", str(crf)),
+        *("-movflags", "+faststart", "-f", "mp4", str(path)),
     ]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
     assert process.stdin is not None
     try:
-        for n, page in enumerate(_pictures(clip, ready, size, range(len(clip)), marks)):
+        for n, page in enumerate(_pictures(clip, scene, size, range(len(clip)), marks)):
             process.stdin.write(page.tobytes())
             if progress is not None:
                 progress(n + 1, len(clip))
-        _, said = process.communicate()
+        _, errors = process.communicate()
     except BrokenPipeError:
-        _, said = process.communicate()
+        _, errors = process.communicate()
     except BaseException:
         process.kill()
         process.communicate()  # closes both pipes, and waits
         raise
     if process.returncode != 0:
-        reason = said.decode(errors="replace").strip().splitlines()
+        reason = errors.decode(errors="replace").strip().splitlines()
         raise SignspliceError(f"ffmpeg failed: {reason[-1] if reason else process.returncode}")
 
 
 def find_ffmpeg() -> str:
-    """Path of an ffmpeg: the one on PATH, else the one that imageio-ffmpeg brings. Raises ``MissingExtraError``."""
+    """Path of an ffmpeg: the one on PATH, else that of imageio-ffmpeg. Raises ``MissingExtraError``."""
     found = shutil.which("ffmpeg")
     if found is None:
         try:

@@ -1,4 +1,4 @@
-"""What stands around a picture: marks of signs and transitions, their colours and captions."""
+"""Captions, colours and marks that pages and films share, and access to Pillow."""
 
 from __future__ import annotations
 
@@ -16,13 +16,18 @@ Progress = Callable[[int, int], None]
 INK, PAPER = (45, 45, 50), (244, 241, 236)
 SIGN, TRANSITION = (108, 128, 160), (222, 142, 32)
 
-
 _FONTS = ("NotoSans-Regular.ttf", "DejaVuSans.ttf", "Arial Unicode.ttf", "arial.ttf", "Arial.ttf")
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A stretch of frames [start, stop) to be marked: kind "sign" or "transition", and the word's name."""
+    """A span of frames to mark.
+
+    kind: "sign" or "transition".
+    name: of the word, may be empty.
+    start: first frame.
+    stop: frame after the last.
+    """
 
     kind: str
     name: str
@@ -39,12 +44,12 @@ def pillow(module: str) -> ModuleType:
 
 
 def mark_at(marks: Sequence[Mark], frame: int) -> Mark | None:
-    """The mark that a frame lies in, None where none does."""
+    """The mark that contains a frame, None where none does."""
     return next((mark for mark in marks if mark.start <= frame < mark.stop), None)
 
 
 def caption(marks: Sequence[Mark], frame: int) -> tuple[str, bool]:
-    """What to write under a frame, and whether it lies in a transition: the word, or the words on either side."""
+    """The caption of a frame, and whether it is in a transition: the word, or the words before and after."""
     mark = mark_at(marks, frame)
     if mark is None or mark.kind != "transition":
         return (mark.name if mark is not None else ""), False
@@ -57,8 +62,8 @@ def caption(marks: Sequence[Mark], frame: int) -> tuple[str, bool]:
 def write_line(
     pen: Any, text: str, centre: float, top: float, width: float, ink: tuple[int, int, int], size: int
 ) -> None:
-    """Draw one centred line with a Pillow pen, cut short with dots where it is wider than ``width`` pixels."""
-    text, font = _lettering(text, size)
+    """Draw one centred line with a Pillow pen; where it is wider than ``width`` pixels, its end becomes dots."""
+    text, font = _text_and_font(text, size)
     if pen.textlength(text, font=font) > width:
         while text and pen.textlength(text + "...", font=font) > width:
             text = text[:-1]
@@ -66,11 +71,11 @@ def write_line(
     pen.text((centre - 0.5 * pen.textlength(text, font=font), top), text, fill=ink, font=font)
 
 
-def _lettering(text: str, size: int) -> tuple[str, Any]:
+def _text_and_font(text: str, size: int) -> tuple[str, Any]:
     """The text and a font that has its letters.
 
-    Pillow's own font knows ASCII alone. Other letters take a font of the system; where there is none they lose their
-    accents, and those that are no accented Latin letters stand as "?".
+    Pillow's own font has only ASCII. Other letters need a font of the system; without one, accents are removed, and
+    letters that are not accented Latin become "?".
     """
     font_ = pillow("ImageFont")
     if not text.isascii():

@@ -1,4 +1,4 @@
-"""A z-buffer of shaded triangles, seen straight on (orthographic)."""
+"""A z-buffer rasterizer of shaded triangles, orthographic, in numpy."""
 
 from __future__ import annotations
 
@@ -9,23 +9,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 Pixels = NDArray[np.float32]
-
 Indices = NDArray[np.intp]
 
 _LIGHT = np.array([-0.45, 0.62, 0.78], np.float32) / np.float32(np.linalg.norm([-0.45, 0.62, 0.78]))
 _AMBIENT, _DIFFUSE, _RIM = 0.50, 0.52, 0.10
 _BOXES = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 64, 128, 512, 4096)
-"""Triangles whose boxes are about as large are drawn together, pixels."""
+"""Triangles are drawn in batches by the size of their bounding boxes; limits of the batches, pixels."""
 _AT_ONCE = 1 << 21
-"""Pixels that are looked at in one go."""
+"""Pixels tested in one batch."""
 _EDGE = np.float32(-1e-4)
-"""So little outside of a triangle is in it: no gap is left between two."""
+"""Tolerance of barycentric coordinates, so that no gap is left between triangles."""
 
 
 @dataclass(eq=False)
 class Canvas:
-    """A picture in the making: colour (H, W, 3) 0..1, depth (H, W) towards the viewer, and which group each pixel
-    shows: -1 nothing, 0 what needs no outline where it meets something at one depth.
+    """A picture under construction.
+
+    width, height: pixels.
+    background: colour, 0..1.
+    colour: (H, W, 3) 0..1.
+    depth: (H, W) towards the viewer, pixels; -inf where nothing is drawn.
+    group: (H, W) group of the triangle at each pixel; -1 where nothing is drawn. Groups above 0 are outlined where they
+        meet at the same depth.
     """
 
     width: int
@@ -42,10 +47,10 @@ class Canvas:
         self.group = np.full((self.height, self.width), -1, np.int16)
 
     def mesh(self, points: Pixels, light: Pixels, triangles: Indices, tints: Pixels, groups: NDArray[np.int16]) -> None:
-        """Draw a closed skin of triangles (F, 3), seen from outside where their corners run against the clock.
+        """Draw a closed surface of triangles (F, 3); those whose corners run clockwise face away and are left out.
 
-        points: (V, 3) pixels right, pixels up, pixels towards the viewer. light: (V,) of each vertex, spread over the
-        triangles between (Gouraud 1971). tints: (F, 3) colours; groups: (F,) which each belongs to.
+        points: (V, 3) pixels right, up, and towards the viewer. light: (V,) brightness of each vertex, interpolated
+        over triangles (Gouraud 1971). tints: (F, 3) colour of each triangle. groups: (F,) group of each triangle.
         """
         x, y, z = (points[:, k][triangles] for k in range(3))
         y = np.float32(self.height) - y
@@ -55,12 +60,12 @@ class Canvas:
         left, top = np.maximum(left, 0.0), np.maximum(top, 0.0)
         right, bottom = np.minimum(right, self.width - 1.0), np.minimum(bottom, self.height - 1.0)
         sizes = np.maximum(right - left, bottom - top) + 1.0
-        seen = (area < 0.0) & (right >= left) & (bottom >= top)
+        visible = (area < 0.0) & (right >= left) & (bottom >= top)
         samples = [
             part
             for least, most in pairwise(_BOXES)
-            for some in _portions(np.flatnonzero(seen & (sizes > least) & (sizes <= most)), int(most))
-            for part in [_samples(x[some], y[some], area[some], left[some], top[some], int(most), some)]
+            for batch in _batches(np.flatnonzero(visible & (sizes > least) & (sizes <= most)), int(most))
+            for part in [_samples(x[batch], y[batch], area[batch], left[batch], top[batch], int(most), batch)]
         ]
         if not samples:
             return
@@ -80,17 +85,17 @@ class Canvas:
         colour[at] = shade[:, None] * tints[owner]
 
     def finish(self, step: float, near: float, far: float) -> NDArray[np.uint8]:
-        """The picture (H/2, W/2, 3), 0..255: outlined, toned by depth, and halved in size to smooth edges.
+        """The picture (H/2, W/2, 3), 0..255: outlined, shaded by depth, and halved in size to smooth edges.
 
-        step: a jump of depth (pixels) that counts as one thing before another; near, far: depths that are toned
-        brightest and dimmest.
+        step: depth difference, pixels, at which one surface is outlined against another behind it. near, far: depths
+        that get the brightest and the darkest shade.
         """
         shown = np.empty((self.height // 2, self.width // 2, 3), np.uint8)
         shown[:] = np.asarray(self.background, np.float32) * np.float32(255.0) + np.float32(0.5)
         rows, columns = (np.flatnonzero((self.group >= 0).any(axis=axis)) for axis in (1, 0))
         if not rows.size:
             return shown
-        # Only where something is drawn, and a little around it; from even to even pixels.
+        # Only the drawn area with a small margin, aligned to even pixels.
         y0, y1 = max(rows[0] - 2, 0) // 2 * 2, min(rows[-1] + 4, self.height) // 2 * 2
         x0, x1 = max(columns[0] - 2, 0) // 2 * 2, min(columns[-1] + 4, self.width) // 2 * 2
         box = slice(y0, y1), slice(x0, x1)
@@ -107,32 +112,32 @@ class Canvas:
 
 
 def lit(normals: Pixels) -> Pixels:
-    """Light (V,) that falls on a skin with normals (V, 3): right, up, towards the viewer."""
+    """Brightness (V,) of a surface with unit normals (V, 3): right, up, towards the viewer."""
     facing = np.clip(normals[:, 2], 0.0, 1.0)
     light = _AMBIENT + _DIFFUSE * np.maximum(normals @ _LIGHT, 0.0) - _RIM * (1.0 - facing) ** 3
     return np.asarray(light, np.float32)
 
 
-def _portions(chosen: Indices, side: int) -> list[Indices]:
-    """Triangles whose boxes have so many pixels to a side, as many at a time as are looked at in one go."""
+def _batches(triangles: Indices, side: int) -> list[Indices]:
+    """Triangles with boxes of ``side`` pixels, in batches of at most ``_AT_ONCE`` pixels."""
     most = max(1, _AT_ONCE // side**2)
-    return [chosen[k : k + most] for k in range(0, len(chosen), most)]
+    return [triangles[k : k + most] for k in range(0, len(triangles), most)]
 
 
 def _samples(
     x: Pixels, y: Pixels, area: Pixels, left: Pixels, top: Pixels, side: int, numbers: Indices
 ) -> tuple[Indices, Indices, Indices, Pixels, Pixels]:
-    """Pixels of boxes with ``side`` pixels to a side that lie in their triangles: the triangle's number, column and row
-    of each, and how near it is to the first and to the second corner (barycentric).
+    """Pixels inside triangles whose boxes have ``side`` pixels a side: triangle, column, row, and first and second
+    barycentric coordinate of each.
     """
     across, down = (part.ravel() for part in np.meshgrid(*[np.arange(side, dtype=np.float32)] * 2))
-    near: list[Pixels] = []
+    coordinates: list[Pixels] = []
     for one, other in ((1, 2), (2, 0)):
-        # Linear over the picture: its value at the box's corner, and how it grows to the right and down.
+        # A linear function of the pixel: its value at the box's corner, and its slopes to the right and down.
         right, below = (y[:, one] - y[:, other]) / area, (x[:, other] - x[:, one]) / area
         corner = ((x[:, one] - left) * (y[:, other] - top) - (x[:, other] - left) * (y[:, one] - top)) / area
-        near.append(corner[:, None] + right[:, None] * across + below[:, None] * down)
-    first, second = near
+        coordinates.append(corner[:, None] + right[:, None] * across + below[:, None] * down)
+    first, second = coordinates
     inside = (first >= _EDGE) & (second >= _EDGE) & (first + second <= 1.0 - _EDGE)
     owner, cell = np.nonzero(inside)
     column = left[owner].astype(np.intp) + across[cell].astype(np.intp)
@@ -141,18 +146,19 @@ def _samples(
 
 
 def _outlines(group: NDArray[np.int16], depth: Pixels, step: float) -> Pixels:
-    """Darkening (H, W): strong behind an edge of something nearer, light where two groups meet at one depth."""
+    """Factors (H, W) that darken outlines: strong behind a nearer surface, light where two groups meet at one depth."""
     dark = np.ones(depth.shape, np.float32)
-    deep = np.where(group >= 0, depth, np.float32(-1e6))
+    depth = np.where(group >= 0, depth, np.float32(-1e6))
     height, width = depth.shape
     for reach, strong, light in ((2, 0.55, 0.85), (1, 0.30, 0.62)):
         for dy, dx in ((reach, 0), (-reach, 0), (0, reach), (0, -reach)):
-            here = slice(max(-dy, 0), height - max(dy, 0)), slice(max(-dx, 0), width - max(dx, 0))
-            there = tuple(slice(part.start + d, part.stop + d) for part, d in zip(here, (dy, dx), strict=True))
-            nearer = deep[there] - deep[here]
+            at = slice(max(-dy, 0), height - max(dy, 0)), slice(max(-dx, 0), width - max(dx, 0))
+            beyond = tuple(slice(part.start + d, part.stop + d) for part, d in zip(at, (dy, dx), strict=True))
+            nearer = depth[beyond] - depth[at]
             edge = nearer > step
-            view = dark[here]
+            view = dark[at]
             view[edge] = np.minimum(view[edge], np.float32(strong))
-            meets = (group[there] != group[here]) & (nearer > -step) & ~edge & (group[here] > 0) & (group[there] > 0)
+            both = (group[at] > 0) & (group[beyond] > 0)
+            meets = (group[beyond] != group[at]) & (nearer > -step) & ~edge & both
             view[meets] = np.minimum(view[meets], np.float32(light))
     return dark

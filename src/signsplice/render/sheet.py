@@ -1,4 +1,4 @@
-"""Contact sheets: a clip on one page, dense where words meet, both hands enlarged under every frame."""
+"""Contact sheets: frames of a clip on one page, densest at seams, with both hands enlarged under every frame."""
 
 from __future__ import annotations
 
@@ -12,19 +12,17 @@ from signsplice.render.page import INK, PAPER, TRANSITION, Mark, Progress, capti
 from signsplice.render.picture import Scene, draw, draw_hand, has_hands
 
 CELL = (224, 224)
-"""The signer's picture in each cell, pixels."""
-
+"""Width and height of the picture in each cell, pixels."""
 HAND = 110
-"""The side of each enlarged hand, pixels."""
-
+"""Side of each enlarged hand, pixels."""
 GAP = 8
 COLUMNS = 8
 N_CELLS = 32
 _LINE = 20
 
 
-def write_sheet(clip: Clip, ready: Scene, path: Path, marks: Sequence[Mark], progress: Progress | None) -> None:
-    """Write the sheet of a scene as PNG: word, frame and time under each picture, transitions framed in amber."""
+def write_sheet(clip: Clip, scene: Scene, path: Path, marks: Sequence[Mark], progress: Progress | None) -> None:
+    """Write a sheet as PNG: word, frame number and time under each picture, an amber border around transitions."""
     frames = sheet_frames(len(clip), marks)
     hands = has_hands(clip)
     columns = min(COLUMNS, len(frames))
@@ -34,15 +32,15 @@ def write_sheet(clip: Clip, ready: Scene, path: Path, marks: Sequence[Mark], pro
     pen = pillow("ImageDraw").Draw(sheet)
     for n, frame in enumerate(frames):
         x, y = n % columns * w + GAP // 2, n // columns * h + GAP // 2
-        sheet.paste(image_.fromarray(draw(ready, frame, *CELL)), (x, y))
-        text, moving = caption(marks, frame)
-        ink, centre, below = TRANSITION if moving else INK, x + 0.5 * CELL[0], y + CELL[1]
+        sheet.paste(image_.fromarray(draw(scene, frame, *CELL)), (x, y))
+        text, in_transition = caption(marks, frame)
+        ink, centre, below = TRANSITION if in_transition else INK, x + 0.5 * CELL[0], y + CELL[1]
         write_line(pen, text, centre, below + 2, CELL[0] - GAP, ink, 15)
         write_line(pen, f"frame {frame}   {frame / clip.fps:.2f} s", centre, below + _LINE, CELL[0] - GAP, INK, 13)
-        if hands:  # the signer's right hand on the left, as the viewer sees it
+        if hands:  # the signer's right hand on the left, as in the picture
             for side, left in (("right", x + 1), ("left", x + CELL[0] - HAND - 1)):
-                sheet.paste(image_.fromarray(draw_hand(ready, frame, side, HAND)), (left, below + 2 * _LINE))
-        if moving:
+                sheet.paste(image_.fromarray(draw_hand(scene, frame, side, HAND)), (left, below + 2 * _LINE))
+        if in_transition:
             pen.rectangle((x - 2, y - 2, x + w - GAP + 1, y + h - GAP + 1), outline=TRANSITION, width=3)
         if progress is not None:
             progress(n + 1, len(frames))
@@ -55,8 +53,8 @@ def cell_size(hands: bool) -> tuple[int, int]:
 
 
 def sheet_frames(n_frames: int, marks: Sequence[Mark], n_cells: int = N_CELLS) -> list[int]:
-    """Which frames a contact sheet shows: the last and first kept frames at every seam, the ends and the middle of
-    every transition, and others spread evenly where room is left.
+    """The frames that a contact sheet shows: the kept frames at both sides of every seam, the ends and the middle of
+    every transition, and others spread evenly over the cells that are left.
     """
     chosen: set[int] = set()
     for mark in marks:

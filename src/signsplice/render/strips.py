@@ -1,4 +1,4 @@
-"""Strips: many clips on one page, a row for each, with the strong hand enlarged under every picture."""
+"""Strips: many clips on one page, one row each, with a hand enlarged under every picture."""
 
 from __future__ import annotations
 
@@ -8,13 +8,19 @@ from pathlib import Path
 
 from signsplice.motion.clip import Clip
 from signsplice.render.page import INK, PAPER, TRANSITION, Progress, pillow, write_line
-from signsplice.render.picture import draw, draw_hand, scene
+from signsplice.render.picture import draw, draw_hand, make_scene
 
 
 @dataclass(frozen=True)
 class Strip:
-    """A row of a page: the clip, its caption, which frames to show, which of them lie in a transition, from where it is
-    seen, and which hand is enlarged ("left", "right" or "").
+    """A row of a page.
+
+    clip: the clip.
+    caption: text above the row.
+    frames: frames to show.
+    marked: those of them that are in a transition.
+    view: one of ``picture.VIEWS``.
+    hand: the hand to enlarge, "left", "right" or "".
     """
 
     clip: Clip
@@ -28,7 +34,7 @@ class Strip:
 def write_strips(
     strips: Sequence[Strip], path: Path, cell: int = 150, hand: int = 84, progress: Progress | None = None
 ) -> None:
-    """Write a page of strips as PNG; pictures of ``cell`` pixels, enlarged hands of ``hand`` pixels (0: none)."""
+    """Write a page of strips as PNG; ``cell`` and ``hand``: side of pictures and of enlarged hands in px (0: none)."""
     image_ = pillow("Image")
     columns = max(len(strip.frames) for strip in strips)
     label, gap = 20, 6
@@ -37,13 +43,13 @@ def write_strips(
     pen = pillow("ImageDraw").Draw(sheet)
     for n, strip in enumerate(strips):
         top = n * height
-        ready = scene(strip.clip, strip.view)
+        scene = make_scene(strip.clip, strip.view)
         write_line(pen, strip.caption, 0.5 * sheet.width, top + 2, sheet.width - gap, INK, 14)
         for k, frame in enumerate(strip.frames):
             left = gap + k * (cell + gap)
-            sheet.paste(image_.fromarray(draw(ready, frame, cell, cell)), (left, top + label))
+            sheet.paste(image_.fromarray(draw(scene, frame, cell, cell)), (left, top + label))
             if strip.hand and hand:
-                enlarged = image_.fromarray(draw_hand(ready, frame, strip.hand, hand))
+                enlarged = image_.fromarray(draw_hand(scene, frame, strip.hand, hand))
                 sheet.paste(enlarged, (left + (cell - hand) // 2, top + label + cell))
             if frame in strip.marked:
                 box = (left - 1, top + label - 1, left + cell, top + label + cell + hand)
