@@ -42,7 +42,7 @@ def main() -> None:
         arrays = {path.stem: np.load(path) for path in sorted(folder.glob("*.npy"))}
         np.savez_compressed(HERE / "paper_pairs.npz", head=np.array(json.dumps(head)), **arrays)
         pairs = Pairs(folder)
-        rows = [score(pairs, method, numbers) for method in clip_methods.classical()]
+        rows = [score(pairs, method, numbers) for method in clip_methods.classical_methods()]
     (HERE / "paper_rows.json").write_text(json.dumps(rows, indent=1) + "\n")
 
 

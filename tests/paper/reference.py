@@ -1,4 +1,4 @@
-"""Slow plain references of the paper's scores, written from the equations without the code they check."""
+"""Slow reference implementations of the paper's scores, written from the equations, not from the code they check."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def squared_error(predicted: Float, true: Float, lambda_: float) -> float:
 
 
 def matched(predicted: Float, true: Float, n: int, tolerance: float) -> int:
-    """The largest number of n-grams that can be paired off, tried one way after another (Kuhn 1955)."""
+    """The size of a maximum matching of n-grams, by augmenting paths (Kuhn 1955)."""
 
     def equal(i: int, j: int) -> bool:
         return all(float(np.mean((predicted[i + k] - true[j + k]) ** 2)) <= tolerance for k in range(n))
@@ -41,20 +41,20 @@ def matched(predicted: Float, true: Float, n: int, tolerance: float) -> int:
     rows, columns = max(0, len(predicted) - n + 1), max(0, len(true) - n + 1)
     partner: dict[int, int] = {}
 
-    def place(i: int, tried: set[int]) -> bool:
+    def match(i: int, tried: set[int]) -> bool:
         for j in range(columns):
             if j not in tried and equal(i, j):
                 tried.add(j)
-                if j not in partner or place(partner[j], tried):
+                if j not in partner or match(partner[j], tried):
                     partner[j] = i
                     return True
         return False
 
-    return sum(place(i, set()) for i in range(rows))
+    return sum(match(i, set()) for i in range(rows))
 
 
 def matched_by_trying(equal: NDArray[np.bool_]) -> int:
-    """The same for a small table of which n-grams are equal, by trying every assignment."""
+    """The size of a maximum matching for a small table of equal n-grams, by trying every assignment."""
     n, m = equal.shape
     if n > m:
         return matched_by_trying(equal.T)
@@ -64,10 +64,10 @@ def matched_by_trying(equal: NDArray[np.bool_]) -> int:
 def bleu(pairs: Sequence[tuple[Float, Float]], order: int, tolerance: float) -> float:
     logs = 0.0
     for n in range(1, order + 1):
-        hits = sum(matched(p, t, n, tolerance) for p, t in pairs)
-        all_of_them = sum(max(0, len(p) - n + 1) for p, _ in pairs)
-        if hits == 0:
+        n_matched = sum(matched(p, t, n, tolerance) for p, t in pairs)
+        n_predicted = sum(max(0, len(p) - n + 1) for p, _ in pairs)
+        if n_matched == 0:
             return 0.0
-        logs += math.log(hits / all_of_them) / order
+        logs += math.log(n_matched / n_predicted) / order
     c, r = sum(len(p) for p, _ in pairs), sum(len(t) for _, t in pairs)
     return math.exp(logs) * (1.0 if c >= r else math.exp(1.0 - r / c))

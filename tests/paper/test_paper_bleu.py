@@ -1,4 +1,4 @@
-"""BLEU over frames: by hand, as Papineni's for symbols, as the slow reference, and how it may and may not change."""
+"""BLEU over frames: worked examples, Papineni's BLEU for symbols, slow references, and its properties."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import reference
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from toys import moved
+from toys import motion
 
 from signsplice.paper import bleu
 
@@ -29,7 +29,7 @@ def of(pairs: list[tuple[Float, Float]], tolerance: float = bleu.TOLERANCE) -> b
     return bleu.corpus([bleu.count(p, t, [tolerance])[tolerance] for p, t in pairs])
 
 
-def test_papinenis_clipping_by_hand() -> None:
+def test_clipping_of_papinenis_example() -> None:
     """Seven times "the" against "the cat is on the mat": 2 / 7, his own example."""
     found = of([(spelled([1] * 7), spelled([1, 2, 3, 4, 1, 5]))])
     assert found.precisions[0] == pytest.approx(2 / 7)
@@ -37,7 +37,7 @@ def test_papinenis_clipping_by_hand() -> None:
     assert found.bleu == pytest.approx((2 / 7, 0.0, 0.0, 0.0))
 
 
-def test_orders_and_brevity_by_hand() -> None:
+def test_orders_and_brevity_of_a_worked_example() -> None:
     found = of([(spelled([1, 2, 3, 4]), spelled([1, 2, 3, 5, 4]))])
     assert found.precisions == pytest.approx((1.0, 2 / 3, 0.5, 0.0))
     brevity = math.exp(1 - 5 / 4)
@@ -51,15 +51,15 @@ def test_counts_are_summed_over_the_corpus() -> None:
     assert found.precisions[:2] == pytest.approx((2 / 6, 1 / 4))
 
 
-def test_nothing_predicted_and_nothing_to_predict() -> None:
+def test_empty_predictions_score_zero_and_empty_truths_are_undefined() -> None:
     assert of([(spelled([]), spelled([1, 2, 3, 4]))]).bleu == (0.0, 0.0, 0.0, 0.0)
     short = of([(spelled([1, 2]), spelled([1, 2]))])
     assert short.bleu[:2] == (1.0, 1.0)
     assert all(math.isnan(value) for value in short.bleu[2:]), "no true transition has three frames"
 
 
-def test_the_matching_is_the_largest_not_the_first() -> None:
-    """Frame 0 is near both true ones, frame 1 only near the first: a greedy match would lose one."""
+def test_the_matching_is_maximum_not_greedy() -> None:
+    """Frame 0 is near both true frames, frame 1 only near the first: a greedy matching would lose one."""
     step = math.sqrt(bleu.TOLERANCE)
     predicted, true = spelled([0, 0]), spelled([0, 0])
     predicted[0], predicted[1] = 0.5 * step, -0.9 * step
@@ -68,7 +68,7 @@ def test_the_matching_is_the_largest_not_the_first() -> None:
 
 
 @given(st.lists(st.tuples(symbols, symbols), min_size=1, max_size=4))
-def test_without_tolerance_it_is_papinenis(pairs: list[tuple[Symbols, Symbols]]) -> None:
+def test_zero_tolerance_gives_papinenis_counts(pairs: list[tuple[Symbols, Symbols]]) -> None:
     for p, t in pairs:
         found = bleu.count(spelled(p), spelled(t), [0.0])[0.0]
         for n in range(1, 5):
@@ -78,8 +78,8 @@ def test_without_tolerance_it_is_papinenis(pairs: list[tuple[Symbols, Symbols]])
 
 
 @given(st.integers(0, 5), st.integers(0, 5), st.integers(0, 10_000), st.sampled_from([2e-5, 1e-4, 4e-4]))
-def test_as_the_slow_references(n: int, m: int, seed: int, tolerance: float) -> None:
-    a, b = moved(n, seed), 0.3 * moved(m, seed + 1)
+def test_counts_equal_the_slow_references(n: int, m: int, seed: int, tolerance: float) -> None:
+    a, b = motion(n, seed), 0.3 * motion(m, seed + 1)
     found = bleu.count(a, b, [tolerance])[tolerance]
     for order in range(1, 5):
         assert found.matched[order - 1] == reference.matched(a, b, order, tolerance)
@@ -91,8 +91,8 @@ def test_as_the_slow_references(n: int, m: int, seed: int, tolerance: float) -> 
 
 
 @given(st.integers(4, 9), st.integers(4, 9), st.integers(0, 10_000))
-def test_a_wider_tolerance_never_lowers_it_and_orders_fall(n: int, m: int, seed: int) -> None:
-    a, b = 0.2 * moved(n, seed), 0.2 * moved(m, seed + 1)
+def test_a_larger_tolerance_never_lowers_bleu(n: int, m: int, seed: int) -> None:
+    a, b = 0.2 * motion(n, seed), 0.2 * motion(m, seed + 1)
     tolerances = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1.0)
     counts = bleu.count(a, b, tolerances)
     values = [bleu.corpus([counts[t]]).bleu for t in tolerances]
@@ -101,12 +101,12 @@ def test_a_wider_tolerance_never_lowers_it_and_orders_fall(n: int, m: int, seed:
     for value in values:
         assert all(0.0 <= x <= 1.0 for x in value)
     brevity = 1.0 if n >= m else math.exp(1 - m / n)
-    assert values[-1][0] == pytest.approx(brevity * min(n, m) / n), "all frames equal: as many as there are true ones"
+    assert values[-1][0] == pytest.approx(brevity * min(n, m) / n), "all frames are equal, and each matches once"
 
 
 @given(st.integers(4, 9), st.integers(0, 10_000))
-def test_the_truth_scores_one_and_its_order_counts(n: int, seed: int) -> None:
-    a = moved(n, seed)
+def test_the_truth_scores_one_and_reversed_frames_do_not(n: int, seed: int) -> None:
+    a = motion(n, seed)
     assert of([(a, a)], 0.0).bleu == (1.0, 1.0, 1.0, 1.0)
     backwards = of([(a[::-1], a)], 1e-9)
     assert backwards.bleu[0] == 1.0

@@ -1,4 +1,4 @@
-"""The paper's scores: by hand, beside slow references, and what must hold whatever the frames."""
+"""The paper's scores: worked examples, slow references, and the metrics beyond the paper's."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import reference
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from toys import corpus, moved
+from toys import corpus, motion
 
 from signsplice.paper import bleu, extra_metrics, metrics
 from signsplice.paper.prediction import Prediction
@@ -21,11 +21,11 @@ Float = NDArray[np.float64]
 
 
 def frames(*values: float) -> Float:
-    """A frame a value, every number of it the same."""
+    """One frame for each value, with all its numbers equal to the value."""
     return np.repeat(np.array(values, float)[:, None], 159, axis=1)
 
 
-def test_accuracy_by_hand() -> None:
+def test_accuracy_of_worked_examples() -> None:
     assert metrics.accuracy(frames(0.1, 0.2), frames(0.1, 0.2)) == 1.0
     assert metrics.accuracy(frames(0.1, 0.2), frames(0.1, 0.0)) == pytest.approx(0.9)
     assert metrics.accuracy(frames(0.0, 0.0), frames(0.1, -0.1)) == pytest.approx(0.9), "errors do not cancel"
@@ -33,7 +33,7 @@ def test_accuracy_by_hand() -> None:
     assert metrics.accuracy(frames(*[0.0] * 30), frames(0.0), sigma=0.05) == pytest.approx(-0.45), "as printed"
 
 
-def test_mse_by_hand() -> None:
+def test_mse_of_worked_examples() -> None:
     assert metrics.squared_error(frames(0.1, 0.2), frames(0.1, 0.2)) == 0.0
     assert metrics.squared_error(frames(0.1, 0.3), frames(0.0, 0.1)) == pytest.approx(0.01 + 0.04), "frames are summed"
     one = frames(0.0)
@@ -42,17 +42,17 @@ def test_mse_by_hand() -> None:
     assert metrics.squared_error(frames(0.0), frames(0.0, 0.0, 0.0), lambda_=3.0) == pytest.approx(36.0 / 159)
 
 
-def test_a_frame_too_many_counts_as_a_frame_that_viewers_see() -> None:
+def test_an_extra_frame_costs_as_much_as_a_just_visible_error() -> None:
     long, true = frames(0.0, 0.0), frames(0.0)
-    seen = frames(math.sqrt(metrics.VISIBLE))
-    assert metrics.squared_error(long, true) == pytest.approx(metrics.squared_error(seen, true))
-    assert metrics.accuracy(long, true) == pytest.approx(metrics.accuracy(seen, true))
+    visible = frames(math.sqrt(metrics.VISIBLE))
+    assert metrics.squared_error(long, true) == pytest.approx(metrics.squared_error(visible, true))
+    assert metrics.accuracy(long, true) == pytest.approx(metrics.accuracy(visible, true))
     assert metrics.squared_error(long, true) == pytest.approx(0.002)
 
 
 @given(st.integers(1, 6), st.integers(1, 6), st.integers(0, 1000))
-def test_accuracy_and_mse_as_the_slow_reference(n: int, m: int, seed: int) -> None:
-    a, b = moved(n, seed), moved(m, seed + 1)
+def test_accuracy_and_mse_equal_the_slow_reference(n: int, m: int, seed: int) -> None:
+    a, b = motion(n, seed), motion(m, seed + 1)
     assert metrics.accuracy(a, b) == pytest.approx(reference.accuracy(a, b, metrics.SIGMA))
     assert metrics.squared_error(a, b) == pytest.approx(reference.squared_error(a, b, metrics.LAMBDA))
 
@@ -61,12 +61,12 @@ def score_of(
     prediction: Prediction, true: tuple[int, int, Float], words: tuple[Float, Float] | None = None
 ) -> metrics.PairScore:
     clip = corpus().word_clip(0)
-    body = extra_metrics.number_layout(clip, EXTENT * corpus().signers[0].stature_cm)
-    return metrics.score(prediction, true, words or (moved(20, 8), moved(20, 9)), body)
+    layout = extra_metrics.number_layout(clip, EXTENT * corpus().signers[0].stature_cm)
+    return metrics.score(prediction, true, words or (motion(20, 8), motion(20, 9)), layout)
 
 
-def test_pta_and_paa_by_hand() -> None:
-    true = (5, 6, moved(5))
+def test_pta_and_paa_of_worked_examples() -> None:
+    true = (5, 6, motion(5))
     rows = [
         score_of(Prediction(5, 6, true[2]), true),
         score_of(Prediction(5, 7, true[2]), true),
@@ -82,8 +82,8 @@ def test_pta_and_paa_by_hand() -> None:
     assert found["bleu-4"] == 1.0
 
 
-def test_no_tokens_at_all_leaves_paa_unknown() -> None:
-    true = (5, 6, moved(5))
+def test_paa_is_undefined_without_tokens() -> None:
+    true = (5, 6, motion(5))
     found = metrics.summary([score_of(Prediction(None, None, np.empty((0, 159))), true)] * 2)
     assert found["pta"] == 0.0
     assert math.isnan(found["paa"])
@@ -93,7 +93,7 @@ def test_no_tokens_at_all_leaves_paa_unknown() -> None:
     assert math.isnan(found["motion_ratio"])
 
 
-def test_every_score_has_its_signature() -> None:
+def test_signatures_state_every_parameter() -> None:
     assert f"sigma:{metrics.SIGMA:.4f}" in metrics.SIGNATURES["accuracy"]
     assert f"lambda:{metrics.LAMBDA:.4f}" in metrics.SIGNATURES["mse"]
     assert f"msd<={bleu.TOLERANCE:g}" in metrics.SIGNATURES["bleu"]
@@ -103,8 +103,8 @@ def test_every_score_has_its_signature() -> None:
     assert len(set(metrics.SIGNATURES.values())) == len(metrics.SIGNATURES)
 
 
-def test_the_filter_layer_joins_what_is_kept_and_what_is_new() -> None:
-    before, after, new = moved(10, 1), moved(12, 2), moved(3, 3)
+def test_the_utterance_is_kept_frames_around_the_transition() -> None:
+    before, after, new = motion(10, 1), motion(12, 2), motion(3, 3)
     whole = extra_metrics.utterance(before, after, Prediction(6, 4, new))
     assert whole is not None
     assert np.array_equal(whole, np.concatenate([before[:7], new, after[4:]]))
@@ -113,25 +113,25 @@ def test_the_filter_layer_joins_what_is_kept_and_what_is_new() -> None:
     pre, post, true = pairs.truth(7)
     p, q = pairs.index[7, :2].tolist()
     whole = extra_metrics.utterance(pairs.word(p), pairs.word(q), Prediction(pre, post, true))
-    assert np.array_equal(np.asarray(whole), pairs.utterance(7)), "the truth's utterance is the corpus's"
+    assert np.array_equal(np.asarray(whole), pairs.utterance(7)), "equals the utterance of the corpus"
 
 
-def test_the_truth_moves_as_the_truth_and_is_as_smooth() -> None:
+def test_the_truth_has_no_error_and_the_smoothness_of_its_clip() -> None:
     pairs = corpus()
     pre, post, frames_ = pairs.truth(3)
     p, q = pairs.index[3, :2].tolist()
     words = pairs.word(p).astype(float), pairs.word(q).astype(float)
     found = metrics.summary([score_of(Prediction(pre, post, frames_.astype(float)), (pre, post, frames_), words)])
-    assert found["position_error"] < 1e-3, "32 bits"
+    assert found["position_error"] < 1e-3, "the corpus stores 32 bits"
     assert found["motion_ratio"] == pytest.approx(1.0)
     clip = pairs.clip(3)
     wrists = [clip.skeleton.names.index(n) for n in clip.skeleton.names if n.endswith("Hand")]
-    places = scores.relative_positions(clip, wrists)
-    jump = scores.velocity_jump(places / 100.0, pre + 1, pre + 1 + len(frames_), clip.fps)
-    assert found["velocity_jump"] == pytest.approx(jump, rel=0.05), "metres a second, scaled back"
+    positions = scores.relative_positions(clip, wrists)
+    jump = scores.velocity_jump(positions / 100.0, pre + 1, pre + 1 + len(frames_), clip.fps)
+    assert found["velocity_jump"] == pytest.approx(jump, rel=0.05), "m/s, scaled back"
 
 
-def test_holding_still_moves_too_little_and_jumps() -> None:
+def test_held_frames_move_too_little_and_jump() -> None:
     pairs = corpus()
     pre, post, true = pairs.truth(3)
     p, q = pairs.index[3, :2].tolist()
@@ -144,8 +144,8 @@ def test_holding_still_moves_too_little_and_jumps() -> None:
     assert found["position_error"] > 20.0
 
 
-def test_stretching_keeps_ends_and_length() -> None:
-    x = moved(5)
+def test_stretching_keeps_the_ends() -> None:
+    x = motion(5)
     for count in (1, 2, 5, 9):
         y = extra_metrics.stretched(x, count)
         assert y.shape == (count, 159)

@@ -1,9 +1,10 @@
-"""Who is judged on what: the pairs, refusals, fakes with known scores, and classical rows beside golden ones."""
+"""The protocol: the pairs, refusals, fake systems with known scores, and classical rows with golden scores."""
 
 from __future__ import annotations
 
 import json
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,17 @@ import pytest
 from toys import GOLDEN, Fake, corpus, golden, write_bundle
 
 from signsplice.errors import InputError
-from signsplice.paper import clip_methods, judging, kept_frames, metrics, protocol, results
+from signsplice.paper import bundles, clip_methods, judging, kept_frames, metrics, protocol
 from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice.paper.prediction import Prediction
+from signsplice.paper.results import Results
+from signsplice.paper.systems import open_bundle
+from signsplice.synth.corpus import Pairs
 
 
-def quiet(_: str) -> AbstractContextManager[None]:
-    return nullcontext()
+def judge(pairs: Pairs, opener: judging.Opener = open_bundle, known: Results | None = None) -> judging.Judge:
+    """A judge without progress bars."""
+    return judging.Judge(pairs, known or Results(), lambda _: nullcontext(), opener)
 
 
 def scores_of(**errors: Any) -> dict[str, float]:
@@ -27,7 +32,7 @@ def scores_of(**errors: Any) -> dict[str, float]:
     return protocol.judge(protocol.answers(pairs, system), pairs, protocol.choose(pairs, "random")).scores
 
 
-def test_the_truth_scores_best() -> None:
+def test_the_truth_has_perfect_scores() -> None:
     found = scores_of()
     for name in ("pta", "paa", "paa_all", "length_exact", "bleu-1", "ngram-1"):
         assert found[name] == 1.0, name
@@ -38,7 +43,7 @@ def test_the_truth_scores_best() -> None:
     assert found["ms_mean"] > 0.0
 
 
-def test_errors_are_seen_where_they_are_made() -> None:
+def test_every_error_lowers_its_own_scores() -> None:
     off = scores_of(off=0.01)
     assert off["accuracy"] == pytest.approx(0.99)
     mean = np.mean([corpus().index[k, 5] for k in corpus().split("random", "test")])
@@ -49,15 +54,15 @@ def test_errors_are_seen_where_they_are_made() -> None:
     assert longer["accuracy"] == pytest.approx(1.0 - metrics.SIGMA)
     assert longer["mse"] == pytest.approx(metrics.VISIBLE)
     assert longer["length_exact"] == 0.0
-    assert scores_of(longer=-1)["bleu-1"] < 1.0, "brevity"
-    late = scores_of(late=1)
-    assert (late["pta"], late["paa"], late["positions_off"]) == (1.0, 0.0, 0.5)
+    assert scores_of(longer=-1)["bleu-1"] < 1.0, "the brevity penalty applies"
+    shifted = scores_of(late=1)
+    assert (shifted["pta"], shifted["paa"], shifted["positions_off"]) == (1.0, 0.0, 0.5)
     silent = scores_of(silent=True)
     assert (silent["pta"], silent["paa_all"], silent["bleu-1"]) == (0.0, 0.0, 1.0)
     assert np.isnan(silent["velocity_jump"])
 
 
-def test_pairs_are_chosen_once_and_signed() -> None:
+def test_the_choice_of_pairs_is_fixed_and_in_the_signature() -> None:
     pairs = corpus()
     whole = protocol.choose(pairs, "random", "train")
     some = protocol.choose(pairs, "random", "train", limit=4)
@@ -66,7 +71,7 @@ def test_pairs_are_chosen_once_and_signed() -> None:
     assert some == protocol.choose(pairs, "random", "train", limit=4)
     assert some.signature != whole.signature
     assert pairs.head["hash"] in some.signature
-    assert {p.split for p in judging.splits(pairs)} == set(protocol.SPLITS)
+    assert {p.split for p in judge(pairs).protocols()} == set(protocol.SPLITS)
     assert protocol.choose(pairs, "unseen-signer").numbers == tuple(pairs.split("unseen-signer", "test"))
     with pytest.raises(InputError, match="no split other test"):
         protocol.choose(pairs, "other")
@@ -74,28 +79,28 @@ def test_pairs_are_chosen_once_and_signed() -> None:
         protocol.choose(pairs, "unseen-words", "valid")
 
 
-def test_a_bundle_is_judged_only_on_pairs_it_did_not_learn_from() -> None:
+def test_a_bundle_is_judged_only_on_pairs_that_are_new_to_it() -> None:
     pairs = corpus()
-    own = {"corpus": pairs.head["hash"], "split": "random"}
+    source = {"corpus": pairs.head["hash"], "split": "random"}
     random, words, signer = (protocol.choose(pairs, split) for split in protocol.SPLITS)
-    protocol.refuse(own, pairs, random)
-    protocol.refuse(own, pairs, signer)
-    protocol.refuse({**own, "split": "unseen-signer"}, pairs, random)
-    assert not protocol.may_judge({**own, "split": "unseen-words"}, pairs, random)
+    protocol.check_allowed(source, pairs, random)
+    protocol.check_allowed(source, pairs, signer)
+    protocol.check_allowed({**source, "split": "unseen-signer"}, pairs, random)
+    assert not protocol.may_judge({**source, "split": "unseen-words"}, pairs, random)
     with pytest.raises(InputError, match="b: trained on corpus other, judged on"):
-        protocol.refuse({**own, "corpus": "other"}, pairs, random, "b")
+        protocol.check_allowed({**source, "corpus": "other"}, pairs, random, "b")
     with pytest.raises(
         InputError, match="trained on split random, and 1 of the 1 pairs of unseen-words test were seen"
     ):
-        protocol.refuse(own, pairs, words)
-    with pytest.raises(InputError, match="says no split"):
-        protocol.refuse({"corpus": pairs.head["hash"]}, pairs, random)
+        protocol.check_allowed(source, pairs, words)
+    with pytest.raises(InputError, match="states no split"):
+        protocol.check_allowed({"corpus": pairs.head["hash"]}, pairs, random)
     with pytest.raises(InputError, match="no split other train"):
-        protocol.refuse({**own, "split": "other"}, pairs, random)
+        protocol.check_allowed({**source, "split": "other"}, pairs, random)
 
 
 @pytest.mark.parametrize(
-    ("prediction", "says"),
+    ("prediction", "message"),
     [
         (Prediction(1, 1, np.zeros((3, 9))), "predicted frames"),
         (Prediction(1, 1, np.full((3, 159), np.nan)), "predicted frames"),
@@ -103,32 +108,35 @@ def test_a_bundle_is_judged_only_on_pairs_it_did_not_learn_from() -> None:
         (Prediction(1, 10_000, np.zeros((3, 159))), "predicted post 10000"),
     ],
 )
-def test_what_is_no_prediction_is_refused(prediction: Prediction, says: str) -> None:
-    with pytest.raises(InputError, match=says):
+def test_invalid_predictions_are_refused(prediction: Prediction, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         protocol.judge(lambda _: prediction, corpus(), protocol.choose(corpus(), "random"))
 
 
-def test_classical_rows_are_told_what_they_say() -> None:
+def test_methods_use_no_more_of_the_truth_than_they_are_given() -> None:
     pairs = corpus()
     number = pairs.split("random", "test")[0]
     pre, post, true = pairs.truth(number)
-    told = ClipAnswers(pairs, ClipMethod("true-positions", "hermite", "positions and length"))(number)
-    assert (told.pre, told.post, len(told.frames)) == (pre, post, len(true))
-    own = ClipAnswers(pairs, ClipMethod("pose-velocity", "slerp"))(number)
+    both = ClipAnswers(pairs, ClipMethod("true-positions", "hermite", "positions and length"))(number)
+    assert (both.pre, both.post, len(both.frames)) == (pre, post, len(true))
+    nothing = ClipAnswers(pairs, ClipMethod("pose-velocity", "slerp"))(number)
     length = ClipAnswers(pairs, ClipMethod("pose-velocity", "slerp", "length"))(number)
-    assert (own.pre, own.post) == (length.pre, length.post)
+    assert (nothing.pre, nothing.post) == (length.pre, length.post)
     assert len(length.frames) == len(true)
-    assert np.abs(own.frames).max() <= 0.5
-    with pytest.raises(InputError, match="told 'positions'"):
+    assert np.abs(nothing.frames).max() <= 0.5
+    with pytest.raises(InputError, match="given 'positions'"):
         ClipMethod("ends", "slerp", "positions")
     with pytest.raises(InputError, match="no cutter 'nothing'"):
         ClipMethod("nothing", "slerp")
-    names = [(method.name, method.given) for method in clip_methods.classical()]
+    names = [(method.name, method.given) for method in clip_methods.classical_methods()]
     assert len(set(names)) == len(names) == 20
     assert kept_frames.HERMITE in names
+    product = [(method.name, method.given) for method in clip_methods.all_clip_methods()][20:]
+    assert len(set(product)) == len(product) == 4
+    assert kept_frames.PRODUCT in product
 
 
-def test_classical_rows_score_what_the_golden_ones_do() -> None:
+def test_classical_rows_have_the_golden_scores() -> None:
     pairs = golden()
     rows = json.loads((GOLDEN / "paper_rows.json").read_text())
     assert len(rows) == 20
@@ -140,12 +148,12 @@ def test_classical_rows_score_what_the_golden_ones_do() -> None:
             assert found[name] == pytest.approx(row[name], rel=1e-6, abs=1e-9), (row["system"], row["told"], name)
 
 
-def test_bundles_and_classical_rows_become_rows_curves_and_shots(tmp_path: Path) -> None:
+def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path) -> None:
     pairs = corpus()
     folder = write_bundle(tmp_path / "lpt", pairs)
     write_bundle(tmp_path / "other", pairs, scale="cpu")
-    assert judging.find_bundles(tmp_path, "smoke") == [folder]
-    assert judging.find_bundles(tmp_path / "nowhere", "smoke") == []
+    assert bundles.of_scale(tmp_path, "smoke") == [folder]
+    assert bundles.of_scale(tmp_path / "nowhere", "smoke") == []
     opened: list[tuple[Path, str]] = []
 
     def opener(path: Path, decoding: str) -> Fake:
@@ -154,7 +162,7 @@ def test_bundles_and_classical_rows_become_rows_curves_and_shots(tmp_path: Path)
 
     cutter, transition = kept_frames.HERMITE[0].split("+")
     method = ClipMethod(cutter, transition, kept_frames.HERMITE[1])
-    made = list(judging.everything(pairs, [folder], results.Results(), [], quiet, opener, methods=[method]))
+    made = list(judge(pairs, opener).judgements([method], [folder], []))
     rows = [row for judgement in made for row in judgement.rows]
     assert [(row.system, row.split) for row in rows] == [
         *((method.name, split) for split in protocol.SPLITS),
@@ -163,32 +171,32 @@ def test_bundles_and_classical_rows_become_rows_curves_and_shots(tmp_path: Path)
         ("lpt-one-pass", "random"),
         ("lpt-one-pass", "unseen-signer"),
     ]
-    assert rows[-1].bundle == results.bundle_hash(folder)
+    assert rows[-1].bundle == bundles.short_hash(folder)
     assert rows[-1].fr == 8
     assert rows[-1].score("accuracy") == pytest.approx(0.999)
     (curve,) = made[-1].curves
     assert curve.points == [(0.0, 0.9), (5.0, 0.905), (10.0, 0.91), (15.0, 0.915)]
-    for shot in made[-1].shots:
-        assert {name.split("/")[2] for name in shot.made} == {method.name, "lpt"}
-        assert np.allclose(shot.made[kept_frames.label("lpt", "smoke", "adamw")], shot.truth + 0.001, atol=1e-6)
-    known = results.Results().merged(rows)
-    again = list(judging.everything(pairs, [folder], known, made[-1].shots, quiet, opener, methods=[method]))
-    assert [judgement.rows for judgement in again] == [(), ()], "what is known is not judged twice"
+    for pair in made[-1].kept:
+        assert {name.split("/")[2] for name in pair.made} == {method.name, "lpt"}
+        assert np.allclose(pair.made[kept_frames.label("lpt", "smoke", "adamw")], pair.truth + 0.001, atol=1e-6)
+    known = Results().merged(rows)
+    repeated = list(judge(pairs, opener, known).judgements([method], [folder], made[-1].kept))
+    assert [judgement.rows for judgement in repeated] == [(), ()], "known rows are not judged again"
     assert opened == [(folder, "one-by-one"), (folder, "parallel")]
-    anew = list(judging.everything(pairs, [folder], known, made[-1].shots, quiet, opener, again=True, methods=[]))
-    assert len(anew[0].rows) == 4
+    forced = list(replace(judge(pairs, opener, known), again=True).judgements([], [folder], made[-1].kept))
+    assert len(forced[0].rows) == 4
 
 
 def test_a_bundle_of_another_corpus_stops_the_judging(tmp_path: Path) -> None:
     folder = write_bundle(tmp_path / "lpt", corpus(), corpus="other")
     with pytest.raises(InputError, match="lpt: trained on corpus other"):
-        list(judging.everything(corpus(), [folder], results.Results(), [], quiet, methods=[]))
+        list(judge(corpus()).judgements([], [folder], []))
     folder = write_bundle(tmp_path / "bare", corpus(), seed=1)
-    facts = json.loads((folder / "bundle.json").read_text())
-    del facts["optimiser"]
-    (folder / "bundle.json").write_text(json.dumps(facts))
+    contents = json.loads((folder / "bundle.json").read_text())
+    del contents["optimiser"]
+    (folder / "bundle.json").write_text(json.dumps(contents))
     with pytest.raises(InputError, match=r"bundle.json: has no 'optimiser'"):
-        list(judging.everything(corpus(), [folder], results.Results(), [], quiet, methods=[]))
+        list(judge(corpus()).judgements([], [folder], []))
     (folder / "bundle.json").write_text("{")
     with pytest.raises(InputError, match="is no JSON"):
-        judging.facts(folder)
+        bundles.of_scale(tmp_path, "smoke")

@@ -1,4 +1,4 @@
-"""Running bundles, without torch: what is refused, and what a system makes of its graphs' answers."""
+"""Running bundles without torch: refusals, and what a system does with the outputs of its graphs."""
 
 from __future__ import annotations
 
@@ -13,26 +13,37 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.paper.systems import OneNetworkSystem, TwoNetworkSystem, open_bundle
-from signsplice.paper.systems.splicers import DECODINGS, HIDDEN, START, decided
-from signsplice.splicing.bundle import BUNDLE_FILE, read_facts, read_file, write_bundle
+from signsplice.paper.systems.splicers import DECODINGS, HIDDEN, START, PaperSystem, splice_position
+from signsplice.splicing.bundle import BUNDLE_FILE, config_of, read_config, read_file, write_bundle
 from signsplice.splicing.sessions import Sessions
 
 Array = NDArray[Any]
 RUNS = {"positions": "spsn", "frames": "generator", "concurrent": True, "n_fed": 159, "most_frames": 6}
-FACTS = {"system": "lpt", "fr": 2, "runs": RUNS}
+CONFIG: dict[str, Any] = {"system": "lpt", "fr": 2, "runs": RUNS}
 
 
 class Fakes(Sessions):
-    """Graphs that are functions; ``seen`` is what they were given."""
+    """Functions in place of graphs.
+
+    - fakes: graph name -> function of its inputs
+    - seen: graph name and inputs of every call
+    """
 
     def __init__(self, graphs: Mapping[str, Callable[[Mapping[str, Array]], dict[str, Array]]]) -> None:
-        super().__init__(Path(), {})
+        super().__init__(Path(), config_of({}, Path()))
         self.fakes = graphs
         self.seen: list[tuple[str, dict[str, Array]]] = []
 
     def run(self, name: str, inputs: Mapping[str, Array]) -> dict[str, Array]:
         self.seen.append((name, dict(inputs)))
         return self.fakes[name](inputs)
+
+
+def fake_system(kind: type[PaperSystem], graphs: Fakes, decoding: str = "one-by-one", **changes: Any) -> Any:
+    """A system of fake graphs, with changes of its bundle.json."""
+    config = config_of({**CONFIG, **changes}, Path(BUNDLE_FILE))
+    assert config.runs is not None
+    return kind(config, config.runs, graphs, decoding)
 
 
 def tokens(n: int, pre: int | None, post: int | None) -> dict[str, Array]:
@@ -45,7 +56,7 @@ def tokens(n: int, pre: int | None, post: int | None) -> dict[str, Array]:
 
 
 def counting(inputs: Mapping[str, Array]) -> dict[str, Array]:
-    """A decoder whose k-th frame is all k, and whose fourth is the last; its state counts the frames."""
+    """A decoder whose k-th frame is all k, and whose fourth frame is the last; its state counts the frames."""
     n_new, first = inputs["fed"].shape[1], int(inputs["start"])
     at = first + 1 + np.arange(n_new)
     assert int(inputs["state_0"]) == first
@@ -61,16 +72,16 @@ def encoder(inputs: Mapping[str, Array]) -> dict[str, Array]:
 
 
 @pytest.mark.parametrize("decoding", DECODINGS)
-def test_frames_end_with_the_first_that_is_called_the_last(decoding: str) -> None:
+def test_frames_end_with_the_first_last_frame(decoding: str) -> None:
     graphs = Fakes({"spsn": lambda _: tokens(12, 3, 8), "encoder": encoder, "decoder": counting})
-    system = TwoNetworkSystem("lpt", FACTS, graphs, decoding)
+    system = fake_system(TwoNetworkSystem, graphs, decoding)
     before, after = np.arange(6)[:, None] * np.ones(159), 10 + np.arange(6)[:, None] * np.ones(159)
     found = system.predict(before, after)
     assert (found.pre, found.post) == (3, 2)
     np.testing.assert_array_equal(found.frames[:, 0], [1, 2, 3, 4])
     assert found.frames.dtype == np.float64
-    given = dict(graphs.seen)["encoder"]
-    np.testing.assert_array_equal(given["x"][0, :, 0], [2, 3, 12, 13], "culled to two frames on each side")
+    encoded = dict(graphs.seen)["encoder"]
+    np.testing.assert_array_equal(encoded["x"][0, :, 0], [2, 3, 12, 13], "culled to two frames on each side")
     steps = [inputs for name, inputs in graphs.seen if name == "decoder"]
     assert len(steps) == (1 if decoding == "parallel" else 4)
     if decoding == "one-by-one":
@@ -86,85 +97,78 @@ def test_frames_end_with_the_first_that_is_called_the_last(decoding: str) -> Non
 
 @pytest.mark.parametrize("decoding", DECODINGS)
 @pytest.mark.parametrize("kind", [TwoNetworkSystem, OneNetworkSystem])
-def test_a_rehearsal_makes_as_many_frames_as_it_is_told(
+def test_a_fixed_prediction_searches_and_makes_n_frames(
     decoding: str, kind: type[TwoNetworkSystem | OneNetworkSystem]
 ) -> None:
-    both = {"encoder": lambda given: {**tokens(12, None, None), **encoder(given)}, "decoder": counting}
+    both = {"encoder": lambda inputs: {**tokens(12, None, None), **encoder(inputs)}, "decoder": counting}
     graphs = Fakes({"spsn": lambda _: tokens(12, None, None), **both})
     before, after = np.zeros((6, 159)), np.zeros((6, 159))
     for n_frames in (2, 6):
-        made = kind("lpt", FACTS, graphs, decoding).rehearse(before, after, 3, 2, n_frames)
+        made = fake_system(kind, graphs, decoding).predict_fixed(before, after, 3, 2, n_frames)
         np.testing.assert_array_equal(made[:, 0], 1 + np.arange(n_frames))
-    assert ("spsn" in dict(graphs.seen)) == (kind is TwoNetworkSystem), (
-        "positions are searched for, though they are told"
-    )
+    searched = "spsn" in dict(graphs.seen)
+    assert searched == (kind is TwoNetworkSystem), "positions are searched for, though they are given"
 
 
 def test_a_decoder_that_never_ends_is_stopped() -> None:
-    def endless(inputs: Mapping[str, Array]) -> dict[str, Array]:
+    def never_last(inputs: Mapping[str, Array]) -> dict[str, Array]:
         return counting(inputs) | {"last": np.full(inputs["kinds"].shape, -1.0, np.float32)}
 
     for decoding in ("one-by-one", "parallel"):
-        graphs = Fakes({"spsn": lambda _: tokens(12, 3, 8), "encoder": encoder, "decoder": endless})
-        assert (
-            len(TwoNetworkSystem("lpt", FACTS, graphs, decoding).predict(np.zeros((6, 159)), np.zeros((6, 159))).frames)
-            == 6
-        )
+        graphs = Fakes({"spsn": lambda _: tokens(12, 3, 8), "encoder": encoder, "decoder": never_last})
+        found = fake_system(TwoNetworkSystem, graphs, decoding).predict(np.zeros((6, 159)), np.zeros((6, 159)))
+        assert len(found.frames) == RUNS["most_frames"]
 
 
-def test_a_missing_token_leaves_culling_nothing_to_cut() -> None:
+def test_culling_makes_no_frames_if_a_token_is_missing() -> None:
     graphs = Fakes({"spsn": lambda _: tokens(12, None, 8), "encoder": encoder, "decoder": counting})
-    found = TwoNetworkSystem("lpt", FACTS, graphs, "one-by-one").predict(np.zeros((6, 159)), np.zeros((6, 159)))
+    found = fake_system(TwoNetworkSystem, graphs).predict(np.zeros((6, 159)), np.zeros((6, 159)))
     assert (found.pre, found.post) == (None, 2)
     assert found.frames.shape == (0, 159)
-    whole = TwoNetworkSystem("lpt-wc", {**FACTS, "fr": None}, graphs, "one-by-one").predict(
-        np.zeros((6, 159)), np.zeros((6, 159))
-    )
+    whole = fake_system(TwoNetworkSystem, graphs, fr=None).predict(np.zeros((6, 159)), np.zeros((6, 159)))
     assert (whole.pre, len(whole.frames)) == (None, 4), "without Culling, frames need no position"
 
 
-def test_a_joint_system_reads_positions_and_frames_off_one_network() -> None:
-    graphs = Fakes({"encoder": lambda given: {**tokens(12, 3, 8), **encoder(given)}, "decoder": counting})
-    system = OneNetworkSystem(
-        "lstm", {**FACTS, "fr": None, "runs": {**RUNS, "positions": "encoder"}}, graphs, "one-by-one"
-    )
+def test_one_network_gives_positions_and_frames() -> None:
+    graphs = Fakes({"encoder": lambda inputs: {**tokens(12, 3, 8), **encoder(inputs)}, "decoder": counting})
+    system = fake_system(OneNetworkSystem, graphs, fr=None, runs={**RUNS, "positions": "encoder"})
     found = system.predict(np.zeros((6, 159)), np.zeros((6, 159)))
     assert (found.pre, found.post, len(found.frames)) == (3, 2, 4)
     assert "tokens" not in graphs.seen[-1][1]
 
 
-def test_a_filler_is_asked_for_the_frames_it_guesses() -> None:
+def test_a_filler_makes_as_many_frames_as_it_predicts() -> None:
     def fill(inputs: Mapping[str, Array]) -> dict[str, Array]:
         return {"made": np.zeros((1, inputs["real"].shape[1], 159), np.float32)}
 
     graphs = Fakes({"length": lambda _: {"numbers": np.array([[0.0, 0.0, 2.0]])}, "fill": fill})
-    system = TwoNetworkSystem("nat", {**FACTS, "runs": {**RUNS, "frames": "filler"}}, graphs, "one-by-one")
+    system = fake_system(TwoNetworkSystem, graphs, runs={**RUNS, "frames": "filler"})
     assert system.fill(np.zeros((6, 159)), np.zeros((6, 159)), 3, 2).shape == (3, 159)
     with pytest.raises(InputError, match="splice position 6, 2"):
         system.fill(np.zeros((6, 159)), np.zeros((6, 159)), 6, 2)
 
 
-def test_positions_are_decided_by_eq_10() -> None:
-    assert decided(tokens(9, 2, 7)["tokens"][0], 5) == (2, 2)
-    assert decided(tokens(9, None, None)["tokens"][0], 5) == (None, None)
-    assert decided(tokens(9, 2, 7)["tokens"][0] - [0, 3, 3], 5) == (None, None)
-    assert decided(tokens(9, 2, 7)["tokens"][0] - [0, 3, 3], 5, bias=1.1) == (2, 2), "the frame is the same"
+def test_positions_follow_equation_10() -> None:
+    assert splice_position(tokens(9, 2, 7)["tokens"][0], 5) == (2, 2)
+    assert splice_position(tokens(9, None, None)["tokens"][0], 5) == (None, None)
+    assert splice_position(tokens(9, 2, 7)["tokens"][0] - [0, 3, 3], 5) == (None, None)
+    assert splice_position(tokens(9, 2, 7)["tokens"][0] - [0, 3, 3], 5, bias=1.1) == (2, 2), "the frame is the same"
 
 
 def written(folder: Path, **changes: Any) -> Path:
-    write_bundle(folder, {**FACTS, **changes}, {"spsn.onnx": b"abc"})
+    write_bundle(folder, {**CONFIG, **changes}, {"spsn.onnx": b"abc"})
     return folder
 
 
-def test_bundles_are_checked(tmp_path: Path) -> None:
-    facts = read_facts(written(tmp_path))
-    assert read_file(tmp_path, facts, "spsn.onnx") == b"abc"
+def test_invalid_bundles_and_decodings_are_refused(tmp_path: Path) -> None:
+    config = read_config(written(tmp_path))
+    assert read_file(tmp_path, config, "spsn.onnx") == b"abc"
     assert open_bundle(tmp_path).name == "lpt"
     (tmp_path / "spsn.onnx").write_bytes(b"abd")
     with pytest.raises(InputError, match=r"is not the file that bundle\.json lists"):
         open_bundle(tmp_path).predict(np.zeros((6, 159)), np.zeros((6, 159)))
     with pytest.raises(InputError, match=r"lists no file decoder\.onnx"):
-        read_file(tmp_path, facts, "decoder.onnx")
+        read_file(tmp_path, config, "decoder.onnx")
     with pytest.raises(InputError, match="no such file"):
         open_bundle(tmp_path / "nowhere")
     with pytest.raises(InputError, match="decoding 'beam', expected one of one-by-one, without-cache, parallel"):

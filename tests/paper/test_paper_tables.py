@@ -1,4 +1,4 @@
-"""Tables: the paper's numbers as printed, whose order is followed, refusals, and both ways of writing."""
+"""Tables: the paper's printed numbers, its order and claims, refusals, and Markdown and LaTeX."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ BLEU-4 0.563 0.610 0.615 0.824 PTA 0.251 0.999 0.996 0.999 PAA 0.999 0.784 0.601
 BLEU-1 0.854 0.823 0.844 0.894 BLEU-2 0.785 0.774 0.733 0.869 BLEU-3 0.731 0.697 0.688 0.848
 BLEU-4 0.704 0.642 0.621 0.824 PTA 0.999 0.999 0.984 0.999 PAA 0.829 0.999 0.801 0.999
 """
-"""Tables 1 and 3 as the paper prints them, metric by metric: a second copy, to check the first against."""
+"""Tables 1 and 3 as the paper prints them, by metric: a second copy that checks the first."""
 
 
 def paper_rows(optimiser: str = "adamw", split: str = "random", **changes: object) -> list[ResultRow]:
-    """Rows of the paper's own systems with the paper's own scores."""
+    """Rows of the paper's systems with its printed scores."""
     out = []
     for n, (system, values) in enumerate({**published.TABLE_3, **published.TABLE_1}.items()):
         scores = {published.SCORES[m]: float(v) for m, v in zip(published.METRICS, values, strict=True)}
@@ -39,7 +39,7 @@ def cells(text: str) -> list[list[str]]:
     return [[c.strip() for c in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("| ")]
 
 
-def test_the_papers_numbers_are_the_papers() -> None:
+def test_the_printed_numbers_equal_a_second_copy() -> None:
     words = DESIGN.split()
     for n, table in enumerate((published.TABLE_1, published.TABLE_3)):
         for m, metric in enumerate(published.METRICS):
@@ -49,19 +49,19 @@ def test_the_papers_numbers_are_the_papers() -> None:
 
 
 @pytest.mark.parametrize(("n", "printed"), [(1, published.TABLE_1), (3, published.TABLE_3)])
-def test_tables_hold_the_papers_numbers_exactly(n: int, printed: dict[str, tuple[str, ...]]) -> None:
+def test_tables_hold_the_printed_numbers_exactly(n: int, printed: dict[str, tuple[str, ...]]) -> None:
     found = of_rows(*paper_rows())
     made = (tables.table_1 if n == 1 else tables.table_3)(found, "cpu")
     text = cells(layout.markdown(made[0]))
     for system, values in printed.items():
         (line,) = [c for c in text if c[:2] == [published.name(system), "the paper"]]
         assert line[2:8] == list(values)
-        (own,) = [c for c in text if c[0] == published.name(system) and c[1].startswith("AdamW")]
-        assert own[2:8] == list(values), "rows of the same scores print the same"
+        (measured,) = [c for c in text if c[0] == published.name(system) and c[1].startswith("AdamW")]
+        assert measured[2:8] == list(values), "equal scores print alike"
         assert " & ".join(values) in layout.latex(made[0])
 
 
-def test_the_papers_own_scores_follow_its_order_and_claims() -> None:
+def test_printed_scores_agree_with_the_order_and_the_claims() -> None:
     found = of_rows(*paper_rows())
     for n, make in ((1, tables.table_1), (3, tables.table_3)):
         table, claims = make(found, "cpu")
@@ -70,7 +70,7 @@ def test_the_papers_own_scores_follow_its_order_and_claims() -> None:
         assert all(r[-1] == "yes" for r in claims.rows), claims.rows
 
 
-def test_the_order_is_counted_pair_by_pair() -> None:
+def test_the_order_is_counted_by_pairs_of_systems() -> None:
     assert order.follows({"a": 3, "b": 2, "c": 1}, {"a": 0.3, "b": 0.2, "c": 0.1}).verdict == "yes (3/3)"
     assert order.follows({"a": 3, "b": 2, "c": 1}, {"a": 0.3, "b": 0.1, "c": 0.2}).verdict == "no (2/3)"
     assert order.follows({"a": 3, "b": 3, "c": 1}, {"a": 0.1, "b": 0.9, "c": 0.0}).verdict == "yes (2/2)", "a tie"
@@ -79,25 +79,25 @@ def test_the_order_is_counted_pair_by_pair() -> None:
     assert order.follows({"a": 3, "b": 2}, {"a": 0.5}).verdict == "-"
 
 
-def test_claims_that_do_not_hold_say_so() -> None:
+def test_claims_can_fail() -> None:
     rows = {r.system: r for r in paper_rows()}
     slow = row("lpt", scores={"accuracy": 0.9, "mse": 0.01, "ms_mean": 100.0})
-    said = {claim.claim: claim.holds for claim in order.claims_1({**rows, "lpt": slow})}
-    assert not said["LpTransformer's Accuracy"]
-    assert not said["LpTransformer's MSE"]
-    assert not said["faster than Transformer"]
-    assert not said["slowest"]
-    assert said["fastest"]
+    holds = {claim.claim: claim.holds for claim in order.claims_1({**rows, "lpt": slow})}
+    assert not holds["LpTransformer's Accuracy"]
+    assert not holds["LpTransformer's MSE"]
+    assert not holds["faster than Transformer"]
+    assert not holds["slowest"]
+    assert holds["fastest"]
     assert order.claims_1({"lstm": rows["lstm"]}) == []
     assert order.claims_3({"lpt": rows["lpt"]}) == []
 
 
 def classical_rows(split: str = "random") -> list[ResultRow]:
     like = {"scale": CLASSICAL, "optimiser": "", "fr": None, "seed": None, "steps": None, "split": split}
-    return [row(system, told=told, **like) for system, told in (*tables.IN_TABLE_1, ("ends+slerp", "nothing"))]
+    return [row(system, given=given, **like) for system, given in (*tables.IN_TABLE_1, ("ends+slerp", "nothing"))]
 
 
-def test_optimisers_scales_and_what_rows_were_told_stand_apart() -> None:
+def test_rows_of_other_optimisers_scales_and_inputs_are_separate() -> None:
     found = of_rows(
         *paper_rows(), *paper_rows("sgd"), *paper_rows(scale="smoke"), *classical_rows(), row("nat", fr=None)
     )
@@ -107,28 +107,28 @@ def test_optimisers_scales_and_what_rows_were_told_stand_apart() -> None:
     assert "| AdamW, 100 steps |" in text
     assert "| SGD, 100 steps |" in text
     assert "| NAT | AdamW" in text
-    assert "| true-positions+hermite | classical, told positions and length |" in text
+    assert "| true-positions+hermite | classical, given positions and length |" in text
     assert "ends+slerp" not in text
     (every,) = tables.table_classical(found)
     assert "ends+slerp" in layout.markdown(every)
     assert "msd<=" in text
-    assert "paper\\|corpus" not in text, "signatures stand in code, outside of cells"
+    assert "paper\\|corpus" not in text, "signatures are in code, outside of cells"
     assert "`paper|corpus:c0ffee|split:random`" in text
 
 
-@pytest.mark.parametrize("what", ["measures", "protocol", "corpus"])
-def test_tables_refuse_rows_that_were_measured_differently(what: str) -> None:
+@pytest.mark.parametrize("field", ["metrics_id", "protocol", "corpus"])
+def test_tables_refuse_rows_that_differ_in_recipe(field: str) -> None:
     for make, system in ((tables.table_1, "lstm"), (tables.table_3, "lpt-wa")):
-        odd = row(system, fr=None, **{what: "another"})
-        with pytest.raises(InputError, match="cannot stand in one table"):
+        odd = row(system, fr=None, **{field: "another"})
+        with pytest.raises(InputError, match="cannot be compared in one table"):
             make(of_rows(*paper_rows()).merged([odd]), "cpu")
-    with pytest.raises(InputError, match="cannot stand in one table"):
-        tables.table_fr(of_rows(row(fr=8), row(fr=6, **{what: "another"})), "cpu")
-    with pytest.raises(InputError, match="cannot stand in one table"):
-        tables.table_1(of_rows(*paper_rows(), *classical_rows()).merged([row("nat", fr=None, **{what: "x"})]), "cpu")
+    with pytest.raises(InputError, match="cannot be compared in one table"):
+        tables.table_fr(of_rows(row(fr=8), row(fr=6, **{field: "another"})), "cpu")
+    with pytest.raises(InputError, match="cannot be compared in one table"):
+        tables.table_1(of_rows(*paper_rows(), *classical_rows()).merged([row("nat", fr=None, **{field: "x"})]), "cpu")
 
 
-def test_the_sweep_of_fr_and_the_splits_have_tables() -> None:
+def test_the_sweep_of_fr_and_every_split_have_tables() -> None:
     sweep = [row("lpt", fr=fr) for fr in (10, 2, 8)]
     (table,) = tables.table_fr(of_rows(*sweep), "cpu")
     assert [r[0] for r in table.rows] == ["2", "8", "10"]
@@ -141,9 +141,9 @@ def test_the_sweep_of_fr_and_the_splits_have_tables() -> None:
     assert all(len(page) == 0 for page in tables.pages(Results(), "cpu").values())
 
 
-def test_times_of_two_machines_are_not_to_be_compared() -> None:
+def test_times_of_two_machines_get_a_note() -> None:
     text = layout.markdown(tables.table_1(of_rows(*paper_rows()).merged([row("lstm", fr=None, machine="b")]), "cpu")[0])
-    assert "Times are of 2 machines and not to be compared: a machine; b." in text
+    assert "Times are of 2 machines and cannot be compared: a machine; b." in text
 
 
 def balanced(text: str) -> bool:
@@ -155,7 +155,7 @@ def balanced(text: str) -> bool:
     return depth == 0
 
 
-def test_latex_is_sound_in_form(tmp_path: Path) -> None:
+def test_latex_is_well_formed(tmp_path: Path) -> None:
     found = of_rows(*paper_rows(), *paper_rows("sgd"), *classical_rows(), row("lpt", fr=6))
     for page in tables.pages(found, "cpu").values():
         for table in page:
@@ -170,11 +170,11 @@ def test_latex_is_sound_in_form(tmp_path: Path) -> None:
                 if line != r"\hline":
                     assert line.endswith(r" \\"), line
                     assert len(re.findall(r"(?<!\\)&", line)) == len(columns[1]) - 1, line
-            assert not re.search(r"(?<!\\)[%#$_]", text), "nothing that LaTeX would read as a command"
+            assert not re.search(r"(?<!\\)[%#$_]", text), "characters of LaTeX commands are escaped"
             assert text.isascii()
 
 
-def test_cells_are_made_plain() -> None:
+def test_special_characters_are_escaped() -> None:
     table = Table(
         "50% of a_b & c", "x", ("a|b", "c", "d"), (("<1", "{}", "~^\\"), RULE, ("1", "2", "3")), ("by `m|n_o`",)
     )
@@ -190,7 +190,7 @@ def test_cells_are_made_plain() -> None:
     assert layout.number(float("nan")) == "-"
 
 
-def test_pages_are_written_and_the_readme_filled(tmp_path: Path) -> None:
+def test_pages_are_written_and_the_readme_is_filled(tmp_path: Path) -> None:
     readme = tmp_path / "README.md"
     readme.write_text(f"before\n{tables.BEGIN}\nold\n{tables.END}\nafter\n")
     found = of_rows(*paper_rows(), *classical_rows())

@@ -55,8 +55,12 @@ def golden() -> Pairs:
 
 @dataclass(frozen=True)
 class Fake:
-    """A system that knows the truth of every pair of a corpus by its words, and can be made to err: frames longer or
-    shorter, positions off, every number off, tokens missing.
+    """A system that knows the truth of every pair of a corpus by its words, with errors on request.
+
+    - longer: extra frames at the end, negative for missing ones
+    - late: frames by which pre is too early
+    - off: error of every number
+    - silent: whether both tokens are missing
     """
 
     pairs: Pairs
@@ -105,7 +109,7 @@ def row(system: str = "lpt", **changes: Any) -> ResultRow:
         "steps": 100,
         "corpus": "c0ffee",
         "protocol": "paper|corpus:c0ffee|split:random",
-        "measures": results.signature_id(),
+        "metrics_id": results.signature_id(),
         "n_pairs": 3,
         "machine": "a machine",
     }
@@ -113,16 +117,17 @@ def row(system: str = "lpt", **changes: Any) -> ResultRow:
 
 
 def of_rows(*rows: ResultRow) -> results.Results:
-    """Results of rows."""
+    """Results with these rows."""
     return results.Results().merged(rows)
 
 
 def write_bundle(folder: Path, pairs: Pairs, **changes: Any) -> Path:
-    """A folder that says what a bundle says, and a training log; without networks."""
-    facts = {
+    """A bundle with a training log but without networks."""
+    contents = {
         "version": 1,
         "system": "lpt",
-        "config": {"fr": 8},
+        "config": {},
+        "fr": 8,
         "scale": "smoke",
         "optimiser": "adamw",
         "split": "random",
@@ -133,13 +138,13 @@ def write_bundle(folder: Path, pairs: Pairs, **changes: Any) -> Path:
         "n_parameters": 123,
     }
     folder.mkdir(parents=True)
-    (folder / "bundle.json").write_text(json.dumps(facts | changes))
+    (folder / "bundle.json").write_text(json.dumps(contents | changes))
     log = [{"step": step, "loss": 1.0, "accuracy": 0.9 + step / 1000.0} for step in range(0, 20, 5)]
     (folder / "log.jsonl").write_text("\n".join([*map(json.dumps, log), "no json", '{"step": 3}']))
     return folder
 
 
-def moved(n: int, seed: int = 0) -> Float:
+def motion(n: int, seed: int = 0) -> Float:
     """Frames (n, 159) of a smooth random motion."""
     rng = np.random.default_rng(seed)
     return np.asarray(np.cumsum(rng.normal(size=(n, metrics.NUMBERS)) * 0.01, axis=0))

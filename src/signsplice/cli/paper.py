@@ -121,7 +121,7 @@ def _train(todo: Sequence[Run], pairs: Path, bundles: Path, steps: int | None, w
     if workers > 1:
         schedule.train_side_by_side(planned, workers, started)
     else:
-        schedule.train_in_turn(planned, started, finished, progress_printer)
+        schedule.train_one_by_one(planned, started, finished, progress_printer)
 
 
 def _evaluate(

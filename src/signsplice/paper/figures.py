@@ -150,8 +150,8 @@ class _Plots:
             _point(ax, row, published.name(row.system), COLOURS[n], "o", below)
         if clip_methods:
             for system, given, name, colour in (
-                ("pose-velocity+hermite", "length", "pose-velocity+hermite,\ntold length", "#9a9a9a"),
-                (*HERMITE, "true-positions+hermite,\ntold positions and length", "#9a9a9a"),
+                ("pose-velocity+hermite", "length", "pose-velocity+hermite,\ngiven length", "#9a9a9a"),
+                (*HERMITE, "true-positions+hermite,\ngiven positions and length", "#9a9a9a"),
                 (*PRODUCT, "signsplice", "#1b1b1b"),
             ):
                 for row in self.results.find(system=system, given=given, split=SPLIT, part="test"):

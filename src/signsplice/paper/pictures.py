@@ -84,7 +84,7 @@ def _rows(pair: KeptFrames, scale: str) -> list[tuple[str, Float]]:
         if frames is not None and len(frames):
             out.append((published.name(system), frames))
     for (system, given), clip_scale, name in (
-        (kept_frames.HERMITE, CLASSICAL, "Hermite, told\npositions\nand length"),
+        (kept_frames.HERMITE, CLASSICAL, "Hermite, given\npositions\nand length"),
         (kept_frames.PRODUCT, SHIPPED, "signsplice"),
     ):
         frames = pair.made.get(kept_frames.label(system, clip_scale, "", given))

@@ -82,35 +82,37 @@ def choose(pairs: Pairs, split: str, part: str = "test", limit: int | None = Non
     return Protocol(pairs.head["hash"], split, part, tuple(numbers), pairs.head["fps"])
 
 
-def check_allowed(facts: Mapping[str, Any], pairs: Pairs, protocol: Protocol, name: str = "bundle") -> None:
+def check_allowed(trained_on: Mapping[str, Any], pairs: Pairs, protocol: Protocol, name: str = "bundle") -> None:
     """Raise ``InputError`` if a bundle must not be judged by a protocol: it was trained on another corpus, on another
     training part than the split's, or on a pair that is judged.
+
+    trained_on: the ``corpus`` and ``split`` that it was trained on.
     """
-    if facts.get("corpus") != protocol.corpus:
+    if trained_on.get("corpus") != protocol.corpus:
         raise InputError(
-            f"{name}: trained on corpus {facts.get('corpus')}, judged on {protocol.corpus}; "
+            f"{name}: trained on corpus {trained_on.get('corpus')}, judged on {protocol.corpus}; "
             "judge it on the pairs it was trained on, or move it away"
         )
-    trained = facts.get("split")
-    if not isinstance(trained, str):
+    split = trained_on.get("split")
+    if not isinstance(split, str):
         raise InputError(f"{name}: states no split that it was trained on, expected one of {', '.join(SPLITS)}")
-    learned = pairs.split(trained, "train")
-    seen = set(learned) | set(pairs.split(trained, "valid"))
+    learned = pairs.split(split, "train")
+    seen = set(learned) | set(pairs.split(split, "valid"))
     if protocol.part == "test" and seen & set(protocol.numbers):
         raise InputError(
-            f"{name}: trained on split {trained}, and {len(seen & set(protocol.numbers))} of the "
+            f"{name}: trained on split {split}, and {len(seen & set(protocol.numbers))} of the "
             f"{len(protocol.numbers)} pairs of {protocol.split} {protocol.part} were seen in training"
         )
     if learned != pairs.split(protocol.split, "train"):
         raise InputError(
-            f"{name}: trained on split {trained}, judged on {protocol.split}, which has another training part"
+            f"{name}: trained on split {split}, judged on {protocol.split}, which has another training part"
         )
 
 
-def may_judge(facts: Mapping[str, Any], pairs: Pairs, protocol: Protocol) -> bool:
+def may_judge(trained_on: Mapping[str, Any], pairs: Pairs, protocol: Protocol) -> bool:
     """Whether ``check_allowed`` accepts a bundle."""
     try:
-        check_allowed(facts, pairs, protocol)
+        check_allowed(trained_on, pairs, protocol)
     except InputError:
         return False
     return True

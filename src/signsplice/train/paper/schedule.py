@@ -41,7 +41,7 @@ class Schedule:
     steps: int | None = None
 
 
-def train_in_turn(
+def train_one_by_one(
     schedule: Schedule,
     started: Started,
     finished: Callable[[Run, Path], None],
