@@ -1,4 +1,4 @@
-"""Lexicons and sentences by command: exit statuses, one-line errors, JSON, whole folders."""
+"""The commands ``lexicon`` and ``sentence``: exit statuses, one-line errors, JSON, interruption."""
 
 from __future__ import annotations
 
@@ -26,11 +26,8 @@ def signsplice(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with clips, a table, and the lexicon made of both by command."""
-    from signsplice.lexicon import shipped
-
-    words = shipped()
-
+    """A folder with clips, a table, and the lexicon built from both by command."""
+    words = lexicon.shipped()
     folder = tmp_path_factory.mktemp("lexicon")
     (folder / "clips").mkdir()
     for gloss in ("HELLO", "SIGN", "I"):
@@ -44,7 +41,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_list_shows_the_words(built: Path) -> None:
+def test_list_prints_the_words(built: Path) -> None:
     run = signsplice("lexicon", "list", "lex", cwd=built)
     assert (run.returncode, run.stderr) == (0, "")
     lines = run.stdout.splitlines()
@@ -52,9 +49,9 @@ def test_list_shows_the_words(built: Path) -> None:
     n_frames = len(load(built / "clips" / "HELLO.bvh"))
     seconds = f"{n_frames / 30.0:.2f} s 30.00 fps"
     assert " ".join(lines[0].split()) == f"HELLO sign {seconds} Kim; checked; also HI, HEY"
-    told = json.loads(signsplice("lexicon", "list", "lex", "--json", "--search", "hE", cwd=built).stdout)
-    assert (told["version"], told["lexicon"], told["form"]) == (1, "lex", "float32")
-    (word,) = told["words"]
+    document = json.loads(signsplice("lexicon", "list", "lex", "--json", "--search", "hE", cwd=built).stdout)
+    assert (document["version"], document["lexicon"], document["form"]) == (1, "lex", "float32")
+    (word,) = document["words"]
     assert (word["gloss"], word["synonyms"], word["frames"], word["checked"]) == (
         "HELLO",
         ["HI", "HEY"],
@@ -65,10 +62,10 @@ def test_list_shows_the_words(built: Path) -> None:
     assert len(word["sha256"]) == 64
 
 
-def test_check_a_lexicon_and_a_folder(built: Path, tmp_path: Path) -> None:
-    for path, said in (("lex", "lex: 5 words, no faults\n"), ("clips", "clips: 5 clips, no faults\n")):
+def test_check_reports_faults_of_lexicons_and_folders(built: Path, tmp_path: Path) -> None:
+    for path, output in (("lex", "lex: 5 words, no faults\n"), ("clips", "clips: 5 clips, no faults\n")):
         run = signsplice("lexicon", "check", path, cwd=built)
-        assert (run.returncode, run.stdout, run.stderr) == (0, said, "")
+        assert (run.returncode, run.stdout, run.stderr) == (0, output, "")
     (tmp_path / "clips").mkdir()
     text = (built / "clips" / "SIGN.bvh").read_text()
     (tmp_path / "clips" / "a.bvh").write_text(text[:-300])
@@ -82,7 +79,7 @@ def test_check_a_lexicon_and_a_folder(built: Path, tmp_path: Path) -> None:
     assert lines[3:] == ["clips: 3 clips, 3 faults"]
 
 
-def test_a_sentence_is_signed(built: Path, tmp_path: Path) -> None:
+def test_a_sentence_is_spliced_from_its_words(built: Path, tmp_path: Path) -> None:
     common = ("--lexicon", built / "lex", "--report", "r.json")
     run = signsplice("sentence", "hello I", "fs-ann", "sign", "-o", "out.bvh", *common, "--fps", "60", cwd=tmp_path)
     assert (run.returncode, run.stderr) == (0, "")
@@ -122,7 +119,7 @@ BAD_CALLS = [
 
 
 @pytest.mark.parametrize(("call", "message"), BAD_CALLS, ids=[" ".join(call) for call, _ in BAD_CALLS])
-def test_bad_calls_get_one_line_and_change_nothing(
+def test_bad_calls_get_a_one_line_error_and_change_nothing(
     call: tuple[str, ...],
     message: str,
     built: Path,
@@ -137,16 +134,16 @@ def test_bad_calls_get_one_line_and_change_nothing(
     with pytest.raises(SystemExit) as stopped:
         cli.main()
     assert stopped.value.code == 2
-    said = capsys.readouterr()
-    assert said.err.startswith("error: ")
-    assert said.err.count("\n") == 1
-    assert message in said.err
-    assert said.out == ""
+    printed = capsys.readouterr()
+    assert printed.err.startswith("error: ")
+    assert printed.err.count("\n") == 1
+    assert message in printed.err
+    assert printed.out == ""
     assert {path: path.read_bytes() for path in built.rglob("*") if path.is_file()} == before
 
 
-def test_a_build_can_be_interrupted(tmp_path: Path, words: dict[str, Clip]) -> None:
-    """Ctrl-C leaves the older lexicon, and nothing beside it."""
+def test_an_interrupted_build_leaves_the_old_lexicon(tmp_path: Path, words: dict[str, Clip]) -> None:
+    """Ctrl-C leaves the older lexicon and no temporary files."""
     (tmp_path / "clips").mkdir()
     with lexicon.building(tmp_path / "lex") as builder:
         builder.add(words["I"], "OLD")
@@ -166,8 +163,8 @@ def test_a_build_can_be_interrupted(tmp_path: Path, words: dict[str, Clip]) -> N
     while not list(tmp_path.glob(".lex-*/frames.bin")) and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=60)
-    assert (process.returncode, said.strip()) == (130, "error: interrupted; nothing was half-written")
+    _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors.strip()) == (130, "error: interrupted; no file was left half-written")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["clips", "lex"]
     with lexicon.open(tmp_path / "lex") as lex:
         assert lex.glosses == ("OLD",)

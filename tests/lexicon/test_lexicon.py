@@ -1,6 +1,4 @@
-"""Lexicons as their readers find them: words by any of their names, from any thread, and clear words where it is
-damaged.
-"""
+"""Reading lexicons: words by any of their names, from any thread, and clear errors where one is damaged."""
 
 from __future__ import annotations
 
@@ -39,7 +37,7 @@ def path(tmp_path: Path, words: dict[str, Clip]) -> Path:
     return tmp_path / "lex"
 
 
-def test_a_word_comes_back_with_all_that_was_told(path: Path, words: dict[str, Clip]) -> None:
+def test_a_word_comes_back_with_its_metadata(path: Path, words: dict[str, Clip]) -> None:
     with lexicon.open(path) as lex:
         for gloss, clip in words.items():
             found, entry = lex.clip(gloss), lex.entry(gloss)
@@ -59,7 +57,7 @@ def test_a_word_comes_back_with_all_that_was_told(path: Path, words: dict[str, C
         assert list(lex.faults()) == []
 
 
-def test_names_are_found_in_any_case(path: Path) -> None:
+def test_glosses_and_synonyms_are_found_in_any_case(path: Path) -> None:
     with lexicon.open(path) as lex:
         for name in ("HELLO", "hello", " Hello ", "HI", "hi", "Good-Day", "good day"):
             assert name in lex
@@ -71,7 +69,7 @@ def test_names_are_found_in_any_case(path: Path) -> None:
             assert lex.entry(name).kind == "letter", name
 
 
-def test_it_is_a_collection_of_glosses(path: Path, words: dict[str, Clip]) -> None:
+def test_a_lexicon_is_a_collection_of_glosses(path: Path, words: dict[str, Clip]) -> None:
     with lexicon.open(path) as lex:
         assert len(lex) == len(words) + 7
         assert tuple(lex) == lex.glosses == tuple(entry.gloss for entry in lex.entries())
@@ -79,7 +77,7 @@ def test_it_is_a_collection_of_glosses(path: Path, words: dict[str, Clip]) -> No
         assert list(lex.glosses) == sorted(lex.glosses)
 
 
-def test_unknown_glosses_name_the_nearest(path: Path) -> None:
+def test_unknown_glosses_raise_an_error_with_similar_ones(path: Path) -> None:
     with lexicon.open(path) as lex:
         assert lex.nearest("HALLO") == ("HELLO",)
         assert lex.nearest("thank")[0] == "THANK-YOU"
@@ -109,12 +107,12 @@ def test_unknown_glosses_name_the_nearest(path: Path) -> None:
         ("fs-", "FS-"),
     ],
 )
-def test_glosses_have_one_spelling(text: str, gloss: str) -> None:
+def test_a_gloss_has_one_spelling(text: str, gloss: str) -> None:
     assert gloss_of(text) == gloss == gloss_of(gloss)
     assert fold(text) == fold(gloss)
 
 
-def test_threads_read_at_once(path: Path, words: dict[str, Clip]) -> None:
+def test_many_threads_can_read_at_once(path: Path, words: dict[str, Clip]) -> None:
     wrong: list[object] = []
     with lexicon.open(path) as lex:
         expected = {gloss: lex.clip(gloss).local_rotations for gloss in words}
@@ -138,7 +136,7 @@ def test_threads_read_at_once(path: Path, words: dict[str, Clip]) -> None:
     assert wrong == []
 
 
-def test_a_closed_lexicon_says_so_and_its_clips_live_on(path: Path) -> None:
+def test_clips_remain_valid_after_the_lexicon_is_closed(path: Path) -> None:
     lex = lexicon.open(path)
     clip = lex.clip("SIGN")
     lex.close()
@@ -149,7 +147,7 @@ def test_a_closed_lexicon_says_so_and_its_clips_live_on(path: Path) -> None:
             use()
 
 
-def test_it_travels_to_other_processes(path: Path) -> None:
+def test_a_lexicon_can_be_pickled(path: Path) -> None:
     with lexicon.open(path) as lex, pickle.loads(pickle.dumps(lex)) as other:
         assert other.glosses == lex.glosses
 
@@ -161,7 +159,7 @@ def test_reading_writes_nothing_and_takes_no_lock(path: Path) -> None:
     try:
         with lexicon.open(path) as lex:
             lex.clip("SIGN")
-        # Another program that holds the index to itself is no hindrance.
+        # A lock that another program holds on the index does not matter.
         path.chmod(0o755)
         (path / "index.sqlite").chmod(0o644)
         other = sqlite3.connect(path / "index.sqlite", isolation_level=None)
@@ -176,6 +174,8 @@ def test_reading_writes_nothing_and_takes_no_lock(path: Path) -> None:
 
 
 def sql(*lines: str) -> Callable[[Path], None]:
+    """A change of a lexicon's index by SQL."""
+
     def run(path: Path) -> None:
         file = sqlite3.connect(path / "index.sqlite")
         for line in lines:
@@ -187,6 +187,8 @@ def sql(*lines: str) -> Callable[[Path], None]:
 
 
 def rewrite(name: str, change: Callable[[bytes], bytes]) -> Callable[[Path], None]:
+    """A change of the bytes of one of a lexicon's files."""
+
     def run(path: Path) -> None:
         (path / name).write_bytes(change((path / name).read_bytes()))
 
@@ -212,16 +214,16 @@ BROKEN: dict[str, tuple[Callable[[Path], None], str]] = {
 
 
 @pytest.mark.parametrize("what", BROKEN)
-def test_what_is_no_sound_lexicon_is_refused(what: str, path: Path) -> None:
-    harm, message = BROKEN[what]
-    harm(path)
+def test_broken_lexicons_are_refused_when_opened(what: str, path: Path) -> None:
+    damage, message = BROKEN[what]
+    damage(path)
     with pytest.raises(InputError, match=message) as caught:
         lexicon.open(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_places_without_a_lexicon_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_paths_without_a_lexicon_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
     for name, message in (("nowhere", "no such folder"), ("file", "is a file"), (".", "is no lexicon")):
         with pytest.raises(InputError, match=message):
@@ -257,19 +259,21 @@ DAMAGED: dict[str, tuple[Callable[[Path], None], str]] = {
 
 
 @pytest.mark.parametrize("what", DAMAGED)
-def test_damage_within_is_told_when_it_is_met(what: str, path: Path) -> None:
-    harm, message = DAMAGED[what]
-    harm(path)
+def test_damaged_words_are_reported(what: str, path: Path) -> None:
+    damage, message = DAMAGED[what]
+    damage(path)
     with lexicon.open(path) as lex:
         try:
-            said = " / ".join(lex.faults())
-        except InputError as error:  # the index itself cannot be read on
-            said = str(error)
-    assert re.search(message, said), said
-    assert "\n" not in said
+            faults = " / ".join(lex.faults())
+        except InputError as error:  # the index itself cannot be read any further
+            faults = str(error)
+    assert re.search(message, faults), faults
+    assert "\n" not in faults
 
 
-def test_the_words_that_ship(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_shipped_lexicon_may_be_missing_from_a_build(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(reader, "SHIPPED", path)
     with lexicon.shipped() as lex:
         assert "HELLO" in lex
@@ -278,6 +282,6 @@ def test_the_words_that_ship(path: Path, tmp_path: Path, monkeypatch: pytest.Mon
         lexicon.shipped()
 
 
-def test_the_face_opens_one(path: Path) -> None:
+def test_the_package_exports_open_lexicon(path: Path) -> None:
     with signsplice.open_lexicon(path) as lex:
         assert isinstance(lex, signsplice.Lexicon)

@@ -1,4 +1,4 @@
-"""Lexicons written: whole or not at all, whatever happens on the way."""
+"""Writing lexicons: whole or not at all, whatever fails."""
 
 from __future__ import annotations
 
@@ -22,10 +22,12 @@ from signsplice.motion.clip import Clip
 
 
 def tree(folder: Path) -> dict[str, bytes]:
+    """Relative path -> content of every file below a folder."""
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def put(path: Path, *glosses: str, compact: bool = False) -> None:
+def write(path: Path, *glosses: str, compact: bool = False) -> None:
+    """Write a lexicon of random clips."""
     with lexicon.building(path, compact=compact) as builder:
         for seed, gloss in enumerate(glosses):
             builder.add(random_clip(seed), gloss)
@@ -33,36 +35,36 @@ def put(path: Path, *glosses: str, compact: bool = False) -> None:
 
 @pytest.fixture(params=["new", "replaced"])
 def target(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
-    """Where a lexicon is to be: nothing lies there, or an older lexicon."""
+    """Where a lexicon is to be written: an empty path, or one with an older lexicon."""
     if request.param == "replaced":
-        put(tmp_path / "lex", "OLD")
+        write(tmp_path / "lex", "OLD")
     return tmp_path / "lex"
 
 
-def test_the_new_one_takes_the_place_of_the_old(target: Path) -> None:
-    put(target, "NEW", "WORDS")
+def test_a_new_lexicon_replaces_an_old_one(target: Path) -> None:
+    write(target, "NEW", "WORDS")
     with lexicon.open(target) as lex:
         assert lex.glosses == ("NEW", "WORDS")
     assert sorted(path.name for path in target.parent.iterdir()) == ["lex"]
 
 
 def test_the_same_words_make_the_same_bytes(tmp_path: Path) -> None:
-    put(tmp_path / "a", "ONE", "TWO")
-    put(tmp_path / "b", "ONE", "TWO")
+    write(tmp_path / "a", "ONE", "TWO")
+    write(tmp_path / "b", "ONE", "TWO")
     assert tree(tmp_path / "a") == tree(tmp_path / "b")
 
 
 def test_an_open_lexicon_outlives_its_replacement(tmp_path: Path) -> None:
-    put(tmp_path / "lex", "OLD")
+    write(tmp_path / "lex", "OLD")
     with lexicon.open(tmp_path / "lex") as old:
-        put(tmp_path / "lex", "NEW")
+        write(tmp_path / "lex", "NEW")
         assert len(old.clip("OLD")) == 20
     with lexicon.open(tmp_path / "lex") as new:
         assert "OLD" not in new
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), RuntimeError("a bug"), InputError("a broken clip")])
-def test_what_breaks_off_leaves_nothing(target: Path, error: BaseException) -> None:
+def test_an_interrupted_build_changes_nothing(target: Path, error: BaseException) -> None:
     before = tree(target.parent)
 
     def interrupted() -> None:
@@ -80,7 +82,7 @@ FAILURES = ("frames", "index", "last rename", "temporary folder")
 
 
 @pytest.mark.parametrize("where", FAILURES)
-def test_a_full_disk_leaves_nothing(target: Path, where: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_changes_nothing(target: Path, where: str, monkeypatch: pytest.MonkeyPatch) -> None:
     full = OSError(errno.ENOSPC, "No space left on device")
 
     def fail(*_: object, **__: object) -> None:
@@ -120,7 +122,7 @@ def test_a_full_disk_leaves_nothing(target: Path, where: str, monkeypatch: pytes
     else:
         monkeypatch.setattr(tempfile, "mkdtemp", fail)
     with pytest.raises(InputError, match=r"lex: cannot be written \(.*(No space|disk is full).*\)"):
-        put(target, *(f"WORD{n}" for n in range(20)))
+        write(target, *(f"WORD{n}" for n in range(20)))
     monkeypatch.undo()
     assert tree(target.parent) == before
     assert [path.name for path in target.parent.iterdir() if path.name.startswith(".")] == []
@@ -129,7 +131,7 @@ def test_a_full_disk_leaves_nothing(target: Path, where: str, monkeypatch: pytes
             assert lex.glosses == ("OLD",)
 
 
-def test_a_write_that_the_system_refuses(tmp_path: Path) -> None:
+def test_a_file_size_limit_changes_nothing(tmp_path: Path) -> None:
     """A real limit on the size of files, in a process of its own."""
     resource = pytest.importorskip("resource")
     code = (
@@ -150,7 +152,7 @@ def test_a_write_that_the_system_refuses(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_would_be_lost_is_refused(tmp_path: Path) -> None:
+def test_paths_with_other_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / "letter.txt").write_text("dear")
     (tmp_path / "file").write_text("x")
@@ -158,7 +160,7 @@ def test_what_would_be_lost_is_refused(tmp_path: Path) -> None:
     other = sqlite3.connect(tmp_path / "database" / "index.sqlite")
     other.execute("CREATE TABLE addresses (name TEXT)")
     other.close()
-    put(tmp_path / "notes", "A")
+    write(tmp_path / "notes", "A")
     (tmp_path / "notes" / "README.txt").write_text("mine")
     before = tree(tmp_path)
     for name, message in (
@@ -169,20 +171,20 @@ def test_what_would_be_lost_is_refused(tmp_path: Path) -> None:
         ("none/lex", "folder .*none does not exist"),
     ):
         with pytest.raises(InputError, match=message):
-            put(tmp_path / name, "A")
+            write(tmp_path / name, "A")
     assert tree(tmp_path) == before
 
 
-def test_a_link_stays_a_link(tmp_path: Path) -> None:
-    put(tmp_path / "real", "OLD")
+def test_a_link_to_a_lexicon_remains_a_link(tmp_path: Path) -> None:
+    write(tmp_path / "real", "OLD")
     (tmp_path / "link").symlink_to("real")
-    put(tmp_path / "link", "NEW")
+    write(tmp_path / "link", "NEW")
     assert (tmp_path / "link").is_symlink()
     with lexicon.open(tmp_path / "real") as lex:
         assert lex.glosses == ("NEW",)
 
 
-def test_words_that_cannot_be_added_are_left_out_whole(tmp_path: Path) -> None:
+def test_a_word_that_is_refused_leaves_the_others_intact(tmp_path: Path) -> None:
     clip = random_clip(0)
     with lexicon.building(tmp_path / "lex") as builder:
         builder.add(clip, "BYE", synonyms=["SEE-YOU", "bye", "see you"])
@@ -205,13 +207,13 @@ def test_words_that_cannot_be_added_are_left_out_whole(tmp_path: Path) -> None:
         assert list(lex.faults()) == []
 
 
-def test_a_lexicon_without_words_is_none(tmp_path: Path) -> None:
+def test_a_lexicon_without_words_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no word was added"):
-        put(tmp_path / "lex")
+        write(tmp_path / "lex")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_skeletons_are_stored_once(tmp_path: Path, words: dict[str, Clip]) -> None:
+def test_equal_skeletons_are_stored_once(tmp_path: Path, words: dict[str, Clip]) -> None:
     with lexicon.building(tmp_path / "lex", compact=True) as builder:
         for n, clip in enumerate([*words.values(), *words.values(), random_clip(1), random_clip(1)]):
             builder.add(clip, f"W{n}")
@@ -220,7 +222,7 @@ def test_skeletons_are_stored_once(tmp_path: Path, words: dict[str, Clip]) -> No
     file.close()
 
 
-def test_memory_stays_flat(tmp_path: Path) -> None:
+def test_memory_does_not_grow_with_the_number_of_words(tmp_path: Path) -> None:
     peaks = []
     for n_words in (5, 60):
         tracemalloc.start()

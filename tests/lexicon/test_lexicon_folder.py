@@ -1,4 +1,4 @@
-"""Folders of clips made into lexicons: what names and tables say, and every fault by file and line."""
+"""Lexicons from folders of clips: glosses from file names and tables, and faults by file and line."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ def faults(folder: Path) -> list[str]:
     return folders.check(folder)[1]
 
 
-def test_names_of_files_are_glosses(clips: Path, tmp_path: Path) -> None:
-    told: list[tuple[int, int]] = []
-    built = lexicon.build(clips, tmp_path / "lex", signer="Kim", progress=lambda *at: told.append(at))
+def test_file_names_become_glosses(clips: Path, tmp_path: Path) -> None:
+    calls: list[tuple[int, int]] = []
+    built = lexicon.build(clips, tmp_path / "lex", signer="Kim", progress=lambda *call: calls.append(call))
     assert (built.n_words, built.n_letters, built.form) == (4, 1, "float32")
-    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    assert calls == [(1, 4), (2, 4), (3, 4), (4, 4)]
     assert len(built.warnings) == 1
     assert built.warnings[0].startswith("1 clips have arms that are not known")
     with lexicon.open(tmp_path / "lex") as lex:
@@ -58,7 +58,7 @@ def test_names_of_files_are_glosses(clips: Path, tmp_path: Path) -> None:
     assert faults(clips) == []
 
 
-def test_the_table_says_more(clips: Path, tmp_path: Path) -> None:
+def test_the_table_overrides_file_names(clips: Path, tmp_path: Path) -> None:
     table(
         clips,
         "\ufefffile,gloss,synonyms,signer,source,checked,kind",
@@ -110,12 +110,12 @@ def test_faults_of_the_table_name_file_and_line(what: str, clips: Path, tmp_path
     assert not (tmp_path / "lex").exists()
 
 
-def test_a_table_that_is_not_utf8(clips: Path) -> None:
+def test_a_table_that_is_not_utf8_is_a_fault(clips: Path) -> None:
     (clips / "glosses.csv").write_bytes(b"file,gloss\nhello.bvh,gr\xfc\xdf\n")
     assert "glosses.csv:2: is not UTF-8" in faults(clips)[0]
 
 
-def test_two_files_of_one_gloss_are_both_named(clips: Path, tmp_path: Path, words: dict[str, Clip]) -> None:
+def test_two_files_with_one_gloss_are_both_named(clips: Path, tmp_path: Path, words: dict[str, Clip]) -> None:
     save(words["DEAF"], clips / "more" / "HELLO.bvh")
     with pytest.raises(InputError) as caught:
         lexicon.build(clips, tmp_path / "lex")
@@ -123,7 +123,7 @@ def test_two_files_of_one_gloss_are_both_named(clips: Path, tmp_path: Path, word
         assert part in str(caught.value)
 
 
-def test_broken_clips(clips: Path, tmp_path: Path) -> None:
+def test_broken_clips_stop_a_build_or_are_skipped(clips: Path, tmp_path: Path) -> None:
     text = (clips / "hello.bvh").read_text()
     (clips / "bad.bvh").write_text(text[:-200])
     (clips / "more" / "worse.npz").write_bytes(b"PK nothing")
@@ -139,7 +139,7 @@ def test_broken_clips(clips: Path, tmp_path: Path) -> None:
     assert [line for line in built.warnings if line.endswith("; left out")] == [line + "; left out" for line in found]
 
 
-def test_roles_are_kept_with_the_words(clips: Path, tmp_path: Path) -> None:
+def test_roles_are_stored_with_the_words(clips: Path, tmp_path: Path) -> None:
     names = random_clip(1).skeleton.names
     roles = {"hips": names[0]}
     lexicon.build(clips, tmp_path / "lex", roles=roles)
@@ -150,7 +150,7 @@ def test_roles_are_kept_with_the_words(clips: Path, tmp_path: Path) -> None:
         lexicon.build(clips, tmp_path / "lex", roles={"hips": names[0], "spine": "nowhere"})
 
 
-def test_folders_without_clips(tmp_path: Path) -> None:
+def test_folders_without_clips_are_refused(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("")
     (tmp_path / "broken").mkdir()
@@ -166,7 +166,7 @@ def test_folders_without_clips(tmp_path: Path) -> None:
     assert not (tmp_path / "lex").exists()
 
 
-def test_a_folder_that_cannot_be_read(clips: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_cannot_be_read_is_refused(clips: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(path: str, *_: object) -> None:
         raise PermissionError(13, "Permission denied", str(path))
 

@@ -1,4 +1,4 @@
-"""Clips as bytes: what comes out is what went in, to the stated tolerance, and damage is told."""
+"""Clips encoded as bytes: they come back within the stated tolerance, and damage is detected."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 
 
-def there_and_back(clip: Clip, form: str) -> Clip:
+def round_trip(clip: Clip, form: str) -> Clip:
     shape = Shape(form, len(clip), len(clip.skeleton), clip.translations is not None)
     return decode(encode(clip, form), shape, clip.skeleton, clip.fps, clip.name)
 
 
-def stilled(clip: Clip, joints: list[int]) -> Clip:
-    """The clip with some joints that never turn."""
+def with_constant(clip: Clip, joints: list[int]) -> Clip:
+    """The clip with constant rotations of some joints."""
     rotations = clip.local_rotations.copy()
     rotations[:, joints] = rotations[:1, joints]
     return replace(clip, local_rotations=rotations)
@@ -32,40 +32,42 @@ def stilled(clip: Clip, joints: list[int]) -> Clip:
     seed=st.integers(0, 1000),
     n_frames=st.integers(1, 40),
     form=st.sampled_from(FORMS),
-    still=st.lists(st.integers(0, 6), max_size=7, unique=True),
-    bones_move=st.booleans(),
+    constant=st.lists(st.integers(0, 6), max_size=7, unique=True),
+    bones_stretch=st.booleans(),
 )
-def test_round_trip(seed: int, n_frames: int, form: str, still: list[int], bones_move: bool) -> None:
-    clip = stilled(random_clip(seed, n_frames, n_joints=7), still)
-    if bones_move:
-        waves = np.random.default_rng(seed).normal(size=(n_frames, 7, 3))
-        waves[:, still] = 1.0
-        clip = replace(clip, translations=clip.skeleton.offsets + waves)
-    back = there_and_back(clip, form)
+def test_clips_come_back_within_the_tolerance(
+    seed: int, n_frames: int, form: str, constant: list[int], bones_stretch: bool
+) -> None:
+    clip = with_constant(random_clip(seed, n_frames, n_joints=7), constant)
+    if bones_stretch:
+        noise = np.random.default_rng(seed).normal(size=(n_frames, 7, 3))
+        noise[:, constant] = 1.0
+        clip = replace(clip, translations=clip.skeleton.offsets + noise)
+    back = round_trip(clip, form)
     tolerance = 1e-4 if form == "int16" else 1e-6
     assert np.max(rotation.angle_between(clip.local_rotations, back.local_rotations)) < tolerance
-    assert np.all(np.sum(clip.local_rotations * back.local_rotations, axis=-1) > 0.0), "signs stay"
+    assert np.all(np.sum(clip.local_rotations * back.local_rotations, axis=-1) > 0.0), "quaternion signs are kept"
     assert np.allclose(back.root_positions, clip.root_positions, rtol=1e-7, atol=0.0)
     assert (back.fps, back.name) == (clip.fps, clip.name)
     assert (back.translations is None) == (clip.translations is None)
     if clip.translations is not None and back.translations is not None:
         assert np.allclose(back.translations, clip.translations, rtol=1e-7, atol=0.0)
-    if still:
-        assert np.ptp(back.local_rotations[:, still], axis=0).max() == 0.0
+    if constant:
+        assert np.ptp(back.local_rotations[:, constant], axis=0).max() == 0.0
 
 
-def test_every_rotation_stays_within_the_bound_when_compact() -> None:
+def test_compact_rotations_are_within_the_tolerance() -> None:
     rng = np.random.default_rng(1)
     q = rng.normal(size=(4000, 1, 4))
     q /= np.linalg.norm(q, axis=-1, keepdims=True)
     clip = random_clip(0, n_frames=1, n_joints=1)
     clip = replace(clip, local_rotations=q, root_positions=np.zeros((4000, 3)))
-    assert np.max(rotation.angle_between(q, there_and_back(clip, "int16").local_rotations)) < 1e-4
+    assert np.max(rotation.angle_between(q, round_trip(clip, "int16").local_rotations)) < 1e-4
 
 
-def test_what_is_still_takes_no_room() -> None:
+def test_constant_values_take_almost_no_space() -> None:
     clip = random_clip(0, n_frames=100, n_joints=20)
-    quiet = stilled(replace(clip, root_positions=np.zeros((100, 3))), list(range(2, 20)))
+    quiet = with_constant(replace(clip, root_positions=np.zeros((100, 3))), list(range(2, 20)))
     assert len(encode(quiet, "float32")) < 0.15 * len(encode(clip, "float32"))
     assert len(encode(clip, "int16")) < 0.6 * len(encode(clip, "float32"))
 
@@ -92,7 +94,7 @@ def test_positions_beyond_float32_are_refused() -> None:
         (20, 12, lambda b: b[:16] + bytes(len(b) - 16)),
     ],
 )
-def test_damage_is_told(form: str, n_frames: int, n_joints: int, change: object) -> None:
+def test_damaged_bytes_are_refused(form: str, n_frames: int, n_joints: int, change: object) -> None:
     assert callable(change)
     clip = random_clip(0)
     block = change(encode(clip, form))

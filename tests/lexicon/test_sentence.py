@@ -1,4 +1,4 @@
-"""Lines of glosses: words, words that are spelled, and words that there are not."""
+"""Parsing lines of glosses: words, fingerspelled words, and unknown words."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ def lex(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lexicon]:
         ("anna", ["fs-A", "fs-N", "fs-N", "fs-A"]),
     ],
 )
-def test_what_a_line_means(text: str, glosses: list[str], lex: Lexicon) -> None:
-    assert [gloss for unit in parse(text, lex) for gloss in unit.glosses] == glosses
+def test_a_line_is_parsed_into_glosses(text: str, glosses: list[str], lex: Lexicon) -> None:
+    assert [gloss for token in parse(text, lex) for gloss in token.glosses] == glosses
 
 
-def test_a_word_spelled_unasked_is_warned_of(lex: Lexicon) -> None:
+def test_an_unknown_word_is_fingerspelled_with_a_warning(lex: Lexicon) -> None:
     hello, asked, unasked = parse("HELLO fs-ANNA BANNA", lex)
     assert (hello.spelled, asked.spelled, unasked.spelled) == (False, True, True)
     assert (hello.warning, asked.warning) == ("", "")
@@ -52,14 +52,14 @@ def test_a_word_spelled_unasked_is_warned_of(lex: Lexicon) -> None:
     assert unasked.warning == ("no gloss 'BANNA' (nearest: BANANA), so it is spelled; write fs-BANNA to mean that")
 
 
-def test_what_cannot_be_signed_is_named_at_once(lex: Lexicon) -> None:
+def test_all_unknown_words_are_named_in_one_error(lex: Lexicon) -> None:
     with pytest.raises(UnknownGlossError) as caught:
         parse("HALLO I banana2 THANKYOU A-B X", lex)
     assert set(caught.value.unknown) == {"HALLO", "banana2", "THANKYOU", "A-B", "X"}
     assert caught.value.unknown["THANKYOU"] == ("THANK-YOU",)
     with pytest.raises(UnknownGlossError, match=r"'BANNA' .*nearest: BANANA"):
         parse("I BANNA", lex, spell=False)
-    assert len(parse("fs-ANNA", lex, spell=False)[0].glosses) == 4, "asked for, it is spelled all the same"
+    assert len(parse("fs-ANNA", lex, spell=False)[0].glosses) == 4, "marked for spelling, it is spelled all the same"
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_what_cannot_be_signed_is_named_at_once(lex: Lexicon) -> None:
         ("A\x07", "no gloss"),
     ],
 )
-def test_lines_that_cannot_be_signed(text: str, message: str | None, lex: Lexicon) -> None:
+def test_lines_that_cannot_be_signed_are_refused(text: str, message: str | None, lex: Lexicon) -> None:
     if message is None:
         assert not parse(text, lex)[0].spelled
         return
