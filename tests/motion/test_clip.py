@@ -1,4 +1,4 @@
-"""Clips: checked once, sliced and joined bit for bit, resampled by time."""
+"""motion.clip: clips are checked when made, sliced and concatenated bit for bit, and resampled by time."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
 
 
-def test_a_clip_cannot_be_written_through() -> None:
+def test_the_arrays_of_a_clip_are_read_only() -> None:
     clip = random_clip(0)
     with pytest.raises(ValueError, match="read-only"):
         clip.local_rotations[0, 0, 0] = 1.0
@@ -31,7 +31,7 @@ def test_a_clip_cannot_be_written_through() -> None:
         ({"translations": np.zeros((20, 11, 3))}, "translations"),
     ],
 )
-def test_unsound_clips_are_refused(change: dict[str, object], message: str) -> None:
+def test_invalid_clips_are_refused(change: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         replace(random_clip(0), **change)  # type: ignore[arg-type]
 
@@ -39,19 +39,19 @@ def test_unsound_clips_are_refused(change: dict[str, object], message: str) -> N
 @pytest.mark.parametrize(
     ("names", "parents", "message"),
     [
-        (("a", "a"), [-1, 0], "stands twice"),
+        (("a", "a"), [-1, 0], "appears twice"),
         (("a", "b"), [-1, 1], "after its parent"),
         (("a", "b"), [0, -1], "root first"),
         (("a",), [-1, 0], "do not fit"),
     ],
 )
-def test_unsound_skeletons_are_refused(names: tuple[str, ...], parents: list[int], message: str) -> None:
+def test_invalid_skeletons_are_refused(names: tuple[str, ...], parents: list[int], message: str) -> None:
     with pytest.raises(InputError, match=message):
         Skeleton(names, np.array(parents), np.zeros((len(parents), 3)))
 
 
 @pytest.mark.parametrize("at", [1, 7, 19])
-def test_parts_joined_are_the_whole_bit_for_bit(at: int) -> None:
+def test_concatenated_slices_are_the_clip_bit_for_bit(at: int) -> None:
     clip = random_clip(4)
     joined = concatenate([clip[:at], clip[at:]])
     assert np.array_equal(joined.local_rotations, clip.local_rotations)
@@ -59,7 +59,7 @@ def test_parts_joined_are_the_whole_bit_for_bit(at: int) -> None:
     assert joined.name == clip.name
 
 
-def test_clips_that_do_not_fit_are_not_joined() -> None:
+def test_clips_that_do_not_fit_are_not_concatenated() -> None:
     with pytest.raises(InputError, match="other joints"):
         concatenate([random_clip(0), random_clip(0, n_joints=11)])
     with pytest.raises(InputError, match="resample"):
@@ -68,16 +68,16 @@ def test_clips_that_do_not_fit_are_not_joined() -> None:
         random_clip(0)[::2]
 
 
-def test_resampling_keeps_time() -> None:
+def test_resampled_frames_show_the_same_moments() -> None:
     clip = random_clip(6, n_frames=49, fps=24.0)
     for fps in (12.0, 25.0, 30.0, 120.0, 29.97):
         other = resample(clip, fps)
         assert abs((len(other) - 1) / fps - (len(clip) - 1) / 24.0) < 1.0 / fps
-        for k in range(0, len(other), 5):  # against the definition, one frame at a time
+        for k in range(0, len(other), 5):  # by the definition, one frame at a time
             at = k / fps * 24.0
             low = min(int(at), len(clip) - 2)
-            wanted = rotation.slerp(clip.local_rotations[low], clip.local_rotations[low + 1], np.array(at - low))
-            assert np.all(rotation.angle_between(other.local_rotations[k], wanted) < 1e-7)
+            expected = rotation.slerp(clip.local_rotations[low], clip.local_rotations[low + 1], np.array(at - low))
+            assert np.all(rotation.angle_between(other.local_rotations[k], expected) < 1e-7)
 
 
 def test_resampling_up_and_down_returns_the_frames() -> None:
@@ -97,7 +97,7 @@ def test_speed_shortens_the_clip() -> None:
         resample(clip, 30.0, speed=0.0)
 
 
-def test_one_frame_is_a_clip() -> None:
+def test_a_clip_may_have_one_frame() -> None:
     clip = random_clip(9, n_frames=1)
     assert len(resample(clip, 60.0)) == 1
     assert isinstance(clip[:1], Clip)

@@ -1,4 +1,4 @@
-"""Forward kinematics against a plain walk, pybvh and itself; positions back to rotations."""
+"""motion.kinematics: forward kinematics compared with a plain loop and with pybvh, and rotations from positions."""
 
 from pathlib import Path
 
@@ -13,30 +13,30 @@ from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
 
 
-def walked(clip: Clip) -> rotation.Float:
-    """Positions (T, J, 3), one frame and one joint at a time."""
+def positions_by_loop(clip: Clip) -> rotation.Float:
+    """Global positions (T, J, 3), computed one frame and one joint at a time."""
     out = np.empty((len(clip), len(clip.skeleton), 3))
     for t in range(len(clip)):
-        turns: list[rotation.Float] = []
+        global_matrices: list[rotation.Float] = []
         for j, parent in enumerate(clip.skeleton.parents):
             local = rotation.to_matrix(clip.local_rotations[t, j])
             if parent < 0:
                 out[t, j] = clip.root_positions[t]
-                turns.append(local)
+                global_matrices.append(local)
             else:
-                out[t, j] = out[t, parent] + turns[parent] @ clip.skeleton.offsets[j]
-                turns.append(turns[parent] @ local)
+                out[t, j] = out[t, parent] + global_matrices[parent] @ clip.skeleton.offsets[j]
+                global_matrices.append(global_matrices[parent] @ local)
     return out
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_forward_is_the_plain_walk(seed: int) -> None:
+def test_forward_agrees_with_a_plain_loop(seed: int) -> None:
     clip = random_clip(seed)
     rotations, positions = kinematics.forward(clip)
-    assert np.allclose(positions, walked(clip))
-    some_rotations, some = kinematics.forward(clip, [7, 0, 3])
-    assert np.array_equal(some, positions[:, [7, 0, 3]])
-    assert np.array_equal(some_rotations, rotations[:, [7, 0, 3]])
+    assert np.allclose(positions, positions_by_loop(clip))
+    some_rotations, some_positions = kinematics.forward(clip, [7, 0, 3])
+    assert np.allclose(some_positions, positions[:, [7, 0, 3]], atol=1e-12)
+    assert np.allclose(some_rotations, rotations[:, [7, 0, 3]], atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -57,16 +57,16 @@ def test_forward_of_real_clips_agrees_with_pybvh(real_clips: dict[str, Clip]) ->
         assert np.allclose(other.joint_positions(), positions, atol=1e-9 * np.abs(positions).max())
 
 
-def test_tips_are_where_end_sites_are() -> None:
+def test_tip_positions_are_those_of_the_end_sites() -> None:
     clip = random_clip(2)
     rotations, positions = kinematics.forward(clip)
     tips = kinematics.tip_positions(clip, rotations, positions)
     for e, site in enumerate(clip.skeleton.end_sites):
-        wanted = positions[:, site.joint] + rotations[:, site.joint] @ site.offset
-        assert np.allclose(tips[:, e], wanted)
+        expected = positions[:, site.joint] + rotations[:, site.joint] @ site.offset
+        assert np.allclose(tips[:, e], expected)
 
 
-def test_positions_back_to_rotations_reproduces_positions(words: dict[str, Clip]) -> None:
+def test_rotations_from_positions_reproduce_the_positions(words: dict[str, Clip]) -> None:
     for clip in (*(random_clip(seed) for seed in range(4)), words["SIGN"]):
         positions = kinematics.forward(clip)[1]
         local = kinematics.rotations_from_positions(clip.skeleton, positions)
@@ -75,7 +75,7 @@ def test_positions_back_to_rotations_reproduces_positions(words: dict[str, Clip]
         assert np.allclose(kinematics.forward(again)[1], positions, atol=1e-6 * size)
 
 
-def test_positions_back_to_rotations_keeps_bone_lengths() -> None:
+def test_rotations_from_positions_keep_bone_lengths() -> None:
     clip = random_clip(1)
     stretched = kinematics.forward(clip)[1] * 1.3
     local = kinematics.rotations_from_positions(clip.skeleton, stretched)
@@ -84,8 +84,8 @@ def test_positions_back_to_rotations_keeps_bone_lengths() -> None:
     assert np.allclose(lengths, np.linalg.norm(clip.skeleton.offsets[1:], axis=-1))
 
 
-def test_twist_comes_from_the_neighbouring_frames(words: dict[str, Clip]) -> None:
-    """Between two known poses the twist of every joint starts at the one's and ends at the other's, without jumps."""
+def test_twist_comes_from_the_poses_before_and_after(words: dict[str, Clip]) -> None:
+    """The twist of every joint goes from that of the pose before to that of the pose after without a jump."""
     clip = words["HELLO"]
     start, stop = 15, 27
     positions = kinematics.forward(clip)[1][start:stop]
@@ -93,12 +93,12 @@ def test_twist_comes_from_the_neighbouring_frames(words: dict[str, Clip]) -> Non
     local = kinematics.rotations_from_positions(clip.skeleton, positions, before=q[start - 1], after=q[stop])
     joined = np.concatenate([q[start - 1 : start], local, q[stop : stop + 1]])
     steps = np.rad2deg(rotation.angle_between(joined[:-1], joined[1:]))
-    own = np.rad2deg(rotation.angle_between(q[start - 2 : stop], q[start - 1 : stop + 1]))
-    assert steps.max() < own.max() + 8.0
+    original_steps = np.rad2deg(rotation.angle_between(q[start - 2 : stop], q[start - 1 : stop + 1]))
+    assert steps.max() < original_steps.max() + 8.0
     assert np.rad2deg(rotation.angle_between(local, q[start:stop])).max() < 25.0
 
 
-def test_a_single_bone_does_not_twist_needlessly() -> None:
+def test_a_single_bone_gets_no_twist() -> None:
     skeleton = Skeleton(("a", "b"), np.array([-1, 0]), np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
     angle = np.linspace(0.0, 1.0, 30)
     positions = np.zeros((30, 2, 3))
@@ -107,7 +107,7 @@ def test_a_single_bone_does_not_twist_needlessly() -> None:
     assert np.allclose(rotation.log(local[:, 0]), np.stack([0 * angle, 0 * angle, -angle], axis=-1), atol=1e-9)
 
 
-def test_wrong_shapes_are_refused() -> None:
+def test_positions_of_the_wrong_shape_are_refused() -> None:
     clip = random_clip(0)
     with pytest.raises(InputError, match="positions"):
         kinematics.rotations_from_positions(clip.skeleton, np.zeros((4, 3, 3)))

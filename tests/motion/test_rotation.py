@@ -1,4 +1,4 @@
-"""Rotations against their axioms and against scipy."""
+"""motion.rotation: group axioms and round trips, and agreement with scipy."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def same(a: rotation.Float, b: rotation.Float, tolerance: float = 1e-9) -> bool:
 
 
 @given(quaternions, quaternions, quaternions)
-def test_group_axioms(a: rotation.Float, b: rotation.Float, c: rotation.Float) -> None:
+def test_rotations_form_a_group(a: rotation.Float, b: rotation.Float, c: rotation.Float) -> None:
     assert np.allclose(
         rotation.multiply(rotation.multiply(a, b), c), rotation.multiply(a, rotation.multiply(b, c)), atol=1e-12
     )
@@ -32,7 +32,7 @@ def test_group_axioms(a: rotation.Float, b: rotation.Float, c: rotation.Float) -
 
 
 @given(quaternions, quaternions, vectors)
-def test_agrees_with_scipy(a: rotation.Float, b: rotation.Float, v: rotation.Float) -> None:
+def test_operations_agree_with_scipy(a: rotation.Float, b: rotation.Float, v: rotation.Float) -> None:
     ra, rb = Rotation.from_quat(a), Rotation.from_quat(b)
     assert np.allclose(rotation.rotate(a, v), ra.apply(v), atol=1e-9)
     assert np.allclose(rotation.to_matrix(a), ra.as_matrix(), atol=1e-12)
@@ -43,7 +43,7 @@ def test_agrees_with_scipy(a: rotation.Float, b: rotation.Float, v: rotation.Flo
 
 
 @given(quaternions)
-def test_round_trips(q: rotation.Float) -> None:
+def test_every_form_converts_there_and_back(q: rotation.Float) -> None:
     assert same(rotation.exp(rotation.log(q)), q)
     assert same(rotation.from_matrix(rotation.to_matrix(q)), q, 1e-7)
     assert same(rotation.from_6d(rotation.to_6d(q)), q, 1e-7)
@@ -71,7 +71,7 @@ def test_gimbal_lock_keeps_the_rotation(axes: str, middle: float) -> None:
 
 
 @given(quaternions, quaternions)
-def test_slerp_ends_and_middle(a: rotation.Float, b: rotation.Float) -> None:
+def test_slerp_starts_halves_and_ends_where_it_should(a: rotation.Float, b: rotation.Float) -> None:
     assert same(rotation.slerp(a, b, np.zeros(5)), a)
     assert same(rotation.slerp(a, b, np.ones(5)), b)
     half = rotation.slerp(a, b, np.full(5, 0.5))
@@ -79,22 +79,22 @@ def test_slerp_ends_and_middle(a: rotation.Float, b: rotation.Float) -> None:
 
 
 @given(vectors, vectors)
-def test_between_vectors_turns_one_into_the_other(u: rotation.Float, v: rotation.Float) -> None:
+def test_between_vectors_rotates_one_onto_the_other(u: rotation.Float, v: rotation.Float) -> None:
     lengths = np.linalg.norm(u, axis=-1) * np.linalg.norm(v, axis=-1)
-    turned = rotation.rotate(rotation.between_vectors(u, v), u) * np.linalg.norm(v, axis=-1, keepdims=True)
-    wanted = v * np.linalg.norm(u, axis=-1, keepdims=True)
-    solid = lengths > 1e-3
-    assert np.allclose(turned[solid], wanted[solid], atol=1e-5 * max(1.0, float(lengths.max())))
+    rotated = rotation.rotate(rotation.between_vectors(u, v), u) * np.linalg.norm(v, axis=-1, keepdims=True)
+    expected = v * np.linalg.norm(u, axis=-1, keepdims=True)
+    defined = lengths > 1e-3  # shorter vectors have no reliable direction
+    assert np.allclose(rotated[defined], expected[defined], atol=1e-5 * max(1.0, float(lengths.max())))
 
 
-def test_between_opposite_and_zero_vectors() -> None:
+def test_between_vectors_accepts_opposite_and_zero_vectors() -> None:
     u = np.array([[1.0, 0.0, 0.0], [0.0, -2.0, 0.0], [0.0, 0.0, 0.0]])
     q = rotation.between_vectors(u, -u)
     assert np.allclose(rotation.rotate(q, u), -u, atol=1e-9)
     assert np.allclose(q[2], rotation.IDENTITY)
 
 
-def test_right_jacobian_inverse_is_the_rate_of_the_rotation_vector() -> None:
+def test_right_jacobian_inverse_is_the_rate_of_the_rotvec() -> None:
     rng = np.random.default_rng(3)
     x, w = rng.normal(size=(30, 3)), rng.normal(size=(30, 3))
     x *= (rng.uniform(0.0, 3.0, 30) / np.linalg.norm(x, axis=-1))[:, None]
@@ -104,7 +104,7 @@ def test_right_jacobian_inverse_is_the_rate_of_the_rotation_vector() -> None:
     assert np.allclose(rotation.right_jacobian_inverse(x, w), numeric, atol=1e-4)
 
 
-def test_twist_angle_reads_back_the_twist() -> None:
+def test_twist_angle_is_the_angle_of_the_twist() -> None:
     axis = np.array([0.0, 0.6, 0.8])
     swing = rotation.exp([0.5, 0.0, 0.0])
     for angle in (-3.0, -0.4, 0.0, 2.9):
@@ -122,7 +122,7 @@ def test_continuous_has_no_sign_flips() -> None:
     assert same(out, flipped)
 
 
-def test_nearest_euler_undoes_turns_and_the_other_triple() -> None:
+def test_nearest_euler_undoes_revolutions_and_the_other_triple() -> None:
     rng = np.random.default_rng(5)
     reference = rng.uniform(-3.0, 3.0, (40, 3))
     other = reference + 2.0 * np.pi * rng.integers(-3, 4, (40, 3))
@@ -131,28 +131,28 @@ def test_nearest_euler_undoes_turns_and_the_other_triple() -> None:
     assert np.allclose(rotation.nearest_euler(far, reference), reference)
 
 
-@pytest.mark.parametrize("begun", [True, False])
-def test_nearest_course_is_nearest_euler_frame_by_frame(begun: bool) -> None:
+@pytest.mark.parametrize("has_start", [True, False])
+def test_nearest_euler_sequence_is_nearest_euler_per_frame(has_start: bool) -> None:
     rng = np.random.default_rng(6)
-    walk = np.cumsum(rng.normal(size=(80, 7, 3)) * 0.6, axis=0)  # far beyond a turn, and over the poles
+    walk = np.cumsum(rng.normal(size=(80, 7, 3)) * 0.6, axis=0)  # many revolutions, and through gimbal lock
     angles = rotation.to_euler(rotation.from_euler(walk, "ZXY"), "ZXY")
-    before = rng.uniform(-9.0, 9.0, (7, 3)) if begun else None
+    before = rng.uniform(-9.0, 9.0, (7, 3)) if has_start else None
     expected, last = [], before
     for frame in angles:
         last = frame if last is None else rotation.nearest_euler(frame, last)
         expected.append(last)
-    course = rotation.nearest_euler_sequence(angles, before)
-    assert np.allclose(course, expected, atol=1e-9)
-    assert same(rotation.from_euler(course, "ZXY"), rotation.from_euler(walk, "ZXY"))
-    assert np.ptp(course) > 4.0 * np.pi
+    sequence = rotation.nearest_euler_sequence(angles, before)
+    assert np.allclose(sequence, expected, atol=1e-9)
+    assert same(rotation.from_euler(sequence, "ZXY"), rotation.from_euler(walk, "ZXY"))
+    assert np.ptp(sequence) > 4.0 * np.pi
 
 
 @pytest.mark.parametrize("bad", [np.zeros(4), np.zeros((2, 4))])
-def test_zero_quaternion_is_refused(bad: rotation.Float) -> None:
+def test_a_zero_quaternion_is_refused(bad: rotation.Float) -> None:
     with pytest.raises(ValueError, match="length 0"):
         rotation.normalize(bad)
 
 
-def test_degenerate_6d_is_refused() -> None:
+def test_a_degenerate_6d_rotation_is_refused() -> None:
     with pytest.raises(ValueError, match="parallel"):
         rotation.from_6d([1.0, 0.0, 0.0, 2.0, 0.0, 0.0])
