@@ -1,4 +1,4 @@
-"""Words of the procedural signer, each made once for all tests, and what is looked at in them."""
+"""Words of the synthetic signer, each made once for all tests, and how they are seen."""
 
 from __future__ import annotations
 
@@ -12,48 +12,50 @@ from signsplice.motion.clip import Clip
 from signsplice.synth import notation, planner
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.signer import JOINTS, STANDARD, Signer, signer
+from signsplice.synth.signer import JOINTS, STANDARD, Signer, draw_signer
 
 Float = NDArray[np.float64]
 
 MIRRORED = np.array([1.0, -1.0, -1.0, 1.0])
-"""A rotation seen in the mirror x -> -x."""
+"""Factors of a quaternion seen in the mirror x -> -x."""
+SIGNS = {**notation.everyday(), **notation.alphabet()}
+"""Every sign of the package, words and letters, by gloss."""
 
 
 def sign(gloss: str) -> Sign:
-    """A sign that ships, word or letter."""
-    return {**notation.everyday(), **notation.alphabet()}[gloss]
+    """A sign of the package, word or letter."""
+    return SIGNS[gloss]
 
 
-def who(seed: int | None) -> Signer:
-    """The standard signer for None, else the one of a seed."""
-    return STANDARD if seed is None else signer(seed)
+def signer_of(seed: int | None) -> Signer:
+    """The standard signer for None, else the signer of a seed."""
+    return STANDARD if seed is None else draw_signer(seed)
 
 
 @cache
 def word(gloss: str, seed: int | None = None, fps: float = 30.0) -> IsolatedWord:
-    """An isolated word as ``who(seed)`` made it."""
-    return planner.isolated(sign(gloss), who(seed), fps=fps)
+    """An isolated word made by ``signer_of(seed)``."""
+    return planner.isolated(sign(gloss), signer_of(seed), fps=fps)
 
 
 def made(*lines: str, hands: str = "one", seed: int | None = None, fps: float = 30.0) -> IsolatedWord:
-    """An isolated word written on the spot."""
+    """An isolated word from lines of notation."""
     text = f"WORD hands={hands}\n" + "".join(f"  {line}\n" for line in lines)
-    return planner.isolated(notation.parse(text)["WORD"], who(seed), fps=fps)
+    return planner.isolated(notation.parse(text)["WORD"], signer_of(seed), fps=fps)
 
 
 def seen_from_chest(clip: Clip, *names: str) -> tuple[Float, Float]:
-    """Rotations (T, K, 3, 3) and places (T, K, 3) of joints in the chest's axes and from the chest joint."""
-    turns, places = kinematics.forward(clip, [JOINTS["Spine2"], *(JOINTS[name] for name in names)])
-    chest = turns[:, 0]
+    """Rotations (T, K, 3, 3) and positions (T, K, 3) of joints in the chest's axes, from the chest joint."""
+    rotations, positions = kinematics.forward(clip, [JOINTS["Spine2"], *(JOINTS[name] for name in names)])
+    chest = rotations[:, 0]
     return (
-        np.einsum("tba,tkbc->tkac", chest, turns[:, 1:]),
-        np.einsum("tba,tkb->tka", chest, places[:, 1:] - places[:, :1]),
+        np.einsum("tba,tkbc->tkac", chest, rotations[:, 1:]),
+        np.einsum("tba,tkb->tka", chest, positions[:, 1:] - positions[:, :1]),
     )
 
 
 def mirror(clip: Clip) -> tuple[Float, Float]:
-    """Local rotations (T, 53, 4) and root places (T, 3) of the clip seen in a mirror, left joints for right ones."""
+    """Local rotations (T, 53, 4) and root positions (T, 3) of the clip seen in a mirror, left and right swapped."""
     swap = [JOINTS[_other(name)] for name in JOINTS]
     return clip.local_rotations[:, swap] * MIRRORED, clip.root_positions * [-1.0, 1.0, 1.0]
 

@@ -15,7 +15,7 @@ from signsplice.formats import load
 from signsplice.motion import kinematics
 from signsplice.synth import corpus, notation, pseudo
 from signsplice.synth.corpus import Pairs, Recipe
-from signsplice.synth.signer import signer
+from signsplice.synth.signer import draw_signer
 
 NOTATION = """\
 # two words of our own
@@ -88,7 +88,7 @@ def test_the_lexicon_is_one_for_the_other_commands(folder: Path) -> None:
 
 def test_sentences_are_rebuilt_from_words_and_transitions(folder: Path) -> None:
     told = json.loads((folder / "said" / "truth.json").read_text())
-    assert told["signer"]["name"] == signer(2).name
+    assert told["signer"]["name"] == draw_signer(2).name
     assert len(told["sentences"]) == 2
     for sentence in told["sentences"]:
         said = load(folder / "said" / sentence["file"])

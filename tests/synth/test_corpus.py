@@ -18,7 +18,7 @@ from signsplice.errors import InputError
 from signsplice.motion import kinematics
 from signsplice.synth import corpus, planner, pseudo, truth
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
-from signsplice.synth.signer import STANDARD, signer, skeleton
+from signsplice.synth.signer import STANDARD, draw_signer, skeleton
 
 GLOSSES = ("I", "MOTHER", "BOOK", "YES", "fs-A")
 RECIPE = Recipe(tuple(map(sign, GLOSSES)), seed=0, n_other=7)
@@ -66,7 +66,7 @@ def test_all_ordered_pairs_of_one_signer_and_some_of_another(pairs: Pairs) -> No
     assert both[:25] == list(product(range(5), repeat=2))
     assert len(set(both[25:])) == 7
     assert set(both[25:]) <= set(product(range(5, 10), repeat=2))
-    assert pairs.signers == (STANDARD, signer(1))
+    assert pairs.signers == (STANDARD, draw_signer(1))
 
 
 def test_words_and_transitions_are_the_planners(pairs: Pairs) -> None:
@@ -183,8 +183,8 @@ def test_the_head_says_what_it_was_made_of(pairs: Pairs) -> None:
 
 
 def test_seeds_have_signers_of_their_own() -> None:
-    assert RECIPE.signers() == (STANDARD, signer(1))
-    assert SMALL.signers() == (signer(4), signer(5))
+    assert RECIPE.signers() == (STANDARD, draw_signer(1))
+    assert SMALL.signers() == (draw_signer(4), draw_signer(5))
     names = [who.name for seed in range(10) for who in replace(RECIPE, seed=seed).signers()]
     assert len(set(names)) == 20
 
@@ -270,7 +270,7 @@ def test_a_full_disk_leaves_the_old_corpus_and_what_was_done(
         with pytest.raises(InputError, match=r"cannot be written .No space left on device") as caught:
             write_pairs(SMALL, tmp_path / "c", processes=1)
     assert str(caught.value).startswith(f"{tmp_path / 'c'}: ")
-    assert "the same call goes on from there" in str(caught.value)
+    assert "the same call continues from there" in str(caught.value)
     assert "\n" not in str(caught.value)
     assert read_all(tmp_path / "c") == old
     write_pairs(SMALL, tmp_path / "c", processes=1)
@@ -309,7 +309,7 @@ def test_other_folders_are_no_corpus(pairs: Pairs, tmp_path: Path) -> None:
     assert len(Pairs(copy)) == 32
     head = json.loads((copy / "corpus.json").read_text())
     (copy / "corpus.json").write_text(json.dumps(head | {"version": 99}))
-    with pytest.raises(InputError, match="version 99, expected 1; make it anew"):
+    with pytest.raises(InputError, match="version 99, expected 1; make it again"):
         Pairs(copy)
     (copy / "corpus.json").write_text("{")
     with pytest.raises(InputError, match="is no corpus of pairs"):

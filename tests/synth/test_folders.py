@@ -18,7 +18,7 @@ from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.synth import folders, planner, running
 from signsplice.synth.corpus import Recipe
-from signsplice.synth.signer import STANDARD, Signer, signer
+from signsplice.synth.signer import STANDARD, Signer, draw_signer
 
 BVH_CM = 0.01
 """What BVH's decimals leave of a place."""
@@ -65,7 +65,7 @@ def test_its_files_are_the_planned_words(gloss: str, lexicon: Path) -> None:
 def test_progress_is_told_and_signers_are_named(tmp_path: Path) -> None:
     told: list[tuple[int, int]] = []
     folders.write_lexicon(
-        SIGNS[:2], signer(3), tmp_path / "l", fps=24.0, progress=lambda done, of: told.append((done, of))
+        SIGNS[:2], draw_signer(3), tmp_path / "l", fps=24.0, progress=lambda done, of: told.append((done, of))
     )
     assert told == [(1, 2), (2, 2)]
     assert "signer-3" in (tmp_path / "l" / "glosses.csv").read_text()

@@ -1,4 +1,4 @@
-"""Handshapes: within the joints' limits, touching where they should, fingers apart else, each unlike the rest."""
+"""Handshapes keep the joint limits, touch where they should and only there, and differ from one another."""
 
 from __future__ import annotations
 
@@ -13,18 +13,17 @@ from signsplice.body import capsules as body
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, EndSite, Skeleton
-from signsplice.synth import hand
-from signsplice.synth import signer as signers
+from signsplice.synth import hand, signer
 from signsplice.synth.handshapes import HANDSHAPES, find
 
 Float = NDArray[np.float64]
 
 CONTACT = 0.3
-"""Surfaces that should touch are nearer than this, cm."""
+"""Greatest distance of surfaces that should touch, cm."""
 INSIDE_FINGER, INSIDE_PALM = 0.35, 0.2
-"""How far, cm, one finger may be pressed into another (webs and pulps give way) and into the palm."""
+"""How deep, cm, a finger may be pressed into another (webs and pulps are soft) and into the palm."""
 UNLIKE = 1.5
-"""Two shapes that are not one differ by so much, cm, in some joint's or fingertip's place."""
+"""Least distance, cm, of some joint or fingertip between two different shapes."""
 
 MEET = {
     "F": ("Thumb", "Index"),
@@ -58,22 +57,22 @@ REST_ON = {
 DISTINCT = {shape.angles.tobytes(): shape for shape in reversed(HANDSHAPES.values())}
 
 
-def signer() -> Skeleton:
-    """The standard signer, its right hand anew from the hand's own numbers."""
-    skeleton = signers.skeleton()
+def skeleton_with_hand() -> Skeleton:
+    """The standard signer's skeleton, its right hand built again from ``hand``."""
+    skeleton = signer.skeleton()
     offsets, tips = np.array(skeleton.offsets), list(skeleton.end_sites)
     for finger in hand.FINGERS:
-        way = hand.THUMB_DIRECTION if finger == "Thumb" else np.array([-1.0, 0.0, 0.0])
+        direction = hand.THUMB_DIRECTION if finger == "Thumb" else np.array([-1.0, 0.0, 0.0])
         first = skeleton.index[f"mixamorig:RightHand{finger}1"]
         lengths = hand.PHALANGES[finger]
-        offsets[first : first + 3] = [hand.KNUCKLES[finger], way * lengths[0], way * lengths[1]]
-        tips = [EndSite(first + 2, way * lengths[2]) if tip.joint == first + 2 else tip for tip in tips]
+        offsets[first : first + 3] = [hand.KNUCKLES[finger], direction * lengths[0], direction * lengths[1]]
+        tips = [EndSite(first + 2, direction * lengths[2]) if tip.joint == first + 2 else tip for tip in tips]
     return replace(skeleton, offsets=offsets, end_sites=tuple(tips))
 
 
 def posed(angles: Float) -> tuple[Clip, NDArray[np.intp]]:
     """A clip of the signer whose right hand takes ``angles`` (T, 21), and the indices of the hand's joints."""
-    skeleton = signer()
+    skeleton = skeleton_with_hand()
     joints = np.array([skeleton.index[f"mixamorig:RightHand{joint}"] for joint in hand.JOINTS])
     local = np.tile(rotation.IDENTITY, (len(angles), len(skeleton), 1))
     local[:, joints] = hand.rotations(angles)
@@ -81,7 +80,7 @@ def posed(angles: Float) -> tuple[Clip, NDArray[np.intp]]:
 
 
 def nearest(p: Float, u: Float, q: Float, v: Float) -> tuple[Float, Float]:
-    """Shares (..., 2 values) along the segments p + s u and q + t v where they come nearest (Ericson 2005, 5.1.9)."""
+    """Fractions s, t (...) along the segments p + s u and q + t v where they come nearest (Ericson 2005, 5.1.9)."""
     r = p - q
     a, e, f = (np.sum(x * y, axis=-1) for x, y in ((u, u), (v, v), (v, r)))
     b, c = np.sum(u * v, axis=-1), np.sum(u * r, axis=-1)
@@ -93,7 +92,7 @@ def nearest(p: Float, u: Float, q: Float, v: Float) -> tuple[Float, Float]:
 
 @pytest.fixture(scope="module")
 def gaps() -> dict[str, dict[tuple[str, str], float]]:
-    """Shape -> pair of the right hand's capsules -> distance between their surfaces, cm, as the body is drawn."""
+    """Shape -> pair of the right hand's capsules -> distance between their surfaces, cm."""
     clip, _ = posed(np.array([shape.angles for shape in DISTINCT.values()]))
     shape = body.body_capsules(clip.skeleton)
     starts, ends = body.capsule_ends(shape, *kinematics.forward(clip))
@@ -122,14 +121,14 @@ def between(found: dict[tuple[str, str], float], a: str, b: str) -> float:
 
 
 def attached(a: str, b: str) -> bool:
-    """Whether two capsules grow out of one another, so that they overlap at every angle."""
+    """Whether two capsules share a joint or the thumb, so that they overlap at every angle."""
     (finger_a, bone_a), (finger_b, bone_b) = ((name[:-1], int(name[-1])) for name in (a, b))
     if 0 in (bone_a, bone_b) and bone_a + bone_b < 2:
         return True
     return finger_a == finger_b and (abs(bone_a - bone_b) == 1 or finger_a == "Thumb")
 
 
-def test_inventory() -> None:
+def test_all_letters_digits_and_variants_are_there() -> None:
     letters_and_digits = [*"ABCDEFGHIJKLMNOPQRSTUVWXYZ", *"0123456789", "10"]
     variants = ["B-open", "B-bent", "5-claw", "C-small", "C-flat", "O-flat", "O-small", "V-bent", "L-bent"]
     others = ["ILY", "horns", "8-open", "3-claw", "E-open", "G-closed", "X-open", "hook", "rest", "index", "thumb"]
@@ -147,17 +146,15 @@ def test_find_gives_the_nearest_names() -> None:
         find("???")
 
 
-@pytest.mark.parametrize("name", HANDSHAPES)
-def test_within_limits(name: str) -> None:
-    angles = HANDSHAPES[name].angles
-    assert angles.shape == (len(hand.ANGLES),)
-    assert not angles.flags.writeable
+def test_all_angles_are_within_their_limits() -> None:
     outside = [
-        joint
-        for joint, angle, (low, high) in zip(hand.ANGLES, angles, hand.LIMITS, strict=True)
+        (name, joint)
+        for name, shape in HANDSHAPES.items()
+        for joint, angle, (low, high) in zip(hand.ANGLES, shape.angles, hand.LIMITS, strict=True)
         if not low - 1e-9 <= angle <= high + 1e-9
     ]
-    assert not outside
+    assert outside == []
+    assert not any(shape.angles.flags.writeable for shape in HANDSHAPES.values())
 
 
 @pytest.mark.parametrize(("name", "fingers"), MEET.items())
@@ -175,19 +172,19 @@ def test_open_shapes_stay_open(gaps: dict[str, dict[tuple[str, str], float]], na
     assert between(gaps[name], "Thumb3", "Index3") > 0.5
 
 
-@pytest.mark.parametrize("name", [shape.name for shape in DISTINCT.values()])
-def test_nothing_passes_through(gaps: dict[str, dict[tuple[str, str], float]], name: str) -> None:
+def test_no_finger_passes_through_another(gaps: dict[str, dict[tuple[str, str], float]]) -> None:
     inside = {
-        pair: round(10.0 * gap, 1)
-        for pair, gap in gaps[name].items()
-        if not attached(*pair) and gap < -(INSIDE_PALM if any(name.endswith("0") for name in pair) else INSIDE_FINGER)
+        (shape, *pair): f"{10.0 * gap:.1f} mm"
+        for shape, found in gaps.items()
+        for pair, gap in found.items()
+        if not attached(*pair) and gap < -(INSIDE_PALM if any(bone.endswith("0") for bone in pair) else INSIDE_FINGER)
     }
-    assert not inside, f"mm: {inside}"
+    assert inside == {}
 
 
-def test_shapes_are_unlike() -> None:
+def test_every_two_shapes_differ() -> None:
     for a, b in combinations(DISTINCT.values(), 2):
-        apart = np.linalg.norm(hand.points(a.angles) - hand.points(b.angles), axis=-1)
+        apart = np.linalg.norm(a.points - b.points, axis=-1)
         assert apart.max() > UNLIKE, f"{a.name} and {b.name}"
 
 
@@ -200,29 +197,29 @@ def any_angles(seed: int, *size: int) -> Float:
 def test_points_are_those_of_forward_kinematics() -> None:
     angles = any_angles(1, 20)
     clip, joints = posed(angles)
-    turns, places = kinematics.forward(clip)
-    wrist = places[:, clip.skeleton.index["mixamorig:RightHand"], None]
-    tips = kinematics.tip_positions(clip, turns, places)
+    rotations, positions = kinematics.forward(clip)
+    wrist = positions[:, clip.skeleton.index["mixamorig:RightHand"], None]
+    tips = kinematics.tip_positions(clip, rotations, positions)
     order = [[site.joint for site in clip.skeleton.end_sites].index(joint) for joint in joints[2::3]]
-    expected = np.concatenate([places[:, joints], tips[:, order]], axis=1) - wrist
+    expected = np.concatenate([positions[:, joints], tips[:, order]], axis=1) - wrist
     np.testing.assert_allclose(hand.points(angles), expected, atol=1e-9)
 
 
-def test_rotations_are_unit_smooth_and_the_same_one_at_a_time() -> None:
+def test_rotations_are_unit_and_smooth_and_batches_equal_single_calls() -> None:
     angles = any_angles(2, 6, 5)
-    q, places = hand.rotations(angles), hand.points(angles)
+    q, points = hand.rotations(angles), hand.points(angles)
     assert q.shape == (6, 5, 15, 4)
-    assert places.shape == (6, 5, len(hand.POINTS), 3)
+    assert points.shape == (6, 5, len(hand.POINTS), 3)
     np.testing.assert_allclose(np.linalg.norm(q, axis=-1), 1.0, atol=1e-12)
     for n in np.ndindex(6, 5):
         np.testing.assert_array_equal(hand.rotations(angles[n]), q[n])
-        np.testing.assert_allclose(hand.points(angles[n]), places[n], atol=1e-12)
-    way, h = np.random.default_rng(3).normal(size=21), 1e-3
-    bend = (hand.rotations(angles + h * way) - 2.0 * q + hand.rotations(angles - h * way)) / h**2
-    assert np.abs(bend).max() < way @ way  # a second derivative, not a jump
+        np.testing.assert_allclose(hand.points(angles[n]), points[n], atol=1e-12)
+    direction, h = np.random.default_rng(3).normal(size=21), 1e-3
+    bend = (hand.rotations(angles + h * direction) - 2.0 * q + hand.rotations(angles - h * direction)) / h**2
+    assert np.abs(bend).max() < direction @ direction  # a second derivative, not a jump
 
 
-def test_angles_move_the_hand_the_way_they_are_named() -> None:
+def test_angles_move_the_hand_as_their_names_promise() -> None:
     assert np.array_equal(hand.rotations(np.zeros(21)), np.tile(rotation.IDENTITY, (15, 1)))
     rest = hand.points(np.zeros(21))
 
@@ -240,4 +237,4 @@ def test_angles_move_the_hand_the_way_they_are_named() -> None:
     assert moved("Thumb-abduction", "ThumbTip")[1] < -0.5  # out of the palm
     for joint in ("mcp", "ip"):
         assert moved(f"Thumb-{joint}", "ThumbTip")[2] < -0.1
-    np.testing.assert_allclose(moved("Thumb-opposition", "ThumbTip"), 0.0, atol=1e-12)  # turns about its own bone
+    np.testing.assert_allclose(moved("Thumb-opposition", "ThumbTip"), 0.0, atol=1e-12)  # rotates about its own bone

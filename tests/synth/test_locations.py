@@ -1,4 +1,4 @@
-"""Places lie on the skin, their way leads out of it, and the part of the hand asked for is brought there."""
+"""Locations on the body lie on its skin, and a posture brings the right part of the hand to them."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from signing import seen_from_chest, who
+from signing import seen_from_chest, signer_of
 from signsplice.body import capsules, collision
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.synth import hand, locations, planner, pose
 from signsplice.synth.handshapes import HANDSHAPES
+from signsplice.synth.locations import WeakArm
 from signsplice.synth.phonology import DIRECTIONS, IN_SPACE, LOCATIONS, ON_BASE, PARTS, Posture, Vector
 from signsplice.synth.signer import JOINTS, STANDARD, Signer, skeleton
 
@@ -23,12 +24,18 @@ Float = NDArray[np.float64]
 SEEDS = (None, 1, 3, 7, 13)
 SOLID = ("face", "hair", "nose", "neck", "shirt")
 ON_ARM = ("upper-arm-weak", "elbow-weak", "forearm-weak")
-ON_BODY = [place for place in LOCATIONS if place not in IN_SPACE and place not in ON_BASE and place not in ON_ARM]
+ON_BODY = [name for name in LOCATIONS if name not in IN_SPACE and name not in ON_BASE and name not in ON_ARM]
 BASE = Posture("B-open", "space-mid", "palm", (0.0, 1.0, 0.0), (-0.4, 0.0, 0.9))
+S = float(np.sqrt(0.5))
 
 
 def right_handed(seed: int | None) -> Signer:
-    return replace(who(seed), left_handed=False)
+    return replace(signer_of(seed), left_handed=False)
+
+
+def no_arm(signer: Signer = STANDARD) -> WeakArm:
+    """A weak arm for postures that do not depend on it."""
+    return WeakArm(signer, np.zeros(27))
 
 
 Axes = tuple[Float, Float]
@@ -36,9 +43,9 @@ Axes = tuple[Float, Float]
 
 
 @cache
-def solid(body: Signer) -> Axes:
-    """Head and trunk in T-pose, from the chest joint."""
-    shape, rest = capsules.body_capsules(skeleton(body)), kinematics.rest_positions(skeleton(body))
+def solid(signer: Signer) -> Axes:
+    """Head and trunk in the T-pose, from the chest joint."""
+    shape, rest = capsules.body_capsules(skeleton(signer)), kinematics.rest_positions(skeleton(signer))
     chosen = [n for n, part in enumerate(shape.parts) if part in SOLID]
     starts, ends = (rest[shape.joints[chosen]] + x[chosen] - rest[JOINTS["Spine2"]] for x in (shape.starts, shape.ends))
     return along(starts, ends, shape.radii[chosen])
@@ -51,7 +58,7 @@ def along(starts: Float, ends: Float, radii: Float) -> Axes:
 
 def height(points: Float, axes: Axes, bulging: bool = False) -> Float:
     """Distance of points (N, 3) from the skin, by trying points of every axis: the nearest one with its radius, as
-    ``motion.contact`` has it, or (bulging) every one, as tapered capsules are seen.
+    ``body.collision`` has it, or (bulging) every one, as tapered capsules are drawn.
     """
     distance = np.linalg.norm(points[:, None, None] - axes[0], axis=-1)
     if bulging:
@@ -62,25 +69,26 @@ def height(points: Float, axes: Axes, bulging: bool = False) -> Float:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_places_on_the_body_lie_on_its_skin_and_lead_out(seed: int | None) -> None:
-    body = right_handed(seed)
-    known = locations.body_locations(body)
-    assert set(known) == set(ON_BODY)
-    points, ways = (np.array([getattr(place, what) for place in known.values()]) for what in ("point", "out"))
-    assert np.allclose(np.linalg.norm(ways, axis=-1), 1.0)
-    axes = solid(body)
+def test_body_locations_lie_on_the_skin_with_outward_normals(seed: int | None) -> None:
+    signer = right_handed(seed)
+    found = locations.body_locations(signer)
+    assert set(found) == set(ON_BODY)
+    points = np.array([location.point for location in found.values()])
+    normals = np.array([location.normal for location in found.values()])
+    assert np.allclose(np.linalg.norm(normals, axis=-1), 1.0)
+    axes = solid(signer)
     assert np.abs(height(points, axes)).max() < 0.05
     for step in (0.5, 1.0):
-        rise = height(points + step * ways, axes)
-        assert (rise > 0.4 * step).all(), dict(zip(known, rise, strict=True))
-    assert (height(points - 0.5 * ways, axes) < -0.2).all()
+        rise = height(points + step * normals, axes)
+        assert (rise > 0.4 * step).all(), dict(zip(found, rise, strict=True))
+    assert (height(points - 0.5 * normals, axes) < -0.2).all()
     assert np.abs(height(points, axes, bulging=True)).max() < 1.2, "lips and chin, which taper much, bulge over theirs"
 
 
-def test_places_are_where_their_names_say() -> None:
-    known = {name: place.point for name, place in locations.body_locations(STANDARD).items()}
+def test_locations_are_where_their_names_put_them() -> None:
+    points = {name: location.point for name, location in locations.body_locations(STANDARD).items()}
     out, up, fwd = (
-        {name: float(sign * p[axis]) for name, p in known.items()} for axis, sign in ((0, -1), (1, 1), (2, 1))
+        {name: float(sign * p[axis]) for name, p in points.items()} for axis, sign in ((0, -1), (1, 1), (2, 1))
     )
     order = ("crown", "forehead", "eye", "nose", "mouth", "chin", "throat", "shoulder", "chest", "belly")
     assert [up[name] for name in order] == sorted((up[name] for name in order), reverse=True)
@@ -89,77 +97,75 @@ def test_places_are_where_their_names_say() -> None:
     for name in ("cheek-weak", "chin-weak", "shoulder-weak", "heart", "waist-weak"):
         assert out[name] < -1.0, name
     for one, two in (("cheek", "cheek-weak"), ("waist", "waist-weak")):
-        assert np.allclose(known[one] * [-1, 1, 1], known[two], atol=0.05)
+        assert np.allclose(points[one] * [-1, 1, 1], points[two], atol=0.05)
     assert fwd["nose"] == max(fwd[name] for name in order)
     assert up["under-chin"] < up["chin"]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_places_grow_with_the_body(seed: int | None) -> None:
-    body = right_handed(seed)
-    plain = Signer(stature_cm=body.stature_cm)
+def test_locations_scale_with_the_body(seed: int | None) -> None:
+    plain = Signer(stature_cm=right_handed(seed).stature_cm)
     usual = locations.body_locations(STANDARD)
-    for name, place in locations.body_locations(plain).items():
-        assert np.allclose(place.point, usual[name].point * plain.scale, atol=0.02), name
+    for name, location in locations.body_locations(plain).items():
+        assert np.allclose(location.point, usual[name].point * plain.scale, atol=0.02), name
 
 
-# --- the part at the place
+# --- the part at the location
 
 
 def centre(clip: Clip, side: str, names: tuple[str, ...]) -> Float:
     """The mean (T, 3) of joints and tips of a hand in the chest's axes, from forward kinematics."""
-    turns, at = kinematics.forward(clip)
-    tips = kinematics.tip_positions(clip, turns, at)
+    rotations, positions = kinematics.forward(clip)
+    tips = kinematics.tip_positions(clip, rotations, positions)
     sites = {clip.skeleton.names[site.joint]: n for n, site in enumerate(clip.skeleton.end_sites)}
     points = []
     for name in names:
         if name == "Wrist":
-            points.append(at[:, JOINTS[f"{side}Hand"]])
+            points.append(positions[:, JOINTS[f"{side}Hand"]])
         elif name.endswith("Tip"):
             points.append(tips[:, sites[f"mixamorig:{side}Hand{name.removesuffix('Tip')}3"]])
         else:
-            points.append(at[:, JOINTS[f"{side}Hand{name}"]])
-    chest, axes = at[:, JOINTS["Spine2"]], turns[:, JOINTS["Spine2"]]
+            points.append(positions[:, JOINTS[f"{side}Hand{name}"]])
+    chest, axes = positions[:, JOINTS["Spine2"]], rotations[:, JOINTS["Spine2"]]
     return np.asarray(np.einsum("tba,tb->ta", axes, np.mean(points, axis=0) - chest))
 
 
-def clip_of(strong: Float, weak: Float, body: Signer) -> Clip:
-    return pose.clip(np.concatenate([strong, weak, np.zeros(9)])[None], body, 30.0)
+def clip_of(strong: Float, weak: Float, signer: Signer) -> Clip:
+    return pose.clip(np.concatenate([strong, weak, np.zeros(9)])[None], signer, 30.0)
 
 
-def unlimited(numbers: Float, body: Signer) -> bool:
-    """Whether no limit of wrist, forearm or reach is near, so that the hand is where and as its numbers say."""
-    arm = pose.reach(numbers[pose.WRIST], body)
-    wrist = pose.wrist_angles(arm, numbers[pose.TURN], body)
+def unlimited(hand_state: Float, signer: Signer) -> bool:
+    """Whether no limit of wrist, forearm or reach is near, so that the hand is exactly as its state has it."""
+    arm = pose.solve_arm(hand_state[pose.WRIST], signer)
+    wrist = pose.wrist_angles(arm, hand_state[pose.ROTVEC], signer)
     (low_side, high_side), (low_bent, high_bent) = pose.WRIST_LIMITS
     return bool(
         0.64 < arm.bend < 2.45
         and low_side + 0.15 < wrist.deviation < high_side - 0.15
         and low_bent + 0.15 < wrist.flexion < high_bent - 0.15
-        and abs(wrist.turn) < pose.FOREARM_LIMIT - 0.15
+        and abs(wrist.twist) < pose.FOREARM_LIMIT - 0.15
     )
 
 
 @cache
-def easy_ways(place: str, part: str, shape: str) -> tuple[Vector, Vector]:
-    """Which way palm and fingers can face, so that every signer's limits leave a part at a place as it was asked."""
+def easy_directions(location: str, part: str, shape: str) -> tuple[Vector, Vector]:
+    """Directions of palm and fingers for which no signer's limits move a part away from a location."""
     for palm in DIRECTIONS.values():
         for fingers in (*DIRECTIONS.values(), *MORE):
             if abs(sum(x * y for x, y in zip(palm, fingers, strict=True))) > 0.8:
                 continue
             for seed, off in ((None, 0.0), (None, 5.0), *((seed, 0.0) for seed in SEEDS[1:])):
-                body = right_handed(seed)
-                numbers = locations.strong(Posture(shape, place, part, palm, fingers, off), body, np.zeros(27))
-                if not unlimited(numbers, body):
+                signer = right_handed(seed)
+                posture = Posture(shape, location, part, palm, fingers, off)
+                if not unlimited(locations.strong_hand(posture, no_arm(signer)), signer):
                     break
             else:
                 return palm, fingers
-    raise AssertionError(f"{part} at {place}: no easy way")
+    raise AssertionError(f"{part} at {location}: no easy directions")
 
 
-_S = float(np.sqrt(0.5))
-MORE = ((-_S, _S, 0.0), (-_S, 0.0, -_S), (-_S, 0.0, _S), (0.0, _S, _S), (0.0, _S, -_S))
-PART_AT = {
+MORE = ((-S, S, 0.0), (-S, 0.0, -S), (-S, 0.0, S), (0.0, S, S), (0.0, S, -S))
+PART_JOINTS = {
     "palm": ("Wrist", "Index1", "Middle1", "Middle1", "Ring1"),
     "thumb": ("ThumbTip",),
     "index": ("IndexTip",),
@@ -168,9 +174,9 @@ PART_AT = {
     "radial": ("Index1",),
     "pinch": ("IndexTip", "ThumbTip"),
 }
-"""Of which joints and tips a part is the middle, written once more."""
+"""The joints and tips whose mean a part is, written once more."""
 HALF_THICK = {"palm": 1.45, "thumb": 0.95, "index": 0.82, "pinky": 0.7, "tips": 0.82, "radial": 1.2, "pinch": 0.88}
-"""How far its skin is from there, cm of the standard hand."""
+"""Distance of the part's skin from there, cm of the standard hand."""
 
 
 HOLLOW = ("mouth", "mouth-corner", "chin-weak", "throat", "under-chin", "eye")
@@ -178,141 +184,147 @@ CRAMPED = ("shoulder", "chest-strong")
 """So near to the arm's own shoulder that elbow and wrist are at their limits."""
 
 
-@pytest.mark.parametrize("place", [place for place in ON_BODY if place not in CRAMPED])
+@pytest.mark.parametrize("location", [name for name in ON_BODY if name not in CRAMPED])
 @pytest.mark.parametrize("part", ["index", "palm", "thumb"])
-def test_the_part_is_brought_to_the_place_and_so_far_off_it(place: str, part: str) -> None:
-    ways = easy_ways(place, part, "B-open")
-    weak = planner.resting(STANDARD)[27:54]
+def test_a_part_of_the_hand_is_at_its_distance_from_the_location(location: str, part: str) -> None:
+    directions = easy_directions(location, part, "B-open")
+    weak = WeakArm(STANDARD, planner.resting(STANDARD)[27:54])
     for off in (0.0, 2.0, 5.0):
-        strong = locations.strong(Posture("B-open", place, part, *ways, off=off), STANDARD, weak)
-        at = centre(clip_of(strong, weak, STANDARD), "Right", PART_AT[part])[0]
-        known = locations.body_locations(STANDARD)[place]
-        assert np.allclose(at, known.point + (HALF_THICK[part] + off) * known.out, atol=0.02)
-        skin = height(at[None], solid(STANDARD))[0] - HALF_THICK[part]
-        if place in HOLLOW:
+        strong = locations.strong_hand(Posture("B-open", location, part, *directions, off=off), weak)
+        point = centre(clip_of(strong, weak.hand, STANDARD), "Right", PART_JOINTS[part])[0]
+        found = locations.body_locations(STANDARD)[location]
+        assert np.allclose(point, found.point + (HALF_THICK[part] + off) * found.normal, atol=0.02)
+        skin = height(point[None], solid(STANDARD))[0] - HALF_THICK[part]
+        if location in HOLLOW:
             assert -1.0 < skin < off + 0.15, "the nose over the mouth, the chin over the throat are nearer"
         else:
             assert skin == pytest.approx(off, abs=0.4 + 0.1 * off)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("part", list(PART_AT))
-def test_every_signer_touches_the_same_place_with_the_same_part(seed: int | None, part: str) -> None:
-    body = right_handed(seed)
-    weak = planner.resting(body)[27:54]
-    for place in ("chin", "chest", "temple"):
-        strong = locations.strong(Posture("5", place, part, *easy_ways(place, part, "5")), body, weak)
-        at = centre(clip_of(strong, weak, body), "Right", PART_AT[part])
-        thick = HALF_THICK[part] * body.hands * body.scale
-        assert height(at, solid(body))[0] == pytest.approx(thick, abs=0.5), place
-        strong = locations.strong(Posture("5", place, part, *easy_ways(place, part, "5"), off=1.5), body, weak)
-        known = locations.body_locations(body)[place]
-        off = centre(clip_of(strong, weak, body), "Right", PART_AT[part])[0] - known.point
-        assert np.allclose(off, (thick + 1.5 * body.scale) * known.out, atol=0.02), "off grows with the body"
+@pytest.mark.parametrize("part", list(PART_JOINTS))
+def test_every_signer_touches_the_location_with_the_same_part(seed: int | None, part: str) -> None:
+    signer = right_handed(seed)
+    weak = WeakArm(signer, planner.resting(signer)[27:54])
+    for location in ("chin", "chest", "temple"):
+        directions = easy_directions(location, part, "5")
+        strong = locations.strong_hand(Posture("5", location, part, *directions), weak)
+        point = centre(clip_of(strong, weak.hand, signer), "Right", PART_JOINTS[part])
+        thick = HALF_THICK[part] * signer.hands * signer.scale
+        assert height(point, solid(signer))[0] == pytest.approx(thick, abs=0.5), location
+        strong = locations.strong_hand(Posture("5", location, part, *directions, off=1.5), weak)
+        found = locations.body_locations(signer)[location]
+        off = centre(clip_of(strong, weak.hand, signer), "Right", PART_JOINTS[part])[0] - found.point
+        assert np.allclose(off, (thick + 1.5 * signer.scale) * found.normal, atol=0.02), "off scales with the body"
 
 
-@pytest.mark.parametrize("place", [p for p in sorted(ON_BASE) if p != "forearm-weak"])
+def left_axes(clip: Clip, chosen: list[int]) -> Axes:
+    """Axes of some capsules of a clip of one frame, from the chest joint."""
+    shape = capsules.body_capsules(clip.skeleton)
+    globals_ = kinematics.forward(clip)
+    starts, ends = capsules.capsule_ends(shape, *globals_)
+    chest = globals_[1][0, JOINTS["Spine2"]]
+    return along(starts[0, chosen] - chest, ends[0, chosen] - chest, shape.radii[chosen])
+
+
+@pytest.mark.parametrize("location", [name for name in sorted(ON_BASE) if name != "forearm-weak"])
 @pytest.mark.parametrize("seed", [None, 3])
-def test_places_on_the_base_hand_touch_it(place: str, seed: int | None) -> None:
-    body = right_handed(seed)
-    weak = locations.weak(BASE, body)
-    clip = clip_of(weak, weak, body)
-    shape = collision.known_capsules(clip.skeleton)
-    starts, ends = capsules.capsule_ends(shape, *kinematics.forward(clip))
-    left = [n for n, (part, side) in enumerate(zip(shape.parts, shape.sides, strict=True)) if side == "left"]
-    left = [n for n in left if shape.parts[n] not in ("sleeve", "leg", "shoe", "Thumb", "ThumbTip")]
-    chest = kinematics.forward(clip)[1][0, JOINTS["Spine2"]]
-    axes = along(starts[0, left] - chest, ends[0, left] - chest, shape.radii[left])
-    found = locations._place(replace(BASE, place=place), body, weak)
-    bent = place in ("base-wrist", "base-heel")
+def test_locations_on_the_base_hand_lie_on_its_skin(location: str, seed: int | None) -> None:
+    signer = right_handed(seed)
+    weak = locations.weak_hand(BASE, signer)
+    clip = clip_of(weak, weak, signer)
+    shape = capsules.body_capsules(clip.skeleton)
+    other = ("sleeve", "leg", "shoe", "Thumb", "ThumbTip")
+    axes = left_axes(clip, [n for n, side in enumerate(shape.sides) if side == "left" and shape.parts[n] not in other])
+    found = locations.locate(location, WeakArm(signer, weak))
+    bent = location in ("base-wrist", "base-heel")
     assert abs(height(found.point[None], axes)[0]) < (1.6 if bent else 0.7), "on the skin; a bent wrist is thicker"
-    inner, outer = height(found.point + np.outer([0.5, 3.0], found.out), axes)
+    inner, outer = height(found.point + np.outer([0.5, 3.0], found.normal), axes)
     assert inner - 0.5 < height(found.point[None], axes)[0] + 1e-6
-    assert outer > inner + 0.8, "and out of it"
+    assert outer > inner + 0.8, "and the normal leads out of it"
     assert outer > (0.5 if bent else 1.2)
 
 
-def test_a_base_hand_that_moves_takes_its_places_with_it() -> None:
-    posture = Posture("5-claw", "base-palm", "fingertips", DIRECTIONS["down"], (-_S, 0.0, _S))
-    here = locations.weak(BASE, STANDARD)
-    there = locations.weak(replace(BASE, shift=(0.0, 4.0, 3.0)), STANDARD)
-    ends = [f"{finger}Tip" for finger in hand.FINGERS[1:]]
+def test_a_base_hand_that_moves_takes_its_locations_with_it() -> None:
+    posture = Posture("5-claw", "base-palm", "fingertips", DIRECTIONS["down"], (-S, 0.0, S))
+    ends = tuple(f"{finger}Tip" for finger in hand.FINGERS[1:])
     one, two = (
-        centre(clip_of(locations.strong(posture, STANDARD, w), w, STANDARD), "Right", tuple(ends))[0]
-        for w in (here, there)
+        centre(clip_of(locations.strong_hand(posture, WeakArm(STANDARD, weak)), weak, STANDARD), "Right", ends)[0]
+        for weak in (locations.weak_hand(replace(BASE, shift=s), STANDARD) for s in ((0.0, 0.0, 0.0), (0.0, 4.0, 3.0)))
     )
     assert np.allclose(two - one, [0.0, 4.0, 3.0], atol=0.4), "but for the strong wrist's limits"
 
 
-@pytest.mark.parametrize("place", ON_ARM)
-def test_places_on_the_weak_arm_lie_on_its_sleeve(place: str) -> None:
-    weak = locations.weak(BASE, STANDARD)
+@pytest.mark.parametrize("location", ON_ARM)
+def test_locations_on_the_weak_arm_lie_on_its_sleeve(location: str) -> None:
+    weak = locations.weak_hand(BASE, STANDARD)
     clip = clip_of(weak, weak, STANDARD)
-    shape = collision.known_capsules(clip.skeleton)
-    starts, ends = capsules.capsule_ends(shape, *kinematics.forward(clip))
-    arm = [n for n, part in enumerate(shape.parts) if part in ("sleeve", "cuff") and shape.sides[n] == "left"]
-    chest = kinematics.forward(clip)[1][0, JOINTS["Spine2"]]
-    axes = along(starts[0, arm] - chest, ends[0, arm] - chest, shape.radii[arm])
-    found = locations._place(replace(BASE, place=place), STANDARD, weak)
+    shape = capsules.body_capsules(clip.skeleton)
+    sleeve = [n for n, part in enumerate(shape.parts) if part in ("sleeve", "cuff") and shape.sides[n] == "left"]
+    axes = left_axes(clip, sleeve)
+    found = locations.locate(location, WeakArm(STANDARD, weak))
     assert abs(height(found.point[None], axes)[0]) < 0.3
-    assert height((found.point + 2.0 * found.out)[None], axes)[0] > 1.5
+    assert height((found.point + 2.0 * found.normal)[None], axes)[0] > 1.5
     assert found.point[0] > 5.0, "the left arm's"
 
 
 def test_mirrored_hands_meet_on_the_midline() -> None:
-    """At a place on the midline, the part of each hand is half the gap from it; a hand alone is right on it."""
+    """At a location on the midline, each hand is half the gap from it; one hand alone is exactly there."""
     gaps = []
     for off in (0.0, 3.0):
-        posture = Posture("B-open", "space-mid", "palm", DIRECTIONS["in"], (0.0, _S, _S), off=off)
-        both = locations.strong(posture, STANDARD, np.zeros(27), meets=True)
+        posture = Posture("B-open", "space-mid", "palm", DIRECTIONS["in"], (0.0, S, S), off=off)
+        both = locations.strong_hand(posture, no_arm(), meets=True)
         clip = clip_of(both, both, STANDARD)
-        starts, ends = capsules.capsule_ends(collision.known_capsules(clip.skeleton), *kinematics.forward(clip))
-        known = collision.capsule_groups(collision.known_capsules(clip.skeleton))
-        radii = collision.known_capsules(clip.skeleton).radii
-        gaps.append(-collision.overlap(starts, ends, radii, known.left, known.right)[0].max())
-        assert centre(clip, "Right", PART_AT["palm"])[0, 0] == pytest.approx(-HALF_THICK["palm"] - off, abs=1e-6)
-        alone = locations.strong(posture, STANDARD, np.zeros(27), meets=False)
-        assert centre(clip_of(alone, alone, STANDARD), "Right", PART_AT["palm"])[0, 0] == pytest.approx(0.0, abs=0.05)
+        shape = capsules.body_capsules(clip.skeleton)
+        starts, ends = capsules.capsule_ends(shape, *kinematics.forward(clip))
+        depth = collision.overlap(starts, ends, shape.radii, shape.groups.left, shape.groups.right)[0]
+        gaps.append(-depth.max())
+        palm = centre(clip, "Right", PART_JOINTS["palm"])[0, 0]
+        assert palm == pytest.approx(-HALF_THICK["palm"] - off, abs=1e-6)
+        alone = locations.strong_hand(posture, no_arm(), meets=False)
+        palm = centre(clip_of(alone, alone, STANDARD), "Right", PART_JOINTS["palm"])[0, 0]
+        assert palm == pytest.approx(0.0, abs=0.05)
     assert gaps[1] - gaps[0] == pytest.approx(6.0, abs=1e-6)
 
 
-def test_shifts_are_out_up_and_forward_and_grow_with_body_and_manner() -> None:
-    posture = Posture("B", "space", "palm", DIRECTIONS["in"], (0.0, _S, _S))
-    body = Signer(stature_cm=187.0)
+def test_shifts_are_out_up_and_forward_and_scale_with_the_body() -> None:
+    posture = Posture("B", "space", "palm", DIRECTIONS["in"], (0.0, S, S))
+    tall = Signer(stature_cm=187.0)
 
-    def palm(p: Posture, who_: Signer, size: float = 1.0) -> Float:
-        numbers = locations.strong(p, who_, np.zeros(27), size=size)
-        return np.asarray(centre(clip_of(numbers, numbers, who_), "Right", PART_AT["palm"])[0])
+    def palm(p: Posture, signer: Signer, size: float = 1.0) -> Float:
+        hand_state = locations.strong_hand(p, no_arm(signer), size=size)
+        return np.asarray(centre(clip_of(hand_state, hand_state, signer), "Right", PART_JOINTS["palm"])[0])
 
     shifted = replace(posture, shift=(2.0, 3.0, 4.0))
     assert np.allclose(palm(shifted, STANDARD) - palm(posture, STANDARD), [-2.0, 3.0, 4.0], atol=1e-6)
-    assert np.allclose(palm(shifted, body, 1.3) - palm(posture, body, 1.3), np.array([-2.0, 3.0, 4.0]) * 1.1 * 1.3)
-    assert np.allclose(palm(posture, body), palm(posture, STANDARD) * 1.1)
+    assert np.allclose(palm(shifted, tall, 1.3) - palm(posture, tall, 1.3), np.array([-2.0, 3.0, 4.0]) * 1.1 * 1.3)
+    assert np.allclose(palm(posture, tall), palm(posture, STANDARD) * 1.1)
 
 
-def test_the_hand_faces_as_the_posture_says() -> None:
-    posture = Posture("B", "space", "palm", DIRECTIONS["in"], (0.0, _S, _S))
-    numbers = locations.strong(posture, STANDARD, np.zeros(27))
-    turns, _ = seen_from_chest(clip_of(numbers, numbers, STANDARD), "RightHand")
-    assert np.allclose(turns[0, 0] @ [-1.0, 0.0, 0.0], [0.0, _S, _S], atol=1e-6), "fingers up and forward"
-    assert np.allclose(turns[0, 0] @ [0.0, -1.0, 0.0], [1.0, 0.0, 0.0], atol=1e-6), "palm to the left"
+def test_palm_and_fingers_face_as_the_posture_has_them() -> None:
+    posture = Posture("B", "space", "palm", DIRECTIONS["in"], (0.0, S, S))
+    hand_state = locations.strong_hand(posture, no_arm())
+    rotations, _ = seen_from_chest(clip_of(hand_state, hand_state, STANDARD), "RightHand")
+    assert np.allclose(rotations[0, 0] @ [-1.0, 0.0, 0.0], [0.0, S, S], atol=1e-6), "fingers up and forward"
+    assert np.allclose(rotations[0, 0] @ [0.0, -1.0, 0.0], [1.0, 0.0, 0.0], atol=1e-6), "palm to the left"
 
 
-@pytest.mark.parametrize("place", list(LOCATIONS))
-def test_every_place_and_every_part_is_served(place: str) -> None:
-    weak = locations.weak(BASE, STANDARD)
-    seen = set()
-    for part in PARTS:
-        posture = Posture("V", place, part, (0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
-        numbers = locations.strong(posture, STANDARD, weak)
-        assert numbers.shape == (27,)
-        assert np.isfinite(numbers).all()
-        assert np.array_equal(numbers[pose.FINGERS], HANDSHAPES["V"].angles)
-        seen.add(numbers[:3].tobytes())
-    assert len(seen) > len(PARTS) - 3, "each part brings the hand elsewhere, but for the two sides of a palm"
+def test_every_part_can_be_at_every_location() -> None:
+    weak = WeakArm(STANDARD, locations.weak_hand(BASE, STANDARD))
+    for location in LOCATIONS:
+        wrists = set()
+        for part in PARTS:
+            posture = Posture("V", location, part, (0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
+            hand_state = locations.strong_hand(posture, weak)
+            assert hand_state.shape == (27,)
+            assert np.isfinite(hand_state).all(), (location, part)
+            assert np.array_equal(hand_state[pose.FINGERS], HANDSHAPES["V"].angles)
+            wrists.add(hand_state[:3].tobytes())
+        assert len(wrists) > len(PARTS) - 3, f"{location}: parts differ, but for the two sides of a palm"
 
 
 def test_parts_of_a_hand_are_points_of_it() -> None:
-    points = hand.points(HANDSHAPES["5"].angles)
+    points = HANDSHAPES["5"].points
+    assert np.array_equal(points, hand.points(HANDSHAPES["5"].angles))
     assert np.allclose(locations.part_of(points, ("IndexTip",)), points[hand.POINTS.index("IndexTip")])
     assert np.allclose(locations.part_of(points, ("Wrist", "Middle1")), 0.5 * points[hand.POINTS.index("Middle1")])

@@ -1,4 +1,4 @@
-"""The notation: what its texts mean, and one line with file and line for whatever is wrong in them."""
+"""The notation of signs: what texts mean, and one-line errors with file and line for what is wrong in them."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ def test_the_example_of_the_docstring_parses() -> None:
     assert not mother.two_handed
 
 
-def test_what_a_line_does_not_say_stays_and_a_new_place_forgets_off_and_shift() -> None:
+def test_values_carry_over_and_a_new_location_resets_off_and_shift() -> None:
     a, b, c, d = one(
         "X shape=5 at=chin by=thumb off=3 shift=1,-2,0.5 palm=in fingers=up", "M off=1", "M at=chest", "M shape=S"
     ).segments
     assert (b.strong.off, b.strong.shift, b.strong.part) == (1.0, (1.0, -2.0, 0.5), "thumb")
-    assert (c.strong.place, c.strong.off, c.strong.shift, c.strong.part) == ("chest", 0.0, (0.0, 0.0, 0.0), "thumb")
-    assert (d.strong.shape, d.strong.place, d.strong.palm) == ("S", "chest", a.strong.palm)
+    assert (c.strong.location, c.strong.off, c.strong.shift, c.strong.part) == ("chest", 0.0, (0.0, 0.0, 0.0), "thumb")
+    assert (d.strong.shape, d.strong.location, d.strong.palm) == ("S", "chest", a.strong.palm)
 
 
 def test_directions_are_unit_and_weighted() -> None:
@@ -51,7 +51,7 @@ def test_directions_are_unit_and_weighted() -> None:
     assert segment.strong.palm == DIRECTIONS["back"]
 
 
-def test_comments_blank_lines_and_a_byte_order_mark_are_passed(tmp_path: Path) -> None:
+def test_comments_blank_lines_and_a_byte_order_mark_are_ignored(tmp_path: Path) -> None:
     path = tmp_path / "some.signs"
     path.write_bytes(
         "\ufeff# a file\n\nA-B  hands=one kind=pseudo # why\n  source: by ear (own)  # note\n\n  H shape=5 at=space "
@@ -62,34 +62,30 @@ def test_comments_blank_lines_and_a_byte_order_mark_are_passed(tmp_path: Path) -
     assert (signs["A-B"].kind, signs["A-B"].source) == ("pseudo", "by ear (own)")
 
 
-@pytest.mark.parametrize("place", LOCATIONS)
-def test_every_place(place: str) -> None:
-    hands = "base" if place in phonology.ON_BASE else "one"
-    weak = "" if hands == "one" else " w.shape=B-open w.at=space-mid w.palm=up w.fingers=fwd"
-    (segment,) = one(f"H shape=5 at={place} palm=in fingers=up{weak}", hands=hands).segments
-    assert segment.strong.place == place
-    assert (segment.weak is None) == (hands == "one")
-
-
-@pytest.mark.parametrize("part", PARTS)
-def test_every_part(part: str) -> None:
-    assert one(f"H {START} by={part}").segments[0].strong.part == part
-
-
-@pytest.mark.parametrize("shape", HANDSHAPES)
-def test_every_handshape(shape: str) -> None:
-    assert one(f"H shape={shape} at=space palm=in fingers=up").segments[0].strong.shape == shape
+def test_every_location_part_and_handshape_is_read() -> None:
+    base = " w.shape=B-open w.at=space-mid w.palm=up w.fingers=fwd"
+    for location in LOCATIONS:
+        hands = "base" if location in phonology.ON_BASE else "one"
+        (segment,) = one(
+            f"H shape=5 at={location} palm=in fingers=up{base if hands == 'base' else ''}", hands=hands
+        ).segments
+        assert segment.strong.location == location
+        assert (segment.weak is None) == (hands == "one")
+    for part in PARTS:
+        assert one(f"H {START} by={part}").segments[0].strong.part == part
+    for shape in HANDSHAPES:
+        assert one(f"H shape={shape} at=space palm=in fingers=up").segments[0].strong.shape == shape
 
 
 @pytest.mark.parametrize("hands", HANDS)
-def test_every_way_of_two_hands(hands: str) -> None:
+def test_every_kind_of_hands(hands: str) -> None:
     sign = one(f"X {BASE if hands == 'base' else START}", "M shape=S", hands=hands)
     assert (sign.hands, sign.two_handed) == (hands, hands != "one")
     assert (sign.segments[1].weak is not None) == (hands == "base")
 
 
 @pytest.mark.parametrize(
-    ("text", "kind", "size", "turns"),
+    ("text", "kind", "size", "revolutions"),
     [
         ("straight", "straight", 0.0, 0.0),
         ("none", "none", 0.0, 0.0),
@@ -99,9 +95,9 @@ def test_every_way_of_two_hands(hands: str) -> None:
         ("zigzag:out:3:2", "zigzag", 3.0, 2.0),
     ],
 )
-def test_every_path(text: str, kind: str, size: float, turns: float) -> None:
+def test_every_path(text: str, kind: str, size: float, revolutions: float) -> None:
     path = one(f"X {START}", f"M shape=S path={text}").segments[1].path
-    assert (path.kind, path.size, path.revolutions) == (kind, size, turns)
+    assert (path.kind, path.size, path.revolutions) == (kind, size, revolutions)
 
 
 @pytest.mark.parametrize("kind", LOCALS)
@@ -134,7 +130,7 @@ def test_a_base_may_move_with_the_strong_hand() -> None:
     assert second.weak.shift == (0.0, 6.0, 0.0)
 
 
-# --- what is wrong in it
+# --- errors
 
 BROKEN = [
     # header
@@ -190,7 +186,7 @@ BROKEN = [
     ("WORD hands=one\n  X {start}\n  M local=shake\n", 3, "unknown local 'shake'"),
     ("WORD hands=one\n  X {start}\n  M local=twist:1:2:3\n", 3, "expected local=twist[:AMPLITUDE[:CYCLES]]"),
     ("WORD hands=one\n  X {start}\n  M local=twist:-3\n", 3, "local=-3, expected a number from 0.1 to 120"),
-    # what no hand can do
+    # faults of a sign
     ("WORD hands=one\n  M {start}\n", 1, "WORD: begins with M, expected H or X first"),
     ("WORD hands=one\n  X {start}\n  M\n", 1, "segment 2: M moves nothing, expected another posture, a path or"),
     ("WORD hands=one\n  X {start}\n  M path=arc:up:3\n", 1, "segment 2: M moves nothing"),
@@ -201,30 +197,38 @@ BROKEN = [
         1,
         "at=base-palm needs hands=base, not hands=one",
     ),
-    ("WORD hands=one\n  H shape=5 at=chin palm=up fingers=up\n", 1, "palm and fingers face the same line"),
-    ("WORD hands=one\n  H shape=5 at=chin palm=down fingers=up\n", 1, "palm and fingers face the same line"),
+    (
+        "WORD hands=one\n  H shape=5 at=chin palm=up fingers=up\n",
+        1,
+        "palm and fingers must be at least 25 degrees from parallel",
+    ),
+    (
+        "WORD hands=one\n  H shape=5 at=chin palm=down fingers=up\n",
+        1,
+        "palm and fingers must be at least 25 degrees from parallel",
+    ),
 ]
 
 
-@pytest.mark.parametrize(("text", "line", "what"), BROKEN, ids=[what for _, _, what in BROKEN])
-def test_broken_texts_are_refused_in_one_line(text: str, line: int, what: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("text", "line", "message"), BROKEN, ids=[row[2] for row in BROKEN])
+def test_a_broken_text_gives_one_line_that_names_the_line(text: str, line: int, message: str, tmp_path: Path) -> None:
     path = tmp_path / "broken.signs"
     path.write_text(text.format(start=START, base=BASE))
     with pytest.raises(FormatError) as caught:
         notation.read(path)
-    message = str(caught.value)
-    assert message.startswith(f"{path}:{line}: "), message
-    assert what in message
-    assert "\n" not in message
+    found = str(caught.value)
+    assert found.startswith(f"{path}:{line}: "), found
+    assert message in found
+    assert "\n" not in found
 
 
-def test_the_line_is_counted_through_comments_and_blanks() -> None:
+def test_line_numbers_count_comments_and_blank_lines() -> None:
     text = f"# one\n\nA hands=one\n  H {START}\n\n# six\nB hands=one\n  H {START} at2=x\n"
     with pytest.raises(FormatError, match=r"^words\.signs:8: B: unknown key 'at2'"):
         notation.parse(text, "words.signs")
 
 
-def test_a_file_that_is_no_text_is_named(tmp_path: Path) -> None:
+def test_an_error_names_a_file_that_is_no_text(tmp_path: Path) -> None:
     path = tmp_path / "latin.signs"
     path.write_bytes("CAFÉ hands=one\n".encode("latin-1"))
     with pytest.raises(FormatError, match="is no UTF-8 text") as caught:
@@ -239,9 +243,9 @@ def test_an_empty_text_has_no_signs() -> None:
     assert notation.parse("# nothing yet\n") == {}
 
 
-def test_faults_of_signs_built_by_hand() -> None:
+def test_faults_of_signs_built_in_code() -> None:
     posture = one(f"H {START}").segments[0].strong
-    strange = phonology.Posture("no-shape", posture.place, posture.part, posture.palm, posture.fingers)
+    strange = phonology.Posture("no-shape", posture.location, posture.part, posture.palm, posture.fingers)
     sign = Sign("WORD", "one", (phonology.Segment("H", strange),))
     assert faults(sign) == ["segment 1: unknown handshape 'no-shape'"]
     assert faults(Sign("WORD", "one", ())) == ["has no segment, expected at least one H or X line"]

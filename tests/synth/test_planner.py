@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from signing import made, mirror, seen_from_chest, sign, who, word
-from signsplice.body import collision
+from signing import made, mirror, seen_from_chest, sign, signer_of, word
+from signsplice.body import capsules, collision
 from signsplice.body.capsules import capsule_ends
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import kinematics, rotation
 from signsplice.synth import planner, pose
-from signsplice.synth.avoidance import TOLERANCE_CM, clear, intrusion
+from signsplice.synth.avoidance import TOLERANCE_CM, clear_collisions, penetration
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.notation import alphabet
 from signsplice.synth.phonology import Posture, Segment, Sign
 from signsplice.synth.planner import IsolatedWord, touches
-from signsplice.synth.signer import JOINTS, RESTS, STANDARD, signer
+from signsplice.synth.signer import JOINTS, RESTS, STANDARD, draw_signer
 
 Float = NDArray[np.float64]
 
@@ -228,7 +228,7 @@ def test_a_shake_of_the_head_is_a_turn_about_the_upright() -> None:
 
 
 def test_the_same_arguments_make_the_same_bits() -> None:
-    one, two = (planner.isolated(sign("MOTHER"), who(3)) for _ in range(2))
+    one, two = (planner.isolated(sign("MOTHER"), signer_of(3)) for _ in range(2))
     assert np.array_equal(one.states, two.states)
     assert np.array_equal(one.clip.local_rotations, two.clip.local_rotations)
     assert np.array_equal(one.clip.root_positions, two.clip.root_positions)
@@ -349,9 +349,9 @@ def test_a_base_hand_keeps_its_own_shape_and_place(gloss: str) -> None:
 
 @pytest.mark.parametrize("gloss", ["HELLO", "LEARN", "SIGN", "NO"])
 def test_a_left_handed_signer_signs_the_mirror_image(gloss: str) -> None:
-    right = replace(signer(13), left_handed=False)
-    one, two = planner.isolated(sign(gloss), right), planner.isolated(sign(gloss), signer(13))
-    assert signer(13).left_handed
+    right = replace(draw_signer(13), left_handed=False)
+    one, two = planner.isolated(sign(gloss), right), planner.isolated(sign(gloss), draw_signer(13))
+    assert draw_signer(13).left_handed
     assert one.events == two.events
     rotations, roots = mirror(one.clip)
     assert np.abs(np.sum(rotations * two.clip.local_rotations, axis=-1)).min() > 1.0 - 1e-9
@@ -367,9 +367,9 @@ PART_TIPS = {"thumb": ("Thumb",), "index": ("Index",), "tips": ("Index", "Middle
 def gap(one: IsolatedWord, frame: int, part: str) -> float:
     """From the skin of a part of the strong hand to head and trunk, cm, as capsules have it; negative inside."""
     clip = one.clip[frame : frame + 1]
-    shape = collision.known_capsules(clip.skeleton)
+    shape = capsules.body_capsules(clip.skeleton)
     starts, ends = capsule_ends(shape, *kinematics.forward(clip))
-    known = collision.capsule_groups(shape)
+    known = shape.groups
     fingers = PART_TIPS.get(part)
     own = [
         n
@@ -425,20 +425,20 @@ def test_words_keep_clear_of_the_body_as_a_whole() -> None:
     for gloss in ("MOTHER", "BOOK", "HAT", "SICK", "FRIEND"):
         for seed in (None, 3):
             one = word(gloss, seed)
-            assert intrusion(one.states, one.who)[0].max() < 0.35, (gloss, seed)
+            assert penetration(one.states, one.signer)[0].max() < 0.35, (gloss, seed)
             assert over_limit(one.clip.local_rotations) == 0.0
 
 
 def test_clearing_pushes_out_what_lay_within_and_nothing_else() -> None:
     states = word("MY").states.copy()
     e = word("MY").events
-    assert np.array_equal(clear(states, STANDARD), states), "clear already"
+    assert np.array_equal(clear_collisions(states, STANDARD), states), "clear already"
     pushed = states.copy()
     pushed[e.start : e.end + 1, 2] -= 3.0
-    depth = intrusion(pushed, STANDARD)[0].max()
+    depth = penetration(pushed, STANDARD)[0].max()
     assert depth > 1.5
-    freed = clear(pushed, STANDARD)
-    assert intrusion(freed, STANDARD)[0].max() < TOLERANCE_CM + 0.1
+    freed = clear_collisions(pushed, STANDARD)
+    assert penetration(freed, STANDARD)[0].max() < TOLERANCE_CM + 0.1
     near = slice(max(e.start - 5, 0), e.end + 6)
     untouched = np.ones(len(states), bool)
     untouched[near] = False
@@ -451,7 +451,7 @@ def test_clearing_pushes_out_what_lay_within_and_nothing_else() -> None:
 def test_clearing_between_two_seams_leaves_their_neighbours() -> None:
     states = np.repeat(word("MY").states[word("MY").events.end][None], 12, axis=0)
     states[:, 2] -= 2.0 * np.sin(np.pi * np.arange(1, 13) / 13)
-    freed = clear(states, STANDARD, ends=True)
+    freed = clear_collisions(states, STANDARD, ends=True)
     moved = np.linalg.norm(freed - states, axis=-1)
     assert moved[[0, -1]].max() < 0.25 * moved.max()
     assert moved.max() > 0.5
@@ -495,9 +495,9 @@ def test_letters_are_held_and_formed(seed: int | None) -> None:
 @pytest.mark.parametrize("rest", RESTS)
 @pytest.mark.parametrize("number", [0, 5])
 def test_however_a_signer_rests_no_hand_is_in_the_body_and_the_sign_is_the_same(rest: str, number: int) -> None:
-    body = STANDARD if number == 0 else signer(number)
+    body = STANDARD if number == 0 else draw_signer(number)
     one, usual = (planner.isolated(sign("THANK-YOU"), replace(body, rest=kind)) for kind in (rest, "hanging"))
-    assert intrusion(one.states, one.who)[0].max() < TOLERANCE_CM + 0.25
+    assert penetration(one.states, one.signer)[0].max() < TOLERANCE_CM + 0.25
     lengths = [word.events.end - word.events.start for word in (one, usual)]
     assert lengths[0] == lengths[1], "a rest is no part of the sign"
     heights = wrists(one)[:, :, 1]

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from signing import mirror, seen_from_chest, who, word
+from signing import mirror, seen_from_chest, signer_of, word
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import kinematics, rotation
 from signsplice.synth import hand, locations, planner, pose
 from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.signer import FOREARM, JOINTS, STANDARD, UPPER_ARM, Signer, signer, skeleton
+from signsplice.synth.signer import FOREARM, JOINTS, STANDARD, UPPER_ARM, Signer, draw_signer, skeleton
 
 Float = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ def wild_states(n: int, body: Signer, seed: int = 0) -> Float:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_wrist_is_where_it_was_asked_to_be(seed: int | None) -> None:
-    body = replace(who(seed), left_handed=False)
+    body = replace(signer_of(seed), left_handed=False)
     states = easy_states(300, body)
     asked = pose.hands(states)[..., pose.WRIST] * [[[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]]]
     arms = (UPPER_ARM + FOREARM) * body.arms * body.scale
@@ -65,12 +65,12 @@ def test_the_wrist_is_where_it_was_asked_to_be(seed: int | None) -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_hand_faces_as_it_was_asked_to_where_no_limit_is_near(seed: int | None) -> None:
-    body = replace(who(seed), left_handed=False)
+    body = replace(signer_of(seed), left_handed=False)
     states = easy_states(300, body, seed=5)
     numbers = pose.hands(states)
-    wrist = pose.wrist_angles(pose.reach(numbers[..., pose.WRIST], body), numbers[..., pose.TURN], body)
+    wrist = pose.wrist_angles(pose.solve_arm(numbers[..., pose.WRIST], body), numbers[..., pose.ROTVEC], body)
     (low_side, high_side), (low_bent, high_bent) = pose.WRIST_LIMITS
-    free = np.abs(wrist.turn) < pose.FOREARM_LIMIT - 0.15
+    free = np.abs(wrist.twist) < pose.FOREARM_LIMIT - 0.15
     free &= (wrist.deviation > low_side + 0.15) & (wrist.deviation < high_side - 0.15)
     free &= (wrist.flexion > low_bent + 0.15) & (wrist.flexion < high_bent - 0.15)
     assert 0.3 < free.mean() < 1.0
@@ -85,13 +85,13 @@ def test_the_hand_faces_as_it_was_asked_to_where_no_limit_is_near(seed: int | No
 @pytest.mark.parametrize("seed", SEEDS)
 def test_turn_of_says_what_hand_rotations_reads(seed: int | None) -> None:
     rng = np.random.default_rng(2)
-    states = easy_states(50, who(seed))
+    states = easy_states(50, signer_of(seed))
     asked = rotation.exp(rng.uniform(-1.0, 1.0, (50, 2, 3)))
     numbers = pose.hands(states)
-    turns = pose.turn_of(numbers[..., pose.WRIST], asked, who(seed))
+    turns = pose.hand_rotvecs(numbers[..., pose.WRIST], asked, signer_of(seed))
     assert np.abs(turns).max() < np.pi
-    pose.hands(states)[..., pose.TURN] = turns
-    assert rotation.angle_between(pose.hand_rotations(states, who(seed)), asked).max() < 1e-7
+    pose.hands(states)[..., pose.ROTVEC] = turns
+    assert rotation.angle_between(pose.hand_rotations(states, signer_of(seed)), asked).max() < 1e-7
 
 
 def test_out_of_reach_is_drawn_in_along_the_way() -> None:
@@ -113,8 +113,8 @@ def test_out_of_reach_is_drawn_in_along_the_way() -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_no_numbers_break_a_joint(seed: int | None) -> None:
-    states = np.concatenate([easy_states(400, who(seed), 1), wild_states(1500, who(seed), 2)])
-    rotations, roots = pose.rotations(states, who(seed))
+    states = np.concatenate([easy_states(400, signer_of(seed), 1), wild_states(1500, signer_of(seed), 2)])
+    rotations, roots = pose.rotations(states, signer_of(seed))
     assert np.isfinite(rotations).all()
     assert np.isfinite(roots).all()
     assert np.abs(np.linalg.norm(rotations, axis=-1) - 1.0).max() < 1e-12
@@ -146,7 +146,7 @@ def test_over_limit_sees_each_kind_of_broken_joint() -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_small_change_of_numbers_is_a_small_turn_of_joints(seed: int | None) -> None:
     """Along smooth random ways through the signing space, small steps turn no joint far: no flips."""
-    body = who(seed)
+    body = signer_of(seed)
     rng = np.random.default_rng(9)
     for _ in range(6):
         ends = easy_states(2, body, int(rng.integers(1 << 30)))
@@ -180,7 +180,7 @@ def test_steps_shrink_with_the_change() -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_left_handed_signer_is_the_mirror_image(seed: int | None) -> None:
-    right = replace(who(seed), left_handed=False)
+    right = replace(signer_of(seed), left_handed=False)
     left = replace(right, left_handed=True)
     states = np.concatenate([easy_states(20, right), wild_states(20, right)])
     rotations, roots = mirror(pose.clip(states, right, 30.0))
@@ -202,7 +202,7 @@ def test_strong_and_weak_hand_of_one_kind_mirror_one_another() -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("left_handed", [False, True])
 def test_feet_stay_while_the_hips_sway(seed: int | None, left_handed: bool) -> None:
-    body = replace(who(seed), left_handed=left_handed)
+    body = replace(signer_of(seed), left_handed=left_handed)
     states = np.repeat(planner.resting(body)[None], 60, axis=0)
     t = np.linspace(0.0, 2.0 * np.pi, 60)
     states[:, pose.ROOT] = np.stack([2.0 * np.sin(t), np.zeros(60), 1.5 * np.cos(t)], axis=-1)
@@ -216,7 +216,7 @@ def test_feet_stay_while_the_hips_sway(seed: int | None, left_handed: bool) -> N
 
 @pytest.mark.parametrize("seed", range(12))
 def test_a_signers_measures_are_in_the_bones(seed: int) -> None:
-    body, drawn, usual = signer(seed), skeleton(signer(seed)), skeleton(STANDARD)
+    body, drawn, usual = draw_signer(seed), skeleton(draw_signer(seed)), skeleton(STANDARD)
     ratio = np.linalg.norm(drawn.offsets, axis=-1) / np.linalg.norm(usual.offsets, axis=-1)
     scale = body.stature_cm / 170.0
     for name, share in (
@@ -237,8 +237,8 @@ def test_a_signers_measures_are_in_the_bones(seed: int) -> None:
 
 
 def test_signers_are_drawn_by_seed_alone() -> None:
-    assert signer(4) == signer(4)
-    many = [signer(seed) for seed in range(200)]
+    assert draw_signer(4) == draw_signer(4)
+    many = [draw_signer(seed) for seed in range(200)]
     assert len({body.stature_cm for body in many}) > 195, "only the smallest and the tallest are cut to one stature"
     assert 0.03 < np.mean([body.left_handed for body in many]) < 0.2
     assert abs(np.mean([body.stature_cm for body in many]) - 168.0) < 2.0

@@ -1,57 +1,52 @@
-"""Pseudo-signs: lawful, the same for a seed, various, within reach, and clear of the body when they are signed."""
+"""Pseudo-signs are well-formed, the same for a seed, varied, within reach, and clear of the body when signed."""
 
 from __future__ import annotations
 
 from collections import Counter
-from functools import cache
 
 import numpy as np
 import pytest
 
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.synth import locations, phonology, planner, pose, pseudo, truth
-from signsplice.synth.avoidance import intrusion
+from signsplice.synth.avoidance import penetration
+from signsplice.synth.locations import WeakArm
 from signsplice.synth.phonology import Posture, Sign
-from signsplice.synth.signer import STANDARD, signer
-
-SEEDS = range(60)
+from signsplice.synth.signer import STANDARD, draw_signer
 
 
-@cache
-def drawn(seed: int) -> Sign:
-    return pseudo.sign(seed)
+@pytest.fixture(scope="module")
+def signs() -> list[Sign]:
+    """The pseudo-signs of the first seeds."""
+    return [pseudo.sign(seed) for seed in range(60)]
 
 
 def strong_postures(sign: Sign) -> list[Posture]:
     return [segment.strong for segment in sign.segments]
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_every_seed_is_a_lawful_sign(seed: int) -> None:
-    sign = drawn(seed)
-    assert phonology.faults(sign) == []
-    assert (sign.gloss, sign.kind) == (f"PSEUDO-{seed}", "pseudo")
-    assert sign.segments[0].kind in ("H", "X")
-    assert sign.segments == sign.segments[:1] or any(segment.kind == "M" for segment in sign.segments)
-    assert (sign.segments[0].weak is not None) == (sign.hands == "base")
-    for segment in sign.segments:
-        assert np.linalg.norm(segment.strong.palm) == pytest.approx(1.0)
-        assert np.linalg.norm(segment.strong.fingers) == pytest.approx(1.0)
+def test_every_seed_makes_a_well_formed_sign(signs: list[Sign]) -> None:
+    for seed, sign in enumerate(signs):
+        assert phonology.faults(sign) == [], seed
+        assert (sign.gloss, sign.kind) == (f"PSEUDO-{seed}", "pseudo")
+        assert sign.segments[0].kind in ("H", "X"), seed
+        assert sign.segments == sign.segments[:1] or any(segment.kind == "M" for segment in sign.segments), seed
+        assert (sign.segments[0].weak is not None) == (sign.hands == "base"), seed
+        for posture in strong_postures(sign):
+            assert np.linalg.norm([posture.palm, posture.fingers], axis=1) == pytest.approx(1.0), seed
 
 
-def test_a_seed_is_one_sign_whatever_was_drawn_before() -> None:
+def test_a_seed_makes_one_sign_in_every_order_of_draws(signs: list[Sign]) -> None:
     again = [pseudo.sign(seed) for seed in (7, 3, 7)]
-    assert again[0] == again[2] == drawn(7)
-    assert again[1] == drawn(3)
+    assert again == [signs[7], signs[3], signs[7]]
 
 
-def test_they_are_various() -> None:
-    signs = [drawn(seed) for seed in SEEDS]
+def test_pseudo_signs_vary(signs: list[Sign]) -> None:
     assert len({sign.segments for sign in signs}) == len(signs)
     hands = Counter(sign.hands for sign in signs)
     assert set(hands) == set(phonology.HANDS)
     assert hands["one"] < 0.9 * len(signs)
-    assert len({p.place for sign in signs for p in strong_postures(sign)}) >= 15
+    assert len({p.location for sign in signs for p in strong_postures(sign)}) >= 15
     assert len({p.shape for sign in signs for p in strong_postures(sign)}) >= 20
     assert len({p.part for sign in signs for p in strong_postures(sign)}) >= 6
     moves = [segment for sign in signs for segment in sign.segments if segment.kind == "M"]
@@ -62,24 +57,25 @@ def test_they_are_various() -> None:
     assert {sign.segments[0].kind for sign in signs} == {"X", "H"}
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_they_are_within_reach_of_the_standard_signer(seed: int) -> None:
-    sign = drawn(seed)
-    for segment in sign.segments:
-        weak = locations.weak(segment.weak, STANDARD) if segment.weak is not None else np.zeros(27)
-        numbers = locations.strong(segment.strong, STANDARD, weak, sign.hands in ("symmetric", "alternating"))
-        arm = pose.reach(numbers[pose.WRIST], STANDARD)
-        assert arm.bend > 0.3, "the arm is not stretched"
-        wrist = pose.wrist_angles(arm, numbers[pose.TURN], STANDARD)
-        (low_side, high_side), (low_bent, high_bent) = pose.WRIST_LIMITS
-        assert low_side < wrist.deviation < high_side
-        assert low_bent < wrist.flexion < high_bent
-        assert abs(wrist.turn) < pose.FOREARM_LIMIT
-        assert pseudo.easy(numbers)
+def test_all_postures_are_within_reach_and_joint_limits(signs: list[Sign]) -> None:
+    for sign in signs:
+        for segment in sign.segments:
+            weak = np.zeros(27) if segment.weak is None else locations.weak_hand(segment.weak, STANDARD)
+            meets = sign.hands in ("symmetric", "alternating")
+            hand_state = locations.strong_hand(segment.strong, WeakArm(STANDARD, weak), meets)
+            arm = pose.solve_arm(hand_state[pose.WRIST], STANDARD)
+            assert arm.bend > 0.3, f"{sign.gloss}: the arm is stretched"
+            wrist = pose.wrist_angles(arm, hand_state[pose.ROTVEC], STANDARD)
+            (low_side, high_side), (low_bent, high_bent) = pose.WRIST_LIMITS
+            assert low_side < wrist.deviation < high_side, sign.gloss
+            assert low_bent < wrist.flexion < high_bent, sign.gloss
+            assert abs(wrist.twist) < pose.FOREARM_LIMIT, sign.gloss
+            assert pseudo.easy(hand_state), sign.gloss
 
 
-def test_what_is_no_ease() -> None:
-    easy = locations.strong(Posture("B", "space", "palm", (-1.0, 0.0, 0.0), (0.0, 0.6, 0.8)), STANDARD, np.zeros(27))
+def test_far_or_bent_hands_are_not_easy() -> None:
+    posture = Posture("B", "space", "palm", (-1.0, 0.0, 0.0), (0.0, 0.6, 0.8))
+    easy = locations.strong_hand(posture, WeakArm(STANDARD, np.zeros(27)))
     assert pseudo.easy(easy)
     far, bent = easy.copy(), easy.copy()
     far[2] += 40.0
@@ -89,11 +85,11 @@ def test_what_is_no_ease() -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 5, 11, 23, 42])
-def test_signed_they_are_clear_of_the_body_and_can_be_spliced(seed: int) -> None:
-    who = STANDARD if seed % 2 else signer(3)
-    one, two = planner.isolated(drawn(seed), who), planner.isolated(drawn(seed + 1), who)
+def test_signed_they_are_clear_of_the_body_and_can_be_spliced(seed: int, signs: list[Sign]) -> None:
+    signer = STANDARD if seed % 2 else draw_signer(3)
+    one, two = planner.isolated(signs[seed], signer), planner.isolated(signs[seed + 1], signer)
     for word in (one, two):
-        assert intrusion(word.states, who)[0].max() < 0.5
+        assert penetration(word.states, signer)[0].max() < 0.5
         assert over_limit(word.clip.local_rotations) == 0.0
     true = truth.splice(one, two)
     assert one.events.start <= true.pre < one.events.down

@@ -11,7 +11,7 @@ from signing import made, seen_from_chest, word
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.synth import pose, running
-from signsplice.synth.avoidance import intrusion
+from signsplice.synth.avoidance import penetration
 from signsplice.synth.running import Utterance
 from signsplice.synth.signer import JOINTS
 
@@ -115,7 +115,7 @@ def test_a_weak_hand_that_would_be_in_the_way_does_not_stay() -> None:
     stays = words[1].states.copy()
     stays[:, 27:54] = before.states[said.seams[0].pre, 27:54]
     kept = slice(part.source, (part.source or 0) + part.stop - part.start)
-    assert intrusion(stays[kept], words[1].who)[0].max() > 0.35, "for a reason"
+    assert penetration(stays[kept], words[1].signer)[0].max() > 0.35, "for a reason"
 
 
 @pytest.mark.parametrize(("pronoun", "following"), [("I", "LEARN"), ("YOU", "BOOK"), ("YOU", "fs-A")])
@@ -173,5 +173,5 @@ def test_seams_hold_the_states_between() -> None:
     said = utter("I", "LEARN", "BOOK")
     for seam, part in zip(said.seams, said.stretches[1::2], strict=True):
         assert len(seam.states) == part.stop - part.start
-        rotations, _ = pose.rotations(seam.states, said.words[0].who)
+        rotations, _ = pose.rotations(seam.states, said.words[0].signer)
         assert np.array_equal(said.clip.local_rotations[part.start : part.stop], rotations)

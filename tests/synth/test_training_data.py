@@ -10,10 +10,11 @@ import pytest
 
 from signsplice.errors import InputError
 from signsplice.motion import rotation
-from signsplice.rig.canonical import LEFT, ROLES, TIPS, canonical_motion
+from signsplice.rig.canonical import canonical_motion
+from signsplice.rig.canonical_map import LEFT, ROLES, TIPS
 from signsplice.synth import planner, pseudo, training_data, truth
 from signsplice.synth.rng import stream
-from signsplice.synth.signer import RESTS, signer
+from signsplice.synth.signer import RESTS, draw_signer
 from signsplice.synth.training_data import TrainingDataPlan
 
 PLAN = TrainingDataPlan(n_signers=2, n_words=4, n_seams=5, seed=3, fps=20.0)
@@ -30,7 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_words_pairs_and_events_are_the_signers(folder: Path) -> None:
     part = np.load(training_data.path_of(folder, PLAN, 1))
-    who = signer(training_data.FIRST_SIGNER + 30_001)
+    who = draw_signer(training_data.FIRST_SIGNER + 30_001)
     seeds = stream("endless", 3, 1).integers(2**40, size=4).tolist()
     words = [planner.isolated(pseudo.sign(int(k)), who, fps=20.0) for k in seeds]
     assert part["words"][:, 1].tolist() == [len(word) for word in words]
@@ -45,7 +46,7 @@ def test_words_pairs_and_events_are_the_signers(folder: Path) -> None:
         assert part["events"][k, :4].tolist() == [getattr(word.events, e) for e in ("up", "start", "end", "down")]
     for p in range(4):
         for q in range(4):
-            seen_both = truth.relation(words[p], words[q])
+            seen_both = truth.relate(words[p], words[q])
             expected = [truth.leave(words[p], seen_both), truth.enter(words[q], seen_both)]
             assert part["pairs"][p, q, :2].tolist() == expected
             assert part["pairs"][p, q, 2] <= len(truth.splice(words[p], words[q]).states)
@@ -57,15 +58,15 @@ def test_words_pairs_and_events_are_the_signers(folder: Path) -> None:
 
 
 def test_signers_rest_in_all_ways() -> None:
-    ways = Counter(training_data.rested(signer(number)).rest for number in range(200))
+    ways = Counter(training_data.with_rest(draw_signer(number)).rest for number in range(200))
     assert set(ways) == set(RESTS)
     assert 70 < ways["hanging"] < 130, "half of them let their arms hang"
-    assert training_data.rested(signer(3)) == training_data.rested(signer(3))
+    assert training_data.with_rest(draw_signer(3)) == training_data.with_rest(draw_signer(3))
 
 
 def test_bones_and_turns_put_the_hands_where_they_are(folder: Path) -> None:
     part = np.load(training_data.path_of(folder, PLAN, 0))
-    who = signer(training_data.FIRST_SIGNER + 30_000)
+    who = draw_signer(training_data.FIRST_SIGNER + 30_000)
     clip = planner.isolated(pseudo.sign(int(stream("endless", 3, 0).integers(2**40, size=4)[0])), who, fps=20.0).clip
     seen = canonical_motion(clip)
     turns = rotation.to_matrix(seen.quats)

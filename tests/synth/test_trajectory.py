@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from signing import who, word
+from signing import signer_of, word
 from signsplice.synth import hand, planner, pose, trajectory
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.rng import stream
@@ -175,7 +175,7 @@ def test_fingers_are_ahead_of_the_wrist_and_the_index_of_the_little_one() -> Non
     made = trajectory.reach(still(a), still(b), 39, PLAIN)
     progress = (made[19] - a) / (b - a)
     assert np.allclose(progress[:3], 0.5, atol=1e-6), "the wrist is half way at half time"
-    assert (progress[pose.TURN] > 0.53).all()
+    assert (progress[pose.ROTVEC] > 0.53).all()
     fingers = progress[pose.FINGERS]
     assert (fingers > 0.58).all()
     assert fingers[:4].mean() > fingers[4:8].mean() > fingers[12:16].mean()
@@ -292,7 +292,7 @@ def test_a_bump_and_a_window_die_out_smoothly() -> None:
 
 @pytest.mark.parametrize("seed", [None, 0, 3, 7])
 def test_small_motions_are_small_and_go_to_and_fro(seed: int | None) -> None:
-    body = who(seed)
+    body = signer_of(seed)
     made = trajectory.small_motions(3000, 30.0, body, stream("test", 1))
     hands = pose.hands(made)
     assert np.abs(hands[..., pose.WRIST]).max() < 0.2, "cm"
@@ -331,4 +331,4 @@ def test_a_citation_form_leaves_rest_and_returns_by_these_reaches() -> None:
     e = made.events
     assert speed[: e.up].max() < 0.1
     assert speed[e.up : e.start].argmax() == pytest.approx(0.5 * (e.start - e.up), abs=3), "one hill of speed"
-    assert planner.PREPARATION < planner.RETRACTION
+    assert planner.PREPARATION_PACE < planner.RETRACTION_PACE

@@ -13,7 +13,7 @@ from signing import seen_from_chest, word
 from signsplice.errors import InputError
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.synth import pose, running, trajectory, truth
-from signsplice.synth.avoidance import intrusion
+from signsplice.synth.avoidance import penetration
 from signsplice.synth.planner import Events, IsolatedWord
 from signsplice.synth.signer import STANDARD
 from signsplice.synth.truth import Relation
@@ -178,15 +178,15 @@ def test_near_is_within_45_percent_of_the_shoulder_width() -> None:
     p = straight(HERE, HERE)
     for away, near in ((0.44, True), (0.46, False)):
         there = (HERE[0] + 36.0 * away, *HERE[1:])
-        assert truth.relation(p, straight(there, there)).near is near
+        assert truth.relate(p, straight(there, there)).near is near
     tall = replace(STANDARD, stature_cm=204.0)
     there = (HERE[0] + 36.0 * 0.5, *HERE[1:])
-    assert truth.relation(replace(p, who=tall), straight(there, there)).near, "of a broader signer"
+    assert truth.relate(replace(p, signer=tall), straight(there, there)).near, "of a broader signer"
 
 
 def test_handshapes_differ_by_the_mean_of_their_angles() -> None:
     for shape, other in ((0.41, False), (0.43, True), (-0.43, True)):
-        assert truth.relation(straight(HERE, HERE), straight(HERE, HERE, shape)).other_shape is other
+        assert truth.relate(straight(HERE, HERE), straight(HERE, HERE, shape)).other_shape is other
 
 
 @pytest.mark.parametrize(
@@ -197,8 +197,8 @@ def test_directions_are_told_by_their_angle_with_the_travel(way: tuple[float, fl
     there = (HERE[0] + 20.0, HERE[1], HERE[2])
     back = tuple(a - b for a, b in zip(HERE, way, strict=True))
     on = tuple(a + b for a, b in zip(there, way, strict=True))
-    leaving = truth.relation(straight(HERE, (back[0], back[1], back[2])), straight(there, there))
-    entering = truth.relation(straight(HERE, HERE), straight((on[0], on[1], on[2]), there))
+    leaving = truth.relate(straight(HERE, (back[0], back[1], back[2])), straight(there, there))
+    entering = truth.relate(straight(HERE, HERE), straight((on[0], on[1], on[2]), there))
     assert leaving.leaving == seen
     assert leaving.entering == 1
     assert entering.entering == seen
@@ -207,9 +207,9 @@ def test_directions_are_told_by_their_angle_with_the_travel(way: tuple[float, fl
 
 def test_going_down_and_coming_up_are_seen_half_way() -> None:
     high, low = (HERE[0], 20.0, HERE[2]), (HERE[0], -18.0, HERE[2])
-    falling = truth.relation(straight(high, high), straight(low, low))
+    falling = truth.relate(straight(high, high), straight(low, low))
     assert (falling.going_down, falling.coming_up) == (2, 0), "down is on the way to a low place; up from rest is not"
-    rising = truth.relation(straight(low, low), straight(high, high))
+    rising = truth.relate(straight(low, low), straight(high, high))
     assert (rising.going_down, rising.coming_up) == (0, 2)
 
 
@@ -241,7 +241,7 @@ def test_a_transition_goes_on_from_both_words(a: str, b: str) -> None:
 def test_transitions_keep_out_of_the_body_and_within_limits() -> None:
     for a, b in PAIRS[::4]:
         true = truth.splice(word(a), word(b))
-        assert intrusion(true.states, STANDARD)[0].max() < 0.5, (a, b)
+        assert penetration(true.states, STANDARD)[0].max() < 0.5, (a, b)
         assert over_limit(pose.rotations(true.states, STANDARD)[0]) == 0.0, (a, b)
 
 
@@ -271,7 +271,7 @@ def test_the_weak_hand_and_the_fingers_take_their_time_too() -> None:
     strong[1] += 40.0
     assert least < truth.transition_frames(start, weak, p) < truth.transition_frames(start, strong, p)
     assert truth.transition_frames(start, shaped, p) == round(30.0 * (0.09 + 0.15)) - 1
-    assert truth.transition_frames(start, shaped, replace(p, who=replace(STANDARD, tempo=2.0))) < 6
+    assert truth.transition_frames(start, shaped, replace(p, signer=replace(STANDARD, tempo=2.0))) < 6
 
 
 def test_a_transition_is_a_reach_where_nothing_is_in_the_way() -> None:
@@ -286,14 +286,14 @@ def test_a_transition_is_a_reach_where_nothing_is_in_the_way() -> None:
 def test_what_clears_a_transition_moves_nothing_beside_its_words() -> None:
     """Both words press a little; the middle of the way comes out of the body, its ends go on from them."""
     who = replace(STANDARD, arch=0.0)
-    p = replace(word("MY"), who=who)
+    p = replace(word("MY"), signer=who)
     a = p.states[p.events.end].copy()
     a[2] -= 0.3
     b = a.copy()
     b[1] -= 12.0
-    assert intrusion(a[None], who)[0].max() > 0.25
+    assert penetration(a[None], who)[0].max() > 0.25
     before, after = np.repeat(a[None], 3, axis=0), np.repeat(b[None], 3, axis=0)
-    made = truth.between(before, after, p)
+    made = truth.transition(before, after, p)
     moved = np.linalg.norm(made - trajectory.reach(before, after, len(made), who), axis=-1)
     assert len(made) >= 4
     assert moved.max() > 0.1

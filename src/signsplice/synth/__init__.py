@@ -1,1 +1,1 @@
-"""The signer that makes true data: signs in notation -> plan -> motion, with the exact truth of every splice."""
+"""The synthetic signer: signs in notation -> plan -> motion, with the ground truth of every splice."""

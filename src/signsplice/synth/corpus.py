@@ -1,10 +1,10 @@
-"""Data sets of true splices: every word once, every pair as an index and its transition, all memory-mapped.
+"""Corpora of ground-truth splices: every word once, every pair as an index and its transition, all memory-mapped.
 
 A corpus of pairs is a folder:
 
     corpus.json                    recipe, its hash, words with their events, signers, splits
     word_rotations.npy   (F, 53, 4) float32   local rotations of every word's frames, word after word
-    word_roots.npy       (F, 3)     float32   cm
+    word_roots.npy       (F, 3)     float32   root positions, cm
     word_positions.npy   (F, 159)   float32   joint positions, scaled into [-0.5, 0.5]
     pairs.npy            (P, 6)     int32     word before, word after, pre, post, first transition frame, their number
     new_rotations.npy, new_roots.npy, new_positions.npy   the same of all transitions, pair after pair
@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,28 +34,32 @@ from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import Events, IsolatedWord
 from signsplice.synth.pool import Pool
 from signsplice.synth.rng import stream
-from signsplice.synth.signer import STANDARD, Signer, signer, skeleton
+from signsplice.synth.signer import STANDARD, Signer, draw_signer, skeleton
 
 Float = NDArray[np.float64]
 Array = NDArray[Any]
 Progress = Callable[[int, int], None]
 
 VERSION = 1
-"""Counts changes of the signer: the same recipe with another version is another corpus."""
+"""Raised with every change of the motion: the same recipe with another version is another corpus."""
 
 EXTENT = 1.3
-"""Side of the cube, in statures, that becomes [-0.5, 0.5]^3: wide enough for every reach."""
+"""Side of the cube, in statures, that is scaled to [-0.5, 0.5]^3: wide enough for every reach."""
 
 HEAD = "corpus.json"
-_HASHED = {"direction": "way", "revolutions": "turns"}
-"""Fields of ``phonology.Path`` whose name in the hash is another: hashes written before must stay the same."""
+_HASHED = {"direction": "way", "revolutions": "turns", "location": "place"}
+"""Fields of ``phonology.Path`` and ``Posture`` that are hashed under an older name, so that hashes stay the same."""
 _KINDS = ("rotations", "roots", "positions")
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a corpus of pairs is made of: the signs, the seed of signers, takes and splits, the frame rate, and how many
-    pairs a second signer makes for the split of unseen signers.
+    """What a corpus of pairs is made of.
+
+    signs: the signs, in order
+    seed: of the signers and the splits
+    fps: frame rate
+    n_other: how many pairs a second signer makes, for the split of unseen signers
     """
 
     signs: tuple[Sign, ...]
@@ -65,31 +69,26 @@ class Recipe:
 
     @property
     def hash(self) -> str:
-        """Twelve hex digits that change with everything that the corpus depends on."""
+        """Twelve hex digits that change with everything the corpus depends on."""
         recipe = asdict(self, dict_factory=lambda items: {_HASHED.get(name, name): value for name, value in items})
         text = json.dumps({"version": VERSION, **recipe}, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
     def signers(self) -> tuple[Signer, Signer]:
-        """Who makes all pairs, and who makes those of the unseen signer: seed 0 has the standard signer first."""
-        first = STANDARD if self.seed == 0 else signer(2 * self.seed)
-        return first, signer(2 * self.seed + 1)
+        """The signer of all pairs (for seed 0 the standard signer), and the second signer."""
+        first = STANDARD if self.seed == 0 else draw_signer(2 * self.seed)
+        return first, draw_signer(2 * self.seed + 1)
 
 
-def scaled_positions(rotations: Float, roots: Float, who: Signer, fps: float = 30.0) -> Float:
-    """Positions (T, 159) of the 53 joints, in [-0.5, 0.5]: cm from the middle of the body's height, over 1.3
+def scaled_positions(clip: Clip, stature_cm: float) -> Float:
+    """Joint positions (T, 3 J) of a clip in [-0.5, 0.5]: cm from the middle of the body's height, over ``EXTENT``
     statures.
     """
-    return to_numbers(Clip(skeleton(who), rotations, roots, fps), who.stature_cm)
+    positions = kinematics.forward(clip)[1]
+    return np.asarray(((positions - _middle(stature_cm)) / (EXTENT * stature_cm)).reshape(len(positions), -1))
 
 
-def to_numbers(clip: Clip, stature_cm: float) -> Float:
-    """The same of a clip (T, 3 J) of a signer of that stature."""
-    places = kinematics.forward(clip)[1]
-    return np.asarray(((places - _middle(stature_cm)) / (EXTENT * stature_cm)).reshape(len(places), -1))
-
-
-def from_numbers(numbers: Float, stature_cm: float) -> Float:
+def unscaled_positions(numbers: Float, stature_cm: float) -> Float:
     """Joint positions (T, J, 3), cm, of scaled ones (T, 3 J)."""
     return np.asarray(numbers.reshape(len(numbers), -1, 3) * (EXTENT * stature_cm) + _middle(stature_cm))
 
@@ -98,8 +97,21 @@ def _middle(stature_cm: float) -> Float:
     return np.array([0.0, 0.5 * stature_cm, 0.0])
 
 
+class _PairRow(NamedTuple):
+    """All pairs of one signer (0 or 1) and one word before: the signs' indices before and after."""
+
+    signer: int
+    before: int
+    after: tuple[int, ...]
+
+    def path(self, part: Path) -> Path:
+        """Where the row is stored until the corpus is complete."""
+        return part / f"row-{self.signer}-{self.before:05d}.npz"
+
+
 def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, processes: int = 2) -> Path:
-    """Make a corpus of all ordered pairs in ``folder``; what an interrupted call left is gone on with.
+    """Make a corpus of all ordered pairs in ``folder`` and return the folder. Called again after an interruption, it
+    continues.
 
     Raises ``InputError`` where the folder holds something else or cannot be written.
     """
@@ -113,112 +125,110 @@ def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, 
         put_folder(part, folder)
     except OSError as error:
         raise InputError(
-            f"{folder}: cannot be written ({error.strerror or error}); what is done stays in {part.name}, "
-            "and the same call goes on from there"
+            f"{folder}: cannot be written ({error.strerror or error}); finished rows stay in {part.name}, "
+            "and the same call continues from there"
         ) from error
     return folder
 
 
 def _make(recipe: Recipe, part: Path, progress: Progress | None, processes: int) -> None:
     n = len(recipe.signs)
-    first, other = recipe.signers()
-    rows = [(0, row, tuple(range(n))) for row in range(n)]
-    rng = stream("other-signer", recipe.seed, n)
-    chosen = rng.permutation(n * n)[: recipe.n_other]
-    rows += [(1, row, tuple(int(c % n) for c in np.sort(chosen) if c // n == row)) for row in range(n)]
-    rows = [row for row in rows if row[2]]
-    todo = [row for row in rows if not _row_path(part, row).exists()]
-    total, done = sum(len(r[2]) for r in rows), sum(len(r[2]) for r in rows if r not in todo)
+    rows = _rows(recipe)
+    todo = [row for row in rows if not row.path(part).exists()]
+    total, done = sum(len(row.after) for row in rows), sum(len(row.after) for row in rows if row not in todo)
     with Pool(processes) as run:
-        words = [list(run(_word, [(sign, who, recipe.fps) for sign in recipe.signs])) for who in (first, other)]
-        jobs = ((_row_path(part, row), words[row[0]], row) for row in todo)
+        words = [list(run(_word, [(sign, signer, recipe.fps) for sign in recipe.signs])) for signer in recipe.signers()]
+        jobs = ((row.path(part), words[row.signer], row) for row in todo)
         for row in run(_write_row, jobs):
-            done += len(row[2])
+            done += len(row.after)
             if progress is not None:
                 progress(done, total)
     _write_words(part, words)
     _write_new(part, rows, n)
-    splits = _splits(recipe, [(r[0], r[1], q) for r in rows for q in r[2]])
+    splits = _splits(recipe, [(row.signer, row.before, q) for row in rows for q in row.after])
     head = _head(recipe, words, splits)
     (part / HEAD).write_text(json.dumps(head, indent=1) + "\n", encoding="utf-8")
     for row in rows:
-        _row_path(part, row).unlink()
+        row.path(part).unlink()
+
+
+def _rows(recipe: Recipe) -> list[_PairRow]:
+    """All pairs of the first signer, and ``n_other`` pairs of the second, drawn by seed."""
+    n = len(recipe.signs)
+    rows = [_PairRow(0, p, tuple(range(n))) for p in range(n)]
+    chosen = np.sort(stream("other-signer", recipe.seed, n).permutation(n * n)[: recipe.n_other])
+    rows += [_PairRow(1, p, tuple(int(c % n) for c in chosen if c // n == p)) for p in range(n)]
+    return [row for row in rows if row.after]
 
 
 def _word(job: tuple[Sign, Signer, float]) -> IsolatedWord:
-    sign, who, fps = job
-    return planner.isolated(sign, who, fps=fps)
+    sign, signer, fps = job
+    return planner.isolated(sign, signer, fps=fps)
 
 
-def _row_path(part: Path, row: tuple[int, int, tuple[int, ...]]) -> Path:
-    return part / f"row-{row[0]}-{row[1]:05d}.npz"
-
-
-def _write_row(
-    job: tuple[Path, list[IsolatedWord], tuple[int, int, tuple[int, ...]]],
-) -> tuple[int, int, tuple[int, ...]]:
-    """All pairs of one word before, into a file of its own."""
+def _write_row(job: tuple[Path, list[IsolatedWord], _PairRow]) -> _PairRow:
+    """Write a row's transitions into a file of its own."""
     path, words, row = job
-    p = words[row[1]]
+    p = words[row.before]
     states, index = [], []
-    for q in row[2]:
+    for q in row.after:
         splice = truth.splice(p, words[q])
         states.append(splice.states)
         index.append((splice.pre, splice.post, len(splice.states)))
-    rotations, roots = pose.rotations(np.concatenate(states), p.who)
+    clip = pose.clip(np.concatenate(states), p.signer, p.clip.fps)
     temporary = path.with_name(f"_{path.name}")
     np.savez(
         temporary,
         index=np.array(index, np.int32),
-        rotations=rotations.astype(np.float32),
-        roots=roots.astype(np.float32),
-        positions=scaled_positions(rotations, roots, p.who).astype(np.float32),
+        rotations=clip.local_rotations.astype(np.float32),
+        roots=clip.root_positions.astype(np.float32),
+        positions=scaled_positions(clip, p.signer.stature_cm).astype(np.float32),
     )
     temporary.rename(path)
     return row
 
 
 def _write_words(part: Path, words: Sequence[Sequence[IsolatedWord]]) -> None:
-    every = [word for row in words for word in row]
+    every = [word for signed in words for word in signed]
     np.save(part / "word_rotations.npy", np.concatenate([w.clip.local_rotations for w in every]).astype(np.float32))
     np.save(part / "word_roots.npy", np.concatenate([w.clip.root_positions for w in every]).astype(np.float32))
-    positions = [scaled_positions(w.clip.local_rotations, w.clip.root_positions, w.who) for w in every]
+    positions = [scaled_positions(w.clip, w.signer.stature_cm) for w in every]
     np.save(part / "word_positions.npy", np.concatenate(positions).astype(np.float32))
 
 
-def _write_new(part: Path, rows: Sequence[tuple[int, int, tuple[int, ...]]], n: int) -> None:
-    """Join the rows' files into one array each, a row at a time."""
+def _write_new(part: Path, rows: Sequence[_PairRow], n: int) -> None:
+    """Concatenate the rows' files into one array each, reading one row at a time."""
     table = []
     first = 0
-    for signer_index, p, after in rows:
-        with np.load(_row_path(part, (signer_index, p, after))) as row:
-            index = row["index"]
-        for q, (pre, post, count) in zip(after, index.tolist(), strict=True):
-            table.append((signer_index * n + p, signer_index * n + q, pre, post, first, count))
+    for row in rows:
+        with np.load(row.path(part)) as arrays:
+            index = arrays["index"]
+        for q, (pre, post, count) in zip(row.after, index.tolist(), strict=True):
+            table.append((row.signer * n + row.before, row.signer * n + q, pre, post, first, count))
             first += count
     np.save(part / "pairs.npy", np.array(table, np.int32))
     shapes = {"rotations": (first, 53, 4), "roots": (first, 3), "positions": (first, 159)}
     for kind in _KINDS:
         out = np.lib.format.open_memmap(part / f"new_{kind}.npy", "w+", np.float32, shapes[kind])
         at = 0
-        for row_key in rows:
-            with np.load(_row_path(part, row_key)) as row:
-                values = row[kind]
+        for row in rows:
+            with np.load(row.path(part)) as arrays:
+                values = arrays[kind]
             out[at : at + len(values)] = values
             at += len(values)
         out.flush()
 
 
 def _splits(recipe: Recipe, pairs: Sequence[tuple[int, int, int]]) -> dict[str, dict[str, list[int]]]:
-    """Pair numbers for training, validation and test, by seed.
+    """Numbers of the pairs (signer, word before, word after) for training, validation and test, by seed.
 
-    random: pairs drawn 80 : 10 : 10 (the paper's protocol, whose shares it does not print). unseen-words: words drawn
-    70 : 10 : 20, a pair belongs where both of its words do, others are left out. unseen-signer: trained and validated
-    as random is, tested on the second signer.
+    random: pairs drawn 80 : 10 : 10 (the paper's protocol; the paper does not print its ratio). unseen-words: words
+    drawn 70 : 10 : 20; a pair belongs where both of its words do, and other pairs are left out. unseen-signer: training
+    and validation of random, tested on the second signer.
     """
     rng = stream("splits", recipe.seed, len(recipe.signs))
-    own = [k for k, (who, _, _) in enumerate(pairs) if who == 0]
-    order = rng.permutation(own).tolist()
+    first = [k for k, (signer, _, _) in enumerate(pairs) if signer == 0]
+    order = rng.permutation(first).tolist()
     a, b = round(0.8 * len(order)), round(0.9 * len(order))
     random = {"train": sorted(order[:a]), "valid": sorted(order[a:b]), "test": sorted(order[b:])}
     n = len(recipe.signs)
@@ -231,10 +241,10 @@ def _splits(recipe: Recipe, pairs: Sequence[tuple[int, int, int]]) -> dict[str, 
         )
     )
     unseen = {
-        name: [k for k in own if pairs[k][1] in group and pairs[k][2] in group]
+        name: [k for k in first if pairs[k][1] in group and pairs[k][2] in group]
         for name, group in ((name, set(group)) for name, group in groups.items())
     }
-    others = [k for k, (who, _, _) in enumerate(pairs) if who == 1]
+    others = [k for k, (signer, _, _) in enumerate(pairs) if signer == 1]
     return {
         "random": random,
         "unseen-words": unseen,
@@ -247,11 +257,11 @@ def _head(
 ) -> dict[str, Any]:
     rows = []
     first = 0
-    for word in (word for row in words for word in row):
+    for word in (word for signed in words for word in signed):
         rows.append(
             {
                 "gloss": word.sign.gloss,
-                "signer": word.who.name,
+                "signer": word.signer.name,
                 "first": first,
                 "frames": len(word),
                 "events": asdict(word.events),
@@ -264,14 +274,14 @@ def _head(
         "seed": recipe.seed,
         "fps": recipe.fps,
         "extent": EXTENT,
-        "signers": [asdict(who) for who in recipe.signers()],
+        "signers": [asdict(signer) for signer in recipe.signers()],
         "words": rows,
         "splits": splits,
     }
 
 
 class Pairs:
-    """A corpus of pairs on disk, its arrays memory-mapped: ``len`` pairs, each by number."""
+    """A corpus of pairs on disk, its arrays memory-mapped. Pairs and words go by number; ``len`` counts the pairs."""
 
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
@@ -285,18 +295,18 @@ class Pairs:
                 f"{self.folder}: is no corpus of pairs ({error}); make one with `signsplice synth pairs`"
             ) from error
         if self.head.get("version") != VERSION:
-            raise InputError(f"{self.folder}: version {self.head.get('version')}, expected {VERSION}; make it anew")
+            raise InputError(f"{self.folder}: version {self.head.get('version')}, expected {VERSION}; make it again")
 
     def __len__(self) -> int:
         return len(self.index)
 
     @cached_property
     def signers(self) -> tuple[Signer, ...]:
-        """The signers, as the recipe drew them."""
+        """The two signers of the recipe."""
         return tuple(Signer(**row) for row in self.head["signers"])
 
     def split(self, name: str, part: str) -> list[int]:
-        """Pair numbers of a part (train, valid, test) of a split. Raises ``InputError`` for names there are not."""
+        """Pair numbers of a part (train, valid, test) of a split. Raises ``InputError`` for unknown names."""
         try:
             return list(self.head["splits"][name][part])
         except KeyError:
@@ -337,5 +347,5 @@ class Pairs:
         )
 
     def _clip(self, rotations: Array, roots: Array, word: int, name: str) -> Clip:
-        who = self.signers[0 if word < len(self.head["words"]) // 2 else 1]
-        return Clip(skeleton(who), rotations.astype(np.float64), roots.astype(np.float64), self.head["fps"], name)
+        signer = self.signers[0 if word < len(self.head["words"]) // 2 else 1]
+        return Clip(skeleton(signer), rotations.astype(np.float64), roots.astype(np.float64), self.head["fps"], name)

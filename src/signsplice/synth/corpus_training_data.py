@@ -1,8 +1,7 @@
-"""A corpus of pairs as signing to learn from: the parts of one of its splits, in the form of ``synth.endless``.
+"""Writes the training and validation parts of a split of a corpus of pairs as ``training_data``.
 
-So the product's networks can be taught what the paper's systems are taught, and no more: of a split's training part the
-words, the true positions and the transitions, and of its validation part the same to judge on. Words that stand in
-neither are not among them.
+The product's networks can then learn from exactly what the paper's systems learn from: the words, true cut frames and
+transitions of the training part, with the validation part to evaluate on. Words that are in neither are left out.
 """
 
 from __future__ import annotations
@@ -24,26 +23,26 @@ Array = NDArray[Any]
 
 PARTS = ("train", "valid")
 AROUND = 24
-"""Frames of either word that a sentence keeps around its seam: three times what a network is shown."""
+"""Frames of either word that a sentence keeps around its seam: three times a network's input."""
 _NO_TRUTH = (-1, -1, -1)
 
 
 def write(pairs: Pairs, split: str, folder: Path) -> list[Path]:
-    """Write both parts of a split, training before validation by name, each with ``corpus`` (hash) and ``split``; their
+    """Write the training and the validation part of a split, each with ``corpus`` (hash) and ``split``; return both
     paths.
 
-    Raises ``InputError`` for a split that there is not, a part of fewer than two words, a corpus at another rate than
-    the networks see, or a folder that cannot be written.
+    Raises ``InputError`` for an unknown split, a part of fewer than two words, a corpus at another frame rate than the
+    networks', or a folder that cannot be written.
     """
     if not same_fps(pairs.head["fps"], FEATURE_FPS):
         raise InputError(
-            f"{pairs.folder}: {pairs.head['fps']:g} frames a second, expected {FEATURE_FPS:g} to learn from"
+            f"{pairs.folder}: {pairs.head['fps']:g} frames a second, expected {FEATURE_FPS:g}, the networks' rate"
         )
     chosen = [pairs.split(split, name) for name in PARTS]
     for name, numbers in zip(PARTS, chosen, strict=True):
         if len(set(pairs.index[numbers, :2].ravel().tolist())) < 2:
             raise InputError(
-                f"{pairs.folder}: split {split} has fewer than two words to {name}; make a corpus of more words"
+                f"{pairs.folder}: the {name} part of split {split} has fewer than two words; make a larger corpus"
             )
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -56,12 +55,12 @@ def write(pairs: Pairs, split: str, folder: Path) -> list[Path]:
 
 
 def part(pairs: Pairs, numbers: list[int]) -> dict[str, Array]:
-    """Pairs of one signer as a part of ``synth.endless``: their words, and a sentence for each, cut ``AROUND`` frames
-    around its seam. Pairs of these words that are not among ``numbers`` have no truth (-1).
+    """Pairs of one signer as arrays like those of ``training_data.part``: their words, and for each pair a sentence,
+    cut ``AROUND`` frames around its seam. Other pairs of these words have no ground truth (-1).
     """
     index = pairs.index[numbers]
     words = sorted(set(index[:, :2].ravel().tolist()))
-    place = {word: k for k, word in enumerate(words)}
+    order = {word: k for k, word in enumerate(words)}
     truth = np.tile(_NO_TRUTH, (len(words), len(words), 1))
     clips = {word: pairs.word_clip(word) for word in words}
     frames = [packed(clips[word]) for word in words]
@@ -70,19 +69,19 @@ def part(pairs: Pairs, numbers: list[int]) -> dict[str, Array]:
     sentences: list[tuple[int, int]] = []
     seams: list[tuple[int, int, int]] = []
     for number, (p, q, pre, post, _, count) in zip(numbers, index.tolist(), strict=True):
-        truth[place[p], place[q]] = pre, post, count
+        truth[order[p], order[q]] = pre, post, count
         before, after = clips[p][max(0, pre + 1 - AROUND) : pre + 1], clips[q][post : post + AROUND]
-        said = concatenate([before, _transition(pairs, number, before), after])
-        frames.append(packed(said))
+        sentence = concatenate([before, _transition(pairs, number, before), after])
+        frames.append(packed(sentence))
         seams.append((len(sentences), len(before), count))
-        sentences.append((at, len(said)))
-        at += len(said)
-    turns, places = (np.concatenate([f[k] for f in frames]) for k in range(2))
-    who = pairs.signers[0 if words[0] < len(pairs.head["words"]) // 2 else 1]
+        sentences.append((at, len(sentence)))
+        at += len(sentence)
+    quats, positions = (np.concatenate([f[k] for f in frames]) for k in range(2))
+    signer = pairs.signers[0 if words[0] < len(pairs.head["words"]) // 2 else 1]
     return {
-        "bones": canonical_bones(skeleton(who)),
-        "turns": turns,
-        "places": places,
+        "bones": canonical_bones(skeleton(signer)),
+        "turns": quats,
+        "places": positions,
         "words": np.stack([np.cumsum([0, *lengths[:-1]]), lengths], axis=1),
         "events": np.array([event_frames(pairs.events(word)) for word in words]),
         "pairs": truth,
@@ -92,8 +91,5 @@ def part(pairs: Pairs, numbers: list[int]) -> dict[str, Array]:
 
 
 def _transition(pairs: Pairs, number: int, like: Clip) -> Clip:
-    turns, roots = (pairs.truth(number, kind)[2].astype(np.float64) for kind in ("rotations", "roots"))
-    return Clip(like.skeleton, turns, roots, like.fps)
-
-
-__all__ = ["AROUND", "PARTS", "part", "write"]
+    local_quats, roots = (pairs.truth(number, kind)[2].astype(np.float64) for kind in ("rotations", "roots"))
+    return Clip(like.skeleton, local_quats, roots, like.fps)

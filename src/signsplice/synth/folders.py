@@ -1,4 +1,4 @@
-"""Folders of BVH: a lexicon of isolated words, and sentences with the truth of every seam."""
+"""Writes folders of BVH files: a lexicon of isolated words, and sentences with the ground truth of every seam."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from signsplice.errors import InputError
-from signsplice.formats import bvh
+from signsplice.formats import save
 from signsplice.formats.atomic import replacing_folder
 from signsplice.synth import planner, running
 from signsplice.synth.corpus import VERSION, Recipe
@@ -24,15 +24,15 @@ Progress = Callable[[int, int], None]
 
 TRUTH, GLOSSES = "truth.json", "glosses.csv"
 SHORTEST, LONGEST = 3, 12
-"""Words of a sentence."""
+"""Number of words of a sentence."""
 
 
 def write_lexicon(
-    signs: Sequence[Sign], who: Signer, folder: Path, fps: float = planner.FPS, progress: Progress | None = None
+    signs: Sequence[Sign], signer: Signer, folder: Path, fps: float = planner.FPS, progress: Progress | None = None
 ) -> None:
-    """Write every sign's isolated word as BVH, and ``glosses.csv`` with source, synonyms and kind; whole or not at all.
+    """Write every sign's isolated word as BVH, and ``glosses.csv`` with source, synonyms and kind; all or nothing.
 
-    Raises ``InputError`` where the folder cannot be written or holds something else, or two glosses make one file name.
+    Raises ``InputError`` where the folder cannot be written or holds something else, or two glosses share a file name.
     """
     _check_names(signs)
     table = io.StringIO()
@@ -41,21 +41,21 @@ def write_lexicon(
     with replacing_folder(folder, GLOSSES) as made:
         for n, sign in enumerate(signs, 1):
             name = f"{file_name(sign.gloss)}.bvh"
-            bvh.write(planner.isolated(sign, who, fps=fps).clip, made / name)
+            save(planner.isolated(sign, signer, fps=fps).clip, made / name)
             kind = "letter" if sign.kind == "letter" else "sign"
-            rows.writerow((name, sign.gloss, ";".join(sign.synonyms), who.name, sign.source, "no", kind))
+            rows.writerow((name, sign.gloss, ";".join(sign.synonyms), signer.name, sign.source, "no", kind))
             if progress is not None:
                 progress(n, len(signs))
         (made / GLOSSES).write_text(table.getvalue(), encoding="utf-8")
 
 
 def file_name(gloss: str) -> str:
-    """A gloss as a file's name: what file systems take amiss becomes ``_``."""
+    """The file name of a gloss: characters that file systems do not allow become ``_``."""
     return "".join("_" if c in '<>:"/\\|?*' or ord(c) < 32 else c for c in gloss)
 
 
 def _check_names(signs: Sequence[Sign]) -> None:
-    """Raise ``InputError`` where two glosses would be one file, also on disks that do not tell capitals."""
+    """Raise ``InputError`` where two glosses share a file name, on case-insensitive disks too."""
     taken: dict[str, str] = {}
     for sign in signs:
         name = file_name(sign.gloss)
@@ -69,10 +69,10 @@ def write_sentences(
 ) -> None:
     """Write ``count`` random sentences of 3 to 12 words as BVH, the isolated words, and ``truth.json``.
 
-    changes: let weak hands stay and pronouns assimilate (``running``). Raises ``InputError`` as ``write_lexicon`` does.
+    changes: let weak hands stay up and pronouns assimilate (``running``). Raises ``InputError`` as ``write_lexicon``.
     """
     _check_names(recipe.signs)
-    who = recipe.signers()[0]
+    signer = recipe.signers()[0]
     rng = stream("sentences", recipe.seed, count)
     with replacing_folder(folder, TRUTH) as made:
         (made / "words").mkdir()
@@ -85,23 +85,29 @@ def write_sentences(
                 chosen.append(others[int(rng.integers(len(others)))])
             for k in chosen:
                 if k not in words:
-                    words[k] = planner.isolated(recipe.signs[k], who, fps=recipe.fps)
-                    bvh.write(words[k].clip, made / "words" / f"{file_name(recipe.signs[k].gloss)}.bvh")
-            said = running.utter([words[k] for k in chosen], changes)
-            bvh.write(said.clip, made / f"sentence-{n:04d}.bvh")
-            sentences.append(describe(said, f"sentence-{n:04d}.bvh"))
+                    words[k] = planner.isolated(recipe.signs[k], signer, fps=recipe.fps)
+                    save(words[k].clip, made / "words" / f"{file_name(recipe.signs[k].gloss)}.bvh")
+            sentence = running.utter([words[k] for k in chosen], changes)
+            save(sentence.clip, made / f"sentence-{n:04d}.bvh")
+            sentences.append(describe(sentence, f"sentence-{n:04d}.bvh"))
             if progress is not None:
                 progress(n + 1, count)
-        head = {"version": VERSION, "hash": recipe.hash, "seed": recipe.seed, "fps": recipe.fps, "signer": asdict(who)}
+        head = {
+            "version": VERSION,
+            "hash": recipe.hash,
+            "seed": recipe.seed,
+            "fps": recipe.fps,
+            "signer": asdict(signer),
+        }
         text = json.dumps(head | {"sentences": sentences}, indent=1) + "\n"
         (made / TRUTH).write_text(text, encoding="utf-8")
 
 
-def describe(said: running.Utterance, file: str) -> dict[str, Any]:
-    """The truth of a sentence for JSON: glosses, spans (half-open) and seams, named as in a splice's report."""
-    glosses = [word.sign.gloss for word in said.words]
+def describe(sentence: running.Utterance, file: str) -> dict[str, Any]:
+    """The ground truth of a sentence for JSON: glosses, spans (half-open) and seams, with the keys of a report."""
+    glosses = [word.sign.gloss for word in sentence.words]
     spans = []
-    for part in said.stretches:
+    for part in sentence.stretches:
         count = part.stop - part.start
         spans.append(
             {
@@ -114,6 +120,6 @@ def describe(said: running.Utterance, file: str) -> dict[str, Any]:
         )
     seams = [
         {"before": a, "after": b, "pre_frame": seam.pre, "post_frame": seam.post, "n_transition": len(seam.states)}
-        for a, b, seam in zip(glosses[:-1], glosses[1:], said.seams, strict=True)
+        for a, b, seam in zip(glosses[:-1], glosses[1:], sentence.seams, strict=True)
     ]
-    return {"file": file, "glosses": glosses, "frames": len(said.clip), "spans": spans, "seams": seams}
+    return {"file": file, "glosses": glosses, "frames": len(sentence.clip), "spans": spans, "seams": seams}

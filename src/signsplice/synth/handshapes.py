@@ -1,16 +1,16 @@
 """Handshapes of American Sign Language, each as the 21 angles of ``hand.ANGLES``.
 
-How they are formed follows Stokoe, Casterline and Croneberg (1965, A Dictionary of American Sign Language on Linguistic
+Their descriptions follow Stokoe, Casterline and Croneberg (1965, A Dictionary of American Sign Language on Linguistic
 Principles), Liddell and Johnson (1989, American Sign Language: The Phonological Base), Tennant and Gluszak Brown (1998,
 The American Sign Language Handshape Dictionary) and the public page "American manual alphabet" of Wikipedia. The angles
-are ours: solved once for contact without one finger passing through another (least squares within ``hand.LIMITS``),
-looked at, and rounded to a degree. No signer has checked them.
+were made for this project: solved once for contact without one finger passing through another (least squares within
+``hand.LIMITS``), inspected in pictures, and rounded to a degree. No signer has checked them.
 
-Names are the field's: a capital letter of the manual alphabet or a number, with a suffix where the shape is a variant:
-``-open`` (the thumb or the contact let go), ``-closed`` (it closes), ``-bent`` (at the knuckles or crooked), ``-claw``
-(all crooked and spread), ``-flat`` (bent at the knuckles only), ``-small`` (thumb and index finger alone). Some have
-words: index, thumb, horns, hook, rest and ILY. Two names may be one shape, as H and U are: they differ by the way the
-hand points or by movement. All are the right hand; a left hand is the same angles mirrored.
+A name is a capital letter of the manual alphabet or a number, with a suffix for a variant: ``-open`` (the thumb or the
+contact released), ``-closed`` (closed), ``-bent`` (bent at the knuckles, or crooked), ``-claw`` (all fingers crooked
+and spread), ``-flat`` (bent at the knuckles only), ``-small`` (thumb and index finger alone). Some names are words:
+index, thumb, horns, hook, rest and ILY. Two names may share one shape, as H and U do: those signs differ by the
+direction of the hand or by movement. All are right hands; a left hand has the same angles, mirrored.
 """
 
 from __future__ import annotations
@@ -18,20 +18,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.synth.hand import ANGLES
+from signsplice.synth import hand
 
 Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Handshape:
-    """A configuration of the hand: its name, the 21 ``angles`` of ``hand.ANGLES`` (radians, read-only), and a note on
-    how it is formed.
+    """A configuration of the fingers.
+
+    name: the handshape's name
+    angles: the 21 angles of ``hand.ANGLES``, radians, read-only
+    note: how it is formed
     """
 
     name: str
@@ -40,10 +44,15 @@ class Handshape:
 
     def __post_init__(self) -> None:
         angles = np.array(self.angles, np.float64)
-        if angles.shape != (len(ANGLES),):
-            raise InputError(f"handshape {self.name!r}: {angles.shape} angles, expected {len(ANGLES)}")
+        if angles.shape != (len(hand.ANGLES),):
+            raise InputError(f"handshape {self.name!r}: {angles.shape} angles, expected {len(hand.ANGLES)}")
         angles.flags.writeable = False
         object.__setattr__(self, "angles", angles)
+
+    @cached_property
+    def points(self) -> Float:
+        """Positions (20, 3) of ``hand.POINTS`` in the wrist's frame of the standard hand, cm."""
+        return hand.points(self.angles)
 
 
 # Degrees: of each finger spread, MCP, PIP, DIP; of the thumb flexion, abduction, opposition, MCP, IP. See hand.ANGLES.
@@ -153,7 +162,7 @@ rest        3  22  28  16 |   0  28  32  18 |   2  32  34  18 |   4  34  34  18 
     a hand that hangs: fingers gently curled and a little spread, the thumb beside
 """
 
-_SAME = {
+_ALIASES = {
     "H": ("U", "U, pointing sideways"),
     "J": ("I", "I, whose little finger draws the letter"),
     "P": ("K", "K, pointing down"),
@@ -169,7 +178,7 @@ _SAME = {
     "20-closed": ("G-closed", "L closes to this in 20"),
     "A-open": ("thumb", "A with the thumb away"),
 }
-"""Further names, the shape that each is, and what sets it apart."""
+"""Further names -> the shape, and how the signs that use this name differ."""
 
 
 def _shapes() -> Iterator[Handshape]:
@@ -179,16 +188,16 @@ def _shapes() -> Iterator[Handshape]:
         name, numbers = row.split(maxsplit=1)
         known[name] = Handshape(name, np.deg2rad(np.array(numbers.replace("|", " ").split(), np.float64)), note.strip())
     yield from known.values()
-    for name, (shape, note) in _SAME.items():
+    for name, (shape, note) in _ALIASES.items():
         yield Handshape(name, known[shape].angles, f"as {shape}: {note}")
 
 
 HANDSHAPES: dict[str, Handshape] = {shape.name: shape for shape in _shapes()}
-"""Every handshape by its name."""
+"""Every handshape by name."""
 
 
 def find(name: str) -> Handshape:
-    """The handshape of a name. Raises ``InputError`` that gives the nearest names where there is none."""
+    """The handshape of that name. Raises ``InputError`` with the nearest names where there is none."""
     if name in HANDSHAPES:
         return HANDSHAPES[name]
     folded = {known.casefold(): known for known in HANDSHAPES}

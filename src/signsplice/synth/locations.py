@@ -1,28 +1,30 @@
-"""Where a posture puts a hand: places on a signer's body and in space, parts of the hand, and the two brought together.
+"""Hand states for postures: where locations on a signer's body and in space are, and a part of the hand put there.
 
-Everything is in the chest's axes of a right-handed signer, cm: X = -out, Y = up, Z = forward.
+All positions are in the chest's axes of a right-handed signer, cm: X = -out, Y = up, Z = forward.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body import capsules
 from signsplice.motion import rotation
+from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.synth import hand, pose
 from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.phonology import ON_BASE, Posture, Vector
+from signsplice.synth.phonology import Posture, Vector
 from signsplice.synth.signer import JOINTS, Signer, skeleton
 
 Float = NDArray[np.float64]
 
-# On the body: the joint, a point inside (shares of stature: out, up, forward) and the way out through the skin there.
+# On the body: a joint; a point inside the body, seen from it (out, up, forward, fractions of stature); the direction
+# from there out through the skin.
 _ON_BODY: dict[str, tuple[str, Vector, Vector]] = {
     "crown": ("Head", (0.0, 0.080, 0.000), (0.0, 1.0, 0.1)),
     "forehead": ("Head", (0.0, 0.080, 0.020), (0.0, 0.15, 1.0)),
@@ -49,7 +51,7 @@ _ON_BODY: dict[str, tuple[str, Vector, Vector]] = {
     "waist-weak": ("Spine", (-0.060, 0.010, 0.0), (-0.5, 0.0, 0.85)),
 }
 
-# In space: out, up, forward of the chest joint in cm of the standard body.
+# In space: out, up and forward from the chest joint, cm of the standard body.
 _IN_SPACE: dict[str, Vector] = {
     "space": (10.0, 3.0, 25.0),
     "space-mid": (0.0, 3.0, 23.0),
@@ -65,8 +67,8 @@ _IN_SPACE: dict[str, Vector] = {
     "above-head": (4.0, 46.0, 15.0),
 }
 
-# Parts of a hand: the joints and tips whose mean they are, the skin's distance from there (cm), and its way out of the
-# hand (the hand's axes: fingers -X, palm -Y, thumb +Z) where the hand is the one that is touched.
+# Parts of a hand: the joints and tips whose mean position they are; the distance of the skin from there, cm; the
+# direction out of the hand (in its axes: fingers -X, palm -Y, thumb +Z), for a hand that is touched.
 _PARTS: dict[str, tuple[tuple[str, ...], float, Vector]] = {
     "palm": (("Wrist", "Index1", "Middle1", "Middle1", "Ring1"), 1.45, (0.0, -1.0, 0.0)),
     "back": (("Wrist", "Index1", "Middle1", "Middle1", "Ring1"), 1.45, (0.0, 1.0, 0.0)),
@@ -89,7 +91,7 @@ _PARTS: dict[str, tuple[tuple[str, ...], float, Vector]] = {
 }
 _INDEX = {"Wrist": -1} | {name: n for n, name in enumerate(hand.POINTS)}
 
-# On the weak hand: the part that is touched; fingers and back of the wrist have parts of their own.
+# On the weak hand: the part that is touched.
 _ON_BASE: dict[str, tuple[tuple[str, ...], float, Vector]] = {
     "base-palm": _PARTS["palm"],
     "base-back": _PARTS["back"],
@@ -103,59 +105,97 @@ _ON_BASE: dict[str, tuple[tuple[str, ...], float, Vector]] = {
     "base-heel": _PARTS["heel"],
 }
 
+# On the weak arm: the bone; where along it, as a fraction; the distance of the skin, as a fraction of stature, and its
+# direction (out, up, forward).
+_ON_WEAK_ARM: dict[str, tuple[str, float, float, Vector]] = {
+    "forearm-weak": ("forearm", 0.5, 0.0205, (0.2, 0.9, 0.6)),
+    "elbow-weak": ("forearm", 0.0, 0.025, (0.6, -0.3, 0.5)),
+    "upper-arm-weak": ("upper arm", 0.55, 0.0275, (0.8, 0.0, 0.6)),
+}
+
+MIRROR = np.array([-1.0, 1.0, 1.0])
+
 
 @dataclass(frozen=True)
 class Location:
-    """A point (3,) in the chest's axes, cm, and the unit way out of the body there; in space there is none (zeros)."""
+    """A point that a hand can be brought to.
+
+    point: position (3,) in the chest's axes, cm
+    normal: unit vector (3,) out of the body there; zeros in space
+    """
 
     point: Float
-    out: Float
+    normal: Float
 
 
-@cache
-def body_locations(who: Signer) -> dict[str, Location]:
-    """Every place on the body (weak arm apart) of a right-handed signer, its point on the skin found by a ray from
-    outside.
+@dataclass(frozen=True, eq=False)
+class WeakArm:
+    """A signer's weak arm, which the strong hand may touch. Its joints are solved when first asked for.
+
+    signer: whose arm it is
+    hand: the weak hand's state (27,)
     """
-    rest = rest_positions(skeleton(who))
+
+    signer: Signer
+    hand: Float
+
+    @cached_property
+    def joints(self) -> tuple[Float, Float, Float, Float]:
+        """Positions (3,) of shoulder, elbow and wrist and the hand's rotation (4,), as of a right arm."""
+        signer = replace(self.signer, left_handed=False)
+        local_quats, roots = pose.rotations(np.concatenate([self.hand, self.hand, np.zeros(9)])[None], signer)
+        names = ("Spine2", "RightArm", "RightForeArm", "RightHand")
+        clip = Clip(skeleton(signer), local_quats, roots, 30.0)
+        rotations, positions = forward(clip, [JOINTS[name] for name in names])
+        chest, shoulder, elbow, wrist = positions[0]
+        return shoulder - chest, elbow - chest, wrist - chest, rotation.from_matrix(rotations[0, 3])
+
+
+def body_locations(signer: Signer) -> dict[str, Location]:
+    """Every location on a right-handed signer's body (weak arm apart), its point on the skin, found by a ray. Those of
+    the last 64 signers are kept.
+    """
+    return CACHE.recent(_body_locations, signer, most=64)
+
+
+def _body_locations(signer: Signer) -> dict[str, Location]:
+    rest = rest_positions(skeleton(signer))
     chest = rest[JOINTS["Spine2"]]
-    height = 1.70 * who.scale * 100.0
-    names, origins, ways = list(_ON_BODY), [], []
+    height = 1.70 * signer.scale * 100.0
+    origins, normals = [], []
     for joint, inside, out in _ON_BODY.values():
         origins.append(rest[JOINTS[joint]] + height * axes(inside))
-        ways.append(axes(out) / np.linalg.norm(out))
-    skin = _skin(np.array(origins), np.array(ways), who)
-    return {name: Location(at - chest, way) for name, at, way in zip(names, skin, ways, strict=True)}
+        normals.append(axes(out) / np.linalg.norm(out))
+    skin = _skin(np.array(origins), np.array(normals), signer)
+    return {name: Location(point - chest, normal) for name, point, normal in zip(_ON_BODY, skin, normals, strict=True)}
 
 
-def _skin(origins: Float, ways: Float, who: Signer) -> Float:
-    """Where rays from inside leave head and trunk for good (n, 3), by marching in from outside."""
-    body = capsules.body_capsules(skeleton(who))
+def _skin(origins: Float, directions: Float, signer: Signer) -> Float:
+    """Points (N, 3) where rays from inside leave head and trunk for good, by sphere tracing from outside."""
+    body = capsules.body_capsules(skeleton(signer))
     wanted = [n for n, part in enumerate(body.parts) if part in ("face", "hair", "nose", "neck", "shirt")]
-    rest = rest_positions(skeleton(who))
-    starts = (rest[body.joints] + body.starts)[wanted]
-    ways_in = (rest[body.joints] + body.ends)[wanted] - starts
-    radii = body.radii[wanted]
-    points = origins + 30.0 * who.scale * ways
+    rest = rest_positions(skeleton(signer))
+    starts = (rest[body.joints] + body.starts)[wanted]  # (K, 3)
+    spans = (rest[body.joints] + body.ends)[wanted] - starts
+    radii = body.radii[wanted]  # (K, 2)
+    points = origins + 30.0 * signer.scale * directions
     for _ in range(60):
-        from_start = points[:, None] - starts
-        t = np.clip(
-            np.einsum("nkc,kc->nk", from_start, ways_in) / (np.einsum("kc,kc->k", ways_in, ways_in) + 1e-12), 0.0, 1.0
-        )
-        gap = np.linalg.norm(from_start - t[..., None] * ways_in, axis=-1) - (
-            radii[:, 0] + t * (radii[:, 1] - radii[:, 0])
-        )
-        points = points - gap.min(axis=1)[:, None] * ways
+        from_start = points[:, None] - starts  # (N, K, 3)
+        t = np.einsum("nkc,kc->nk", from_start, spans) / (np.einsum("kc,kc->k", spans, spans) + 1e-12)
+        t = np.clip(t, 0.0, 1.0)
+        radius = radii[:, 0] + t * (radii[:, 1] - radii[:, 0])
+        gap = np.linalg.norm(from_start - t[..., None] * spans, axis=-1) - radius
+        points = points - gap.min(axis=1)[:, None] * directions
     return np.asarray(points)
 
 
 def axes(v: Vector | Float) -> Float:
-    """Out, up, forward -> X, Y, Z of a right-handed signer."""
+    """A vector (out, up, forward) in the chest's axes X, Y, Z of a right-handed signer."""
     return np.array([-v[0], v[1], v[2]])
 
 
 def part_of(points: Float, names: tuple[str, ...]) -> Float:
-    """The mean (..., 3) of some joints and tips of hands with ``hand.points`` (..., 20, 3)."""
+    """The mean position (..., 3) of some joints and tips of hands with ``hand.points`` (..., 20, 3)."""
     with_wrist = np.concatenate([points, np.zeros((*points.shape[:-2], 1, 3))], axis=-2)
     return np.asarray(with_wrist[..., [_INDEX[name] for name in names], :].mean(axis=-2))
 
@@ -171,93 +211,60 @@ def facing(palm: Vector, fingers: Vector) -> Float:
     return rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1))
 
 
-MIRROR = np.array([-1.0, 1.0, 1.0])
+def strong_hand(posture: Posture, weak: WeakArm, meets: bool = False, size: float = 1.0) -> Float:
+    """The strong hand's state (27,) in a posture, for the signer of the weak arm.
 
-
-def strong(posture: Posture, who: Signer, weak: Float, meets: bool = False, size: float = 1.0) -> Float:
-    """The strong hand's 27 numbers in a posture.
-
-    weak: the weak hand's numbers at the time, for places on it. meets: the hands mirror one another, so that at a place
-    on the midline they touch. size: of offsets in space.
+    weak: the weak arm at the time, for locations on it
+    meets: whether the hands mirror one another, so that they touch at a location on the midline
+    size: factor on offsets in space
     """
-    return _numbers(*strong_at(posture, who, weak, meets, size), who)
+    wrist, quat, angles = strong_wrist(posture, weak, meets, size)
+    return np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, weak.signer), angles])
 
 
-def strong_at(
-    posture: Posture, who: Signer, weak: Float, meets: bool = False, size: float = 1.0
-) -> tuple[Float, Float, Float]:
-    """The same as the wrist's place (3,), the hand's rotation (4,) and its angles."""
-    place = _place(posture, who, weak)
-    angles = HANDSHAPES[posture.shape].angles
-    size = size * who.scale
-    turned = facing(posture.palm, posture.fingers)
-    skin = _PARTS[posture.part][1]
-    unit = who.hands * who.scale
-    part = rotation.rotate(turned, _part_in(posture.part, posture.shape)) * unit
+def strong_wrist(posture: Posture, weak: WeakArm, meets: bool = False, size: float = 1.0) -> tuple[Float, Float, Float]:
+    """The same as the wrist's position (3,), the hand's rotation (4,) and its angles (21,)."""
+    signer = weak.signer
+    location = locate(posture.location, weak)
+    shape = HANDSHAPES[posture.shape]
+    size = size * signer.scale
+    quat = facing(posture.palm, posture.fingers)
+    names, skin, _ = _PARTS[posture.part]
+    unit = signer.hands * signer.scale
+    part = rotation.rotate(quat, part_of(shape.points, names)) * unit
     shift = axes(posture.shift) * size
-    if place.out.any():
-        target = place.point + (skin * unit + posture.off * who.scale) * place.out + shift
-    elif meets and place.point[0] == 0.0:
-        target = place.point + axes((skin * unit + posture.off * size, 0.0, 0.0)) + shift
+    if location.normal.any():
+        target = location.point + (skin * unit + posture.off * signer.scale) * location.normal + shift
+    elif meets and location.point[0] == 0.0:
+        target = location.point + axes((skin * unit + posture.off * size, 0.0, 0.0)) + shift
     else:
-        target = place.point + shift
-    return target - part, turned, angles
+        target = location.point + shift
+    return target - part, quat, shape.angles
 
 
-@cache
-def _part_in(part: str, shape: str) -> Float:
-    """Where a part of the hand is in a handshape (3,), seen from the wrist of the standard hand."""
-    return part_of(hand.points(HANDSHAPES[shape].angles), _PARTS[part][0])
+def weak_hand(posture: Posture, signer: Signer, size: float = 1.0) -> Float:
+    """The weak hand's state (27,) in a posture of its own; ``in`` is towards the strong side for it."""
+    return strong_hand(posture, WeakArm(signer, np.zeros(27)), size=size)
 
 
-def weak(posture: Posture, who: Signer, size: float = 1.0) -> Float:
-    """The weak hand's 27 numbers in a posture of its own; ``in`` is towards the strong side for it."""
-    return strong(posture, who, np.zeros(27), size=size)
-
-
-def _numbers(wrist: Float, turned: Float, angles: Float, who: Signer) -> Float:
-    return np.concatenate([wrist, pose.turn_of(wrist, turned, who), angles])
-
-
-def _place(posture: Posture, who: Signer, weak_hand: Float) -> Location:
-    name = posture.place
+def locate(name: str, weak: WeakArm) -> Location:
+    """A location, by its name in ``LOCATIONS``, of the signer of the weak arm."""
+    signer = weak.signer
     if name in _IN_SPACE:
-        return Location(axes(_IN_SPACE[name]) * who.scale, np.zeros(3))
+        return Location(axes(_IN_SPACE[name]) * signer.scale, np.zeros(3))
     if name in _ON_BODY:
-        return body_locations(who)[name]
-    shoulder, elbow, wrist, turned = _weak_arm(weak_hand, who)
-    if name in ON_BASE and name != "forearm-weak":
+        return body_locations(signer)[name]
+    shoulder, elbow, wrist, quat = weak.joints
+    if name in _ON_BASE:
         names, skin, out = _ON_BASE[name]
-        unit = who.hands * who.scale
-        centre = wrist + rotation.rotate(turned, part_of(hand.points(weak_hand[pose.FINGERS]), names)) * unit
-        way = rotation.rotate(turned, np.array(out) / np.linalg.norm(out))
-        return Location((centre + skin * unit * way) * MIRROR, way * MIRROR)
-    share, start, end, skin, outwards = {
-        "forearm-weak": (0.5, elbow, wrist, 0.0205, (0.2, 0.9, 0.6)),
-        "elbow-weak": (0.0, elbow, wrist, 0.025, (0.6, -0.3, 0.5)),
-        "upper-arm-weak": (0.55, shoulder, elbow, 0.0275, (0.8, 0.0, 0.6)),
-    }[name]
+        unit = signer.hands * signer.scale
+        centre = wrist + rotation.rotate(quat, part_of(hand.points(weak.hand[pose.FINGERS]), names)) * unit
+        normal = rotation.rotate(quat, np.array(out) / np.linalg.norm(out))
+        return Location((centre + skin * unit * normal) * MIRROR, normal * MIRROR)
+    bone, fraction, skin, out = _ON_WEAK_ARM[name]
+    start, end = (elbow, wrist) if bone == "forearm" else (shoulder, elbow)
     along = (end - start) / np.linalg.norm(end - start)
-    way = axes(outwards) - (axes(outwards) @ along) * along
-    way = way / np.linalg.norm(way)
-    point = start + share * (end - start) + skin * 170.0 * who.scale * way
-    return Location(point * MIRROR, way * MIRROR)
-
-
-def _weak_arm(numbers: Float, who: Signer) -> tuple[Float, Float, Float, Float]:
-    """Shoulder, elbow, wrist (3,) and the hand's rotation (4,) of a weak arm, as a right arm."""
-    return _known_weak_arm(numbers.tobytes(), who)
-
-
-@lru_cache(maxsize=64)
-def _known_weak_arm(content: bytes, who: Signer) -> tuple[Float, Float, Float, Float]:
-    numbers = np.frombuffer(content)
-    local, root = pose.rotations(np.concatenate([numbers, numbers, np.zeros(9)])[None], _right_handed(who))
-    joints = [JOINTS[name] for name in ("Spine2", "RightArm", "RightForeArm", "RightHand")]
-    turns, places = forward(Clip(skeleton(who), local, root, 30.0), joints)
-    chest, shoulder, elbow, wrist = places[0]
-    return shoulder - chest, elbow - chest, wrist - chest, rotation.from_matrix(turns[0, 3])
-
-
-def _right_handed(who: Signer) -> Signer:
-    return replace(who, left_handed=False) if who.left_handed else who
+    normal = axes(out) - (axes(out) @ along) * along
+    normal = normal / np.linalg.norm(normal)
+    point = start + fraction * (end - start) + skin * 170.0 * signer.scale * normal
+    return Location(point * MIRROR, normal * MIRROR)

@@ -1,4 +1,4 @@
-"""What lies over a sign's course: local movements of the hand, and gestures of head and trunk."""
+"""Movements laid over a sign's trajectory: local movements of the hand, gestures of head and trunk."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from signsplice.synth.signer import Signer
 Float = NDArray[np.float64]
 
 
-def lay_local(part: Float, segment: Segment, hands: str, who: Signer) -> None:
-    """Lay a local movement over states (n, 63) of a segment, in place."""
+def add_local_movement(states: Float, segment: Segment, hands: str, signer: Signer) -> None:
+    """Add a segment's local movement to its states (n, 63), in place."""
     local = segment.local
     assert local is not None
-    n = len(part)
+    n = len(states)
     u = np.linspace(0.0, 1.0, n)
     level = trajectory.window(n, max(1, round(0.18 * n)))
     for which in (0, 1):
         if which == 1 and hands not in ("symmetric", "alternating"):
             continue
         phase = np.pi if which == 1 and hands == "alternating" else 0.0
-        numbers = part[:, 27 * which : 27 * which + 27]
+        hand_states = states[:, 27 * which : 27 * which + 27]  # (n, 27), a view
         swing = np.sin(2.0 * np.pi * local.cycles * u + phase) * level
         amplitude = np.deg2rad(local.amplitude)
         if local.kind == "twist":
-            numbers[:, 3] += amplitude * swing
+            hand_states[:, 3] += amplitude * swing
         elif local.kind == "nod":
-            numbers[:, 5] += amplitude * swing
+            hand_states[:, 5] += amplitude * swing
         elif local.kind == "tremble":
-            numbers[:, 0] += local.amplitude * who.scale * swing
-        fingers = numbers[:, pose.FINGERS][:, :16].reshape(n, 4, 4)
+            hand_states[:, 0] += local.amplitude * signer.scale * swing
+        fingers = hand_states[:, pose.FINGERS][:, :16].reshape(n, 4, 4)
         if local.kind == "wiggle":
             for f in range(4):
                 one = np.sin(2.0 * np.pi * local.cycles * u + phase - 1.2 * f) * level
@@ -41,16 +41,20 @@ def lay_local(part: Float, segment: Segment, hands: str, who: Signer) -> None:
         elif local.kind == "bend":
             close = 0.5 * (1.0 - np.cos(2.0 * np.pi * local.cycles * u + phase)) * level
             fingers[:, :, 1] += (amplitude * close)[:, None]
-        np.clip(numbers[:, pose.FINGERS], hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=numbers[:, pose.FINGERS])
+        angles = hand_states[:, pose.FINGERS]
+        np.clip(angles, hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=angles)
 
 
-def lay_gesture(states: Float, segment: Segment, begin: int, end: int, fps: float) -> None:
-    """Lay a segment's head and trunk over states of the whole word, in place; both outlast it a little."""
-    spare = round(0.2 * fps)
-    at = slice(max(begin - spare, 0), min(end + spare + 1, len(states)))
-    n = at.stop - at.start
-    u, level = np.linspace(0.0, 1.0, n), trajectory.window(n, spare + 1)
-    head, trunk = states[at, pose.HEAD], states[at, pose.TRUNK]
+def add_gesture(states: Float, segment: Segment, begin: int, end: int, fps: float) -> None:
+    """Add a segment's head and trunk movement to states (T, 63) of the whole word, in place.
+
+    The gesture begins a little before frame ``begin`` and ends a little after ``end``.
+    """
+    margin = round(0.2 * fps)
+    frames = slice(max(begin - margin, 0), min(end + margin + 1, len(states)))
+    n = frames.stop - frames.start
+    u, level = np.linspace(0.0, 1.0, n), trajectory.window(n, margin + 1)
+    head, trunk = states[frames, pose.HEAD], states[frames, pose.TRUNK]
     cycles = max(1.0, round(2.2 * n / fps))
     swing = np.sin(2.0 * np.pi * cycles * u) * level
     if segment.head == "nod":

@@ -1,9 +1,9 @@
-"""What a sign is made of: the Movement-Hold model's segments, each with Stokoe's and HamNoSys's parameters.
+"""The phonology of a sign: segments of the Movement-Hold model, each with the parameters of Stokoe and HamNoSys.
 
-A sign is a row of segments (Liddell and Johnson 1989). H is a hold, X a posture passed without one, M a movement to a
-new posture. A posture says where a part of the hand is, which way palm and fingers face, and the handshape. Directions
-are the signer's own: ``in`` is towards the weak side, ``out`` towards the strong one, so that a left-handed signer
-needs no other text.
+A sign is a sequence of segments (Liddell and Johnson 1989). H is a hold, X a posture passed without a hold, M a
+movement to a new posture. A posture is a handshape, a part of the hand at a location, and the directions of palm and
+fingers. Directions are relative to the signer: ``in`` is towards the weak side, ``out`` towards the strong side, so
+that the same text serves a left-handed signer.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ DIRECTIONS: dict[str, tuple[float, float, float]] = {
     "fwd": (0.0, 0.0, 1.0),
     "back": (0.0, 0.0, -1.0),
 }
-"""Strong side, up, forward. Words may be joined: ``up-in`` lies midway, ``up-up-in`` nearer to up."""
+"""Unit vectors (out to the strong side, up, forward). Words can be combined: ``up-in`` lies midway, ``up-up-in`` nearer
+to up."""
 
 PARTS: dict[str, str] = {
     "palm": "middle of the palm",
@@ -49,7 +50,7 @@ PARTS: dict[str, str] = {
     "index-side": "thumb side of the index finger's middle",
     "pinky-side": "outer side of the little finger's middle",
 }
-"""Parts of the hand that can be brought to a place."""
+"""Parts of the hand that can be brought to a location."""
 
 LOCATIONS: dict[str, str] = {
     # on the head
@@ -93,24 +94,24 @@ LOCATIONS: dict[str, str] = {
     "base-wrist": "back of the weak wrist",
     "base-heel": "heel of the weak hand",
     # in space
-    "space": "neutral space, before the chest on the strong side",
+    "space": "neutral space, in front of the chest on the strong side",
     "space-mid": "neutral space, on the midline",
-    "space-in": "neutral space, before the weak side",
+    "space-in": "neutral space, in front of the weak side",
     "space-out": "neutral space, well out on the strong side",
-    "space-low": "before the belly, strong side",
-    "space-low-mid": "before the belly, on the midline",
-    "space-high": "before and beside the shoulder, strong side, at the height of the chin",
-    "space-high-out": "out and up beside the head",
+    "space-low": "in front of the belly, strong side",
+    "space-low-mid": "in front of the belly, on the midline",
+    "space-high": "in front of and next to the shoulder, strong side, at the height of the chin",
+    "space-high-out": "out and up next to the head",
     "space-far": "an outstretched reach forward",
-    "face-space": "before the face",
-    "side-space": "beside the head, strong side",
+    "face-space": "in front of the face",
+    "side-space": "next to the head, strong side",
     "above-head": "above the forehead",
 }
-"""Where a part can be: on the body (a surface, with a way out of it) or in space."""
+"""Where a part of the hand can be: on the surface of the body, or in space."""
 
-NEUTRAL = frozenset(place for place in LOCATIONS if place.startswith("space") or place.endswith("-space"))
+NEUTRAL = frozenset(name for name in LOCATIONS if name.startswith("space") or name.endswith("-space"))
 IN_SPACE = NEUTRAL | {"above-head"}
-ON_BASE = frozenset(place for place in LOCATIONS if place.startswith("base-") or place == "forearm-weak")
+ON_BASE = frozenset(name for name in LOCATIONS if name.startswith("base-") or name == "forearm-weak")
 
 PATHS = ("straight", "arc", "circle", "zigzag", "none")
 PLANES = ("frontal", "sagittal", "horizontal")
@@ -121,8 +122,8 @@ LOCALS: dict[str, tuple[float, float]] = {
     "nod": (28.0, 2.0),
     "tremble": (0.7, 3.0),
 }
-"""Local movements, with their usual amplitude (degrees; tremble in cm) and cycles: fingers flutter one after another,
-fingers bend together, the forearm turns, the wrist nods, the whole hand shakes.
+"""Local movements with their usual amplitude (degrees; cm for tremble) and number of cycles: the fingers flutter one
+after another, the fingers bend together, the forearm rotates, the wrist nods, the whole hand shakes.
 """
 
 HEAD = {"nod": "the head nods", "shake": "the head shakes", "tilt": "the head tilts to the strong side"}
@@ -139,12 +140,19 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Posture:
-    """A hand at rest: its handshape; which ``part`` of it is at which ``place``, ``off`` cm out of the surface and
-    ``shift`` cm (out, up, forward) from there; where palm and fingers face (unit vectors, out, up, forward).
+    """A hand that does not move. Vectors are (out, up, forward).
+
+    shape: handshape, a name of ``HANDSHAPES``
+    location: where the hand is, a name of ``LOCATIONS``
+    part: which part of the hand is there, a name of ``PARTS``
+    palm: unit vector that the palm faces along
+    fingers: unit vector that the extended fingers would point along
+    off: distance of the part from the body's surface, cm
+    shift: displacement from there, cm
     """
 
     shape: str
-    place: str
+    location: str
     part: str
     palm: Vector
     fingers: Vector
@@ -154,8 +162,13 @@ class Posture:
 
 @dataclass(frozen=True)
 class Path:
-    """How a movement goes: ``arc`` bulges ``size`` cm along ``direction``; ``circle`` goes ``revolutions`` round in ``plane`` with
-    radius ``size`` cm; ``zigzag`` swings ``revolutions`` times ``size`` cm along ``direction``; ``none`` stays where it is.
+    """The shape of a movement between two postures.
+
+    kind: one of ``PATHS``
+    direction: unit vector along which an ``arc`` bulges and a ``zigzag`` swings
+    plane: plane of a ``circle``, one of ``PLANES``
+    size: bulge, swing or radius, cm
+    revolutions: of a ``circle`` (negative: the other direction of rotation); swings of a ``zigzag``
     """
 
     kind: str = "straight"
@@ -167,7 +180,12 @@ class Path:
 
 @dataclass(frozen=True)
 class Local:
-    """A movement within the hand: its kind (``LOCALS``), amplitude (degrees; cm for tremble) and cycles."""
+    """A local movement, within the hand.
+
+    kind: a name of ``LOCALS``
+    amplitude: degrees; cm for ``tremble``
+    cycles: how often it repeats
+    """
 
     kind: str
     amplitude: float
@@ -176,9 +194,17 @@ class Local:
 
 @dataclass(frozen=True)
 class Segment:
-    """One segment: kind H, X or M; the strong hand's posture at its end and the weak hand's where it has one of its
-    own; for M the path, local movement, and how many ``times`` it is made (back and forth); ``seconds`` where the sign
-    says how long; head and trunk from ``HEAD`` and ``TRUNK`` or "".
+    """One segment of a sign. ``path``, ``local`` and ``times`` belong to M alone.
+
+    kind: H, X or M
+    strong: the strong hand's posture at the segment's end
+    weak: the weak hand's posture there; None where it has none of its own
+    path: the movement's path
+    local: local movement, or None
+    times: how often the movement is made; the hand goes back between
+    seconds: duration, where the notation gives one
+    head: movement of the head, a name of ``HEAD`` or ""
+    trunk: movement of the trunk, a name of ``TRUNK`` or ""
     """
 
     kind: str
@@ -194,8 +220,14 @@ class Segment:
 
 @dataclass(frozen=True)
 class Sign:
-    """A sign: its gloss, how the hands work together (``HANDS``), its segments; the source of its facts, synonyms, and
-    whether it is a ``sign``, a ``letter`` or ``pseudo``.
+    """A sign in notation.
+
+    gloss: its name
+    hands: how the hands work together, a name of ``HANDS``
+    segments: its segments in order
+    source: description of the form and the work that it can be looked up in
+    synonyms: other glosses of the same sign
+    kind: ``sign``, ``letter`` or ``pseudo``
     """
 
     gloss: str
@@ -212,10 +244,10 @@ class Sign:
 
 
 def faults(sign: Sign) -> list[str]:
-    """What makes a row of segments no sign, one line each; empty for a lawful one.
+    """What is wrong with a sign's segments, one line each; empty for a well-formed sign.
 
-    Symmetry and dominance (Battison 1978): where both hands move, they have one handshape, which the notation itself
-    ensures; where the weak hand is a base of another shape, it stays put or moves with the strong one.
+    Symmetry and dominance (Battison 1978) need no check: where both hands move on their own, the notation gives them
+    one handshape; a weak hand with another handshape is a base, which stays put or moves with the strong hand.
     """
     found = []
     if not sign.segments:
@@ -226,8 +258,8 @@ def faults(sign: Sign) -> list[str]:
         before = sign.segments[n - 2] if n > 1 else None
         hands = [p for p in (segment.strong, segment.weak) if p is not None]
         found += [f"segment {n}: unknown handshape {p.shape!r}" for p in hands if p.shape not in HANDSHAPES]
-        if sign.hands != "base" and segment.strong.place in ON_BASE:
-            found.append(f"segment {n}: at={segment.strong.place} needs hands=base, not hands={sign.hands}")
+        if sign.hands != "base" and segment.strong.location in ON_BASE:
+            found.append(f"segment {n}: at={segment.strong.location} needs hands=base, not hands={sign.hands}")
         if segment.kind == "M" and before is not None:
             still = segment.strong == before.strong and segment.weak == before.weak
             if still and segment.local is None and segment.path.kind not in ("circle", "zigzag"):
@@ -237,9 +269,7 @@ def faults(sign: Sign) -> list[str]:
         for p in hands:
             dot = sum(a * b for a, b in zip(p.palm, p.fingers, strict=True))
             if abs(dot) > 0.9:
-                found.append(
-                    f"segment {n}: palm and fingers face the same line; they must differ by 25 degrees or more"
-                )
+                found.append(f"segment {n}: palm and fingers must be at least 25 degrees from parallel")
     if sum(s.kind == "H" for s in sign.segments) == len(sign.segments) > 1:
         found.append("has holds only, expected an M between two")
     return found

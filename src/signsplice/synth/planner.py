@@ -1,7 +1,8 @@
-"""Signs in notation -> motion: knots from postures and paths, courses through them, small motions, no body in another.
+"""Turns signs in notation into motion: knots from postures and paths, trajectories through them, small motions,
+collision avoidance.
 
-An isolated word is rest, preparation, the sign's segments, retraction, rest. Every hold, and the start and end of a
-sign's movements, falls on a frame, and hands come to rest there: what is a hold and what a movement can be seen.
+An isolated word consists of rest, preparation, the sign's segments, retraction and rest. Every hold, and the start and
+end of a sign's movements, falls on a frame where the hands stop, so that holds and movements can be told apart.
 """
 
 from __future__ import annotations
@@ -14,10 +15,11 @@ from numpy.typing import NDArray
 
 from signsplice.motion.clip import Clip
 from signsplice.synth import locations, pose, trajectory
-from signsplice.synth.avoidance import clear
+from signsplice.synth.avoidance import clear_collisions
 from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.overlays import lay_gesture, lay_local
-from signsplice.synth.paths import PathMotion, moved
+from signsplice.synth.locations import WeakArm
+from signsplice.synth.overlays import add_gesture, add_local_movement
+from signsplice.synth.paths import PathMotion, translated
 from signsplice.synth.phonology import IN_SPACE, Posture, Segment, Sign
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, STANDARD, Signer
@@ -30,18 +32,25 @@ FPS = 30.0
 FIRST_HOLD_S, INNER_HOLD_S, LAST_HOLD_S = 0.15, 0.07, 0.40
 """Usual holds of a citation form; the last one is the longest (Liddell and Johnson 1989)."""
 LAST_TOUCH_S = 0.1
-"""A last hold that touches: hands rest on the body for a moment only."""
-PREPARATION, RETRACTION = 1.06, 1.25
-"""Time of the ways from and to rest over what the travel law gives."""
+"""A last hold that touches the body: hands rest there for a moment only."""
+PREPARATION_PACE, RETRACTION_PACE = 1.06, 1.25
+"""Duration of the reaches from and to rest, over what the travel law gives."""
 REST_S = 0.17
+"""Usual rest before and after the word."""
 
 
 @dataclass(frozen=True)
 class Events:
-    """Frames of an isolated word that matter: ``up``: the last frame of rest; ``start``, ``end``: its first and last
-    posture; ``down``: the first frame of rest again; ``first``: the first movement's [begin, end]; ``passes``: [begin,
-    end] of every pass of the last movement, in order (its repetitions or turns); a word of one hold has neither.
-    touches_first, touches_last: whether those postures touch the body.
+    """Frames of an isolated word, and whether its first and last postures touch the body.
+
+    up: the last frame of rest
+    start: the first posture
+    end: the last posture
+    down: the first frame of rest again
+    first: the first movement, [begin, end]; None for a word without movement
+    passes: [begin, end] of every pass of the last movement, in order: its repetitions, or a circle's revolutions
+    touches_first: whether the first posture touches
+    touches_last: whether the last posture touches
     """
 
     up: int
@@ -56,10 +65,17 @@ class Events:
 
 @dataclass(frozen=True, eq=False)
 class IsolatedWord:
-    """An isolated word as one signer made it: its states (T, 63), the clip they stand for, and its events."""
+    """An isolated word as a signer made it.
+
+    sign: the sign in notation
+    signer: who made it
+    states: the motion as states, (T, 63)
+    clip: the same motion on the signer's skeleton
+    events: its events
+    """
 
     sign: Sign
-    who: Signer
+    signer: Signer
     states: Float
     clip: Clip
     events: Events
@@ -68,31 +84,32 @@ class IsolatedWord:
         return len(self.states)
 
 
-def isolated(sign: Sign, who: Signer = STANDARD, take: int = 0, fps: float = FPS) -> IsolatedWord:
-    """A sign as a dictionary shows it: both arms rest before and after. The same arguments give the same motion."""
-    rng = stream("take", who.name, sign.gloss, take)
-    made = _Core(sign, who, fps, rng)
-    core, rest = made.states(), resting(who, sign.gloss, take)
+def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = FPS) -> IsolatedWord:
+    """A sign in citation form, as in a dictionary: both arms rest before and after it. The same arguments give the same
+    motion; another ``take`` varies it a little.
+    """
+    rng = stream("take", signer.name, sign.gloss, take)
+    segments = _SegmentPlan(sign, signer, fps, rng)
+    core, rest = trajectory.through(segments.knots), resting(signer, sign.gloss, take)
     before, after = (max(2, round(fps * REST_S * rng.uniform(0.7, 1.6))) for _ in range(2))
-    up = _reach_frames(rest, core[0], who, fps, PREPARATION * rng.uniform(0.94, 1.06))
-    down = _reach_frames(core[-1], rest, who, fps, RETRACTION * rng.uniform(0.94, 1.06))
+    up = _reach_frames(rest, core[0], signer, fps, PREPARATION_PACE * rng.uniform(0.94, 1.06))
+    down = _reach_frames(core[-1], rest, signer, fps, RETRACTION_PACE * rng.uniform(0.94, 1.06))
     still = _still(rest)
     states = np.concatenate(
         [
             np.broadcast_to(rest, (before, pose.SIZE)),
-            trajectory.reach(still, _still(core[0]), up, who),
+            trajectory.reach(still, _still(core[0]), up, signer),
             core,
-            trajectory.reach(_still(core[-1]), still, down, who),
+            trajectory.reach(_still(core[-1]), still, down, signer),
             np.broadcast_to(rest, (after, pose.SIZE)),
         ]
     )
     offset = before + up
-    states = states + trajectory.small_motions(len(states), fps, who, rng)
-    made.overlay(states, offset)
-    states = clear(states, who)
-    return IsolatedWord(
-        sign, who, states, pose.clip(states, who, fps, sign.gloss), made.events(before - 1, offset, down)
-    )
+    states = states + trajectory.small_motions(len(states), fps, signer, rng)
+    segments.add_overlays(states, offset)
+    states = clear_collisions(states, signer)
+    clip = pose.clip(states, signer, fps, sign.gloss)
+    return IsolatedWord(sign, signer, states, clip, segments.events(before - 1, offset, down))
 
 
 def _still(state: Float) -> Float:
@@ -111,154 +128,166 @@ _HELD = {
         Posture("rest", "belly", "palm", (-0.2, 0.1, -0.97), (-0.5, -0.86, 0.0), off=2.0, shift=(2.0, -15.0, 1.0)),
     ),
 }
-"""How the strong and the weak hand are held at rests that are not hanging."""
+"""Postures of the strong and the weak hand at each rest but hanging."""
 _HELD_LOWER_CM = 2.0
-"""How much lower than these postures say."""
+"""How much lower than these postures hands rest."""
 
 
-def resting(who: Signer, *names: str | int) -> Float:
-    """The state (63,) of a signer who stands at rest; ``names`` tell one standing from another."""
-    rng = stream("rest", who.name, *names)
+def resting(signer: Signer, *names: str | int) -> Float:
+    """The state (63,) of a signer at rest; ``names`` seed its small variations."""
+    rng = stream("rest", signer.name, *names)
     state = np.zeros(pose.SIZE)
-    if who.rest != HANGING:
-        for first, posture in zip((0, 27), _HELD[who.rest], strict=True):
-            numbers = locations.weak(posture, who)
-            numbers[:3] += 0.6 * rng.standard_normal(3) + np.array([0.0, 2.0 * who.rest_out_cm - _HELD_LOWER_CM, 0.0])
-            numbers[6:] *= 1.0 + 0.06 * rng.standard_normal()
-            state[first : first + 27] = numbers
+    if signer.rest != HANGING:
+        for first, posture in zip((0, 27), _HELD[signer.rest], strict=True):
+            hand_state = locations.weak_hand(posture, signer)
+            offset = np.array([0.0, 2.0 * signer.rest_out_cm - _HELD_LOWER_CM, 0.0])
+            hand_state[:3] += 0.6 * rng.standard_normal(3) + offset
+            hand_state[6:] *= 1.0 + 0.06 * rng.standard_normal()
+            state[first : first + 27] = hand_state
         return state
     for first in (0, 27):
         jitter = 0.6 * rng.standard_normal(3)
-        wrist = np.array([-26.0 - who.rest_out_cm, -39.5, 4.0 + who.rest_fwd_cm]) + jitter
-        arms = 0.5 * (who.arms + 1.0)
-        wrist = wrist * np.array([who.shoulders, arms, 1.0]) * who.scale
+        wrist = np.array([-26.0 - signer.rest_out_cm, -39.5, 4.0 + signer.rest_fwd_cm]) + jitter
+        arms = 0.5 * (signer.arms + 1.0)
+        wrist = wrist * np.array([signer.shoulders, arms, 1.0]) * signer.scale
         state[first : first + 3] = wrist
-        turned = locations.facing((-1.0, 0.0, -0.25), (0.05, -1.0, 0.12))
-        state[first + 3 : first + 6] = pose.turn_of(wrist, turned, who)
+        quat = locations.facing((-1.0, 0.0, -0.25), (0.05, -1.0, 0.12))
+        state[first + 3 : first + 6] = pose.hand_rotvecs(wrist, quat, signer)
         state[first + 6 : first + 27] = HANDSHAPES["rest"].angles * (1.0 + 0.06 * rng.standard_normal())
     return state
 
 
-def _reach_frames(start: Float, end: Float, who: Signer, fps: float, share: float) -> int:
+def _reach_frames(start: Float, end: Float, signer: Signer, fps: float, pace: float) -> int:
     travel = np.linalg.norm(pose.hands(end)[:, pose.WRIST] - pose.hands(start)[:, pose.WRIST], axis=-1).max()
-    return max(4, round(fps * share * trajectory.travel_seconds(float(travel), who)) - 1)
+    return max(4, round(fps * pace * trajectory.travel_seconds(float(travel), signer)) - 1)
 
 
-class _Core:
-    """The knots of a sign's segments, frame 0 at its first posture, and what lies over them."""
+@dataclass(frozen=True)
+class _TimedSegment:
+    """A segment, its [begin, end] frames, and for a movement those of each pass."""
 
-    def __init__(self, sign: Sign, who: Signer, fps: float, rng: np.random.Generator) -> None:
-        self.sign, self.who, self.fps = sign, who, fps
-        self.size = who.amplitude * float(np.exp(0.05 * rng.standard_normal()))
+    segment: Segment
+    begin: int
+    end: int
+    passes: tuple[tuple[int, int], ...] = ()
+
+
+class _SegmentPlan:
+    """A sign's segments in time, frame 0 at the first posture, and the knots of their trajectory."""
+
+    def __init__(self, sign: Sign, signer: Signer, fps: float, rng: np.random.Generator) -> None:
+        self.sign, self.signer, self.fps = sign, signer, fps
+        self.size = signer.amplitude * float(np.exp(0.05 * rng.standard_normal()))
         self.tempo = float(np.exp(0.05 * np.clip(rng.standard_normal(), -2, 2)))
-        self.jitter = 0.7 * who.scale * rng.standard_normal(3)
-        self.knots: list[Knot] = []
-        self.moves: list[tuple[Segment, int, int, tuple[tuple[int, int], ...]]] = []
-        self.spans: list[tuple[Segment, int, int]] = []
-        for n, segment in enumerate(sign.segments):
-            self._add(n, segment)
-
-    def states(self) -> Float:
-        return trajectory.through(self.knots)
+        self.jitter = 0.7 * signer.scale * rng.standard_normal(3)
+        self.postures = self._postures()
+        self.knots = [Knot(0, self._first_state(), True)]
+        self.timed = [self._add(n, segment) for n, segment in enumerate(sign.segments)]
 
     def events(self, up: int, offset: int, down: int) -> Events:
-        passes: list[tuple[int, int]] = []
-        first = None
-        if self.moves:
-            begin, stop = self.moves[0][3][0]
-            first = begin + offset, stop + offset
-            passes = [(begin + offset, stop + offset) for begin, stop in self.moves[-1][3]]
+        """The word's events, its first posture at frame ``offset``, with ``down`` frames of retraction."""
+        moves = [
+            [(begin + offset, stop + offset) for begin, stop in timed.passes] for timed in self.timed if timed.passes
+        ]
         segments = self.sign.segments
         return Events(
             up=up,
             start=offset,
             end=offset + self.knots[-1].frame,
             down=offset + self.knots[-1].frame + down + 1,
-            first=first,
-            passes=tuple(passes),
+            first=moves[0][0] if moves else None,
+            passes=tuple(moves[-1]) if moves else (),
             touches_first=touches(segments[0], self.sign),
             touches_last=touches(segments[-1], self.sign),
         )
 
-    def _add(self, n: int, segment: Segment) -> None:
+    def add_overlays(self, states: Float, offset: int) -> None:
+        """Add local movements and gestures of head and trunk to states of the whole word, in place."""
+        for timed in self.timed:
+            add_gesture(states, timed.segment, timed.begin + offset, timed.end + offset, self.fps)
+        for timed in self.timed:
+            if timed.segment.local is not None:
+                part = states[timed.begin + offset : timed.end + offset + 1]
+                add_local_movement(part, timed.segment, self.sign.hands, self.signer)
+
+    def _postures(self) -> list[tuple[Float, Float]]:
+        """Both hand states at the end of each segment; a weak hand without a posture of its own mirrors or rests."""
+        meets = self.sign.hands in ("symmetric", "alternating")
+        arms: dict[Posture | None, WeakArm] = {}
+        pairs = []
+        for segment in self.sign.segments:
+            if segment.weak not in arms:
+                arms[segment.weak] = WeakArm(self.signer, self._weak_hand(segment.weak))
+            weak = arms[segment.weak]
+            strong = locations.strong_hand(segment.strong, weak, meets, self.size)
+            location = segment.strong.location
+            if location in IN_SPACE and not (meets and location.endswith("-mid")):
+                strong = translated(strong, self.jitter, self.signer)
+            pairs.append((strong, strong if meets else weak.hand))
+        return pairs
+
+    def _weak_hand(self, posture: Posture | None) -> Float:
+        if posture is None:
+            return resting(self.signer, self.sign.gloss)[27:54]
+        return locations.weak_hand(posture, self.signer, self.size)
+
+    def _first_state(self) -> Float:
+        """The first posture; hands that alternate are where the first movement begins for each."""
+        moves = [n for n, s in enumerate(self.sign.segments) if s.kind == "M"]
+        if self.sign.hands == "alternating" and moves:
+            return self._path(moves[0], begin=0).at(0.0)
+        return np.concatenate([*self.postures[0], np.zeros(9)])
+
+    def _add(self, n: int, segment: Segment) -> _TimedSegment:
+        """Add a segment's knots."""
         segments = self.sign.segments
         last = n == len(segments) - 1
-        if not self.knots:
-            self.knots.append(Knot(0, self._start(segment), True))
-        begin = self.knots[-1].frame
+        begin, passes = self.knots[-1].frame, ()
         if segment.kind == "M":
-            self._move(segments[n - 1], segment, last or segments[n + 1].kind == "H")
+            passes = self._add_passes(n, segment, stops=last or segments[n + 1].kind == "H")
         elif segment.kind == "H":
             usual = LAST_HOLD_S if last else FIRST_HOLD_S if n == 0 else INNER_HOLD_S
             if last and n > 0 and touches(segment, self.sign):
                 usual = LAST_TOUCH_S
             n_frames = max(2, self._frames(segment.seconds or usual))
             self.knots.append(Knot(begin + n_frames, self.knots[-1].state, True))
-        self.spans.append((segment, begin, self.knots[-1].frame))
+        return _TimedSegment(segment, begin, self.knots[-1].frame, passes)
 
     def _frames(self, seconds: float) -> int:
-        return round(self.fps * seconds / self.tempo / self.who.tempo)
+        return round(self.fps * seconds / self.tempo / self.signer.tempo)
 
-    def _start(self, segment: Segment) -> Float:
-        """The first posture; hands that alternate stand where the next movement begins for each."""
-        moves = [s for s in self.sign.segments if s.kind == "M"]
-        if self.sign.hands == "alternating" and moves:
-            return self._way(segment, moves[0]).at(0.0)
-        return self._state(*self._hands(segment))
+    def _path(self, n: int, begin: int) -> PathMotion:
+        """The motion of segment ``n`` from the posture of segment ``begin``."""
+        segment, postures = self.sign.segments[n], self.postures
+        return PathMotion(segment, self.sign.hands, self.signer, postures[begin], postures[n], self.size)
 
-    def _hands(self, segment: Segment) -> tuple[Float, Float]:
-        """Both hands' numbers in a segment's posture; a weak hand without one of its own mirrors the strong."""
-        posture, weak = segment.strong, resting(self.who, self.sign.gloss)[27:54]
-        if segment.weak is not None:
-            weak = locations.weak(segment.weak, self.who, self.size)
-        meets = self.sign.hands in ("symmetric", "alternating")
-        strong = locations.strong(posture, self.who, weak, meets, self.size)
-        if posture.place in IN_SPACE and not (meets and posture.place.endswith("-mid")):
-            strong = moved(strong, self.jitter, self.who)
-        return strong, strong if meets else weak
-
-    def _way(self, before: Segment, segment: Segment) -> PathMotion:
-        return PathMotion(segment, self.sign.hands, self.who, self._hands(before), self._hands(segment), self.size)
-
-    def _state(self, strong: Float, weak: Float) -> Float:
-        return np.concatenate([strong, weak, np.zeros(9)])
-
-    def _move(self, before: Segment, segment: Segment, stops: bool) -> None:
-        way = self._way(before, segment)
+    def _add_passes(self, n: int, segment: Segment, stops: bool) -> tuple[tuple[int, int], ...]:
+        """Add a movement's knots; the frames of its passes."""
+        path = self._path(n, begin=n - 1)
         begin = self.knots[-1].frame
-        turns = max(1, round(abs(segment.path.revolutions))) if segment.path.kind == "circle" else 1
-        count = 2 * segment.times - 1 if not way.still else segment.times
-        each = self._frames(way.seconds()) if segment.seconds is None else round(segment.seconds * self.fps / count)
-        least = 6 * turns if segment.path.kind == "circle" else 4
-        each = max(least, each)
+        revolutions = max(1, round(abs(segment.path.revolutions))) if segment.path.kind == "circle" else 1
+        count = 2 * segment.times - 1 if not path.still else segment.times
+        each = self._frames(path.seconds()) if segment.seconds is None else round(segment.seconds * self.fps / count)
+        each = max(6 * revolutions if segment.path.kind == "circle" else 4, each)
         passes = []
         for k in range(count):
             back = k % 2 == 1
-            at = begin + k * each
-            for s, share in way.steps(each):
+            start = begin + k * each
+            for s, fraction in path.knots(each):
                 progress = 1.0 - s if back else s
-                self.knots.append(Knot(at + round(share * each), way.at(progress), False))
+                self.knots.append(Knot(start + round(fraction * each), path.at(progress), False))
             if not back:
-                cut = [at + round(each * t / turns) for t in range(turns + 1)]
-                passes += list(itertools.pairwise(cut))
+                cuts = [start + round(each * t / revolutions) for t in range(revolutions + 1)]
+                passes += list(itertools.pairwise(cuts))
         self.knots[-1] = replace(self.knots[-1], stop=stops)
-        if segment.local is not None and way.still:
-            passes = [(begin, self.knots[-1].frame)]
-        self.moves.append((segment, begin, self.knots[-1].frame, tuple(passes)))
-
-    def overlay(self, states: Float, offset: int) -> None:
-        """Add local movements, head and trunk to states of the whole word, in place."""
-        for segment, begin, end in self.spans:
-            lay_gesture(states, segment, begin + offset, end + offset, self.fps)
-        for segment, begin, end, _ in self.moves:
-            if segment.local is not None:
-                part = states[begin + offset : end + offset + 1]
-                lay_local(part, segment, self.sign.hands, self.who)
+        if segment.local is not None and path.still:
+            return ((begin, self.knots[-1].frame),)
+        return tuple(passes)
 
 
 def touches(segment: Segment, sign: Sign) -> bool:
-    """Whether a segment's strong hand touches the body, the base hand, or (mirrored, on the midline) its fellow."""
+    """Whether a segment's strong hand touches the body, the base hand, or (mirrored, on the midline) the other hand."""
     posture = segment.strong
-    meets = sign.hands in ("symmetric", "alternating") and posture.place in ("space-mid", "space-low-mid")
-    free = posture.place in IN_SPACE and not meets
+    meets = sign.hands in ("symmetric", "alternating") and posture.location in ("space-mid", "space-low-mid")
+    free = posture.location in IN_SPACE and not meets
     return not free and abs(posture.off) < 1.0 and all(abs(c) < 1.0 for c in posture.shift)

@@ -1,4 +1,4 @@
-"""Many jobs over a few processes."""
+"""Runs many jobs in a few processes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from typing import Any
 
 
 class Pool:
-    """Runs jobs in processes, or here where there is one; results in order, few jobs waiting at once."""
+    """Runs jobs in worker processes, or in this one where ``processes`` is 1. A context manager: it returns a function
+    ``run(job, items)`` that yields the results in the order of the items, with at most nine jobs submitted ahead.
+    """
 
     def __init__(self, processes: int) -> None:
         self.pool = ProcessPoolExecutor(processes) if processes > 1 else None

@@ -1,16 +1,17 @@
-"""A signer's pose in 63 numbers, and the joint rotations it stands for.
+"""A signer's pose as a state of 63 numbers, and the joint rotations that follow from it.
 
-The numbers mix freely (sums, splines): places in cm and small rotation vectors that stay far from half a turn. For
-each hand, strong first, both written as right hands (the weak one is mirrored at the end):
+States can be added and interpolated number by number: they hold positions in cm and rotation vectors that stay far from
+180 degrees. For each hand, strong first, both written as right hands (the weak one is mirrored at the end):
 
-    wrist    3   from the chest joint, in the chest's axes, cm
-    turn     3   the hand seen from the forearm of an arm with a hanging elbow, rotation vector
+    wrist    3   position from the chest joint, in the chest's axes, cm
+    rotvec   3   rotation of the hand relative to the forearm of an arm with a hanging elbow, rotation vector
     fingers 21   hand.ANGLES
 
-then trunk (3) and head (3) rotation vectors and the root's way (3) from where the signer stands, cm.
+then rotation vectors of trunk (3) and head (3), and the root's displacement (3) from its rest position, cm. The 27
+numbers of one hand are called a hand state.
 
-Arms are solved in closed form: two bones, the elbow on its circle where wrist and forearm are most at ease. Forearm and
-wrist angles run into their limits softly, so that no sum of numbers can break a joint.
+Arms are solved in closed form: two bones, with the elbow on its circle where forearm and wrist are nearest to their
+neutral angles. Forearm and wrist angles approach their limits softly, so that no state can break a joint.
 """
 
 from __future__ import annotations
@@ -28,33 +29,40 @@ from signsplice.synth.signer import COLLAR, FOREARM, JOINTS, SHOULDER, UPPER_ARM
 Float = NDArray[np.float64]
 
 SIZE = 63
-WRIST, TURN, FINGERS = slice(0, 3), slice(3, 6), slice(6, 27)
-"""Where a hand's numbers lie among its 27."""
+WRIST, ROTVEC, FINGERS = slice(0, 3), slice(3, 6), slice(6, 27)
+"""Where these numbers are in a hand state."""
 TRUNK, HEAD, ROOT = slice(54, 57), slice(57, 60), slice(60, 63)
+"""Where these numbers are in a state."""
 
 WRIST_LIMITS = np.deg2rad([[-38.0, 28.0], [-72.0, 82.0]])
-"""Least and most deviation (towards the thumb positive) and flexion (towards the palm positive) of the wrist, radians;
-American Academy of Orthopaedic Surgeons 1965, widened by 5 degrees for passive range."""
+"""Least and greatest deviation (positive towards the thumb) and flexion (positive towards the palm) of the wrist,
+radians; American Academy of Orthopaedic Surgeons 1965, widened by 5 degrees for passive range."""
 FOREARM_LIMIT = np.deg2rad(95.0)
-"""Most turn of the forearm either way from thumb-up, radians (80 to 90 in the same source)."""
+"""Greatest twist of the forearm in either direction from thumb-up, radians (80 to 90 in the same source)."""
 ELBOW_LIMIT = np.deg2rad(148.0)
+"""Greatest flexion of the elbow, radians."""
 
 _X = np.array([1.0, 0.0, 0.0])
 _HINT = np.array([-0.55, -1.0, -0.35])  # a right elbow hangs down, out and a little back
 _SWIVELS = np.deg2rad(np.linspace(-75.0, 45.0, 13))  # negative lifts the elbow outwards
-_EASE = np.deg2rad([60.0, 22.0, 42.0, 32.0])  # turns of forearm, wrist sideways, wrist bent, elbow that cost 1
+_EASE = np.deg2rad([60.0, 22.0, 42.0, 32.0])  # forearm twist, wrist deviation, wrist flexion, swivel that cost 1
 _SHARPNESS = 2.5
 
 
 def hands(states: Float) -> Float:
-    """The two hands' numbers (..., 2, 27) of states (..., 63), a view: strong, weak."""
+    """The hand states (..., 2, 27) in states (..., 63), strong then weak, a view."""
     return states[..., :54].reshape(*states.shape[:-1], 2, 27)
 
 
 @dataclass(frozen=True)
 class Arm:
-    """Right arms in the chest's axes: collar (..., 4), upper arm and forearm (..., 4) with a hanging elbow, the unit
-    way from shoulder to wrist (..., 3), and the bend of the elbow (...), radians.
+    """Right arms with a hanging elbow, in the chest's axes.
+
+    collar: rotation of the collar bone, (..., 4)
+    upper: rotation of the upper arm, (..., 4)
+    fore: rotation of the forearm, (..., 4)
+    direction: unit vector from shoulder to wrist, (..., 3)
+    bend: flexion of the elbow, radians, (...)
     """
 
     collar: Float
@@ -64,37 +72,39 @@ class Arm:
     bend: Float
 
 
-def reach(wrists: ArrayLike, who: Signer) -> Arm:
-    """The right arm that brings the wrist to places (..., 3), cm from the chest joint, with a hanging elbow.
+def solve_arm(wrists: ArrayLike, signer: Signer) -> Arm:
+    """The right arm, with a hanging elbow, whose wrist is at ``wrists`` (..., 3), cm from the chest joint.
 
-    Collar bones rise and come forward with the hand, as in the shoulder's rhythm (Inman, Saunders and Abbott 1944: at
-    most about 15 degrees each way here). A place out of reach is drawn in softly along the line to the shoulder.
+    The collar bone rises and comes forward with the hand, as in the scapulohumeral rhythm (Inman, Saunders and Abbott
+    1944; here by at most about 15 degrees about each axis). A wrist position out of reach is moved softly along the
+    line to the shoulder.
     """
-    scale = who.scale
+    scale = signer.scale
     wrists = np.asarray(wrists, np.float64) / scale
-    broad = np.array([-who.shoulders, 1.0, 1.0])
-    collar_at, shoulder_way = COLLAR * broad, SHOULDER * broad
-    upper_arm, forearm = UPPER_ARM * who.arms, FOREARM * who.arms
-    out = (wrists - collar_at - shoulder_way) / (upper_arm + forearm)
+    broad = np.array([-signer.shoulders, 1.0, 1.0])
+    collar_position, shoulder_offset = COLLAR * broad, SHOULDER * broad
+    upper_arm, forearm = UPPER_ARM * signer.arms, FOREARM * signer.arms
+    out = (wrists - collar_position - shoulder_offset) / (upper_arm + forearm)  # (..., 3) over the arm's length
     rise = np.deg2rad(15.0) * _smooth_step((out[..., 1] + 0.35) / 1.2)
     forward = np.deg2rad(14.0) * _smooth_step((out[..., 2] + 0.5 * out[..., 0] - 0.25) / 0.9)
     collar = rotation.multiply(
         rotation.exp(forward[..., None] * np.array([0.0, 1.0, 0.0])), rotation.exp(rise[..., None] * [0.0, 0.0, -1.0])
     )
-    way = wrists - collar_at - rotation.rotate(collar, shoulder_way)
-    distance = np.linalg.norm(way, axis=-1, keepdims=True)
-    way = way / distance
+    direction = wrists - collar_position - rotation.rotate(collar, shoulder_offset)
+    distance = np.linalg.norm(direction, axis=-1, keepdims=True)
+    direction = direction / distance
     least = np.sqrt(upper_arm**2 + forearm**2 + 2.0 * upper_arm * forearm * np.cos(ELBOW_LIMIT))
-    distance = _soft(distance, least, 0.992 * (upper_arm + forearm), 0.04 * (upper_arm + forearm))
+    distance = _soft_clip(distance, least, 0.992 * (upper_arm + forearm), 0.04 * (upper_arm + forearm))
+    # The elbow: ``along`` the line from shoulder to wrist, ``off`` from it towards the hint.
     along = (upper_arm**2 - forearm**2 + distance**2) / (2.0 * distance)
     off = np.sqrt(np.maximum(upper_arm**2 - along**2, 0.0))
-    hint = _HINT - np.sum(way * _HINT, axis=-1, keepdims=True) * way
-    elbow = along * way + off * hint / np.linalg.norm(hint, axis=-1, keepdims=True)
-    upper, fore = elbow / upper_arm, (distance * way - elbow) / forearm
+    hint = _HINT - np.sum(direction * _HINT, axis=-1, keepdims=True) * direction
+    elbow = along * direction + off * hint / np.linalg.norm(hint, axis=-1, keepdims=True)
+    upper, fore = elbow / upper_arm, (distance * direction - elbow) / forearm  # unit vectors along the bones
     hinge = np.cross(upper, fore)
     bend = np.arctan2(np.linalg.norm(hinge, axis=-1), np.sum(upper * fore, axis=-1))
     hinge /= np.linalg.norm(hinge, axis=-1, keepdims=True)
-    return Arm(collar, _bone_rotation(upper, hinge), _bone_rotation(fore, hinge), way, bend)
+    return Arm(collar, _bone_rotation(upper, hinge), _bone_rotation(fore, hinge), direction, bend)
 
 
 def _bone_rotation(bone: Float, hinge: Float) -> Float:
@@ -102,109 +112,120 @@ def _bone_rotation(bone: Float, hinge: Float) -> Float:
     return rotation.from_matrix(np.stack([-bone, hinge, np.cross(-bone, hinge)], axis=-1))
 
 
-def turn_of(wrists: ArrayLike, hand_rotations: ArrayLike, who: Signer) -> Float:
-    """The ``turn`` numbers (..., 3) of right hands at places (..., 3) with rotations (..., 4) in the chest's axes."""
-    return rotation.log(rotation.multiply(rotation.inverse(reach(wrists, who).fore), hand_rotations))
+def hand_rotvecs(wrists: ArrayLike, hand_quats: ArrayLike, signer: Signer) -> Float:
+    """The rotation vectors (..., 3) for hand states of right hands at ``wrists`` (..., 3) with rotations (..., 4), both
+    in the chest's axes.
+    """
+    return rotation.log(rotation.multiply(rotation.inverse(solve_arm(wrists, signer).fore), hand_quats))
 
 
-def hand_rotations(states: Float, who: Signer) -> Float:
-    """Rotations (..., 2, 4) of both hands in the chest's axes, as right hands, as the numbers ask (limits apart)."""
-    parts = hands(states)
-    return rotation.multiply(reach(parts[..., WRIST], who).fore, rotation.exp(parts[..., TURN]))
+def hand_rotations(states: Float, signer: Signer) -> Float:
+    """Rotations (..., 2, 4) of both hands in the chest's axes, as right hands, before joint limits."""
+    both = hands(states)
+    return rotation.multiply(solve_arm(both[..., WRIST], signer).fore, rotation.exp(both[..., ROTVEC]))
 
 
 @dataclass(frozen=True)
 class Wrist:
-    """How a hand sits on its forearm: the elbow's swivel, the forearm's turn, the wrist's deviation and flexion
-    (...), radians, before limits.
+    """Angles (...) between upper arm and hand, radians, before limits.
+
+    swivel: rotation of the elbow about the line from shoulder to wrist; negative lifts it outwards
+    twist: rotation of the forearm about itself, 0 with the thumb up
+    deviation: of the wrist, positive towards the thumb
+    flexion: of the wrist, positive towards the palm
     """
 
     swivel: Float
-    turn: Float
+    twist: Float
     deviation: Float
     flexion: Float
 
 
-def wrist_angles(arm: Arm, turns: Float, who: Signer) -> Wrist:
-    """The angles with which arms carry hands of ``turns`` (..., 3): the elbow goes where they are most at ease.
+def wrist_angles(arm: Arm, rotvecs: Float, signer: Signer) -> Wrist:
+    """The angles with which arms carry hands with rotation vectors ``rotvecs`` (..., 3), the elbow where they are
+    smallest.
 
-    Each swivel of a row is weighed by exp(-sharpness * cost), cost the sum of squared angles over what is easy; their
-    mean is smooth in the pose, where the best one alone would jump.
+    The swivel is a mean over candidates, weighted by exp(-sharpness * cost), where cost is the sum of squared angles,
+    each over an easy angle. The mean varies smoothly with the pose; the best candidate alone would jump.
     """
-    about = rotation.rotate(rotation.inverse(arm.fore), arm.direction)[..., None, :]
-    asked = rotation.exp(turns)[..., None, :]
-    usual = -np.deg2rad(who.elbow_deg)
-    relative = rotation.multiply(rotation.exp(-_SWIVELS[:, None] * about), asked)
-    turn, deviation, flexion = _split(relative)
-    angles = np.stack([turn, deviation, flexion, np.broadcast_to(_SWIVELS - usual, turn.shape)], axis=-1)
+    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)[..., None, :]
+    wanted = rotation.exp(rotvecs)[..., None, :]
+    usual = -np.deg2rad(signer.elbow_deg)
+    relative = rotation.multiply(rotation.exp(-_SWIVELS[:, None] * axis), wanted)  # (..., 13, 4)
+    twist, deviation, flexion = _split(relative)
+    angles = np.stack([twist, deviation, flexion, np.broadcast_to(_SWIVELS - usual, twist.shape)], axis=-1)
     cost = np.square(angles / _EASE).sum(axis=-1)
     weight = np.exp(-_SHARPNESS * (cost - cost.min(axis=-1, keepdims=True)))
     swivel = (weight * _SWIVELS).sum(axis=-1) / weight.sum(axis=-1)
-    chosen = rotation.multiply(rotation.exp(-swivel[..., None] * about[..., 0, :]), asked[..., 0, :])
+    chosen = rotation.multiply(rotation.exp(-swivel[..., None] * axis[..., 0, :]), wanted[..., 0, :])
     return Wrist(swivel, *_split(chosen))
 
 
-def _split(q: Float) -> tuple[Float, Float, Float]:
-    """Twist about X, then deviation and flexion of what is left, of hands seen from their forearms."""
-    q = q * np.where(q[..., 3:] < 0.0, -1.0, 1.0)
-    twist = 2.0 * np.arctan2(q[..., 0], q[..., 3])
-    swing = rotation.log(rotation.multiply(rotation.exp(-twist[..., None] * _X), q))
+def _split(quats: Float) -> tuple[Float, Float, Float]:
+    """Twist about X, then deviation and flexion, of rotations from forearm to hand (..., 4)."""
+    quats = quats * np.where(quats[..., 3:] < 0.0, -1.0, 1.0)
+    twist = 2.0 * np.arctan2(quats[..., 0], quats[..., 3])
+    swing = rotation.log(rotation.multiply(rotation.exp(-twist[..., None] * _X), quats))
     return twist, swing[..., 1], swing[..., 2]
 
 
-def clip(states: Float, who: Signer, fps: float, name: str = "") -> Clip:
+def clip(states: Float, signer: Signer, fps: float, name: str = "") -> Clip:
     """The motion of states (T, 63) as a clip on the signer's skeleton."""
-    return Clip(skeleton(who), *rotations(states, who), fps, name)
+    return Clip(skeleton(signer), *rotations(states, signer), fps, name)
 
 
-def rotations(states: Float, who: Signer) -> tuple[Float, Float]:
-    """Local rotations (T, 53, 4) and root places (T, 3) of states (T, 63)."""
+def rotations(states: Float, signer: Signer) -> tuple[Float, Float]:
+    """Local rotations (T, 53, 4) and root positions (T, 3), cm, of states (T, 63)."""
     n_frames = len(states)
-    local = np.zeros((n_frames, len(JOINTS), 4))
-    local[..., 3] = 1.0
+    local_quats = np.zeros((n_frames, len(JOINTS), 4))
+    local_quats[..., 3] = 1.0
     for name in ("Spine", "Spine1", "Spine2"):
-        local[:, JOINTS[name]] = rotation.exp(states[:, TRUNK] / 3.0)
-    for name, share in (("Neck", 0.4), ("Head", 0.6)):
-        local[:, JOINTS[name]] = rotation.exp(share * states[:, HEAD])
-    way = states[:, ROOT] * (np.array([-1.0, 1.0, 1.0]) if who.left_handed else 1.0)
-    _stand(local, way)
-    parts = hands(states)
-    arm = reach(parts[..., WRIST], who)
-    wrist = wrist_angles(arm, parts[..., TURN], who)
+        local_quats[:, JOINTS[name]] = rotation.exp(states[:, TRUNK] / 3.0)
+    for name, fraction in (("Neck", 0.4), ("Head", 0.6)):
+        local_quats[:, JOINTS[name]] = rotation.exp(fraction * states[:, HEAD])
+    displacement = states[:, ROOT] * (np.array([-1.0, 1.0, 1.0]) if signer.left_handed else 1.0)
+    _lean_legs(local_quats, displacement)
+    both = hands(states)
+    arm = solve_arm(both[..., WRIST], signer)
+    wrist = wrist_angles(arm, both[..., ROTVEC], signer)
     swivel = rotation.exp(wrist.swivel[..., None] * arm.direction)
     upper, fore = (rotation.multiply(swivel, q) for q in (arm.upper, arm.fore))
-    half_turn = rotation.exp(0.5 * _soft(wrist.turn, -FOREARM_LIMIT, FOREARM_LIMIT, 0.15)[..., None] * _X)
+    # Half of the twist at the elbow, half at the wrist.
+    half_twist = rotation.exp(0.5 * _soft_clip(wrist.twist, -FOREARM_LIMIT, FOREARM_LIMIT, 0.15)[..., None] * _X)
     (low_side, high_side), (low_bent, high_bent) = WRIST_LIMITS
-    bent = [_soft(wrist.deviation, low_side, high_side, 0.15), _soft(wrist.flexion, low_bent, high_bent, 0.15)]
+    bent = [
+        _soft_clip(wrist.deviation, low_side, high_side, 0.15),
+        _soft_clip(wrist.flexion, low_bent, high_bent, 0.15),
+    ]
     swing = rotation.exp(np.stack([np.zeros_like(bent[0]), *bent], axis=-1))
     chain = {
         "Shoulder": arm.collar,
         "Arm": rotation.multiply(rotation.inverse(arm.collar), upper),
-        "ForeArm": rotation.multiply(rotation.multiply(rotation.inverse(upper), fore), half_turn),
-        "Hand": rotation.multiply(half_turn, swing),
+        "ForeArm": rotation.multiply(rotation.multiply(rotation.inverse(upper), fore), half_twist),
+        "Hand": rotation.multiply(half_twist, swing),
     }
-    fingers = hand.rotations(parts[..., FINGERS])
-    sides = ("Left", "Right") if who.left_handed else ("Right", "Left")
+    fingers = hand.rotations(both[..., FINGERS])
+    sides = ("Left", "Right") if signer.left_handed else ("Right", "Left")
     for n, side in enumerate(sides):
         mirror = np.array([1.0, -1.0, -1.0, 1.0]) if side == "Left" else 1.0
         for name, q in chain.items():
-            local[:, JOINTS[side + name]] = q[:, n] * mirror
+            local_quats[:, JOINTS[side + name]] = q[:, n] * mirror
         first = JOINTS[f"{side}HandThumb1"]
-        local[:, first : first + 15] = fingers[:, n] * mirror
-    root = way * who.scale + skeleton(who).offsets[0]
-    if who.left_handed:  # trunk and head, as the sway above, are written for a right-handed signer
+        local_quats[:, first : first + 15] = fingers[:, n] * mirror
+    roots = displacement * signer.scale + skeleton(signer).offsets[0]
+    if signer.left_handed:  # trunk and head are written for a right-handed signer, too
         middle = [JOINTS[name] for name in ("Spine", "Spine1", "Spine2", "Neck", "Head")]
-        local[:, middle] *= np.array([1.0, -1.0, -1.0, 1.0])
-    return local, root
+        local_quats[:, middle] *= np.array([1.0, -1.0, -1.0, 1.0])
+    return local_quats, roots
 
 
-def _stand(local: Float, root: Float) -> None:
-    """Legs that lean with the hips' way, so that the feet stay where they are."""
+def _lean_legs(local_quats: Float, displacement: Float) -> None:
+    """Rotate the legs, in place, against the root's displacement (T, 3), cm, so that the feet stay where they are."""
     leg = 81.0  # hip to ankle of the standard body, cm
-    lean = np.stack([-root[:, 2], np.zeros(len(root)), root[:, 0]], axis=-1) / leg
+    lean = np.stack([-displacement[:, 2], np.zeros(len(displacement)), displacement[:, 0]], axis=-1) / leg
     for side in ("Left", "Right"):
-        local[:, JOINTS[f"{side}UpLeg"]] = rotation.exp(-lean)
-        local[:, JOINTS[f"{side}Foot"]] = rotation.exp(lean)
+        local_quats[:, JOINTS[f"{side}UpLeg"]] = rotation.exp(-lean)
+        local_quats[:, JOINTS[f"{side}Foot"]] = rotation.exp(lean)
 
 
 def _smooth_step(x: Float) -> Float:
@@ -212,8 +233,8 @@ def _smooth_step(x: Float) -> Float:
     return np.asarray(x**3 * (10.0 + x * (-15.0 + 6.0 * x)))
 
 
-def _soft(x: ArrayLike, low: ArrayLike, high: ArrayLike, margin: float) -> Float:
-    """``x`` kept between limits: untouched until ``margin`` from one, then ever slower towards it (C1, by tanh)."""
+def _soft_clip(x: ArrayLike, low: ArrayLike, high: ArrayLike, margin: float) -> Float:
+    """``x`` kept between limits: unchanged until ``margin`` from one, then approaching it (C1, by tanh)."""
     x = np.asarray(x, np.float64)
     over, under = x - (np.asarray(high) - margin), (np.asarray(low) + margin) - x
     x = np.where(over > 0.0, np.asarray(high) - margin + margin * np.tanh(np.maximum(over, 0.0) / margin), x)

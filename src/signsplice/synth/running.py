@@ -1,8 +1,9 @@
-"""Sentences as they are signed: a row of isolated words joined by true transitions, with what running signing changes.
+"""Sentences: isolated words joined by true transitions, with the changes that running signing makes.
 
-Where nothing changes, a word's kept frames are its isolated frames, bit for bit. Two rules change some, and say so: a
-weak hand that the words on both sides need stays up through a one-handed word between them, and a pointing pronoun
-takes on part of the next word's handshape (Bayley, Lucas and Rose 2002 found it to vary more than any other sign).
+A word's kept frames are its isolated frames, bit for bit, except where one of two rules changes them, which the result
+records: a weak hand that the words on both sides need stays up during a one-handed word between them, and a pointing
+pronoun takes on part of the next word's handshape (Bayley, Lucas and Rose 2002 found it to vary more than any other
+sign).
 """
 
 from __future__ import annotations
@@ -17,22 +18,26 @@ from numpy.typing import NDArray
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.synth import pose, truth
-from signsplice.synth.avoidance import intrusion
+from signsplice.synth.avoidance import penetration
 from signsplice.synth.planner import IsolatedWord, resting
 from signsplice.synth.signer import skeleton
 
 Float = NDArray[np.float64]
 
 PRONOUNS = frozenset({"I", "YOU", "HE-SHE", "THEY", "THIS", "THAT", "THERE"})
-"""Pointing signs, which assimilate; only with the pointing hand's own shape."""
+"""Pointing signs, which assimilate where they have the pointing hand's own shape."""
 ASSIMILATION = 0.4
-"""Share of the way to the next word's handshape that a pronoun's fingers go."""
+"""How far a pronoun's fingers go towards the next word's handshape, as a fraction."""
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """A run of frames [start, stop) of a sentence: a ``word``'s frames from ``source`` on, or a transition (None).
-    changed: "weak" where the weak hand stays, "fingers" where the handshape assimilates; "" for the very frames.
+    """A range of a sentence's frames: part of a word, or a transition.
+
+    start, stop: its frames, half-open
+    word: index of the word; None for a transition
+    source: the word's frame that ``start`` shows; None for a transition
+    changed: "weak" where the weak hand stays up, "fingers" where the handshape assimilates; empty for isolated frames
     """
 
     start: int
@@ -44,7 +49,13 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class Utterance:
-    """A signed sentence: its words, the truth of every seam, its clip, and where each frame comes from."""
+    """A signed sentence.
+
+    words: its isolated words
+    seams: the ground truth of every seam
+    clip: its motion
+    stretches: where each frame comes from
+    """
 
     words: tuple[IsolatedWord, ...]
     seams: tuple[truth.Splice, ...]
@@ -53,7 +64,7 @@ class Utterance:
 
 
 def utter(words: Sequence[IsolatedWord], changes: bool = True) -> Utterance:
-    """The sentence of words of one signer and rate, from the first one's rest to the last one's.
+    """The sentence of words of one signer and rate, from the first word's rest to the last word's.
 
     changes: let weak hands stay and pronouns assimilate; without, every kept frame is an isolated one. Raises
     ``InputError`` for no words, or words of two signers.
@@ -62,36 +73,37 @@ def utter(words: Sequence[IsolatedWord], changes: bool = True) -> Utterance:
         raise InputError("no words, expected at least one")
     for word in words[1:]:
         truth.check_alike(words[0], word)
-    relations = [truth.relation(p, q) for p, q in itertools.pairwise(words)]
-    leaves = [truth.leave(p, seen) for p, seen in zip(words[:-1], relations, strict=True)]
-    enters = [0, *(truth.enter(q, seen) for q, seen in zip(words[1:], relations, strict=True))]
-    said: list[tuple[Float, tuple[str, ...]]] = [(word.states, ()) for word in words]
+    relations = [truth.relate(p, q) for p, q in itertools.pairwise(words)]
+    leaves = [truth.leave(p, relation) for p, relation in zip(words[:-1], relations, strict=True)]
+    enters = [0, *(truth.enter(q, relation) for q, relation in zip(words[1:], relations, strict=True))]
+    signed: list[tuple[Float, tuple[str, ...]]] = [(word.states, ()) for word in words]
     if changes:
         for k in range(len(words) - 1):
-            said[k] = _changed(words, said, k, leaves, enters)
-    pieces: list[tuple[Float, Float]] = []
+            signed[k] = _changed(words, signed, k, leaves, enters)
+    pieces: list[tuple[Float, Float]] = []  # local rotations and root positions
     stretches: list[Stretch] = []
     seams = []
     at = 0
     for k, word in enumerate(words):
         stop = leaves[k] + 1 if k < len(leaves) else len(word)
         kept = slice(enters[k], stop)
-        states, changed = said[k]
+        states, changed = signed[k]
         if changed:
-            pieces.append(pose.rotations(states[kept], word.who))
+            pieces.append(pose.rotations(states[kept], word.signer))
         else:
             pieces.append((word.clip.local_rotations[kept], word.clip.root_positions[kept]))
         stretches.append(Stretch(at, at + stop - enters[k], k, enters[k], changed))
         at += stop - enters[k]
         if k < len(leaves):
-            before, after = states[leaves[k] - 2 : leaves[k] + 1], said[k + 1][0][enters[k + 1] : enters[k + 1] + 3]
-            between = truth.between(before, after, word)
-            pieces.append(pose.rotations(between, word.who))
-            seams.append(truth.Splice(leaves[k], enters[k + 1], between))
-            stretches.append(Stretch(at, at + len(between), None, None))
-            at += len(between)
+            before = states[leaves[k] - 2 : leaves[k] + 1]
+            after = signed[k + 1][0][enters[k + 1] : enters[k + 1] + 3]
+            transition = truth.transition(before, after, word)
+            pieces.append(pose.rotations(transition, word.signer))
+            seams.append(truth.Splice(leaves[k], enters[k + 1], transition))
+            stretches.append(Stretch(at, at + len(transition), None, None))
+            at += len(transition)
     clip = Clip(
-        skeleton(words[0].who),
+        skeleton(words[0].signer),
         np.concatenate([rotations for rotations, _ in pieces]),
         np.concatenate([roots for _, roots in pieces]),
         words[0].clip.fps,
@@ -102,19 +114,19 @@ def utter(words: Sequence[IsolatedWord], changes: bool = True) -> Utterance:
 
 def _changed(
     words: Sequence[IsolatedWord],
-    said: Sequence[tuple[Float, tuple[str, ...]]],
+    signed: Sequence[tuple[Float, tuple[str, ...]]],
     k: int,
     leaves: Sequence[int],
     enters: Sequence[int],
 ) -> tuple[Float, tuple[str, ...]]:
-    """What running signing makes of the states of word ``k``, and the names of the changes."""
+    """The states of word ``k`` as running signing changes them, and the names of the changes."""
     word, states, changed = words[k], words[k].states, []
     following = words[k + 1]
     if k > 0 and not word.sign.two_handed and words[k - 1].sign.two_handed and following.sign.two_handed:
         stays = states.copy()
-        small = states[:, 27:54] - resting(word.who, word.sign.gloss)[27:54]
-        stays[:, 27:54] = said[k - 1][0][leaves[k - 1], 27:54] + small
-        if intrusion(stays[enters[k] : leaves[k] + 1], word.who)[0].max() < truth.TOO_DEEP_CM:
+        small = states[:, 27:54] - resting(word.signer, word.sign.gloss)[27:54]
+        stays[:, 27:54] = signed[k - 1][0][leaves[k - 1], 27:54] + small
+        if penetration(stays[enters[k] : leaves[k] + 1], word.signer)[0].max() < truth.TOO_DEEP_CM:
             states, changed = stays, ["weak"]
     points = word.sign.gloss in PRONOUNS and word.sign.segments[0].strong.shape in ("1", "index")
     other = following.states[following.events.start, pose.FINGERS]

@@ -1,13 +1,13 @@
-"""Who signs: a body, drawn from human proportions, and a manner of moving."""
+"""A synthetic signer: body proportions and manner of moving, drawn by seed, and the skeleton that follows from them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import EndSite, Skeleton
 from signsplice.synth import hand
 from signsplice.synth.rng import stream
@@ -15,25 +15,36 @@ from signsplice.synth.rng import stream
 Float = NDArray[np.float64]
 
 STATURE_CM = 170.0
-"""The stature for which places and sizes in this room are written; other bodies scale them."""
+"""Stature of the standard body. Positions and lengths in this folder are given for it; other bodies scale them."""
 
 
 HANGING = "hanging"
 RESTS = (HANGING, "folded", "bent", "low")
-"""Arms hang; hands lie on one another before the belly; forearms are held before the waist; hands meet low."""
+"""Rest poses: arms hang; hands lie on one another in front of the belly; forearms are held in front of the waist; hands
+meet low in front of the body."""
 
 
 @dataclass(frozen=True)
 class Signer:
-    """A signer: body and manner. The defaults are the standard signer.
+    """A signer's body and manner of moving. The defaults are the standard signer.
 
-    stature_cm; arms, hands, shoulders: lengths as shares of what the stature would give. left_handed: which hand is the
-    strong one. tempo: how many times as fast as usual. amplitude: size of movements in space. arch: how far reaches bow
-    out, as a share of their length. elbow_deg: how far the elbows are held out. rest: where the hands are when they do
-    not sign, one of ``RESTS``; rest_out_cm, rest_fwd_cm: where hanging hands are beside the thighs (twice the first is
-    how much higher other rests are held). breath_deg, breath_hz, sway_cm, sway_hz, tremor_cm, tremor_hz: the small
-    motions of a standing person (physiological tremor 8 to 12 Hz, Elble and Koller 1990; breaths 12 to 20 a minute).
-    lag: how much later than usual the fingers form (negative: earlier).
+    name: what seeds this signer's random streams
+    stature_cm: stature
+    arms: length of upper arm and forearm, over what the stature gives
+    hands: size of the hands, over what the stature gives
+    shoulders: width of the shoulders, over what the stature gives
+    left_handed: whether the left hand is the strong one
+    tempo: speed, over the usual one
+    amplitude: size of movements in space, over the usual one
+    arch: how far a reach bows outwards, as a fraction of its length
+    elbow_deg: how far the elbows are held out, degrees
+    rest_out_cm: how far out from the thighs hanging hands are; other rests are held twice this much higher
+    rest_fwd_cm: how far in front of the thighs hanging hands are
+    breath_deg, breath_hz: trunk rotation by breathing (12 to 20 breaths a minute)
+    sway_cm, sway_hz: postural sway of the hips
+    tremor_cm, tremor_hz: physiological tremor of the hands (8 to 12 Hz, Elble and Koller 1990)
+    lag: how much less than usual the fingers lead the wrist (``trajectory``); negative: they lead more
+    rest: where the hands are between signs, one of ``RESTS``
     """
 
     name: str = "standard"
@@ -59,16 +70,17 @@ class Signer:
 
     @property
     def scale(self) -> float:
-        """The body's size over the standard one's."""
+        """Stature over that of the standard body."""
         return self.stature_cm / STATURE_CM
 
 
 STANDARD = Signer()
 
 
-def signer(seed: int) -> Signer:
-    """A signer drawn by seed: statures and shares normally distributed (spreads after Drillis and Contini 1966 and
-    NHANES statures, cut at 2.5 standard deviations), one in ten left-handed (Papadatou-Pastou et al. 2020).
+def draw_signer(seed: int) -> Signer:
+    """The signer of a seed. Statures and proportions are normally distributed (standard deviations after Drillis and
+    Contini 1966 and NHANES statures, cut at 2.5 of them); one signer in ten is left-handed (Papadatou-Pastou et al.
+    2020).
     """
     rng = stream("signer", seed)
 
@@ -98,7 +110,7 @@ def signer(seed: int) -> Signer:
     )
 
 
-# Joint centres of the standard body in cm in T-pose, facing +Z, left +X; segment shares after Drillis and Contini 1966.
+# Joint centres of the standard body in the T-pose, cm, facing +Z, left +X; proportions after Drillis and Contini 1966.
 _TRUNK = (
     ("Spine", "Hips", (0.0, 10.0, -1.0)),
     ("Spine1", "Spine", (0.0, 12.0, -0.5)),
@@ -122,26 +134,31 @@ _LEG = (
 SIDES = ("Left", "Right")
 
 
-@cache
-def skeleton(who: Signer = STANDARD) -> Skeleton:
-    """A signer's 53 joints, named in the Mixamo manner, in cm, rest pose T, depth first."""
-    scale = who.scale
+def skeleton(signer: Signer = STANDARD) -> Skeleton:
+    """A signer's 53 joints with Mixamo's names, depth first, in cm; the rest pose is the T-pose. The skeletons of the
+    last 64 signers are kept.
+    """
+    return CACHE.recent(_skeleton, signer, most=64)
+
+
+def _skeleton(signer: Signer) -> Skeleton:
+    scale = signer.scale
     rows: list[tuple[str, str, Float]] = [("Hips", "", np.array([0.0, HIPS_CM, 0.0]) * scale)]
     tips: list[tuple[str, Float]] = []
     rows += [(name, parent, np.array(offset) * scale) for name, parent, offset in (*_TRUNK, *_NECK)]
     for side in SIDES:
         mirror = np.array([1.0 if side == "Left" else -1.0, 1.0, 1.0]) * scale
-        broad = np.array([who.shoulders, 1.0, 1.0])
+        broad = np.array([signer.shoulders, 1.0, 1.0])
         rows += [
             (f"{side}Shoulder", "Spine2", COLLAR * broad * mirror),
             (f"{side}Arm", f"{side}Shoulder", SHOULDER * broad * mirror),
-            (f"{side}ForeArm", f"{side}Arm", np.array([UPPER_ARM * who.arms, 0.0, 0.0]) * mirror),
-            (f"{side}Hand", f"{side}ForeArm", np.array([FOREARM * who.arms, 0.0, 0.0]) * mirror),
+            (f"{side}ForeArm", f"{side}Arm", np.array([UPPER_ARM * signer.arms, 0.0, 0.0]) * mirror),
+            (f"{side}Hand", f"{side}ForeArm", np.array([FOREARM * signer.arms, 0.0, 0.0]) * mirror),
         ]
-        flip = np.array([-1.0, 1.0, 1.0]) * mirror * who.hands  # the hand's own numbers are a right hand's
+        flip = np.array([-1.0, 1.0, 1.0]) * mirror * signer.hands  # ``hand`` describes a right hand
         for finger in hand.FINGERS:
-            way = hand.THUMB_DIRECTION if finger == "Thumb" else np.array([-1.0, 0.0, 0.0])
-            first, second, last = (length * way * flip for length in hand.PHALANGES[finger])
+            direction = hand.THUMB_DIRECTION if finger == "Thumb" else np.array([-1.0, 0.0, 0.0])
+            first, second, last = (length * direction * flip for length in hand.PHALANGES[finger])
             rows += [
                 (f"{side}Hand{finger}1", f"{side}Hand", hand.KNUCKLES[finger] * flip),
                 (f"{side}Hand{finger}2", f"{side}Hand{finger}1", first),
@@ -164,10 +181,10 @@ def skeleton(who: Signer = STANDARD) -> Skeleton:
 
 
 def stature(bones: Skeleton) -> float:
-    """Stature (cm) of the signer whose ``skeleton`` it is: legs are shares of it, whatever else is the signer's own."""
+    """Stature (cm) of the signer whose ``skeleton`` this is, from the legs, which scale with the stature alone."""
     shin = list(JOINTS).index("LeftLeg")
     return STATURE_CM * float(np.linalg.norm(bones.offsets[shin]) / np.linalg.norm(skeleton().offsets[shin]))
 
 
 JOINTS: dict[str, int] = {name.removeprefix("mixamorig:"): n for n, name in enumerate(skeleton().names)}
-"""Index of every joint by its name."""
+"""Joint name, without Mixamo's prefix, -> its index."""

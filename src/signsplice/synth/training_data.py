@@ -1,8 +1,8 @@
-"""Signing without end: any number of signers with words of their own and sentences of them, for training.
+"""Synthetic signing to train networks on: any number of signers, each with its own words and sentences of them.
 
 Every signer is a part, one .npz file, made from its seed alone: isolated pseudo-signs with their events, and sentences
-of them with the truth of every seam. All of it is kept as numbers of the canonical humanoid (``motion.canonical``),
-which are what networks see; no sign that ships and neither signer of the corpus of pairs is among them.
+of them with the ground truth of every seam. Motion is stored on the canonical humanoid (``rig.canonical``), as networks
+see it. The parts contain none of this package's words and neither signer of a corpus of pairs.
 """
 
 from __future__ import annotations
@@ -23,23 +23,31 @@ from signsplice.synth import planner, pseudo, running, truth
 from signsplice.synth.planner import Events, IsolatedWord
 from signsplice.synth.pool import Pool
 from signsplice.synth.rng import stream
-from signsplice.synth.signer import HANGING, RESTS, Signer, signer
+from signsplice.synth.signer import HANGING, RESTS, Signer, draw_signer
 
 Array = NDArray[Any]
 Progress = Callable[[int, int], None]
 
 VERSION = 6
+"""Raised with every change of a part's content; part of its file name."""
 FIRST_SIGNER = 1000
-"""Seed of the first signer: those of any corpus of pairs lie below."""
+"""Seed of the first signer; the signers of any corpus of pairs have lower seeds."""
 _SHORTEST, _LONGEST = 3, 12
 _NO_MOVEMENT = (-1, -1)
 _NEAR = 3.0
-"""Spread, in frames, of the frames near a true cut for which a time is told too."""
+"""Standard deviation, frames, of the cut frames near the true ones for which a transition length is stored too."""
 
 
 @dataclass(frozen=True)
 class TrainingDataPlan:
-    """How much: signers, words each, seams each, and from which seed on."""
+    """How much training data to make.
+
+    n_signers: signers
+    n_words: words of each signer
+    n_seams: least number of seams in sentences of each signer
+    seed: of signers, words and sentences
+    fps: frame rate
+    """
 
     n_signers: int = 40
     n_words: int = 100
@@ -49,7 +57,7 @@ class TrainingDataPlan:
 
 
 def write(plan: TrainingDataPlan, folder: Path, progress: Progress | None = None, processes: int = 2) -> int:
-    """Make the parts that are not there yet; how many there are then.
+    """Make the parts that do not exist yet; return how many exist then.
 
     Raises ``InputError`` where a number is out of range or the folder cannot be written.
     """
@@ -69,7 +77,7 @@ def write(plan: TrainingDataPlan, folder: Path, progress: Progress | None = None
 
 
 def path_of(folder: Path, plan: TrainingDataPlan, number: int) -> Path:
-    """Where a signer's part lies."""
+    """The file of a signer's part."""
     return folder / f"signer-{plan.seed}-{number:04d}-{plan.n_words}x{plan.n_seams}-{plan.fps:g}fps-v{VERSION}.npz"
 
 
@@ -79,26 +87,29 @@ def _write_part(job: tuple[TrainingDataPlan, int, Path]) -> None:
 
 
 def save(path: Path, arrays: dict[str, Array]) -> None:
-    """Write a part, whole or not at all."""
+    """Write a part, completely or not at all."""
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez(file, allow_pickle=False, **arrays)
 
 
 def part(plan: TrainingDataPlan, number: int) -> dict[str, Array]:
-    """A signer's words and sentences.
+    """A signer's words and sentences as arrays.
 
-    ``canonical_bones`` (43, 3): each role's joint from the one above it, arm lengths, common pose. ``turns`` (F, 43, 4) int16
-    quaternions times 32767 and ``places`` (F, 12, 3) float32 of all frames, words first, then sentences. ``words`` (W,
-    2): first frame, frames. ``events`` (W, 8): up, start, end, down, begin and end of the first movement and of the
-    last (-1 where there is none). ``pairs`` (W, W, 3): the truth, pre, post and the transition's
-    frames (but for detours around the body), of every word after every other; ``asides`` (W, W, 3) two frames near
-    those, and how many it would be between them. ``sentences`` (S, 2): first frame, frames. ``seams`` (N, 3): sentence,
-    first transition frame in it, their number.
+    bones: (43, 3) offset of each canonical role's joint from its parent in the T-pose, arm lengths
+    turns: (F, 43, 4) int16, canonical quaternions times 32767 of all frames, words first, then sentences
+    places: (F, 12, 3) float32, canonical positions of all frames
+    words: (W, 2) first frame and number of frames
+    events: (W, 8) up, start, end, down, begin and end of the first movement and of the last one (-1 for none)
+    pairs: (W, W, 3) the ground truth of every word after every other: pre, post and the transition's frames, without
+        those added for detours around the body
+    asides: (W, W, 3) two cut frames near those, and how many frames the transition between them would have
+    sentences: (S, 2) first frame and number of frames
+    seams: (N, 3) sentence, first transition frame in it, number of transition frames
     """
     rng = stream("endless", plan.seed, number)
-    who = rested(signer(FIRST_SIGNER + 10_000 * plan.seed + number))
+    signer = with_rest(draw_signer(FIRST_SIGNER + 10_000 * plan.seed + number))
     seeds = rng.integers(2**40, size=plan.n_words).tolist()
-    words = [planner.isolated(pseudo.sign(int(k)), who, fps=plan.fps) for k in seeds]
+    words = [planner.isolated(pseudo.sign(int(k)), signer, fps=plan.fps) for k in seeds]
     frames = [packed(word.clip) for word in words]
     lengths = [len(word) for word in words]
     sentences: list[tuple[int, int]] = []
@@ -106,59 +117,59 @@ def part(plan: TrainingDataPlan, number: int) -> dict[str, Array]:
     at = sum(lengths)
     while len(seams) < plan.n_seams:
         chosen = rng.choice(plan.n_words, min(int(rng.integers(_SHORTEST, _LONGEST + 1)), plan.n_words), replace=False)
-        said = running.utter([words[k] for k in chosen], changes=bool(rng.random() < 0.5))
-        frames.append(packed(said.clip))
-        seams += [(len(sentences), s.start, s.stop - s.start) for s in said.stretches if s.word is None]
-        sentences.append((at, len(said.clip)))
-        at += len(said.clip)
+        sentence = running.utter([words[k] for k in chosen], changes=bool(rng.random() < 0.5))
+        frames.append(packed(sentence.clip))
+        seams += [(len(sentences), s.start, s.stop - s.start) for s in sentence.stretches if s.word is None]
+        sentences.append((at, len(sentence.clip)))
+        at += len(sentence.clip)
     starts = np.cumsum([0, *lengths[:-1]])
-    cuts = np.array([[_cut(p, q) for q in words] for p in words])
-    turns, places = (np.concatenate([f[k] for f in frames]) for k in range(2))
+    cuts = np.array([[_true_cut(p, q) for q in words] for p in words])
+    quats, positions = (np.concatenate([f[k] for f in frames]) for k in range(2))
     return {
         "bones": canonical_bones(words[0].clip.skeleton),
-        "turns": turns,
-        "places": places,
+        "turns": quats,
+        "places": positions,
         "words": np.stack([starts, lengths], axis=1),
         "events": np.array([event_frames(word.events) for word in words]),
         "pairs": cuts,
-        "asides": _asides(words, cuts, rng),
+        "asides": _cuts_near(words, cuts, rng),
         "sentences": np.array(sentences).reshape(-1, 2),
         "seams": np.array(seams).reshape(-1, 3),
     }
 
 
-def _asides(words: list[IsolatedWord], cuts: Array, rng: np.random.Generator) -> Array:
-    """Other frames (W, W, 3) to leave and enter every pair of words at, and how many frames the truth has between."""
-    out = cuts.copy()
-    out[..., :2] += np.round(rng.normal(0.0, _NEAR, out[..., :2].shape)).astype(int)
+def _true_cut(p: IsolatedWord, q: IsolatedWord) -> tuple[int, int, int]:
+    relation = truth.relate(p, q)
+    pre, post = truth.leave(p, relation), truth.enter(q, relation)
+    return pre, post, truth.transition_frames(p.states[pre], q.states[post], p)
+
+
+def _cuts_near(words: list[IsolatedWord], cuts: Array, rng: np.random.Generator) -> Array:
+    """Other cut frames (W, W, 3) for every pair of words, near the true ones, and the transition's frames for them."""
+    near = cuts.copy()
+    near[..., :2] += np.round(rng.normal(0.0, _NEAR, near[..., :2].shape)).astype(int)
     for i, p in enumerate(words):
         for j, q in enumerate(words):
-            pre, post = min(max(out[i, j, 0], 0), len(p) - 1), min(max(out[i, j, 1], 0), len(q) - 1)
-            out[i, j] = pre, post, truth.transition_frames(p.states[pre], q.states[post], p)
-    return out
+            pre, post = min(max(near[i, j, 0], 0), len(p) - 1), min(max(near[i, j, 1], 0), len(q) - 1)
+            near[i, j] = pre, post, truth.transition_frames(p.states[pre], q.states[post], p)
+    return near
 
 
-def rested(who: Signer) -> Signer:
-    """A signer who rests in one of ``RESTS``, half of them with arms that do not hang: lexicons show both."""
-    rng = stream("rests", who.name)
-    return replace(who, rest=str(rng.choice(RESTS[1:])) if rng.random() < 0.5 else HANGING)
+def with_rest(signer: Signer) -> Signer:
+    """A signer with a rest pose drawn from ``RESTS``; half of them do not let their arms hang, as in real lexicons."""
+    rng = stream("rests", signer.name)
+    return replace(signer, rest=str(rng.choice(RESTS[1:])) if rng.random() < 0.5 else HANGING)
 
 
 def packed(clip: Clip) -> tuple[Array, Array]:
-    """A clip's ``turns`` and ``places`` as a part keeps them."""
-    seen = canonical_motion(clip)
-    turns = np.round(seen.quats * 32767.0).astype(np.int16)
-    return turns, seen.positions.astype(np.float32)
+    """A clip's canonical quaternions (T, 43, 4) int16 and positions (T, 12, 3) float32, as a part stores them."""
+    motion = canonical_motion(clip)
+    quats = np.round(motion.quats * 32767.0).astype(np.int16)
+    return quats, motion.positions.astype(np.float32)
 
 
-def event_frames(e: Events) -> tuple[int, ...]:
-    """A word's events as a part keeps them (8,)."""
-    first = e.first or _NO_MOVEMENT
-    last = e.passes[-1] if e.passes else _NO_MOVEMENT
-    return (e.up, e.start, e.end, e.down, *first, *last)
-
-
-def _cut(p: IsolatedWord, q: IsolatedWord) -> tuple[int, int, int]:
-    seen = truth.relation(p, q)
-    pre, post = truth.leave(p, seen), truth.enter(q, seen)
-    return pre, post, truth.transition_frames(p.states[pre], q.states[post], p)
+def event_frames(events: Events) -> tuple[int, ...]:
+    """A word's events (8,) as a part stores them."""
+    first = events.first or _NO_MOVEMENT
+    last = events.passes[-1] if events.passes else _NO_MOVEMENT
+    return (events.up, events.start, events.end, events.down, *first, *last)
