@@ -74,9 +74,9 @@ def test_a_part_holds_the_pairs_of_its_split_and_no_others(pairs: Pairs, taught:
 def test_what_is_no_split_to_learn_from_is_refused(pairs: Pairs, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no split first train, expected one of random"):
         corpus_training_data.write(pairs, "first", tmp_path)
-    with pytest.raises(InputError, match="12 frames a second, expected 30 to learn from"):
+    with pytest.raises(InputError, match="12 frames a second, expected 30, the networks' rate"):
         corpus_training_data.write(slow_corpus(), "random", tmp_path)
-    with pytest.raises(InputError, match="split unseen-words has fewer than two words to valid"):
+    with pytest.raises(InputError, match="valid part of split unseen-words has fewer than two words"):
         corpus_training_data.write(pairs, "unseen-words", tmp_path)
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file: cannot be made"):
