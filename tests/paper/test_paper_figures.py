@@ -70,9 +70,7 @@ def test_pictures_show_the_kept_systems_and_bones() -> None:
     assert pictures.draw_pairs(pyplot, [replace(pair, made={})], "cpu") is None
     assert pictures.draw_pairs(pyplot, [], "cpu") is None
     frame = corpus().word(0)[20:21].astype(np.float64)
-    assert sum(len(bones) for bones, _, _ in pictures._bones(frame, None)) == 43 + 24, (
-        "no legs; the head is a ring of 24"
-    )
+    assert sum(len(bones) for bones, _, _ in pictures._bones(frame, None)) == 43 + 24, "no legs; the head is a ring"
     assert sum(len(bones) for bones, _, _ in pictures._bones(frame, "Right")) == 16
     for count in (2, 5, 10, 40):
         shown = pictures._shown(count, 10)
@@ -146,9 +144,8 @@ def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monk
     def opener(folder: Path, decoding: str) -> Fake:
         return Fake(pairs, off=0.001 if folder.name == "lpt" else 0.01)
 
-    methods = [
-        ClipMethod(*name.split("+"), given) for name, given in (*kept_frames.SHOWN_METHODS, ("ends+slerp", "length"))
-    ]
+    chosen = (*kept_frames.SHOWN_METHODS, ("ends+slerp", "length"))
+    methods = [ClipMethod(*name.split("+"), given) for name, given in chosen]
     monkeypatch.setattr(clip_methods, "all_clip_methods", lambda: methods)
     monkeypatch.setattr(judging, "Judge", partial(judging.Judge, opener=opener))
     call = ("evaluate", "--scale", "smoke", "--pairs", str(pairs.folder), "--bundles", str(bundles), "--out", str(out))
@@ -158,4 +155,5 @@ def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monk
     assert {"table1.md", "table1.tex", "classical.md", "figure6.png", "figure4c.svg"} <= {p.name for p in out.iterdir()}
     assert "| LSTM | AdamW, 20 steps |" in (out / "table1.md").read_text()
     assert len(json.loads((out / "results.json").read_text())["curves"]) == 2
+    monkeypatch.setattr(figures, "write", lambda *_: ([], []))
     assert "0 rows judged, 15 in all" in run(*call)[1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -152,8 +153,9 @@ def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path) -> No
     pairs = corpus()
     folder = write_bundle(tmp_path / "lpt", pairs)
     write_bundle(tmp_path / "other", pairs, scale="cpu")
-    assert bundles.of_scale(tmp_path, "smoke") == [folder]
-    assert bundles.of_scale(tmp_path / "nowhere", "smoke") == []
+    config, _ = bundles.read_all(tmp_path)
+    assert config.path.parent == folder
+    assert bundles.read_all(tmp_path / "nowhere") == []
     opened: list[tuple[Path, str]] = []
 
     def opener(path: Path, decoding: str) -> Fake:
@@ -162,7 +164,7 @@ def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path) -> No
 
     cutter, transition = kept_frames.HERMITE[0].split("+")
     method = ClipMethod(cutter, transition, kept_frames.HERMITE[1])
-    made = list(judge(pairs, opener).judgements([method], [folder], []))
+    made = list(judge(pairs, opener).judgements([method], [config], []))
     rows = [row for judgement in made for row in judgement.rows]
     assert [(row.system, row.split) for row in rows] == [
         *((method.name, split) for split in protocol.SPLITS),
@@ -171,7 +173,7 @@ def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path) -> No
         ("lpt-one-pass", "random"),
         ("lpt-one-pass", "unseen-signer"),
     ]
-    assert rows[-1].bundle == bundles.short_hash(folder)
+    assert rows[-1].bundle == bundles.short_hash(config)
     assert rows[-1].fr == 8
     assert rows[-1].score("accuracy") == pytest.approx(0.999)
     (curve,) = made[-1].curves
@@ -180,23 +182,24 @@ def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path) -> No
         assert {name.split("/")[2] for name in pair.made} == {method.name, "lpt"}
         assert np.allclose(pair.made[kept_frames.label("lpt", "smoke", "adamw")], pair.truth + 0.001, atol=1e-6)
     known = Results().merged(rows)
-    repeated = list(judge(pairs, opener, known).judgements([method], [folder], made[-1].kept))
+    repeated = list(judge(pairs, opener, known).judgements([method], [config], made[-1].kept))
     assert [judgement.rows for judgement in repeated] == [(), ()], "known rows are not judged again"
     assert opened == [(folder, "one-by-one"), (folder, "parallel")]
-    forced = list(replace(judge(pairs, opener, known), again=True).judgements([], [folder], made[-1].kept))
+    forced = list(replace(judge(pairs, opener, known), again=True).judgements([], [config], made[-1].kept))
     assert len(forced[0].rows) == 4
 
 
 def test_a_bundle_of_another_corpus_stops_the_judging(tmp_path: Path) -> None:
-    folder = write_bundle(tmp_path / "lpt", corpus(), corpus="other")
+    write_bundle(tmp_path / "lpt", corpus(), corpus="other")
     with pytest.raises(InputError, match="lpt: trained on corpus other"):
-        list(judge(corpus()).judgements([], [folder], []))
+        list(judge(corpus()).judgements([], bundles.read_all(tmp_path), []))
+    shutil.rmtree(tmp_path / "lpt")
     folder = write_bundle(tmp_path / "bare", corpus(), seed=1)
     contents = json.loads((folder / "bundle.json").read_text())
     del contents["optimiser"]
     (folder / "bundle.json").write_text(json.dumps(contents))
     with pytest.raises(InputError, match=r"bundle.json: has no 'optimiser'"):
-        list(judge(corpus()).judgements([], [folder], []))
+        list(judge(corpus()).judgements([], bundles.read_all(tmp_path), []))
     (folder / "bundle.json").write_text("{")
     with pytest.raises(InputError, match="is no JSON"):
-        bundles.of_scale(tmp_path, "smoke")
+        bundles.read_all(tmp_path)

@@ -16,7 +16,7 @@ from signsplice.paper.kept_frames import KeptFrames
 from signsplice.paper.protocol import Answer, Protocol
 from signsplice.paper.results import CLASSICAL, CORPUS_TRAINED, SHIPPED, Curve, ResultRow, Results
 from signsplice.paper.systems import open_bundle
-from signsplice.splicing.bundle import read_config
+from signsplice.splicing.bundle import BundleConfig
 from signsplice.splicing.learned import SYSTEM
 from signsplice.synth.corpus import Pairs
 
@@ -68,17 +68,17 @@ class Judge:
         return [protocol.choose(self.pairs, split, limit=self.limit) for split in splits]
 
     def judgements(
-        self, methods: Iterable[ClipMethod], folders: Sequence[Path], kept: Sequence[KeptFrames]
+        self, methods: Iterable[ClipMethod], configs: Iterable[BundleConfig], kept: Sequence[KeptFrames]
     ) -> Iterator[Judgement]:
-        """Judge methods on clips, then bundles; one judgement each. ``kept``: frames kept earlier."""
+        """Judge methods on clips, then bundles; one judgement each. ``kept``: frames of earlier calls."""
         protocols = self.protocols()
         frames = kept_frames.merge(kept, kept_frames.choose(self.pairs, protocols[0]))
         for method in methods:
             judgement = self.judge_method(method, protocols, frames)
             frames = list(judgement.kept)
             yield judgement
-        for folder in folders:
-            judgement = self.judge_bundle(folder, protocols, frames)
+        for config in configs:
+            judgement = self.judge_bundle(config, protocols, frames)
             frames = list(judgement.kept)
             yield judgement
 
@@ -95,23 +95,23 @@ class Judge:
         rows, kept = self._rows(row, label, answer, allowed, kept, answer.prepare)
         return Judgement(tuple(rows), (), tuple(kept))
 
-    def judge_bundle(self, folder: Path, protocols: Sequence[Protocol], kept: list[KeptFrames]) -> Judgement:
+    def judge_bundle(self, config: BundleConfig, protocols: Sequence[Protocol], kept: list[KeptFrames]) -> Judgement:
         """Judge a bundle, and where its network can, a second time with all frames made in one pass.
 
         Raises ``InputError`` if no protocol allows it.
         """
-        config = read_config(folder)
+        folder = config.path.parent
         allowed = [p for p in protocols if protocol.may_judge(config.stored, self.pairs, p)]
         if not allowed:
             protocol.check_allowed(config.stored, self.pairs, protocols[0], folder.name)
-        row = bundles.result_row(config, folder)
+        row = bundles.result_row(config)
         best_fr = row.fr in (None, published.BEST_FR)
         label = kept_frames.label(row.system, row.scale, row.optimiser) if best_fr else ""
         rows, kept = self._rows(row, label, _LazySystem(self, folder, "one-by-one"), allowed, kept)
         if best_fr and row.system in published.IN_ONE_PASS:
             one_pass = replace(row, system=published.IN_ONE_PASS[row.system])
             rows += self._rows(one_pass, "", _LazySystem(self, folder, "parallel"), allowed, kept)[0]
-        curve = bundles.training_curve(folder, config, row)
+        curve = bundles.training_curve(config, row)
         return Judgement(tuple(rows), () if curve is None else (curve,), tuple(kept))
 
     def _rows(
@@ -162,16 +162,16 @@ class _LazySystem:
         return self._answer(number)
 
 
-def corpus_trained_methods(folder: Path, warn: Warn) -> list[ClipMethod]:
-    """Methods of this project's networks that were trained on a corpus of pairs, from the bundles in a folder.
+def corpus_trained_methods(configs: Iterable[BundleConfig], warn: Warn) -> list[ClipMethod]:
+    """Methods of this project's networks that were trained on a corpus of pairs.
 
     A bundle that cannot be judged, or a second one of the same split, is skipped with a warning.
     """
     by_source: dict[tuple[str, ...], list[ClipMethod]] = {}
-    for bundle in bundles.all_bundles(folder):
-        config = read_config(bundle)
+    for config in configs:
         if config.system != SYSTEM or not any(network.trained_on for network in config.networks.values()):
             continue
+        bundle = config.path.parent
         try:
             methods = clip_methods.product_methods(bundle)
             source = tuple((methods[0].trained_on or {}).values())
@@ -191,10 +191,11 @@ def evaluate(
     results.json and frames.npz in ``out`` are written after every method and bundle, so that an interrupted call loses
     at most one. ``judge.known`` are the results before. ``systems``: judge only their bundles, if any are named.
     """
-    chosen = [b for b in bundles.of_scale(folder, scale) if not systems or read_config(b).system in systems]
+    configs = bundles.read_all(folder)
+    chosen = [config for config in configs if config.scale == scale and (not systems or config.system in systems)]
     if not chosen:
         warn(f"{folder}: no bundle of scale {scale} there; only methods on clips are judged")
-    methods = [*clip_methods.all_clip_methods(), *corpus_trained_methods(folder, warn)]
+    methods = [*clip_methods.all_clip_methods(), *corpus_trained_methods(configs, warn)]
     known, n_rows = judge.known, 0
     for judgement in judge.judgements(methods, chosen, kept_frames.load(out / kept_frames.FILE)):
         n_rows += len(judgement.rows)

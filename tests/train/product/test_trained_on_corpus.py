@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,11 +18,12 @@ from click.testing import CliRunner
 from signsplice.cli import app
 from signsplice.errors import InputError
 from signsplice.motion import rotation
-from signsplice.paper import judging
-from signsplice.paper.results import TAUGHT, Results
+from signsplice.paper.bundles import read_all
+from signsplice.paper.judging import Judge, corpus_trained_methods
+from signsplice.paper.results import CORPUS_TRAINED, Results
 from signsplice.rig.canonical import canonical_motion
 from signsplice.splicing import features
-from signsplice.splicing.bundle import read_facts
+from signsplice.splicing.bundle import read_config
 from signsplice.splicing.methods import WEIGHTS
 from signsplice.synth import corpus_training_data, notation, training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
@@ -133,19 +134,16 @@ def test_networks_that_were_taught_are_judged_where_nothing_of_it_was_seen(
     bundle = tmp_path / "bundles" / "own"
     for network in ("cutter", "transition"):
         training.make(training.ProductTraining(network, "smoke", steps=1), [taught], bundle, ALONE)
-        told = read_facts(bundle)["networks"][network]["taught"]
-        assert told == {"corpus": pairs.head["hash"], "split": "random"}
-    said: list[str] = []
-    methods = judging.corpus_trained_methods(bundle.parent, said.append)
+        assert read_config(bundle).networks[network].trained_on == {"corpus": pairs.head["hash"], "split": "random"}
+    warnings: list[str] = []
+    methods = corpus_trained_methods(read_all(bundle.parent), warnings.append)
     assert (methods[0].name, methods[0].given) == ("learned-fluent+learned", "nothing")
-    assert judging.corpus_trained_methods(tmp_path / "nowhere", said.append) == []
-    assert said == []
-
-    def quiet(_: str) -> AbstractContextManager[None]:
-        return nullcontext()
-
-    (made,) = judging.everything(pairs, [], Results(), [], quiet, methods=methods[:1])
-    assert [(row.split, row.scale) for row in made.rows] == [("random", TAUGHT), ("unseen-signer", TAUGHT)]
+    assert warnings == []
+    (made,) = Judge(pairs, Results(), lambda _: nullcontext()).judgements(methods[:1], [], [])
+    assert [(row.split, row.scale) for row in made.rows] == [
+        ("random", CORPUS_TRAINED),
+        ("unseen-signer", CORPUS_TRAINED),
+    ]
     assert made.rows[0].score("pta") == 1.0
 
 
@@ -161,12 +159,12 @@ def test_bundles_that_cannot_be_judged_are_passed_over(pairs: Pairs, taught: Pat
     training.make(training.ProductTraining("cutter", "smoke", steps=1), [taught], bundles / "half", ALONE)
     (bundles / "bare").mkdir()
     (bundles / "bare" / "bundle.json").write_text('{"system": "signsplice"}')
-    said: list[str] = []
-    methods = judging.corpus_trained_methods(bundles, said.append)
+    warnings: list[str] = []
+    methods = corpus_trained_methods(read_all(bundles), warnings.append)
     assert {Path(str(method.bundle)).name for method in methods} == {"own"}
-    assert [line.split(": ")[1].rsplit("/", 1)[1] for line in said] == ["half", "old", "twice"]
-    assert "taught" in said[2]
-    assert "move one away" in said[2]
+    assert [line.split(": ")[1].rsplit("/", 1)[1] for line in warnings] == ["half", "old", "twice"]
+    assert "trained on" in warnings[2]
+    assert "move one away" in warnings[2]
 
 
 def test_what_was_taught_is_told_of_those_that_go_on(taught: Path, tmp_path: Path) -> None:
@@ -177,7 +175,7 @@ def test_what_was_taught_is_told_of_those_that_go_on(taught: Path, tmp_path: Pat
     training.make(
         training.ProductTraining("cutter", "smoke", steps=1), [other], tmp_path / "second", ALONE, earlier=[earlier]
     )
-    assert read_facts(tmp_path / "second")["networks"]["cutter"]["taught"]["split"] == "random"
+    assert (read_config(tmp_path / "second").networks["cutter"].trained_on or {})["split"] == "random"
     for scale in ("more", "corpus"):
         with pytest.raises(InputError, match=f"scale {scale} goes on from an earlier training"):
             training.make(training.ProductTraining("cutter", scale, steps=1), [other], tmp_path / "third", ALONE)
