@@ -1,4 +1,4 @@
-"""Folders of the procedural signer: every word as BVH with its table, sentences whose truth rebuilds them."""
+"""Folders of the synthetic signer: words as BVH with a table, sentences with the ground truth that rebuilds them."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from signsplice.synth.corpus import Recipe
 from signsplice.synth.signer import STANDARD, Signer, draw_signer
 
 BVH_CM = 0.01
-"""What BVH's decimals leave of a place."""
+"""Error of positions by BVH's rounding, cm."""
 SIGNS = tuple(sign(gloss) for gloss in ("I", "MOTHER", "BOOK", "YOU", "fs-A"))
 RECIPE = Recipe(SIGNS, seed=0)
 
 
-def places(clip: Clip) -> Any:
+def positions_of(clip: Clip) -> Any:
     return kinematics.forward(clip)[1]
 
 
@@ -40,7 +40,7 @@ def lexicon(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_lexicon_is_every_word_and_a_table(lexicon: Path) -> None:
+def test_a_lexicon_has_a_file_for_every_word_and_a_table(lexicon: Path) -> None:
     assert {path.name for path in lexicon.iterdir()} == {f"{s.gloss}.bvh" for s in SIGNS} | {"glosses.csv"}
     rows = list(csv.DictReader((lexicon / "glosses.csv").read_text(encoding="utf-8").splitlines()))
     assert [row["gloss"] for row in rows] == [s.gloss for s in SIGNS]
@@ -54,25 +54,25 @@ def test_a_lexicon_is_every_word_and_a_table(lexicon: Path) -> None:
 
 
 @pytest.mark.parametrize("gloss", ["I", "BOOK", "fs-A"])
-def test_its_files_are_the_planned_words(gloss: str, lexicon: Path) -> None:
+def test_the_files_hold_the_planned_words(gloss: str, lexicon: Path) -> None:
     clip = load(lexicon / f"{gloss}.bvh")
     assert len(clip) == len(word(gloss))
     assert clip.fps == pytest.approx(30.0, abs=1e-3)
     assert clip.skeleton.names == word(gloss).clip.skeleton.names
-    assert np.abs(places(clip) - places(word(gloss).clip)).max() < BVH_CM
+    assert np.abs(positions_of(clip) - positions_of(word(gloss).clip)).max() < BVH_CM
 
 
-def test_progress_is_told_and_signers_are_named(tmp_path: Path) -> None:
-    told: list[tuple[int, int]] = []
+def test_progress_is_reported_and_the_table_names_the_signer(tmp_path: Path) -> None:
+    reported: list[tuple[int, int]] = []
     folders.write_lexicon(
-        SIGNS[:2], draw_signer(3), tmp_path / "l", fps=24.0, progress=lambda done, of: told.append((done, of))
+        SIGNS[:2], draw_signer(3), tmp_path / "l", fps=24.0, progress=lambda done, of: reported.append((done, of))
     )
-    assert told == [(1, 2), (2, 2)]
+    assert reported == [(1, 2), (2, 2)]
     assert "signer-3" in (tmp_path / "l" / "glosses.csv").read_text()
     assert load(tmp_path / "l" / "I.bvh").fps == pytest.approx(24.0, abs=1e-3)
 
 
-def test_glosses_become_names_that_file_systems_take() -> None:
+def test_glosses_become_names_that_file_systems_allow() -> None:
     assert folders.file_name("THANK-YOU") == "THANK-YOU"
     assert folders.file_name("a/b:c*?\x01") == "a_b_c___"
     assert folders.file_name("日本") == "日本"
@@ -87,7 +87,7 @@ def test_two_glosses_of_one_file_name_are_refused(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_nothing_is_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_call_leaves_no_part_of_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     old = tmp_path / "l"
     folders.write_lexicon(SIGNS[:1], STANDARD, old)
     before = {path.name: path.read_bytes() for path in old.iterdir()}
@@ -110,7 +110,7 @@ def test_nothing_is_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert {path.name: path.read_bytes() for path in old.iterdir()} == before
 
 
-def test_a_folder_of_something_else_stays(tmp_path: Path) -> None:
+def test_a_folder_of_something_else_stays_as_it_is(tmp_path: Path) -> None:
     mine = tmp_path / "mine"
     mine.mkdir()
     (mine / "notes.txt").write_text("mine")
@@ -136,17 +136,17 @@ def truth_of(folder: Path) -> dict[str, Any]:
 
 
 def rebuild(sentence: dict[str, Any], folder: Path) -> None:
-    """Check that spans tile the file, that unchanged words are their own frames, and that seams say the same."""
-    said = load(folder / sentence["file"])
-    assert len(said) == sentence["frames"]
+    """Check that spans cover the file, that unchanged words are their own frames, and that seams agree with spans."""
+    signed = load(folder / sentence["file"])
+    assert len(signed) == sentence["frames"]
     spans = sentence["spans"]
     assert [span["output"][0] for span in spans] == [0, *(span["output"][1] for span in spans[:-1])]
-    assert spans[-1]["output"][1] == len(said)
+    assert spans[-1]["output"][1] == len(signed)
     assert [span["name"] for span in spans if span["kind"] == "sign"] == sentence["glosses"]
-    here = places(said)
+    positions = positions_of(signed)
     for span in spans[::2]:
-        own = places(load(folder / "words" / f"{folders.file_name(span['name'])}.bvh"))
-        part, source = here[slice(*span["output"])], own[slice(*span["source"])]
+        isolated = positions_of(load(folder / "words" / f"{folders.file_name(span['name'])}.bvh"))
+        part, source = positions[slice(*span["output"])], isolated[slice(*span["source"])]
         assert part.shape == source.shape
         if not span["changed"]:
             assert np.abs(part - source).max() < BVH_CM
@@ -160,18 +160,18 @@ def rebuild(sentence: dict[str, Any], folder: Path) -> None:
         assert (between["kind"], between["name"], between["source"]) == ("transition", None, None)
 
 
-def test_the_truth_rebuilds_every_sentence(sentences: Path) -> None:
-    told = truth_of(sentences)
-    assert [s["file"] for s in told["sentences"]] == [f"sentence-{n:04d}.bvh" for n in range(4)]
-    for sentence in told["sentences"]:
+def test_the_ground_truth_rebuilds_every_sentence(sentences: Path) -> None:
+    truth = truth_of(sentences)
+    assert [s["file"] for s in truth["sentences"]] == [f"sentence-{n:04d}.bvh" for n in range(4)]
+    for sentence in truth["sentences"]:
         assert 3 <= len(sentence["glosses"]) <= 12
         assert all(a != b for a, b in zip(sentence["glosses"][:-1], sentence["glosses"][1:], strict=True))
         rebuild(sentence, sentences)
-    used = {gloss for sentence in told["sentences"] for gloss in sentence["glosses"]}
+    used = {gloss for sentence in truth["sentences"] for gloss in sentence["glosses"]}
     assert {path.stem for path in (sentences / "words").iterdir()} == used
-    assert any(span["changed"] for s in told["sentences"] for span in s["spans"])
-    assert Signer(**told["signer"]) == STANDARD
-    assert (told["hash"], told["seed"], told["fps"]) == (RECIPE.hash, 0, 30.0)
+    assert any(span["changed"] for s in truth["sentences"] for span in s["spans"])
+    assert Signer(**truth["signer"]) == STANDARD
+    assert (truth["hash"], truth["seed"], truth["fps"]) == (RECIPE.hash, 0, 30.0)
 
 
 def test_exact_sentences_change_no_word(tmp_path: Path) -> None:
@@ -189,9 +189,9 @@ def test_sentences_are_drawn_by_seed(tmp_path: Path, sentences: Path) -> None:
     assert truth_of(tmp_path / "other")["sentences"][0]["glosses"] != truth_of(sentences)["sentences"][0]["glosses"]
 
 
-def test_describing_edits_nothing_and_counts_frames() -> None:
-    said = running.utter([word("BOOK"), word("YOU"), word("BOOK")])
-    told = folders.describe(said, "x.bvh")
-    assert told["frames"] == len(said.clip)
-    assert told["spans"][2]["changed"] == ["weak", "fingers"]
-    assert [seam["n_transition"] for seam in told["seams"]] == [len(seam.states) for seam in said.seams]
+def test_a_description_names_changes_and_counts_frames() -> None:
+    sentence = running.utter([word("BOOK"), word("YOU"), word("BOOK")])
+    described = folders.describe(sentence, "x.bvh")
+    assert described["frames"] == len(sentence.clip)
+    assert described["spans"][2]["changed"] == ["weak", "fingers"]
+    assert [seam["n_transition"] for seam in described["seams"]] == [len(seam.states) for seam in sentence.seams]
