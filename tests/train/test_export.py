@@ -1,4 +1,4 @@
-"""Bundles: torch and onnxruntime say the same, whole systems run without torch, and the command goes the whole way."""
+"""Bundles of the paper's systems: torch and onnxruntime agree, systems run without torch, and the command trains them."""
 
 from __future__ import annotations
 
@@ -22,10 +22,7 @@ from signsplice.paper import speed  # noqa: E402
 from signsplice.paper.systems import DECODINGS, PaperSystem, TwoNetworkSystem, open_bundle  # noqa: E402
 from signsplice.splicing.bundle import write_bundle  # noqa: E402
 from signsplice.train import export  # noqa: E402
-from signsplice.train.paper import (
-    scales,
-    training,
-)
+from signsplice.train.paper import graphs, scales, training  # noqa: E402
 from signsplice.train.paper.networks.filling import Filler  # noqa: E402
 from signsplice.train.paper.networks.generator import Generator, generate  # noqa: E402
 from signsplice.train.paper.pairs_data import Batch  # noqa: E402
@@ -38,8 +35,8 @@ SYSTEMS = {name: parts for name, parts in scales.SYSTEMS.items() if name not in 
 
 
 @pytest.fixture(scope="module", autouse=True)
-def operators_read_once() -> Iterator[None]:
-    """Every export parses the source of 500 operators anew, two seconds each time; here once is enough."""
+def cached_operators() -> Iterator[None]:
+    """Parse the source of the exporter's 500 operators once, not in every export, which takes two seconds."""
     with pytest.MonkeyPatch.context() as patch:
         apis = pytest.importorskip("onnxscript._framework_apis.torch_2_5")
         patch.setattr(apis, "get_torchlib_ops", cache(apis.get_torchlib_ops))
@@ -47,14 +44,14 @@ def operators_read_once() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def graphs() -> dict[str, dict[str, bytes]]:
-    """Graphs of every part, exported once; exporting compares torch with onnxruntime."""
+def exports() -> dict[str, dict[str, bytes]]:
+    """ONNX graphs by part, exported once; exporting compares torch with onnxruntime."""
     return {}
 
 
 @pytest.fixture
 def bundle(
-    request: pytest.FixtureRequest, tmp_path: Path, graphs: dict[str, dict[str, bytes]]
+    request: pytest.FixtureRequest, tmp_path: Path, exports: dict[str, dict[str, bytes]]
 ) -> tuple[PaperSystem, list[Task]]:
     """A system of untrained toys as a bundle, and its tasks."""
     system: str = request.param
@@ -62,19 +59,19 @@ def bundle(
     files: dict[str, bytes] = {}
     for name in SYSTEMS[system]:
         made = toy(name)
-        _liven(made)
-        if name not in graphs:
-            graphs[name] = export.paper_graphs(made.network, CONFIGS[name][1])
-        files |= graphs[name]
+        _randomise_heads(made)
+        if name not in exports:
+            exports[name] = graphs.paper_graphs(made.network, CONFIGS[name][1])
+        files |= exports[name]
         tasks.append(made.eval())
         chosen.append(SystemPart(name, CONFIGS[name][0], CONFIGS[name][1], 10, 8, 1e-2))
-    told = training.Training(system, "smoke")
-    write_bundle(tmp_path, training.facts(told, corpus(), tuple(chosen), tasks, [tmp_path] * len(chosen)), files)
+    config = training.Training(system, "smoke")
+    write_bundle(tmp_path, training.facts(config, corpus(), tuple(chosen), tasks, [tmp_path] * len(chosen)), files)
     return open_bundle(tmp_path), tasks
 
 
-def _liven(made: Task) -> None:
-    """Weights that make untrained networks emit tokens and frames that differ."""
+def _randomise_heads(made: Task) -> None:
+    """Set the weights of the heads, so that an untrained network emits tokens and different frames."""
     for name, parameter in made.named_parameters():
         if name.endswith(("token.bias", "out.bias")) and parameter.shape == (3,):
             torch.nn.init.zeros_(parameter)
@@ -102,14 +99,15 @@ def torch_positions(made: Task, batch: Batch) -> tuple[int | None, int | None]:
             assert isinstance(network, Generator)
             logits = network.encode(batch.x, batch.mask, batch.n_before).tokens
     at, emitted = positions(logits, batch.mask)
-    pre, post = (int(k) if there else None for k, there in zip(at[0], emitted[0], strict=True))
+    pre, post = (int(k) if found else None for k, found in zip(at[0], emitted[0], strict=True))
     return pre, None if post is None else post - int(batch.n_before)
 
 
 @pytest.mark.parametrize("bundle", SYSTEMS, indirect=True)
-def test_a_bundle_says_what_torch_says(bundle: tuple[PaperSystem, list[Task]]) -> None:
+def test_a_bundle_predicts_what_torch_predicts(bundle: tuple[PaperSystem, list[Task]]) -> None:
     system, tasks = bundle
     pairs = corpus()
+    concurrent = system.config.runs is not None and system.config.runs.concurrent
     for row in range(3):
         batch = data().batch([row])
         p, q = pairs.index[int(batch.numbers[0]), :2].tolist()
@@ -117,7 +115,7 @@ def test_a_bundle_says_what_torch_says(bundle: tuple[PaperSystem, list[Task]]) -
         found = system.predict(before, after)
         pre, post = torch_positions(tasks[0], batch)
         assert (found.pre, found.post) == (pre, post)
-        for decoding in DECODINGS if system.facts["runs"]["concurrent"] else DECODINGS[:2]:
+        for decoding in DECODINGS if concurrent else DECODINGS[:2]:
             now = open_bundle(system.graphs.folder, decoding)
             seen = batch
             if isinstance(now, TwoNetworkSystem):
@@ -129,32 +127,28 @@ def test_a_bundle_says_what_torch_says(bundle: tuple[PaperSystem, list[Task]]) -
             expected = torch_frames(tasks[-1], seen, decoding == "parallel")
             assert frames.shape == expected.shape
             np.testing.assert_allclose(frames, expected, atol=1e-4)
-    assert system.facts["n_parameters"] == sum(p.numel() for t in tasks for p in t.network.parameters())
+    assert system.n_parameters == sum(p.numel() for t in tasks for p in t.network.parameters())
 
 
-def test_a_graph_tells_nothing_of_where_it_was_made(graphs: dict[str, dict[str, bytes]]) -> None:
-    made = (
-        export.paper_graphs(toy("spsn").network, None)["spsn.onnx"]
-        if "spsn" not in graphs
-        else graphs["spsn"]["spsn.onnx"]
-    )
-    for told in (str(Path(export.__file__).parents[2]), "site-packages", "stack_trace", "/train/networks/"):
-        assert told.encode() not in made, told
+def test_a_graph_holds_no_paths_of_this_machine(exports: dict[str, dict[str, bytes]]) -> None:
+    found = exports.get("spsn") or graphs.paper_graphs(toy("spsn").network, None)
+    for text in (str(Path(export.__file__).parents[2]), "site-packages", "stack_trace", "/train/paper/networks/"):
+        assert text.encode() not in found["spsn.onnx"], text
 
 
 def test_a_graph_that_differs_is_refused() -> None:
     network = toy("spsn").network.eval()
-    graph = export._spsn_graph(network)  # type: ignore[arg-type]
+    graph = graphs.spsn_graph(network)  # type: ignore[arg-type]
     content = export.exported("spsn", graph)
     with torch.no_grad():
         next(iter(network.parameters())).add_(0.5)
     with pytest.raises(SignspliceError, match="onnxruntime and torch differ in tokens"):
         export.compare("spsn", graph, content)
-    with pytest.raises(SignspliceError, match="no way known to export a Linear"):
-        export.paper_graphs(torch.nn.Linear(1, 1), None)
+    with pytest.raises(SignspliceError, match="cannot export a Linear"):
+        graphs.paper_graphs(torch.nn.Linear(1, 1), None)
 
 
-def test_the_command_trains_resumes_and_writes_a_bundle(tmp_path: Path) -> None:
+def test_the_command_trains_and_writes_a_bundle_once(tmp_path: Path) -> None:
     out = tmp_path / "b" / "lpt-smoke"
     out.parent.mkdir()
     call = ["train", "paper", "--pairs", str(corpus().folder), "--system", "lpt", "--scale", "smoke"]
@@ -162,14 +156,14 @@ def test_the_command_trains_resumes_and_writes_a_bundle(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, call, catch_exceptions=False)
     assert result.exit_code == 0
     assert f"{out}: lpt, scale smoke, adamw, random" in result.stdout
-    facts = open_bundle(out).facts
-    assert facts["corpus"] == corpus().head["hash"]
-    assert (facts["fr"], facts["steps"], facts["optimiser"], facts["split"]) == (3, 8, "adamw", "random")
-    assert set(facts["files"]) == {"spsn.onnx", "encoder.onnx", "decoder.onnx"}
+    config = open_bundle(out).config
+    assert config.corpus == corpus().head["hash"]
+    assert (config.fr, config.steps, config.optimiser, config.split) == (3, 8, "adamw", "random")
+    assert set(config.files) == {"spsn.onnx", "encoder.onnx", "decoder.onnx"}
     assert (out / "tfgn.jsonl").exists()
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     CliRunner().invoke(app, call, catch_exceptions=False)
-    assert {path.name: path.read_bytes() for path in out.iterdir()} == before, "nothing is left to be trained"
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before, "nothing is trained twice"
     code = (
         "import sys, numpy as np; from signsplice.paper.systems import open_bundle\n"
         f"system = open_bundle({str(out)!r}); x = np.zeros((20, 159)); system.predict(x, x)\n"
@@ -179,34 +173,30 @@ def test_the_command_trains_resumes_and_writes_a_bundle(tmp_path: Path) -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_a_folder_of_other_things_is_left_alone(tmp_path: Path) -> None:
+def test_a_folder_with_other_files_is_refused(tmp_path: Path) -> None:
     (tmp_path / "letter.txt").write_text("dear")
-    call = [
-        "train",
-        "paper",
-        "--pairs",
-        str(corpus().folder),
-        "--system",
-        "lpt",
-        "--scale",
-        "smoke",
-        "--out",
-        str(tmp_path),
-    ]
+    call = ["train", "paper", "--pairs", str(corpus().folder), "--system", "lpt", "--scale", "smoke"]
+    call += ["--out", str(tmp_path)]
     with pytest.raises(InputError, match="is there already and is no bundle"):
         CliRunner().invoke(app, call, catch_exceptions=False, standalone_mode=False)
 
 
-def test_systems_are_timed_as_they_are_drawn(tmp_path: Path) -> None:
+def test_untrained_systems_are_exported_and_timed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(speed, "SYSTEMS", ("lpt", "lstm"))
     call = ["paper", "speed", "--scale", "smoke", "--limit", "2", "--pairs", str(corpus().folder)]
     result = CliRunner().invoke(app, [*call, "--out", str(tmp_path)], catch_exceptions=False)
     assert result.stdout.splitlines() == [str(tmp_path / f"speed-smoke.{kind}") for kind in ("json", "md", "tex")]
-    told = json.loads((tmp_path / "speed-smoke.json").read_text())
-    rows = {(row["system"], row["decoding"], row["writes"]): row for row in told["rows"]}
-    assert len(rows) == len(told["rows"]) == len(list(speed.decoding_runs())) + 1, "and our own"
+    stored = json.loads((tmp_path / "speed-smoke.json").read_text())
+    rows = {(row["system"], row["decoding"], row["writes"]): row for row in stored["rows"]}
+    assert len(rows) == len(stored["rows"]) == len(list(speed.decoding_runs())) + 1, "and the product"
     assert rows[speed.BASE]["times_base"] == 1.0
-    assert all(row["ms_median"] > 0.0 and row["n_parameters"] > 0 for row in told["rows"])
-    assert "pairs:2" in told["protocol"]
-    assert [
-        speed.DecodingRun("lstm", "one-by-one", writes).n_frames(20, 30, (14, 5, 9)) for writes in speed.WRITES
-    ] == [9, 49]
+    assert all(row["ms_median"] > 0.0 and row["n_parameters"] > 0 for row in stored["rows"])
+    assert "pairs:2" in stored["protocol"]
+
+
+def test_runs_of_all_systems_are_planned_with_their_number_of_frames() -> None:
+    runs = list(speed.decoding_runs())
+    assert len(runs) == len(set(runs)) == 12
+    assert runs[0] == speed.DecodingRun(*speed.BASE)
+    lengths = [speed.DecodingRun("lstm", "one-by-one", writes).n_frames(20, 30, (14, 5, 9)) for writes in speed.WRITES]
+    assert lengths == [9, 49]

@@ -1,4 +1,4 @@
-"""The paper's equations against plain slow arithmetic, written from the equations alone."""
+"""The paper's equations against slow plain arithmetic, written from the equations alone."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def sigmoid(x: np.ndarray) -> np.ndarray:
     return np.asarray(1.0 / (1.0 + np.exp(-x)))
 
 
-def test_lstm_is_equations_4_and_5_with_the_cell_carried_on() -> None:
+def test_lstm_is_equations_4_and_5_with_the_previous_cell() -> None:
     cell = recurrent.Lstm(3, 4)
     x = RNG.normal(size=(6, 3))
     names = dict(cell.cells.named_parameters())
@@ -48,7 +48,7 @@ def test_lstm_is_equations_4_and_5_with_the_cell_carried_on() -> None:
 
 
 def weights(decoded: np.ndarray, encoded: np.ndarray, sharpness: float | None) -> np.ndarray:
-    """Eq. 6 to 8, pair by pair; as printed where there is no sharpness."""
+    """Eq. 6 to 8 for each pair of states; as printed without sharpness."""
     out = np.zeros((len(decoded), len(encoded)))
     for t in range(len(decoded)):
         scores = []
@@ -59,8 +59,8 @@ def weights(decoded: np.ndarray, encoded: np.ndarray, sharpness: float | None) -
             scores.append(total / decoded.shape[1])
         raised = [math.exp(s if sharpness is None else -sharpness * s) for s in scores]
         for k in range(len(encoded)):
-            share = raised[k] / sum(raised)
-            out[t, k] = 1.0 - share if sharpness is None else share
+            weight = raised[k] / sum(raised)
+            out[t, k] = 1.0 - weight if sharpness is None else weight
     return out
 
 
@@ -97,7 +97,7 @@ def test_padding_changes_nothing(attention: str) -> None:
     torch.testing.assert_close(network(padded, n, mask)[:, :9], network(x, n), atol=1e-5, rtol=1e-5)
 
 
-def test_a_token_may_win_only_in_its_own_word() -> None:
+def test_each_token_is_excluded_from_the_other_word() -> None:
     logits = spsn.admissible(torch.zeros(1, 6, 3), torch.tensor([2]))
     assert (logits[0, 2:, spsn.PRE] < -1e3).all()
     assert (logits[0, :2, spsn.POST] < -1e3).all()
@@ -120,7 +120,7 @@ def test_culling_is_equation_11_with_edges_repeated(pre: int, post: int, fr: int
     np.testing.assert_array_equal(mask, real)
 
 
-def test_culling_refuses_what_lies_outside() -> None:
+def test_culling_refuses_positions_outside_the_clips() -> None:
     p = np.zeros((5, 2))
     with pytest.raises(InputError, match="splice position 5, 0 in clips of 5 and 5 frames"):
         cull(p, p, 5, 0, 2)
@@ -176,24 +176,24 @@ def test_feed_forward_is_equation_14() -> None:
     np.testing.assert_allclose((tensor(z) + feed(tensor(z))).detach().numpy(), true, atol=1e-5)
 
 
-def test_a_frame_looks_at_itself_and_back() -> None:
+def test_a_frame_attends_to_itself_and_earlier_frames() -> None:
     seen = layers.causal(2, 3, torch.device("cpu")).numpy()
     np.testing.assert_array_equal(seen, [[1, 1, 1, 1, 0], [1, 1, 1, 1, 1]])
 
 
-def test_the_normaliser_comes_back() -> None:
+def test_the_normaliser_can_be_inverted() -> None:
     normaliser = layers.Normaliser(torch.randn(159), torch.rand(159) + 0.1)
     x = torch.randn(2, 3, 159)
     torch.testing.assert_close(normaliser.inverse(normaliser(x)), x)
 
 
-def test_an_encoder_reads_frames_and_steps_within_a_word() -> None:
+def test_an_encoder_reads_frames_and_differences_within_a_word() -> None:
     x = RNG.normal(size=(2, 6, 159))
     n_before = [2, 4]
-    found = layers.with_steps(tensor(x), torch.tensor(n_before)).numpy()
+    found = layers.with_deltas(tensor(x), torch.tensor(n_before)).numpy()
     assert found.shape == (2, 6, 318)
     np.testing.assert_allclose(found[..., :159], x, atol=1e-6)
     for row in range(2):
         for t in range(6):
-            step = np.zeros(159) if t in (0, n_before[row]) else x[row, t] - x[row, t - 1]
-            np.testing.assert_allclose(found[row, t, 159:], layers.STEPS_BY * step, atol=1e-5)
+            delta = np.zeros(159) if t in (0, n_before[row]) else x[row, t] - x[row, t - 1]
+            np.testing.assert_allclose(found[row, t, 159:], layers.DELTA_SCALE * delta, atol=1e-5)

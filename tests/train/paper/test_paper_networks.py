@@ -1,4 +1,4 @@
-"""Every network: shapes, gradients, that it can learn one batch by heart, and that its ways of running agree."""
+"""Every network: shapes, gradients, overfitting one batch, and agreement between its forms of decoding."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ torch = pytest.importorskip("torch")
 from torch import Tensor  # noqa: E402
 
 from signsplice.train.paper import scales  # noqa: E402
-from signsplice.train.paper.networks.filling import Filler, shares  # noqa: E402
+from signsplice.train.paper.networks.filling import Filler, gap_fractions  # noqa: E402
 from signsplice.train.paper.networks.generator import FRAME, HIDDEN, START, Generator, generate  # noqa: E402
 from signsplice.train.paper.networks.spsn import Spsn  # noqa: E402
 from signsplice.train.paper.pairs_data import Batch  # noqa: E402
@@ -30,20 +30,20 @@ def test_every_weight_gets_a_gradient(name: str) -> None:
     made = toy(name)
     made.network.train()
     for parameter in made.parameters():
-        torch.nn.init.normal_(parameter, std=0.2)  # some begin at zero, which stops gradients behind them
+        torch.nn.init.normal_(parameter, std=0.2)  # some start at zero, which stops gradients before them
     loss = made(batch(name)) + made(data("train", CONFIGS[name][1]).batch(range(4), 1))
     loss.backward()
     for label, parameter in made.named_parameters():
         if parameter.requires_grad:
             assert parameter.grad is not None, label
             assert torch.isfinite(parameter.grad).all(), label
-            key_bias = label.endswith("key.bias")  # a shift of all keys changes no softmax
+            key_bias = label.endswith("key.bias")  # a shift of all keys does not change the softmax
             assert parameter.grad.abs().max() > 0 or key_bias, label
 
 
-def test_many_convolutions_begin_with_states_of_one_size() -> None:
-    """20 + 20 layers at cpu scale: no layer's states are much larger than the first's, and gradients are no explosion,
-    which a toy of three layers does not show.
+def test_states_of_deep_convolutions_start_at_one_size() -> None:
+    """At cpu scale, with 20 + 20 layers: no layer's states are much larger than the first's, and gradients do not
+    explode. A toy of three layers would not show either.
     """
     part = scales.parts("conv-s2s", "cpu")[0]
     torch.manual_seed(0)
@@ -60,7 +60,7 @@ def test_many_convolutions_begin_with_states_of_one_size() -> None:
 
 
 @pytest.mark.parametrize("name", GENERATORS)
-def test_generators_give_frames_tokens_and_ends(name: str) -> None:
+def test_generators_return_frames_tokens_and_end_logits(name: str) -> None:
     network = toy(name).network
     assert isinstance(network, Generator)
     one = batch(name)
@@ -76,7 +76,7 @@ def test_generators_give_frames_tokens_and_ends(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", GENERATORS)
-def test_cached_decoding_is_uncached_decoding(name: str) -> None:
+def test_cached_decoding_equals_uncached_decoding(name: str) -> None:
     torch.manual_seed(3)
     network = toy(name).network.eval()
     assert isinstance(network, Generator)
@@ -110,7 +110,7 @@ def test_padding_of_the_input_changes_nothing(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["tfgn", "transformer"])
-def test_frames_of_one_pass_do_not_depend_on_how_many_follow(name: str) -> None:
+def test_frames_of_one_pass_do_not_depend_on_later_frames(name: str) -> None:
     network = toy(name).network.eval()
     assert isinstance(network, Generator)
     one = batch(name, 2)
@@ -118,12 +118,12 @@ def test_frames_of_one_pass_do_not_depend_on_how_many_follow(name: str) -> None:
     for parameter in network.last.parameters():  # type: ignore[union-attr]
         torch.nn.init.constant_(parameter, -1.0 if parameter.ndim == 1 else 0.0)
     few, many = (generate(network, encoded, 2, most, parallel=True) for most in (4, MOST_FRAMES))
-    assert [len(frames) for frames in few] == [4, 4], "nothing is called the last frame"
+    assert [len(frames) for frames in few] == [4, 4], "no frame is classified as the last one"
     torch.testing.assert_close(few[0], many[0][:4], atol=1e-5, rtol=1e-4)
 
 
 @pytest.mark.parametrize("name", CONFIGS)
-def test_one_batch_is_learned_by_heart(name: str) -> None:
+def test_every_network_can_overfit_one_batch(name: str) -> None:
     steps, rate = 120, 1e-2
     made = toy(name)
     one = batch(name)
@@ -149,7 +149,7 @@ def test_one_batch_is_learned_by_heart(name: str) -> None:
         assert scores["accuracy"] > 0.97, scores
 
 
-def test_positions_are_where_the_token_is_likeliest_and_count_only_where_it_wins() -> None:
+def test_positions_are_the_likeliest_frames_of_winning_tokens() -> None:
     logits = torch.full((1, 5, 3), -5.0)
     logits[..., 0] = 0.0
     logits[0, 1, 1], logits[0, 3, 2], logits[0, 4, 2] = -1.0, 2.0, 3.0
@@ -160,7 +160,7 @@ def test_positions_are_where_the_token_is_likeliest_and_count_only_where_it_wins
     assert emitted.tolist() == [[False, False]], "padding emits nothing"
 
 
-def test_what_is_fed_is_the_frame_before_and_belongs_to_the_pair() -> None:
+def test_fed_frames_are_delayed_and_depend_only_on_the_pair() -> None:
     made, one = toy("tfgn"), batch("tfgn", 4)
     network = made.network
     assert isinstance(network, Generator)
@@ -175,14 +175,14 @@ def test_what_is_fed_is_the_frame_before_and_belongs_to_the_pair() -> None:
     assert spread.std() == pytest.approx(0.1, rel=0.05)
 
 
-def test_shares_lie_evenly_between_the_kept_frames() -> None:
+def test_gap_fractions_are_even() -> None:
     real = torch.tensor([[True, True, True], [True, False, False]])
-    np.testing.assert_allclose(shares(real)[0], [0.25, 0.5, 0.75])
-    np.testing.assert_allclose(shares(real)[1, 0], 0.5)
+    np.testing.assert_allclose(gap_fractions(real)[0], [0.25, 0.5, 0.75])
+    np.testing.assert_allclose(gap_fractions(real)[1, 0], 0.5)
 
 
 @pytest.mark.parametrize("name", ["nat", "interpolation"])
-def test_a_filler_makes_as_many_frames_as_asked_and_padding_changes_none(name: str) -> None:
+def test_a_filler_makes_n_frames_and_padding_changes_none(name: str) -> None:
     network = toy(name).network.eval()
     assert isinstance(network, Filler)
     if name == "interpolation":
@@ -197,14 +197,14 @@ def test_a_filler_makes_as_many_frames_as_asked_and_padding_changes_none(name: s
 
 
 @pytest.mark.parametrize("name", ["spsn", "transformer"])
-def test_the_bias_makes_every_network_speak_and_moves_no_position(name: str) -> None:
+def test_the_token_bias_emits_all_tokens_and_moves_none(name: str) -> None:
     torch.manual_seed(3)
     task = toy(name)
-    everyone = data("train")
-    batch = everyone.batch(range(len(everyone)))
+    rows = data("train")
+    batch = rows.batch(range(len(rows)))
     network = task.network.eval()
 
-    def told() -> Tensor:
+    def token_logits() -> Tensor:
         with torch.no_grad():
             if isinstance(network, Spsn):
                 out: Tensor = network(batch.x, batch.n_before, batch.mask)
@@ -214,15 +214,15 @@ def test_the_bias_makes_every_network_speak_and_moves_no_position(name: str) -> 
             assert tokens is not None
             return tokens
 
-    logits = told() - torch.tensor([0.0, 5.0, 5.0])
+    logits = token_logits() - torch.tensor([0.0, 5.0, 5.0])
     at, emitted = positions(logits, batch.mask)
     assert not emitted.all()
     last: Any = network.out if isinstance(network, Spsn) else network.token
     last.bias.data -= torch.tensor([0.0, 5.0, 5.0])
-    bias = token_bias(task, everyone)
+    bias = token_bias(task, rows)
     assert bias > 0.0
-    again, spoken = positions(told() + bias * torch.tensor([0.0, 1.0, 1.0]), batch.mask)
-    assert spoken.all()
-    assert torch.equal(again, at)
+    biased, all_emitted = positions(token_logits() + bias * torch.tensor([0.0, 1.0, 1.0]), batch.mask)
+    assert all_emitted.all()
+    assert torch.equal(biased, at)
     last.bias.data += torch.tensor([0.0, 50.0, 50.0])
-    assert token_bias(task, everyone) == 0.0
+    assert token_bias(task, rows) == 0.0
