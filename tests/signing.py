@@ -54,6 +54,11 @@ def seen_from_chest(clip: Clip, *names: str) -> tuple[Float, Float]:
     )
 
 
+def wrists(one: IsolatedWord) -> Float:
+    """Positions (T, 2, 3) of left and right wrist from the chest."""
+    return seen_from_chest(one.clip, "LeftHand", "RightHand")[1]
+
+
 def mirror(clip: Clip) -> tuple[Float, Float]:
     """Local rotations (T, 53, 4) and root positions (T, 3) of the clip seen in a mirror, left and right swapped."""
     swap = [JOINTS[_other(name)] for name in JOINTS]

@@ -1,4 +1,4 @@
-"""Isolated words: from rest to rest, events on frames, holds still, hands where the notation says, no wild joint."""
+"""Isolated words go from rest to rest, their events are frames, holds are still, and hands follow the notation."""
 
 from __future__ import annotations
 
@@ -9,18 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from signing import made, mirror, seen_from_chest, sign, signer_of, word
-from signsplice.body import capsules, collision
-from signsplice.body.capsules import capsule_ends
-from signsplice.evaluation.corpus_checks import over_limit
-from signsplice.motion import kinematics, rotation
+from signing import made, mirror, seen_from_chest, sign, signer_of, word, wrists
+from signsplice.motion import kinematics
 from signsplice.synth import planner, pose
-from signsplice.synth.avoidance import TOLERANCE_CM, clear_collisions, penetration
 from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.notation import alphabet
-from signsplice.synth.phonology import Posture, Segment, Sign
-from signsplice.synth.planner import IsolatedWord, touches
-from signsplice.synth.signer import JOINTS, RESTS, STANDARD, draw_signer
+from signsplice.synth.planner import IsolatedWord
+from signsplice.synth.signer import JOINTS, STANDARD, draw_signer
 
 Float = NDArray[np.float64]
 
@@ -31,17 +25,12 @@ WORDS = (*KINDS, *LETTERS)
 STRONG, WEAK = 1, 0
 
 
-def wrists(one: IsolatedWord) -> Float:
-    """Left and right wrist (T, 2, 3) from the chest."""
-    return seen_from_chest(one.clip, "LeftHand", "RightHand")[1]
-
-
 def speeds(one: IsolatedWord) -> Float:
-    """Of left and right wrist, cm a frame (T - 1, 2)."""
+    """Speed of left and right wrist, cm per frame, (T - 1, 2)."""
     return np.asarray(np.linalg.norm(np.diff(wrists(one), axis=0), axis=-1))
 
 
-# --- the course of a word
+# --- from rest to rest
 
 
 @pytest.mark.parametrize("gloss", WORDS)
@@ -69,22 +58,23 @@ def test_events_are_frames_in_order(gloss: str) -> None:
 
 
 @pytest.mark.parametrize("gloss", WORDS)
-def test_it_begins_and_ends_at_rest_with_hanging_hands(gloss: str) -> None:
+def test_a_word_begins_and_ends_at_rest_with_hanging_hands(gloss: str) -> None:
     one = word(gloss)
     e = one.events
-    at = seen_from_chest(one.clip, "LeftHand", "RightHand", "Hips", "LeftForeArm", "RightForeArm")[1]
+    joints = seen_from_chest(one.clip, "LeftHand", "RightHand", "Hips", "LeftForeArm", "RightForeArm")[1]
     for frames in (slice(0, e.up + 1), slice(e.down, None)):
-        assert (at[frames, :2, 1] < at[frames, 2:3, 1] - 2.0).all(), "below the hip joints"
-        assert (at[frames, :2, 1] < at[frames, 3:, 1] - 15.0).all(), "below the elbows, arms nearly straight"
-        assert (np.linalg.norm(np.diff(at[frames, :2], axis=0), axis=-1) < 0.08).all(), "still but for small motions"
-    assert np.abs(at[0] - at[-1]).max() < 0.5, "it comes back to where it began"
+        hands = joints[frames, :2]
+        assert (hands[..., 1] < joints[frames, 2:3, 1] - 2.0).all(), "below the hip joints"
+        assert (hands[..., 1] < joints[frames, 3:, 1] - 15.0).all(), "below the elbows, arms nearly straight"
+        assert (np.linalg.norm(np.diff(hands, axis=0), axis=-1) < 0.08).all(), "still but for small motions"
+    assert np.abs(joints[0] - joints[-1]).max() < 0.5, "it comes back to where it began"
     shape = HANDSHAPES["rest"].angles
     assert np.abs(one.states[0, pose.FINGERS] - shape).max() < 0.2 * np.abs(shape).max()
 
 
 @pytest.mark.parametrize("gloss", WORDS)
-def test_the_hands_are_at_rest_again_when_the_events_say_so(gloss: str) -> None:
-    """The first frame of rest and the last one: the frames within them move, those outside do not."""
+def test_hands_move_between_the_frames_of_rest(gloss: str) -> None:
+    """Between ``up`` and ``down``, the last frame of rest and the first one after the word."""
     one = word(gloss)
     e, speed = one.events, speeds(word(gloss)).max(axis=-1)
     assert speed[e.up + 2 : e.up + 6].max() > 0.1
@@ -115,25 +105,25 @@ def test_repeats_are_counted(times: int) -> None:
     assert len(passes) == times
     off = one.states[:, 2]
     for begin, stop in passes:
-        assert off[begin] - off[stop] > 3.0, "each goes there"
+        assert off[begin] - off[stop] > 3.0, "each goes to the chin"
     for (_, stop), (begin, _) in itertools.pairwise(passes):
-        assert off[begin] - off[stop] > 3.0, "and back between"
+        assert off[begin] - off[stop] > 3.0, "and returns between"
         assert begin - stop == passes[0][1] - passes[0][0]
 
 
-@pytest.mark.parametrize("turns", [1, 2, -2])
-def test_turns_of_a_circle_are_passes(turns: int) -> None:
-    one = made("X shape=index at=space palm=in fingers=fwd-up", f"M path=circle:sagittal:5:{turns}")
-    assert len(one.events.passes) == abs(turns)
+@pytest.mark.parametrize("revolutions", [1, 2, -2])
+def test_every_revolution_of_a_circle_is_a_pass(revolutions: int) -> None:
+    one = made("X shape=index at=space palm=in fingers=fwd-up", f"M path=circle:sagittal:5:{revolutions}")
+    assert len(one.events.passes) == abs(revolutions)
     begin, stop = one.events.passes[0]
-    way = one.states[begin : stop + 1, 1:3]
-    assert np.abs(way[0] - way[-1]).max() < 0.6, "it closes"
-    middle = way.mean(axis=0)
-    radius = np.linalg.norm(way - middle, axis=-1)
+    path = one.states[begin : stop + 1, 1:3]
+    assert np.abs(path[0] - path[-1]).max() < 0.6, "it closes"
+    middle = path.mean(axis=0)
+    radius = np.linalg.norm(path - middle, axis=-1)
     assert radius.mean() == pytest.approx(5.0, abs=0.8)
-    angle = np.unwrap(np.arctan2(way[:, 0] - middle[0], way[:, 1] - middle[1]))
+    angle = np.unwrap(np.arctan2(path[:, 0] - middle[0], path[:, 1] - middle[1]))
     assert abs(angle[-1] - angle[0]) == pytest.approx(2.0 * np.pi, abs=0.4)
-    assert (angle[-1] < angle[0]) == (turns > 0), "forward at the top"
+    assert (angle[-1] < angle[0]) == (revolutions > 0), "forward at the top"
 
 
 def test_an_arc_bulges_and_a_zigzag_swings() -> None:
@@ -158,7 +148,7 @@ def test_an_arc_bulges_and_a_zigzag_swings() -> None:
 @pytest.mark.parametrize(
     ("local", "column"), [("twist:30:2", 3), ("nod:28:2", 5), ("wiggle:25:2", 6 + 1), ("bend:45:2", 6 + 5)]
 )
-def test_local_movements_move_only_what_is_theirs(local: str, column: int) -> None:
+def test_local_movements_change_only_their_own_numbers(local: str, column: int) -> None:
     kind, degrees, _ = local.split(":")
     one = made("X shape=5 at=space palm=in fingers=up-fwd", f"M local={local}", "H")
     assert one.events.first is not None
@@ -209,22 +199,21 @@ def test_head_and_trunk_follow_the_notation() -> None:
 
 def test_a_tilt_to_the_strong_side_leans_the_head_to_the_right() -> None:
     one = made("X shape=S at=space palm=in fingers=fwd", "M shift=0,4,0 head=tilt trunk=out")
-    at = kinematics.forward(one.clip, [JOINTS[n] for n in ("Spine2", "Head", "HeadTop_End", "Hips")])[1]
-    middle = (one.events.start + one.events.end) // 2
-    tilted, upright = at[middle], at[0]
+    positions = kinematics.forward(one.clip, [JOINTS[n] for n in ("Spine2", "Head", "HeadTop_End", "Hips")])[1]
+    tilted, upright = positions[(one.events.start + one.events.end) // 2], positions[0]
     assert (tilted[2] - tilted[1])[0] < (upright[2] - upright[1])[0] - 1.0, "the top goes to the signer's right, -x"
     assert (tilted[0] - tilted[3])[0] < (upright[0] - upright[3])[0] - 1.0
 
 
-def test_a_shake_of_the_head_is_a_turn_about_the_upright() -> None:
+def test_a_shake_of_the_head_rotates_it_about_the_vertical() -> None:
     one = word("NO")
-    turns, _ = kinematics.forward(one.clip, [JOINTS["Spine2"], JOINTS["Head"]])
-    nose = np.einsum("tba,tb->ta", turns[:, 0], turns[:, 1, :, 2])
+    rotations, _ = kinematics.forward(one.clip, [JOINTS["Spine2"], JOINTS["Head"]])
+    nose = np.einsum("tba,tb->ta", rotations[:, 0], rotations[:, 1, :, 2])
     assert np.ptp(nose[:, 0]) > 0.25, "to both sides"
     assert np.ptp(nose[:, 1]) < 0.1
 
 
-# --- the same again, and another
+# --- repeats, takes, tempo and frame rate
 
 
 def test_the_same_arguments_make_the_same_bits() -> None:
@@ -245,7 +234,7 @@ def test_takes_differ_a_little_and_signers_more() -> None:
     assert len({len(word("HELLO", seed)) for seed in (None, 0, 3, 7)}) > 1
 
 
-def test_drawing_one_word_moves_no_other() -> None:
+def test_making_one_word_changes_no_other() -> None:
     fresh = planner.isolated(sign("YOU"), STANDARD)
     planner.isolated(sign("HELLO"), STANDARD)
     assert np.array_equal(planner.isolated(sign("YOU"), STANDARD).states, fresh.states)
@@ -264,7 +253,7 @@ def test_a_faster_signer_takes_less_time(gloss: str) -> None:
 
 @pytest.mark.parametrize("gloss", ["HELLO", "LEARN", "SIGN", "MOTHER"])
 @pytest.mark.parametrize("fps", [24.0, 60.0])
-def test_another_rate_is_the_same_motion_in_time(gloss: str, fps: float) -> None:
+def test_another_frame_rate_gives_the_same_motion_in_time(gloss: str, fps: float) -> None:
     usual, other = word(gloss), word(gloss, fps=fps)
     assert other.clip.fps == fps
     slack = 2.5 / min(fps, 30.0)
@@ -282,13 +271,13 @@ def test_another_rate_is_the_same_motion_in_time(gloss: str, fps: float) -> None
         poses = []
         for one in (usual, other):
             e = one.events
-            at = e.up + phase * (e.down - e.up)
-            low = int(at)
-            poses.append(one.states[low, :3] + (at - low) * (one.states[low + 1, :3] - one.states[low, :3]))
-        assert np.linalg.norm(poses[0] - poses[1]) < 9.0, f"within two frames of a hand's quick way at phase {phase}"
+            time = e.up + phase * (e.down - e.up)
+            low = int(time)
+            poses.append(one.states[low, :3] + (time - low) * (one.states[low + 1, :3] - one.states[low, :3]))
+        assert np.linalg.norm(poses[0] - poses[1]) < 9.0, f"within two frames of a fast hand's path, at phase {phase}"
 
 
-def test_a_greater_amplitude_is_a_greater_movement_in_space() -> None:
+def test_a_greater_amplitude_makes_larger_movements_in_space() -> None:
     small, large = (planner.isolated(sign("CAR"), replace(STANDARD, amplitude=a)) for a in (0.8, 1.2))
     sizes = [np.ptp(one.states[one.events.start : one.events.end + 1, 1]) for one in (small, large)]
     assert sizes[1] / sizes[0] == pytest.approx(1.5, rel=0.1)
@@ -302,24 +291,24 @@ def test_a_greater_amplitude_is_a_greater_movement_in_space() -> None:
 def test_symmetric_hands_are_mirror_images(gloss: str, seed: int | None) -> None:
     one = word(gloss, seed)
     e = one.events
-    at = wrists(one)[e.start : e.end + 1]
-    assert np.abs(at[:, 0] * [-1.0, 1.0, 1.0] - at[:, 1]).max() < 2.0, "but for small motions and what keeps them apart"
+    left, right = np.moveaxis(wrists(one)[e.start : e.end + 1], 1, 0)
+    assert np.abs(left * [-1.0, 1.0, 1.0] - right).max() < 2.0, "but for small motions and collision avoidance"
     strong, weak = np.moveaxis(pose.hands(one.states)[e.start : e.end + 1], 1, 0)
     assert np.allclose(strong[:, pose.FINGERS], weak[:, pose.FINGERS])
 
 
-def test_alternating_circles_are_half_a_turn_apart() -> None:
+def test_alternating_circles_are_half_a_revolution_apart() -> None:
     one = word("BICYCLE")
     begin, stop = one.events.passes[0]
     half = (stop - begin) // 2
     strong, weak = np.moveaxis(pose.hands(one.states)[..., pose.WRIST], 1, 0)
     apart = np.linalg.norm(strong[begin:stop] - weak[begin:stop], axis=-1)
-    assert apart.min() > 7.0, "never side by side"
+    assert apart.min() > 7.0, "never next to one another"
     assert np.abs(strong[begin + half] - weak[begin]).max() < 1.5
     assert np.abs(weak[begin + half] - strong[begin]).max() < 1.5
 
 
-def test_alternating_hands_change_places_along_a_way() -> None:
+def test_alternating_hands_swap_their_positions_along_a_path() -> None:
     one = word("CAR")
     begin, stop = one.events.passes[0]
     strong, weak = np.moveaxis(pose.hands(one.states)[..., pose.WRIST], 1, 0)
@@ -329,15 +318,15 @@ def test_alternating_hands_change_places_along_a_way() -> None:
 
 
 @pytest.mark.parametrize("gloss", ONE)
-def test_of_a_one_handed_word_the_weak_hand_hangs(gloss: str) -> None:
+def test_the_weak_hand_hangs_during_a_one_handed_word(gloss: str) -> None:
     one = word(gloss)
-    at = wrists(one)
-    assert np.abs(at[:, WEAK] - at[0, WEAK]).max() < 2.5
-    assert np.abs(at[:, STRONG] - at[0, STRONG]).max() > 30.0
+    travel = np.abs(wrists(one) - wrists(one)[0]).max(axis=(0, 2))
+    assert travel[WEAK] < 2.5
+    assert travel[STRONG] > 30.0
 
 
 @pytest.mark.parametrize("gloss", ["LEARN", "NAME"])
-def test_a_base_hand_keeps_its_own_shape_and_place(gloss: str) -> None:
+def test_a_base_hand_keeps_its_own_handshape_and_position(gloss: str) -> None:
     one = word(gloss)
     e = one.events
     assert one.sign.segments[0].weak is not None
@@ -356,154 +345,3 @@ def test_a_left_handed_signer_signs_the_mirror_image(gloss: str) -> None:
     rotations, roots = mirror(one.clip)
     assert np.abs(np.sum(rotations * two.clip.local_rotations, axis=-1)).min() > 1.0 - 1e-9
     assert np.allclose(roots, two.clip.root_positions, atol=1e-9)
-
-
-# --- touching
-
-
-PART_TIPS = {"thumb": ("Thumb",), "index": ("Index",), "tips": ("Index", "Middle"), "fingertips": ("Index", "Middle")}
-
-
-def gap(one: IsolatedWord, frame: int, part: str) -> float:
-    """From the skin of a part of the strong hand to head and trunk, cm, as capsules have it; negative inside."""
-    clip = one.clip[frame : frame + 1]
-    shape = capsules.body_capsules(clip.skeleton)
-    starts, ends = capsule_ends(shape, *kinematics.forward(clip))
-    known = shape.groups
-    fingers = PART_TIPS.get(part)
-    own = [
-        n
-        for n in known.right
-        if (fingers is None and shape.parts[n] == "palm")
-        or (fingers is not None and shape.parts[n].removesuffix("Tip") in fingers)
-    ]
-    deep, _ = collision.overlap(starts, ends, shape.radii, own, [*known.head, *known.trunk])
-    return -float(deep.max())
-
-
-@pytest.mark.parametrize("gloss", ["MOTHER", "FATHER", "I", "MY", "THINK", "KNOW"])
-@pytest.mark.parametrize("seed", [None, 3, 7])
-def test_a_word_that_touches_touches(gloss: str, seed: int | None) -> None:
-    one = word(gloss, seed)
-    assert one.events.touches_last
-    assert not one.events.touches_first
-    part = one.sign.segments[-1].strong.part
-    touching = gap(one, one.events.passes[-1][1], part)
-    assert -0.25 < touching < 0.5, "at the end of its last movement"
-    assert gap(one, one.events.start, part) > touching + 1.0, "before, it does not"
-
-
-@pytest.mark.parametrize("seed", [None, 3])
-def test_a_base_hand_is_touched(seed: int | None) -> None:
-    one = word("LEARN", seed)
-    assert one.events.touches_first
-    depth, _ = collision.hand_penetration(one.clip.skeleton, *kinematics.forward(one.clip))
-    assert abs(depth[one.events.start, STRONG]) < 0.5
-    assert depth[one.events.end, STRONG] < 0.25
-
-
-def test_what_touching_means() -> None:
-    def touching(capsule_ends: str, hands: str, off: float = 0.0, up: float = 0.0) -> bool:
-        segment = Segment(
-            "H", Posture("B", capsule_ends, "palm", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), off, (0.0, up, 0.0))
-        )
-        return touches(segment, Sign("WORD", hands, (segment,)))
-
-    assert touching("chin", "one")
-    assert not touching("chin", "one", off=1.0)
-    assert touching("chin", "one", off=-0.9)
-    assert not touching("chin", "one", up=1.5)
-    assert touching("base-palm", "base")
-    assert not touching("space", "one")
-    assert not touching("space-mid", "one")
-    assert touching("space-mid", "symmetric")
-    assert not touching("space", "symmetric")
-    assert not touching("above-head", "symmetric")
-
-
-def test_words_keep_clear_of_the_body_as_a_whole() -> None:
-    for gloss in ("MOTHER", "BOOK", "HAT", "SICK", "FRIEND"):
-        for seed in (None, 3):
-            one = word(gloss, seed)
-            assert penetration(one.states, one.signer)[0].max() < 0.35, (gloss, seed)
-            assert over_limit(one.clip.local_rotations) == 0.0
-
-
-def test_clearing_pushes_out_what_lay_within_and_nothing_else() -> None:
-    states = word("MY").states.copy()
-    e = word("MY").events
-    assert np.array_equal(clear_collisions(states, STANDARD), states), "clear already"
-    pushed = states.copy()
-    pushed[e.start : e.end + 1, 2] -= 3.0
-    depth = penetration(pushed, STANDARD)[0].max()
-    assert depth > 1.5
-    freed = clear_collisions(pushed, STANDARD)
-    assert penetration(freed, STANDARD)[0].max() < TOLERANCE_CM + 0.1
-    near = slice(max(e.start - 5, 0), e.end + 6)
-    untouched = np.ones(len(states), bool)
-    untouched[near] = False
-    assert np.abs((freed - pushed)[untouched]).max() < 1e-9
-    assert np.abs((freed - pushed)[:, 3:]).max() == 0.0, "wrists alone, of the hand that lay within"
-    change = np.linalg.norm(np.diff(freed[:, :3], n=2, axis=0), axis=-1).max()
-    assert change < 1.5 * np.linalg.norm(np.diff(pushed[:, :3], n=2, axis=0), axis=-1).max(), "smoothly in time"
-
-
-def test_clearing_between_two_seams_leaves_their_neighbours() -> None:
-    states = np.repeat(word("MY").states[word("MY").events.end][None], 12, axis=0)
-    states[:, 2] -= 2.0 * np.sin(np.pi * np.arange(1, 13) / 13)
-    freed = clear_collisions(states, STANDARD, ends=True)
-    moved = np.linalg.norm(freed - states, axis=-1)
-    assert moved[[0, -1]].max() < 0.25 * moved.max()
-    assert moved.max() > 0.5
-
-
-# --- no wild joint
-
-MANY = (
-    *("I", "YOU", "MY", "MOTHER", "FAMILY", "FRIEND", "HELLO", "THANK-YOU", "PLEASE", "SORRY", "WHAT", "WHERE"),
-    *("YESTERDAY", "EAT", "COOK", "LEARN", "BOOK", "KNOW", "SIGN", "DEAF", "HAPPY", "HELP", "WALK", "HOUSE", "HAT"),
-)
-ARM = [JOINTS[side + name] for side in ("Left", "Right") for name in ("Shoulder", "Arm", "ForeArm", "Hand")]
-
-
-@pytest.mark.parametrize("seed", [0, 3, 7])
-def test_no_wrist_swings_behind_the_chest_and_no_joint_flips(seed: int) -> None:
-    assert len(MANY) == 25
-    for gloss in MANY:
-        one = word(gloss, seed)
-        e = one.events
-        at = wrists(one)
-        assert at[e.up : e.down + 1, :, 2].min() > 0.0, f"{gloss}: a wrist goes behind the chest joint"
-        turned = one.clip.local_rotations[:, ARM]
-        step = np.rad2deg(rotation.angle_between(turned[:-1], turned[1:]))
-        assert step.max() < 60.0, f"{gloss}: a joint of the arm turns {step.max():.0f} degrees in a frame"
-        assert over_limit(one.clip.local_rotations) == 0.0, gloss
-
-
-@pytest.mark.parametrize("seed", [None, 7])
-def test_letters_are_held_and_formed(seed: int | None) -> None:
-    for gloss in ("fs-A", "fs-L", "fs-V"):
-        one = word(gloss, seed)
-        e = one.events
-        middle = (e.start + e.end) // 2
-        shape = HANDSHAPES[alphabet()[gloss].segments[0].strong.shape].angles
-        assert np.allclose(one.states[middle, pose.FINGERS], shape)
-        _, at = seen_from_chest(one.clip[middle : middle + 1], "RightHand")
-        assert -10.0 < at[0, 0, 1] < 25.0, "before the chest or beside the face"
-
-
-@pytest.mark.parametrize("rest", RESTS)
-@pytest.mark.parametrize("number", [0, 5])
-def test_however_a_signer_rests_no_hand_is_in_the_body_and_the_sign_is_the_same(rest: str, number: int) -> None:
-    body = STANDARD if number == 0 else draw_signer(number)
-    one, usual = (planner.isolated(sign("THANK-YOU"), replace(body, rest=kind)) for kind in (rest, "hanging"))
-    assert penetration(one.states, one.signer)[0].max() < TOLERANCE_CM + 0.25
-    lengths = [word.events.end - word.events.start for word in (one, usual)]
-    assert lengths[0] == lengths[1], "a rest is no part of the sign"
-    heights = wrists(one)[:, :, 1]
-    assert np.ptp(heights[: one.events.up + 1], axis=0).max() < 2.0, "it stands still at first"
-    lowest = [wrists(word)[0, :, 1].max() for word in (one, usual)]
-    assert (lowest[0] > lowest[1] + 5.0) == (rest != "hanging"), "hands that rest before the body do not hang"
-    if rest != "hanging":
-        weak = wrists(one)[one.events.start : one.events.end + 1, STRONG if body.left_handed else WEAK]
-        assert np.ptp(weak, axis=0).max() < 4.0, "the hand that does not sign stays where it rests"
