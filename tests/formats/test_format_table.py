@@ -29,6 +29,14 @@ def test_suffix_lists_follow_from_the_table() -> None:
     assert WIRE_SUFFIXES == (".bvh", ".glb", ".vrma")
 
 
+def test_the_documentation_lists_every_format() -> None:
+    lines = (Path(__file__).parents[2] / "docs" / "formats.md").read_text().splitlines()
+    rows = {line.split("`")[1]: line.split(" | ")[1:4] for line in lines if line.startswith(("| [`", "| `"))}
+    for suffix in READ_SUFFIXES:
+        yes = [suffix in suffixes for suffixes in (READ_SUFFIXES, WRITE_SUFFIXES, WIRE_SUFFIXES)]
+        assert [cell.startswith("yes") for cell in rows[suffix]] == yes
+
+
 @pytest.mark.parametrize("suffix", WRITE_SUFFIXES)
 def test_every_written_format_is_read_back(suffix: str, tmp_path: Path) -> None:
     clip = random_clip(0, n_frames=4, n_joints=3)

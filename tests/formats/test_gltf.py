@@ -165,7 +165,7 @@ def test_the_khronos_validator_finds_no_fault(read_by_others: dict[str, Any]) ->
 def test_three_js_puts_joints_at_the_same_positions(read_by_others: dict[str, Any]) -> None:
     clip = BOOK
     expected = positions_in_front(clip)
-    for time, positions in zip((0.0, 0.5, 1.1), read_by_others[".glb"]["places"], strict=True):
+    for time, positions in zip((0.0, 0.5, 1.1), read_by_others[".glb"]["positions"], strict=True):
         frame = time * clip.fps
         assert frame == pytest.approx(round(frame))
         for joint, name in enumerate(clip.skeleton.names):
@@ -175,11 +175,11 @@ def test_three_js_puts_joints_at_the_same_positions(read_by_others: dict[str, An
 def test_three_vrm_reads_the_rotations_of_every_bone(read_by_others: dict[str, Any]) -> None:
     bones = read_by_others[".vrma"]["bones"]
     expected = canonical_motion(BOOK)
-    for role, values in bones["turns"].items():
+    for role, values in bones["rotations"].items():
         if role in ROLES:
             angles = rotation.angle_between(np.array(values).reshape(-1, 4), expected.quats[:, ROLES.index(role)])
             np.testing.assert_allclose(angles, 0.0, atol=1e-5)
-    assert set(bones["turns"]) == set(rig_info(BOOK.skeleton).roles.joints)
+    assert set(bones["rotations"]) == set(rig_info(BOOK.skeleton).roles.joints)
 
 
 def test_a_glb_file_names_its_generator_and_has_one_skin(tmp_path: Path) -> None:

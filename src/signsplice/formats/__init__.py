@@ -100,6 +100,11 @@ def check_suffix(path: str | Path) -> None:
     _format(path, "written", WRITE_SUFFIXES)
 
 
+def listed(suffixes: Sequence[str]) -> str:
+    """Suffixes as a phrase: ".bvh, .glb or .vrma"."""
+    return f"{', '.join(suffixes[:-1])} or {suffixes[-1]}"
+
+
 def _module(path: str | Path, done: str, suffixes: Sequence[str]) -> Any:
     return import_module(f"{__name__}.{_format(path, done, suffixes).module}")
 
@@ -109,7 +114,7 @@ def _format(path: str | Path, done: str, suffixes: Sequence[str]) -> FileFormat:
     suffix = Path(path).suffix.lower()
     if suffix in suffixes:
         return FORMATS[suffix]
-    expected = f"expected {', '.join(suffixes[:-1])} or {suffixes[-1]}"
+    expected = f"expected {listed(suffixes)}"
     row = FORMATS.get(suffix)
     if row is not None and row.holds:
         raise InputError(f"{path}: {row.holds} files cannot be {done} yet, {expected}")
