@@ -160,7 +160,9 @@ def test_an_interrupted_build_leaves_the_old_lexicon(tmp_path: Path, words: dict
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a job in the background would ignore it
     )
     deadline = time.monotonic() + 30.0
-    while not list(tmp_path.glob(".lex-*/frames.bin")) and process.poll() is None and time.monotonic() < deadline:
+    while process.poll() is None and time.monotonic() < deadline:
+        if any(path.stat().st_size for path in tmp_path.glob(".lex-*/frames.bin")):  # the first words are written
+            break
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
