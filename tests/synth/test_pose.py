@@ -1,4 +1,4 @@
-"""The arm's closed form: it reaches, keeps its limits, is smooth, and is mirrored for left-handed signers."""
+"""Poses: arms reach their wrists, joints keep their limits, motion is smooth, left-handed signers are mirrored."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ HANDS = ("RightHand", "LeftHand")
 LEFT_TO_RIGHT = np.array([-1.0, 1.0, 1.0])
 
 
-def easy_states(n: int, body: Signer, seed: int = 0) -> Float:
-    """Random states (n, 63) in the signing space with turns, trunk and head that are easy, both hands on their own."""
+def easy_states(n: int, signer: Signer, seed: int = 0) -> Float:
+    """Random states (n, 63) in the signing space with small rotations of hands, trunk and head."""
     rng = np.random.default_rng(seed)
     states = np.zeros((n, pose.SIZE))
     for first in (0, 27):
         wrists = rng.uniform([-30.0, -15.0, 15.0], [-5.0, 20.0, 34.0], (n, 3))
-        states[:, first : first + 3] = wrists * body.scale
+        states[:, first : first + 3] = wrists * signer.scale
         states[:, first + 3 : first + 6] = 0.3 * rng.normal(size=(n, 3))
         low, high = hand.LIMITS.T
         states[:, first + 6 : first + 27] = low + (high - low) * rng.random((n, 21))
@@ -38,9 +38,9 @@ def easy_states(n: int, body: Signer, seed: int = 0) -> Float:
     return states
 
 
-def wild_states(n: int, body: Signer, seed: int = 0) -> Float:
-    """Random states far beyond what a signer does: any place, any turn."""
-    states = easy_states(n, body, seed)
+def wild_states(n: int, signer: Signer, seed: int = 0) -> Float:
+    """Random states far beyond what a signer does: hands anywhere, with any rotation."""
+    states = easy_states(n, signer, seed)
     rng = np.random.default_rng(seed + 1)
     for first in (0, 27):
         states[:, first : first + 3] = rng.uniform(-90.0, 90.0, (n, 3))
@@ -49,70 +49,71 @@ def wild_states(n: int, body: Signer, seed: int = 0) -> Float:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_wrist_is_where_it_was_asked_to_be(seed: int | None) -> None:
-    body = replace(signer_of(seed), left_handed=False)
-    states = easy_states(300, body)
-    asked = pose.hands(states)[..., pose.WRIST] * [[[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]]]
-    arms = (UPPER_ARM + FOREARM) * body.arms * body.scale
+def test_a_wrist_in_reach_is_exactly_where_its_state_puts_it(seed: int | None) -> None:
+    signer = replace(signer_of(seed), left_handed=False)
+    states = easy_states(300, signer)
+    wanted = pose.hands(states)[..., pose.WRIST] * [[[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]]]
+    arms = (UPPER_ARM + FOREARM) * signer.arms * signer.scale
     for n, side in enumerate(("Right", "Left")):
-        _, at = seen_from_chest(pose.clip(states, body, 30.0), f"{side}Arm", f"{side}Hand")
-        share = np.linalg.norm(asked[:, n] - at[:, 0], axis=-1) / arms
-        reachable = (share > 0.34) & (share < 0.95)
+        shoulders, found = np.moveaxis(
+            seen_from_chest(pose.clip(states, signer, 30.0), f"{side}Arm", f"{side}Hand")[1], 1, 0
+        )
+        fraction = np.linalg.norm(wanted[:, n] - shoulders, axis=-1) / arms
+        reachable = (fraction > 0.34) & (fraction < 0.95)
         assert reachable.mean() > 0.7
-        assert np.abs(at[:, 1] - asked[:, n])[reachable].max() < 1e-6
-        assert np.abs(at[:, 1] - asked[:, n])[~reachable].max() > 1e-3, "what is out of reach is not reached"
+        assert np.abs(found - wanted[:, n])[reachable].max() < 1e-6
+        assert np.abs(found - wanted[:, n])[~reachable].max() > 1e-3, "what is out of reach is not reached"
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_hand_faces_as_it_was_asked_to_where_no_limit_is_near(seed: int | None) -> None:
-    body = replace(signer_of(seed), left_handed=False)
-    states = easy_states(300, body, seed=5)
-    numbers = pose.hands(states)
-    wrist = pose.wrist_angles(pose.solve_arm(numbers[..., pose.WRIST], body), numbers[..., pose.ROTVEC], body)
+def test_a_hand_away_from_limits_has_exactly_its_rotation_of_its_state(seed: int | None) -> None:
+    signer = replace(signer_of(seed), left_handed=False)
+    states = easy_states(300, signer, seed=5)
+    hands = pose.hands(states)
+    wrist = pose.wrist_angles(pose.solve_arm(hands[..., pose.WRIST], signer), hands[..., pose.ROTVEC], signer)
     (low_side, high_side), (low_bent, high_bent) = pose.WRIST_LIMITS
     free = np.abs(wrist.twist) < pose.FOREARM_LIMIT - 0.15
     free &= (wrist.deviation > low_side + 0.15) & (wrist.deviation < high_side - 0.15)
     free &= (wrist.flexion > low_bent + 0.15) & (wrist.flexion < high_bent - 0.15)
     assert 0.3 < free.mean() < 1.0
-    turns, _ = seen_from_chest(pose.clip(states, body, 30.0), *HANDS)
-    asked = rotation.to_matrix(pose.hand_rotations(states, body))
-    asked[:, 1] = asked[:, 1] * np.outer(LEFT_TO_RIGHT, LEFT_TO_RIGHT)
-    wrong = np.abs(turns - asked).max(axis=(-1, -2))
-    assert wrong[free].max() < 1e-9
-    assert wrong[~free].max() > 0.01, "and a limit, where one is met, is kept"
+    found, _ = seen_from_chest(pose.clip(states, signer, 30.0), *HANDS)
+    wanted = rotation.to_matrix(pose.hand_rotations(states, signer))
+    wanted[:, 1] = wanted[:, 1] * np.outer(LEFT_TO_RIGHT, LEFT_TO_RIGHT)
+    error = np.abs(found - wanted).max(axis=(-1, -2))
+    assert error[free].max() < 1e-9
+    assert error[~free].max() > 0.01, "a limit is kept where one is met"
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_turn_of_says_what_hand_rotations_reads(seed: int | None) -> None:
+def test_hand_rotvecs_is_the_inverse_of_hand_rotations(seed: int | None) -> None:
     rng = np.random.default_rng(2)
     states = easy_states(50, signer_of(seed))
-    asked = rotation.exp(rng.uniform(-1.0, 1.0, (50, 2, 3)))
-    numbers = pose.hands(states)
-    turns = pose.hand_rotvecs(numbers[..., pose.WRIST], asked, signer_of(seed))
-    assert np.abs(turns).max() < np.pi
-    pose.hands(states)[..., pose.ROTVEC] = turns
-    assert rotation.angle_between(pose.hand_rotations(states, signer_of(seed)), asked).max() < 1e-7
+    quats = rotation.exp(rng.uniform(-1.0, 1.0, (50, 2, 3)))
+    rotvecs = pose.hand_rotvecs(pose.hands(states)[..., pose.WRIST], quats, signer_of(seed))
+    assert np.abs(rotvecs).max() < np.pi
+    pose.hands(states)[..., pose.ROTVEC] = rotvecs
+    assert rotation.angle_between(pose.hand_rotations(states, signer_of(seed)), quats).max() < 1e-7
 
 
-def test_out_of_reach_is_drawn_in_along_the_way() -> None:
-    """Ever farther asked, ever farther reached, never beyond the arm's length, always towards the place asked for."""
+def test_a_wrist_out_of_reach_moves_in_along_the_line_to_the_shoulder() -> None:
+    """The farther the wanted position, the farther the wrist, never beyond the arm's length, in the same direction."""
     states = np.zeros((40, pose.SIZE))
-    way = np.array([-0.2, 0.1, 0.97])
+    direction = np.array([-0.2, 0.1, 0.97])
     shoulder = np.array([-18.0, 12.0, 0.5])
-    states[:, :3] = shoulder + np.linspace(40.0, 140.0, 40)[:, None] * way
+    states[:, :3] = shoulder + np.linspace(40.0, 140.0, 40)[:, None] * direction
     states[:, 27:30] = states[0, :3]
-    _, at = seen_from_chest(pose.clip(states, STANDARD, 30.0), "RightArm", "RightHand")
-    reached = np.linalg.norm(at[:, 1] - at[:, 0], axis=-1)
+    _, joints = seen_from_chest(pose.clip(states, STANDARD, 30.0), "RightArm", "RightHand")
+    wanted, found = states[:, :3] - joints[:, 0], joints[:, 1] - joints[:, 0]
+    reached = np.linalg.norm(found, axis=-1)
     assert reached.max() < 0.993 * (UPPER_ARM + FOREARM)
     far = reached > 0.9 * (UPPER_ARM + FOREARM)
     assert (np.diff(reached[far]) > -1e-9).all()
-    to_asked, to_reached = states[:, :3] - at[:, 0], at[:, 1] - at[:, 0]
-    cosine = (to_asked * to_reached).sum(-1) / np.linalg.norm(to_asked, axis=-1) / reached
+    cosine = (wanted * found).sum(-1) / np.linalg.norm(wanted, axis=-1) / reached
     assert cosine.min() > 1.0 - 1e-9
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_no_numbers_break_a_joint(seed: int | None) -> None:
+def test_no_state_breaks_a_joint(seed: int | None) -> None:
     states = np.concatenate([easy_states(400, signer_of(seed), 1), wild_states(1500, signer_of(seed), 2)])
     rotations, roots = pose.rotations(states, signer_of(seed))
     assert np.isfinite(rotations).all()
@@ -144,18 +145,18 @@ def test_over_limit_sees_each_kind_of_broken_joint() -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_small_change_of_numbers_is_a_small_turn_of_joints(seed: int | None) -> None:
-    """Along smooth random ways through the signing space, small steps turn no joint far: no flips."""
-    body = signer_of(seed)
+def test_small_changes_of_a_state_are_small_rotations_of_joints(seed: int | None) -> None:
+    """Along smooth random paths through the signing space, small steps rotate no joint far: no flips."""
+    signer = signer_of(seed)
     rng = np.random.default_rng(9)
     for _ in range(6):
-        ends = easy_states(2, body, int(rng.integers(1 << 30)))
+        ends = easy_states(2, signer, int(rng.integers(1 << 30)))
         for first in (0, 27):  # anywhere a hand signs, well turned
             ends[:, first + 3 : first + 6] = rng.uniform(-0.9, 0.9, (2, 3))
         u = np.linspace(0.0, 1.0, 200)[:, None]
         wave = 0.1 * np.sin(2.0 * np.pi * u) * (ends[1] - ends[0])[::-1]
         states = ends[0] + u * (ends[1] - ends[0]) + wave
-        rotations, _ = pose.rotations(states, body)
+        rotations, _ = pose.rotations(states, signer)
         step = rotation.angle_between(rotations[:-1], rotations[1:])
         size = np.abs(np.diff(states, axis=0)).max()
         assert size < 1.0
@@ -163,18 +164,18 @@ def test_a_small_change_of_numbers_is_a_small_turn_of_joints(seed: int | None) -
         assert np.abs(np.diff(step, axis=0)).max() < 0.03, "nor is there a kink"
 
 
-def test_steps_shrink_with_the_change() -> None:
-    """Continuous and, limits apart, differentiable: a tenth of the change makes a tenth of the turn."""
+def test_rotations_shrink_with_the_change_of_the_state() -> None:
+    """Continuous and, limits apart, differentiable: a tenth of the change makes a tenth of the rotation."""
     states = easy_states(80, STANDARD, 4)
     rng = np.random.default_rng(1)
     change = rng.normal(size=states.shape)
     base, _ = pose.rotations(states, STANDARD)
-    turned = [
+    large, small = (
         rotation.angle_between(base, pose.rotations(states + size * change, STANDARD)[0]) for size in (1e-4, 1e-5)
-    ]
-    moved = turned[0] > 1e-6
+    )
+    moved = large > 1e-6
     assert moved.mean() > 0.5
-    ratio = turned[0][moved] / turned[1][moved]
+    ratio = large[moved] / small[moved]
     assert np.abs(ratio - 10.0).max() < 0.5
 
 
@@ -189,7 +190,7 @@ def test_a_left_handed_signer_is_the_mirror_image(seed: int | None) -> None:
     assert np.allclose(roots, other_roots, atol=1e-12)
 
 
-def test_strong_and_weak_hand_of_one_kind_mirror_one_another() -> None:
+def test_equal_hand_states_are_mirror_images() -> None:
     states = easy_states(30, STANDARD)
     states[:, 27:54] = states[:, :27]
     states[:, 54:] = 0.0
@@ -202,50 +203,50 @@ def test_strong_and_weak_hand_of_one_kind_mirror_one_another() -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("left_handed", [False, True])
 def test_feet_stay_while_the_hips_sway(seed: int | None, left_handed: bool) -> None:
-    body = replace(signer_of(seed), left_handed=left_handed)
-    states = np.repeat(planner.resting(body)[None], 60, axis=0)
+    signer = replace(signer_of(seed), left_handed=left_handed)
+    states = np.repeat(planner.resting(signer)[None], 60, axis=0)
     t = np.linspace(0.0, 2.0 * np.pi, 60)
     states[:, pose.ROOT] = np.stack([2.0 * np.sin(t), np.zeros(60), 1.5 * np.cos(t)], axis=-1)
-    turns, at = kinematics.forward(
-        pose.clip(states, body, 30.0), [JOINTS[n] for n in ("Hips", "LeftFoot", "RightFoot")]
+    rotations, positions = kinematics.forward(
+        pose.clip(states, signer, 30.0), [JOINTS[n] for n in ("Hips", "LeftFoot", "RightFoot")]
     )
-    assert np.ptp(at[:, 0, 0]) > 3.9 * body.scale
-    assert np.ptp(at[:, 1:], axis=0).max() < 0.12, "millimetres, of centimetres of sway"
-    assert np.abs(turns[:, 1:] - turns[:1, 1:]).max() < 1e-3, "and soles stay flat"
+    assert np.ptp(positions[:, 0, 0]) > 3.9 * signer.scale
+    assert np.ptp(positions[:, 1:], axis=0).max() < 0.12, "millimetres, of centimetres of sway"
+    assert np.abs(rotations[:, 1:] - rotations[:1, 1:]).max() < 1e-3, "and soles stay flat"
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_a_signers_measures_are_in_the_bones(seed: int) -> None:
-    body, drawn, usual = draw_signer(seed), skeleton(draw_signer(seed)), skeleton(STANDARD)
+def test_a_skeleton_has_the_proportions_of_its_signer(seed: int) -> None:
+    signer, drawn, usual = draw_signer(seed), skeleton(draw_signer(seed)), skeleton(STANDARD)
     ratio = np.linalg.norm(drawn.offsets, axis=-1) / np.linalg.norm(usual.offsets, axis=-1)
-    scale = body.stature_cm / 170.0
-    for name, share in (
+    scale = signer.stature_cm / 170.0
+    for name, factor in (
         ("Spine", 1.0),
         ("Head", 1.0),
-        ("RightForeArm", body.arms),
-        ("LeftHand", body.arms),
-        ("RightHandIndex1", body.hands),
-        ("LeftHandThumb3", body.hands),
+        ("RightForeArm", signer.arms),
+        ("LeftHand", signer.arms),
+        ("RightHandIndex1", signer.hands),
+        ("LeftHandThumb3", signer.hands),
         ("RightLeg", 1.0),
     ):
-        assert ratio[JOINTS[name]] == pytest.approx(scale * share), name
+        assert ratio[JOINTS[name]] == pytest.approx(scale * factor), name
     assert drawn.offsets[JOINTS["LeftArm"], 0] == pytest.approx(
-        usual.offsets[JOINTS["LeftArm"], 0] * scale * body.shoulders
+        usual.offsets[JOINTS["LeftArm"], 0] * scale * signer.shoulders
     )
-    assert 145.0 < body.stature_cm < 191.0
+    assert 145.0 < signer.stature_cm < 191.0
     assert drawn.offsets[JOINTS["RightHand"], 0] < 0.0 < drawn.offsets[JOINTS["LeftHand"], 0]
 
 
-def test_signers_are_drawn_by_seed_alone() -> None:
+def test_a_seed_draws_one_signer_and_seeds_differ() -> None:
     assert draw_signer(4) == draw_signer(4)
     many = [draw_signer(seed) for seed in range(200)]
-    assert len({body.stature_cm for body in many}) > 195, "only the smallest and the tallest are cut to one stature"
-    assert 0.03 < np.mean([body.left_handed for body in many]) < 0.2
-    assert abs(np.mean([body.stature_cm for body in many]) - 168.0) < 2.0
-    assert abs(np.std([body.stature_cm for body in many]) - 9.0) < 1.5
+    assert len({signer.stature_cm for signer in many}) > 195, "only the smallest and the tallest are clipped"
+    assert 0.03 < np.mean([signer.left_handed for signer in many]) < 0.2
+    assert abs(np.mean([signer.stature_cm for signer in many]) - 168.0) < 2.0
+    assert abs(np.std([signer.stature_cm for signer in many]) - 9.0) < 1.5
 
 
-def test_the_skeleton_is_53_joints_in_t_pose_standing_on_the_ground() -> None:
+def test_the_skeleton_has_53_joints_in_t_pose_on_the_ground() -> None:
     made = skeleton(STANDARD)
     assert len(made) == 53
     rest = kinematics.rest_positions(made) + made.offsets[0]
@@ -258,12 +259,12 @@ def test_the_skeleton_is_53_joints_in_t_pose_standing_on_the_ground() -> None:
     assert 165.0 < top < 175.0
 
 
-def test_wrist_limits_are_met_by_words_that_ship() -> None:
+def test_words_of_the_package_keep_the_wrist_limits() -> None:
     for gloss in ("LEARN", "HELLO", "BICYCLE"):
         assert over_limit(word(gloss, 3).clip.local_rotations) == 0.0
 
 
-def test_handshapes_arrive_in_the_fingers() -> None:
+def test_finger_angles_become_finger_rotations() -> None:
     states = easy_states(1, STANDARD)
     states[0, pose.FINGERS] = HANDSHAPES["V"].angles
     rotations, _ = pose.rotations(states, STANDARD)

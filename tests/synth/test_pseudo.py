@@ -18,7 +18,7 @@ from signsplice.synth.signer import STANDARD, draw_signer
 @pytest.fixture(scope="module")
 def signs() -> list[Sign]:
     """The pseudo-signs of the first seeds."""
-    return [pseudo.sign(seed) for seed in range(60)]
+    return [pseudo.sign(seed) for seed in range(44)]
 
 
 def strong_postures(sign: Sign) -> list[Posture]:

@@ -1,15 +1,16 @@
-"""The truth of a splice: equation 17 to the bit, each rule by hand, and transitions that fit both of their words."""
+"""The ground truth of a splice: equation 17 exactly, each rule in numbers, and transitions that fit both words."""
 
 from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from signing import seen_from_chest, word
+from signing import seen_from_chest, word, wrists
 from signsplice.errors import InputError
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.synth import pose, running, trajectory, truth
@@ -25,30 +26,35 @@ PAIRS = [(a, b) for a, b in itertools.product(GLOSSES, repeat=2) if a != b]
 PLAIN = Relation(near=False, other_shape=False, leaving=1, going_down=1, coming_up=1, entering=1)
 
 
+@cache
+def splice(a: str, b: str) -> truth.Splice:
+    return truth.splice(word(a), word(b))
+
+
 # --- equation 17
 
 
 @pytest.mark.parametrize(("a", "b"), [("I", "LEARN"), ("MOTHER", "BOOK"), ("fs-A", "SIGN"), ("BOOK", "YES")])
-def test_outside_the_transition_are_the_isolated_frames_bit_for_bit(a: str, b: str) -> None:
+def test_outside_the_transition_all_frames_are_isolated_frames(a: str, b: str) -> None:
     p, q = word(a), word(b)
     true = truth.splice(p, q)
-    said = running.utter([p, q], changes=False)
+    sentence = running.utter([p, q], changes=False)
     n = len(true.states)
     new_rotations, new_roots = pose.rotations(true.states, STANDARD)
-    assert len(said.clip) == true.pre + 1 + n + len(q) - true.post
+    assert len(sentence.clip) == true.pre + 1 + n + len(q) - true.post
     for got, before, new, after in (
-        (said.clip.local_rotations, p.clip.local_rotations, new_rotations, q.clip.local_rotations),
-        (said.clip.root_positions, p.clip.root_positions, new_roots, q.clip.root_positions),
+        (sentence.clip.local_rotations, p.clip.local_rotations, new_rotations, q.clip.local_rotations),
+        (sentence.clip.root_positions, p.clip.root_positions, new_roots, q.clip.root_positions),
     ):
         assert np.array_equal(got[: true.pre + 1], before[: true.pre + 1])
         assert np.array_equal(got[true.pre + 1 : true.pre + 1 + n], new)
         assert np.array_equal(got[true.pre + 1 + n :], after[true.post :])
-    (seam,) = said.seams
+    (seam,) = sentence.seams
     assert (seam.pre, seam.post) == (true.pre, true.post)
     assert np.array_equal(seam.states, true.states)
 
 
-def test_the_truth_is_the_same_each_time() -> None:
+def test_the_ground_truth_is_the_same_each_time() -> None:
     one, two = (truth.splice(word("I"), word("LEARN")) for _ in range(2))
     assert (one.pre, one.post) == (two.pre, two.post)
     assert np.array_equal(one.states, two.states)
@@ -57,25 +63,24 @@ def test_the_truth_is_the_same_each_time() -> None:
 # --- where to leave and enter
 
 
-@pytest.mark.parametrize(("a", "b"), PAIRS)
-def test_positions_lie_in_lawful_ranges(a: str, b: str) -> None:
-    p, q = word(a), word(b)
-    true = truth.splice(p, q)
-    e, f = p.events, q.events
-    assert e.start < true.pre < e.down - 3, "after the sign has begun, well before the hand hangs again"
-    assert f.up + 3 < true.post < f.end, "after the hand has left its rest, before the sign is over"
-    assert true.pre >= 2
-    assert true.post + 3 <= len(q)
-    if e.passes:
-        assert true.pre > e.passes[max(len(e.passes) - 2, 0)][0], "in the last movement or after it"
-    if f.first is not None:
-        assert true.post <= (f.first[0] + f.first[1]) // 2, "before half of the first movement is over"
-    assert 2 <= len(true.states) <= 24
+def test_cut_frames_lie_in_plausible_ranges() -> None:
+    for a, b in PAIRS:
+        p, q, true = word(a), word(b), splice(a, b)
+        e, f = p.events, q.events
+        assert e.start < true.pre < e.down - 3, f"{a} {b}: after the sign has begun, well before the hand hangs again"
+        assert f.up + 3 < true.post < f.end, f"{a} {b}: after the hand has left its rest, before the sign is over"
+        assert true.pre >= 2
+        assert true.post + 3 <= len(q)
+        if e.passes:
+            assert true.pre > e.passes[max(len(e.passes) - 2, 0)][0], f"{a} {b}: in the last movement or after it"
+        if f.first is not None:
+            assert true.post <= sum(f.first) // 2, f"{a} {b}: before half of the first movement is over"
+        assert 2 <= len(true.states) <= 24, (a, b)
 
 
-def test_both_positions_depend_on_both_words() -> None:
-    left = {a: {truth.splice(word(a), word(b)).pre for b in GLOSSES if b != a} for a in GLOSSES}
-    entered = {b: {truth.splice(word(a), word(b)).post for a in GLOSSES if a != b} for b in GLOSSES}
+def test_both_cut_frames_depend_on_both_words() -> None:
+    left = {a: {splice(a, b).pre for b in GLOSSES if b != a} for a in GLOSSES}
+    entered = {b: {splice(a, b).post for a in GLOSSES if a != b} for b in GLOSSES}
     assert sum(len(frames) > 1 for frames in left.values()) >= len(GLOSSES) // 2, left
     assert sum(len(frames) > 1 for frames in entered.values()) >= len(GLOSSES) // 2, entered
 
@@ -97,7 +102,7 @@ BEFORE = [
     ("held, along", {}, {"leaving": 2}, 26),
     ("held, a long movement, along", {"passes": ((20, 40),), "end": 50}, {"leaving": 2}, 31),
     ("held, a movement of two frames, loses one", {"passes": ((20, 22),)}, {}, 21),
-    # touching: the whole word and a share of the way down (20 frames): none, 0.22, 0.28
+    # touching: the whole word and a fraction of the retraction (20 frames): none, 0.22, 0.28
     ("touching", {"touches_last": True}, {}, 44),
     ("touching, away from the next", {"touches_last": True}, {"going_down": 0}, 40),
     ("touching, towards the next", {"touches_last": True}, {"going_down": 2}, 46),
@@ -119,10 +124,10 @@ BEFORE = [
 ]
 
 
-@pytest.mark.parametrize(("name", "events", "seen", "frame"), BEFORE, ids=[row[0] for row in BEFORE])
-def test_where_a_word_is_left(name: str, events: dict[str, object], seen: dict[str, object], frame: int) -> None:
+@pytest.mark.parametrize(("name", "events", "relation", "frame"), BEFORE, ids=[row[0] for row in BEFORE])
+def test_where_a_word_is_left(name: str, events: dict[str, object], relation: dict[str, object], frame: int) -> None:
     made = with_events(replace(MOVED, **events))  # type: ignore[arg-type]
-    assert truth.leave(made, replace(PLAIN, **seen)) == frame, name  # type: ignore[arg-type]
+    assert truth.leave(made, replace(PLAIN, **relation)) == frame, name  # type: ignore[arg-type]
 
 
 AFTER = [
@@ -137,7 +142,7 @@ AFTER = [
     ("held, along", {"first": (26, 36)}, {"entering": 2}, 30),
     ("held, another shape", {"first": (26, 36)}, {"other_shape": True}, 28),
     ("held, a movement of two frames", {"first": (26, 28)}, {}, 27),
-    # held and touching: a frame of the touch is seen, two where it is near
+    # held and touching: a frame of the touch is kept, two where it is near
     ("touching", {"first": (26, 36), "touches_first": True}, {}, 25),
     ("touching, near", {"first": (26, 36), "touches_first": True}, {"near": True}, 24),
     ("touching for one frame, near", {"first": (21, 36), "touches_first": True}, {"near": True}, 20),
@@ -148,21 +153,24 @@ AFTER = [
 ]
 
 
-@pytest.mark.parametrize(("name", "events", "seen", "frame"), AFTER, ids=[row[0] for row in AFTER])
-def test_where_a_word_is_entered(name: str, events: dict[str, object], seen: dict[str, object], frame: int) -> None:
+@pytest.mark.parametrize(("name", "events", "relation", "frame"), AFTER, ids=[row[0] for row in AFTER])
+def test_where_a_word_is_entered(name: str, events: dict[str, object], relation: dict[str, object], frame: int) -> None:
     made = with_events(replace(MOVED, **events))  # type: ignore[arg-type]
-    assert truth.enter(made, replace(PLAIN, **seen)) == frame, name  # type: ignore[arg-type]
+    assert truth.enter(made, replace(PLAIN, **relation)) == frame, name  # type: ignore[arg-type]
 
 
-# --- what is seen of two words
+# --- how two words relate
 
 
-def drawn(at: dict[int, tuple[float, float, float]], shape: float = 0.0, events: Events = MOVED) -> IsolatedWord:
-    """A word whose strong wrist goes straight from frame to frame given, all finger angles at ``shape``."""
+Position = tuple[float, float, float]
+
+
+def moving(wrist: dict[int, Position], shape: float = 0.0, events: Events = MOVED) -> IsolatedWord:
+    """A word whose strong wrist moves straight between positions at given frames, all finger angles at ``shape``."""
     states = np.zeros((66, pose.SIZE))
-    frames = sorted(at)
+    frames = sorted(wrist)
     for axis in range(3):
-        states[:, axis] = np.interp(np.arange(66), frames, [at[f][axis] for f in frames])
+        states[:, axis] = np.interp(np.arange(66), frames, [wrist[f][axis] for f in frames])
     states[:, pose.FINGERS] = shape
     return replace(word("I"), states=states, events=events)
 
@@ -170,18 +178,18 @@ def drawn(at: dict[int, tuple[float, float, float]], shape: float = 0.0, events:
 HANG, HERE = (-26.0, -40.0, 4.0), (-10.0, 0.0, 25.0)
 
 
-def straight(end: tuple[float, float, float], start: tuple[float, float, float], shape: float = 0.0) -> IsolatedWord:
-    return drawn({5: HANG, 20: start, 30: end, 40: end, 60: HANG}, shape)
+def straight(end: Position, start: Position, shape: float = 0.0) -> IsolatedWord:
+    return moving({5: HANG, 20: start, 30: end, 40: end, 60: HANG}, shape)
 
 
 def test_near_is_within_45_percent_of_the_shoulder_width() -> None:
     p = straight(HERE, HERE)
-    for away, near in ((0.44, True), (0.46, False)):
-        there = (HERE[0] + 36.0 * away, *HERE[1:])
-        assert truth.relate(p, straight(there, there)).near is near
+    for widths, near in ((0.44, True), (0.46, False)):
+        away = (HERE[0] + 36.0 * widths, *HERE[1:])
+        assert truth.relate(p, straight(away, away)).near is near
     tall = replace(STANDARD, stature_cm=204.0)
-    there = (HERE[0] + 36.0 * 0.5, *HERE[1:])
-    assert truth.relate(replace(p, signer=tall), straight(there, there)).near, "of a broader signer"
+    away = (HERE[0] + 36.0 * 0.5, *HERE[1:])
+    assert truth.relate(replace(p, signer=tall), straight(away, away)).near, "of a broader signer"
 
 
 def test_handshapes_differ_by_the_mean_of_their_angles() -> None:
@@ -190,25 +198,24 @@ def test_handshapes_differ_by_the_mean_of_their_angles() -> None:
 
 
 @pytest.mark.parametrize(
-    ("way", "seen"), [((8.0, 0.0, 0.0), 2), ((-8.0, 0.0, 0.0), 0), ((0.0, 8.0, 0.0), 1), ((0.5, 0.0, 0.0), 1)]
+    ("movement", "alignment"),
+    [((8.0, 0.0, 0.0), 2), ((-8.0, 0.0, 0.0), 0), ((0.0, 8.0, 0.0), 1), ((0.5, 0.0, 0.0), 1)],
 )
-def test_directions_are_told_by_their_angle_with_the_travel(way: tuple[float, float, float], seen: int) -> None:
-    """The travel goes along +x; movements of less than 1.5 cm have no direction."""
-    there = (HERE[0] + 20.0, HERE[1], HERE[2])
-    back = tuple(a - b for a, b in zip(HERE, way, strict=True))
-    on = tuple(a + b for a, b in zip(there, way, strict=True))
-    leaving = truth.relate(straight(HERE, (back[0], back[1], back[2])), straight(there, there))
-    entering = truth.relate(straight(HERE, HERE), straight((on[0], on[1], on[2]), there))
-    assert leaving.leaving == seen
-    assert leaving.entering == 1
-    assert entering.entering == seen
-    assert entering.leaving == 1
+def test_alignment_is_by_the_angle_to_the_travel(movement: Position, alignment: int) -> None:
+    """The travel is along +x; movements of less than 1.5 cm have no direction."""
+    away = (HERE[0] + 20.0, HERE[1], HERE[2])
+    x, y, z = movement
+    start, end = (HERE[0] - x, HERE[1] - y, HERE[2] - z), (away[0] + x, away[1] + y, away[2] + z)
+    leaving = truth.relate(straight(HERE, start), straight(away, away))
+    entering = truth.relate(straight(HERE, HERE), straight(end, away))
+    assert (leaving.leaving, leaving.entering) == (alignment, 1)
+    assert (entering.leaving, entering.entering) == (1, alignment)
 
 
-def test_going_down_and_coming_up_are_seen_half_way() -> None:
+def test_retraction_and_preparation_are_compared_halfway() -> None:
     high, low = (HERE[0], 20.0, HERE[2]), (HERE[0], -18.0, HERE[2])
     falling = truth.relate(straight(high, high), straight(low, low))
-    assert (falling.going_down, falling.coming_up) == (2, 0), "down is on the way to a low place; up from rest is not"
+    assert (falling.going_down, falling.coming_up) == (2, 0), "down is towards a low position; up from rest is not"
     rising = truth.relate(straight(low, low), straight(high, high))
     assert (rising.going_down, rising.coming_up) == (0, 2)
 
@@ -217,41 +224,38 @@ def test_going_down_and_coming_up_are_seen_half_way() -> None:
 
 
 @pytest.mark.parametrize(("a", "b"), PAIRS[::3])
-def test_a_transition_goes_on_from_both_words(a: str, b: str) -> None:
-    """Steps of the wrists change at the seams no more than within the two words, or than a hand's quick turn."""
+def test_a_transition_continues_both_words_smoothly(a: str, b: str) -> None:
+    """The wrists' velocity changes at the seams no more than within the two words, or than in a fast reversal."""
     p, q = word(a), word(b)
-    true = truth.splice(p, q)
-    said = running.utter([p, q], changes=False)
-    at = seen_from_chest(said.clip, "LeftHand", "RightHand")[1]
-    velocity = np.diff(at, axis=0)
+    sentence = running.utter([p, q], changes=False)
+    (true,) = sentence.seams
+    velocity = np.diff(seen_from_chest(sentence.clip, "LeftHand", "RightHand")[1], axis=0)
     change = np.linalg.norm(np.diff(velocity, axis=0), axis=-1).max(axis=-1)  # [i] around frame i + 1
-    own = max(
-        np.linalg.norm(np.diff(seen_from_chest(w.clip, "LeftHand", "RightHand")[1], n=2, axis=0), axis=-1).max()
-        for w in (p, q)
-    )
+    isolated = max(np.linalg.norm(np.diff(wrists(w), n=2, axis=0), axis=-1).max() for w in (p, q))
     first, stop = true.pre, true.pre + len(true.states) + 1
     for seam in (first, stop):
-        assert change[seam - 1] < max(1.2 * own, 1.5), "cm a frame, a frame"
+        assert change[seam - 1] < max(1.2 * isolated, 1.5), "cm per frame per frame"
     step = np.linalg.norm(velocity, axis=-1).max(axis=-1)
     assert step[[first, stop - 1]].max() < 1.1 * step.max()
-    turned = np.abs(np.sum(said.clip.local_rotations[1:] * said.clip.local_rotations[:-1], axis=-1))
-    assert np.rad2deg(2.0 * np.arccos(np.minimum(turned, 1.0))).max() < 75.0
+    local_quats = sentence.clip.local_rotations
+    cosine = np.abs(np.sum(local_quats[1:] * local_quats[:-1], axis=-1))
+    assert np.rad2deg(2.0 * np.arccos(np.minimum(cosine, 1.0))).max() < 75.0, "degrees per frame"
 
 
-def test_transitions_keep_out_of_the_body_and_within_limits() -> None:
+def test_transitions_stay_out_of_the_body_and_within_limits() -> None:
     for a, b in PAIRS[::4]:
-        true = truth.splice(word(a), word(b))
+        true = splice(a, b)
         assert penetration(true.states, STANDARD)[0].max() < 0.5, (a, b)
         assert over_limit(pose.rotations(true.states, STANDARD)[0]) == 0.0, (a, b)
 
 
-def test_longer_ways_take_no_fewer_frames() -> None:
+def test_longer_travel_takes_no_fewer_frames() -> None:
     p = word("I")
     start = p.states[p.events.end]
     counts = []
-    for way in np.linspace(0.0, 40.0, 30):
+    for travel in np.linspace(0.0, 40.0, 30):
         end = start.copy()
-        end[1] += way
+        end[1] += travel
         counts.append(truth.transition_frames(start, end, p))
     assert counts == sorted(counts)
     assert counts[-1] > counts[0] + 3
@@ -259,7 +263,7 @@ def test_longer_ways_take_no_fewer_frames() -> None:
     assert counts[-1] == round(30.0 * law) - 1
 
 
-def test_the_weak_hand_and_the_fingers_take_their_time_too() -> None:
+def test_weak_hand_and_fingers_can_need_more_frames() -> None:
     p = word("I")
     start = p.states[p.events.end]
     least = truth.transition_frames(start, start, p)
@@ -274,7 +278,7 @@ def test_the_weak_hand_and_the_fingers_take_their_time_too() -> None:
     assert truth.transition_frames(start, shaped, replace(p, signer=replace(STANDARD, tempo=2.0))) < 6
 
 
-def test_a_transition_is_a_reach_where_nothing_is_in_the_way() -> None:
+def test_a_transition_without_collisions_is_a_reach() -> None:
     p, q = word("YOU"), word("fs-A")
     true = truth.splice(p, q)
     reach = trajectory.reach(
@@ -283,18 +287,18 @@ def test_a_transition_is_a_reach_where_nothing_is_in_the_way() -> None:
     assert np.array_equal(true.states, reach)
 
 
-def test_what_clears_a_transition_moves_nothing_beside_its_words() -> None:
-    """Both words press a little; the middle of the way comes out of the body, its ends go on from them."""
-    who = replace(STANDARD, arch=0.0)
-    p = replace(word("MY"), signer=who)
+def test_clearing_a_transition_leaves_its_ends_near_the_words() -> None:
+    """Both words press a little; the middle of the path comes out of the body, its ends continue from them."""
+    signer = replace(STANDARD, arch=0.0)
+    p = replace(word("MY"), signer=signer)
     a = p.states[p.events.end].copy()
     a[2] -= 0.3
     b = a.copy()
     b[1] -= 12.0
-    assert penetration(a[None], who)[0].max() > 0.25
+    assert penetration(a[None], signer)[0].max() > 0.25
     before, after = np.repeat(a[None], 3, axis=0), np.repeat(b[None], 3, axis=0)
     made = truth.transition(before, after, p)
-    moved = np.linalg.norm(made - trajectory.reach(before, after, len(made), who), axis=-1)
+    moved = np.linalg.norm(made - trajectory.reach(before, after, len(made), signer), axis=-1)
     assert len(made) >= 4
     assert moved.max() > 0.1
     assert moved[0] < 0.4 * moved.max()
