@@ -12,10 +12,12 @@ import pytest
 from hypothesis import settings
 
 from serving import serving
+from signing import sign
 from signsplice.formats import bvh
 from signsplice.lexicon import shipped
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, EndSite, Skeleton
+from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 
 REAL = Path(__file__).resolve().parents[2] / "shared" / "data" / "bvh"
 GOLDEN = Path(__file__).parent / "golden"
@@ -37,6 +39,13 @@ def words() -> dict[str, Clip]:
     """Five of the words that ship."""
     with shipped() as lexicon:
         return {gloss: lexicon.clip(gloss) for gloss in ("HELLO", "I", "DEAF", "SIGN", "THANK-YOU")}
+
+
+@pytest.fixture(scope="session")
+def pairs(tmp_path_factory: pytest.TempPathFactory) -> Pairs:
+    """A small corpus: all 25 ordered pairs of five signs by the first signer, and 3 by another."""
+    recipe = Recipe(tuple(sign(gloss) for gloss in ("I", "MOTHER", "BOOK", "YES", "fs-A")), n_other=3)
+    return Pairs(write_pairs(recipe, tmp_path_factory.mktemp("corpus") / "pairs", processes=1))
 
 
 def rooted(clip: Clip) -> Clip:
