@@ -1,4 +1,4 @@
-"""Builds the viewer into the package's wheel, where Node is there to do it."""
+"""Builds the viewer into the package's wheel, if Node is installed."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ PAGE = "src/signsplice/service/page"
 
 
 class ViewerHook(BuildHookInterface):  # type: ignore[misc]
-    """A wheel holds the page that ``make viewer`` makes; one built without Node goes without, and says so."""
+    """Puts the page that ``make viewer`` builds into the wheel; without Node the wheel has no viewer."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Build the page, unless it is newer than its source or the install is editable."""
+        """Build the page, unless it is newer than its sources or the install is editable."""
         root = Path(self.root)
         page, sources = root / PAGE / "index.html", [*(root / "viewer").glob("*.*"), *(root / "viewer/src").glob("*")]
-        made = page.stat().st_mtime if page.is_file() else 0.0
-        if version == "editable" or made > max((source.stat().st_mtime for source in sources), default=0.0):
+        built = page.stat().st_mtime if page.is_file() else 0.0
+        if version == "editable" or built > max((source.stat().st_mtime for source in sources), default=0.0):
             return
         npm = shutil.which("npm")
         try:
             for command in (["ci", "--no-audit", "--no-fund", "--silent"], ["run", "--silent", "build"]):
                 subprocess.run([npm or "npm", *command], cwd=root / "viewer", check=True)
         except (OSError, subprocess.CalledProcessError) as error:
-            print(f"this wheel goes without a viewer of today: {error}", file=sys.stderr)
+            print(f"the viewer was not built, so this wheel has none, or an older one: {error}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""Shared fixtures: motions made here, and other people's real clips where they are present."""
+"""Shared fixtures: generated motions, real clips where they are present, and running services."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from serving import serving
+from serving import http_client
 from signing import sign
 from signsplice.formats import bvh
 from signsplice.lexicon import shipped
@@ -42,6 +42,12 @@ def words() -> dict[str, Clip]:
 
 
 @pytest.fixture(scope="session")
+def sentence(words: dict[str, Clip]) -> list[Clip]:
+    """The words of the demo's sentence, in order."""
+    return [words[gloss] for gloss in ("HELLO", "I", "DEAF", "I", "SIGN", "THANK-YOU")]
+
+
+@pytest.fixture(scope="session")
 def pairs(tmp_path_factory: pytest.TempPathFactory) -> Pairs:
     """A small corpus: all 25 ordered pairs of five signs by the first signer, and 3 by another."""
     recipe = Recipe(tuple(sign(gloss) for gloss in ("I", "MOTHER", "BOOK", "YES", "fs-A")), n_other=3)
@@ -49,7 +55,7 @@ def pairs(tmp_path_factory: pytest.TempPathFactory) -> Pairs:
 
 
 def rooted(clip: Clip) -> Clip:
-    """A clip whose hips and legs stand still: the words' signer sways a little."""
+    """A clip whose hips and legs do not move; the signer of the shipped words sways a little."""
     local = np.array(clip.local_rotations)
     legs = [n for n, name in enumerate(clip.skeleton.names) if any(part in name for part in ("Leg", "Foot", "Toe"))]
     local[:, [0, *legs]] = rotation.IDENTITY
@@ -92,32 +98,28 @@ TIGHT = {
     "max_frames": 600,
     "max_streams": 2,
     "max_stream_words": 2,
-    "head_seconds": 1.0,
-    "idle_seconds": 1.0,
-    "work_seconds": 12.0,
-    "stream_idle_seconds": 2.0,
+    "work_seconds": 3.0,
 }
 
 
 @pytest.fixture(scope="session")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
-    """A client of a service with its default limits."""
-    folder = tmp_path_factory.mktemp("service")
-    with serving("serve", cwd=folder) as address, httpx.Client(base_url=address, timeout=60.0) as client:
+    """A client of a service with its default limits and one worker."""
+    with http_client("serve", "--workers=1", cwd=tmp_path_factory.mktemp("service")) as client:
         yield client
 
 
 @pytest.fixture(scope="session")
 def tight_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the tight service runs, its temporary files too; nothing may be left there."""
+    """Where the tight service runs and has its temporary files; no file may be left there."""
     return tmp_path_factory.mktemp("tight")
 
 
 @pytest.fixture(scope="session")
 def tight(tight_folder: Path) -> Iterator[httpx.Client]:
-    """A client of a service with tight limits and one worker."""
+    """A client of a service that allows little, with one worker. Its time limits are the default ones, or count
+    processor time: honest requests keep to them on a loaded machine too.
+    """
     limits = [f"--limit={name}={value}" for name, value in TIGHT.items()]
-    call = ("serve", "--workers=1", *limits)
-    with serving(*call, cwd=tight_folder) as address, httpx.Client(base_url=address, timeout=60.0) as client:
-        client.post("/v1/sentence", json={"glosses": ["HELLO"]})  # the worker is up
+    with http_client("serve", "--workers=1", *limits, cwd=tight_folder) as client:
         yield client

@@ -1,11 +1,13 @@
-"""Services for tests: processes that listen on a port that is free."""
+"""Services for tests: processes that listen on a free port."""
 
 from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,10 +16,13 @@ from typing import Any
 import httpx
 from websockets.sync.client import ClientConnection, connect
 
+PATIENCE_S = 300.0
+"""Time limit of everything that a test waits for: enough for a machine on which many other processes run."""
+
 
 @contextmanager
 def serving(*arguments: str, cwd: Path | None = None) -> Iterator[str]:
-    """The address of `signsplice ARGUMENTS`, which listens until the block ends; then it has to end well itself."""
+    """The address of `signsplice ARGUMENTS`, which listens until the block ends; it then has to exit without errors."""
     process = subprocess.Popen(
         [sys.executable, "-m", "signsplice", *arguments, "--port", "0"],
         stdout=subprocess.PIPE,
@@ -35,16 +40,48 @@ def serving(*arguments: str, cwd: Path | None = None) -> Iterator[str]:
     finally:
         process.send_signal(signal.SIGINT)
         try:
-            _, said = process.communicate(timeout=15)
+            _, stderr = process.communicate(timeout=PATIENCE_S)
         except subprocess.TimeoutExpired:
             process.kill()
             raise
-    assert process.returncode == 0, said
-    assert "Traceback" not in said, said
+    assert process.returncode == 0, stderr
+    assert "Traceback" not in stderr, stderr
 
 
 @contextmanager
-def talking(client: httpx.Client, **options: Any) -> Iterator[ClientConnection]:
+def http_client(*arguments: str, cwd: Path | None = None) -> Iterator[httpx.Client]:
+    """A client of ``serving``. It closes idle connections itself, before the service does so during a request."""
+    limits = httpx.Limits(keepalive_expiry=1.0)
+    with (
+        serving(*arguments, cwd=cwd) as address,
+        httpx.Client(base_url=address, timeout=PATIENCE_S, limits=limits) as client,
+    ):
+        yield client
+
+
+@contextmanager
+def stream_client(client: httpx.Client, **options: Any) -> Iterator[ClientConnection]:
+    """A stream of the service that an HTTP client calls."""
     address = str(client.base_url).replace("http", "ws", 1).rstrip("/") + "/v1/stream"
-    with connect(address, max_size=None, compression=None, **options) as socket:
-        yield socket
+    options = {"max_size": None, "compression": None, "open_timeout": PATIENCE_S, "ping_interval": None, **options}
+    with connect(address, **options) as stream:
+        yield stream
+
+
+def raw_request(client: httpx.Client, *parts: bytes, pause: float = 0.0) -> bytes:
+    """The bytes that come back when parts are written to a bare socket, until the service closes it."""
+    host, port = str(client.base_url.host), client.base_url.port
+    with socket.create_connection((host, port), timeout=PATIENCE_S) as connection:
+        for part in parts:
+            try:
+                connection.sendall(part)
+            except OSError:
+                break
+            time.sleep(pause)
+        answer = b""
+        try:
+            while chunk := connection.recv(65536):
+                answer += chunk
+        except ConnectionResetError:
+            pass
+        return answer

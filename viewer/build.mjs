@@ -1,5 +1,5 @@
-// Builds the page: one HTML file that holds its script and style, and allows nothing from elsewhere; and beside it the
-// files of the page that shows the service's routes. `node build.mjs DIR`.
+// `node build.mjs DIR` builds the page: one HTML file that contains its script and style, and whose content policy forbids
+// everything from other hosts. DIR/docs gets the files of the page that documents the service's routes.
 
 import { createHash } from 'node:crypto';
 import { copyFile, mkdir, readFile, readdir, rm, writeFile } from 'node:fs/promises';
@@ -9,9 +9,9 @@ import { build } from 'esbuild';
 
 const here = dirname(fileURLToPath(import.meta.url));
 const out = process.argv[2];
-if (!out) throw new Error('expected a folder to build into');
+if (!out) throw new Error('usage: node build.mjs DIR');
 
-const made = await build({
+const bundle = await build({
   entryPoints: [join(here, 'src/main.ts')],
   bundle: true,
   minify: true,
@@ -23,7 +23,7 @@ const made = await build({
   logLevel: 'warning',
   metafile: true,
 });
-const script = made.outputFiles[0].text.replaceAll('</script', '<\\/script').replaceAll('<!--', '<\\!--');
+const script = bundle.outputFiles[0].text.replaceAll('</script', '<\\/script').replaceAll('<!--', '<\\!--');
 const style = await readFile(join(here, 'src/style.css'), 'utf8');
 const digest = (text) => `'sha256-${createHash('sha256').update(text).digest('base64')}'`;
 const policy = [
@@ -48,15 +48,15 @@ for (const file of ['swagger-ui-bundle.js', 'swagger-ui.css', 'LICENSE', 'NOTICE
   await copyFile(join(here, 'node_modules/swagger-ui-dist', file), join(out, 'docs', file));
 }
 
-// What others wrote and is in the page, with their licences.
+// The packages that the page contains, with their licences.
 const packages = new Set(
-  Object.keys(made.metafile.inputs).flatMap((path) => path.match(/node_modules\/((?:@[^/]+\/)?[^/]+)/)?.[1] ?? []),
+  Object.keys(bundle.metafile.inputs).flatMap((path) => path.match(/node_modules\/((?:@[^/]+\/)?[^/]+)/)?.[1] ?? []),
 );
-let licences = 'The page holds code of these packages, each under its licence.\n';
+let licences = 'The page contains code of these packages, each under its licence.\n';
 for (const name of [...packages].sort()) {
   const folder = join(here, 'node_modules', name);
   const { version, license } = JSON.parse(await readFile(join(folder, 'package.json'), 'utf8'));
-  const file = (await readdir(folder)).find((one) => /^licen[cs]e/i.test(one));
+  const file = (await readdir(folder)).find((entry) => /^licen[cs]e/i.test(entry));
   const text = file ? await readFile(join(folder, file), 'utf8') : '';
   licences += `\n${'='.repeat(80)}\n${name} ${version}, ${license}\n\n${text}`;
 }

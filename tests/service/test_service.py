@@ -1,11 +1,13 @@
-"""The service as its users call it: what it answers is what the engine makes."""
+"""The service's answers and streams are what the engine makes, and match the published types."""
 
 from __future__ import annotations
 
 import base64
 import json
+import struct
 import subprocess
 import sys
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -15,46 +17,53 @@ import pytest
 from pydantic import TypeAdapter
 from websockets.sync.client import ClientConnection
 
-from serving import talking
-from signsplice.formats import bvh, gltf_reader, parse
+from serving import PATIENCE_S, stream_client
+from signsplice.cli import app
+from signsplice.errors import MissingExtraError
+from signsplice.formats import bvh, glb, parse, save
 from signsplice.lexicon import shipped
 from signsplice.motion.clip import Clip
 from signsplice.service import page, typescript, wire
+from signsplice.service.json_types import json_type
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceOptions, splice, stream
+from signsplice.splicing.seam import Score
 
-LINE = ["HELLO", "DEAF", "FRIEND"]
+GLOSSES = ["HELLO", "DEAF", "FRIEND"]
+SCRIPT_START = '<script type="application/json" id="signsplice">'
+
+Message = dict[str, Any] | bytes
 
 
-def hear(socket: ClientConnection) -> list[dict[str, Any] | bytes]:
-    """All that a stream says until it closes."""
-    return [json.loads(said) if isinstance(said, str) else said for said in socket]
+def receive_all(socket: ClientConnection) -> list[Message]:
+    """All messages of a stream until it closes."""
+    return [json.loads(message) if isinstance(message, str) else message for message in socket]
 
 
-def streamed(client: httpx.Client, glosses: list[str], **opened: Any) -> list[dict[str, Any] | bytes]:
-    with talking(client) as socket:
-        socket.send(json.dumps({"type": "open", "paced": False, **opened}))
+def streamed(client: httpx.Client, glosses: list[str], **options: Any) -> list[Message]:
+    with stream_client(client) as socket:
+        socket.send(json.dumps({"type": "open", "paced": False, **options}))
         for gloss in glosses:
             socket.send(json.dumps({"type": "word", "gloss": gloss}))
         socket.send(json.dumps({"type": "end"}))
-        return hear(socket)
+        return receive_all(socket)
 
 
-def frames(said: list[dict[str, Any] | bytes]) -> np.ndarray[Any, Any]:
-    """Frames (F, 3 + 4 J) of a stream, whose numbers must follow one another."""
-    rows, at = [], 0
-    for part in said:
-        if isinstance(part, bytes):
-            magic, first, n_frames, n_joints = wire.FRAMES.unpack_from(part)
-            assert magic == wire.MAGIC
-            assert first == at
-            numbers = np.frombuffer(part, "<f4", offset=wire.FRAMES.size)
-            rows.append(numbers.reshape(n_frames, 3 + 4 * n_joints))
-            at += n_frames
+def frames(messages: list[Message]) -> np.ndarray[Any, Any]:
+    """Frames (F, 3 + 4 J) of a stream, whose numbers must be consecutive."""
+    rows, n = [], 0
+    for message in messages:
+        if isinstance(message, bytes):
+            magic, first, n_frames, n_joints = wire.FRAMES_HEADER.unpack_from(message)
+            assert magic == wire.FRAMES_MAGIC
+            assert first == n
+            values = np.frombuffer(message, "<f4", offset=wire.FRAMES_HEADER.size)
+            rows.append(values.reshape(n_frames, 3 + 4 * n_joints))
+            n += n_frames
     return np.concatenate(rows)
 
 
-def of_clip(clip: Clip) -> np.ndarray[Any, Any]:
+def frames_of(clip: Clip) -> np.ndarray[Any, Any]:
     return np.concatenate([clip.root_positions, clip.local_rotations.reshape(len(clip), -1)], axis=1)
 
 
@@ -67,17 +76,18 @@ def without_timing(report: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in report.items() if key != "timing_ms"}
 
 
-def test_a_sentence_is_what_the_engine_makes(service: httpx.Client) -> None:
-    answer = service.post("/v1/sentence", json={"glosses": LINE, "formats": ["bvh", "glb", "vrma"]}).json()
-    result = splice(clips(LINE))
+# --- requests ---
+
+
+def test_sentence_equals_the_engines_splice(service: httpx.Client) -> None:
+    answer = service.post("/v1/sentence", json={"glosses": GLOSSES, "formats": ["bvh", "glb", "vrma"]}).json()
+    result = splice(clips(GLOSSES))
     assert without_timing(answer["report"]) == without_timing(json.loads(json.dumps(reports.describe(result))))
     files = {form: base64.b64decode(content) for form, content in answer["files"].items()}
-    assert files["bvh"].decode() == bvh.render(result.clip)
-    shown = gltf_reader.parse(files["glb"], "a.glb")
-    np.testing.assert_allclose(
-        np.abs(np.sum(shown.local_rotations[:, -1] * shown.local_rotations[:, -1], axis=-1)), 1.0
-    )
-    assert len(shown) == len(parse(files["vrma"], "a.vrma")) == len(result.clip)
+    assert files["bvh"] == bvh.encode(result.clip)
+    from_glb = glb.parse(files["glb"], "a.glb")
+    np.testing.assert_allclose(np.sum(from_glb.local_rotations[:, -1] ** 2, axis=-1), 1.0)
+    assert len(from_glb) == len(parse(files["vrma"], "a.vrma")) == len(result.clip)
 
 
 @pytest.mark.parametrize(
@@ -89,50 +99,53 @@ def test_a_sentence_is_what_the_engine_makes(service: httpx.Client) -> None:
         ({"body_sense": False}, SpliceOptions(avoid_collisions=False)),
     ],
 )
-def test_dials_are_the_command_lines(service: httpx.Client, dials: dict[str, Any], options: SpliceOptions) -> None:
-    answer = service.post("/v1/sentence?file=bvh", json={"glosses": LINE[:2], **dials})
-    assert answer.text == bvh.render(splice(clips(LINE[:2]), options).clip)
+def test_dials_are_the_engines_options(service: httpx.Client, dials: dict[str, Any], options: SpliceOptions) -> None:
+    answer = service.post("/v1/sentence?file=bvh", json={"glosses": GLOSSES[:2], **dials})
+    assert answer.content == bvh.encode(splice(clips(GLOSSES[:2]), options).clip)
     assert answer.headers["content-disposition"] == 'attachment; filename="HELLO-DEAF.bvh"'
 
 
 def test_files_are_spliced_in_order(service: httpx.Client, words: dict[str, Clip]) -> None:
-    texts = {gloss: bvh.render(words[gloss]) for gloss in ("SIGN", "DEAF")}
-    files = [("files", (f"{gloss}.bvh", text)) for gloss, text in texts.items()]
+    contents = {gloss: bvh.encode(words[gloss]) for gloss in ("SIGN", "DEAF")}
+    files = [("files", (f"{gloss}.bvh", content)) for gloss, content in contents.items()]
     options = json.dumps({"transition": "quintic", "formats": ["bvh"]})
     answer = service.post("/v1/splice", files=files, data={"options": options}).json()
     result = splice(
-        [bvh.parse(text.encode(), name=gloss) for gloss, text in texts.items()], SpliceOptions(transition="quintic")
+        [bvh.parse(content, gloss) for gloss, content in contents.items()], SpliceOptions(transition="quintic")
     )
     assert without_timing(answer["report"]) == without_timing(json.loads(json.dumps(reports.describe(result))))
-    assert base64.b64decode(answer["files"]["bvh"]).decode() == bvh.render(result.clip)
+    assert base64.b64decode(answer["files"]["bvh"]) == bvh.encode(result.clip)
 
 
-def test_one_file_is_shown_as_it_is(service: httpx.Client, words: dict[str, Clip]) -> None:
-    text = bvh.render(words["DEAF"])
-    assert service.post("/v1/splice?file=bvh", files={"files": ("DEAF.bvh", text)}).text == text
+def test_a_single_file_is_returned_unchanged(service: httpx.Client, words: dict[str, Clip]) -> None:
+    content = bvh.encode(words["DEAF"])
+    assert service.post("/v1/splice?file=bvh", files={"files": ("DEAF.bvh", content)}).content == content
 
 
-def test_spelled_names_and_warnings_come_along(service: httpx.Client) -> None:
+def test_units_list_letters_and_warnings(service: httpx.Client) -> None:
     answer = service.post("/v1/sentence", json={"glosses": ["fs-AB", "Xyx"], "formats": []}).json()
     assert [unit["glosses"] for unit in answer["units"]] == [["fs-A", "fs-B"], ["fs-X", "fs-Y", "fs-X"]]
     assert "spelled" in answer["units"][1]["warning"]
     assert answer["files"] == {"bvh": None, "glb": None, "vrma": None}
 
 
-def test_an_unknown_gloss_names_the_nearest(service: httpx.Client) -> None:
+def test_unknown_glosses_are_answered_with_the_nearest(service: httpx.Client) -> None:
     answer = service.post("/v1/sentence", json={"glosses": ["HELO", "FREIND"], "spell": False})
     assert answer.status_code == 422
     assert answer.json()["unknown"]["HELO"][0] == "HELLO"
     assert answer.json()["unknown"]["FREIND"][0] == "FRIEND"
-    assert "lexicon/words" not in answer.text, "tells where the lexicon lies"
+    assert "lexicon/words" not in answer.text, "reveals the lexicon's folder"
 
 
-def test_the_lexicon_in_pages(service: httpx.Client) -> None:
+def test_lexicon_pages_hold_every_word_once(service: httpx.Client) -> None:
     first = service.get("/v1/lexicon", params={"limit": 2}).json()
     rest = service.get("/v1/lexicon", params={"start": 2, "limit": 1000}).json()
     with shipped() as lexicon:
         assert [word["gloss"] for word in first["words"] + rest["words"]] == list(lexicon.glosses)
         assert first["total"] == len(lexicon)
+
+
+def test_lexicon_search_lists_prefix_matches_first(service: httpx.Client) -> None:
     found = service.get("/v1/lexicon", params={"search": "the"}).json()["words"]
     begins = [any(n.lower().startswith("the") for n in (w["gloss"], *w["synonyms"])) for w in found]
     assert begins == sorted(begins, reverse=True)
@@ -141,8 +154,8 @@ def test_the_lexicon_in_pages(service: httpx.Client) -> None:
 
 
 def test_methods_health_and_metrics(service: httpx.Client) -> None:
-    told = {(part["kind"], part["name"]) for part in service.get("/v1/methods").json()}
-    assert {("cutter", "learned"), ("transition", "hermite"), ("duration", "travel")} <= told
+    methods = {(method["kind"], method["name"]) for method in service.get("/v1/methods").json()}
+    assert {("cutter", "learned"), ("transition", "hermite"), ("duration", "travel")} <= methods
     assert service.get("/healthz").json()["status"] == "ok"
     before = service.get("/metrics").text
     service.get("/v1/methods")
@@ -152,102 +165,153 @@ def test_methods_health_and_metrics(service: httpx.Client) -> None:
     assert count[1] == count[0] + 1
 
 
-def test_a_stream_is_what_the_engine_streams(service: httpx.Client) -> None:
-    said = streamed(service, LINE)
-    pieces = list(stream(clips(LINE)))
-    np.testing.assert_array_equal(frames(said), np.concatenate([of_clip(p.clip) for p in pieces]).astype("<f4"))
-    told = [part for part in said if isinstance(part, dict)]
-    assert told[0]["type"] == "skeleton"
-    assert told[0]["names"] == list(pieces[0].clip.skeleton.names)
-    assert (told[0]["cutter"], told[0]["transition"]) == ("learned", "learned")
-    spans = [part["span"] for part in told if part["type"] == "span"]
+def test_schemathesis_finds_no_fault(service: httpx.Client, tmp_path: Path) -> None:
+    """Requests generated from the service's own OpenAPI, and beyond it (https://schemathesis.readthedocs.io)."""
+    (tmp_path / "schemathesis.toml").write_text(
+        # 422 is also the answer to a word that the lexicon lacks, which no schema can express.
+        '[checks.positive_data_acceptance]\nexpected-statuses = ["2xx", "422"]\n'
+    )
+    call = [str(Path(sys.executable).with_name("schemathesis")), "run", f"{service.base_url}openapi.json",
+            "--checks", "all", "--max-examples", "12", "--seed", "1",
+            "--request-timeout", f"{PATIENCE_S:g}"]  # fmt: skip
+    done = subprocess.run(call, capture_output=True, text=True, cwd=tmp_path, timeout=2 * PATIENCE_S)
+    assert done.returncode == 0, done.stdout[-4000:]
+    assert "Tested: 6" in done.stdout
+
+
+# --- streams ---
+
+
+def test_a_stream_equals_the_engines_stream(service: httpx.Client) -> None:
+    messages = streamed(service, GLOSSES)
+    pieces = list(stream(clips(GLOSSES)))
+    np.testing.assert_array_equal(
+        frames(messages), np.concatenate([frames_of(piece.clip) for piece in pieces]).astype("<f4")
+    )
+    texts = [message for message in messages if isinstance(message, dict)]
+    assert texts[0]["type"] == "skeleton"
+    assert texts[0]["names"] == list(pieces[0].clip.skeleton.names)
+    assert (texts[0]["cutter"], texts[0]["transition"]) == ("learned", "learned")
+    spans = [message["span"] for message in texts if message["type"] == "span"]
     assert [tuple(span["output"]) for span in spans] == [piece.span.output for piece in pieces]
-    seams = [part["seam"] for part in told if part["type"] == "seam"]
+    seams = [message["seam"] for message in texts if message["type"] == "seam"]
     assert [(seam["before"], seam["after"]) for seam in seams] == [("HELLO", "DEAF"), ("DEAF", "FRIEND")]
-    assert told[-1] == {"type": "done", "frames": len(frames(said))}
+    assert texts[-1] == {"type": "done", "frames": len(frames(messages))}
 
 
-def test_frames_come_before_the_sentence_is_over(service: httpx.Client) -> None:
-    with talking(service) as socket:
+def test_streamed_quaternions_have_unit_length(service: httpx.Client) -> None:
+    (message,) = [message for message in streamed(service, ["DEAF"]) if isinstance(message, bytes)]
+    values = np.frombuffer(message, "<f4", offset=16).reshape(struct.unpack_from("<I", message, 8)[0], -1)
+    np.testing.assert_allclose(np.linalg.norm(values[:, 3:].reshape(len(values), -1, 4), axis=-1), 1.0, atol=1e-5)
+
+
+def test_frames_come_before_the_sentence_ends(service: httpx.Client) -> None:
+    with stream_client(service) as socket:
         socket.send(json.dumps({"type": "open", "paced": False}))
-        for gloss in LINE[:2]:
+        for gloss in GLOSSES[:2]:
             socket.send(json.dumps({"type": "word", "gloss": gloss}))
-        said = [socket.recv(timeout=30)]
-        while not isinstance(said[-1], bytes):
-            said.append(socket.recv(timeout=30))
-        assert json.loads(said[0])["type"] == "skeleton"
+        messages = [socket.recv(timeout=PATIENCE_S)]
+        while not isinstance(messages[-1], bytes):
+            messages.append(socket.recv(timeout=PATIENCE_S))
+        assert json.loads(messages[0])["type"] == "skeleton"
         socket.send(json.dumps({"type": "end"}))
-        assert any(isinstance(part, dict) and part["type"] == "done" for part in hear(socket))
+        assert any(isinstance(message, dict) and message["type"] == "done" for message in receive_all(socket))
 
 
-def test_a_paced_stream_says_the_same_one_frame_at_a_time(service: httpx.Client) -> None:
+def test_a_paced_stream_sends_the_same_frames_one_by_one(service: httpx.Client) -> None:
     paced = streamed(service, ["fs-A", "fs-B"], paced=True, sign_speed=4.0)
-    at_once = streamed(service, ["fs-A", "fs-B"], sign_speed=4.0)
-    np.testing.assert_array_equal(frames(paced), frames(at_once))
-    counts = [wire.FRAMES.unpack_from(part)[2] for part in paced if isinstance(part, bytes)]
+    unpaced = streamed(service, ["fs-A", "fs-B"], sign_speed=4.0)
+    np.testing.assert_array_equal(frames(paced), frames(unpaced))
+    counts = [wire.FRAMES_HEADER.unpack_from(message)[2] for message in paced if isinstance(message, bytes)]
     assert set(counts) == {1}
 
 
-def test_a_word_that_is_not_known_is_left_out_and_the_stream_goes_on(service: httpx.Client) -> None:
-    said = streamed(service, ["HELLO", "NO-SUCH-WORD", "DEAF"], spell=False)
-    errors = [part for part in said if isinstance(part, dict) and part["type"] == "error"]
+def test_a_stream_goes_on_without_an_unknown_word(service: httpx.Client) -> None:
+    messages = streamed(service, ["HELLO", "NO-SUCH-WORD", "DEAF"], spell=False)
+    errors = [message for message in messages if isinstance(message, dict) and message["type"] == "error"]
     assert list(errors[0]["unknown"]) == ["NO-SUCH-WORD"]
-    np.testing.assert_array_equal(frames(said), frames(streamed(service, ["HELLO", "DEAF"])))
+    np.testing.assert_array_equal(frames(messages), frames(streamed(service, ["HELLO", "DEAF"])))
 
 
-def test_a_message_of_several_words_is_each_of_them(service: httpx.Client) -> None:
-    said = streamed(service, ["HELLO", "MY  NAME\n", "DEAF"])
-    np.testing.assert_array_equal(frames(said), frames(streamed(service, ["HELLO", "MY", "NAME", "DEAF"])))
+def test_a_word_message_may_hold_several_glosses(service: httpx.Client) -> None:
+    messages = streamed(service, ["HELLO", "MY  NAME\n", "DEAF"])
+    np.testing.assert_array_equal(frames(messages), frames(streamed(service, ["HELLO", "MY", "NAME", "DEAF"])))
 
 
-def test_what_a_page_is_told_is_json_whatever_it_is_called(words: dict[str, Clip]) -> None:
-    if not page.BUILT.is_dir():
-        pytest.skip("the viewer is not built (make viewer)")
-    told = {"name": "\udcff</script><b>", "report": {"seams": [float("nan")]}}
-    text = page.html([told], live=False)
-    text.encode()
-    mark = '<script type="application/json" id="signsplice">'
-    inside = text[text.index(mark) + len(mark) :].split("</script>")[0]
-    assert "<" not in inside
-    assert json.loads(inside)["scenes"] == [{"name": told["name"], "report": {"seams": [None]}}]
+# --- types ---
 
 
-def test_what_is_said_is_what_the_wire_tells(service: httpx.Client) -> None:
-    """Answers are written by workers, past the checks of the framework: nothing in them is more or less than told."""
+def test_answers_and_messages_match_their_types(service: httpx.Client) -> None:
+    """Workers write answers without FastAPI's checks, so all fields of the types are compared here."""
     spliced = TypeAdapter(wire.Spliced)
     answer = service.post("/v1/sentence", json={"glosses": ["HELLO", "fs-AB"]}).json()
     assert json.loads(spliced.dump_json(spliced.validate_python(answer))) == answer
-    message = TypeAdapter(wire.FromService)
-    said = [part for part in streamed(service, ["HELLO", "HELO9", "NO SUCH", "DEAF"]) if isinstance(part, dict)]
-    assert {part["type"] for part in said} >= {"skeleton", "span", "seam", "warning", "done"}
-    for part in said:
-        assert json.loads(message.dump_json(message.validate_python(part))) == part
+    adapter: TypeAdapter[wire.ServiceMessage] = TypeAdapter(wire.ServiceMessage)
+    messages = streamed(service, ["HELLO", "HELO9", "NO SUCH", "DEAF"])
+    texts = [message for message in messages if isinstance(message, dict)]
+    assert {message["type"] for message in texts} >= {"skeleton", "span", "seam", "warning", "done"}
+    for message in texts:
+        assert json.loads(adapter.dump_json(adapter.validate_python(message))) == message
 
 
-def test_the_pages_types_are_the_services(tmp_path: Path) -> None:
+def test_dials_are_named_as_the_engines_options() -> None:
+    assert {field.name for field in fields(wire.Dials)} <= {field.name for field in fields(SpliceOptions)}
+
+
+def test_a_json_type_has_lists_and_null_scores() -> None:
+    @dataclass
+    class Engine:
+        """What the engine makes."""
+
+        names: tuple[str, ...]
+        frames: tuple[int, int] | None
+        score: Score = float("nan")
+
+    Json = json_type(Engine)
+    types = {field.name: field.type for field in fields(Json)}
+    assert types == {"names": list[str], "frames": tuple[int, int] | None, "score": float | None}
+    assert (Json.__name__, Json.__doc__) == ("Engine", "What the engine makes.")
+    with pytest.raises(TypeError, match="score"):
+        Json(["a"], None)
+
+
+def test_the_viewers_types_are_the_wires() -> None:
     written = Path(__file__).resolve().parents[2] / "viewer" / "src" / "wire.ts"
-    assert written.read_text() == typescript.render(), "python -m signsplice.service.typescript viewer/src/wire.ts"
+    assert written.read_text() == typescript.render(), "run python -m signsplice.service.typescript viewer/src/wire.ts"
 
 
-def test_types_are_told_as_typescript_has_them() -> None:
+def test_typescript_has_a_counterpart_for_every_type() -> None:
     text = typescript.render()
     assert '  transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;' in text
     assert '  formats?: ("bvh" | "glb" | "vrma")[];' in text
-    assert "export type FromClient = Open | Say | End;" in text
+    assert "  body_sense?: boolean | null;" in text
+    assert "export type ClientMessage = OpenMessage | WordMessage | EndMessage;" in text
     with pytest.raises(TypeError, match="no counterpart"):
         typescript._type(complex)
 
 
-def test_view_writes_a_page_that_holds_the_clip(tmp_path: Path, words: dict[str, Clip]) -> None:
-    bvh.write(words["DEAF"], tmp_path / "DEAF.bvh")
-    call = [sys.executable, "-m", "signsplice", "view", "DEAF.bvh", "-o", "deaf.html"]
-    done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True)
-    if "has no viewer" in done.stderr:
+# --- pages ---
+
+
+def test_a_page_embeds_any_name_as_valid_json() -> None:
+    if not page.BUILT.is_dir():
         pytest.skip("the viewer is not built (make viewer)")
-    assert done.returncode == 0, done.stderr
+    scene = {"name": "\udcff</script><b>", "report": {"seams": [float("nan")]}}
+    text = page.html([scene], live=False)
+    text.encode()
+    inside = text[text.index(SCRIPT_START) + len(SCRIPT_START) :].split("</script>")[0]
+    assert "<" not in inside
+    assert json.loads(inside)["scenes"] == [{"name": scene["name"], "report": {"seams": [None]}}]
+
+
+def test_view_writes_a_page_that_holds_the_clip(tmp_path: Path, words: dict[str, Clip]) -> None:
+    save(words["DEAF"], tmp_path / "DEAF.bvh")
+    try:
+        app(["view", str(tmp_path / "DEAF.bvh"), "-o", str(tmp_path / "deaf.html")], standalone_mode=False)
+    except MissingExtraError:
+        pytest.skip("the viewer is not built (make viewer)")
     text = (tmp_path / "deaf.html").read_text()
-    mark = '<script type="application/json" id="signsplice">'
-    told = json.loads(text[text.index(mark) + len(mark) :].split("</script>")[0])
-    assert told["live"] is False
-    assert base64.b64decode(told["scenes"][0]["files"]["bvh"]).decode() == bvh.render(words["DEAF"])
-    assert told["scenes"][0]["report"]["spans"][0]["output"] == [0, len(words["DEAF"])]
+    content = json.loads(text[text.index(SCRIPT_START) + len(SCRIPT_START) :].split("</script>")[0])
+    assert content["live"] is False
+    assert base64.b64decode(content["scenes"][0]["files"]["bvh"]) == bvh.encode(words["DEAF"])
+    assert content["scenes"][0]["report"]["spans"][0]["output"] == [0, len(words["DEAF"])]

@@ -1,4 +1,4 @@
-// What the page and the checks that drive it share: a headless Chromium, and a page that is watched.
+// A headless Chromium, and helpers to drive the viewer's page in it.
 
 import { chromium } from 'playwright-core';
 
@@ -8,7 +8,7 @@ export async function launch() {
   return chromium.launch({ executablePath: process.env.CHROMIUM, args: FLAGS });
 }
 
-/** A page, and what goes wrong in it: console errors, thrown errors, requests to other hosts than its own. */
+/** A page, with its faults (console errors and warnings, thrown errors) and the hosts that it sends requests to. */
 export async function watched(browser, options = {}) {
   const context = await browser.newContext({ acceptDownloads: true, locale: 'en-GB', ...options });
   const page = await context.newPage();
@@ -22,11 +22,11 @@ export async function watched(browser, options = {}) {
     const { protocol, host } = new URL(request.url());
     if (['http:', 'https:', 'ws:', 'wss:'].includes(protocol)) hosts.add(host);
   });
-  page.setDefaultTimeout(90_000);
+  page.setDefaultTimeout(600_000); // other processes may load the machine
   return { page, context, faults, hosts };
 }
 
-/** Wait until the page has shown so many animations; it is stopped then, since software takes long to draw, or let run. */
+/** Wait until the page has shown ``times`` animations; then stop it, since drawing in software is slow, or let it ``run``. */
 export async function shown(page, times, run = false) {
   await page.waitForFunction((n) => Number(document.querySelector('#stage').dataset.ready ?? 0) >= n, times);
   if (!run) await pause(page);
@@ -34,24 +34,24 @@ export async function shown(page, times, run = false) {
 
 export const frame = (page) => page.evaluate(() => Number(document.querySelector('#frame').value));
 
-/** Another frame than the one that is shown now, as soon as there is one. */
-export async function later(page) {
+/** The next frame that is shown after the current one. */
+export async function nextFrame(page) {
   const now = await frame(page);
   await page.waitForFunction((value) => Number(document.querySelector('#frame').value) !== value, now);
   return frame(page);
 }
 
-/** Put a frame before the eyes, and wait until it is drawn. */
-export async function seek(page, at) {
+/** Show a frame, and wait until it is drawn. */
+export async function seek(page, number) {
   await page.evaluate((value) => {
     const slider = document.querySelector('#frame');
     slider.value = String(value);
     slider.dispatchEvent(new Event('input', { bubbles: true }));
-  }, at);
+  }, number);
   await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
 }
 
-/** Stop, wherever the animation is. */
+/** Stop the animation at its current frame. */
 export async function pause(page) {
   await page.evaluate(() => {
     const play = document.querySelector('#play');
@@ -59,7 +59,7 @@ export async function pause(page) {
   });
 }
 
-/** Share of the picture's pixels, over its left or right half, that are not background. */
+/** Fraction of pixels that are not background, in the left and in the right half of the picture. */
 export function drawn(page) {
   return page.evaluate(() => {
     const canvas = document.querySelector('#stage canvas');

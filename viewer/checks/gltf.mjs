@@ -1,6 +1,6 @@
-// What others make of the files that we write. `node gltf.mjs FILE...` prints a JSON object for each, a line each:
-// the Khronos validator's counts and first messages; every joint's place at given moments as three.js plays the file
-// (--times 0,0.5,1); the turns of a VRM animation's bones as @pixiv/three-vrm-animation reads them.
+// How other programs read glTF files. `node gltf.mjs [--times 0,0.5,1] FILE...` prints one line of JSON for each file:
+// the Khronos validator's counts and first messages; every joint's position at the given times as three.js plays the
+// file; the rotations of a VRM animation's bones as @pixiv/three-vrm-animation reads them.
 
 import { readFileSync } from 'node:fs';
 import { validateBytes } from 'gltf-validator';
@@ -8,13 +8,13 @@ import { AnimationMixer, Vector3 } from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { VRMAnimationLoaderPlugin } from '@pixiv/three-vrm-animation';
 
-globalThis.self ??= globalThis; // three's loaders ask for a browser's global object
+globalThis.self ??= globalThis; // three's loaders need a browser's global object
 
-const given = process.argv.slice(2);
-const timesAt = given.indexOf('--times');
-const times = timesAt < 0 ? [] : given.splice(timesAt, 2)[1].split(',').map(Number);
+const files = process.argv.slice(2);
+const timesIndex = files.indexOf('--times');
+const times = timesIndex < 0 ? [] : files.splice(timesIndex, 2)[1].split(',').map(Number);
 
-for (const file of given) {
+for (const file of files) {
   const bytes = new Uint8Array(readFileSync(file));
   const { issues } = await validateBytes(bytes);
   const loader = new GLTFLoader().register((parser) => new VRMAnimationLoaderPlugin(parser));
@@ -25,29 +25,29 @@ for (const file of given) {
       errors: issues.numErrors,
       warnings: issues.numWarnings,
       messages: issues.messages.slice(0, 20).map(({ code, message, pointer }) => `${code} ${pointer}: ${message}`),
-      places: times.map((time) => placesAt(gltf, time)),
+      positions: times.map((time) => positionsAt(gltf, time)),
       bones: (gltf.userData.vrmAnimations ?? []).map(bonesOf)[0] ?? null,
     }),
   );
 }
 
-/** Every node's place in the world at a moment, by name as the file has it. */
-function placesAt(gltf, time) {
+/** Every node's global position at a time in seconds, by its name in the file. */
+function positionsAt(gltf, time) {
   const mixer = new AnimationMixer(gltf.scene);
   mixer.clipAction(gltf.animations[0]).play();
   mixer.setTime(time);
   gltf.scene.updateMatrixWorld(true);
-  const places = {};
+  const positions = {};
   gltf.scene.traverse((node) => {
-    if (node.userData.name ?? node.name) places[node.userData.name ?? node.name] = node.getWorldPosition(new Vector3()).toArray();
+    if (node.userData.name ?? node.name) positions[node.userData.name ?? node.name] = node.getWorldPosition(new Vector3()).toArray();
   });
   mixer.stopAllAction();
-  return places;
+  return positions;
 }
 
-/** Every bone's turns, x y z w frame by frame, and the way of the hips. */
+/** Every bone's rotations, x y z w frame by frame, and the positions of the hips. */
 function bonesOf(animation) {
-  const turns = {};
-  for (const [bone, track] of animation.humanoidTracks.rotation) turns[bone] = [...track.values];
-  return { turns, hips: [...(animation.humanoidTracks.translation.get('hips')?.values ?? [])] };
+  const rotations = {};
+  for (const [bone, track] of animation.humanoidTracks.rotation) rotations[bone] = [...track.values];
+  return { rotations, hips: [...(animation.humanoidTracks.translation.get('hips')?.values ?? [])] };
 }

@@ -7,7 +7,7 @@ export function decode(base64: string): Uint8Array<ArrayBuffer> {
   return bytes;
 }
 
-/** Offer content to the user as a file. */
+/** Download content as a file. */
 export function download(name: string, content: BlobPart, type: string): void {
   const link = document.createElement('a');
   link.href = URL.createObjectURL(new Blob([content], { type }));
@@ -16,7 +16,7 @@ export function download(name: string, content: BlobPart, type: string): void {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-/** A name for files out of what a scene is called. */
+/** A scene's name as a file name. */
 export function fileName(name: string): string {
   return name.trim().replace(/[^\p{L}\p{N}._-]+/gu, '-').slice(0, 60) || 'signing';
 }

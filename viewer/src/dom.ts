@@ -1,6 +1,6 @@
 /** Elements of the page. */
 
-/** The element that there is one of. */
+/** The one element that matches. */
 export function find<Kind extends HTMLElement>(query: string): Kind {
   return document.querySelector<Kind>(query)!;
 }

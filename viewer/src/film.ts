@@ -1,4 +1,4 @@
-/** Films, frame by frame: every frame of the animation is encoded once, however slow the machine. */
+/** Films: every frame of the animation is encoded once, however slow the machine is. */
 
 import { BufferTarget, CanvasSource, Mp4OutputFormat, Output, QUALITY_HIGH, WebMOutputFormat } from 'mediabunny';
 import { getFirstEncodableVideoCodec } from 'mediabunny';
@@ -10,12 +10,12 @@ export interface Film {
   suffix: 'mp4' | 'webm';
 }
 
-/** Whether this browser can encode films here. */
+/** Whether this browser can encode films on this page. */
 export function possible(): boolean {
   return typeof VideoEncoder !== 'undefined';
 }
 
-/** Encode frames that ``draw`` puts on a canvas: H.264 in MP4 where there is an encoder, else VP9 or VP8 in WebM. */
+/** Encode the frames that ``draw`` draws: H.264 in MP4 if the browser can, else VP9 or VP8 in WebM; null if neither. */
 export async function film(
   frames: number,
   fps: number,
@@ -41,11 +41,11 @@ export async function film(
   return { bytes: target.buffer!, suffix: mp4 ? 'mp4' : 'webm' };
 }
 
-/** Write a caption as the page shows it. */
-export function write(pen: CanvasRenderingContext2D, text: string, between: boolean, x: number): void {
+/** Draw a caption as the page shows it, centred at ``x``; ``inTransition``: in the style of a transition. */
+export function drawCaption(pen: CanvasRenderingContext2D, text: string, inTransition: boolean, x: number): void {
   if (!text) return;
   const { height } = SIZE;
-  pen.font = `${between ? 400 : 650} ${Math.round(height * 0.048)}px system-ui, sans-serif`;
+  pen.font = `${inTransition ? 400 : 650} ${Math.round(height * 0.048)}px system-ui, sans-serif`;
   pen.textAlign = 'center';
   pen.textBaseline = 'middle';
   const wide = pen.measureText(text).width + height * 0.05;
@@ -54,6 +54,6 @@ export function write(pen: CanvasRenderingContext2D, text: string, between: bool
   pen.beginPath();
   pen.roundRect(x - wide / 2, y - tall / 2, wide, tall, height * 0.012);
   pen.fill();
-  pen.fillStyle = between ? '#3c4750' : '#10161b';
+  pen.fillStyle = inTransition ? '#3c4750' : '#10161b';
   pen.fillText(text, x, y);
 }

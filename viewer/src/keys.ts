@@ -1,9 +1,9 @@
-/** Keys, and what the page says of them. */
+/** Keyboard shortcuts, and their list on the page. */
 
 import { find } from './dom.js';
-import { say } from './languages.js';
+import { translate } from './languages.js';
 
-export interface Acts {
+export interface Actions {
   toggle(): void;
   step(frames: number): void;
   seam(by: number): void;
@@ -13,7 +13,7 @@ export interface Acts {
   faster(by: number): void;
 }
 
-const TOLD = [
+const HELP = [
   ['␣', 'key_space'],
   ['← →', 'key_arrows'],
   ['⇧← ⇧→', 'key_shift'],
@@ -23,41 +23,41 @@ const TOLD = [
   ['[ ]', 'key_speed'],
 ] as const;
 
-/** Listen on the whole page; fields that are written into keep their keys. */
-export function listen(acts: Acts): void {
+/** Listen on the whole page, except in fields for text. */
+export function listen(actions: Actions): void {
   document.addEventListener('keydown', (event) => {
     const target = event.target as HTMLElement;
     if (event.ctrlKey || event.metaKey || event.altKey || !find<HTMLInputElement>('#keys-on').checked) return;
     if (target.matches('select, input:not([type=range]), textarea')) return;
     if (event.key === ' ' && target.matches('button, summary')) return;
-    // Elsewhere arrows move what they always move: a dial, a list that scrolls.
+    // Elsewhere arrows keep their usual function: they move a dial or scroll a list.
     if (event.key.startsWith('Arrow') && target !== document.body && !target.closest('#stage, #time, #controls')) return;
-    const known: Record<string, () => void> = {
-      ' ': () => acts.toggle(),
-      ArrowLeft: () => (event.shiftKey ? acts.seam(-1) : acts.step(-1)),
-      ArrowRight: () => (event.shiftKey ? acts.seam(1) : acts.step(1)),
-      l: () => acts.unloop(),
-      m: () => acts.mirror(),
-      '1': () => acts.look('front'),
-      '2': () => acts.look('side'),
-      '3': () => acts.look('hands'),
-      '[': () => acts.faster(-1),
-      ']': () => acts.faster(1),
+    const shortcuts: Record<string, () => void> = {
+      ' ': () => actions.toggle(),
+      ArrowLeft: () => (event.shiftKey ? actions.seam(-1) : actions.step(-1)),
+      ArrowRight: () => (event.shiftKey ? actions.seam(1) : actions.step(1)),
+      l: () => actions.unloop(),
+      m: () => actions.mirror(),
+      '1': () => actions.look('front'),
+      '2': () => actions.look('side'),
+      '3': () => actions.look('hands'),
+      '[': () => actions.faster(-1),
+      ']': () => actions.faster(1),
     };
-    const act = known[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    const act = shortcuts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (!act) return;
     event.preventDefault();
     act();
   });
 }
 
-/** Write the list of keys. */
-export function tell(): void {
+/** Write the list of shortcuts. */
+export function showHelp(): void {
   find('#keys').replaceChildren(
-    ...TOLD.flatMap(([key, text]) => {
+    ...HELP.flatMap(([key, text]) => {
       const term = document.createElement('dt');
       term.append(Object.assign(document.createElement('kbd'), { textContent: key }));
-      return [term, Object.assign(document.createElement('dd'), { textContent: say(text) })];
+      return [term, Object.assign(document.createElement('dd'), { textContent: translate(text) })];
     }),
   );
 }

@@ -1,13 +1,15 @@
-/** Every word of the page, in every language that it speaks. */
+/** Every text of the page, in each of its languages. */
+
+import { MEDIA_TYPES } from './wire.js';
 
 const en = {
   skip: 'Skip to the controls',
   glosses: 'Glosses, in the order of signing',
   glossesHint: 'HELLO MY NAME fs-ANNA',
   suggestions: 'Words of the lexicon',
-  sign: 'Sign it',
+  sign: 'Sign',
   openFiles: 'Open files',
-  openFilesHint: 'Clips (.bvh, .glb, .vrma) to splice in order, or an avatar (.vrm)',
+  openFilesHint: 'Clips ({suffixes}) to splice in order, or an avatar (.vrm)',
   stage: 'The signer',
   drop: 'Drop clips to splice, or a .vrm avatar',
   timeLine: 'Time line',
@@ -16,7 +18,7 @@ const en = {
   play: 'Play',
   pause: 'Pause',
   back: 'One frame back',
-  on: 'One frame on',
+  on: 'One frame forward',
   speed: 'Speed',
   loop: 'Loop',
   noLoop: 'nothing',
@@ -26,7 +28,7 @@ const en = {
   side: 'Side',
   hands: 'Hands',
   mirror: 'Mirror',
-  mirrorHint: 'As if you looked into a mirror',
+  mirrorHint: 'As in a mirror',
   captions: 'Glosses',
   panel: 'Dials, seams and downloads',
   dials: 'Dials',
@@ -35,7 +37,7 @@ const en = {
   signSpeed: 'Sign speed',
   cutter: 'Where to cut',
   transition: 'Transition',
-  beside: 'Beside it, show',
+  compare: 'Compare with',
   nothing: 'nothing',
   standard: 'default',
   seams: 'Seams',
@@ -48,27 +50,27 @@ const en = {
   report: 'Report',
   page: 'This page',
   pageHint: 'One file that opens from disk, without a network',
-  keys: 'Keys',
+  keys: 'Keyboard shortcuts',
   note: 'No Deaf signer has judged this animation yet. Glosses are labels of signs, not a translation. Faces are not animated.',
   loading: 'Making the animation …',
   shown: '{name}: {seconds} s, {frames} frames',
   filming: 'Making the film: {done} of {total} frames',
-  noFilm: 'This browser cannot make films here (WebCodecs is missing: use https or localhost).',
-  noFile: 'There is no {file} of this clip.',
-  needsService: 'Clips are spliced by the service: `signsplice serve`. A saved page shows avatars (.vrm) only.',
-  noAvatar: '{name} is no VRM avatar that can be shown: {why}',
-  notRead: '{name} is not read here; expected .bvh, .glb, .vrma or .vrm',
+  noFilm: 'This browser cannot make films here: WebCodecs is missing; use https or localhost.',
+  noFile: 'This clip has no {file} file.',
+  needsService: 'To splice clips, run `signsplice serve`; a saved page can only open avatars (.vrm).',
+  noAvatar: '{name} is not a VRM avatar that can be shown: {why}',
+  notRead: '{name} cannot be opened; expected {suffixes} or .vrm',
   noVrma: 'This clip has no VRM animation, so no avatar can play it.',
   broken: 'This page cannot show animations here:',
   lost: 'The service does not answer. Is it still running?',
   transitionTo: 'transition from {before} to {after}; loop it',
   goTo: 'go to {name}',
-  frameTold: 'frame {frame} of {frames}, {caption}',
-  keysOn: 'Listen to keys',
+  frameValue: 'frame {frame} of {frames}, {caption}',
+  keysOn: 'Use keyboard shortcuts',
   key_space: 'play or pause',
-  key_arrows: 'one frame back or on',
-  key_shift: 'the seam before or after; loop it',
-  key_l: 'loop nothing',
+  key_arrows: 'one frame back or forward',
+  key_shift: 'previous or next seam; loop it',
+  key_l: 'stop looping',
   key_views: 'camera: front, side, hands',
   key_m: 'mirror',
   key_speed: 'slower, faster',
@@ -81,7 +83,7 @@ const zh: typeof en = {
   suggestions: '词库中的词',
   sign: '打手语',
   openFiles: '打开文件',
-  openFilesHint: '按顺序拼接的片段（.bvh、.glb、.vrma），或虚拟形象（.vrm）',
+  openFilesHint: '按顺序拼接的片段（{suffixes}），或虚拟形象（.vrm）',
   stage: '手语者',
   drop: '拖入要拼接的片段，或 .vrm 虚拟形象',
   timeLine: '时间线',
@@ -109,7 +111,7 @@ const zh: typeof en = {
   signSpeed: '手语速度',
   cutter: '切点方法',
   transition: '过渡方法',
-  beside: '并排显示',
+  compare: '并排显示',
   nothing: '无',
   standard: '默认',
   seams: '接缝',
@@ -131,13 +133,13 @@ const zh: typeof en = {
   noFile: '此片段没有 {file} 文件。',
   needsService: '拼接片段需要服务：`signsplice serve`。保存的页面只能显示虚拟形象（.vrm）。',
   noAvatar: '{name} 不是可显示的 VRM 虚拟形象：{why}',
-  notRead: '无法读取 {name}；应为 .bvh、.glb、.vrma 或 .vrm',
+  notRead: '无法读取 {name}；应为 {suffixes} 或 .vrm',
   noVrma: '此片段没有 VRM 动画，虚拟形象无法播放。',
   broken: '此页面无法在这里显示动画：',
   lost: '服务没有响应。它还在运行吗？',
   transitionTo: '从 {before} 到 {after} 的过渡；循环播放',
   goTo: '跳到 {name}',
-  frameTold: '第 {frame} 帧，共 {frames} 帧，{caption}',
+  frameValue: '第 {frame} 帧，共 {frames} 帧，{caption}',
   keysOn: '启用快捷键',
   key_space: '播放或暂停',
   key_arrows: '后退或前进一帧',
@@ -148,7 +150,7 @@ const zh: typeof en = {
   key_speed: '减速、加速',
 };
 
-export type Text = keyof typeof en;
+export type TextKey = keyof typeof en;
 const languages = { en, zh };
 export type Language = keyof typeof languages;
 
@@ -158,37 +160,39 @@ export function language(): Language {
   return current;
 }
 
-/** The language that a reader most likely wants: the one chosen before, else the browser's. */
-export function wanted(): Language {
+/** The language to start with: the one chosen before, else the browser's. */
+export function preferred(): Language {
   const kept = (() => {
     try {
       return localStorage.getItem('signsplice-language');
     } catch {
-      return null; // pages from disk may not keep anything
+      return null; // pages from disk may have no storage
     }
   })();
   return kept === 'en' || kept === 'zh' ? kept : navigator.language.toLowerCase().startsWith('zh') ? 'zh' : 'en';
 }
 
-/** A text, with {names} filled in. */
-export function say(text: Text, told: Record<string, string | number> = {}): string {
-  return languages[current][text].replace(/\{(\w+)\}/g, (_, name: string) => String(told[name] ?? ''));
+/** A text in the page's language, with values for its {names}; {suffixes} are those of the formats of clips. */
+export function translate(key: TextKey, values: Record<string, string | number> = {}): string {
+  const suffixes = Object.keys(MEDIA_TYPES).map((format) => `.${format}`);
+  values = { suffixes: suffixes.join(current === 'zh' ? '、' : ', '), ...values };
+  return languages[current][key].replace(/\{(\w+)\}/g, (_, name: string) => String(values[name] ?? ''));
 }
 
-/** Turn the page to a language. */
-export function speak(chosen: Language): void {
+/** Show the page in a language. */
+export function setLanguage(chosen: Language): void {
   current = chosen;
   try {
     localStorage.setItem('signsplice-language', chosen);
   } catch {
-    /* see wanted() */
+    /* see preferred() */
   }
   document.documentElement.lang = chosen === 'zh' ? 'zh-CN' : 'en';
   for (const node of document.querySelectorAll<HTMLElement>('[data-text], [data-label], [data-title], [data-placeholder]')) {
-    const { text, label, title, placeholder } = node.dataset as Record<string, Text | undefined>;
-    if (text) node.textContent = say(text);
-    if (label) node.setAttribute('aria-label', say(label));
-    if (title) node.title = say(title);
-    if (placeholder) node.setAttribute('placeholder', say(placeholder));
+    const { text, label, title, placeholder } = node.dataset as Record<string, TextKey | undefined>;
+    if (text) node.textContent = translate(text);
+    if (label) node.setAttribute('aria-label', translate(label));
+    if (title) node.title = translate(title);
+    if (placeholder) node.setAttribute('placeholder', translate(placeholder));
   }
 }

@@ -1,12 +1,12 @@
-/** The page: what was put into it or what the service makes is shown, played, compared and taken away. */
+/** The page: it shows, plays, compares and downloads the scenes that it holds or gets from the service. */
 
 import { decode, download, fileName } from './bytes.js';
 import * as dials from './dials.js';
 import { find } from './dom.js';
-import { onFiles } from './dropping.js';
+import { FORMATS, onFiles, SUFFIXES } from './dropping.js';
 import * as films from './film.js';
 import * as keys from './keys.js';
-import { type Language, say, speak, wanted } from './languages.js';
+import { type Language, preferred, setLanguage, translate } from './languages.js';
 import * as panel from './panel.js';
 import { Person } from './person.js';
 import { Player } from './player.js';
@@ -15,97 +15,98 @@ import { SentenceBox } from './sentence.js';
 import * as service from './service.js';
 import { Stage, type View } from './stage.js';
 import { TimeLine } from './timeline.js';
-import type { Format, Spliced } from './wire.js';
+import { type Format, MEDIA_TYPES, type Spliced } from './wire.js';
 
-interface Given {
+/** The content of the page's JSON element. */
+interface PageContent {
   scenes: Spliced[];
   live: boolean;
 }
 
-/** What is shown was made of glosses or of files; so can be made again with other dials. */
+/** Where the scene came from, to request it again with other dials. */
 type Source = { glosses: string[] } | { files: File[] };
 
-const AROUND_S = 0.5; // what a seam's loop shows before and after it
-const FORMATS: Format[] = ['glb', 'bvh', 'vrma'];
-const FIRST = ['HELLO', 'MY', 'NAME'];
-const UNTOUCHED = document.documentElement.outerHTML; // what a saved page is made of
+const LOOP_MARGIN_S = 0.5; // shown before and after a looped seam
+const FIRST_GLOSSES = ['HELLO', 'MY', 'NAME'];
+const ORIGINAL_PAGE = document.documentElement.outerHTML; // a saved page is made of it
 
-const given = JSON.parse(find('#signsplice').textContent) as Given | null;
-const live = given?.live ?? false;
+const content = JSON.parse(find('#signsplice').textContent) as PageContent | null;
+const live = content?.live ?? false;
 
 class App {
-  private scenes: Spliced[] = given?.scenes ?? [];
+  private scenes: Spliced[] = content?.scenes ?? [];
   private source: Source | null = null;
   private avatar: { name: string; bytes: Uint8Array<ArrayBuffer> } | null = null;
   private people: Person[] = [];
-  private asked: AbortController | null = null;
-  private shows = 0; // of show(): one that is overtaken leaves nothing behind
+  private request: AbortController | null = null;
+  private nShown = 0; // calls of show(); one that a later one overtakes has no effect
   private last = performance.now();
   private dirty = true;
   private filming = false;
 
   private readonly stage = new Stage(find('#stage canvas'), () => (this.dirty = true));
-  private readonly player = new Player(() => this.moved());
+  private readonly player = new Player(() => this.showTime());
   private readonly line = new TimeLine(find('#time'), {
     frame: (frame) => this.player.seek(frame),
     seam: (seam) => this.loop(seam),
   });
-  private readonly box = new SentenceBox(find('#sentence'), (glosses) => void this.make({ glosses }));
+  private readonly box = new SentenceBox(find('#sentence'), (glosses) => void this.load({ glosses }));
 
   async start(): Promise<void> {
     document.body.classList.toggle('is-live', live);
-    this.wire();
-    this.turn(wanted());
+    this.addListeners();
+    this.setLanguage(preferred());
     new ResizeObserver(() => this.stage.resize()).observe(find('#stage'));
     requestAnimationFrame((now) => this.tick(now));
-    if (live) await dials.offer();
+    if (live) await dials.listMethods();
     if (this.scenes.length) await this.show(this.scenes);
-    else if (live) await this.greet();
+    else if (live) await this.loadFirst();
   }
 
-  // --- what is shown ---
+  // --- scenes ---
 
-  private async greet(): Promise<void> {
-    const asked = new URLSearchParams(location.search).get('s')?.split(/\s+/).filter(Boolean);
-    if (asked?.length) {
-      this.box.glosses = asked;
-      return this.make({ glosses: asked });
+  /** Sign the glosses in the page's address, else the first ones. */
+  private async loadFirst(): Promise<void> {
+    const given = new URLSearchParams(location.search).get('s')?.split(/\s+/).filter(Boolean);
+    if (given?.length) {
+      this.box.glosses = given;
+      return this.load({ glosses: given });
     }
-    const known = await Promise.all(FIRST.map((gloss) => service.words(gloss, 1)));
-    const mine = known.every(({ words }, k) => words[0]?.gloss === FIRST[k]);
-    const first = mine ? FIRST : (await service.words('', 3)).words.map(({ gloss }) => gloss);
+    const found = await Promise.all(FIRST_GLOSSES.map((gloss) => service.words(gloss, 1)));
+    const hasAll = found.every(({ words }, k) => words[0]?.gloss === FIRST_GLOSSES[k]);
+    const first = hasAll ? FIRST_GLOSSES : (await service.words('', 3)).words.map(({ gloss }) => gloss);
     this.box.glosses = first;
-    await this.make({ glosses: first });
+    await this.load({ glosses: first });
   }
 
-  /** Ask the service for what the source and the dials say, and for the same by another method where one is beside. */
-  private async make(source: Source): Promise<void> {
+  /** Request the source's scene with the dials' options; and with a second method, if one is chosen to compare. */
+  private async load(source: Source): Promise<void> {
     if (this.filming) return;
-    this.asked?.abort();
-    const asked = (this.asked = new AbortController());
+    this.request?.abort();
+    const request = (this.request = new AbortController());
     this.busy(true);
     try {
-      const made = await Promise.all(
-        dials.wishes().map((wish) =>
+      const scenes = await Promise.all(
+        dials.requested().map((options) =>
           'glosses' in source
-            ? service.sentence({ ...wish, glosses: source.glosses, formats: FORMATS }, asked.signal)
-            : service.splice(source.files, { ...wish, formats: FORMATS }, asked.signal),
+            ? service.sentence({ ...options, glosses: source.glosses, formats: FORMATS }, request.signal)
+            : service.splice(source.files, { ...options, formats: FORMATS }, request.signal),
         ),
       );
       this.source = source;
       this.alert('');
-      await this.show(made);
+      await this.show(scenes);
     } catch (error) {
-      if (!asked.signal.aborted) this.alert(told(error));
+      if (!request.signal.aborted) this.alert(messageOf(error));
     } finally {
-      if (this.asked === asked) this.busy(false);
+      if (this.request === request) this.busy(false);
     }
   }
 
   private async show(scenes: Spliced[]): Promise<void> {
-    const turn = ++this.shows;
+    const number = ++this.nShown;
     const people = await Promise.all(scenes.map((scene) => this.person(scene)));
-    if (turn !== this.shows || this.filming) {
+    if (number !== this.nShown || this.filming) {
       for (const person of people) person.dispose();
       return;
     }
@@ -116,8 +117,8 @@ class App {
     const { frames, fps } = scenes[0]!.report;
     const seconds = Math.max(...scenes.map(({ report }) => (report.frames - 1) / report.fps));
     this.player.open(Math.round(seconds * fps) + 1, fps);
-    this.fill();
-    this.status(say('shown', { name: scenes[0]!.name, frames, seconds: (frames / fps).toFixed(2) }));
+    this.fillPage();
+    this.status(translate('shown', { name: scenes[0]!.name, frames, seconds: (frames / fps).toFixed(2) }));
     find('#stage').dataset['ready'] = String(Number(find('#stage').dataset['ready'] ?? 0) + 1);
     if (!matchMedia('(prefers-reduced-motion: reduce)').matches) this.player.play();
   }
@@ -125,27 +126,27 @@ class App {
   private async person(scene: Spliced): Promise<Person> {
     const { glb, vrma } = scene.files;
     if (this.avatar && vrma) return Person.avatar(this.avatar.bytes, decode(vrma));
-    if (!glb) throw new Error(say('noFile', { file: 'GLB' }));
+    if (!glb) throw new Error(translate('noFile', { file: 'GLB' }));
     return Person.mannequin(decode(glb));
   }
 
-  private async take(files: File[]): Promise<void> {
+  private async openFiles(files: File[]): Promise<void> {
     if (this.filming) return;
     const suffix = (file: File) => file.name.toLowerCase().replace(/^.*(?=\.)/, '');
-    const stranger = files.find((file) => !['.bvh', '.glb', '.vrma', '.vrm'].includes(suffix(file)));
-    if (stranger) return this.alert(say('notRead', { name: stranger.name }));
+    const unreadable = files.find((file) => !SUFFIXES.includes(suffix(file)));
+    if (unreadable) return this.alert(translate('notRead', { name: unreadable.name }));
     const avatar = files.find((file) => suffix(file) === '.vrm');
     const clips = files.filter((file) => file !== avatar);
-    if (avatar) await this.wear(avatar);
+    if (avatar) await this.loadAvatar(avatar);
     if (!clips.length) return;
-    if (!live) return this.alert(say('needsService'));
+    if (!live) return this.alert(translate('needsService'));
     this.box.glosses = [];
-    await this.make({ files: clips });
+    await this.load({ files: clips });
   }
 
-  private async wear(file: File): Promise<void> {
-    const before = this.avatar;
-    if (this.scenes.some((scene) => !scene.files.vrma)) return this.alert(say('noVrma'));
+  private async loadAvatar(file: File): Promise<void> {
+    const previous = this.avatar;
+    if (this.scenes.some((scene) => !scene.files.vrma)) return this.alert(translate('noVrma'));
     try {
       const bytes = new Uint8Array(await file.arrayBuffer());
       await Person.checkAvatar(bytes);
@@ -153,8 +154,8 @@ class App {
       if (this.scenes.length) await this.show(this.scenes);
       this.alert('');
     } catch (error) {
-      this.avatar = before;
-      this.alert(say('noAvatar', { name: file.name, why: told(error) }));
+      this.avatar = previous;
+      this.alert(translate('noAvatar', { name: file.name, why: messageOf(error) }));
     }
   }
 
@@ -170,16 +171,16 @@ class App {
     requestAnimationFrame((next) => this.tick(next));
   }
 
-  /** A second side whose seams lie elsewhere is led to the same seam, at the same speed. */
+  /** The time to show on a side, seconds. In a loop the second side shows the same seam at its own time. */
   private timeOf(side: number): number {
     const { loop, time } = this.player;
     if (!side || !loop || this.looped === null) return time;
-    const [own, other] = [0, side].map((k) => {
+    const [first, second] = [0, side].map((k) => {
       const { report } = this.scenes[k]!;
       const seam = seams(report)[this.looped!];
       return seam && seam.from / report.fps;
     });
-    return own === undefined || other === undefined ? time : time + other - own;
+    return first === undefined || second === undefined ? time : time + second - first;
   }
 
   private draw(seconds: number): void {
@@ -192,65 +193,67 @@ class App {
 
   private looped: number | null = null;
 
-  /** Go over a seam again and again; null: over nothing. */
+  /** Loop a seam; null: stop looping. */
   private loop(seam: number | null): void {
     const at = seam === null ? undefined : seams(this.scenes[0]!.report)[seam];
     this.looped = at ? seam : null;
     const { fps } = this.player;
-    this.player.over(at ? { from: at.from / fps - AROUND_S, to: at.to / fps + AROUND_S } : null);
+    this.player.setLoop(at ? { from: at.from / fps - LOOP_MARGIN_S, to: at.to / fps + LOOP_MARGIN_S } : null);
     if (at) this.player.play();
   }
 
-  private seamBy(by: number): void {
+  private loopNext(by: number): void {
     const all = this.scenes[0] ? seams(this.scenes[0].report) : [];
     if (!all.length) return;
     const { frame } = this.player;
     const after = all.findIndex((seam) => seam.to > frame);
-    const here = this.looped ?? (after < 0 ? all.length : after) - (by > 0 ? 1 : 0);
-    this.loop((here + by + all.length) % all.length);
+    const current = this.looped ?? (after < 0 ? all.length : after) - (by > 0 ? 1 : 0);
+    this.loop((current + by + all.length) % all.length);
   }
 
-  private moved(): void {
+  /** Show the player's state in the time line, the controls and the captions. */
+  private showTime(): void {
     this.dirty = true;
     const { frame, playing, loop } = this.player;
     if (!loop) this.looped = null;
     this.line.at(frame, playing);
     const button = find<HTMLButtonElement>('#play');
     button.textContent = playing ? '❚❚' : '▶';
-    button.ariaLabel = button.title = say(playing ? 'pause' : 'play');
+    button.ariaLabel = button.title = translate(playing ? 'pause' : 'play');
     find<HTMLSelectElement>('#loop').value = this.looped !== null ? String(this.looped) : loop ? 'all' : '';
     document.querySelectorAll<HTMLElement>('.side').forEach((side, k) => {
       const scene = this.scenes[k];
       if (!scene) return;
       const at = Math.min(scene.report.frames - 1, Math.max(0, Math.floor(this.timeOf(k) * scene.report.fps + 1e-6)));
-      const { parts, between } = caption(scene, at);
-      const place = side.querySelector<HTMLElement>('.caption')!;
-      place.classList.toggle('between', between);
+      const { parts, inTransition } = caption(scene, at);
+      const element = side.querySelector<HTMLElement>('.caption')!;
+      element.classList.toggle('in-transition', inTransition);
       const middle = document.createElement(parts[0] || parts[2] ? 'b' : 'span');
       middle.textContent = parts[1];
-      place.replaceChildren(parts[0], middle, parts[2]);
+      element.replaceChildren(parts[0], middle, parts[2]);
     });
   }
 
-  // --- what is taken away ---
-
-  private fill(): void {
+  /** Fill the time line and the panel. */
+  private fillPage(): void {
     const [scene] = this.scenes;
     if (!scene) return;
     this.line.show(scene, this.player.frames);
     panel.show(this.scenes, (seam) => this.loop(seam));
-    this.moved();
+    this.showTime();
   }
+
+  // --- downloads ---
 
   private async save(file: string): Promise<void> {
     const [scene] = this.scenes;
     if (!scene) return;
     const name = fileName(scene.name);
     if (file === 'report') return download(`${name}.json`, JSON.stringify(scene.report, null, 2), 'application/json');
-    if (file === 'page') return download(`${name}.html`, saved(this.scenes), 'text/html');
+    if (file === 'page') return download(`${name}.html`, savedPage(this.scenes), 'text/html');
     if (file === 'film') return this.film(name);
     const content = scene.files[file as Format];
-    if (content) download(`${name}.${file}`, decode(content), file === 'bvh' ? 'text/plain' : 'model/gltf-binary');
+    if (content) download(`${name}.${file}`, decode(content), MEDIA_TYPES[file as Format]);
   }
 
   private async film(name: string): Promise<void> {
@@ -259,14 +262,14 @@ class App {
     const mirrored = find('#stage').classList.contains('mirrored');
     const captioned = !document.body.classList.contains('no-captions');
     const [people, scenes] = [this.people, this.scenes];
-    const held = ['header', '#time', '#controls', 'aside'].map((query) => find(query));
+    const disabled = ['header', '#time', '#controls', 'aside'].map((query) => find(query));
     this.player.pause();
     this.filming = true;
-    for (const part of held) part.inert = true; // what is filmed must not change meanwhile
+    for (const part of disabled) part.inert = true; // the scene must not change meanwhile
     this.busy(true);
     try {
       await this.stage.sized(width, height, async () => {
-        const made = await films.film(
+        const film = await films.film(
           frames,
           fps,
           (pen, frame) => {
@@ -279,22 +282,22 @@ class App {
             if (!captioned) return;
             scenes.forEach((scene, k) => {
               const { report } = scene;
-              const said = caption(scene, Math.min(report.frames - 1, Math.floor((frame / fps) * report.fps + 1e-6)));
-              const place = mirrored ? scenes.length - 1 - k : k; // sides change places in the mirror
-              films.write(pen, plain(said), said.between, ((place + 0.5) * width) / scenes.length);
+              const shown = caption(scene, Math.min(report.frames - 1, Math.floor((frame / fps) * report.fps + 1e-6)));
+              const side = mirrored ? scenes.length - 1 - k : k; // mirroring swaps the sides
+              films.drawCaption(pen, plain(shown), shown.inTransition, ((side + 0.5) * width) / scenes.length);
             });
           },
-          // Not every frame: what is written here is read aloud.
-          (done) => done % Math.ceil(frames / 10) || this.status(say('filming', { done, total: frames })),
+          // Not every frame, since screen readers read the status aloud.
+          (done) => done % Math.ceil(frames / 10) || this.status(translate('filming', { done, total: frames })),
         );
-        if (made) download(`${name}.${made.suffix}`, made.bytes, `video/${made.suffix}`);
-        else this.alert(say('noFilm'));
+        if (film) download(`${name}.${film.suffix}`, film.bytes, `video/${film.suffix}`);
+        else this.alert(translate('noFilm'));
       });
     } catch (error) {
-      this.alert(told(error));
+      this.alert(messageOf(error));
     } finally {
       this.filming = false;
-      for (const part of held) part.inert = false;
+      for (const part of disabled) part.inert = false;
       this.busy(false);
       this.status('');
       this.dirty = true;
@@ -303,15 +306,15 @@ class App {
 
   // --- the page ---
 
-  private turn(chosen: Language): void {
-    speak(chosen);
+  private setLanguage(chosen: Language): void {
+    setLanguage(chosen);
     find<HTMLSelectElement>('#language').value = chosen;
-    keys.tell();
-    dials.tell();
-    this.fill();
+    keys.showHelp();
+    dials.showValues();
+    this.fillPage();
   }
 
-  private wire(): void {
+  private addListeners(): void {
     const on = (query: string, event: string, act: (target: HTMLInputElement) => void) =>
       document.querySelectorAll<HTMLInputElement>(query).forEach((one) => one.addEventListener(event, () => act(one)));
     on('#play', 'click', () => this.toggle());
@@ -320,7 +323,7 @@ class App {
     on('#speed', 'change', ({ value }) => (this.player.speed = Number(value)));
     on('#loop', 'change', ({ value }) => {
       this.loop(value === '' || value === 'all' ? null : Number(value));
-      if (value === 'all') this.player.over({ from: 0, to: this.player.duration });
+      if (value === 'all') this.player.setLoop({ from: 0, to: this.player.duration });
     });
     on('[data-view]', 'click', (button) => this.look(button.dataset['view'] as View));
     on('#mirror', 'click', () => this.mirror());
@@ -328,16 +331,16 @@ class App {
       button.ariaPressed = String(!document.body.classList.toggle('no-captions'));
     });
     on('#language', 'change', ({ value }) => {
-      this.turn(value as Language);
-      if (live) void dials.offer();
+      this.setLanguage(value as Language);
+      if (live) void dials.listMethods();
     });
     on('[data-file]', 'click', (button) => void this.save(button.dataset['file']!));
-    onFiles((files) => void this.take(files));
-    dials.onChange(() => this.source && void this.make(this.source));
+    onFiles((files) => void this.openFiles(files));
+    dials.onChange(() => this.source && void this.load(this.source));
     keys.listen({
       toggle: () => this.toggle(),
       step: (frames) => this.player.step(frames),
-      seam: (by) => this.seamBy(by),
+      seam: (by) => this.loopNext(by),
       unloop: () => this.loop(null),
       mirror: () => this.mirror(),
       look: (view) => this.look(view),
@@ -358,7 +361,7 @@ class App {
 
   private mirror(): void {
     find('#mirror').ariaPressed = String(find('#stage').classList.toggle('mirrored'));
-    // Sides change places in the mirror; their names must too.
+    // Mirroring swaps the sides, so their names are swapped too.
     find('.sides').style.flexDirection = find('#stage').classList.contains('mirrored') ? 'row-reverse' : '';
   }
 
@@ -370,7 +373,7 @@ class App {
   private busy(on: boolean): void {
     find('#stage').classList.toggle('busy', on && !this.filming);
     find('#stage').ariaBusy = String(on);
-    if (on && !this.filming) this.status(say('loading'));
+    if (on && !this.filming) this.status(translate('loading'));
   }
 
   private status(text: string): void {
@@ -378,34 +381,34 @@ class App {
   }
 
   private alert(text: string): void {
-    const place = find('#alert');
-    place.textContent = text;
-    place.hidden = !text;
+    const element = find('#alert');
+    element.textContent = text;
+    element.hidden = !text;
     if (text) this.status('');
   }
 }
 
-/** A saved page: this one as it came, with what is shown in it, and no service. */
-function saved(scenes: Spliced[]): string {
-  const told = JSON.stringify({ scenes, live: false } satisfies Given).replaceAll('<', '\\u003c');
-  const mark = /(<script type="application\/json" id="signsplice">)[^<]*/;
-  return '<!doctype html>\n' + UNTOUCHED.replace(mark, (_, open: string) => open + told);
+/** This page as it was loaded, with the scenes in it and without a service. */
+function savedPage(scenes: Spliced[]): string {
+  const json = JSON.stringify({ scenes, live: false } satisfies PageContent).replaceAll('<', '\\u003c');
+  const element = /(<script type="application\/json" id="signsplice">)[^<]*/;
+  return '<!doctype html>\n' + ORIGINAL_PAGE.replace(element, (_, open: string) => open + json);
 }
 
-function told(error: unknown): string {
+function messageOf(error: unknown): string {
   return error instanceof Error ? error.message : String(error);
 }
 
-/** What goes wrong before the page can say so itself. */
-function lost(error: unknown): void {
-  const place = find('#alert');
-  place.textContent = `${say('broken')} ${told(error)}`;
-  place.hidden = false;
+/** Show an error of the start, before the page can show anything else. */
+function showStartError(error: unknown): void {
+  const element = find('#alert');
+  element.textContent = `${translate('broken')} ${messageOf(error)}`;
+  element.hidden = false;
 }
 
 try {
-  new App().start().catch(lost);
+  new App().start().catch(showStartError);
 } catch (error) {
-  speak(wanted()); // no WebGL, as a rule: the page at least speaks
-  lost(error);
+  setLanguage(preferred()); // usually WebGL is missing; the texts at least are shown
+  showStartError(error);
 }

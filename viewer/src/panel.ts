@@ -1,32 +1,32 @@
-/** What is said of the animation beside it: its seams, its warnings, what of it can be taken away. */
+/** The panel of the animation: its seams, its warnings and its downloads. */
 
 import { find, option } from './dom.js';
 import * as films from './film.js';
-import { say } from './languages.js';
+import { translate } from './languages.js';
 import { seams } from './scene.js';
 import type { Format, Spliced } from './wire.js';
 
-export type Taken = Format | 'film' | 'report' | 'page';
+export type Download = Format | 'film' | 'report' | 'page';
 
-/** Fill the panel; ``loop`` is called with the seam that a user wants to see again and again. */
+/** Fill the panel; ``loop`` is called with the number of a seam that the user chooses. */
 export function show(scenes: Spliced[], loop: (seam: number) => void): void {
   const scene = scenes[0]!;
   const all = seams(scene.report);
   document.querySelectorAll<HTMLElement>('.side').forEach((side, k) => {
     side.hidden = k >= scenes.length;
-    side.querySelector('.method')!.textContent = scenes.length > 1 && scenes[k] ? named(scenes, k) : '';
+    side.querySelector('.method')!.textContent = scenes.length > 1 && scenes[k] ? sideName(scenes, k) : '';
   });
   const names = all.map(({ before, after }) => `${before} → ${after}`);
   find('#loop').replaceChildren(
-    option('', say('noLoop')),
-    option('all', say('everything')),
+    option('', translate('noLoop')),
+    option('all', translate('everything')),
     ...names.map((name, k) => option(String(k), name)),
   );
   find('#seams').replaceChildren(
     ...all.map((seam, k) => {
       const row = document.createElement('tr');
       const button = Object.assign(document.createElement('button'), { type: 'button', textContent: names[k]! });
-      button.ariaLabel = `${names[k]}: ${say('loop')}`;
+      button.ariaLabel = `${names[k]}: ${translate('loop')}`;
       button.addEventListener('click', () => loop(k));
       const name = document.createElement('td');
       name.append(button);
@@ -42,17 +42,17 @@ export function show(scenes: Spliced[], loop: (seam: number) => void): void {
   find('#warnings').replaceChildren(
     ...[...warnings].map((text) => Object.assign(document.createElement('li'), { textContent: text })),
   );
-  find('#told').hidden = !all.length && !warnings.size;
+  find('#report').hidden = !all.length && !warnings.size;
   for (const button of document.querySelectorAll<HTMLButtonElement>('[data-file]')) {
-    const file = button.dataset['file'] as Taken;
-    const there = file === 'film' ? films.possible() : file === 'report' || file === 'page' || scene.files[file] !== null;
-    button.disabled = !there;
-    if (!there) button.title = file === 'film' ? say('noFilm') : say('noFile', { file: file.toUpperCase() });
+    const file = button.dataset['file'] as Download;
+    const available = file === 'film' ? films.possible() : file === 'report' || file === 'page' || scene.files[file] !== null;
+    button.disabled = !available;
+    if (!available) button.title = file === 'film' ? translate('noFilm') : translate('noFile', { file: file.toUpperCase() });
   }
 }
 
-/** What tells two sides apart. */
-function named(scenes: Spliced[], side: number): string {
+/** The name of one of two sides: what differs between them. */
+function sideName(scenes: Spliced[], side: number): string {
   const { cutter, transition } = scenes[side]!.report;
   const other = scenes[1 - side]!.report;
   if (transition && transition !== other.transition) return transition;

@@ -1,11 +1,11 @@
-/** Someone who signs: the clip's own mannequin, or an avatar that plays its VRM animation. */
+/** The signer on the stage: the clip's mannequin, or an avatar that plays its VRM animation. */
 
 import { VRMLoaderPlugin, VRMUtils, type VRM } from '@pixiv/three-vrm';
 import { VRMAnimationLoaderPlugin, createVRMAnimationClip, type VRMAnimation } from '@pixiv/three-vrm-animation';
 import { AnimationMixer, Group, type AnimationClip, type Object3D, Vector3 } from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 
-const END = 1e-4; // seconds before a clip's end: at its very end a looping action is at its start again
+const END = 1e-4; // seconds before a clip's end, since a looping action shows its first frame at the end
 
 export class Person {
   readonly root = new Group();
@@ -16,7 +16,7 @@ export class Person {
   private constructor(body: Object3D, clip: AnimationClip, private readonly hands: Object3D[], private readonly vrm?: VRM) {
     this.root.add(body);
     body.traverse((node) => {
-      node.frustumCulled = false; // a skin is not where its mesh is
+      node.frustumCulled = false; // the bounds of a skinned mesh do not follow its bones
       node.castShadow = node.receiveShadow = true;
     });
     this.mixer = new AnimationMixer(body);
@@ -34,14 +34,14 @@ export class Person {
     const nodes = gltf.parser.json.nodes as { name: string }[];
     const hands: Object3D[] = [];
     for (const role of ['leftHand', 'rightHand']) {
-      // three.js gives nodes names of its own; numbers stay.
+      // three.js renames nodes but keeps their numbers.
       const number = nodes.findIndex((node) => node.name === roles[role]);
       if (number >= 0) hands.push((await gltf.parser.getDependency('node', number)) as Object3D);
     }
     return new Person(gltf.scene, clip, hands);
   }
 
-  /** Raises where a file is no avatar that can be shown. */
+  /** Throws if a file is not an avatar that can be shown. */
   static async checkAvatar(vrm: Uint8Array<ArrayBuffer>): Promise<void> {
     VRMUtils.deepDispose((await readAvatar(vrm)).scene);
   }
@@ -60,7 +60,7 @@ export class Person {
     return new Person(avatar.scene, createVRMAnimationClip(animation, avatar), hands, avatar);
   }
 
-  /** Show the pose at a moment, seconds. */
+  /** Show the pose at a time in seconds. */
   at(seconds: number): void {
     this.mixer.setTime(Math.max(0, Math.min(seconds, this.duration - END)));
     this.vrm?.update(Math.min(0.1, Math.abs(seconds - this.shown)));
@@ -68,13 +68,13 @@ export class Person {
     this.root.updateMatrixWorld(true);
   }
 
-  /** The middle of the hands that are raised above a height, metres, or of both where none is; null: no hand is known. */
+  /** Centre of the hands that are above a height in metres, or of both if none is; null if the hands are not known. */
   handsAt(height: number): Vector3 | null {
-    const places = this.hands.map((hand) => hand.getWorldPosition(new Vector3()));
-    const raised = places.filter((place) => place.y > height);
-    const seen = raised.length ? raised : places;
+    const positions = this.hands.map((hand) => hand.getWorldPosition(new Vector3()));
+    const raised = positions.filter((position) => position.y > height);
+    const seen = raised.length ? raised : positions;
     if (!seen.length) return null;
-    return seen.reduce((sum, place) => sum.add(place), new Vector3()).divideScalar(seen.length);
+    return seen.reduce((sum, position) => sum.add(position), new Vector3()).divideScalar(seen.length);
   }
 
   dispose(): void {

@@ -1,4 +1,4 @@
-/** Time: where the animation is, whether it runs, how fast, and what it goes over again. Knows no picture. */
+/** The playback state: time, speed, and the loop. It draws nothing. */
 
 export interface Loop {
   from: number;
@@ -9,7 +9,7 @@ export class Player {
   time = 0;
   playing = false;
   speed = 1;
-  /** Seconds that are gone over again; null: the whole, once. */
+  /** Start and end of the loop in seconds; null: play the whole animation once. */
   loop: Loop | null = null;
   fps = 30;
   frames = 1;
@@ -54,13 +54,13 @@ export class Player {
     this.seek(this.frame + frames);
   }
 
-  over(loop: Loop | null): void {
+  setLoop(loop: Loop | null): void {
     this.loop = loop && { from: Math.max(0, loop.from), to: Math.min(this.duration, loop.to) };
     if (this.loop) this.time = this.loop.from;
     this.changed();
   }
 
-  /** Let time pass, seconds of the wall. */
+  /** Advance by seconds of wall-clock time. */
   tick(seconds: number): void {
     if (!this.playing) return;
     const from = this.loop?.from ?? 0;

@@ -1,11 +1,11 @@
-/** A spliced sentence as it is shown: what is said of each moment, and where its seams are. */
+/** A spliced sentence as the page shows it: its captions and its seams. */
 
 import type { Report, Span, Spliced } from './wire.js';
 
 export interface SeamAt {
   before: string;
   after: string;
-  /** Frames of the transition, half-open; empty where two signs meet at once. */
+  /** Frames of the transition, half-open; empty if it has none. */
   from: number;
   to: number;
   seconds: number;
@@ -14,7 +14,7 @@ export interface SeamAt {
   warnings: string[];
 }
 
-/** Seams in order, each at its place in the output. */
+/** Seams in order, each with its frames in the output. */
 export function seams(report: Report): SeamAt[] {
   const signs = report.spans.filter((span) => span.kind === 'sign');
   return report.seams.map((seam, k) => ({
@@ -35,27 +35,27 @@ export function spanAt(report: Report, frame: number): number {
 }
 
 export interface Caption {
-  /** Before, of, and after the letter that is signed; a word has only the middle. */
+  /** Text before, at and after the letter that is signed; a word has only the middle. */
   parts: [string, string, string];
-  between: boolean;
+  inTransition: boolean;
 }
 
-const NOTHING: Caption = { parts: ['', '', ''], between: false };
+const NOTHING: Caption = { parts: ['', '', ''], inTransition: false };
 
-/** What is signed in a frame: a word, a letter within its spelled word, or the way from one to the next. */
+/** The caption of a frame: a word, a letter in its spelled word, or a transition from one word to the next. */
 export function caption(scene: Spliced, frame: number): Caption {
   const { spans } = scene.report;
   const at = spanAt(scene.report, frame);
   const span = spans[at];
   if (!span) return NOTHING;
-  if (span.kind === 'sign') return { parts: named(scene, span), between: false };
+  if (span.kind === 'sign') return { parts: partsOf(scene, span), inTransition: false };
   const [before, after] = [spans[at - 1], spans[at + 1]];
   const [from, to] = [unit(scene, before), unit(scene, after)];
-  if (from && to && from.unit === to.unit && after) return { parts: named(scene, after), between: true };
-  return { parts: ['', `${from?.text ?? before?.name ?? ''} → ${to?.text ?? after?.name ?? ''}`, ''], between: true };
+  if (from && to && from.unit === to.unit && after) return { parts: partsOf(scene, after), inTransition: true };
+  return { parts: ['', `${from?.text ?? before?.name ?? ''} → ${to?.text ?? after?.name ?? ''}`, ''], inTransition: true };
 }
 
-function named(scene: Spliced, span: Span): [string, string, string] {
+function partsOf(scene: Spliced, span: Span): [string, string, string] {
   const found = unit(scene, span);
   if (!found?.letters) return ['', found?.text ?? span.name ?? '', ''];
   const { letters, letter } = found;

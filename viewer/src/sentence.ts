@@ -2,7 +2,7 @@
 
 import * as service from './service.js';
 
-const MOST = 8;
+const MAX_SUGGESTIONS = 8;
 const PAUSE_MS = 120;
 
 export class SentenceBox {
@@ -10,7 +10,7 @@ export class SentenceBox {
   private readonly list: HTMLUListElement;
   private chosen = -1;
   private timer = 0;
-  private asked: AbortController | null = null;
+  private request: AbortController | null = null;
 
   constructor(form: HTMLFormElement, private readonly submitted: (glosses: string[]) => void) {
     this.input = form.querySelector('input')!;
@@ -30,7 +30,7 @@ export class SentenceBox {
       const item = (event.target as Element).closest('li');
       if (!item) return;
       event.preventDefault(); // the caret stays in the box
-      this.take(item.dataset['gloss']!);
+      this.complete(item.dataset['gloss']!);
     });
   }
 
@@ -42,23 +42,23 @@ export class SentenceBox {
     this.input.value = line.join(' ');
   }
 
-  /** The gloss at the caret: where it begins and ends. */
-  private at(): [number, number] {
+  /** Start and end of the gloss at the caret. */
+  private glossRange(): [number, number] {
     const { value } = this.input;
     const caret = this.input.selectionStart ?? value.length;
     const from = value.slice(0, caret).search(/\S*$/);
-    const more = value.slice(caret).search(/\s|$/);
-    return [from, caret + more];
+    const rest = value.slice(caret).search(/\s|$/);
+    return [from, caret + rest];
   }
 
   private async suggest(): Promise<void> {
-    const [from, to] = this.at();
-    const begun = this.input.value.slice(from, to);
-    this.asked?.abort();
-    if (!begun || document.activeElement !== this.input) return this.close();
-    this.asked = new AbortController();
+    const [from, to] = this.glossRange();
+    const prefix = this.input.value.slice(from, to);
+    this.request?.abort();
+    if (!prefix || document.activeElement !== this.input) return this.close();
+    this.request = new AbortController();
     try {
-      const { words } = await service.words(begun, MOST, this.asked.signal);
+      const { words } = await service.words(prefix, MAX_SUGGESTIONS, this.request.signal);
       this.list.replaceChildren(
         ...words.map((word, k) => {
           const item = document.createElement('li');
@@ -66,18 +66,18 @@ export class SentenceBox {
           item.role = 'option';
           item.dataset['gloss'] = word.gloss;
           item.ariaSelected = 'false';
-          const more = document.createElement('small');
-          more.textContent = word.synonyms.join(', ');
-          item.append(word.gloss, more);
+          const synonyms = document.createElement('small');
+          synonyms.textContent = word.synonyms.join(', ');
+          item.append(word.gloss, synonyms);
           return item;
         }),
       );
       this.chosen = -1;
-      const only = words.length === 1 && words[0]!.gloss.toLowerCase() === begun.toLowerCase();
+      const only = words.length === 1 && words[0]!.gloss.toLowerCase() === prefix.toLowerCase();
       this.list.hidden = !words.length || only;
       this.input.ariaExpanded = String(!this.list.hidden);
     } catch {
-      this.close(); // a suggestion that does not come is no fault worth telling
+      this.close(); // without suggestions the box still works
     }
   }
 
@@ -92,7 +92,7 @@ export class SentenceBox {
       items[this.chosen]!.scrollIntoView({ block: 'nearest' });
       event.preventDefault();
     } else if ((event.key === 'Enter' || event.key === 'Tab') && this.chosen >= 0) {
-      this.take((items[this.chosen] as HTMLElement).dataset['gloss']!);
+      this.complete((items[this.chosen] as HTMLElement).dataset['gloss']!);
       event.preventDefault();
     } else if (event.key === 'Escape') {
       this.close();
@@ -100,8 +100,8 @@ export class SentenceBox {
     }
   }
 
-  private take(gloss: string): void {
-    const [from, to] = this.at();
+  private complete(gloss: string): void {
+    const [from, to] = this.glossRange();
     const { value } = this.input;
     const after = value.slice(to).trimStart();
     this.input.value = `${value.slice(0, from)}${gloss} ${after}`;
@@ -112,7 +112,7 @@ export class SentenceBox {
 
   private close(): void {
     clearTimeout(this.timer);
-    this.asked?.abort();
+    this.request?.abort();
     this.list.hidden = true;
     this.chosen = -1;
     this.input.ariaExpanded = 'false';

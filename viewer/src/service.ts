@@ -1,45 +1,45 @@
-/** The service, as the page asks it. */
+/** Requests to the service. */
 
-import type { Failure, Part, SentenceRequest, Spliced, SpliceRequest, WordList } from './wire.js';
-import { say } from './languages.js';
+import type { Failure, MethodInfo, SentenceRequest, Spliced, SpliceRequest, WordList } from './wire.js';
+import { translate } from './languages.js';
 
-/** What the service, or the way to it, said in place of an answer. */
-export class Refused extends Error {
+/** A request that failed, at the service or before it reached it. */
+export class ServiceError extends Error {
   constructor(readonly failure: Failure) {
     super(failure.error);
   }
 }
 
-async function ask<Answer>(path: string, init?: RequestInit): Promise<Answer> {
+async function request<Answer>(path: string, init?: RequestInit): Promise<Answer> {
   const answer = await fetch(path, init).catch((error: unknown) => {
     if (error instanceof DOMException && error.name === 'AbortError') throw error;
-    throw new Refused({ error: say('lost'), unknown: {} });
+    throw new ServiceError({ error: translate('lost'), unknown: {} });
   });
   if (answer.ok) return (await answer.json()) as Answer;
   const failure = (await answer.json().catch(() => null)) as Failure | null;
-  throw new Refused(failure ?? { error: `${answer.status} ${answer.statusText}`, unknown: {} });
+  throw new ServiceError(failure ?? { error: `${answer.status} ${answer.statusText}`, unknown: {} });
 }
 
-export function sentence(request: SentenceRequest, signal: AbortSignal): Promise<Spliced> {
-  return ask('v1/sentence', {
+export function sentence(body: SentenceRequest, signal: AbortSignal): Promise<Spliced> {
+  return request('v1/sentence', {
     method: 'POST',
     headers: { 'Content-Type': 'application/json' },
-    body: JSON.stringify(request),
+    body: JSON.stringify(body),
     signal,
   });
 }
 
-export function splice(files: File[], request: SpliceRequest, signal: AbortSignal): Promise<Spliced> {
+export function splice(files: File[], options: SpliceRequest, signal: AbortSignal): Promise<Spliced> {
   const form = new FormData();
   for (const file of files) form.append('files', file, file.name);
-  form.append('options', JSON.stringify(request));
-  return ask('v1/splice', { method: 'POST', body: form, signal });
+  form.append('options', JSON.stringify(options));
+  return request('v1/splice', { method: 'POST', body: form, signal });
 }
 
 export function words(search: string, limit: number, signal?: AbortSignal): Promise<WordList> {
-  return ask(`v1/lexicon?limit=${limit}&search=${encodeURIComponent(search)}`, signal ? { signal } : undefined);
+  return request(`v1/lexicon?limit=${limit}&search=${encodeURIComponent(search)}`, signal ? { signal } : undefined);
 }
 
-export function methods(): Promise<Part[]> {
-  return ask('v1/methods');
+export function methods(): Promise<MethodInfo[]> {
+  return request('v1/methods');
 }

@@ -1,4 +1,4 @@
-/** Where people are seen: light, ground, camera, and one picture or two beside each other. */
+/** The 3-D view: light, floor, camera, and one signer or two side by side. */
 
 import {
   Box3,
@@ -21,13 +21,13 @@ import type { Person } from './person.js';
 export type View = 'front' | 'side' | 'hands';
 
 const BACKGROUND = new Color('#dde3e6');
-const FOV_DEG = 26; // a long lens: little distortion of hands that come near
-/** What has to be seen, as shares of stature: the space that hands sign in, down from a little above the head. */
+const FOV_DEG = 26; // a long lens, for little distortion of hands near the camera
+/** Signing space that has to be visible, as fractions of stature; TOP is its upper end. */
 const SPACE = { width: 0.8, height: 0.6 };
 const TOP = 1.07;
-const RAISED = 0.58; // a hand that hangs is lower
+const RAISED = 0.58; // height above which a hand is raised
 const HANDS = { width: 0.42, height: 0.34 };
-const STILL_S = 0.12; // how quickly the camera follows the hands
+const FOLLOW_S = 0.12; // time constant of the camera that follows the hands
 
 export class Stage {
   readonly renderer: WebGLRenderer;
@@ -38,7 +38,7 @@ export class Stage {
   private view: View = 'front';
   private stature = 1.7;
   private follows: Vector3 | null = null;
-  private sizedFor = false; // a film, whose size is not the page's
+  private isFilming = false; // in the film's size, not the page's
 
   constructor(private readonly canvas: HTMLCanvasElement, private readonly changed: () => void) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
@@ -53,7 +53,7 @@ export class Stage {
     this.controls.addEventListener('start', () => (this.follows = null));
   }
 
-  /** Put one person, or two to compare, on the stage. The camera stays where the user left it, as long as it fits. */
+  /** Show one person, or two to compare. The camera stays where the user left it if the number and size are the same. */
   show(people: Person[]): void {
     for (const person of this.people) person.dispose();
     const same = this.people.length === people.length;
@@ -73,7 +73,7 @@ export class Stage {
     const hands = view === 'hands' ? this.hands() : null;
     this.follows = hands;
     const tall = this.tall(view === 'hands' ? HANDS : SPACE);
-    // Where a picture is narrow, what it has to spare in height goes below the hands.
+    // A narrow picture has height to spare, which goes below the hands.
     const target = hands ?? new Vector3(0, TOP * this.stature - tall / 2, 0);
     const direction = view === 'side' ? new Vector3(1, 0.04, 0.12) : new Vector3(0, 0.04, 1);
     const distance = tall / 2 / Math.tan((FOV_DEG * Math.PI) / 360) + 0.12 * this.stature;
@@ -87,28 +87,28 @@ export class Stage {
     return this.people[0]?.handsAt(RAISED * this.stature) ?? null;
   }
 
-  /** How much a side's picture shows from top to bottom, metres, so that what has to be seen fits into it. */
+  /** Height of a side's picture in metres, so that the given space fits into it. */
   private tall({ width, height }: { width: number; height: number }): number {
     const { clientWidth, clientHeight } = this.canvas;
     const aspect = clientWidth / Math.max(1, this.people.length) / Math.max(1, clientHeight) || 1;
     return this.stature * Math.max(height, width / aspect);
   }
 
-  /** Let the camera follow the hands, where it does. */
+  /** Move the camera with the hands, if it follows them. */
   follow(seconds: number): void {
     const hands = this.follows && this.hands();
     if (!hands) return;
-    const share = seconds > 0 ? 1 - Math.exp(-seconds / STILL_S) : 1;
-    const way = hands.sub(this.controls.target).multiplyScalar(share);
-    this.controls.target.add(way);
-    this.camera.position.add(way);
+    const fraction = seconds > 0 ? 1 - Math.exp(-seconds / FOLLOW_S) : 1;
+    const offset = hands.sub(this.controls.target).multiplyScalar(fraction);
+    this.controls.target.add(offset);
+    this.camera.position.add(offset);
     this.controls.update();
   }
 
-  /** Fit the picture to its place on the page. */
+  /** Fit the picture to its element on the page. */
   resize(): void {
     const { clientWidth, clientHeight } = this.canvas;
-    if (!clientWidth || !clientHeight || this.sizedFor) return;
+    if (!clientWidth || !clientHeight || this.isFilming) return;
     this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
     this.renderer.setSize(clientWidth, clientHeight, false);
     this.look(this.view);
@@ -126,16 +126,16 @@ export class Stage {
     });
   }
 
-  /** Draw in another size for a while, for a film; the page's own size comes back afterwards. */
+  /** Run ``work`` with the picture in another size, for a film; then restore the page's size. */
   async sized(width: number, height: number, work: () => Promise<void>): Promise<void> {
     const ratio = this.renderer.getPixelRatio();
     this.renderer.setPixelRatio(1);
     this.renderer.setSize(width, height, false);
-    this.sizedFor = true;
+    this.isFilming = true;
     try {
       await work();
     } finally {
-      this.sizedFor = false;
+      this.isFilming = false;
       this.renderer.setPixelRatio(ratio);
       this.renderer.setSize(this.canvas.clientWidth, this.canvas.clientHeight, false);
       this.changed();
@@ -143,7 +143,7 @@ export class Stage {
   }
 }
 
-/** Give back what a scene holds beside its person. */
+/** Free what a scene holds besides its person. */
 function drop(scene: Scene): void {
   scene.traverse((node) => {
     if (node instanceof DirectionalLight) node.dispose();
@@ -154,7 +154,7 @@ function drop(scene: Scene): void {
   });
 }
 
-/** A person in even light from the front, with a shadow that tells how far hands are from the body. */
+/** A person in even light from the front, with a shadow that shows how far hands are from the body. */
 function lit(person: Person): Scene {
   const scene = new Scene();
   scene.background = BACKGROUND;
@@ -168,8 +168,8 @@ function lit(person: Person): Scene {
   key.shadow.bias = -0.0004;
   key.shadow.normalBias = 0.008;
   key.shadow.radius = 4;
-  const ground = new Mesh(new CircleGeometry(1.6, 48).rotateX(-Math.PI / 2), new ShadowMaterial({ opacity: 0.18 }));
-  ground.receiveShadow = true;
-  scene.add(key, key.target, ground);
+  const floor = new Mesh(new CircleGeometry(1.6, 48).rotateX(-Math.PI / 2), new ShadowMaterial({ opacity: 0.18 }));
+  floor.receiveShadow = true;
+  scene.add(key, key.target, floor);
   return scene;
 }

@@ -1,13 +1,15 @@
-/** The time line: spans of words and transitions, each a button, over a slider of frames. */
+/** The time line: a button for each sign and transition, above a slider of frames. */
 
-import { say } from './languages.js';
+import { translate } from './languages.js';
 import { caption, plain, seams, spanAt } from './scene.js';
 import type { Spliced } from './wire.js';
 
 const PIXELS_A_SECOND = 70;
 
-export interface Told {
+export interface Handlers {
+  /** The user chose a frame. */
   frame(frame: number): void;
+  /** The user chose a seam by its number. */
   seam(seam: number): void;
 }
 
@@ -17,18 +19,18 @@ export class TimeLine {
   private scene: Spliced | null = null;
   private now = -1;
 
-  constructor(private readonly place: HTMLElement, private readonly told: Told) {
-    this.spans = place.querySelector('ol')!;
-    this.slider = place.querySelector('input')!;
-    this.slider.addEventListener('input', () => this.told.frame(Number(this.slider.value)));
+  constructor(private readonly element: HTMLElement, private readonly handlers: Handlers) {
+    this.spans = element.querySelector('ol')!;
+    this.slider = element.querySelector('input')!;
+    this.slider.addEventListener('input', () => this.handlers.frame(Number(this.slider.value)));
   }
 
-  /** ``frames``: how many there are to play, more than the scene's own where a longer one is beside it. */
+  /** ``frames``: length of the slider; longer than the scene if a longer one is compared with it. */
   show(scene: Spliced, frames: number): void {
     this.scene = scene;
     this.now = -1;
     const { fps, spans } = scene.report;
-    (this.place.querySelector('.track') as HTMLElement).style.width = `max(100%, ${(frames / fps) * PIXELS_A_SECOND}px)`;
+    (this.element.querySelector('.track') as HTMLElement).style.width = `max(100%, ${(frames / fps) * PIXELS_A_SECOND}px)`;
     this.slider.max = String(frames - 1);
     const all = seams(scene.report);
     let seam = 0;
@@ -44,14 +46,14 @@ export class TimeLine {
         if (span.kind === 'sign') {
           const name = span.name ?? '';
           button.textContent = name;
-          button.title = button.ariaLabel = say('goTo', { name });
-          button.addEventListener('click', () => this.told.frame(from));
+          button.title = button.ariaLabel = translate('goTo', { name });
+          button.addEventListener('click', () => this.handlers.frame(from));
         } else {
           const number = all.findIndex((one, k) => k >= seam && one.from === from);
           seam = number + 1;
           const { before, after } = all[number] ?? { before: '', after: '' };
-          button.title = button.ariaLabel = say('transitionTo', { before, after });
-          button.addEventListener('click', () => this.told.seam(number));
+          button.title = button.ariaLabel = translate('transitionTo', { before, after });
+          button.addEventListener('click', () => this.handlers.seam(number));
         }
         item.append(button);
         return item;
@@ -63,8 +65,8 @@ export class TimeLine {
     if (!this.scene) return;
     const { report } = this.scene;
     this.slider.value = String(frame);
-    const told = plain(caption(this.scene, frame));
-    this.slider.setAttribute('aria-valuetext', say('frameTold', { frame: frame + 1, frames: report.frames, caption: told }));
+    const text = plain(caption(this.scene, frame));
+    this.slider.setAttribute('aria-valuetext', translate('frameValue', { frame: frame + 1, frames: report.frames, caption: text }));
     const now = spanAt(report, frame);
     if (now !== this.now) {
       for (const item of this.spans.querySelectorAll('.now')) {
@@ -75,9 +77,9 @@ export class TimeLine {
       this.spans.children[now]?.setAttribute('aria-current', 'true');
       this.now = now;
     }
-    const track = this.place.scrollWidth;
-    if (playing && track > this.place.clientWidth) {
-      this.place.scrollLeft = (track * frame) / report.frames - this.place.clientWidth / 2;
+    const track = this.element.scrollWidth;
+    if (playing && track > this.element.clientWidth) {
+      this.element.scrollLeft = (track * frame) / report.frames - this.element.clientWidth / 2;
     }
   }
 }

@@ -2,38 +2,18 @@
 
 export type Format = "bvh" | "glb" | "vrma";
 
-/** What a caller may turn; what is left out is the default of the command line. */
-export interface Dials {
-  cutter?: string | null;
-  transition?: string | null;
-  transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
-  sign_speed?: number;
-  fps?: number | null;
-  body_sense?: boolean | null;
-}
+export const MEDIA_TYPES: Record<Format, string> = {
+  bvh: 'text/plain; charset=utf-8',
+  glb: 'model/gltf-binary',
+  vrma: 'model/gltf-binary',
+};
 
-/** A line of glosses to sign. spell: letters sign what is no word. formats: of the files that are wanted. */
-export interface SentenceRequest {
-  cutter?: string | null;
-  transition?: string | null;
-  transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
-  sign_speed?: number;
-  fps?: number | null;
-  body_sense?: boolean | null;
+/** A token of a line of glosses, and how it is signed. */
+export interface SentenceToken {
+  token: string;
   glosses: string[];
-  spell?: boolean;
-  formats?: ("bvh" | "glb" | "vrma")[];
-}
-
-/** What is told beside the files of a splice, in its field ``options``. */
-export interface SpliceRequest {
-  cutter?: string | null;
-  transition?: string | null;
-  transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
-  sign_speed?: number;
-  fps?: number | null;
-  body_sense?: boolean | null;
-  formats?: ("bvh" | "glb" | "vrma")[];
+  spelled: boolean;
+  warning: string;
 }
 
 /** Where a stretch of the output comes from; frame ranges are half-open. */
@@ -45,7 +25,7 @@ export interface Span {
   output: [number, number];
 }
 
-/** How two signs are joined, and how well; null where a score cannot be told. */
+/** The join of two signs. */
 export interface Seam {
   before: string;
   after: string;
@@ -58,6 +38,47 @@ export interface Seam {
   jerk_ratio: number | null;
   warnings: string[];
   intrusion_mm: number | null;
+}
+
+/** Files in base64; null for a format that was not requested or cannot hold the clip. */
+export interface Files {
+  bvh: string | null;
+  glb: string | null;
+  vrma: string | null;
+}
+
+/** Options of a splice. What is left out has the default of the command line. */
+export interface Dials {
+  cutter?: string | null;
+  transition?: string | null;
+  transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
+  sign_speed?: number;
+  fps?: number | null;
+  body_sense?: boolean | null;
+}
+
+/** Glosses to sign, and how. */
+export interface SentenceRequest {
+  cutter?: string | null;
+  transition?: string | null;
+  transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
+  sign_speed?: number;
+  fps?: number | null;
+  body_sense?: boolean | null;
+  glosses: string[];
+  spell?: boolean;
+  formats?: ("bvh" | "glb" | "vrma")[];
+}
+
+/** The form field ``options`` of a splice of files. */
+export interface SpliceRequest {
+  cutter?: string | null;
+  transition?: string | null;
+  transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
+  sign_speed?: number;
+  fps?: number | null;
+  body_sense?: boolean | null;
+  formats?: ("bvh" | "glb" | "vrma")[];
 }
 
 /** The report of a splice, version 1. */
@@ -74,31 +95,16 @@ export interface Report {
   timing_ms: Record<string, number>;
 }
 
-/** A token of a sentence, and the words or letters that sign it. */
-export interface Unit {
-  token: string;
-  glosses: string[];
-  spelled: boolean;
-  warning: string;
-}
-
-/** Files in base64, those that were asked for and could be made. */
-export interface Files {
-  bvh: string | null;
-  glb: string | null;
-  vrma: string | null;
-}
-
-/** A spliced sentence: its name, its report and its files; units: how its glosses were read, none for files. */
+/** A spliced sentence. */
 export interface Spliced {
   name: string;
   report: Report;
   files: Files;
-  units: Unit[];
+  units: SentenceToken[];
 }
 
-/** A word of the lexicon. checked: a signer has said that the clip shows this sign. */
-export interface Word {
+/** A word of the lexicon. */
+export interface LexiconWord {
   gloss: string;
   kind: "sign" | "letter";
   synonyms: string[];
@@ -107,14 +113,14 @@ export interface Word {
   checked: boolean;
 }
 
-/** Words of the lexicon in order, from the one that was asked for on; total: how many fit the search. */
+/** One page of the lexicon's words, in order. */
 export interface WordList {
-  words: Word[];
+  words: LexiconWord[];
   total: number;
 }
 
-/** A cutter, transition or duration by name. */
-export interface Part {
+/** A cutter, transition or duration rule. */
+export interface MethodInfo {
   kind: "cutter" | "transition" | "duration";
   name: string;
   summary: string;
@@ -122,7 +128,7 @@ export interface Part {
   default: boolean;
 }
 
-/** That the service is there. waiting: requests that wait for a worker; streams: those that are open. */
+/** The state of the service. */
 export interface Health {
   status: "ok";
   version: string;
@@ -131,14 +137,14 @@ export interface Health {
   streams: number;
 }
 
-/** What went wrong, in one line. unknown: every gloss that the lexicon has not, and the nearest ones that it has. */
+/** Why a request failed. */
 export interface Failure {
   error: string;
   unknown: Record<string, string[]>;
 }
 
-/** First message of a stream's client. paced: frames come when they are due, else as fast as they are made. */
-export interface Open {
+/** The first message of a stream's client. */
+export interface OpenMessage {
   cutter?: string | null;
   transition?: string | null;
   transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
@@ -151,18 +157,18 @@ export interface Open {
 }
 
 /** One more word, or a token to spell. */
-export interface Say {
+export interface WordMessage {
   type: "word";
   gloss: string;
 }
 
-/** There are no more words. */
-export interface End {
+/** The last message of a stream's client: no more words follow. */
+export interface EndMessage {
   type: "end";
 }
 
-/** What frames are of; comes before the first of them. offsets: places of joints from their parents', own unit; metres: how long that unit is. parents: joints' numbers, -1 for the root. */
-export interface Skeleton {
+/** The skeleton of the stream's frames; sent once, before them. */
+export interface SkeletonMessage {
   type: "skeleton";
   fps: number;
   names: string[];
@@ -173,37 +179,37 @@ export interface Skeleton {
   transition: string;
 }
 
-/** Frames of this span are next. */
-export interface SpanBegins {
+/** The span of the frames that follow. */
+export interface SpanMessage {
   type: "span";
   span: Span;
 }
 
-/** The seam by which the span that follows is entered. */
-export interface SeamJoined {
+/** The seam before the span that follows. */
+export interface SeamMessage {
   type: "seam";
   seam: Seam;
 }
 
-/** Something that a user should know. */
-export interface Warned {
+/** A warning to show to the user. */
+export interface WarningMessage {
   type: "warning";
   warning: string;
 }
 
-/** All frames have come; the socket closes. */
-export interface Done {
+/** The last message of a stream: all frames have been sent, and the socket closes. */
+export interface DoneMessage {
   type: "done";
   frames: number;
 }
 
-/** A message was wrong. A word that is not known is left out, and the stream goes on; else the socket closes. */
-export interface Failed {
+/** A message of the client was wrong. */
+export interface ErrorMessage {
   type: "error";
   error: string;
   unknown: Record<string, string[]>;
 }
 
-export type FromClient = Open | Say | End;
+export type ClientMessage = OpenMessage | WordMessage | EndMessage;
 
-export type FromService = Skeleton | SpanBegins | SeamJoined | Warned | Done | Failed;
+export type ServiceMessage = SkeletonMessage | SpanMessage | SeamMessage | WarningMessage | DoneMessage | ErrorMessage;

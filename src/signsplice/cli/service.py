@@ -1,9 +1,9 @@
-"""Commands with a browser at their other end: the viewer, and the service."""
+"""Commands for the browser: ``view`` and ``serve``."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,28 +16,28 @@ if TYPE_CHECKING:
     from signsplice.service.settings import Settings
 
 _HOST = click.option("--host", default="127.0.0.1", show_default=True, metavar="H", help="Address to listen on.")
-_LEXICON = click.option("--lexicon", metavar="DIR", help="Lexicon of the words; default the one that ships.")
+_LEXICON = click.option("--lexicon", metavar="DIR", help="Folder of a lexicon.  [default: the one that ships]")
 
 
 @click.command()
 @_HOST
-@click.option("--port", type=int, default=8000, show_default=True, metavar="N", help="Port; 0: any that is free.")
+@click.option("--port", type=int, default=8000, show_default=True, metavar="N", help="Port; 0: any free one.")
 @_LEXICON
 @click.option(
     "--workers",
     type=int,
     default=0,
     metavar="N",
-    help="Processes for requests, and for streams.  [default: one a core]",
+    help="Processes for requests, and as many for streams.  [default: one per core]",
 )
-@click.option("--allow-host", multiple=True, metavar="NAME", help="Another name by which it may be called; *: any.")
-@click.option("--allow-origin", multiple=True, metavar="URL", help="Another page's origin that may call it.")
+@click.option("--allow-host", multiple=True, metavar="NAME", help="Another host name to answer to; *: any.")
+@click.option("--allow-origin", multiple=True, metavar="URL", help="Origin of another page that may call.")
 @click.option(
     "--limit",
     "limits",
     multiple=True,
     metavar="NAME=N",
-    help="Another limit, e.g. max_body_bytes=1000000; see docs/http.md.",
+    help="Change a limit, e.g. max_body_bytes=1000000; see docs/http.md.",
 )
 def serve(
     host: str,
@@ -48,7 +48,7 @@ def serve(
     allow_origin: tuple[str, ...],
     limits: tuple[str, ...],
 ) -> None:
-    """Answer over HTTP and WebSocket, with the viewer as its page. Ctrl-C ends it."""
+    """Serve splices over HTTP and WebSocket, and the viewer. Ctrl-C stops it."""
     _listen(
         _settings(
             limits,
@@ -60,20 +60,22 @@ def serve(
             allowed_origins=tuple(origin.rstrip("/").lower() for origin in allow_origin),
         ),
         (),
-        lambda address: print(f"signsplice listens at {address} (Ctrl-C ends it)", flush=True),
+        lambda address: print(f"signsplice listens at {address} (Ctrl-C stops it)", flush=True),
     )
 
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILE [OTHER]")
 @click.option(
-    "--report", "reports", multiple=True, metavar="R.json", help="The splice's report, in the order of the files."
+    "--report",
+    "reports",
+    multiple=True,
+    metavar="R.json",
+    help="Report of the splice, for each file in order.",
 )
 @click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
-@click.option(
-    "-o", "--output", metavar="PAGE.html", help="Write one self-contained page in place of opening a browser."
-)
-@click.option("--port", type=int, default=0, metavar="N", help="Port.  [default: any that is free]")
+@click.option("-o", "--output", metavar="PAGE.html", help="Write one self-contained page instead of opening a browser.")
+@click.option("--port", type=int, default=0, metavar="N", help="Port.  [default: any free one]")
 @_LEXICON
 @click.option("--browser/--no-browser", default=True, help="Open the page in a browser.  [default: yes]")
 def view(
@@ -85,15 +87,15 @@ def view(
     lexicon: str | None,
     browser: bool,
 ) -> None:
-    """Look at a clip in the browser: FILE, and OTHER beside it, in step. Ctrl-C ends it."""
+    """Show a clip in the browser: FILE, and OTHER next to it, in step. Ctrl-C stops it."""
     if len(files) > 2:
-        raise InputError(f"{len(files)} files, expected one, or two to see them side by side")
+        raise InputError(f"{len(files)} files, expected one, or two to compare")
     if len(reports) > len(files):
-        raise InputError(f"{len(reports)} reports for {len(files)} files, expected one for each at most")
-    _need()
+        raise InputError(f"{len(reports)} reports for {len(files)} files, expected at most one for each")
+    _require_extra()
     from signsplice.formats.atomic import check_writable, replacing
     from signsplice.service import page, scene
-    from signsplice.service.wire import FORMATS
+    from signsplice.service.wire import FORMAT_NAMES
 
     if output is not None:
         if Path(output).suffix.lower() not in (".html", ".htm"):
@@ -102,54 +104,55 @@ def view(
     scenes = []
     for number, file in enumerate(files):
         clip = load(file, roles)
-        told = read_report(reports[number], len(clip)) if number < len(reports) else None
-        scenes.append(scene.shown(clip, told, FORMATS))
+        report = read_report(reports[number], len(clip)) if number < len(reports) else None
+        scenes.append(scene.from_clip(clip, report, FORMAT_NAMES))
     if output is not None:
         text = page.html(scenes, live=False)
         with replacing(output) as temporary:
             temporary.write_text(text, encoding="utf-8")
         print(f"{output}: opens from disk in any browser, {len(text.encode()) / 1e6:.1f} MB")
         return
-    page.html(scenes, live=True)  # said before anything listens
+    page.html(scenes, live=True)  # a missing viewer is an error before the service starts
 
-    def opened(address: str) -> None:
-        print(f"{', '.join(files)}: at {address} (Ctrl-C ends it)", flush=True)
+    def on_open(address: str) -> None:
+        print(f"{', '.join(files)}: at {address} (Ctrl-C stops it)", flush=True)
         if browser:
             import webbrowser
 
             webbrowser.open(address)
 
-    _listen(_settings((), port=port, lexicon=None if lexicon is None else Path(lexicon)), scenes, opened)
+    _listen(_settings((), port=port, lexicon=None if lexicon is None else Path(lexicon)), scenes, on_open)
 
 
-def _settings(told: Sequence[str], **known: Any) -> Settings:
-    _need()
-    from signsplice.service.settings import Settings, limits
+def _settings(limits: Sequence[str], **values: Any) -> Settings:
+    _require_extra()
+    from signsplice.service.settings import Settings, limit_types
 
-    kinds = limits()
-    for text in told:
+    types = limit_types()
+    for text in limits:
         name, _, number = text.partition("=")
-        if name not in kinds:
-            raise InputError(f"--limit {text!r}: no limit {name!r}, expected one of {', '.join(kinds)}")
+        if name not in types:
+            raise InputError(f"--limit {text!r}: no limit {name!r}, expected one of {', '.join(types)}")
         try:
-            known[name] = kinds[name](number)
+            values[name] = types[name](number)
         except ValueError:
-            raise InputError(f"--limit {text!r}: {number!r} is no number of that kind") from None
-    return Settings(**known)
+            kind = "a whole number" if types[name] is int else "a number"
+            raise InputError(f"--limit {text!r}: {number!r}, expected {kind}") from None
+    return Settings(**values)
 
 
-def _listen(settings: Settings, scenes: Sequence[Mapping[str, Any]], told: Any) -> None:
-    _need()
+def _listen(settings: Settings, scenes: Sequence[Mapping[str, Any]], on_open: Callable[[str], None]) -> None:
+    _require_extra()
     from signsplice.service.run import serve as listen
 
     try:
-        listen(settings, scenes, told)
+        listen(settings, scenes, on_open)
     except KeyboardInterrupt:
         print("stopped", file=sys.stderr)
 
 
-def _need() -> None:
-    """Raise ``MissingExtraError`` where the service's libraries are not there."""
+def _require_extra() -> None:
+    """Raise ``MissingExtraError`` where the service's libraries are not installed."""
     try:
         import fastapi  # noqa: F401
         import prometheus_client  # noqa: F401
@@ -157,7 +160,7 @@ def _need() -> None:
         import uvicorn  # noqa: F401
     except ImportError as error:
         raise MissingExtraError(
-            f"the viewer and the service need {error.name}; install them by: pip install 'signsplice[serve]'"
+            f"the viewer and the service need {error.name}; install it with: pip install 'signsplice[serve]'"
         ) from error
 
 

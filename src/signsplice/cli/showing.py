@@ -1,4 +1,4 @@
-"""Commands that show the package at work: the demo, and how quick it is."""
+"""Commands that show what the package does, and how fast: ``demo`` and ``bench``."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from signsplice.cli.terminal import progress
 
 
 @click.command()
-@click.option("--out", default="out/demo", show_default=True, metavar="DIR", help="Folder to leave the files in.")
+@click.option("--out", default="out/demo", show_default=True, metavar="DIR", help="Folder for the files.")
 def demo(out: str) -> None:
-    """Splice the words that ship with the package, and leave files to look at."""
+    """Splice words of the lexicon that ships, and write files to look at."""
     from signsplice.demo import run
 
     with progress("demo") as advance:
@@ -24,24 +24,30 @@ def demo(out: str) -> None:
 
 @click.command()
 @click.option(
-    "--repeats", type=click.IntRange(3), default=15, show_default=True, help="Runs of each part; medians are shown."
+    "--repeats", type=click.IntRange(3), default=15, show_default=True, help="Runs of each part; the median is shown."
 )
-@click.option("--service", is_flag=True, help="The service under load, in place of the parts.")
-@click.option("--streams", type=click.IntRange(1), default=50, show_default=True, help="Of the service, at one time.")
-@click.option("--rate", type=float, default=20.0, show_default=True, help="Requests to the service, a second.")
-@click.option("--seconds", type=float, default=60.0, show_default=True, help="Of streams, and of requests.")
-@click.option("--minutes", type=float, default=10.0, show_default=True, help="At half the load, to watch the memory.")
+@click.option("--service", is_flag=True, help="Measure the service under load instead.")
+@click.option("--streams", type=click.IntRange(1), default=50, show_default=True, help="Service: open streams.")
+@click.option("--rate", type=float, default=20.0, show_default=True, help="Service: requests per second.")
+@click.option("--seconds", type=float, default=60.0, show_default=True, help="Service: duration of either load.")
+@click.option(
+    "--minutes",
+    type=float,
+    default=10.0,
+    show_default=True,
+    help="Service: duration of half of both loads.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 def bench(
     repeats: int, service: bool, streams: int, rate: float, seconds: float, minutes: float, as_json: bool
 ) -> None:
-    """Measure the speed of every part beside its baselines, in one run; or the service under load."""
+    """Measure the speed of every part and of its baselines, or of the service under load."""
     if service:
         from signsplice.evaluation import speed_service
 
         with progress("bench --service") as advance:
-            loaded = speed_service.measure(streams, seconds, rate, minutes, advance)
-        print(json.dumps(loaded, indent=2) if as_json else speed_service.table(loaded))
+            figures = speed_service.measure(streams, seconds, rate, minutes, advance)
+        print(json.dumps(figures, indent=2) if as_json else speed_service.table(figures))
         return
     from signsplice.evaluation.speed_parts import measure, table
 

@@ -1,6 +1,6 @@
-"""The service under load, on this machine: many streams at one time, many requests a second, memory over minutes.
+"""The service under load, on this machine: open streams, requests per second, memory over minutes.
 
-The callers share the machine with the service, as they do not in real life.
+The callers run on the same machine and take some of its time, which callers elsewhere would not.
 """
 
 from __future__ import annotations
@@ -24,14 +24,15 @@ from signsplice.lexicon import shipped
 
 Progress = Callable[[int, int], None] | None
 
-_AHEAD = 3
-"""Words that a stream's caller is ahead of the one that is signed."""
+_N_PREFETCHED = 3
+"""Words that a stream's caller has sent before they are needed."""
 _SETTLE_S = 8.0
+"""Duration of the first requests, which are not measured: processes start and read the networks."""
 
 
 @contextmanager
 def _serving() -> Iterator[tuple[str, int]]:
-    """Address and process of a service with default settings."""
+    """Address and process number of a service with default settings."""
     process = subprocess.Popen(
         [sys.executable, "-m", "signsplice", "serve", "--port", "0"],
         stdout=subprocess.PIPE,
@@ -50,18 +51,20 @@ def _serving() -> Iterator[tuple[str, int]]:
 def measure(
     n_streams: int = 50, seconds: float = 60.0, rate: float = 20.0, minutes: float = 10.0, progress: Progress = None
 ) -> dict[str, Any]:
-    """Figures of a service: streams and requests for so many seconds each, then both at half the load for minutes.
+    """Figures of a service: streams, then requests, for ``seconds`` each, then half of both for ``minutes``.
 
-    late_ms: of every frame, how long after its time it came, counted from its stream's first frame. request_ms: from
-    the moment a request was due, whether or not it could be sent then. memory_mb: all processes, every ten seconds.
-    Raises ``MissingExtraError``.
+    late_ms: delay of a frame after the time when it was due, counted from its stream's first frame.
+    request_ms: time from when a request was due, whether or not it could be sent then, to its answer.
+    memory.mb: of all processes, every ten seconds.
+
+    Raises ``MissingExtraError`` where httpx, psutil or websockets is not installed.
     """
     try:
         import httpx
         import psutil
         import websockets
     except ImportError as error:
-        raise MissingExtraError(f"this needs {error.name}; install it by: pip install 'signsplice[dev]'") from error
+        raise MissingExtraError(f"this needs {error.name}; install it with: pip install 'signsplice[dev]'") from error
     del httpx, psutil, websockets
     with _serving() as (address, pid):
         return asyncio.run(_measure(address, pid, n_streams, seconds, rate, minutes, progress))
@@ -72,11 +75,11 @@ async def _measure(
 ) -> dict[str, Any]:
     with shipped() as lexicon:
         words = [entry.gloss for entry in lexicon.entries() if entry.kind == "sign"]
-    await _requests(address, words, 5.0, _SETTLE_S, 0)  # processes are up, networks are read
+    await _requests(address, words, 5.0, _SETTLE_S, 0)
     late = await _streams(address, words, n_streams, seconds)
     if progress is not None:
         progress(1, 3)
-    took, failed = await _requests(address, words, rate, seconds, 1)
+    request_ms, n_failed = await _requests(address, words, rate, seconds, 1)
     if progress is not None:
         progress(2, 3)
     memory = await _soak(address, pid, words, n_streams // 2, rate / 2, 60.0 * minutes) if minutes else []
@@ -91,28 +94,28 @@ async def _measure(
             "seconds": seconds,
             "frames": int(sum(map(len, late))),
             "late_ms": _percentiles(np.concatenate(late)),
-            "worst_stream_p99_ms": round(max(float(np.percentile(one, 99)) for one in late), 1),
+            "worst_stream_p99_ms": round(max(float(np.percentile(frames, 99)) for frames in late), 1),
         },
         "requests": {
             "a_second": rate,
             "seconds": seconds,
             "words": "3 to 5, drawn",
             "answer": "bvh",
-            "n": len(took),
-            "failed": failed,
-            "request_ms": _percentiles(took),
+            "n": len(request_ms),
+            "failed": n_failed,
+            "request_ms": _percentiles(request_ms),
         },
         "memory": half | {"mb": [round(mb, 1) for mb in memory]},
     }
 
 
 def _percentiles(values: Sequence[float] | np.ndarray[Any, Any]) -> dict[str, float]:
-    told = {f"p{share}": float(np.percentile(values, share)) for share in (50, 95, 99)}
-    return {key: round(value, 1) for key, value in {**told, "max": float(np.max(values))}.items()}
+    found = {f"p{percent}": float(np.percentile(values, percent)) for percent in (50, 95, 99)}
+    return {key: round(value, 1) for key, value in {**found, "max": float(np.max(values))}.items()}
 
 
 async def _streams(address: str, words: Sequence[str], n: int, seconds: float) -> list[np.ndarray[Any, Any]]:
-    """For each stream, how late every frame came, ms."""
+    """For each stream, the delay of every frame, ms."""
     return list(await asyncio.gather(*(_stream(address, words, seed, seconds) for seed in range(n))))
 
 
@@ -120,78 +123,78 @@ async def _stream(address: str, words: Sequence[str], seed: int, seconds: float)
     from websockets.asyncio.client import connect
 
     rng = random.Random(seed)
-    await asyncio.sleep(2.0 * rng.random())  # callers do not all come in one moment
+    await asyncio.sleep(2.0 * rng.random())  # so that callers do not all start at once
     late: list[float] = []
     async with connect(address.replace("http", "ws", 1) + "/v1/stream", compression=None, max_size=None) as socket:
 
-        async def say() -> None:
+        async def send_word() -> None:
             await socket.send(json.dumps({"type": "word", "gloss": rng.choice(words)}))
 
         await socket.send(json.dumps({"type": "open", "paced": True}))
-        for _ in range(_AHEAD):
-            await say()
-        zero, ended = 0.0, False
-        async for said in socket:
+        for _ in range(_N_PREFETCHED):
+            await send_word()
+        zero, has_ended = 0.0, False
+        async for message in socket:
             now = time.perf_counter()
-            if isinstance(said, bytes):
-                frame = int.from_bytes(said[4:8], "little")
+            if isinstance(message, bytes):
+                frame = int.from_bytes(message[4:8], "little")
                 zero = now if frame == 0 else zero
                 late.append(1e3 * (now - zero - frame / 30.0))
-                if not ended and now - zero > seconds:
-                    ended = True
+                if not has_ended and now - zero > seconds:
+                    has_ended = True
                     await socket.send('{"type": "end"}')
-            elif not ended and json.loads(said).get("span", {}).get("kind") == "sign":
-                await say()
+            elif not has_ended and json.loads(message).get("span", {}).get("kind") == "sign":
+                await send_word()
     return np.array(late)
 
 
 async def _requests(
     address: str, words: Sequence[str], rate: float, seconds: float, seed: int
 ) -> tuple[list[float], int]:
-    """How long each request took from the moment it was due, ms; and how many failed."""
+    """The time from when each request was due to its answer, ms; and how many failed."""
     import httpx
 
     rng = random.Random(seed)
-    took: list[float] = []
-    failed = 0
+    request_ms: list[float] = []
+    n_failed = 0
 
-    async def one(client: httpx.AsyncClient, due: float) -> None:
-        nonlocal failed
-        line = rng.sample(list(words), rng.randint(3, 5))
+    async def request(client: httpx.AsyncClient, due: float) -> None:
+        nonlocal n_failed
+        glosses = rng.sample(list(words), rng.randint(3, 5))
         try:
-            answer = await client.post("/v1/sentence?file=bvh", json={"glosses": line})
-            failed += answer.status_code != 200
+            answer = await client.post("/v1/sentence?file=bvh", json={"glosses": glosses})
+            n_failed += answer.status_code != 200
         except httpx.HTTPError:
-            failed += 1
-        took.append(1e3 * (time.perf_counter() - due))
+            n_failed += 1
+        request_ms.append(1e3 * (time.perf_counter() - due))
 
     limits = httpx.Limits(max_connections=200, max_keepalive_connections=50)
     async with httpx.AsyncClient(base_url=address, timeout=60.0, limits=limits) as client:
-        begun, tasks = time.perf_counter(), []
+        start, tasks = time.perf_counter(), []
         for k in range(int(rate * seconds)):
-            due = begun + k / rate
+            due = start + k / rate
             await asyncio.sleep(max(0.0, due - time.perf_counter()))
-            tasks.append(asyncio.create_task(one(client, due)))
+            tasks.append(asyncio.create_task(request(client, due)))
         await asyncio.gather(*tasks)
-    return took, failed
+    return request_ms, n_failed
 
 
 async def _soak(address: str, pid: int, words: Sequence[str], n: int, rate: float, seconds: float) -> list[float]:
-    """Memory of the service's processes every ten seconds, MB, while it works."""
+    """Memory of all processes of the service under both loads, every ten seconds, MB."""
     import psutil
 
     service = psutil.Process(pid)
     memory: list[float] = []
 
-    async def watch() -> None:
+    async def measure_memory() -> None:
         while True:
-            everyone = [service, *service.children(recursive=True)]
-            memory.append(sum(one.memory_info().rss for one in everyone) / 1e6)
+            processes = [service, *service.children(recursive=True)]
+            memory.append(sum(process.memory_info().rss for process in processes) / 1e6)
             await asyncio.sleep(10.0)
 
-    watching = asyncio.create_task(watch())
+    measuring = asyncio.create_task(measure_memory())
     await asyncio.gather(_streams(address, words, n, seconds), _requests(address, words, rate, seconds, 2))
-    watching.cancel()
+    measuring.cancel()
     return memory
 
 
@@ -199,7 +202,7 @@ def table(figures: dict[str, Any]) -> str:
     """The figures as lines of text."""
     streams, requests, memory = figures["streams"], figures["requests"], figures["memory"]
     lines = [
-        f"streams   {streams['n']} at {streams['fps']} fps for {streams['seconds']:g} s; frames late, ms: "
+        f"streams   {streams['n']} at {streams['fps']} fps for {streams['seconds']:g} s; delay of frames, ms: "
         + _row(streams["late_ms"]),
         f"requests  {requests['a_second']:g} a second for {requests['seconds']:g} s, {requests['failed']} failed; ms: "
         + _row(requests["request_ms"]),
@@ -210,5 +213,5 @@ def table(figures: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _row(shares: dict[str, float]) -> str:
-    return ", ".join(f"{share} {value:g}" for share, value in shares.items())
+def _row(percentiles: dict[str, float]) -> str:
+    return ", ".join(f"{name} {value:g}" for name, value in percentiles.items())

@@ -1,4 +1,4 @@
-"""A service that listens."""
+"""Runs the service on a socket."""
 
 from __future__ import annotations
 
@@ -14,77 +14,78 @@ from signsplice.errors import InputError
 from signsplice.service.app import create
 from signsplice.service.settings import Settings
 
-_MOST_CONNECTIONS = 1000
+_MAX_CONNECTIONS = 1000
 
 
 def serve(
-    settings: Settings, scenes: Sequence[Mapping[str, Any]] = (), told: Callable[[str], None] | None = None
+    settings: Settings, scenes: Sequence[Mapping[str, Any]] = (), on_open: Callable[[str], None] | None = None
 ) -> None:
-    """Listen until interrupted. told: is called with the page's address once the socket is open. Raises
-    ``InputError`` where the address cannot be listened on, or the lexicon cannot be opened.
+    """Listen until interrupted. ``on_open`` is called with the page's address once the socket is open.
+
+    Raises ``InputError`` where the address cannot be listened on, or the lexicon cannot be opened.
     """
     app = create(settings, scenes)
     config = uvicorn.Config(
         app,
-        http=_impatient(settings.head_seconds),
+        http=_protocol(settings.head_seconds),
         ws="websockets-sansio",
         ws_per_message_deflate=False,  # costs more than it saves on frames
         ws_max_size=settings.max_message_bytes,
-        limit_concurrency=_MOST_CONNECTIONS,
+        limit_concurrency=_MAX_CONNECTIONS,
         timeout_graceful_shutdown=3,
         log_level="warning",
         access_log=False,
         server_header=False,
     )
-    with _listening(settings) as door:
-        if told is not None:
+    with _listen(settings) as listener:
+        if on_open is not None:
             host = settings.host if ":" not in settings.host else f"[{settings.host}]"
-            told(f"http://{host}:{door.getsockname()[1]}/")
-        uvicorn.Server(config).run(sockets=[door])
+            on_open(f"http://{host}:{listener.getsockname()[1]}/")
+        uvicorn.Server(config).run(sockets=[listener])
 
 
-def _listening(settings: Settings) -> socket.socket:
+def _listen(settings: Settings) -> socket.socket:
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     try:
         return socket.create_server((settings.host, settings.port), family=family, backlog=512)
     except OSError as error:
         raise InputError(
-            f"cannot listen on {settings.host}:{settings.port} ({error.strerror or error}); another --port may be free"
+            f"cannot listen on {settings.host}:{settings.port} ({error.strerror or error}); try another --port"
         ) from error
 
 
-def _impatient(seconds: float) -> type[asyncio.Protocol]:
-    """HTTP whose clients have so many seconds for the head of a request."""
+def _protocol(head_seconds: float) -> type[asyncio.Protocol]:
+    """HTTP with a time limit for the head of a request, which uvicorn has not."""
 
-    class Impatient(HttpToolsProtocol):
-        _watch: asyncio.TimerHandle | None = None
+    class HeadTimeoutProtocol(HttpToolsProtocol):
+        _timer: asyncio.TimerHandle | None = None
 
         def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
             super().connection_made(transport)
-            self._begin()
+            self._start_timer()
 
         def connection_lost(self, exc: Exception | None) -> None:
-            self._end()
+            self._stop_timer()
             super().connection_lost(exc)
 
         def on_message_begin(self) -> None:
             super().on_message_begin()
-            self._begin()
+            self._start_timer()
 
         def on_headers_complete(self) -> None:
-            self._end()
+            self._stop_timer()
             super().on_headers_complete()
 
-        def _begin(self) -> None:
-            self._end()
-            self._watch = self.loop.call_later(seconds, self._give_up)
+        def _start_timer(self) -> None:
+            self._stop_timer()
+            self._timer = self.loop.call_later(head_seconds, self._refuse)
 
-        def _end(self) -> None:
-            if self._watch is not None:
-                self._watch.cancel()
-                self._watch = None
+        def _stop_timer(self) -> None:
+            if self._timer is not None:
+                self._timer.cancel()
+                self._timer = None
 
-        def _give_up(self) -> None:
+        def _refuse(self) -> None:
             if not self.transport.is_closing():
                 body = b'{"error":"the head of the request came too slowly","unknown":{}}'
                 self.transport.write(
@@ -94,4 +95,4 @@ def _impatient(seconds: float) -> type[asyncio.Protocol]:
                 )
                 self.transport.close()
 
-    return Impatient
+    return HeadTimeoutProtocol

@@ -1,4 +1,4 @@
-"""What a service allows: every limit, with a safe default."""
+"""The settings of a service: where it listens, and a limit for everything that a caller can spend."""
 
 from __future__ import annotations
 
@@ -17,78 +17,86 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1", "[::1]")
 
 @dataclass(frozen=True)
 class Settings:
-    """How a service runs. Raises ``InputError`` for a limit that is no positive number.
-
-    host, port: where it listens. lexicon: folder of the words, None for those that ship. allowed_hosts: names by which
-    it may be called, beside loopback and its own; "*" for any. allowed_origins: other pages' origins that may call it,
-    e.g. "https://signs.example". n_workers: processes that answer requests, and as many again for streams; 0: one a
-    core.
-    """
+    """How a service runs. Raises ``InputError`` for a limit that is not positive."""
 
     host: str = "127.0.0.1"
+    """Address to listen on."""
     port: int = 8000
+    """Port to listen on; 0 for any free one."""
     lexicon: Path | None = None
+    """Folder of the lexicon, None for the one that ships."""
     allowed_hosts: tuple[str, ...] = ()
+    """Host names to answer to, besides loopback and the machine's; "*" for any."""
     allowed_origins: tuple[str, ...] = ()
+    """Origins of other pages that may call, e.g. "https://signs.example"."""
     n_workers: int = 0
+    """Processes for requests, and as many again for streams; 0 for one per core."""
 
     max_body_bytes: int = 64 * MIB
-    """Of a request; reading stops there."""
+    """Size of a request's body; reading stops there."""
     max_json_bytes: int = 256 * 1024
-    """Of a sentence: what is read as JSON is checked by the process that listens."""
+    """Size of a JSON body, which the listening process itself validates."""
     max_files: int = 100
+    """Files in one splice."""
     max_glosses: int = 200
+    """Words and letters in one sentence."""
     max_frames: int = 40_000
-    """Of all clips of a request, or one word of a stream, at the output's rate, and of one file: 22 minutes at 30 a
-    second.
-    """
+    """Frames at the output's rate: of a whole request, of one file, or of one word of a stream; the default is 22
+    minutes at 30 fps."""
     max_waiting: int = 64
-    """Requests that wait for a worker; more are sent away."""
+    """Requests that run or wait for a worker; further ones are refused."""
     max_uploads: int = 8
-    """Bodies over 1 MiB that are read at one time."""
+    """Bodies over 1 MiB that are read at the same time."""
     max_streams: int = 100
+    """Open streams."""
     max_stream_words: int = 64
-    """Words of a stream that wait; its sender is read no further until one is signed."""
+    """Words of a stream that wait to be signed; until one is signed, no more messages are read."""
     max_message_bytes: int = 16 * 1024
-    """Of one message of a stream's client."""
+    """Size of one message from a stream's client."""
     head_seconds: float = 10.0
-    """For the head of a request."""
+    """Time for a request's head to arrive, or for a stream's first message."""
     idle_seconds: float = 15.0
-    """Between two parts of a body, or for a client to take a part of the answer."""
+    """Time between two parts of a body, or for a client to accept a part of the answer."""
     body_seconds: float = 120.0
-    """For a whole body."""
+    """Time for a whole body to arrive."""
     work_seconds: float = 60.0
-    """Of a worker for one request; then the worker is ended, and another takes its place."""
+    """Processor time of one job in a worker, all its threads together; then the worker is killed and replaced. Other
+    processes that load the machine do not shorten it. Where a process's processor time is not known (macOS, Windows),
+    wall-clock time."""
+    work_wall_seconds: float = 600.0
+    """Wall-clock time of one job in a worker, for jobs that block without using the processor."""
     stream_idle_seconds: float = 120.0
-    """A stream that is told nothing and says nothing for so long is closed."""
+    """Time after which a stream is closed in which the client is silent and there is nothing left to send."""
     worker_bytes: int = 4 << 30
-    """Memory that a worker may take, where the system can tell (Linux)."""
+    """Memory of one worker, on Linux."""
 
     def __post_init__(self) -> None:
-        for name in limits():
+        for name in limit_types():
             value = getattr(self, name)
             if not value > 0:
                 raise InputError(f"{name} is {value}, expected a positive number")
         if not 0 <= self.port < 65536:
             raise InputError(f"port {self.port}, expected 0 to 65535")
         if self.n_workers < 0:
-            raise InputError(f"{self.n_workers} workers, expected 0 (one a core) or more")
+            raise InputError(f"{self.n_workers} workers, expected 0 (one per core) or more")
 
     @property
     def workers(self) -> int:
-        """How many processes answer requests."""
+        """Number of processes that answer requests."""
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         return self.n_workers or cores
 
     @cached_property
     def hosts(self) -> tuple[str, ...]:
-        """Names by which it may be called: what browsers send in Host."""
-        own = () if self.host in LOOPBACK else (socket.gethostname(), socket.getfqdn())
-        return tuple(dict.fromkeys(name.lower() for name in (*LOOPBACK, self.host, *own, *self.allowed_hosts)))
+        """Values of the Host header that are answered."""
+        machine = () if self.host in LOOPBACK else (socket.gethostname(), socket.getfqdn())
+        return tuple(dict.fromkeys(name.lower() for name in (*LOOPBACK, self.host, *machine, *self.allowed_hosts)))
 
     def answers_to(self, host: str) -> bool:
-        """Whether it may be called so. A page of another name that is led to this address by its name's server (DNS
-        rebinding) is kept out; addresses themselves are let in where it listens beyond loopback.
+        """Whether a request with this Host header, its port removed, is answered.
+
+        This stops DNS rebinding, where a foreign page's name is resolved to this machine. A service that listens beyond
+        loopback also answers to any IP address.
         """
         host = host.lower()
         return "*" in self.allowed_hosts or host in self.hosts or (self.host not in LOOPBACK and _is_address(host))
@@ -102,10 +110,10 @@ def _is_address(host: str) -> bool:
     return True
 
 
-def limits() -> dict[str, type]:
-    """Every limit by name, and whether it is a whole number."""
+def limit_types() -> dict[str, type]:
+    """Every limit by name, with its type, int or float."""
     return {
-        told.name: type(told.default)
-        for told in fields(Settings)
-        if told.name.startswith(("max_", "worker_")) or told.name.endswith("_seconds")
+        field.name: type(field.default)
+        for field in fields(Settings)
+        if field.name.startswith(("max_", "worker_")) or field.name.endswith("_seconds")
     }

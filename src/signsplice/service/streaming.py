@@ -1,15 +1,16 @@
-"""A stream: words come in one at a time over a WebSocket, frames go out as soon as they are final.
+"""Streams over WebSocket: words come in one at a time, frames go out as soon as they are final.
 
-A frame is due at the first one's time plus its number over the rate. Where words come too late, the clock waits for
-them, so that the sentence goes on where it stopped; where the work was late, frames catch up.
+Frame k of a paced stream is due k / fps after the first frame. Where words come too late, this clock waits for them, so
+that the sentence goes on where it stopped. Where the work is late, frames catch up.
 """
 
 from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from typing import Any, TypeVar
 from uuid import uuid4
 
 from pydantic import TypeAdapter, ValidationError
@@ -20,57 +21,61 @@ from signsplice.service import work
 from signsplice.service.metrics import Metrics
 from signsplice.service.scene import to_json
 from signsplice.service.settings import Settings
-from signsplice.service.wire import FRAMES, MAGIC, End, FromClient, Open, Say
+from signsplice.service.wire import FRAMES_HEADER, FRAMES_MAGIC, ClientMessage, EndMessage, OpenMessage, WordMessage
 from signsplice.service.workers import WorkerProcess
 
-_MESSAGE: TypeAdapter[FromClient] = TypeAdapter(FromClient)
-_OUT = 16
-"""Messages, a span's frames each at most, that are made ahead of the one that is sent."""
-POLICY, GONE, AGAIN = 1008, 1001, 1013
+ResultT = TypeVar("ResultT")
+
+_CLIENT_MESSAGE: TypeAdapter[ClientMessage] = TypeAdapter(ClientMessage)
+_MAX_PREFETCHED = 16
+"""Messages, each with the frames of one span at most, that are made before the one that is sent."""
+GOING_AWAY, POLICY_VIOLATION, TRY_AGAIN_LATER = 1001, 1008, 1013
+"""Close codes of WebSockets."""
 
 
 class _RefusedError(Exception):
-    """The client did what it must not: the stream ends."""
+    """The client broke the protocol or a limit, so the stream ends."""
 
 
 def failure(error: Exception) -> dict[str, Any]:
-    """What is told of an error."""
+    """An error as ``wire.Failure``."""
     if isinstance(error, UnknownGlossError):
-        told = (
+        lines = (
             f"{gloss!r}" + (f" (nearest: {', '.join(near)})" if near else "") for gloss, near in error.unknown.items()
         )
-        return {"error": f"no gloss {'; '.join(told)}", "unknown": {k: list(v) for k, v in error.unknown.items()}}
+        return {"error": f"no gloss {'; '.join(lines)}", "unknown": {k: list(v) for k, v in error.unknown.items()}}
     return {"error": " ".join(str(error).split()), "unknown": {}}
 
 
-def message(told: ValidationError) -> str:
-    """A fault in a message, in one line."""
-    first = told.errors(include_url=False, include_context=False, include_input=False)[0]
-    where = ".".join(str(part) for part in first["loc"])
-    return f"{where}: {first['msg']}" if where else str(first["msg"])
+def first_fault(error: ValidationError) -> str:
+    """The first fault that validation found, in one line."""
+    fault = error.errors(include_url=False, include_context=False, include_input=False)[0]
+    where = ".".join(str(part) for part in fault["loc"])
+    return f"{where}: {fault['msg']}" if where else str(fault["msg"])
 
 
 class StreamSession:
-    """One client's stream."""
+    """The stream of one client."""
 
     def __init__(self, socket: WebSocket, settings: Settings, worker: WorkerProcess, metrics: Metrics) -> None:
         self._socket, self._settings, self._worker, self._metrics = socket, settings, worker, metrics
         self._key, self._generation = uuid4().hex, 0
         self._words: asyncio.Queue[tuple[str, float] | None] = asyncio.Queue(settings.max_stream_words)
-        self._out: asyncio.Queue[tuple[dict[str, Any] | bytes, float] | None] = asyncio.Queue(_OUT)
-        self._heard = time.monotonic()
+        self._out: asyncio.Queue[tuple[dict[str, Any] | bytes, float] | None] = asyncio.Queue(_MAX_PREFETCHED)
+        self._last_activity = time.monotonic()
+        self._is_working = False
 
     async def run(self) -> None:
-        """Serve the client until it is done or gone."""
+        """Serve the client until the stream is done or the client disconnects."""
         await self._socket.accept()
         try:
-            opened = await self._opened()
-            await self._worker.run(work.open_stream, self._key, opened, opened.spell)
+            opening = await self._receive_opening()
+            await self._run_job(work.open_stream, opening, opening.spell)
             self._generation = self._worker.generation
             async with asyncio.TaskGroup() as tasks:
                 reading = tasks.create_task(self._read())
                 making = tasks.create_task(self._make())
-                await self._send(opened.paced)
+                await self._send(opening.paced)
                 reading.cancel()
                 making.cancel()
             await self._socket.close()
@@ -82,114 +87,131 @@ class StreamSession:
             with suppress(SignspliceError):
                 await self._worker.run(work.close_stream, self._key)
 
+    async def _run_job(self, job: Callable[..., ResultT], *args: object) -> ResultT:
+        """The result of one of the worker's jobs on this stream; the client is not idle meanwhile."""
+        self._is_working = True
+        try:
+            return await self._worker.run(job, self._key, *args)
+        finally:
+            self._is_working = False
+            self._last_activity = time.monotonic()
+
     async def _fail(self, group: BaseExceptionGroup[BaseException]) -> None:
         error: BaseException = group
         while isinstance(error, BaseExceptionGroup):
             error = error.exceptions[0]
-        told = failure(error) if isinstance(error, SignspliceError | _RefusedError) else {
+        message = failure(error) if isinstance(error, SignspliceError | _RefusedError) else {
             "error": "the stream was lost; open it again" if isinstance(error, KeyError) else "the client is too slow",
             "unknown": {},
         }  # fmt: skip
         with suppress(WebSocketDisconnect, RuntimeError, TimeoutError):
-            await self._deliver({"type": "error", **told})
-            await self._socket.close(POLICY if isinstance(error, _RefusedError | InputError) else AGAIN)
+            await self._deliver({"type": "error", **message})
+            is_clients_fault = isinstance(error, _RefusedError | InputError)
+            await self._socket.close(POLICY_VIOLATION if is_clients_fault else TRY_AGAIN_LATER)
 
-    async def _hear(self, seconds: float) -> FromClient:
+    async def _receive(self, seconds: float) -> ClientMessage:
         """The client's next message. Raises ``_RefusedError``, ``WebSocketDisconnect`` and ``TimeoutError``."""
         event = await asyncio.wait_for(self._socket.receive(), seconds)
         if event["type"] == "websocket.disconnect":
-            raise WebSocketDisconnect(event.get("code", GONE))
-        self._heard = time.monotonic()
+            raise WebSocketDisconnect(event.get("code", GOING_AWAY))
+        self._last_activity = time.monotonic()
         text = event.get("text")
         if text is None:
-            raise _RefusedError("binary messages are not read, expected JSON as text")
+            raise _RefusedError("a binary message, expected JSON as text")
         if len(text) > self._settings.max_message_bytes:
             raise _RefusedError(
-                f"a message of {len(text)} letters, expected at most {self._settings.max_message_bytes}"
+                f"a message of {len(text)} characters, expected at most {self._settings.max_message_bytes}"
             )
         try:
-            return _MESSAGE.validate_json(text)
+            return _CLIENT_MESSAGE.validate_json(text)
         except ValidationError as error:
-            raise _RefusedError(f"no message of this protocol: {message(error)}") from None
+            raise _RefusedError(f"no message of this protocol: {first_fault(error)}") from None
 
-    async def _opened(self) -> Open:
+    async def _receive_opening(self) -> OpenMessage:
         try:
-            first = await self._hear(self._settings.head_seconds)
+            first = await self._receive(self._settings.head_seconds)
         except TimeoutError:
             raise _RefusedError(f"no message within {self._settings.head_seconds:g} s, expected open") from None
-        if not isinstance(first, Open):
+        if not isinstance(first, OpenMessage):
             raise _RefusedError(f"the first message is {first.type}, expected open")
         return first
 
     async def _read(self) -> None:
-        ended = False
+        """Put the client's words into the queue; None at the end."""
+        limit, has_ended = self._settings.stream_idle_seconds, False
         while True:
-            wait = self._heard + self._settings.stream_idle_seconds - time.monotonic()
+            remaining = self._last_activity + limit - time.monotonic()
             try:
-                heard = await self._hear(max(wait, 0.0))
+                message = await self._receive(max(remaining, 0.0))
             except TimeoutError:
-                if time.monotonic() - self._heard < self._settings.stream_idle_seconds:
-                    continue  # frames went out meanwhile
-                raise _RefusedError(f"nothing came for {self._settings.stream_idle_seconds:g} s") from None
-            if isinstance(heard, Open):
+                if self._is_working:
+                    self._last_activity = time.monotonic()
+                if time.monotonic() - self._last_activity < limit:
+                    continue  # the service was at work, or frames went out
+                raise _RefusedError(f"nothing came for {limit:g} s") from None
+            if isinstance(message, OpenMessage):
                 raise _RefusedError("open came twice, expected word or end")
-            if ended:
-                raise _RefusedError(f"{heard.type} came after the end")
-            ended = isinstance(heard, End)
-            await self._words.put((heard.gloss, time.monotonic()) if isinstance(heard, Say) else None)
+            if has_ended:
+                raise _RefusedError(f"{message.type} came after the end")
+            has_ended = isinstance(message, EndMessage)
+            await self._words.put((message.gloss, time.monotonic()) if isinstance(message, WordMessage) else None)
 
     async def _make(self) -> None:
+        """Turn words into messages, each with the time when the words for it were there."""
         while True:
             word = await self._words.get()
             if self._worker.generation != self._generation:
                 raise KeyError(self._key)
             if word is None:
-                for made in await self._worker.run(work.end_stream, self._key):
-                    await self._out.put((made, time.monotonic()))
+                for message in await self._run_job(work.end_stream):
+                    await self._out.put((message, time.monotonic()))
                 await self._out.put(None)
                 return
-            token, came = word
+            token, arrival = word
             try:
-                glosses, warnings = await self._worker.run(work.read, self._key, token)
+                glosses, warnings = await self._run_job(work.read_token, token)
                 for warning in warnings:
-                    await self._out.put(({"type": "warning", "warning": warning}, came))
-                for gloss in glosses:  # a job each: others have their turn between the letters of a long name
-                    for made in await self._worker.run(work.feed, self._key, gloss):
-                        await self._out.put((made, came))
+                    await self._out.put(({"type": "warning", "warning": warning}, arrival))
+                for gloss in glosses:  # a job each, so that other streams are served between the letters of a long name
+                    for message in await self._run_job(work.add_word, gloss):
+                        await self._out.put((message, arrival))
                     self._metrics.words.inc()
             except InputError as error:
-                await self._out.put(({"type": "error", **failure(error)}, came))
+                await self._out.put(({"type": "error", **failure(error)}, arrival))
 
     async def _send(self, paced: bool) -> None:
+        """Send messages until the stream is done; paced: one frame at a time, when it is due."""
         zero, fps = 0.0, 30.0
         while (item := await self._out.get()) is not None:
-            made, freed = item
-            if isinstance(made, dict):
-                fps = made.get("fps", fps)
-                await self._deliver(made)
+            message, arrival = item
+            if isinstance(message, dict):
+                fps = message.get("fps", fps)
+                await self._deliver(message)
                 continue
-            _, first, n_frames, n_joints = FRAMES.unpack_from(made)
+            _, first, n_frames, n_joints = FRAMES_HEADER.unpack_from(message)
             if not paced:
-                await self._deliver(made)
+                await self._deliver(message)
                 self._metrics.frames.inc(n_frames)
                 continue
             if first == 0:
                 zero = time.monotonic()
-            zero += max(0.0, freed - (zero + first / fps))  # the clock waits for words, not for work
-            width = (len(made) - FRAMES.size) // n_frames
+            zero += max(0.0, arrival - (zero + first / fps))  # the clock waits for words, not for work
+            n_bytes = (len(message) - FRAMES_HEADER.size) // n_frames
             for k in range(n_frames):
                 due = zero + (first + k) / fps
                 late = time.monotonic() - due
                 if late < 0.0:
                     await asyncio.sleep(-late)
                 self._metrics.late.observe(max(0.0, time.monotonic() - due))
-                start = FRAMES.size + k * width
-                await self._deliver(FRAMES.pack(MAGIC, first + k, 1, n_joints) + made[start : start + width])
+                start = FRAMES_HEADER.size + k * n_bytes
+                header = FRAMES_HEADER.pack(FRAMES_MAGIC, first + k, 1, n_joints)
+                await self._deliver(header + message[start : start + n_bytes])
                 self._metrics.frames.inc()
 
-    async def _deliver(self, made: dict[str, Any] | bytes) -> None:
-        sent = (
-            self._socket.send_bytes(made) if isinstance(made, bytes) else self._socket.send_text(to_json(made).decode())
-        )
-        await asyncio.wait_for(sent, self._settings.idle_seconds)
-        self._heard = time.monotonic()
+    async def _deliver(self, message: dict[str, Any] | bytes) -> None:
+        if isinstance(message, bytes):
+            sending = self._socket.send_bytes(message)
+        else:
+            sending = self._socket.send_text(to_json(message).decode())
+        await asyncio.wait_for(sending, self._settings.idle_seconds)
+        self._last_activity = time.monotonic()

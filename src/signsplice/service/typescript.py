@@ -1,14 +1,17 @@
-"""The wire's dataclasses as TypeScript, so that viewer and service cannot drift apart."""
+"""The wire's dataclasses as TypeScript: ``python -m signsplice.service.typescript viewer/src/wire.ts``."""
 
 from __future__ import annotations
 
 import sys
 import types
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import MISSING, Field, fields, is_dataclass
 from inspect import getdoc
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
+from pydantic.fields import FieldInfo
+
+from signsplice.formats import FORMATS
 from signsplice.service import wire
 
 _PLAIN = {str: "string", float: "number", int: "number", bool: "boolean", type(None): "null"}
@@ -16,23 +19,34 @@ _PLAIN = {str: "string", float: "number", int: "number", bool: "boolean", type(N
 
 def render() -> str:
     """The text of ``wire.ts``."""
-    shapes = [thing for thing in vars(wire).values() if is_dataclass(thing) and thing.__module__ == wire.__name__]
+    shapes = [value for value in vars(wire).values() if isinstance(value, type) and is_dataclass(value)]
     parts = ["// Generated from the service's wire.py; do not edit.", f"export type Format = {_type(wire.Format)};"]
-    parts += [_interface(shape) for shape in shapes if isinstance(shape, type)]
-    parts += [f"export type {name} = {_type(getattr(wire, name))};" for name in ("FromClient", "FromService")]
+    media_types = [f"  {name}: '{FORMATS[f'.{name}'].media_type}'," for name in wire.FORMAT_NAMES]
+    parts.append("\n".join(["export const MEDIA_TYPES: Record<Format, string> = {", *media_types, "};"]))
+    parts += [_interface(shape) for shape in shapes]
+    parts += [f"export type {name} = {_type(getattr(wire, name))};" for name in ("ClientMessage", "ServiceMessage")]
     return "\n\n".join(parts) + "\n"
 
 
 def _interface(shape: type) -> str:
     hints = get_type_hints(shape, include_extras=True)
-    # What a caller may leave out is optional; what the service says is always there.
-    asked = issubclass(shape, (wire.Dials, wire.Say, wire.End))
+    is_request = issubclass(shape, wire.Dials)  # a caller may leave out what has a default; the service never does
     rows = []
-    for told in fields(shape):
-        left_out = told.default is not MISSING or told.default_factory is not MISSING
-        rows.append(f"  {told.name}{'?' if asked and left_out else ''}: {_type(hints[told.name])};")
+    for field in fields(shape):
+        mark = "?" if is_request and _has_default(field) else ""
+        rows.append(f"  {_key(field.name, hints[field.name])}{mark}: {_type(hints[field.name])};")
     summary = (getdoc(shape) or "").split("\n\n")[0].replace("\n", " ")
     return "\n".join([f"/** {summary} */", f"export interface {shape.__name__} {{", *rows, "}"])
+
+
+def _has_default(field: Field[Any]) -> bool:
+    return field.default is not MISSING or field.default_factory is not MISSING
+
+
+def _key(name: str, hint: Any) -> str:
+    """The JSON key of a field."""
+    aliases = (extra.alias for extra in get_args(hint)[1:] if isinstance(extra, FieldInfo))
+    return next(filter(None, aliases), name)
 
 
 def _type(hint: Any) -> str:

@@ -1,97 +1,121 @@
-"""Everything that goes over the wire, as dataclasses: the service answers with them, its OpenAPI is made of them, and
-the viewer's TypeScript is generated from them (``typescript``).
+"""Everything that the service sends and receives, as dataclasses.
+
+The OpenAPI document is made of them, and the viewer's TypeScript is generated from them (``typescript``).
 """
 
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from dataclasses import dataclass, field, make_dataclass
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
-Format = Literal["bvh", "glb", "vrma"]
-FORMATS: tuple[Format, ...] = ("bvh", "glb", "vrma")
+from signsplice.formats import WIRE_SUFFIXES
+from signsplice.lexicon import sentence
+from signsplice.service.json_types import json_type
+from signsplice.splicing import engine, seam
+from signsplice.splicing.duration import DURATIONS
+from signsplice.splicing.methods import AUTO
+
+FORMAT_NAMES = tuple(suffix.removeprefix(".") for suffix in WIRE_SUFFIXES)
+"""Names of the file formats that the service accepts and sends."""
+
+if TYPE_CHECKING:
+    from signsplice.lexicon.sentence import SentenceToken
+    from signsplice.splicing.engine import Span
+    from signsplice.splicing.seam import Seam
+
+    Format = str
+    DurationRule = str
+    Files = dict[str, str | None]
+else:
+    SentenceToken = json_type(sentence.SentenceToken)
+    Span = json_type(engine.Span)
+    Seam = json_type(seam.Seam)
+    Format = Literal[FORMAT_NAMES]
+    DurationRule = Literal[(AUTO, *DURATIONS)]
+    Files = make_dataclass(
+        "Files",
+        [(form, str | None, None) for form in FORMAT_NAMES],
+        frozen=True,
+        namespace={
+            "__doc__": "Files in base64; null for a format that was not requested or cannot hold the clip.",
+            "__module__": __name__,
+        },
+    )
+
+Formats = Annotated[list[Format], Field(max_length=len(FORMAT_NAMES), fail_fast=True)]
 Seconds = Annotated[float, Field(ge=0.0, le=10.0, allow_inf_nan=False)]
 Gloss = Annotated[str, Field(min_length=1, max_length=200)]
-Name = Annotated[str, Field(min_length=1, max_length=60)]
-Rule = Literal["auto", "tempo", "fixed", "travel", "speed"]
+MethodName = Annotated[str, Field(min_length=1, max_length=60)]
 
-FRAMES = struct.Struct("<4sIII")
-"""Head of a binary message of frames: MAGIC, number of the first frame, of frames F and of joints J. There follow F
-times 3 + 4 J little-endian float32: the root's place in the skeleton's own unit, and every joint's local rotation as a
-unit quaternion x y z w.
+FRAMES_HEADER = struct.Struct("<4sIII")
+"""Header of a binary message of frames: FRAMES_MAGIC, number of the first frame, of frames F, of joints J.
+
+F times 3 + 4 J little-endian float32 follow it: the root's position in the skeleton's unit, and every joint's local
+rotation as a unit quaternion x y z w.
 """
-MAGIC = b"SSF1"
+FRAMES_MAGIC = b"SSF1"
 _STRICT = ConfigDict(extra="forbid")
-"""A name that is not known is a mistake, and is said."""
+"""Refuses unknown keys, which are mistakes of the caller."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Dials:
-    """What a caller may turn; what is left out is the default of the command line.
+    """Options of a splice. What is left out has the default of the command line.
 
-    transition_time: a rule's name, or seconds. sign_speed: how many times as fast signs play. fps: of the output, by
-    default the first clip's.
+    cutter: name of a cutter, see /v1/methods.
+    transition: name of a transition, see /v1/methods.
+    transition_time: duration of every transition in seconds, or the name of a duration rule.
+    sign_speed: playback speed of the signs; 1 is as recorded.
+    fps: frame rate of the output; null for that of the first clip.
+    avoid_collisions (in JSON: body_sense): lead hands around the body; null: if the transition is learned.
     """
 
     __pydantic_config__ = _STRICT
 
-    cutter: Name | None = None
-    transition: Name | None = None
-    transition_time: Rule | Seconds = "auto"
+    cutter: MethodName | None = None
+    transition: MethodName | None = None
+    transition_time: DurationRule | Seconds = "auto"
     sign_speed: Annotated[float, Field(ge=0.1, le=10.0, allow_inf_nan=False)] = 1.0
     fps: Annotated[float, Field(ge=1.0, le=240.0, allow_inf_nan=False)] | None = None
-    body_sense: bool | None = None
+    avoid_collisions: Annotated[bool | None, Field(alias="body_sense")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class SentenceRequest(Dials):
-    """A line of glosses to sign. spell: letters sign what is no word. formats: of the files that are wanted."""
+    """Glosses to sign, and how.
+
+    glosses: words in the order of signing.
+    spell: whether words that the lexicon lacks are fingerspelled.
+    formats: of the files to answer with.
+    """
 
     glosses: Annotated[list[Gloss], Field(min_length=1, max_length=1000, fail_fast=True)]
     spell: bool = True
-    formats: Annotated[list[Format], Field(max_length=3, fail_fast=True)] = field(default_factory=lambda: ["bvh"])
+    formats: Formats = field(default_factory=lambda: ["bvh"])
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpliceRequest(Dials):
-    """What is told beside the files of a splice, in its field ``options``."""
+    """The form field ``options`` of a splice of files.
 
-    formats: Annotated[list[Format], Field(max_length=3, fail_fast=True)] = field(default_factory=lambda: ["bvh"])
+    formats: of the files to answer with.
+    """
 
-
-@dataclass(frozen=True)
-class Span:
-    """Where a stretch of the output comes from; frame ranges are half-open."""
-
-    kind: Literal["sign", "transition"]
-    clip: int | None
-    name: str | None
-    source: tuple[int, int] | None
-    output: tuple[int, int]
-
-
-@dataclass(frozen=True)
-class Seam:
-    """How two signs are joined, and how well; null where a score cannot be told."""
-
-    before: str
-    after: str
-    pre_frame: int
-    post_frame: int
-    n_transition: int
-    seconds: float
-    velocity_jump: float | None
-    peak_speed_m_s: float | None
-    jerk_ratio: float | None
-    warnings: list[str]
-    intrusion_mm: float | None
+    formats: Formats = field(default_factory=lambda: ["bvh"])
 
 
 @dataclass(frozen=True)
 class Report:
-    """The report of a splice, version 1."""
+    """The report of a splice, version 1.
+
+    fps, frames: of the output.
+    cutter, transition: names of the methods used.
+    bundle: SHA-256 of the networks used, null where none was.
+    timing_ms: time spent, by step.
+    """
 
     version: int
     fps: float
@@ -106,37 +130,28 @@ class Report:
 
 
 @dataclass(frozen=True)
-class TokenReading:
-    """A token of a sentence, and the words or letters that sign it."""
-
-    token: str
-    glosses: list[str]
-    spelled: bool
-    warning: str
-
-
-@dataclass(frozen=True)
-class Files:
-    """Files in base64, those that were asked for and could be made."""
-
-    bvh: str | None = None
-    glb: str | None = None
-    vrma: str | None = None
-
-
-@dataclass(frozen=True)
 class Spliced:
-    """A spliced sentence: its name, its report and its files; units: how its glosses were read, none for files."""
+    """A spliced sentence.
+
+    name: of the clip.
+    units: how each gloss was read; empty for a splice of files.
+    """
 
     name: str
     report: Report
     files: Files
-    units: list[TokenReading] = field(default_factory=list)
+    units: list[SentenceToken] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
 class LexiconWord:
-    """A word of the lexicon. checked: a signer has said that the clip shows this sign."""
+    """A word of the lexicon.
+
+    synonyms: other glosses that find it.
+    seconds: length of the clip, rest included.
+    signer: name of the signer.
+    checked: whether a signer has confirmed that the clip shows this sign.
+    """
 
     gloss: str
     kind: Literal["sign", "letter"]
@@ -148,7 +163,10 @@ class LexiconWord:
 
 @dataclass(frozen=True)
 class WordList:
-    """Words of the lexicon in order, from the one that was asked for on; total: how many fit the search."""
+    """One page of the lexicon's words, in order.
+
+    total: number of words that match the search, on all pages.
+    """
 
     words: list[LexiconWord]
     total: int
@@ -156,7 +174,11 @@ class WordList:
 
 @dataclass(frozen=True)
 class MethodInfo:
-    """A cutter, transition or duration by name."""
+    """A cutter, transition or duration rule.
+
+    learned: whether it is a network.
+    default: whether it is used where none is named.
+    """
 
     kind: Literal["cutter", "transition", "duration"]
     name: str
@@ -167,7 +189,13 @@ class MethodInfo:
 
 @dataclass(frozen=True)
 class Health:
-    """That the service is there. waiting: requests that wait for a worker; streams: those that are open."""
+    """The state of the service.
+
+    version: of the package.
+    words: number of words in the lexicon.
+    waiting: requests that run or wait for a worker.
+    streams: open streams.
+    """
 
     status: Literal["ok"]
     version: str
@@ -178,15 +206,26 @@ class Health:
 
 @dataclass(frozen=True)
 class Failure:
-    """What went wrong, in one line. unknown: every gloss that the lexicon has not, and the nearest ones that it has."""
+    """Why a request failed.
+
+    error: one line: what is wrong, where, and what to do.
+    unknown: each gloss that the lexicon lacks, with the nearest glosses that it has.
+    """
 
     error: str
     unknown: dict[str, list[str]] = field(default_factory=dict)
 
 
+# --- messages of a stream ---
+
+
 @dataclass(frozen=True, kw_only=True)
-class Open(Dials):
-    """First message of a stream's client. paced: frames come when they are due, else as fast as they are made."""
+class OpenMessage(Dials):
+    """The first message of a stream's client.
+
+    paced: whether frames are sent one by one when they are due; else as soon as they are made.
+    spell: whether words that the lexicon lacks are fingerspelled.
+    """
 
     type: Literal["open"]
     paced: bool = True
@@ -194,7 +233,7 @@ class Open(Dials):
 
 
 @dataclass(frozen=True)
-class Say:
+class WordMessage:
     """One more word, or a token to spell."""
 
     __pydantic_config__ = _STRICT
@@ -204,8 +243,8 @@ class Say:
 
 
 @dataclass(frozen=True)
-class End:
-    """There are no more words."""
+class EndMessage:
+    """The last message of a stream's client: no more words follow."""
 
     __pydantic_config__ = _STRICT
 
@@ -214,8 +253,13 @@ class End:
 
 @dataclass(frozen=True)
 class SkeletonMessage:
-    """What frames are of; comes before the first of them. offsets: places of joints from their parents', own unit;
-    metres: how long that unit is. parents: joints' numbers, -1 for the root.
+    """The skeleton of the stream's frames; sent once, before them.
+
+    names: of the joints.
+    parents: index of each joint's parent, -1 for the root.
+    offsets: position of each joint relative to its parent at rest, in the skeleton's unit.
+    metres: length of that unit.
+    cutter, transition: names of the methods used.
     """
 
     type: Literal["skeleton"]
@@ -229,45 +273,54 @@ class SkeletonMessage:
 
 
 @dataclass(frozen=True)
-class SpanBegins:
-    """Frames of this span are next."""
+class SpanMessage:
+    """The span of the frames that follow."""
 
     type: Literal["span"]
     span: Span
 
 
 @dataclass(frozen=True)
-class SeamJoined:
-    """The seam by which the span that follows is entered."""
+class SeamMessage:
+    """The seam before the span that follows."""
 
     type: Literal["seam"]
     seam: Seam
 
 
 @dataclass(frozen=True)
-class Warned:
-    """Something that a user should know."""
+class WarningMessage:
+    """A warning to show to the user."""
 
     type: Literal["warning"]
     warning: str
 
 
 @dataclass(frozen=True)
-class Done:
-    """All frames have come; the socket closes."""
+class DoneMessage:
+    """The last message of a stream: all frames have been sent, and the socket closes.
+
+    frames: number of frames sent.
+    """
 
     type: Literal["done"]
     frames: int
 
 
 @dataclass(frozen=True)
-class Failed:
-    """A message was wrong. A word that is not known is left out, and the stream goes on; else the socket closes."""
+class ErrorMessage:
+    """A message of the client was wrong.
+
+    A word that the lexicon lacks is left out, and the stream goes on; after any other error the socket closes.
+
+    error: one line: what is wrong, and what to do.
+    unknown: each gloss that the lexicon lacks, with the nearest glosses that it has.
+    """
 
     type: Literal["error"]
     error: str
     unknown: dict[str, list[str]] = field(default_factory=dict)
 
 
-FromClient = Open | Say | End
-FromService = SkeletonMessage | SpanBegins | SeamJoined | Warned | Done | Failed
+ClientMessage = OpenMessage | WordMessage | EndMessage
+ServiceMessage = SkeletonMessage | SpanMessage | SeamMessage | WarningMessage | DoneMessage | ErrorMessage

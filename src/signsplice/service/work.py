@@ -1,4 +1,4 @@
-"""What a worker process does: splices for requests, and sentences that grow for streams. One job at a time."""
+"""The jobs of a worker process: splices for requests, and growing sentences for streams. It does one at a time."""
 
 from __future__ import annotations
 
@@ -25,13 +25,18 @@ from signsplice.splicing import methods
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
 from signsplice.splicing.report import plain
 
-_N_KEPT = 256
-"""Words that a process keeps in memory, some 0.3 MB each."""
+_N_CACHED_CLIPS = 256
+"""Words that a process keeps in memory, about 0.3 MB each."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What a request is answered with."""
+    """The answer to a request.
+
+    content: the body.
+    media_type: of the body.
+    name: of the file to download, None for JSON.
+    """
 
     content: bytes
     media_type: str = "application/json"
@@ -39,43 +44,52 @@ class Answer:
 
 
 @dataclass
-class _Growing:
-    """A stream's sentence; n_out: frames that were sent."""
+class _OpenStream:
+    """A stream's growing sentence.
+
+    spell: whether words that the lexicon lacks are fingerspelled.
+    n_frames: number of frames sent.
+    has_skeleton: whether the skeleton was sent.
+    """
 
     stream: Stream
     options: SpliceOptions
     spell: bool
-    n_out: int = 0
-    begun: bool = False
+    n_frames: int = 0
+    has_skeleton: bool = False
 
 
 class _WorkerState:
-    """What a process keeps between jobs: the lexicon, the words that were signed last, sentences that grow. A word that
-    is kept need not be read again, nor told again what a network sees in it.
+    """What a worker process keeps between jobs.
+
+    clip: reads a word of the lexicon, and keeps the last ones, with what a network found in them.
+    streams: growing sentences, by the key of their stream.
     """
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        self.lexicon: Lexicon = open_words(settings)
-        self.clip = lru_cache(_N_KEPT)(self.lexicon.clip)
-        self.growing: dict[str, _Growing] = {}
+        self.lexicon: Lexicon = open_lexicon(settings)
+        self.clip = lru_cache(_N_CACHED_CLIPS)(self.lexicon.clip)
+        self.streams: dict[str, _OpenStream] = {}
 
 
 _worker: _WorkerState
+"""The state of this process; only ``start_worker`` sets it, before the first job. A process pool can hand a job no
+object that stays in the process, so it is here."""
 
 
-def open_words(settings: Settings) -> Lexicon:
-    """The service's words. Raises ``InputError``."""
+def open_lexicon(settings: Settings) -> Lexicon:
+    """The service's lexicon. Raises ``InputError``."""
     return shipped() if settings.lexicon is None else Lexicon(settings.lexicon)
 
 
-def begin(settings: Settings) -> None:
-    """Make this process a worker: deaf to the terminal's interrupt, mortal with its parent, bounded in memory."""
+def start_worker(settings: Settings) -> None:
+    """Make this process a worker: it ignores the terminal's interrupt, ends with its parent, and has bounded memory."""
     global _worker
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
     if parent is not None:
-        threading.Thread(target=_follow, args=(parent,), daemon=True).start()
+        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     if sys.platform == "linux":
         import resource
 
@@ -83,36 +97,41 @@ def begin(settings: Settings) -> None:
     _worker = _WorkerState(settings)
 
 
-def _follow(parent: BaseProcess) -> None:
-    """End this process when its parent ends."""
+def _end_with(parent: BaseProcess) -> None:
     parent.join()
     os._exit(1)
 
 
-def warm(skin: bool) -> None:
-    """Do once what is slow at first: networks are read, two words are spliced, a skin is made."""
+def warm_up(skin: bool) -> None:
+    """Do what is slow the first time: read the networks, splice two words, and make the mannequin's ``skin``."""
     words = _worker.lexicon.glosses[:2]
     result = splice([_worker.lexicon.clip(gloss) for gloss in words])
     if skin:
         scene.encode(result.clip, "glb")
 
 
-def identity() -> int:
-    """The number of the process."""
+def process_id() -> int:
+    """The number of the worker process."""
     return os.getpid()
 
 
-def sign(request: SentenceRequest, file: Format | None) -> Answer:
-    """The answer to a sentence. Raises ``InputError``."""
+# --- requests ---
+
+
+def splice_glosses(request: SentenceRequest, file: Format | None) -> Answer:
+    """The answer to a sentence: one ``file`` of it, or all as JSON. Raises ``InputError``."""
     units = _units(request.glosses, request.spell)
-    line = [gloss for unit in units for gloss in unit.glosses]
-    if len(line) > _worker.settings.max_glosses:
-        raise InputError(f"{len(line)} words and letters, expected at most {_worker.settings.max_glosses}")
-    return _answer([_worker.clip(gloss) for gloss in line], request, file, units)
+    glosses = [gloss for unit in units for gloss in unit.glosses]
+    if len(glosses) > _worker.settings.max_glosses:
+        raise InputError(f"{len(glosses)} words and letters, expected at most {_worker.settings.max_glosses}")
+    return _answer([_worker.clip(gloss) for gloss in glosses], request, file, units)
 
 
-def join(files: Sequence[tuple[str, bytes]], request: SpliceRequest, file: Format | None) -> Answer:
-    """The answer to files that are to be spliced. Raises ``InputError``."""
+def splice_files(files: Sequence[tuple[str, bytes]], request: SpliceRequest, file: Format | None) -> Answer:
+    """The answer to files (name, content) in order: one ``file`` of the splice, or all as JSON.
+
+    Raises ``InputError``.
+    """
     limit = _worker.settings.max_frames
     clips = []
     for name, content in files:
@@ -126,20 +145,19 @@ def join(files: Sequence[tuple[str, bytes]], request: SpliceRequest, file: Forma
 def _answer(
     clips: list[Clip], request: SentenceRequest | SpliceRequest, file: Format | None, units: Iterable[SentenceToken]
 ) -> Answer:
-    chosen = options(request)
     limit, fps = _worker.settings.max_frames, request.fps or clips[0].fps
     seconds = sum(clip.seconds for clip in clips) / request.sign_speed
     if seconds * fps > limit:
         raise InputError(f"{seconds:.0f} s at {fps:g} fps are {seconds * fps:.0f} frames, expected at most {limit}")
-    result = splice(clips, chosen)
+    result = splice(clips, options(request))
     if file is not None:
         name = scene.safe_name(result.clip.name.replace(" ", "-")) + "." + file
-        return Answer(scene.encode(result.clip, file), scene.MEDIA_TYPES[file], name)
-    return Answer(scene.to_json(scene.spliced(result, request.formats, [asdict(unit) for unit in units])))
+        return Answer(scene.encode(result.clip, file), scene.media_type(file), name)
+    return Answer(scene.to_json(scene.from_result(result, request.formats, [asdict(unit) for unit in units])))
 
 
 def options(dials: Dials) -> SpliceOptions:
-    """A caller's dials as the engine has them."""
+    """A caller's dials as the engine's options."""
     time = dials.transition_time
     return SpliceOptions(
         cutter=dials.cutter,
@@ -148,7 +166,7 @@ def options(dials: Dials) -> SpliceOptions:
         transition_time=None if isinstance(time, str) else time,
         sign_speed=dials.sign_speed,
         fps=dials.fps,
-        avoid_collisions=dials.body_sense,
+        avoid_collisions=dials.avoid_collisions,
     )
 
 
@@ -157,7 +175,7 @@ def _units(tokens: Sequence[str], spell: bool) -> list[SentenceToken]:
         return parse(" ".join(tokens), _worker.lexicon, spell)
     except UnknownGlossError:
         raise
-    except InputError as error:
+    except InputError as error:  # callers need not know the lexicon's folder
         raise InputError(str(error).removeprefix(f"{_worker.lexicon.path}: ")) from error
 
 
@@ -165,52 +183,53 @@ def _units(tokens: Sequence[str], spell: bool) -> list[SentenceToken]:
 
 
 def open_stream(key: str, dials: Dials, spell: bool) -> None:
-    """Begin a sentence that grows. Raises ``InputError``."""
+    """Begin a growing sentence. Raises ``InputError``."""
     chosen = options(dials)
-    _worker.growing[key] = _Growing(Stream(chosen), chosen, spell)
+    _worker.streams[key] = _OpenStream(Stream(chosen), chosen, spell)
 
 
-def read(key: str, token: str) -> tuple[list[str], list[str]]:
-    """The words and letters that sign a stream's token, and what has to be said of it. Raises ``InputError``."""
-    units = _units([token], _worker.growing[key].spell)
+def read_token(key: str, token: str) -> tuple[list[str], list[str]]:
+    """The glosses of the words and letters that sign a stream's token, and warnings. Raises ``InputError``."""
+    units = _units([token], _worker.streams[key].spell)
     return [gloss for unit in units for gloss in unit.glosses], [unit.warning for unit in units if unit.warning]
 
 
-def feed(key: str, gloss: str) -> list[dict[str, Any] | bytes]:
-    """The messages that are final now that a stream has one more word or letter. Raises ``InputError``; the word is
-    then no part of the sentence.
+def add_word(key: str, gloss: str) -> list[dict[str, Any] | bytes]:
+    """The messages that are final once a stream has one more word or letter.
+
+    Raises ``InputError`` for a word that does not become part of the sentence.
     """
-    growing, clip = _worker.growing[key], _worker.clip(gloss)
-    options, limit = growing.options, _worker.settings.max_frames
+    opened, clip = _worker.streams[key], _worker.clip(gloss)
+    options, limit = opened.options, _worker.settings.max_frames
     n_frames = clip.seconds / options.sign_speed * (options.fps or clip.fps)
     if n_frames > limit:
-        raise InputError(f"{gloss} has {n_frames:.0f} frames so slowly, expected at most {limit}")
-    return _messages(growing, growing.stream.push(clip))
+        raise InputError(f"{gloss} has {n_frames:.0f} frames at this speed and rate, expected at most {limit}")
+    return _messages(opened, opened.stream.push(clip))
 
 
 def end_stream(key: str) -> list[dict[str, Any] | bytes]:
     """The last messages of a stream."""
-    growing = _worker.growing[key]
-    out = _messages(growing, growing.stream.end())
-    return [*out, {"type": "done", "frames": growing.n_out}]
+    opened = _worker.streams[key]
+    messages = _messages(opened, opened.stream.end())
+    return [*messages, {"type": "done", "frames": opened.n_frames}]
 
 
 def close_stream(key: str) -> None:
     """Forget a stream."""
-    _worker.growing.pop(key, None)
+    _worker.streams.pop(key, None)
 
 
-def _messages(growing: _Growing, pieces: Iterable[Piece]) -> list[dict[str, Any] | bytes]:
-    out: list[dict[str, Any] | bytes] = []
+def _messages(opened: _OpenStream, pieces: Iterable[Piece]) -> list[dict[str, Any] | bytes]:
+    messages: list[dict[str, Any] | bytes] = []
     for piece in pieces:
-        if not growing.begun:
-            growing.begun = True
-            named = {"cutter": growing.stream.cutter, "transition": growing.stream.transition}
-            out.append({**scene.skeleton(piece.clip), **named})
-        out += [{"type": "warning", "warning": line} for line in piece.warnings]
+        if not opened.has_skeleton:
+            opened.has_skeleton = True
+            names = {"cutter": opened.stream.cutter, "transition": opened.stream.transition}
+            messages.append({**scene.skeleton(piece.clip), **names})
+        messages += [{"type": "warning", "warning": line} for line in piece.warnings]
         if piece.seam is not None:
-            out.append({"type": "seam", "seam": plain(asdict(piece.seam))})
-        out.append({"type": "span", "span": plain(asdict(piece.span))})
-        out.append(scene.frames(piece.clip, growing.n_out))
-        growing.n_out += len(piece.clip)
-    return out
+            messages.append({"type": "seam", "seam": plain(asdict(piece.seam))})
+        messages.append({"type": "span", "span": plain(asdict(piece.span))})
+        messages.append(scene.frames(piece.clip, opened.n_frames))
+        opened.n_frames += len(piece.clip)
+    return messages

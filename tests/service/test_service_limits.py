@@ -1,0 +1,157 @@
+"""The service's limits on time, host names and settings, and the processes that do its work."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import re
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from pathlib import Path
+
+import httpx
+import pytest
+import uvicorn
+from websockets.exceptions import ConnectionClosed
+
+from serving import PATIENCE_S, http_client, raw_request, stream_client
+from signsplice.cli import app
+from signsplice.errors import InputError
+from signsplice.service import work
+from signsplice.service.settings import Settings
+from signsplice.service.workers import BusyError, WorkerProcess
+
+
+@pytest.fixture(scope="module")
+def impatient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    """A client of a service that closes slow connections soon. Others than these tests use patient services, since on a
+    loaded machine an honest client can be slow too.
+    """
+    limits = ("head_seconds=2", "idle_seconds=2", "stream_idle_seconds=2")
+    call = ("serve", "--workers=1", *(f"--limit={limit}" for limit in limits))
+    with http_client(*call, cwd=tmp_path_factory.mktemp("impatient")) as client:
+        yield client
+        answer = client.post("/v1/sentence?file=bvh", json={"glosses": ["HELLO"]})
+        assert answer.text.startswith("HIERARCHY"), "does not serve the next client"
+
+
+# --- clients ---
+
+
+def test_slow_requests_are_cut_off(impatient: httpx.Client) -> None:
+    head = b"POST /v1/sentence HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+    unfinished_head = (b"GET / HT",)
+    slow_head = tuple(bytes([letter]) for letter in head)
+    unfinished_body = (head + b"Content-Length: 100\r\n\r\n{",)
+    requests = (unfinished_head, slow_head, unfinished_body)
+    with ThreadPoolExecutor() as pool:
+        for answer in pool.map(lambda parts: raw_request(impatient, *parts, pause=0.1), requests):
+            assert b" 408 " in answer.split(b"\r\n")[0]
+
+
+def test_silent_streams_are_closed(impatient: httpx.Client) -> None:
+    with ExitStack() as stack:
+        unopened, idle = (stack.enter_context(stream_client(impatient)) for _ in range(2))
+        idle.send('{"type": "open"}')
+        for socket, error in ((unopened, "within 2 s"), (idle, "nothing came for 2 s")):
+            message = json.loads(socket.recv(timeout=PATIENCE_S))
+            assert message["type"] == "error"
+            assert error in message["error"]
+            with pytest.raises(ConnectionClosed):
+                socket.recv(timeout=PATIENCE_S)
+
+
+@pytest.mark.parametrize(
+    ("host", "allowed", "asked", "answers"),
+    [
+        ("127.0.0.1", (), "evil.example", False),
+        ("127.0.0.1", (), "[::1]", True),
+        ("127.0.0.1", ("signs.example",), "Signs.Example", True),
+        ("0.0.0.0", (), "evil.example", False),
+        ("0.0.0.0", (), "192.0.2.1", True),
+        ("0.0.0.0", ("signs.example",), "signs.example", True),
+        ("0.0.0.0", ("*",), "evil.example", True),
+    ],
+)
+def test_only_allowed_host_names_are_answered(host: str, allowed: tuple[str, ...], asked: str, answers: bool) -> None:
+    assert Settings(host=host, allowed_hosts=allowed).answers_to(asked) is answers
+
+
+# --- worker processes ---
+
+
+@pytest.fixture(scope="module")
+def runner() -> Iterator[asyncio.Runner]:
+    with asyncio.Runner() as runner:
+        yield runner
+
+
+@pytest.fixture(scope="module")
+def worker(runner: asyncio.Runner) -> Iterator[WorkerProcess]:
+    worker = WorkerProcess(Settings(), skin=False)
+    yield worker
+    worker.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the time of a process is known on Linux only")
+def test_time_in_which_a_job_does_not_work_is_free(runner: asyncio.Runner, worker: WorkerProcess) -> None:
+    """As on a loaded machine, where a job waits for the processor."""
+    worker._settings = Settings(work_seconds=0.3)
+    pid = runner.run(worker.run(work.process_id))
+    runner.run(worker.run(time.sleep, 1.0))
+    assert runner.run(worker.run(work.process_id)) == pid
+
+
+def test_a_worker_that_died_while_idle_fails_no_job(runner: asyncio.Runner, worker: WorkerProcess) -> None:
+    worker._settings = Settings()
+
+    async def is_gone(pid: int) -> None:
+        while True:
+            try:
+                os.kill(pid, 0)
+            except ProcessLookupError:
+                return
+            await asyncio.sleep(0.02)
+
+    before, n_lost = runner.run(worker.run(work.process_id)), worker.n_lost
+    os.kill(before, signal.SIGKILL)
+    runner.run(asyncio.wait_for(is_gone(before), PATIENCE_S))
+    assert runner.run(worker.run(work.process_id)) != before
+    assert worker.n_lost == n_lost + 1
+
+
+def test_a_blocked_job_is_ended(runner: asyncio.Runner, worker: WorkerProcess) -> None:
+    worker._settings = Settings()
+    runner.run(worker.run(work.process_id))  # its start takes longer than the limit below
+    worker._settings, n_lost = Settings(work_wall_seconds=0.5), worker.n_lost
+    with pytest.raises(BusyError, match=r"not done after 0\.5 s"):
+        runner.run(worker.run(time.sleep, PATIENCE_S))
+    assert worker.n_lost == n_lost + 1
+
+
+# --- the command line ---
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        (["--limit", "max_body_bytes=0"], "positive"),
+        (["--limit", "no_such=1"], "no limit"),
+        (["--limit", "max_files=many"], "expected a whole number"),
+        (["--port", "70000"], "0 to 65535"),
+        (["--lexicon", "no/such/folder"], "no such folder"),
+        (["--host", "203.0.113.7"], "cannot listen"),
+    ],
+)
+def test_impossible_settings_are_refused(
+    arguments: list[str], error: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(uvicorn.Server, "run", lambda *_, **__: pytest.fail("the service runs"))
+    with pytest.raises(InputError, match=re.escape(error)):
+        app(["serve", *arguments], standalone_mode=False)
