@@ -152,8 +152,8 @@ class _DecoderGraph(nn.Module):
         super().__init__()
         self.network, self.n_memory = network, n_memory
 
-    def forward(self, fed: Tensor, kinds: Tensor, start: Tensor, *memory_and_state: Tensor) -> tuple[Tensor, ...]:
-        memory, state = memory_and_state[: self.n_memory], memory_and_state[self.n_memory :]
+    def forward(self, fed: Tensor, kinds: Tensor, start: Tensor, *given: Tensor) -> tuple[Tensor, ...]:
+        memory, state = given[: self.n_memory], given[self.n_memory :]
         made, last, after = self.network.decode(fed, kinds, start, memory, state)
         return (made, last, *after)
 
