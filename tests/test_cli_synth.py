@@ -1,4 +1,4 @@
-"""The procedural signer by command: whole folders, one-line errors, and lexicons that the other commands take."""
+"""The commands `synth`: complete folders, one-line errors, and lexicons that other commands accept."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from signsplice.synth.corpus import Pairs, Recipe
 from signsplice.synth.signer import draw_signer
 
 NOTATION = """\
-# two words of our own
+# two words
 WAVE  hands=one
-  source: a wave (own)
+  source: a wave (invented)
   synonyms: HI, HEY
   X  shape=B-open at=space-high palm=fwd fingers=up
   M  local=nod:20:2
@@ -40,17 +40,17 @@ def signsplice(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a text of two words and what the three commands make of it and of words that ship."""
+    """A folder with a text of two words, and what three commands make of it and of the package's words."""
     folder = tmp_path_factory.mktemp("synth")
     (folder / "own.signs").write_text(NOTATION, encoding="utf-8")
-    for call, said in (
+    for call, output in (
         (
             ("lexicon", "-o", "words", "--signs", "own.signs", "--pseudo", "1"),
             "words: 3 words, signer standard; no signer",
         ),
         (
-            ("sentences", "-o", "said", "--count", "2", "--words", "4", "--seed", "1"),
-            "said: 2 sentences of 4 words, recipe",
+            ("sentences", "-o", "signed", "--count", "2", "--words", "4", "--seed", "1"),
+            "signed: 2 sentences of 4 words, recipe",
         ),
         (
             ("pairs", "-o", "pairs", "--words", "2", "--pseudo", "1", "--other-signer", "2", "--seed", "4"),
@@ -59,26 +59,26 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ):
         run = signsplice("synth", *call, cwd=folder)
         assert (run.returncode, run.stderr) == (0, "")
-        assert run.stdout.startswith(said)
+        assert run.stdout.startswith(output)
         assert run.stdout.count("\n") == 1
     return folder
 
 
-def test_a_lexicon_of_own_words(folder: Path) -> None:
+def test_a_lexicon_of_words_of_a_file(folder: Path) -> None:
     assert sorted(path.name for path in (folder / "words").iterdir()) == [
         *("KNOCK.bvh", "PSEUDO-0.bvh", "WAVE.bvh", "glosses.csv")
     ]
     table = (folder / "words" / "glosses.csv").read_text(encoding="utf-8").splitlines()
-    assert table[1] == "WAVE.bvh,WAVE,HI;HEY,standard,a wave (own),no,sign"
+    assert table[1] == "WAVE.bvh,WAVE,HI;HEY,standard,a wave (invented),no,sign"
     assert len(load(folder / "words" / "KNOCK.bvh")) > 40
 
 
-def test_the_lexicon_is_one_for_the_other_commands(folder: Path) -> None:
+def test_other_commands_accept_the_lexicon_and_its_files(folder: Path) -> None:
     run = signsplice("lexicon", "build", "words", "-o", "lex", cwd=folder)
     assert (run.returncode, run.stderr) == (0, "")
     assert run.stdout.startswith("lex: 3 words")
-    told = json.loads(signsplice("lexicon", "list", "lex", "--json", cwd=folder).stdout)
-    (wave,) = (word for word in told["words"] if word["gloss"] == "WAVE")
+    listed = json.loads(signsplice("lexicon", "list", "lex", "--json", cwd=folder).stdout)
+    (wave,) = (word for word in listed["words"] if word["gloss"] == "WAVE")
     assert wave["synonyms"] == ["HI", "HEY"]
     assert not wave["checked"]
     assert wave["rest_before"] > 0, "it begins with hanging hands"
@@ -87,20 +87,20 @@ def test_the_lexicon_is_one_for_the_other_commands(folder: Path) -> None:
 
 
 def test_sentences_are_rebuilt_from_words_and_transitions(folder: Path) -> None:
-    told = json.loads((folder / "said" / "truth.json").read_text())
-    assert told["signer"]["name"] == draw_signer(2).name
-    assert len(told["sentences"]) == 2
-    for sentence in told["sentences"]:
-        said = load(folder / "said" / sentence["file"])
-        places = kinematics.forward(said)[1]
+    truth = json.loads((folder / "signed" / "truth.json").read_text())
+    assert truth["signer"]["name"] == draw_signer(2).name
+    assert len(truth["sentences"]) == 2
+    for sentence in truth["sentences"]:
+        clip = load(folder / "signed" / sentence["file"])
+        positions = kinematics.forward(clip)[1]
         covered = 0
         for span in sentence["spans"]:
             assert span["output"][0] == covered
             covered = span["output"][1]
             if span["kind"] == "sign" and not span["changed"]:
-                own = kinematics.forward(load(folder / "said" / "words" / f"{span['name']}.bvh"))[1]
-                assert np.abs(places[slice(*span["output"])] - own[slice(*span["source"])]).max() < 0.01
-        assert covered == len(said) == sentence["frames"]
+                word = kinematics.forward(load(folder / "signed" / "words" / f"{span['name']}.bvh"))[1]
+                assert np.abs(positions[slice(*span["output"])] - word[slice(*span["source"])]).max() < 0.01
+        assert covered == len(clip) == sentence["frames"]
 
 
 def test_pairs_are_those_of_the_library_and_of_one_process(folder: Path, tmp_path: Path) -> None:
@@ -117,7 +117,7 @@ def test_pairs_are_those_of_the_library_and_of_one_process(folder: Path, tmp_pat
         assert (tmp_path / "pairs" / path.name).read_bytes() == path.read_bytes(), path.name
 
 
-def test_words_are_drawn_by_seed_in_their_order() -> None:
+def test_words_are_drawn_by_seed_and_keep_their_order() -> None:
     from signsplice.cli.synth import _chosen
 
     order = list(notation.everyday())
@@ -140,9 +140,9 @@ BAD_CALLS = [
     ),
     (("lexicon", "-o", "out", "--signs", "unlawful.signs"), "unlawful.signs:1: WAVE: segment 1: palm and fingers"),
     (("lexicon", "-o", "out", "--signs", "empty.signs"), "0 words chosen, expected at least 1"),
-    (("lexicon", "-o", "out", "--words", "100000"), "--words 100000, but there are"),
-    (("lexicon", "-o", "out", "--signs", "own.signs", "--words", "3"), "--words 3, but there are 2 in own.signs"),
-    (("lexicon", "-o", "out", "--words", "-1"), "--words -1 --pseudo 0, expected numbers from 0 on"),
+    (("lexicon", "-o", "out", "--words", "100000"), "--words 100000, but the package has"),
+    (("lexicon", "-o", "out", "--signs", "own.signs", "--words", "3"), "--words 3, but own.signs has 2"),
+    (("lexicon", "-o", "out", "--words", "-1"), "--words -1 --pseudo 0, expected numbers of at least 0"),
     (("lexicon", "-o", "out", "--fps", "5"), "--fps 5, expected 10 to 240"),
     (("lexicon", "-o", "out", "--fps", "nan"), "--fps nan, expected 10 to 240"),
     (("lexicon", "-o", "own.signs", "--signs", "own.signs"), "own.signs: is there already and has no glosses.csv"),
@@ -166,7 +166,7 @@ BAD_CALLS = [
 
 
 @pytest.mark.parametrize(("call", "message"), BAD_CALLS, ids=[" ".join(call) for call, _ in BAD_CALLS])
-def test_bad_calls_get_one_line_and_write_nothing(
+def test_a_bad_call_gives_one_line_and_writes_nothing(
     call: tuple[str, ...],
     message: str,
     tmp_path: Path,

@@ -99,7 +99,7 @@ def gaps() -> dict[str, dict[tuple[str, str], float]]:
     right = [
         c
         for c, (part, side) in enumerate(zip(shape.parts, shape.sides, strict=True))
-        if side == "right" and part.removesuffix("Tip") in ("palm", *body.FINGERS)
+        if side == "right" and part.removesuffix("Tip") in ("palm", *hand.FINGERS)
     ]
     assert [shape.parts[c] for c in right[::4]] == ["palm"] * 5  # then the finger's three bones
     names = dict(zip(right, (f"{finger}{n}" for finger in hand.FINGERS for n in range(4)), strict=True))

@@ -1,4 +1,4 @@
-"""Commands of the procedural signer: lexicons, sentences and pairs with the truth of every splice."""
+"""The commands `synth`: lexicons, sentences and pairs of the synthetic signer, with the ground truth of splices."""
 
 from __future__ import annotations
 
@@ -13,19 +13,21 @@ from signsplice.errors import InputError
 if TYPE_CHECKING:
     from signsplice.synth.phonology import Sign
 
-_OUT = click.option("-o", "--output", required=True, metavar="DIR", help="Folder to make; an earlier one is replaced.")
-_SIGNS = click.option("--signs", metavar="FILE", help="Signs in notation, in place of those that ship.")
+_OUT = click.option("-o", "--output", required=True, metavar="DIR", help="Folder to make; replaces one made before.")
+_SIGNS = click.option("--signs", metavar="FILE", help="Signs in notation, instead of the package's.")
 _WORDS = click.option(
-    "--words", type=int, metavar="N", help="How many words, drawn by seed; default as each command says."
+    "--words", type=int, metavar="N", help="How many words, drawn by seed.  [default: see the command]"
 )
-_PSEUDO = click.option("--pseudo", type=int, default=0, metavar="N", help="Pseudo-signs besides: random and lawful.")
-_SEED = click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of signers, takes and draws.")
+_PSEUDO = click.option("--pseudo", type=int, default=0, metavar="N", help="How many random pseudo-signs to add.")
+_SEED = click.option(
+    "--seed", type=int, default=0, show_default=True, metavar="N", help="Seed of signers, takes and random choices."
+)
 _FPS = click.option("--fps", type=float, default=30.0, show_default=True, metavar="N", help="Frame rate.")
 
 
 @click.group()
 def synth() -> None:
-    """Make motion of the procedural signer, with the exact truth of every splice."""
+    """Make motion of the synthetic signer, with the exact ground truth of every splice."""
 
 
 @synth.command()
@@ -33,13 +35,13 @@ def synth() -> None:
 @_SIGNS
 @_WORDS
 @_PSEUDO
-@click.option("--letters/--no-letters", default=True, help="The manual alphabet and digits too.")
+@click.option("--letters/--no-letters", default=True, help="Add the manual alphabet and digits.")
 @_SEED
 @_FPS
 def lexicon(
     output: str, signs: str | None, words: int | None, pseudo: int, letters: bool, seed: int, fps: float
 ) -> None:
-    """Isolated words as a folder of BVH with glosses.csv; default: every word and letter that ships."""
+    """Write isolated words as BVH files with glosses.csv; by default every word and letter of the package."""
     from signsplice.synth import folders, notation
     from signsplice.synth.corpus import Recipe
 
@@ -59,11 +61,15 @@ def lexicon(
 @_PSEUDO
 @_SEED
 @_FPS
-@click.option("--exact", is_flag=True, help="No weak hand stays up and no pronoun assimilates.")
+@click.option(
+    "--exact",
+    is_flag=True,
+    help="Keep every frame outside transitions isolated: no weak hand stays up, no pronoun assimilates.",
+)
 def sentences(
     output: str, count: int, signs: str | None, words: int | None, pseudo: int, seed: int, fps: float, exact: bool
 ) -> None:
-    """Random sentences of 3 to 12 words as BVH, their isolated words, and the truth of every seam."""
+    """Write random sentences of 3 to 12 words as BVH, their isolated words, and the ground truth of every seam."""
     from signsplice.synth import folders
     from signsplice.synth.corpus import Recipe
 
@@ -88,9 +94,9 @@ def sentences(
     default=1000,
     show_default=True,
     metavar="N",
-    help="Pairs by a second signer, for tests.",
+    help="How many pairs a second signer makes, to test on.",
 )
-@click.option("--processes", type=int, default=2, show_default=True, metavar="N", help="How many work at once.")
+@click.option("--processes", type=int, default=2, show_default=True, metavar="N", help="Number of processes.")
 def pairs(
     output: str,
     signs: str | None,
@@ -101,7 +107,7 @@ def pairs(
     other_signer: int,
     processes: int,
 ) -> None:
-    """All ordered pairs of words (100 by default: 10,000) with true positions, transitions and splits."""
+    """Write all ordered pairs of words (by default 100: 10,000 pairs) with true cut frames, transitions and splits."""
     from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 
     if other_signer < 0 or processes < 1:
@@ -110,7 +116,7 @@ def pairs(
         words = 100
     chosen = tuple(_chosen(signs, words, pseudo, seed, least=2))
     recipe = Recipe(chosen, seed, _rate(fps), min(other_signer, len(chosen) ** 2))
-    with progress(f"joining {len(chosen) ** 2} pairs") as advance:
+    with progress(f"splicing {len(chosen) ** 2} pairs") as advance:
         write_pairs(recipe, Path(output), advance, processes)
     made = Pairs(output)
     size = sum(path.stat().st_size for path in Path(output).iterdir()) / 1e6
@@ -118,19 +124,26 @@ def pairs(
 
 
 @synth.command()
-@_OUT
-@click.option("--signers", type=int, default=40, show_default=True, metavar="N", help="How many signers.")
-@click.option("--words", type=int, default=100, show_default=True, metavar="N", help="Pseudo-signs of each.")
+@click.option("-o", "--output", required=True, metavar="DIR", help="Folder to write into, one file a signer.")
+@click.option("--signers", type=int, default=40, show_default=True, metavar="N", help="Number of signers.")
 @click.option(
-    "--seams", type=int, default=300, show_default=True, metavar="N", help="Transitions in sentences of each."
+    "--words", type=int, default=100, show_default=True, metavar="N", help="Number of pseudo-signs of each signer."
+)
+@click.option(
+    "--seams",
+    type=int,
+    default=300,
+    show_default=True,
+    metavar="N",
+    help="Number of transitions in each signer's sentences.",
 )
 @_SEED
 @_FPS
-@click.option("--processes", type=int, default=2, show_default=True, metavar="N", help="How many work at once.")
+@click.option("--processes", type=int, default=2, show_default=True, metavar="N", help="Number of processes.")
 def endless(output: str, signers: int, words: int, seams: int, seed: int, fps: float, processes: int) -> None:
-    """Signing to train networks on: many signers, each with words of their own, as numbers of the canonical humanoid.
+    """Write signing to train networks on: many signers, each with their own words, on the canonical humanoid.
 
-    Called again after an interruption, it goes on where it was.
+    Called again after an interruption, it continues.
     """
     from signsplice.synth import training_data
 
@@ -142,10 +155,10 @@ def endless(output: str, signers: int, words: int, seams: int, seed: int, fps: f
 
 @synth.command()
 @click.argument("corpus", metavar="PAIRS")
-@click.option("--split", default="random", show_default=True, metavar="NAME", help="Split whose parts are written.")
-@click.option("-o", "--output", required=True, metavar="DIR", help="Folder to write them into.")
+@click.option("--split", default="random", show_default=True, metavar="NAME", help="Split to write.")
+@click.option("-o", "--output", required=True, metavar="DIR", help="Folder to write into.")
 def signing(corpus: str, split: str, output: str) -> None:
-    """The training and the validation part of a corpus of pairs, as signing to train networks on."""
+    """Write the training and validation parts of a corpus of pairs as signing to train networks on."""
     from signsplice.synth import corpus_training_data
     from signsplice.synth.corpus import Pairs
 
@@ -155,11 +168,11 @@ def signing(corpus: str, split: str, output: str) -> None:
 
 @synth.command()
 @click.argument("corpus", metavar="PAIRS")
-@click.option("--page", required=True, metavar="FILE.md", help="Page with two marks, between which the tables go.")
+@click.option("--page", required=True, metavar="FILE.md", help="Page whose two marks enclose the tables.")
 @click.option("--images", required=True, metavar="DIR", help="Folder for plots and contact sheets.")
-@click.option("--real", metavar="DIR", help="BVH of real signing, for columns beside ours.")
+@click.option("--real", metavar="DIR", help="Folder of BVH files of real signing, to compare with.")
 def study(corpus: str, page: str, images: str, real: str | None) -> None:
-    """Hold a corpus of pairs against real signing, simple rules and the body's limits; tables, plots, pictures."""
+    """Compare a corpus of pairs with real signing, simple rules and joint limits; write tables, plots and pictures."""
     from signsplice.evaluation import corpus_page
     from signsplice.synth.corpus import Pairs
 
@@ -167,24 +180,24 @@ def study(corpus: str, page: str, images: str, real: str | None) -> None:
         raise InputError(f"{images}: no such folder; make it first")
     if real is not None and not Path(real).is_dir():
         raise InputError(f"{real}: no such folder, expected one with .bvh files")
-    found = corpus_page.read_real(None if real is None else Path(real))
-    corpus_page.write(Pairs(corpus), Path(page), Path(images), found, progress)
+    real_clips = corpus_page.read_real(None if real is None else Path(real))
+    corpus_page.write(Pairs(corpus), Path(page), Path(images), real_clips, progress)
     print(f"{page}: tables; {images}: plots and contact sheets")
 
 
 def _chosen(path: str | None, n_words: int | None, n_pseudo: int, seed: int, least: int = 1) -> list[Sign]:
-    """The signs of a call: of a file or those that ship, some of them drawn by seed, and pseudo-signs."""
+    """The signs of a call: those of a file or of the package, all or some drawn by seed, and pseudo-signs."""
     from signsplice.synth import notation, pseudo
     from signsplice.synth.rng import stream
 
     if n_pseudo < 0 or (n_words is not None and n_words < 0):
-        raise InputError(f"--words {n_words} --pseudo {n_pseudo}, expected numbers from 0 on")
+        raise InputError(f"--words {n_words} --pseudo {n_pseudo}, expected numbers of at least 0")
     known = list((notation.everyday() if path is None else notation.read(path)).values())
     if n_words is None:
         n_words = len(known)
     if n_words > len(known):
-        where = path or "the words that ship"
-        raise InputError(f"--words {n_words}, but there are {len(known)} in {where}; fill up with --pseudo N")
+        where = path or "the package"
+        raise InputError(f"--words {n_words}, but {where} has {len(known)}; add some with --pseudo N")
     order = sorted(stream("choose", seed).permutation(len(known))[:n_words].tolist())
     chosen = [known[k] for k in order] + [pseudo.sign(100_000 * seed + k) for k in range(n_pseudo)]
     if len(chosen) < least:

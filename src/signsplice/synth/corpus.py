@@ -233,16 +233,10 @@ def _splits(recipe: Recipe, pairs: Sequence[tuple[int, int, int]]) -> dict[str, 
     random = {"train": sorted(order[:a]), "valid": sorted(order[a:b]), "test": sorted(order[b:])}
     n = len(recipe.signs)
     words = rng.permutation(n).tolist()
-    groups = dict(
-        zip(
-            ("train", "valid", "test"),
-            (words[: round(0.7 * n)], words[round(0.7 * n) : round(0.8 * n)], words[round(0.8 * n) :]),
-            strict=True,
-        )
-    )
+    a, b = round(0.7 * n), round(0.8 * n)
+    groups = {"train": set(words[:a]), "valid": set(words[a:b]), "test": set(words[b:])}
     unseen = {
-        name: [k for k in first if pairs[k][1] in group and pairs[k][2] in group]
-        for name, group in ((name, set(group)) for name, group in groups.items())
+        name: [k for k in first if pairs[k][1] in group and pairs[k][2] in group] for name, group in groups.items()
     }
     others = [k for k, (signer, _, _) in enumerate(pairs) if signer == 1]
     return {

@@ -2,7 +2,7 @@
 collision avoidance.
 
 An isolated word consists of rest, preparation, the sign's segments, retraction and rest. Every hold, and the start and
-end of a sign's movements, falls on a frame where the hands stop, so that holds and movements can be told apart.
+end of a sign's movements, falls on a frame where the hands stop, so that a hold can be distinguished from a movement.
 """
 
 from __future__ import annotations
@@ -242,7 +242,8 @@ class _SegmentPlan:
         """Add a segment's knots."""
         segments = self.sign.segments
         last = n == len(segments) - 1
-        begin, passes = self.knots[-1].frame, ()
+        begin = self.knots[-1].frame
+        passes: tuple[tuple[int, int], ...] = ()
         if segment.kind == "M":
             passes = self._add_passes(n, segment, stops=last or segments[n + 1].kind == "H")
         elif segment.kind == "H":

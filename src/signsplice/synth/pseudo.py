@@ -77,7 +77,7 @@ _MANNERS = {"free": 0.70, "touch": 0.16, "release": 0.10, "still": 0.04}
 there, mostly with a touch, and moves away; or it is one posture.
 """
 _MOVEMENTS = {
-    **{"move": 0.36, "turn": 0.12, "circle": 0.11, "local": 0.13, "shape": 0.09, "zigzag": 0.05, "far": 0.06},
+    **{"move": 0.36, "rotation": 0.12, "circle": 0.11, "local": 0.13, "shape": 0.09, "zigzag": 0.05, "far": 0.06},
     **{"base": 0.04, "slash": 0.04},
 }
 _LOCAL_RANGES = {
@@ -240,7 +240,7 @@ def _movement(
         end = _posture(rng, _pick(rng, table))
         return Segment("M", replace(end, shape=start.shape), base, _bow(rng))
     end = _shifted(rng, start, float(rng.uniform(3.0, 14.0)))
-    if kind == "turn":
+    if kind == "rotation":
         end = replace(_shifted(rng, start, float(rng.uniform(0.0, 5.0))), palm=_direction(rng))
     if rng.random() < 0.1:
         end = replace(end, shape=_pick(rng, _SHAPES))
