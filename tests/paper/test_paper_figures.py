@@ -144,8 +144,8 @@ def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monk
     def opener(folder: Path, decoding: str) -> Fake:
         return Fake(pairs, off=0.001 if folder.name == "lpt" else 0.01)
 
-    chosen = (*kept_frames.SHOWN_METHODS, ("ends+slerp", "length"))
-    methods = [ClipMethod(*name.split("+"), given) for name, given in chosen]
+    cutters = (("true-positions", "hermite", "positions and length"), ("learned-fluent", "learned", "nothing"))
+    methods = [ClipMethod(*names) for names in (*cutters, ("ends", "slerp", "length"))]
     monkeypatch.setattr(clip_methods, "all_clip_methods", lambda: methods)
     monkeypatch.setattr(judging, "Judge", partial(judging.Judge, opener=opener))
     call = ("evaluate", "--scale", "smoke", "--pairs", str(pairs.folder), "--bundles", str(bundles), "--out", str(out))
