@@ -13,6 +13,7 @@ from signsplice.body import capsules as body
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, EndSite, Skeleton
+from signsplice.rig.roles import FINGERS
 from signsplice.synth import hand, signer
 from signsplice.synth.handshapes import HANDSHAPES, find
 
@@ -99,7 +100,7 @@ def gaps() -> dict[str, dict[tuple[str, str], float]]:
     right = [
         c
         for c, (part, side) in enumerate(zip(shape.parts, shape.sides, strict=True))
-        if side == "right" and part.removesuffix("Tip") in ("palm", *hand.FINGERS)
+        if side == "right" and part.removesuffix("Tip") in ("palm", *FINGERS)
     ]
     assert [shape.parts[c] for c in right[::4]] == ["palm"] * 5  # then the finger's three bones
     names = dict(zip(right, (f"{finger}{n}" for finger in hand.FINGERS for n in range(4)), strict=True))
