@@ -83,7 +83,7 @@ STRAIGHT = {"a T-pose": (0.0, 0.0, 0.0), "hanging": (0.0, 0.0, -1.5), "raised": 
 
 
 @pytest.mark.parametrize("pose", STRAIGHT)
-def test_a_straight_arm_bends_the_natural_way(pose: str) -> None:
+def test_a_straight_arm_bends_as_elbows_do(pose: str) -> None:
     """A straight arm has no plane. The wrist still reaches its target, with the elbow behind, in both arms alike."""
     skeleton = word("HELLO").clip.skeleton
     local = np.tile(rotation.IDENTITY, (1, len(skeleton), 1))

@@ -99,7 +99,7 @@ def test_the_mesh_follows_the_capsules() -> None:
         ("face", "", {"face", "nose", "neck"}),
     ):
         mesh = mesh_parts()[name]
-        own = [
+        capsule_rows = [
             n
             for n, (part, of_side) in enumerate(zip(body.parts, body.sides, strict=True))
             if part in parts and of_side == side
@@ -107,10 +107,12 @@ def test_the_mesh_follows_the_capsules() -> None:
         has_capsule = (mesh.joints[:, 0] >= wrist) | (side == "")  # the end of the forearm has none here
         for frame in (0, len(CLIP) // 2):
             points = skinned(mesh, rotations[frame], positions[frame], *bind)[has_capsule]
-            starts, ends = (np.concatenate([at[frame, own], points])[None] for at in (posed.starts, posed.ends))
-            radii = np.concatenate([body.radii[own], np.zeros((len(points), 2))])
-            rows = range(len(own), len(own) + len(points))
-            depths = collision.overlap(starts, ends, radii, rows, range(len(own)))[0][0].max(axis=1)
+            starts, ends = (
+                np.concatenate([at[frame, capsule_rows], points])[None] for at in (posed.starts, posed.ends)
+            )
+            radii = np.concatenate([body.radii[capsule_rows], np.zeros((len(points), 2))])
+            rows = range(len(capsule_rows), len(capsule_rows) + len(points))
+            depths = collision.overlap(starts, ends, radii, rows, range(len(capsule_rows)))[0][0].max(axis=1)
             # In a palm the mesh lies higher between the bones, since their capsules are blended.
             assert np.median(np.abs(depths)) < 0.25, f"{name} at {frame}, cm"
             assert np.quantile(np.abs(depths), 0.95) < 1.0, f"{name} at {frame}, cm"

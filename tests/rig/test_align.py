@@ -194,8 +194,8 @@ def test_rigs_with_nothing_in_common_are_refused(words: dict[str, Clip]) -> None
 
 def arm_directions(clip: Clip) -> Float:
     """Unit vectors (T, 8, 3) along the bones of arms and index fingers, in the signer's left, up and forward axes."""
-    joints, own = rig_info(clip.skeleton).roles.joints, placement(clip)
-    axes = np.stack([np.cross(own.up, own.forward), own.up, own.forward])
+    joints, placed = rig_info(clip.skeleton).roles.joints, placement(clip)
+    axes = np.stack([np.cross(placed.up, placed.forward), placed.up, placed.forward])
     chain = ("Shoulder", "UpperArm", "LowerArm", "Hand", "IndexProximal", "IndexIntermediate")
     pairs = [(side + a, side + b) for side in ("left", "right") for a, b in pairwise(chain) if a != "Hand"]
     at = positions(clip) @ axes.T

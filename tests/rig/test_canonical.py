@@ -39,14 +39,14 @@ def test_the_t_pose_is_all_identities(words: dict[str, Clip]) -> None:
 
 def test_every_rig_gives_the_same_canonical_motion() -> None:
     clip = word("BOOK").clip
-    own = canonical_motion(clip)
+    expected = canonical_motion(clip)
     axes = rotation.exp([0.4, -1.1, 2.0])
     bent = {"mixamorig:LeftArm": (0.0, 0.0, -0.9), "mixamorig:RightForeArm": (0.0, 0.5, 0.0)}
     # The swing that brings a bone into the T-pose does not fix its twist: two degrees where arms rest at other angles.
     for other, tolerance in ((on_other_rig(clip, axes, 0.01), 1e-6), (with_rest_pose(clip, bent), 0.04)):
         seen = canonical_motion(other)
-        np.testing.assert_allclose(rotation.to_6d(seen.quats), rotation.to_6d(own.quats), atol=tolerance)
-        np.testing.assert_allclose(seen.positions, own.positions, atol=1e-6)
+        np.testing.assert_allclose(rotation.to_6d(seen.quats), rotation.to_6d(expected.quats), atol=tolerance)
+        np.testing.assert_allclose(seen.positions, expected.positions, atol=1e-6)
 
 
 def test_canonical_motion_agrees_with_full_forward_kinematics() -> None:
@@ -88,10 +88,10 @@ def with_split_forearm(clip: Clip) -> Clip:
 
 def test_a_mirrored_clip_has_the_mirrored_canonical_motion() -> None:
     clip = word("MOTHER").clip
-    own, other = canonical_motion(clip).mirrored(), canonical_motion(mirror(clip))
-    np.testing.assert_allclose(rotation.to_6d(other.quats), rotation.to_6d(own.quats), atol=1e-9)
-    np.testing.assert_allclose(other.positions, own.positions, atol=1e-9)
-    again = own.mirrored()
+    expected, other = canonical_motion(clip).mirrored(), canonical_motion(mirror(clip))
+    np.testing.assert_allclose(rotation.to_6d(other.quats), rotation.to_6d(expected.quats), atol=1e-9)
+    np.testing.assert_allclose(other.positions, expected.positions, atol=1e-9)
+    again = expected.mirrored()
     np.testing.assert_array_equal(again.quats, canonical_motion(clip).quats)
 
 
@@ -118,11 +118,11 @@ def test_mirrored_deltas_move_a_mirrored_clip_alike() -> None:
 
 def test_a_rig_without_fingers_has_no_finger_roles() -> None:
     clip = word("YES").clip
-    own, seen = canonical_motion(clip), canonical_motion(without(clip, *FINGERS, "Pinky"))
+    whole, seen = canonical_motion(clip), canonical_motion(without(clip, *FINGERS, "Pinky"))
     assert not seen.has_role[LEFT.start + 4 : LEFT.stop].any()
     assert not seen.has_role[RIGHT.start + 4 : RIGHT.stop].any()
     arms_and_trunk = [*range(LEFT.start + 4), *range(RIGHT.start, RIGHT.start + 3)]
-    np.testing.assert_allclose(seen.quats[:, arms_and_trunk], own.quats[:, arms_and_trunk], atol=0.2)
+    np.testing.assert_allclose(seen.quats[:, arms_and_trunk], whole.quats[:, arms_and_trunk], atol=0.2)
     np.testing.assert_array_equal(seen.positions[:, 0], seen.positions[:, 3], "the wrist's where a finger is missing")
 
 

@@ -15,9 +15,9 @@ from signsplice.rig.placement import Placement, place, placement
 
 
 def elsewhere(clip: Clip) -> Placement:
-    """Another placement than the clip's own: 1 m to the side, facing left."""
-    own = placement(clip)
-    return Placement(own.position + np.array([100.0, 0.0, 0.0]), own.up, np.cross(own.up, own.forward))
+    """Another placement than that of the clip: 1 m to the side, facing left."""
+    current = placement(clip)
+    return Placement(current.position + np.array([100.0, 0.0, 0.0]), current.up, np.cross(current.up, current.forward))
 
 
 def test_a_placed_clip_stands_at_its_target(words: dict[str, Clip]) -> None:

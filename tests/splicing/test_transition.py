@@ -1,4 +1,4 @@
-"""Transitions: ends, velocities, bounds; what every method keeps."""
+"""splicing.transition: the curves against their formulas, and what holds for every one of them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 from conftest import random_clip
 from signsplice.errors import InputError
@@ -19,26 +20,26 @@ NAMES = list(TRANSITIONS)
 
 
 def one_joint(angles: Float, fps: float = 100.0) -> Clip:
-    """A joint that turns about z by ``angles`` (T,), radians."""
+    """A joint that is rotated about z by ``angles`` (T,), radians, and moved along x by the same numbers."""
     skeleton = Skeleton(("a",), np.array([-1]), np.zeros((1, 3)))
-    turns = np.zeros((len(angles), 1, 3))
-    turns[:, 0, 2] = angles
-    places = np.zeros((len(angles), 3))
-    places[:, 0] = angles
-    return Clip(skeleton, rotation.exp(turns), places, fps)
+    rotvecs = np.zeros((len(angles), 1, 3))
+    rotvecs[:, 0, 2] = angles
+    positions = np.zeros((len(angles), 3))
+    positions[:, 0] = angles
+    return Clip(skeleton, rotation.exp(rotvecs), positions, fps)
 
 
 def filled(name: str, before: Float, after: Float, n: int, fps: float = 100.0) -> Float:
     """Angles (n + 2,) from the last frame before to the first after."""
     clip = find_transition(name).between(Gap(one_joint(before, fps), one_joint(after, fps), n))
     angles = rotation.log(clip.local_rotations)[:, 0, 2]
-    assert np.allclose(clip.root_positions[:, 0], angles, atol=1e-9), "the root's place takes the same curve"
+    assert np.allclose(clip.root_positions[:, 0], angles, atol=1e-9), "the root's position follows the same curve"
     return np.concatenate([before[-1:], angles, after[:1]])
 
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("n", [1, 2, 9, 40])
-def test_shapes_rates_and_unit_length(name: str, n: int, words: dict[str, Clip]) -> None:
+def test_every_transition_makes_as_many_frames_as_asked(name: str, n: int, words: dict[str, Clip]) -> None:
     before, after = words["HELLO"][:40], words["SIGN"][20:]
     out = find_transition(name).between(Gap(before, after, n))
     assert len(out) == n
@@ -49,8 +50,8 @@ def test_shapes_rates_and_unit_length(name: str, n: int, words: dict[str, Clip])
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if n != "hold"])
-def test_frames_lead_from_one_end_to_the_other(name: str, words: dict[str, Clip]) -> None:
-    """With many frames the steps at both ends become small: no jump."""
+def test_no_frame_jumps_from_the_one_before_it(name: str, words: dict[str, Clip]) -> None:
+    """With many frames all steps are small, those at both ends too."""
     before, after = words["HELLO"][:40], words["SIGN"][20:]
     whole = concatenate([before, find_transition(name).between(Gap(before, after, 200)), after])
     steps = rotation.angle_between(whole.local_rotations[39:240], whole.local_rotations[40:241])
@@ -58,7 +59,7 @@ def test_frames_lead_from_one_end_to_the_other(name: str, words: dict[str, Clip]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_method_sees_only_a_few_frames(name: str, words: dict[str, Clip]) -> None:
+def test_a_curve_depends_on_three_frames_of_either_side(name: str, words: dict[str, Clip]) -> None:
     before, after = words["HELLO"][:40], words["SIGN"][20:]
     transition = find_transition(name)
     a = transition.between(Gap(before, after, 8))
@@ -66,7 +67,7 @@ def test_the_method_sees_only_a_few_frames(name: str, words: dict[str, Clip]) ->
     assert np.array_equal(a.local_rotations, b.local_rotations)
 
 
-def test_slerp_linear_and_minimum_jerk_are_their_formulas() -> None:
+def test_slerp_linear_and_minimum_jerk_follow_their_formulas() -> None:
     before, after = np.zeros(3), np.full(3, 1.2)
     u = np.arange(0, 11) / 10.0
     assert np.allclose(filled("slerp", before, after, 9), 1.2 * u)
@@ -78,26 +79,23 @@ def test_slerp_linear_and_minimum_jerk_are_their_formulas() -> None:
 
 
 @pytest.mark.parametrize("name", ["hermite", "quintic", "inertialize"])
-def test_even_motion_goes_on_evenly(name: str) -> None:
-    """A joint that turns evenly through the gap is filled exactly."""
+def test_motion_at_constant_speed_is_filled_exactly(name: str) -> None:
     angles = np.linspace(0.0, 2.0, 41)
     out = filled(name, angles[:15], angles[26:], 11)
     tolerance = 1e-7 if name != "inertialize" else 0.05
     assert np.allclose(out, angles[14:27], atol=tolerance)
 
 
-def test_hermite_is_the_cubic_where_no_limit_bites() -> None:
-    """Scipy's CubicHermiteSpline through the same ends and velocities, in 0.3 s."""
-    from scipy.interpolate import CubicHermiteSpline
-
+def test_hermite_is_the_plain_cubic_where_no_limit_applies() -> None:
+    """Within 0.3 s it is scipy's CubicHermiteSpline through the same ends with the same velocities."""
     before, after = np.array([-0.02, -0.01, 0.0]), np.array([1.0, 1.03, 1.06])
     spline = CubicHermiteSpline([0.0, 0.3], [0.0, 1.0], [1.0, 3.0])
     assert np.allclose(filled("hermite", before, after, 29), spline(np.arange(31) / 100.0), atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["hermite", "quintic"])
-def test_velocities_at_both_ends_are_kept_in_3d(name: str) -> None:
-    """In the limit of small steps the angular velocity runs on, also where rotation vectors are long."""
+def test_velocities_at_both_ends_are_kept(name: str) -> None:
+    """In the limit of small steps the angular velocity is continuous, also where rotation vectors are long."""
     rng = np.random.default_rng(2)
     fps = 2000.0
     skeleton = Skeleton(("a",), np.array([-1]), np.zeros((1, 3)))
@@ -123,47 +121,47 @@ def test_velocities_at_both_ends_are_kept_in_3d(name: str) -> None:
 def test_disagreeing_velocities_do_not_overshoot(
     name: str, swing: float, agreeing: float, seconds: float, v0: float, v1: float
 ) -> None:
-    """However long the gap, no end swings further beyond the way than its velocity carries it in its own fading
-    time.
+    """However long the gap, no end swings farther beyond the displacement than its velocity carries it in its own
+    fading time.
     """
-    way = 0.5
-    before, after = v0 * np.array([-0.02, -0.01, 0.0]), way + v1 * np.array([0.0, 0.01, 0.02])
+    displacement = 0.5
+    before, after = v0 * np.array([-0.02, -0.01, 0.0]), displacement + v1 * np.array([0.0, 0.01, 0.02])
     out = filled(name, before, after, round(seconds * 100) - 1)
-    taus = [min(seconds, max(agreeing if v > 0 else 0.2, 3.0 * way / abs(v))) if v else 0.0 for v in (v0, v1)]
+    taus = [min(seconds, max(agreeing if v > 0 else 0.2, 3.0 * displacement / abs(v))) if v else 0.0 for v in (v0, v1)]
     bound = sum(swing * abs(v) * tau for v, tau in zip((v0, v1), taus, strict=True))
-    assert out.max() < way + bound + 1e-9
+    assert out.max() < displacement + bound + 1e-9
     assert out.min() > -bound - 1e-9
     if seconds == 8.0:
         plain = 4 / 27 * max(abs(v0), abs(v1)) * seconds
-        assert out.max() - way < 0.25 * plain, "the plain curve would swing out at least four times as far"
+        assert out.max() - displacement < 0.25 * plain, "the plain curve would swing out at least four times as far"
 
 
-def test_monotone_where_velocities_agree_with_the_way() -> None:
+def test_hermite_is_monotone_where_velocities_agree() -> None:
     for seconds in (0.1, 0.3):
         for v in (0.5, 2.0, 5.0, 14.0):
-            way = v * seconds / 3.0 * 1.01  # Fritsch and Carlson's bound
-            before, after = v * np.array([-0.02, -0.01, 0.0]), way + v * np.array([0.0, 0.01, 0.02])
+            displacement = v * seconds / 3.0 * 1.01  # Fritsch and Carlson's bound
+            before, after = v * np.array([-0.02, -0.01, 0.0]), displacement + v * np.array([0.0, 0.01, 0.02])
             out = filled("hermite", before, after, round(seconds * 100) - 1)
             assert np.all(np.diff(out) > -1e-9)
 
 
-def test_fading_times() -> None:
-    way, velocity = np.array([[0.5, 0.0, 0.0]]), np.array([[2.0, 0.0, 0.0]])
-    assert fade_times(way, velocity, 5.0)[0, 0] == pytest.approx(0.75)
-    assert fade_times(way, velocity, 0.2)[0, 0] == pytest.approx(0.2)
-    assert fade_times(way, 5 * velocity, 5.0)[0, 0] == pytest.approx(0.4)
-    assert fade_times(way, -5 * velocity, 5.0)[0, 0] == pytest.approx(0.2)
-    assert fade_times(0 * way, 5 * velocity, 5.0)[0, 0] == pytest.approx(0.3)
-    assert fade_times(way, 0 * velocity, 5.0)[0, 0] == pytest.approx(5.0)
+def test_fading_times_follow_their_formula() -> None:
+    displacement, velocity = np.array([[0.5, 0.0, 0.0]]), np.array([[2.0, 0.0, 0.0]])
+    assert fade_times(displacement, velocity, 5.0)[0, 0] == pytest.approx(0.75)
+    assert fade_times(displacement, velocity, 0.2)[0, 0] == pytest.approx(0.2)
+    assert fade_times(displacement, 5 * velocity, 5.0)[0, 0] == pytest.approx(0.4)
+    assert fade_times(displacement, -5 * velocity, 5.0)[0, 0] == pytest.approx(0.2)
+    assert fade_times(0 * displacement, 5 * velocity, 5.0)[0, 0] == pytest.approx(0.3)
+    assert fade_times(displacement, 0 * velocity, 5.0)[0, 0] == pytest.approx(5.0)
 
 
-def test_inertialize_dies_out_without_undershoot() -> None:
+def test_inertialize_reaches_its_target_without_overshoot() -> None:
     out = filled("inertialize", np.zeros(3), np.full(3, 1.0), 39)
     assert np.all(np.diff(out) > -1e-9)
     assert out.max() <= 1.0 + 1e-9
     fast = filled("inertialize", 9.0 * np.array([-0.02, -0.01, 0.0]), np.full(3, 1.0), 39)
     assert fast.max() <= 1.0 + 1e-9
-    assert fast[1] - fast[0] > out[1] - out[0], "the velocity before carries over"
+    assert fast[1] - fast[0] > out[1] - out[0], "the velocity before goes on"
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -174,18 +172,18 @@ def test_clips_of_one_frame_have_no_velocity(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in ("hold", "inertialize")])
-def test_backwards_is_the_mirror_in_time(name: str) -> None:
-    """Filling the reversed gap gives the frames reversed; hold and inertialize look one way only."""
+def test_a_gap_reversed_in_time_gives_the_frames_reversed(name: str) -> None:
+    """All but hold and inertialize, which treat both ends differently."""
     clip = random_clip(5)
     reverse = replace(clip, local_rotations=clip.local_rotations[::-1], root_positions=clip.root_positions[::-1])
-    forth = find_transition(name).between(Gap(clip[:8], clip[13:], 5))
-    back = find_transition(name).between(Gap(reverse[:7], reverse[12:], 5))
+    forwards = find_transition(name).between(Gap(clip[:8], clip[13:], 5))
+    backwards = find_transition(name).between(Gap(reverse[:7], reverse[12:], 5))
     # Only the frame of reference of the rotation vectors differs, by terms of third order.
-    assert np.all(rotation.angle_between(forth.local_rotations, back.local_rotations[::-1]) < 0.02)
+    assert np.all(rotation.angle_between(forwards.local_rotations, backwards.local_rotations[::-1]) < 0.02)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_moving_bones_take_the_curve_that_the_root_takes(name: str) -> None:
+def test_animated_bones_follow_the_same_curve_as_the_root(name: str) -> None:
     clip = random_clip(6)
     growth = np.linspace(1.0, 2.0, 20)[:, None, None]
     clip = replace(
@@ -200,10 +198,8 @@ def test_moving_bones_take_the_curve_that_the_root_takes(name: str) -> None:
         assert np.allclose(out.root_positions, clip.root_positions[8:12], atol=1e-9)
 
 
-def test_quintic_keeps_accelerations_at_both_ends_in_3d() -> None:
-    """Against derivatives of a known motion, where rotation vectors are long: a(t) = exp(t u + t^2 v) about a turned
-    pose.
-    """
+def test_quintic_keeps_accelerations_at_both_ends() -> None:
+    """Compared with the derivatives of exp(3 t u + 3 t^2 v) about a random pose, where rotation vectors are long."""
     rng = np.random.default_rng(8)
     fps, n = 4000.0, 800
     for _ in range(5):
@@ -216,14 +212,14 @@ def test_quintic_keeps_accelerations_at_both_ends_in_3d() -> None:
         out = find_transition("quintic").between(Gap(clip[:5], clip[5 + n :], n))
         whole = concatenate([clip[:5], out, clip[5 + n :]]).local_rotations[:, 0]
         rates = rotation.difference(whole[:-1], whole[1:]) * fps
-        bends = np.diff(rates, axis=0) * fps
-        true = np.diff(rotation.difference(q[:-1, 0], q[1:, 0]) * fps, axis=0) * fps
-        assert np.allclose(bends[6], true[6], atol=0.5)
-        assert np.allclose(bends[n + 1], true[n + 1], atol=0.5)
+        accelerations = np.diff(rates, axis=0) * fps
+        expected = np.diff(rotation.difference(q[:-1, 0], q[1:, 0]) * fps, axis=0) * fps
+        for frame in (6, n + 1):
+            assert np.allclose(accelerations[frame], expected[frame], atol=0.5)
 
 
-def bollo(x0: float, v0: float, t1: float, t: float) -> float:
-    """The offset at time t, by the formulas of the talk, one number at a time."""
+def inertialized_offset(x0: float, v0: float, t1: float, t: float) -> float:
+    """The offset at time t by the formulas of Bollo's talk (2018), for one number."""
     t1 = min(t1, -5.0 * x0 / v0) if v0 < 0.0 else t1
     a0 = max((-8.0 * v0 * t1 - 20.0 * x0) / t1**2, 0.0)
     a = -(a0 * t1**2 + 6.0 * v0 * t1 + 12.0 * x0) / (2.0 * t1**5)
@@ -233,12 +229,12 @@ def bollo(x0: float, v0: float, t1: float, t: float) -> float:
 
 
 @pytest.mark.parametrize("rate", [0.0, 2.0, 9.0, 40.0])
-def test_inertialize_is_the_published_quintic(rate: float) -> None:
+def test_inertialize_follows_the_published_quintic(rate: float) -> None:
     out = filled("inertialize", rate * np.array([-0.02, -0.01, 0.0]), np.full(3, 1.0), 39)
-    wanted = [1.0 - bollo(1.0, -rate, 0.4, k / 100.0) for k in range(41)]
-    assert np.allclose(out, wanted, atol=1e-9)
+    expected = [1.0 - inertialized_offset(1.0, -rate, 0.4, k / 100.0) for k in range(41)]
+    assert np.allclose(out, expected, atol=1e-9)
 
 
-def test_unknown_names_are_said() -> None:
+def test_an_unknown_transition_is_refused() -> None:
     with pytest.raises(InputError, match="no transition 'cubic', expected one of hold, linear"):
         find_transition("cubic")

@@ -1,0 +1,49 @@
+"""splicing.inbetween: gaps of a clip are filled from the frames around them, and no other frame changes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from signsplice.errors import InputError
+from signsplice.motion import rotation
+from signsplice.motion.clip import Clip
+from signsplice.splicing.gap import Gap
+from signsplice.splicing.inbetween import inbetween
+from signsplice.splicing.transition import TRANSITIONS, find_transition
+
+
+@pytest.mark.parametrize("transition", list(TRANSITIONS))
+def test_inbetween_changes_only_the_frames_of_gaps(transition: str, words: dict[str, Clip]) -> None:
+    clip = words["SIGN"]
+    result = inbetween(clip, [(50, 58), (20, 25)], transition)
+    changed = np.zeros(len(clip), bool)
+    changed[20:25] = changed[50:58] = True
+    assert np.array_equal(result.clip.local_rotations[~changed], clip.local_rotations[~changed])
+    assert len(result.clip) == len(clip)
+    assert not np.array_equal(result.clip.local_rotations[changed], clip.local_rotations[changed])
+    method = find_transition(transition)
+    assert np.array_equal(
+        result.clip.local_rotations[50:58], method.between(Gap(clip[42:50], clip[58:66], 8)).local_rotations
+    )
+
+
+def test_the_frames_to_be_replaced_have_no_influence(words: dict[str, Clip]) -> None:
+    clip = words["SIGN"]
+    disturbed = np.array(clip.local_rotations)
+    disturbed[33:38] = rotation.multiply(disturbed[33:38], rotation.exp([1.0, 0.4, 0.2]))
+    other = replace(clip, local_rotations=disturbed)
+    gaps = [(20, 32), (33, 38)]
+    for transition in TRANSITIONS:
+        a, b = (inbetween(c, gaps, transition).clip.local_rotations for c in (clip, other))
+        assert np.array_equal(a, b), transition
+
+
+@pytest.mark.parametrize(
+    "gaps", [[(0, 5)], [(5, 5)], [(8, 5)], [(70, 78)], [(70, 99)], [(5, 10), (8, 12)], [(5, 10), (10, 12)]]
+)
+def test_gaps_without_a_frame_before_or_after_are_refused(gaps: list[tuple[int, int]], words: dict[str, Clip]) -> None:
+    with pytest.raises(InputError, match=r"gap \d+:\d+ in \d+ frames, expected"):
+        inbetween(words["SIGN"], gaps)
