@@ -132,9 +132,10 @@ def test_the_package_keeps_state_in_one_place() -> None:
             if isinstance(node, (ast.Assign, ast.AnnAssign)) and re.search(r"Weak\w*Dictionary\(|\bCache\(", text):
                 found.append(f"{module_name(path)}: {text}")
             for part in ast.walk(node):
-                for decorator in getattr(part, "decorator_list", ()):
-                    if re.match(r"(functools\.)?(lru_)?cache\b", ast.unparse(decorator)):
-                        found.append(f"{module_name(path)}: {part.name}")
+                if isinstance(part, (ast.FunctionDef, ast.ClassDef)):
+                    decorators = [ast.unparse(decorator) for decorator in part.decorator_list]
+                    cached = [text for text in decorators if re.match(r"(functools\.)?(lru_)?cache\b", text)]
+                    found += [f"{module_name(path)}: {part.name}" for _ in cached]
     assert found == ["signsplice.motion.cache: CACHE = Cache()"]
 
 
