@@ -57,8 +57,8 @@ def splicing_options(command: Command) -> Command:
                 "--transition-time",
                 default="auto",
                 show_default=True,
-                metavar="auto|tempo|fixed|travel|speed|SECONDS",
-                help="Length of a transition; auto is learned and depends on both signs.",
+                metavar="auto|RULE|SECONDS",
+                help="Length of a transition: a rule of `signsplice methods`, or seconds; auto is learned.",
             ),
             click.option(
                 "--sign-speed", type=float, default=1.0, show_default=True, metavar="X", help="Speed of the signs."
