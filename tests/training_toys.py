@@ -1,4 +1,4 @@
-"""A small corpus, and every part of every system at a size that learns in seconds."""
+"""A small corpus of pairs, and every part of every system at a size that is trained in seconds."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 
 import torch
 
-from signsplice.synth import notation
+from signsplice.synth import notation, training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.synth.signer import STANDARD, skeleton
 from signsplice.train.paper.networks.convs2s import ConvS2SConfig
@@ -22,7 +22,10 @@ from signsplice.train.paper.networks.spsn import SpsnConfig
 from signsplice.train.paper.networks.tfgn import TransformerConfig
 from signsplice.train.paper.pairs_data import PairsData
 from signsplice.train.paper.scales import Config, SystemPart, task
+from signsplice.train.prefetch import Dataset
 from signsplice.train.processes import Processes
+from signsplice.train.product.bridge_task import BridgeTask
+from signsplice.train.product.training import FILES
 from signsplice.train.task import Task
 
 GLOSSES = ("HELLO", "DEAF", "SIGN", "YOU", "SEE")
@@ -58,6 +61,16 @@ def corpus() -> Pairs:
 
 
 @cache
+def signing(n_signers: int, n_words: int, n_seams: int, seed: int) -> Path:
+    """A folder of synthetic signing for the product's networks."""
+    folder = Path(tempfile.mkdtemp(prefix="signsplice-train-"))
+    atexit.register(shutil.rmtree, folder, True)
+    plan = training_data.TrainingDataPlan(n_signers, n_words, n_seams, seed=seed)
+    training_data.write(plan, folder / "signing", processes=1)
+    return folder / "signing"
+
+
+@cache
 def data(part: str = "train", fr: int | None = None, split: str = "random") -> PairsData:
     """A part of the corpus."""
     return PairsData(corpus(), split, part, fr)
@@ -69,6 +82,11 @@ def toy(name: str, seed: int = 0) -> Task:
     config, fr = CONFIGS[name]
     part = SystemPart(name, config, fr, 10, 8, 1e-2)
     return task(part, data().normaliser(), parents(), seed)
+
+
+def empty_graphs(task: Task, valid: Dataset) -> dict[str, bytes]:
+    """Empty files in place of the graphs of one of the product's networks."""
+    return dict.fromkeys(FILES["transition" if isinstance(task, BridgeTask) else "cutter"], b"")
 
 
 def parents() -> Sequence[int]:

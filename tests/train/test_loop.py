@@ -1,4 +1,4 @@
-"""The loop and its data: interrupted is uninterrupted, two processes are one, and no other part's pair is read."""
+"""The training loop and its data: resuming, several processes, splits, batches, learning rates, refusals."""
 
 from __future__ import annotations
 
@@ -31,39 +31,39 @@ from training_toys import ALONE, CONFIGS, FR, corpus, data, toy  # noqa: E402
 
 
 def trained(name: str, folder: Path, untils: tuple[int | None, ...], optimiser: str = "adamw") -> dict[str, Tensor]:
-    """Weights after a training in as many calls as there are untils."""
+    """Weights after a training of six steps in several calls, each of which stops at one of ``untils``."""
     folder.mkdir()
     fr = CONFIGS[name][1]
     for until in untils:
-        made = toy(name)
-        told = LoopConfig(6, 8, optimiser, 1e-2, seed=1, every=4, until=until)
-        train(made, told, data("train", fr), data("valid", fr), folder, "toy", ALONE)
-    return made.state_dict()
+        task = toy(name)
+        config = LoopConfig(6, 8, optimiser, 1e-2, seed=1, every=4, until=until)
+        train(task, config, data("train", fr), data("valid", fr), folder, "toy", ALONE)
+    return task.state_dict()
+
+
+def losses(folder: Path) -> dict[int, float]:
+    """The losses in a training's log by step."""
+    return {line["step"]: line["loss"] for line in log.lines(folder / log.NAME) if "loss" in line}
 
 
 @pytest.mark.parametrize(("name", "optimiser"), [("spsn", "adamw"), ("tfgn", "sgd"), ("lstm", "adamw")])
-def test_interrupted_and_resumed_ends_in_the_same_weights(tmp_path: Path, name: str, optimiser: str) -> None:
+def test_a_resumed_training_ends_in_the_same_weights(tmp_path: Path, name: str, optimiser: str) -> None:
     whole = trained(name, tmp_path / "a", (None,), optimiser)
     parts = trained(name, tmp_path / "b", (2, 3, None), optimiser)
     for key, value in whole.items():
         assert torch.equal(value, parts[key]), key
-    numbers = [
-        {k: v for k, v in line.items() if k != "seconds_a_step"} for line in log.lines(tmp_path / "b" / log.NAME)
-    ]
-    losses = {line["step"]: line["loss"] for line in numbers if "loss" in line}
-    assert list(losses) == [1, 2, 3, 4, 5, 6]
-    assert losses == {line["step"]: line["loss"] for line in log.lines(tmp_path / "a" / log.NAME) if "loss" in line}
+    assert list(losses(tmp_path / "b")) == [1, 2, 3, 4, 5, 6]
+    assert losses(tmp_path / "b") == losses(tmp_path / "a")
 
 
-def test_steps_done_again_are_logged_once(tmp_path: Path) -> None:
+def test_steps_that_are_repeated_are_logged_once(tmp_path: Path) -> None:
     trained("spsn", tmp_path / "a", (2,))
     path = tmp_path / "a" / log.NAME
     with path.open("a") as file:
         file.write('{"step": 3, "loss": 9.0}\n{"step": 4, "lo')
-    made = toy("spsn")
-    train(made, LoopConfig(6, 8, "adamw", 1e-2, 1, every=4), data(), data("valid"), tmp_path / "a", "toy", ALONE)
-    steps = [line["step"] for line in log.lines(path) if "loss" in line]
-    assert steps == [1, 2, 3, 4, 5, 6]
+    config = LoopConfig(6, 8, "adamw", 1e-2, 1, every=4)
+    train(toy("spsn"), config, data(), data("valid"), tmp_path / "a", "toy", ALONE)
+    assert [line["step"] for line in log.lines(path) if "loss" in line] == [1, 2, 3, 4, 5, 6]
 
 
 def test_a_checkpoint_of_another_training_or_broken_is_refused(tmp_path: Path) -> None:
@@ -83,21 +83,20 @@ def test_two_processes_train_as_one(tmp_path: Path) -> None:
     one, two = tmp_path / "one", tmp_path / "two"
     one.mkdir()
     two.mkdir()
-    around = os.environ | {"WORLD_SIZE": "2", "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port}
-    around |= {"OMP_NUM_THREADS": "1", "GLOO_SOCKET_IFNAME": "lo", "TOY_CORPUS": str(corpus().folder)}
+    environment = os.environ | {"WORLD_SIZE": "2", "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port}
+    environment |= {"OMP_NUM_THREADS": "1", "GLOO_SOCKET_IFNAME": "lo", "TOY_CORPUS": str(corpus().folder)}
     command = [sys.executable, str(script), "tfgn", "5", str(two)]
-    running = [subprocess.Popen(command, env=around | {"RANK": str(rank)}) for rank in range(2)]
-    told = LoopConfig(5, 8, "adamw", 1e-2, seed=4, every=5)
-    train(toy("tfgn"), told, data("train", FR), data("valid", FR), one, "toy", ALONE)
-    assert [process.wait(120) for process in running] == [0, 0]
-    losses = [[line["loss"] for line in log.lines(folder / log.NAME) if "loss" in line] for folder in (one, two)]
-    assert len(losses[0]) == 5
-    np.testing.assert_allclose(losses[0], losses[1], rtol=1e-4)
+    running = [subprocess.Popen(command, env=environment | {"RANK": str(rank)}) for rank in range(2)]
+    config = LoopConfig(5, 8, "adamw", 1e-2, seed=4, every=5)
+    train(toy("tfgn"), config, data("train", FR), data("valid", FR), one, "toy", ALONE)
+    assert [process.wait(300) for process in running] == [0, 0]
+    assert len(losses(one)) == 5
+    np.testing.assert_allclose(list(losses(one).values()), list(losses(two).values()), rtol=1e-4)
 
 
-def test_batches_that_cannot_be_shared_are_refused(tmp_path: Path) -> None:
+def test_batches_that_cannot_be_divided_are_refused(tmp_path: Path) -> None:
     three = Processes(0, 3, torch.device("cpu"))
-    with pytest.raises(InputError, match="batches of 8 pairs cannot be shared by 3 processes"):
+    with pytest.raises(InputError, match="batches of 8 examples cannot be divided among 3 processes"):
         train(toy("spsn"), LoopConfig(6, 8, "adamw", 1e-2, 1), data(), data(), tmp_path, "toy", three)
 
 
@@ -129,47 +128,47 @@ def test_training_reads_no_test_pair(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     for split in ("random", "unseen-words"):
         read.clear()
         words.clear()
-        here = PairsData(pairs, split, "train", fr)
-        learned = set(pairs.split(split, "train"))
+        dataset = PairsData(pairs, split, "train", fr)
+        train_pairs = set(pairs.split(split, "train"))
         for step in range(5):
-            assert set(here.batch(here.rows(step, 8, 0), step).numbers.tolist()) <= learned
-        assert read == learned
-        assert words == set(np.asarray(pairs.index)[sorted(learned), :2].ravel().tolist())
+            assert set(dataset.batch(dataset.rows(step, 8, 0), step).numbers.tolist()) <= train_pairs
+        assert read == train_pairs
+        assert words == set(np.asarray(pairs.index)[sorted(train_pairs), :2].ravel().tolist())
 
 
-def test_a_pass_over_the_data_holds_every_pair_once_and_batches_follow_seed_and_step() -> None:
-    here = data()
-    assert len(here) == 20
-    first = [here.rows(step, 4, 0).tolist() for step in range(5)]
+def test_a_pass_over_the_data_holds_every_pair_once() -> None:
+    dataset = data()
+    assert len(dataset) == 20
+    first = [dataset.rows(step, 4, 0).tolist() for step in range(5)]
     assert sorted(row for rows in first for row in rows) == list(range(20))
-    assert [here.rows(step, 4, 0).tolist() for step in range(5)] == first
-    assert [here.rows(step + 5, 4, 0).tolist() for step in range(5)] != first
-    assert [here.rows(step, 4, 1).tolist() for step in range(5)] != first
+    assert [dataset.rows(step, 4, 0).tolist() for step in range(5)] == first
+    assert [dataset.rows(step + 5, 4, 0).tolist() for step in range(5)] != first
+    assert [dataset.rows(step, 4, 1).tolist() for step in range(5)] != first
 
 
-def test_a_batch_is_the_corpus() -> None:
-    here, pairs = data(), corpus()
-    one = here.batch([0, 5, 11])
-    for k, number in enumerate(one.numbers.tolist()):
+def test_a_batch_holds_the_pairs_of_the_corpus() -> None:
+    dataset, pairs = data(), corpus()
+    batch = dataset.batch([0, 5, 11])
+    for k, number in enumerate(batch.numbers.tolist()):
         p, q = pairs.index[number, :2].tolist()
         pre, post, new = pairs.truth(number)
         x = np.concatenate([pairs.word(p), pairs.word(q)])
-        np.testing.assert_array_equal(one.x[k, : len(x)], x)
-        assert one.mask[k].sum() == len(x)
-        assert (int(one.pre[k]), int(one.post[k])) == (pre, len(pairs.word(p)) + post)
-        np.testing.assert_array_equal(one.new[k, : len(new)], new)
-        assert one.real[k].sum() == len(new)
+        np.testing.assert_array_equal(batch.x[k, : len(x)], x)
+        assert batch.mask[k].sum() == len(x)
+        assert (int(batch.pre[k]), int(batch.post[k])) == (pre, len(pairs.word(p)) + post)
+        np.testing.assert_array_equal(batch.new[k, : len(new)], new)
+        assert batch.real[k].sum() == len(new)
 
 
-def test_a_culled_batch_is_equation_11() -> None:
-    one, pairs = data(fr=FR).batch([0, 7]), corpus()
-    for k, number in enumerate(one.numbers.tolist()):
+def test_a_culled_batch_follows_equation_11() -> None:
+    batch, pairs = data(fr=FR).batch([0, 7]), corpus()
+    for k, number in enumerate(batch.numbers.tolist()):
         p, q = pairs.index[number, :2].tolist()
         pre, post, _ = pairs.truth(number)
         rows, real = cull(pairs.word(p), pairs.word(q), pre, post, FR)
-        np.testing.assert_array_equal(one.x[k], rows)
-        np.testing.assert_array_equal(one.mask[k], real)
-        assert (int(one.n_before[k]), int(one.pre[k]), int(one.post[k])) == (FR, FR - 1, FR)
+        np.testing.assert_array_equal(batch.x[k], rows)
+        np.testing.assert_array_equal(batch.mask[k], real)
+        assert (int(batch.n_before[k]), int(batch.pre[k]), int(batch.post[k])) == (FR, FR - 1, FR)
 
 
 def test_the_rate_rises_and_falls() -> None:
@@ -198,7 +197,7 @@ def test_the_paper_scale_has_the_paper_sizes() -> None:
                 json.dumps(part.facts())
 
 
-def test_unknown_names_are_refused() -> None:
+def test_unknown_systems_and_scales_are_refused() -> None:
     with pytest.raises(InputError, match="no system 'gpt', expected all or one of lpt"):
         scales.parts("gpt", "cpu")
     with pytest.raises(InputError, match="--fr 4, but lstm has no Culling layer"):
@@ -207,7 +206,7 @@ def test_unknown_names_are_refused() -> None:
         scales.parts("lpt", "huge")
 
 
-def test_a_part_is_trained_by_one_call_at_a_time(tmp_path: Path) -> None:
+def test_a_folder_is_trained_by_one_call_at_a_time(tmp_path: Path) -> None:
     order: list[str] = []
 
     def second() -> None:
@@ -223,7 +222,7 @@ def test_a_part_is_trained_by_one_call_at_a_time(tmp_path: Path) -> None:
     assert order == ["first", "second"]
 
 
-def test_sgd_and_unseen_words_learn_for_less_time_at_cpu_scale() -> None:
+def test_sgd_and_unseen_words_get_fewer_steps_at_cpu_scale() -> None:
     whole, sgd, unseen = (
         scales.parts("lpt", "cpu", optimiser=optimiser, split=split)[1].steps
         for optimiser, split in (("adamw", "random"), ("sgd", "random"), ("adamw", "unseen-words"))

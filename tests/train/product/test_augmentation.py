@@ -1,4 +1,4 @@
-"""Stretches made various: what they keep, what they change, and that draws are a function of the generator."""
+"""Augmented takes: what each change keeps, what it changes, and that it depends on the generator alone."""
 
 from __future__ import annotations
 
@@ -8,82 +8,91 @@ import pytest
 pytest.importorskip("torch")
 
 from signsplice.motion import rotation
-from signsplice.rig.canonical import LEFT, ROLES
+from signsplice.rig.canonical_map import LEFT, ROLES
 from signsplice.train.product import augmentation
 
-N = 60
+N_FRAMES = 60
 RNG = np.random.default_rng
 
 
-def swinging(n: int = N) -> augmentation.Float:
-    """Every joint turns about an axis of its own, evenly, 0.02 rad a frame."""
+def swinging(n_frames: int = N_FRAMES) -> augmentation.Float:
+    """Every joint rotates about an axis of its own, evenly, 0.02 rad a frame."""
     axes = RNG(3).normal(size=(len(ROLES), 3))
     axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
-    return rotation.exp(0.02 * np.arange(n)[:, None, None] * axes)
+    return rotation.exp(0.02 * np.arange(n_frames)[:, None, None] * axes)
 
 
-def steps(turns: augmentation.Float) -> augmentation.Float:
-    return rotation.angle_between(turns[1:], turns[:-1])
+def step_angles(quats: augmentation.Float) -> augmentation.Float:
+    """Angles (T - 1, R) from every frame to the next."""
+    return rotation.angle_between(quats[1:], quats[:-1])
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_a_stretch_is_long_enough_and_made_of_rotations(seed: int) -> None:
-    made = augmentation.stretch(swinging, RNG(seed))
-    again = augmentation.stretch(swinging, RNG(seed))
-    np.testing.assert_array_equal(made, again)
-    assert made.shape[1:] == (len(ROLES), 4)
-    assert len(made) >= 18
-    np.testing.assert_allclose(np.linalg.norm(made, axis=-1), 1.0, atol=1e-9)
-    assert steps(made).max() < 0.6, "nothing jumps"
+def test_an_augmented_take_is_long_enough_and_smooth(seed: int) -> None:
+    take = augmentation.augmented_take(swinging, RNG(seed))
+    np.testing.assert_array_equal(take, augmentation.augmented_take(swinging, RNG(seed)))
+    assert take.shape[1:] == (len(ROLES), 4)
+    assert len(take) >= 18
+    np.testing.assert_allclose(np.linalg.norm(take, axis=-1), 1.0, atol=1e-9)
+    assert step_angles(take).max() < 0.6
 
 
-def test_of_stretches_some_stand_still_and_most_do_not() -> None:
-    moving = np.array([steps(augmentation.stretch(swinging, RNG(seed)))[:, LEFT.stop :].max() for seed in range(300)])
-    assert 0.04 < np.mean(moving < 1e-6) < 0.25
+def test_a_small_fraction_of_the_takes_stands_still() -> None:
+    takes = (augmentation.augmented_take(swinging, RNG(seed)) for seed in range(300))
+    motion = np.array([step_angles(take)[:, LEFT.stop :].max() for take in takes])
+    assert 0.04 < np.mean(motion < 1e-6) < 0.25
 
 
-def test_a_tempo_keeps_the_way_and_changes_the_time() -> None:
-    turns = swinging()
+def test_a_tempo_keeps_the_path_and_changes_the_time() -> None:
+    quats = swinging()
     for tempo in (0.6, 1.7):
-        np.testing.assert_allclose(steps(augmentation.at_tempo(turns, tempo)), 0.02 * tempo, atol=1e-6)
-    found = set()
+        np.testing.assert_allclose(step_angles(augmentation.with_tempo(quats, tempo)), 0.02 * tempo, atol=1e-6)
+    variations = set()
     for seed in range(30):
-        made = augmentation.at_any_tempo(turns, RNG(seed))
-        np.testing.assert_allclose(rotation.angle_between(made[0], turns[0]), 0.0, atol=1e-6)
-        along = np.cumsum(steps(made)[:, 0])
-        assert (np.diff(along) > 0.0).all(), "never backwards"
-        assert along[-1] < 0.02 * N
-        found.add(round(float(steps(made)[:, 0].std()), 5))
-    assert len(found) > 10, "tempos waver"
+        changed = augmentation.with_random_tempo(quats, RNG(seed))
+        np.testing.assert_allclose(rotation.angle_between(changed[0], quats[0]), 0.0, atol=1e-6)
+        travel = np.cumsum(step_angles(changed)[:, 0])
+        assert (np.diff(travel) > 0.0).all(), "never backwards"
+        assert travel[-1] < 0.02 * N_FRAMES
+        variations.add(round(float(step_angles(changed)[:, 0].std()), 5))
+    assert len(variations) > 10, "tempos vary within a take"
 
 
-def test_too_short_a_take_keeps_its_tempo() -> None:
-    turns = swinging(19)
-    lengths = {len(augmentation.at_any_tempo(turns, RNG(seed))) for seed in range(60)}
+def test_a_short_take_does_not_become_shorter_than_a_window() -> None:
+    lengths = {len(augmentation.with_random_tempo(swinging(19), RNG(seed))) for seed in range(60)}
     assert min(lengths) >= 18
 
 
-def test_joints_that_are_skewed_are_where_they_are_at_another_time() -> None:
-    turns = swinging()
-    made = augmentation.skewed(turns, RNG(1))
-    late = rotation.angle_between(made, turns)[20:-20] / 0.02
-    np.testing.assert_allclose(late, np.broadcast_to(late[0], late.shape), atol=1e-4)
-    assert 0.2 < late.std() < 3.0
+def test_joint_lags_are_constant_over_a_take() -> None:
+    quats = swinging()
+    lagged = augmentation.with_joint_lags(quats, RNG(1))
+    lags = rotation.angle_between(lagged, quats)[20:-20] / 0.02
+    np.testing.assert_allclose(lags, np.broadcast_to(lags[0], lags.shape), atol=1e-4)
+    assert 0.2 < lags.std() < 3.0
 
 
-def test_arms_wander_and_the_trunk_hardly() -> None:
-    still = np.tile(rotation.IDENTITY, (N, len(ROLES), 1))
-    far = np.array(
-        [rotation.angle_between(augmentation.wandering(still, RNG(seed)), still).max(0) for seed in range(20)]
-    )
+def test_arms_wander_more_than_the_trunk() -> None:
+    still = np.tile(rotation.IDENTITY, (N_FRAMES, len(ROLES), 1))
+    takes = [augmentation.with_wandering_arms(still, RNG(seed)) for seed in range(20)]
+    angles = np.array([rotation.angle_between(take, still).max(0) for take in takes])
     upper_arm, spine = ROLES.index("leftUpperArm"), ROLES.index("spine")
-    assert far[:, upper_arm].mean() > 3.0 * far[:, spine].mean()
-    assert far[:, spine].mean() > 0.0
+    assert angles[:, upper_arm].mean() > 3.0 * angles[:, spine].mean()
+    assert angles[:, spine].mean() > 0.0
 
 
-def test_what_trembles_trembles_by_so_much() -> None:
+def test_noise_has_the_given_deviation_and_correlation() -> None:
     still = np.tile(rotation.IDENTITY, (400, len(ROLES), 1))
-    made = rotation.log(augmentation.noisy(still, 0.005, RNG(2)))
-    assert made[1:].std() == pytest.approx(0.005, rel=0.05)
-    alike = np.mean(made[2:] * made[1:-1]) / np.mean(made[1:] ** 2)
-    assert alike == pytest.approx(np.sqrt(0.75) * 0.5, abs=0.05)
+    noise = rotation.log(augmentation.with_noise(still, 0.005, RNG(2)))
+    assert noise[1:].std() == pytest.approx(0.005, rel=0.05)
+    correlation = np.mean(noise[2:] * noise[1:-1]) / np.mean(noise[1:] ** 2)
+    assert correlation == pytest.approx(np.sqrt(0.75) * 0.5, abs=0.05)
+
+
+def test_the_left_arm_comes_from_another_take() -> None:
+    rng = RNG(0)
+    one, other = (rotation.normalize(rng.normal(size=(n, len(ROLES), 4))) for n in (12, 9))
+    mixed = augmentation.with_left_arm_of(one, other)
+    assert len(mixed) == 9
+    np.testing.assert_array_equal(mixed[:, LEFT], other[:, LEFT])
+    np.testing.assert_array_equal(mixed[:, : LEFT.start], one[:9, : LEFT.start])
+    np.testing.assert_array_equal(mixed[:, LEFT.stop :], one[:9, LEFT.stop :])

@@ -224,8 +224,8 @@ def compare(held: Sequence[Clip], before: Path, after: Path, n_train: int) -> Tu
     """Errors of two bundles' transitions and of the classical one on hidden frames of words held back."""
     lengths = [n for n in LENGTHS if any(len(clip) >= n + 2 * CONTEXT for clip in held)]
     methods = (find_transition("hermite"), *(LearnedTransition(open_sessions(folder)) for folder in (before, after)))
-    errors = [_mean_error(hidden_frames(held, [method], lengths)) for method in methods]
-    return TuningResult(*errors, n_train, len(held))
+    classical, was, now = (_mean_error(hidden_frames(held, [method], lengths)) for method in methods)
+    return TuningResult(classical, was, now, n_train, len(held))
 
 
 def _mean_error(rows: Sequence[HiddenFrames]) -> float:
