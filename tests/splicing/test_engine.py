@@ -90,17 +90,17 @@ def test_pieces_never_change_once_they_are_out(options: SpliceOptions, sentence:
 
 
 def test_pieces_come_as_soon_as_the_next_word_is_known(sentence: list[Clip]) -> None:
-    n_read: list[int] = [0]
+    read: list[Clip] = []
 
     def words_one_by_one() -> Iterator[Clip]:
         for clip in sentence:
-            n_read[0] += 1
+            read.append(clip)
             yield clip
 
     pieces = stream(words_one_by_one())
     for expected in (2, 2, 3):
         next(pieces)
-        assert n_read[0] == expected
+        assert len(read) == expected
 
 
 def test_pushed_words_give_the_same_pieces_as_pulled_ones(sentence: list[Clip]) -> None:
