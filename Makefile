@@ -44,7 +44,7 @@ smoke: $(VENV)/.dev            ## the paper's whole way in minutes, systems of a
 paper: $(VENV)/.dev            ## the paper whole at cpu scale: hours; SCALE=paper for its sizes, on a GPU
 	runs/paper.sh
 
-weights: $(VENV)/.dev          ## train the networks that ship anew: three hours on two cores
+weights: $(VENV)/.dev          ## train networks of the shipped sizes into out/weights, not the shipped bytes: three hours
 	runs/weights.sh
 
 clean:                         ## forget the environment and everything made

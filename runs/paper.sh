@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# The paper whole, from nothing: environment, corpus, trainings, judging, tables, figures.
+# Reproduces the paper from nothing: environment, corpus, trainings, evaluation, tables, figures.
 #
 #   runs/paper.sh                  scale cpu: small systems, hours on two cores
-#   SCALE=paper runs/paper.sh      the paper's sizes; wants a GPU
+#   SCALE=paper runs/paper.sh      the paper's sizes; needs a GPU
 #
-# Called again after an interruption, it goes on where it was: what is made, trained or judged already is kept.
+# The same call continues after an interruption: what is generated, trained or evaluated already is kept.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The way of runs/paper.sh in minutes: ten words, systems of a few thousand numbers, a few steps each.
-# Its figures mean nothing; that they come out is the point. Leaves everything in out/smoke.
+# Everything that runs/paper.sh does, in minutes: ten words, systems of a few thousand weights, a few steps each.
+# It checks that all steps run; its figures mean nothing. Leaves everything in out/smoke.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

@@ -1,8 +1,9 @@
 """Makes tests/golden/tiny_bundle: the product's networks at toy size with random weights, as training exports them.
 
-    python tests/golden/make_tiny_bundle.py
+    python tests/golden/make_tiny_bundle.py [FOLDER]
 
-Needs the `train` extra. Its answers mean nothing; that they come out the same on every rig, rate and hand is the point.
+Needs the `train` extra. The networks' answers mean nothing; tests check that they are the same on every rig, at every
+rate and for either hand.
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ from signsplice.synth import training_data
 from signsplice.train.product import training
 from signsplice.train.product.networks.bridge import Bridge, BridgeConfig
 from signsplice.train.product.networks.cutting import Cutting, CuttingConfig
+from signsplice.train.product.onnx_graphs import product_graphs
 
 HERE = Path(__file__).parent
-SIZES = {
+SCHEDULES = {
     "cutter": training.TrainingSchedule(CuttingConfig(16, 2, 1, 16, 2, 8, 16), 1, 2, 1e-3, 4),
     "transition": training.TrainingSchedule(BridgeConfig(16, 2, 1, 16), 1, 4, 1e-3, 4),
 }
@@ -29,29 +31,29 @@ SIZES = {
 
 def main(target: Path) -> None:
     """Write the bundle into a folder."""
-    with tempfile.TemporaryDirectory() as made:
-        signing, parts = Path(made) / "signing", Path(made) / "parts"
+    with tempfile.TemporaryDirectory() as temporary:
+        signing, parts = Path(temporary) / "signing", Path(temporary) / "parts"
         training_data.write(training_data.TrainingDataPlan(2, 4, 6, seed=4), signing, processes=1)
-        learned, held = training.split(signing)
+        train_paths, held_back = training.split(signing)
         folders = {}
-        for name, course in SIZES.items():
-            training.SCHEDULES[name, "tiny"] = course
-            told = training.ProductTraining(name, "tiny")
+        for name, schedule in SCHEDULES.items():
+            training.SCHEDULES[name, "tiny"] = schedule
+            config = training.ProductTraining(name, "tiny")
             torch.manual_seed(1)
-            task = training.build(told, training._data(told, learned, None))
+            task = training.build(config, training.dataset(config, train_paths))
             network = task.network
             assert isinstance(network, Bridge | Cutting)
-            outs = [network.out] if isinstance(network, Bridge) else [network.leaving.out, network.entering.out]
-            for layer in outs:
+            last_layers = [network.out] if isinstance(network, Bridge) else [network.leaving.out, network.entering.out]
+            for layer in last_layers:
                 torch.nn.init.normal_(layer.weight, std=0.2)
             with torch.no_grad():
-                for weight in network.parameters():  # equal ones would become one in a graph
+                for weight in network.parameters():  # equal weights would become one in a graph
                     weight.add_(0.02 * torch.randn_like(weight))
             folder = parts / name
             folder.mkdir(parents=True)
-            for file, content in training.product_graphs(task, training._data(told, held, 4)).items():
+            for file, content in product_graphs(task, training.dataset(config, held_back, 4)).items():
                 (folder / file).write_bytes(content)
-            facts = {"network": name, "scale": "tiny", "weights": "random", "config": asdict(course.config)}
+            facts = {"network": name, "scale": "tiny", "weights": "random", "config": asdict(schedule.config)}
             (folder / "facts.json").write_text(json.dumps(facts))
             folders[name] = folder
         training.assemble(target, folders)

@@ -1,21 +1,21 @@
 #!/usr/bin/env bash
-# This project's networks after the paper's protocol: gone on with on a split's training part, as every system of the
-# paper learns from it, beside signing of others, so that they do not forget it. Wants what runs/weights.sh made, and
-# the corpus of runs/paper.sh; about two hours on two cores. Called again after an interruption, it goes on where it
-# was. `signsplice paper evaluate` judges what comes out.
+# Trains this project's networks further on the training part of a split of the corpus of pairs, as every system of the
+# paper is trained, so that `signsplice paper evaluate` can compare them. Half of the data is other synthetic signing,
+# so that the networks do not forget it. Needs what runs/weights.sh and runs/paper.sh made. About two hours on two
+# cores. The same call continues after an interruption. Arguments go to every `signsplice train`.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 PAIRS=${PAIRS:-out/pairs}
 SIGNING=${SIGNING:-out/signing}
 WORDS=${WORDS:-out/words-more}
-OWN=${OWN:-out/own}
-OUT=${OUT:-out/taught}
+WEIGHTS=${WEIGHTS:-out/weights}
+OUT=${OUT:-out/weights-on-corpus}
 BUNDLES=${BUNDLES:-out/bundles}
 run=.venv/bin/signsplice
 export OMP_NUM_THREADS=${OMP_NUM_THREADS:-1}
 
-newest() { ls -dt "$OWN"/parts/"$1"-*/ | head -n 1; }
+newest() { ls -dt "$WEIGHTS"/parts/"$1"-*/ | head -n 1; }
 CUTTER=${CUTTER:-$(newest cutter)}
 TRANSITION=${TRANSITION:-$(newest transition)}
 
@@ -30,7 +30,7 @@ for split in random unseen-words; do
     $run "${transition[@]}" --out "$into/transition"
     wait $other
     trap - EXIT
-    # Both have learned: this puts them into one bundle, beside those of the paper's systems.
+    # Both are trained now; these calls find them trained and put them into one bundle, beside the paper's systems.
     $run "${cutter[@]}" --out "$into/bundle"
     $run "${transition[@]}" --out "$into/bundle"
     mkdir -p "$BUNDLES"
