@@ -9,10 +9,11 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
@@ -23,7 +24,9 @@ from serving import PATIENCE_S, http_client, raw_request, stream_client
 from signsplice.cli import app
 from signsplice.errors import InputError
 from signsplice.service import work
+from signsplice.service.metrics import Metrics
 from signsplice.service.settings import Settings
+from signsplice.service.streaming import StreamSession
 from signsplice.service.workers import BusyError, WorkerProcess
 
 
@@ -64,6 +67,48 @@ def test_silent_streams_are_closed(impatient: httpx.Client) -> None:
             assert error in message["error"]
             with pytest.raises(ConnectionClosed):
                 socket.recv(timeout=PATIENCE_S)
+
+
+class FakeSocket:
+    """A WebSocket whose client sends one word, then nothing."""
+
+    def __init__(self) -> None:
+        texts = ('{"type": "open", "paced": false}', '{"type": "word", "gloss": "HELLO"}')
+        self.received = [{"type": "websocket.receive", "text": text} for text in texts]
+        self.sent: list[dict[str, Any]] = []
+
+    async def accept(self) -> None: ...
+
+    async def close(self, code: int = 1000) -> None: ...
+
+    async def receive(self) -> dict[str, str]:
+        return self.received.pop(0) if self.received else await asyncio.sleep(PATIENCE_S, {})
+
+    async def send_text(self, text: str) -> None:
+        self.sent.append(json.loads(text))
+
+
+class SlowWorker:
+    """A worker that needs longer for a word than a stream may be idle."""
+
+    generation = 0
+
+    async def run(self, job: Callable[..., Any], *args: object) -> Any:
+        if job is work.read_token:
+            return ["HELLO"], []
+        if job is work.add_word:
+            await asyncio.sleep(1.0)
+            return [{"type": "skeleton"}]
+        return None
+
+
+def test_a_stream_is_not_idle_while_the_service_works() -> None:
+    socket = FakeSocket()
+    settings = Settings(stream_idle_seconds=0.3)
+    metrics = Metrics(lambda: 0, lambda: 0)
+    asyncio.run(StreamSession(socket, settings, SlowWorker(), metrics).run())  # type: ignore[arg-type]
+    assert [message["type"] for message in socket.sent] == ["skeleton", "error"]
+    assert "nothing came for 0.3 s" in socket.sent[1]["error"]
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,7 @@ def drive(script: str, *arguments: str | Path) -> dict[str, Any]:
         ["node", str(VIEWER / "checks" / script), *map(str, arguments)],
         capture_output=True,
         text=True,
-        timeout=4 * PATIENCE_S,
+        timeout=12 * PATIENCE_S,
         env={**os.environ, "CHROMIUM": str(CHROMIUM)},
     )
     assert done.returncode == 0, done.stderr[-3000:]

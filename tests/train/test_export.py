@@ -1,4 +1,4 @@
-"""Bundles of the paper's systems: torch and onnxruntime agree, systems run without torch, and the command trains them."""
+"""Bundles of the paper's systems: torch and onnxruntime agree, they run without torch, and the command trains them."""
 
 from __future__ import annotations
 

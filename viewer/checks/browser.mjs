@@ -2,7 +2,10 @@
 
 import { chromium } from 'playwright-core';
 
-const FLAGS = ['--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--no-sandbox'];
+// The watchdog would end the software renderer on a loaded machine.
+const FLAGS = [
+  '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--disable-gpu-watchdog', '--no-sandbox',
+];
 
 export async function launch() {
   return chromium.launch({ executablePath: process.env.CHROMIUM, args: FLAGS });

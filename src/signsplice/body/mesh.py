@@ -260,8 +260,9 @@ def _union(distances: Float, blend: float) -> Float:
 
 
 def _distances(points: Float, own: _MeshCapsules) -> Float:
-    """Signed distances (N, C) of points (N, 3) from tapered capsules, negative inside; a capsule is the union of all balls
-    between its two end balls.
+    """Signed distances (N, C) of points (N, 3) from tapered capsules, negative inside.
+
+    A tapered capsule is the union of all balls between its two end balls.
     """
     axes, (first, second) = own.ends - own.starts, own.radii.T
     squared, taper = np.einsum("cx,cx->c", axes, axes), first - second

@@ -1,8 +1,8 @@
 """Rotations in batches: what scipy's ``Rotation`` lacks.
 
 Convention: a rotation is a unit quaternion ``(..., 4)`` in scipy's order **x, y, z, w** (rejected: w first, since it
-would have to be reordered at every call of scipy). Quaternions act on column vectors; ``multiply(a, b)`` does ``b`` first,
-then ``a``, so that ``global = multiply(parent_global, local)``. Angles are radians. All functions broadcast over
+would have to be reordered at every call of scipy). Quaternions act on column vectors; ``multiply(a, b)`` does ``b``
+first, then ``a``, so that ``global = multiply(parent_global, local)``. Angles are radians. All functions broadcast over
 leading axes, are pure and leave their arguments as they are.
 """
 
