@@ -17,8 +17,8 @@ from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.train import checkpoint
 
-KEYS = ("command", "seed", "data", "signsplice", "started_from")
-"""What a bundle says of how a network was trained; the last one only where it was trained further."""
+KEYS = ("command", "seed", "data", "signsplice", "started_from", "tuned")
+"""What a bundle says of how a network was trained; the last two only where it was trained further or tuned."""
 DATA_FILE = "data.json"
 """The sha256 of the data that a part of a system of the paper is trained on, in the part's folder."""
 
