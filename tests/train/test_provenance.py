@@ -53,7 +53,7 @@ def test_a_paper_bundle_names_its_command_and_its_arrays(tmp_path: Path, monkeyp
     stored = read_config(tmp_path / "bundle").stored
     assert stored["command"] == [
         *("signsplice", "train", "paper", "--pairs", pairs.folder.name, "--system", "lpt-wa", "--scale", "smoke"),
-        *("--optimiser", "adamw", "--split", "random", "--steps", "0", "--seed", "0", "--out", "bundle"),
+        *("--optimiser", "adamw", "--split", "random", "--steps", "0", "--seed", "0"),
     ]
     assert set(stored["data"]) == {path.name for path in pairs.folder.iterdir()}
     assert stored["data"]["pairs.npy"] == provenance.sha256(pairs.folder / "pairs.npy")

@@ -1,7 +1,8 @@
 """Where a network comes from: its command, and the sha256 of the data that it is trained on.
 
 Every bundle names both for each of its networks, so that its training can be repeated and its data checked with
-``sha256sum``. Nothing in them depends on the machine: absolute paths are shortened to their last part.
+``sha256sum``. Nothing in them depends on the machine or on where a bundle is written: absolute paths are shortened to
+their last part, and commands are recorded without the folder that they write.
 """
 
 from __future__ import annotations

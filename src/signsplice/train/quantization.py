@@ -72,7 +72,7 @@ def quantize_bundle(source: Path, out: Path) -> tuple[int, int]:
     files = {name: read_file(source, graphs.config, name) for name in graphs.config.files}
     small = {name: quantized(content) if name in _QUANTIZED_FILES else content for name, content in files.items()}
     made_from = {
-        "command": provenance.command(["export", provenance.portable(source)], {"output": out, "int8": True}),
+        "command": provenance.command(["export", provenance.portable(source)], {"int8": True}),
         "bundle": bundle_sha256(source),
     }
     out.mkdir(parents=True, exist_ok=True)

@@ -152,7 +152,7 @@ def _write(
     files: dict[str, bytes] = {}
     for part, made, folder in zip(chosen, tasks, folders, strict=True):
         files |= _exported(part, made, folder)
-    contents = facts(training, pairs, chosen, tasks, folders) | _provenance(training, pairs, out, folders)
+    contents = facts(training, pairs, chosen, tasks, folders) | _provenance(training, pairs, folders)
     if training.steps != 0:
         contents["runs"]["token_bias"] = token_bias(tasks[0], PairsData(pairs, training.split, "valid"))
     write_bundle(out, contents, files)
@@ -160,12 +160,12 @@ def _write(
         shutil.copyfile(folder / logs.NAME, out / f"{part.name}.jsonl")
 
 
-def _provenance(training: Training, pairs: Pairs, out: Path, folders: list[Path]) -> dict[str, Any]:
+def _provenance(training: Training, pairs: Pairs, folders: list[Path]) -> dict[str, Any]:
     """The command that makes a bundle, and the sha256 of its data; None where a part's data are unknown."""
     options: dict[str, provenance.Option] = {
         "pairs": pairs.folder, "system": training.system, "scale": training.scale, "optimiser": training.optimiser,
         "split": training.split, "fr": training.fr, "steps": training.steps, "seed": training.seed,
-        "bf16": training.bf16, "out": out,
+        "bf16": training.bf16,
     }  # fmt: skip
     data = [provenance.corpus_data(pairs.folder, folder) for folder in folders]
     return {

@@ -171,7 +171,7 @@ def make(
     recipe = _recipe(training, data_hashes, warm_starts)
     folder = out.parent / "parts" / f"{training.network}-{training.scale}-seed{training.seed}-{recipe}"
     trained_on = _trained_on(train_paths, warm_starts)
-    made_of = _provenance(training, signing, hashes, out, processes, earlier, warm_starts)
+    made_of = _provenance(training, signing, hashes, processes, earlier, warm_starts)
     folder.mkdir(parents=True, exist_ok=True)
     if processes.first:
         provenance.write_json(folder / warm_start.PROVENANCE_FILE, made_of)
@@ -296,7 +296,6 @@ def _provenance(
     training: ProductTraining,
     signing: Sequence[Path],
     hashes: dict[Path, str],
-    out: Path,
     processes: Processes,
     earlier: Sequence[Path],
     warm_starts: Sequence[WarmStart],
@@ -307,7 +306,7 @@ def _provenance(
     """
     options: dict[str, provenance.Option] = {
         "signing": signing, "from": earlier, "scale": training.scale, "steps": training.steps,
-        "seed": training.seed, "device": processes.device.type, "out": out,
+        "seed": training.seed, "device": processes.device.type,
     }  # fmt: skip
     several = len(signing) > 1
     data = {

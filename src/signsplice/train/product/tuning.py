@@ -118,7 +118,7 @@ def make(
         train(task, loop, batches, valid, folder, recipe, processes, report_progress)
     tuned = settings | {
         "words": len(clips),
-        "command": _command(tuning, lexicon, source, out, processes),
+        "command": _command(tuning, lexicon, source, processes),
         "data": provenance.folder_sha256(lexicon, "*"),
         "signsplice": provenance.software(),
     }
@@ -134,10 +134,10 @@ def make(
     return result
 
 
-def _command(tuning: Tuning, lexicon: Path, source: Path, out: Path, processes: Processes) -> list[str]:
+def _command(tuning: Tuning, lexicon: Path, source: Path, processes: Processes) -> list[str]:
     options: dict[str, provenance.Option] = {
         "lexicon": lexicon, "from": source, "steps": tuning.steps, "seed": tuning.seed,
-        "device": processes.device.type, "out": out,
+        "device": processes.device.type,
     }  # fmt: skip
     return provenance.command(["train", "transition"], options)
 
