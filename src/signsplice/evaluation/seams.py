@@ -24,13 +24,13 @@ from signsplice.motion import kinematics
 from signsplice.rig import metrics
 from signsplice.rig.arms import Arms, arms
 from signsplice.rig.info import rig_info
-from signsplice.splicing.cut import CUTTERS, DEFAULT_CUTTER
-from signsplice.splicing.duration import DEFAULT_DURATION
+from signsplice.splicing.cut import CLASSICAL_CUTTER, CUTTERS
+from signsplice.splicing.duration import CLASSICAL_DURATION
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.learned import FLUENT, NAME
 from signsplice.splicing.methods import choose
 from signsplice.splicing.seam import DEEP_M
-from signsplice.splicing.transition import DEFAULT_TRANSITION, TRANSITIONS
+from signsplice.splicing.transition import CLASSICAL_TRANSITION, TRANSITIONS
 from signsplice.synth import notation, planner
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
@@ -129,15 +129,15 @@ def compared_methods(bundle: str | Path | None = None) -> dict[str, SpliceOption
     Learned, where ``bundle`` (by default the one that ships) can be read: all parts together, and each part with
     classical ones. Raises ``InputError`` for a named bundle that cannot be read.
     """
-    plain = SpliceOptions(DEFAULT_CUTTER, DEFAULT_TRANSITION, DEFAULT_DURATION, avoid_collisions=False)
-    out = {f"{name} + {DEFAULT_TRANSITION}": replace(plain, cutter=name) for name in CUTTERS}
-    out |= {f"{DEFAULT_CUTTER} + {name}": replace(plain, transition=name) for name in TRANSITIONS}
-    out[f"{DEFAULT_CUTTER} + {DEFAULT_TRANSITION}, collision avoidance"] = replace(plain, avoid_collisions=True)
+    plain = SpliceOptions(CLASSICAL_CUTTER, CLASSICAL_TRANSITION, CLASSICAL_DURATION, avoid_collisions=False)
+    out = {f"{name} + {CLASSICAL_TRANSITION}": replace(plain, cutter=name) for name in CUTTERS}
+    out |= {f"{CLASSICAL_CUTTER} + {name}": replace(plain, transition=name) for name in TRANSITIONS}
+    out[f"{CLASSICAL_CUTTER} + {CLASSICAL_TRANSITION}, collision avoidance"] = replace(plain, avoid_collisions=True)
     if choose(bundle=bundle).bundle is not None:
         default = SpliceOptions(NAME, NAME, NAME, bundle)
         learned = replace(default, avoid_collisions=False)
-        out[f"{DEFAULT_CUTTER} + {NAME}"] = replace(plain, transition=NAME, bundle=bundle)
-        out[f"{NAME} + {DEFAULT_TRANSITION}"] = replace(learned, transition=DEFAULT_TRANSITION)
+        out[f"{CLASSICAL_CUTTER} + {NAME}"] = replace(plain, transition=NAME, bundle=bundle)
+        out[f"{NAME} + {CLASSICAL_TRANSITION}"] = replace(learned, transition=CLASSICAL_TRANSITION)
         out[f"{FLUENT} + {NAME}"] = replace(learned, cutter=FLUENT)
         out[f"{NAME} + {NAME}"] = learned
         out[f"{NAME} + {NAME}, collision avoidance"] = default

@@ -22,7 +22,7 @@ from signsplice.motion.clip import Clip
 from signsplice.paper.prediction import Prediction
 from signsplice.paper.results import GIVEN
 from signsplice.splicing.cut import CUTTERS, Cut
-from signsplice.splicing.duration import DEFAULT_DURATION
+from signsplice.splicing.duration import CLASSICAL_DURATION
 from signsplice.splicing.filling import fill
 from signsplice.splicing.gap import gap_at
 from signsplice.splicing.learned import FLUENT, LearnedDuration
@@ -100,7 +100,7 @@ class ClipMethod:
         """The cutter, transition and duration of these names."""
         cutter = "ends" if self.cutter == TRUE_POSITIONS else self.cutter
         learned_duration = self.cutter == FLUENT or (self.given == "positions" and self.learned)
-        parts = choose(cutter, self.transition, LEARNED if learned_duration else DEFAULT_DURATION, self.bundle)
+        parts = choose(cutter, self.transition, LEARNED if learned_duration else CLASSICAL_DURATION, self.bundle)
         if not isinstance(parts.duration, LearnedDuration):
             return parts
         duration = LearnedDuration(parts.duration.reader, unhurried=False)

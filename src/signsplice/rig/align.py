@@ -100,7 +100,7 @@ def _retarget_rotations(clip: Clip, to: Reference) -> tuple[Clip, tuple[str, ...
     carried = Clip(target, local, clip.root_positions * scale, clip.fps, clip.name)
     hips = rig_info(target).roles.joints.get("hips", 0)
     if hips in counterpart and (hips > 0 or counterpart[hips] > 0):
-        # Either rig has a joint above the hips: then the hips, not the root, have to follow the same path.
+        # Where a rig has a joint above the hips, match the path of the hips, not of the root.
         wanted = scale * forward(clip, [counterpart[hips]])[1][:, 0]
         shift = wanted - forward(carried, [hips])[1][:, 0]
         carried = replace(carried, root_positions=carried.root_positions + shift)

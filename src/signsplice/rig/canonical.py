@@ -59,8 +59,8 @@ class CanonicalMotion:
 def canonical_motion(clip: Clip) -> CanonicalMotion:
     """The clip on the canonical humanoid. Raises ``InputError`` where its arms are not known by name."""
     canonical = rig_info(clip.skeleton).canonical
-    # A = C_parent (G_parent^-1 G) C^-1: of the local rotations between the two joints alone, without kinematics.
-    # Frames come last, so that every product is of long rows.
+    # A = C_parent (G_parent^-1 G) C^-1, G global and C T-pose rotations (canonical_map): of the local rotations between
+    # the two joints alone, without kinematics. The frame axis is last, for speed.
     local = clip.local_rotations.transpose(1, 2, 0)  # (J, 4, T)
     between = local[canonical.last_joints]  # (K, 4, T)
     for k, path in canonical.joint_paths.items():

@@ -141,7 +141,8 @@ CUTTERS: dict[str, PairCutter] = {
         RuleCutter("pose-velocity", "least change of arm position and velocity (Zhao 2008)", _pose_velocity),
     )
 }
-DEFAULT_CUTTER = "pose-velocity"
+CLASSICAL_CUTTER = "pose-velocity"
+"""Used where no network can be read; the default is learned (``methods.choose``)."""
 
 
 def find_cutter(name: str) -> PairCutter:

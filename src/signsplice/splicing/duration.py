@@ -109,7 +109,8 @@ DURATIONS: dict[str, Duration] = {
 }
 
 
-DEFAULT_DURATION = "tempo"
+CLASSICAL_DURATION = "tempo"
+"""Used where no network can be read; the default is learned (``methods.choose``)."""
 
 
 def find_duration(name: str) -> Duration:

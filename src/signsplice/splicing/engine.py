@@ -1,6 +1,6 @@
 """Clips -> one sentence, piece by piece: the filter layer of the paper's eq. 17, for any cutter and transition.
 
-    Y = [P_1 .. P_pre, O, Q_post .. Q_M]
+    Y = [P_1 .. P_pre, O, Q_post .. Q_M]: frames of the first word up to pre, new frames O, the second word from post
 
 A piece that has been put out never changes: a word is settled as soon as the next word is known. Frames of a sign are
 those of its aligned clip, bit for bit; only transition frames are new.
@@ -110,7 +110,7 @@ class SpliceResult:
     warnings: what a user should know, one line each.
     cutter, transition: names of the methods that were used.
     timing_ms: time spent in each part: "harmonize" (align), "cut", "transition", "join".
-    bundle: sha256 of the bundle whose networks were used; None without networks.
+    bundle: sha256 of the bundle that a chosen method comes from; None where all are classical.
     """
 
     clip: Clip

@@ -11,7 +11,7 @@ from signsplice.splicing.cut import Cut
 CONTEXT = 8
 """Frames of each sign that a seam's scores see, and the least that a transition is shown."""
 _SHOWN_S = 7.0 / 30.0
-"""Time of each sign that a transition is shown: eight frames at 30 a second, at other rates as much time."""
+"""Time of each sign that a transition is shown: eight frames at 30 a second span seven intervals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Gap:
 
 
 def gap_at(before: Clip, after: Clip, cut: Cut, n_frames: int, entry: int = 0) -> Gap:
-    """The gap of two clips that are joined at ``cut``; nothing of ``before`` ahead of frame ``entry`` is shown."""
+    """The gap of two clips that are joined at ``cut``; no frame of ``before`` earlier than ``entry`` is shown."""
     n_shown = max(CONTEXT, math.ceil(_SHOWN_S * before.fps - 1e-6) + 1)
     stop = cut.pre + 1
     return Gap(before[max(entry, stop - n_shown) : stop], after[cut.post : cut.post + n_shown], n_frames)

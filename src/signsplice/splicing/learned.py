@@ -57,14 +57,14 @@ def open_sessions(folder: str | Path) -> Sessions:
 
 
 class LearnedCutter(Cutter):
-    """Chooses both frames of a seam for one another, and all seams of a sentence together.
+    """Scores the two frames of a seam jointly, and chooses all seams of a sentence together.
 
     whole: no movement is cut into; a word is left after its last movement and entered before its first, as far as they
         lie between rests. The motion that the network learned from shortens signs as running signing does: repetitions
         go, and the outer part of movements.
 
-    Words are left and entered while their arms are away from rest, where rest shows in heights (``arms.active_span``),
-    whatever the network takes it for.
+    Words are left and entered while their arms are away from rest, where the height of the hands shows rest
+    (``arms.active_span``), whatever the network takes it for.
     """
 
     learned = True

@@ -11,11 +11,11 @@ from signsplice.errors import InputError
 from signsplice.motion.cache import CACHE
 from signsplice.splicing import learned
 from signsplice.splicing.bundle import BUNDLE_FILE, NetworkConfig, bundle_sha256
-from signsplice.splicing.cut import CUTTERS, DEFAULT_CUTTER, Cutter
-from signsplice.splicing.duration import DEFAULT_DURATION, DURATIONS, Duration
+from signsplice.splicing.cut import CLASSICAL_CUTTER, CUTTERS, Cutter
+from signsplice.splicing.duration import CLASSICAL_DURATION, DURATIONS, Duration
 from signsplice.splicing.learned import FLUENT, NAME, LearnedCutter, LearnedDuration, LearnedTransition
 from signsplice.splicing.method import Method, find
-from signsplice.splicing.transition import DEFAULT_TRANSITION, TRANSITIONS, Transition
+from signsplice.splicing.transition import CLASSICAL_TRANSITION, TRANSITIONS, Transition
 from signsplice.splicing.word_reader import WordReader
 
 WEIGHTS = Path(__file__).parent / "weights"
@@ -119,9 +119,9 @@ def choose(
                 raise
             warnings = (f"no learned methods, classical ones are used: {error}",)
     chosen = (
-        _one("cutter", named[0], own.cutters, CUTTERS, DEFAULT_CUTTER, where),
-        _one("transition", named[1], own.transitions, TRANSITIONS, DEFAULT_TRANSITION, where),
-        _one("duration", named[2], own.durations, DURATIONS, DEFAULT_DURATION, where),
+        _one("cutter", named[0], own.cutters, CUTTERS, CLASSICAL_CUTTER, where),
+        _one("transition", named[1], own.transitions, TRANSITIONS, CLASSICAL_TRANSITION, where),
+        _one("duration", named[2], own.durations, DURATIONS, CLASSICAL_DURATION, where),
     )
     networks = [*own.cutters.values(), *own.transitions.values(), *own.durations.values()]
     return ChosenMethods(*chosen, own.sha256 if any(method in networks for method in chosen) else None, warnings)

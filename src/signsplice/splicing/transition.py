@@ -12,7 +12,7 @@ velocity fades out within its own time tau = min(T, max(tau_0, 3 |d| / |v|)), d 
 tau = T this is the plain Hermite curve; 3 |d| / |v| is the bound within which a cubic stays monotone (Fritsch and
 Carlson 1980). tau_0 goes from 0.4 s for a velocity along the displacement to 0.2 s for one against it, where the clips
 disagree (the quintic, which swings wider: always 0.2 s). Velocities at both ends stay exact, and no end swings out by
-more than 4/27 |v| max(tau_0, 3 |d| / |v|) (the quintic: 0.22), whatever T is. docs/evaluation.md has what this costs
+more than 4/27 |v| max(tau_0, 3 |d| / |v|) (the quintic: 0.22), whatever T is. docs/decisions.md has what this costs
 and gains.
 """
 
@@ -291,7 +291,8 @@ TRANSITIONS: dict[str, GapTransition] = {
         CurveTransition("inertialize", "the offset to the next sign dies out (Bollo 2018)", _inertialize),
     )
 }
-DEFAULT_TRANSITION = "hermite"
+CLASSICAL_TRANSITION = "hermite"
+"""Used where no network can be read; the default is learned (``methods.choose``)."""
 
 
 def find_transition(name: str) -> GapTransition:
