@@ -283,6 +283,7 @@ def draw(*arguments):
     return draw_frame(*arguments)
 
 drawn, draw_frame, film.draw = [], film.draw, draw
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job of a shell starts with it ignored
 main()
 """
 """The program, which gets a SIGINT while it draws its third frame."""
