@@ -289,6 +289,31 @@ main()
 """The program, which gets a SIGINT while it draws its third frame."""
 
 
+INTERRUPTED_AT_START = """
+import signal, sys
+
+class Finder:
+    def find_spec(self, name, *others):
+        if name == sys.argv[-1]:
+            signal.raise_signal(signal.SIGINT)
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.meta_path.insert(0, Finder())
+from signsplice.cli import main
+main()
+"""
+"""The program, which gets a SIGINT while it imports the module named last."""
+
+
+@pytest.mark.parametrize(
+    "module", ["signsplice.cli.commands", "click", "signsplice.cli.paper", "signsplice.motion.clip"]
+)
+def test_an_interrupt_while_the_program_starts_shows_no_traceback(folder: Path, module: str) -> None:
+    run = run_program("-c", INTERRUPTED_AT_START, "inspect", "SIGN.bvh", "--roles", module, cwd=folder)
+    assert run.returncode == 130
+    assert run.stderr.strip() == "error: interrupted; no file was left half-written"
+
+
 def test_interrupted_work_leaves_no_file_and_no_traceback(folder: Path) -> None:
     before = sorted(path.name for path in folder.iterdir())
     run = run_program("-c", INTERRUPTED, "render", "SIGN.bvh", "out.gif", cwd=folder)

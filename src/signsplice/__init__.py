@@ -4,9 +4,7 @@ The names below are all that most users need; each is imported when first used, 
 nothing.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING
-
+TYPE_CHECKING = False  # typing's own costs an import, in which an interrupt would show a traceback
 if TYPE_CHECKING:
     from signsplice.errors import FormatError, InputError, RigMismatchError, SignspliceError
     from signsplice.formats import load, save
@@ -55,6 +53,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
+    from importlib import import_module
+
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

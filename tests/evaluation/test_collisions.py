@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from signsplice.cli import app
+from signsplice.cli.commands import app
 from signsplice.evaluation import collisions
 from signsplice.splicing.collision_avoidance import avoid_collisions, depths
 from signsplice.splicing.gap import Gap

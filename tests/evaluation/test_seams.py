@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from signing import sign, word
-from signsplice.cli import app
+from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.evaluation import seams
 from signsplice.evaluation.stitcher import GAP_S, LONGEST_S, stitch

@@ -15,7 +15,7 @@ from test_paper_systems import Fakes, fake_system, tokens
 
 import signsplice as ss
 from signing import word
-from signsplice.cli import app
+from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip

@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 from toys import Fake, corpus, of_rows, row, write_bundle
 
-from signsplice import cli
+from signsplice.cli import commands
 from signsplice.cli import paper as command
 from signsplice.errors import InputError, MissingExtraError
 from signsplice.paper import clip_methods, figures, judging, kept_frames, pictures, published, results
@@ -105,7 +105,7 @@ def run(*arguments: str) -> tuple[int, str]:
 def test_tables_need_only_results(tmp_path: Path) -> None:
     results.save(measured(), tmp_path / results.FILE)
     code = (
-        "import sys, signsplice.cli as c\n"
+        "import sys, signsplice.cli.commands as c\n"
         f"c.app.main(['paper', 'table1', '--out', {str(tmp_path)!r}], standalone_mode=False)\n"
         "print(sorted({'torch', 'matplotlib', 'onnxruntime'} & set(sys.modules)))"
     )
@@ -123,7 +123,7 @@ def test_the_command_refuses_bad_inputs(tmp_path: Path) -> None:
     assert "is no corpus of pairs" in run("evaluate", "--pairs", str(tmp_path / "none"), *out)[1]
     assert "no system 'gpt'" in run("evaluate", "--system", "gpt", *out)[1]
     assert "--limit 0" in run("evaluate", "--limit", "0", *out)[1]
-    assert cli.app.commands["paper"] is command.paper
+    assert commands.app.commands["paper"] is command.paper
 
 
 def test_training_without_torch_names_the_missing_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

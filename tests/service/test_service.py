@@ -18,7 +18,7 @@ from pydantic import TypeAdapter
 from websockets.sync.client import ClientConnection
 
 from serving import PATIENCE_S, stream_client
-from signsplice.cli import app
+from signsplice.cli.commands import app
 from signsplice.errors import MissingExtraError
 from signsplice.formats import bvh, glb, parse, save
 from signsplice.lexicon import shipped

@@ -21,7 +21,7 @@ import uvicorn
 from websockets.exceptions import ConnectionClosed
 
 from serving import PATIENCE_S, http_client, raw_request, stream_client
-from signsplice.cli import app
+from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.service import work
 from signsplice.service.metrics import Metrics

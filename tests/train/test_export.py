@@ -16,7 +16,7 @@ torch = pytest.importorskip("torch")
 
 from click.testing import CliRunner  # noqa: E402
 
-from signsplice.cli import app  # noqa: E402
+from signsplice.cli.commands import app  # noqa: E402
 from signsplice.errors import InputError, SignspliceError  # noqa: E402
 from signsplice.paper import speed  # noqa: E402
 from signsplice.paper.systems import DECODINGS, PaperSystem, TwoNetworkSystem, open_bundle  # noqa: E402

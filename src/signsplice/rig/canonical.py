@@ -6,14 +6,13 @@ go back to the rig exactly; joints without a role stay as they are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, Skeleton, concatenate
+from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.arms import span_between_rests
 from signsplice.rig.canonical_map import MIRROR, ROLES, TIPS
 from signsplice.rig.info import rig_info
@@ -78,19 +77,6 @@ def canonical_motion(clip: Clip) -> CanonicalMotion:
     return CanonicalMotion(
         quats.transpose(2, 0, 1), seen[:, : len(TIPS)], seen[:, len(TIPS) :], canonical.has_role, clip.fps
     )
-
-
-def canonical_motions(clips: Sequence[Clip]) -> list[CanonicalMotion]:
-    """``canonical_motion`` of clips of one skeleton, computed in one go."""
-    whole, at, out = canonical_motion(concatenate(clips)), 0, []
-    for clip in clips:
-        own = slice(at, at := at + len(clip))
-        out.append(
-            CanonicalMotion(
-                whole.quats[own], whole.positions[own], whole.elbow_positions[own], whole.has_role, clip.fps
-            )
-        )
-    return out
 
 
 def _rotation_along(local: Float, path: tuple[tuple[int, bool], ...]) -> Float:

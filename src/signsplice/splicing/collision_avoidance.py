@@ -9,7 +9,6 @@ as deep as a straight line between its two ends is.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,25 +58,9 @@ def avoid_collisions(filled: Clip, before: Clip, after: Clip) -> ClearedTransiti
     """
     if not rig_info(filled.skeleton).has_arms:
         return ClearedTransition(filled, None, None)
-    return _lead_around(filled, before, after, _pose(_window(filled, before, after)))
-
-
-def avoid_all_collisions(gaps: Sequence[tuple[Clip, Clip, Clip]]) -> list[ClearedTransition]:
-    """``avoid_collisions`` of transitions on one skeleton, each with the signs before and after it.
-
-    All are tested in one go; most have no collision.
-    """
-    if not gaps or not rig_info(gaps[0][0].skeleton).has_arms:
-        return [ClearedTransition(filled, None, None) for filled, _, _ in gaps]
-    windows = [_window(*gap) for gap in gaps]
-    posed = _pose(concatenate(windows))
-    depth = posed.capsules.penetration()[0] * rig_info(windows[0].skeleton).sizes.unit.metres
-    ends = np.cumsum([0, *(len(window) for window in windows)])
-    cleared = []
-    for gap, start, stop in zip(gaps, ends[:-1], ends[1:], strict=True):
-        collides = _worst(depth[start:stop]) > 0.0
-        cleared.append(_lead_around(*gap, posed[start:stop]) if collides else ClearedTransition(gap[0], 0.0, 0.0))
-    return cleared
+    posed = _pose(_window(filled, before, after))
+    depth = posed.capsules.penetration()[0] * rig_info(filled.skeleton).sizes.unit.metres
+    return _lead_around(filled, before, after, posed) if _worst(depth) > 0.0 else ClearedTransition(filled, 0.0, 0.0)
 
 
 def depths(filled: Clip, before: Clip, after: Clip) -> Float:

@@ -150,8 +150,8 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Splic
 
 def stream(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Iterator[Piece]:
     """Pieces of the sentence in order, each as soon as the next clip is known; joined, they are what ``splice`` gives,
-    with two exceptions: a cutter that chooses all seams of a sentence together sees two words at a time here and may
-    choose otherwise, and a transition that fills all gaps in one pass makes the same frames up to rounding.
+    bit for bit, with one exception: a cutter that chooses all seams of a sentence together sees two words at a time
+    here. It chooses otherwise where a word would be left before it was entered.
 
     Reads ``clips`` one ahead; without any, nothing comes. Raises as ``splice`` does, at the clip that is wrong.
     """

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
-from signsplice.splicing.collision_avoidance import avoid_all_collisions
+from signsplice.splicing.collision_avoidance import avoid_collisions as lead_around
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.transition import Transition
 
@@ -39,5 +39,5 @@ def fill(transition: Transition, gaps: Sequence[Gap], avoid_collisions: bool | N
     warnings = [transition.warnings(gap) for gap in gaps]
     if not (transition.learned if avoid_collisions is None else avoid_collisions):
         return [FilledGap(new, None, lines) for new, lines in zip(made, warnings, strict=True)]
-    cleared = avoid_all_collisions([(new, gap.before, gap.after) for new, gap in zip(made, gaps, strict=True)])
+    cleared = [lead_around(new, gap.before, gap.after) for new, gap in zip(made, gaps, strict=True)]
     return [FilledGap(one.clip, one.depth, lines) for one, lines in zip(cleared, warnings, strict=True)]

@@ -6,11 +6,10 @@ clips' own joints and rate.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import islice, pairwise
+from itertools import pairwise
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from scipy.special import log_softmax
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motions
+from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motion
 from signsplice.rig.info import rig_info
 from signsplice.splicing import features
 from signsplice.splicing.bundle import read_config
@@ -26,8 +25,8 @@ from signsplice.splicing.cut import Cut, Cutter
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration, travel_law
 from signsplice.splicing.features import CONTEXT, MAX_GAP_FRAMES, MIN_GAP_FRAMES
 from signsplice.splicing.gap import Gap
-from signsplice.splicing.sessions import Sessions
-from signsplice.splicing.transition import Transition, find_transition
+from signsplice.splicing.sessions import Sessions, single
+from signsplice.splicing.transition import GapTransition, find_transition
 from signsplice.splicing.viterbi import SeamScores, best_path
 from signsplice.splicing.word_reader import WordReader, WordReading
 
@@ -35,9 +34,6 @@ Float = NDArray[np.float64]
 
 SYSTEM = "signsplice"
 NAME, FLUENT = "learned", "learned-fluent"
-MAX_BATCH = 32
-"""Gaps that are filled in one pass of the network."""
-Item = TypeVar("Item")
 
 
 def open_sessions(folder: str | Path) -> Sessions:
@@ -148,11 +144,12 @@ def _travel(leaving: NDArray[np.float32], entering: NDArray[np.float32], clip: C
     return float(distances.max()) * sizes.arm_length / sizes.shoulder_width
 
 
-class LearnedTransition(Transition):
+class LearnedTransition(GapTransition):
     """The limited Hermite curve, corrected by a network that sees the gap and eight frames on either side.
 
     End poses and end velocities stay those of the curve. Joints without a role, gaps of fewer than 2 or more than 45
-    frames at 30 a second, and rigs whose arms are not known by name follow the curve alone.
+    frames at 30 a second, and rigs whose arms are not known by name follow the curve alone. Every gap is a pass of its
+    own: 8-bit networks round by the largest number of a pass, so that a gap would depend on what it is batched with.
     """
 
     name, learned = NAME, True
@@ -162,23 +159,16 @@ class LearnedTransition(Transition):
         self.sessions = sessions
         self.base = find_transition("hermite")
 
-    def fill(self, gaps: Sequence[Gap]) -> list[Clip]:
-        """New frames for every gap, ``MAX_BATCH`` gaps in a pass."""
-        made = self.base.fill(gaps)
-        within = [k for k, gap in enumerate(gaps) if _within_limits(gap)]
-        for part in batched(within, MAX_BATCH):
-            rows = list(zip(part, _gap_features([(made[k], gaps[k]) for k in part]), strict=True))
-            longest = max(len(seen.tokens) for _, seen in rows)
-            tokens = np.zeros((len(rows), longest, features.N_TOKEN), np.float32)
-            mask = np.zeros((len(rows), longest), bool)
-            for row, (_, seen) in enumerate(rows):
-                tokens[row, : len(seen.tokens)], mask[row, : len(seen.tokens)] = seen.tokens, True
-            answers = self.sessions.run("bridge", {"tokens": tokens, "mask": mask})["turns"]
-            for answer, (k, seen) in zip(answers, rows, strict=True):
-                base = made[k]
-                deltas = features.delta_rotvecs(answer[: seen.n_gap], seen, len(base))
-                made[k] = replace(base, local_rotations=apply_deltas(base.skeleton, base.local_rotations, deltas))
-        return made
+    def between(self, gap: Gap) -> Clip:
+        """The new frames of one gap."""
+        (base,) = self.base.fill([gap])
+        if not _within_limits(gap):
+            return base
+        seen = _gap_features(base, gap)
+        inputs = {"tokens": single(seen.tokens), "mask": np.ones((1, len(seen.tokens)), bool)}
+        turns = self.sessions.run("bridge", inputs)["turns"][0]
+        deltas = features.delta_rotvecs(turns[: seen.n_gap], seen, len(base))
+        return replace(base, local_rotations=apply_deltas(base.skeleton, base.local_rotations, deltas))
 
     def warnings(self, gap: Gap) -> tuple[str, ...]:
         """A line about a gap that is too long for the network."""
@@ -194,21 +184,9 @@ def _within_limits(gap: Gap) -> bool:
     return MIN_GAP_FRAMES <= n_frames <= MAX_GAP_FRAMES and rig_info(gap.before.skeleton).has_arms
 
 
-def _gap_features(bridged: Sequence[tuple[Clip, Gap]]) -> list[features.GapFeatures]:
-    """What the network sees of gaps that a classical transition bridges."""
-    kept, joined = [], []
-    for base, gap in bridged:
-        n_context = int(np.ceil((CONTEXT + 1) / FEATURE_FPS * base.fps)) + 1
-        kept.append(gap.before[-n_context:])
-        joined.append(concatenate([kept[-1], base, gap.after[:n_context]]))
-    return [
-        features.gap_features(motion, len(before), len(base))
-        for motion, before, (base, _) in zip(canonical_motions(joined), kept, bridged, strict=True)
-    ]
-
-
-def batched(items: Iterable[Item], most: int) -> Iterator[list[Item]]:
-    """The items in order, ``most`` at a time."""
-    left = iter(items)
-    while some := list(islice(left, most)):
-        yield some
+def _gap_features(base: Clip, gap: Gap) -> features.GapFeatures:
+    """What the network sees of a gap that a classical transition bridges."""
+    n_context = int(np.ceil((CONTEXT + 1) / FEATURE_FPS * base.fps)) + 1
+    before = gap.before[-n_context:]
+    motion = canonical_motion(concatenate([before, base, gap.after[:n_context]]))
+    return features.gap_features(motion, len(before), len(base))

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from signsplice.errors import InputError
 from signsplice.splicing.bundle import BundleConfig, read_file
+from signsplice.splicing.external_data import names_other_files
 
 Array = NDArray[Any]
 
@@ -46,6 +48,11 @@ class Sessions:
             import onnxruntime
 
             content = read_file(self.folder, self.config, f"{name}.onnx")
+            if names_other_files(content):
+                raise InputError(
+                    f"{self.folder / name}.onnx: keeps weights in other files, which no hash of the bundle covers; "
+                    "export the system anew, each network in one file"
+                )
             onnxruntime.disable_telemetry_events()
             options = onnxruntime.SessionOptions()
             options.intra_op_num_threads = options.inter_op_num_threads = 1

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion.clip import Clip
-from signsplice.rig.canonical import FEATURE_FPS, CanonicalMotion, canonical_motions
+from signsplice.rig.canonical import FEATURE_FPS, CanonicalMotion, canonical_motion
 from signsplice.splicing import features
 from signsplice.splicing.features import WORD_FRAMES, CanonicalTrajectory
 from signsplice.splicing.sessions import Array, Sessions
@@ -94,12 +94,11 @@ class WordReader:
         return self._reading(p, mirror, end=True), self._reading(q, mirror, end=False)
 
     def prepare(self, clips: Sequence[Clip]) -> list[_Word]:
-        """The words of aligned clips; those that are new are brought into canonical form in one go."""
+        """The words of aligned clips; those that are new are brought into canonical form."""
         sources = [clip.source_clip or clip for clip in clips]
-        new = [clip for clip in dict.fromkeys(sources) if clip not in self._words]
-        if new:
-            for clip, motion in zip(new, canonical_motions(new), strict=True):
-                self._words[clip] = _without_long_rests(motion)
+        for clip in sources:
+            if clip not in self._words:
+                self._words[clip] = _without_long_rests(canonical_motion(clip))
         return [self._words[clip] for clip in sources]
 
     def forget(self, *clips: Clip) -> None:

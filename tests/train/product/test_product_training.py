@@ -14,7 +14,7 @@ torch = pytest.importorskip("torch")
 from click.testing import CliRunner  # noqa: E402
 
 from signing import word  # noqa: E402
-from signsplice.cli import app  # noqa: E402
+from signsplice.cli.commands import app  # noqa: E402
 from signsplice.errors import InputError  # noqa: E402
 from signsplice.splicing.bundle import read_config, write_bundle  # noqa: E402
 from signsplice.splicing.learned import LearnedCutter, LearnedDuration, open_sessions  # noqa: E402

@@ -16,7 +16,7 @@ pytest.importorskip("torch")
 import torch
 from click.testing import CliRunner
 
-from signsplice.cli import app
+from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.paper.bundles import read_all

@@ -16,7 +16,7 @@ from conftest import GOLDEN
 from other_rigs import without
 from signing import word
 from signsplice import lexicon
-from signsplice.cli import app
+from signsplice.cli.commands import app
 from signsplice.errors import InputError, SignspliceError
 from signsplice.motion.clip import concatenate
 from signsplice.rig.canonical import canonical_motion

@@ -1,0 +1,46 @@
+"""All commands in one group, and the exit status of what they raise."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import click
+
+from signsplice.cli import evaluation, files, lexicon, paper, service, showing, splicing, synth, train
+from signsplice.errors import InputError, SignspliceError
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(package_name="signsplice")
+def app() -> None:
+    """Splice mocap clips of sign-language words into one fluent animation."""
+
+
+for _room in (splicing, evaluation, files, lexicon, synth, paper, train, service, showing):
+    for _command in _room.COMMANDS:
+        app.add_command(_command)
+
+
+def run() -> tuple[str, int]:
+    """Run the command of this process: its error message, empty where there is none, and its exit status."""
+    try:
+        app.main(standalone_mode=False)
+    except click.exceptions.Exit as stop:
+        return "", stop.exit_code
+    except click.Abort:
+        raise KeyboardInterrupt from None
+    except click.ClickException as error:
+        return " ".join(error.format_message().split()), 2
+    except InputError as error:
+        return str(error), 2
+    except SignspliceError as error:
+        return str(error), 1
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return "", 1
+    except Exception as error:
+        if os.environ.get("SIGNSPLICE_DEBUG"):
+            raise
+        return f"unexpected {type(error).__name__}: {error}; set SIGNSPLICE_DEBUG=1 for a traceback", 1
+    return "", 0
