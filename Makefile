@@ -36,7 +36,8 @@ lock: | $(VENV)/bin/python     ## requirements/*.lock anew from pyproject.toml; 
 	$(BIN)/python -m venv $(VENV)/lock
 	$(VENV)/lock/bin/python -m pip install --quiet --disable-pip-version-check uv==0.13.9
 	$(COMPILE) pyproject.toml --extra dev --no-emit-package torch --output-file requirements/dev.lock
-	echo hatchling | $(COMPILE) pyproject.toml - --extra video --constraint requirements/dev.lock --output-file requirements/demo.lock
+	echo hatchling | $(COMPILE) pyproject.toml - --extra video --constraint requirements/dev.lock \
+		--output-file requirements/demo.lock
 
 unit: $(VENV)/.dev $(PAGE)     ## pytest, a process a core; each file's tests stay together
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile
