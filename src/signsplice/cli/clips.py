@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 from signsplice import formats
 from signsplice.cli.terminal import progress
 from signsplice.errors import InputError
-from signsplice.formats.atomic import check_writable, read_bytes
+from signsplice.formats.atomic import check_writable
+from signsplice.formats.reading import read_bytes
 from signsplice.render import PICTURE_SUFFIXES
 
 if TYPE_CHECKING:

@@ -77,13 +77,21 @@ class Skeleton:
                 f"skeleton: {n} names, parents {parents.shape} and offsets {self.offsets.shape} do not fit; "
                 "expected J names, (J,) and (J, 3) with J >= 1"
             )
+        if not all(isinstance(name, str) for name in self.names):
+            raise InputError("skeleton: a joint name is no text")
         if len(set(self.names)) != n:
-            twice = next(name for name in self.names if self.names.count(name) > 1)
+            twice = next(name for k, name in enumerate(self.names) if self.index[name] != k)
             raise InputError(f"skeleton: joint name {twice!r} appears twice, expected different names")
         if parents[0] != -1 or np.any(parents[1:] < 0) or np.any(parents >= np.arange(n)):
             raise InputError("skeleton: expected the root first (parent -1) and every other joint after its parent")
         if not np.isfinite(self.offsets).all():
             raise InputError("skeleton: an offset is not a finite number")
+        for site in self.end_sites:
+            if not 0 <= site.joint < n or site.offset.shape != (3,) or not np.isfinite(site.offset).all():
+                raise InputError(
+                    f"skeleton: end site of joint {site.joint} with offset {site.offset.shape}, expected one of {n} "
+                    "joints and three finite numbers"
+                )
 
     def __len__(self) -> int:
         return len(self.names)
@@ -158,6 +166,8 @@ class Clip:
             )
         if self.channels is not None and self.channels.values.shape[0] != len(q):
             raise InputError(f"{label}: {len(self.channels.values)} rows of channels for {len(q)} frames")
+        if self.channels is not None and not (len(self.channels.names) == len(self.channels.offsets) == j):
+            raise InputError(f"{label}: channels of {len(self.channels.names)} joints, expected {j}")
 
     def __len__(self) -> int:
         return len(self.local_rotations)
