@@ -4,8 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 from signsplice.errors import LimitError
+
+if TYPE_CHECKING:
+    from signsplice.motion.clip import Clip
+
+_QUATERNION_BYTES = 32
 
 
 @dataclass(frozen=True)
@@ -53,6 +59,11 @@ class ReadLimits:
             if not value <= most:  # True for NaN too
                 raise LimitError(f"{what}, expected at most {most:,.0f} {unit}", file=file)
         self.check_memory(what, n_bytes, given_bytes, file)
+
+    def check_resampling(self, clip: Clip, fps: float, speed: float = 1.0) -> None:
+        """Raise ``LimitError`` where ``resample`` would make more frames than allowed, or far more than there are."""
+        n_frames, n_joints = clip.seconds / speed * fps, len(clip.skeleton)
+        self.check_clip(n_frames, n_joints, fps, n_frames * n_joints * _QUATERNION_BYTES, clip.nbytes, clip.name)
 
     def check_memory(self, what: str, n_bytes: float, given_bytes: float, file: str = "") -> None:
         """Raise ``LimitError`` where ``what`` takes ``n_bytes`` of memory, far more than the ``given_bytes`` that it
