@@ -49,7 +49,7 @@ class ReadLimits:
         """Raise ``LimitError`` where a clip is larger than allowed; its arrays take ``n_bytes`` and come from
         ``given_bytes``.
         """
-        what = f"{n_frames:,.0f} frames of {n_joints:,} joints at {fps:g} fps"
+        what = f"{n_frames / fps:,.0f} s of {n_joints:,} joints at {fps:g} fps, {n_frames:,.0f} frames"
         for most, value, unit in (
             (self.joints, n_joints, "joints"),
             (self.fps, fps, "fps"),

@@ -108,18 +108,21 @@ def _clip(head: Any, arrays: Mapping[str, Any]) -> Clip:
     if not isinstance(head, dict) or head.get("version") != VERSION:
         found = head.get("version") if isinstance(head, dict) else None
         raise InputError(f"version {found!r:.40}, expected {VERSION}")
-    names, sites = _texts(head, "names"), head["end_joints"]
-    if not _are(sites, int) or not all(0 <= joint < len(names) for joint in sites):
-        raise InputError("end_joints: expected numbers of joints")
+    if not _are(head["names"], str) or not _are(head["end_joints"], int):
+        raise InputError("names, end_joints: expected lists of joint names and joint numbers")
+    if len(head["end_joints"]) != len(arrays["end_offsets"]):
+        raise InputError(f"{len(head['end_joints'])} end sites with {len(arrays['end_offsets'])} offsets")
     skeleton = Skeleton(
-        names=names,
+        names=tuple(head["names"]),
         parents=arrays["parents"],
         offsets=arrays["offsets"],
-        end_sites=tuple(EndSite(joint, tip) for joint, tip in zip(sites, arrays["end_offsets"], strict=True)),
-        roles=_roles(head),
+        end_sites=tuple(
+            EndSite(joint, tip) for joint, tip in zip(head["end_joints"], arrays["end_offsets"], strict=True)
+        ),
+        roles=head["roles"],
     )
-    if not (isinstance(head["name"], str) and _are([head["fps"]], int, float)):
-        raise InputError(f"name {head['name']!r:.40} at {head['fps']!r:.40} fps, expected text and a number")
+    if not _are([head["fps"]], int, float):
+        raise InputError(f"fps {head['fps']!r:.40}, expected a number")
     return Clip(
         skeleton=skeleton,
         local_rotations=arrays["local_rotations"],
@@ -136,8 +139,8 @@ def _channels(head: Mapping[str, Any], arrays: Mapping[str, Any]) -> Channels:
     if not _are(names, list) or not all(len(set(row)) == len(row) and known.issuperset(row) for row in names):
         raise InputError("channels: expected a list of different channel names for each joint")
     values, starts = arrays["channel_values"], head["starts"]
-    if not _are(starts, int) or starts != sorted(set(starts)) or not all(0 <= start < len(values) for start in starts):
-        raise InputError("starts: expected rising numbers of frames")
+    if not _are(starts, int) or starts[:1] != [0] or starts != sorted(set(starts)) or starts[-1] >= len(values):
+        raise InputError("starts: expected 0 and rising numbers of frames")
     if np.isinf(values).any():
         raise InputError("channel_values: a number is infinite")
     if not _are([head["frame_time"]], int, float):
@@ -149,21 +152,6 @@ def _channels(head: Mapping[str, Any], arrays: Mapping[str, Any]) -> Channels:
         frame_time=float(head["frame_time"]),
         starts=tuple(starts),
     )
-
-
-def _roles(head: Mapping[str, Any]) -> dict[str, str] | None:
-    roles = head["roles"]
-    if roles is None:
-        return None
-    if not isinstance(roles, dict) or not _are(list(roles.values()), str):
-        raise InputError("roles: expected role -> joint name")
-    return roles
-
-
-def _texts(head: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    if not _are(head[key], str):
-        raise InputError(f"{key}: expected a list of texts")
-    return tuple(head[key])
 
 
 def _are(values: Any, *kinds: type) -> bool:

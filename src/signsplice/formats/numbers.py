@@ -21,8 +21,8 @@ def format_rows(values: Float) -> str:
     Numbers with at most 6 digits before and 8 after the point are printed in parallel, without superfluous zeros; rows
     with any other number are printed with Python's ``repr``.
     """
-    scaled = np.abs(values) * 10.0**_FRACTION
-    whole = np.rint(scaled)
+    with np.errstate(over="ignore"):  # what overflows is not plain
+        whole = np.rint(np.abs(values) * 10.0**_FRACTION)
     plain = (whole < 10.0 ** (_WHOLE + _FRACTION)) & (whole / 10.0**_FRACTION == np.abs(values))
     if not plain.all():
         return "\n".join(
