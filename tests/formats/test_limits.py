@@ -100,11 +100,11 @@ BOMBS: dict[str, tuple[str, Callable[[], bytes], str]] = {
         "",
     ),
     "keys far apart": ("a.glb", lambda: animated([{}], (0.0, 160_000.0)), "expected at most 86,400 seconds"),
-    "keys apart": ("a.glb", lambda: animated(chain(500), (0.0, 2_000.0)), "MB of memory, expected at most 1"),
+    "keys apart": ("a.glb", lambda: animated(chain(500), (0.0, 2_000.0)), "MB of memory, expected at most 5"),
     "a chain of joints": ("a.bvh", lambda: deep(20_000).encode(), "joints nest deeper than 256"),
     "many joints": ("a.bvh", lambda: wide(20_000).encode(), "more than 1024 joints"),
     "words in a line": ("a.bvh", lambda: wide(9000).replace("\n", " ").encode(), "more than 50000 words in one line"),
-    "frames of joints that do not move": ("a.bvh", lambda: held_still(50_000), "MB of memory, expected at most 1"),
+    "frames of joints that do not move": ("a.bvh", lambda: held_still(50_000), "MB of memory, expected at most 5"),
     "seconds": ("a.bvh", lambda: VALID.replace("0.04", "1e6").encode(), "expected at most 86,400 seconds"),
     "a frame rate": ("a.bvh", lambda: VALID.replace("0.04", "1e-9").encode(), "expected at most 1,000 fps"),
     "numbers in a line": (
@@ -192,7 +192,7 @@ def test_a_slow_clip_is_not_resampled_without_bound() -> None:
     clip = random_clip(0, n_frames=3)
     slow = replace(clip, fps=1e-3)
     options = SpliceOptions(cutter="ends", transition="slerp", duration="fixed")
-    for fps, message in ((1e-6, "expected at most 86,400 seconds"), (1e-3, "MB of memory, expected at most 17 MB")):
+    for fps, message in ((1e-6, "expected at most 86,400 seconds"), (1e-3, "MB of memory, expected at most 50 MB")):
         with pytest.raises(LimitError, match=message):
             splice([clip, replace(clip, fps=fps)], options)
     small = replace(options, limits=replace(NO_LIMITS, frames=1000))
