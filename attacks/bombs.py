@@ -163,6 +163,7 @@ def bombs(folder: Path) -> Iterator[tuple[str, str, list[str]]]:
     # row 4: time that grows with the square of the number of nodes
     yield inspect("4", "chain of 3,000 nodes", "a.glb", animated(chain(3000)))
     yield inspect("4", "chain of 20,000 nodes", "a.glb", animated(chain(20_000)))
+    yield "4", "the same with --no-limits", ["inspect", str(folder / "a.glb"), "--no-limits"]
     skins = [{"joints": [0, 1, 2]}]
     yield inspect("4", "chain of 20,000 nodes, 3 of them joints", "a.glb", animated(chain(20_000), skins=skins))
     same: list[dict[str, Any]] = [{"name": "x", "children": [*range(1, 1024)]}, *({"name": "x"} for _ in range(1023))]

@@ -27,6 +27,7 @@ from signsplice.formats import encode, load, parse, save
 from signsplice.formats.limits import DEFAULT_LIMITS, NO_LIMITS
 from signsplice.formats.reading import format_errors, read_bytes
 from signsplice.motion.clip import resample
+from signsplice.rig.info import rig_info
 from signsplice.splicing.engine import SpliceOptions, splice
 
 SECONDS = 5.0
@@ -173,7 +174,12 @@ def test_a_chain_of_nodes_is_read_in_linear_time(tmp_path: Path) -> None:
     (tmp_path / "a.glb").write_bytes(animated(chain(20_000), skins=[{"joints": [0, 1, 2]}]))
     assert load(tmp_path / "a.glb").skeleton.names == ("x", "x 2", "x 3")
     (tmp_path / "a.glb").write_bytes(animated(chain(4000), skins=[{"joints": [3998, 3999]}]))
-    assert len(load(tmp_path / "a.glb", NO_LIMITS).skeleton) == 4000
+    lifted = load(tmp_path / "a.glb", NO_LIMITS)
+    assert len(lifted.skeleton) == 4000
+    tracemalloc.start()
+    assert rig_info(lifted.skeleton).roles.rig == "unknown"
+    assert tracemalloc.get_traced_memory()[1] < 16 << 20
+    tracemalloc.stop()
     assert time.process_time() - began < 4 * SECONDS
 
 
