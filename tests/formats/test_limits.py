@@ -21,7 +21,7 @@ from click.testing import CliRunner
 
 from broken_bvh import VALID, deep, wide
 from conftest import random_clip
-from signsplice.cli import app
+from signsplice.cli.commands import app
 from signsplice.errors import FormatError, InputError, LimitError
 from signsplice.formats import encode, load, parse, save
 from signsplice.formats.limits import DEFAULT_LIMITS, NO_LIMITS
