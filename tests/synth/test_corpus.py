@@ -285,7 +285,7 @@ def test_a_folder_of_something_else_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file: is there already"):
         write_pairs(SMALL, tmp_path / "file", processes=1)
-    with pytest.raises(InputError, match=r"is there already and has no corpus\.json"):
+    with pytest.raises(InputError, match="is a mount point, which cannot be replaced; name a folder within it"):
         write_pairs(SMALL, Path("/"), processes=1)
 
 

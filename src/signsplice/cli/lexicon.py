@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from signsplice.cli.clips import check_apart
 from signsplice.cli.terminal import progress, warn
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ def build(folder: str, output: str, compact: bool, signer: str, roles: str | Non
     """
     from signsplice import lexicon as lexicons
 
+    check_apart(output, [roles])
     joint_of = _read_roles(roles)
     with progress(f"building {Path(output).name}") as advance:
         built = lexicons.build(

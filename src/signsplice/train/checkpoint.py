@@ -5,6 +5,7 @@ No state of random generators is stored, because batches, noise and dropout are 
 
 from __future__ import annotations
 
+import io
 import pickle
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,8 +24,10 @@ NAME = "checkpoint.pt"
 def save(folder: Path, step: int, network: nn.Module, optimiser: torch.optim.Optimizer, recipe: str) -> None:
     """Write the state after ``step`` steps."""
     state = {"step": step, "recipe": recipe, "network": network.state_dict(), "optimiser": optimiser.state_dict()}
+    content = io.BytesIO()  # torch reports a full disk as a fault of its own
+    torch.save(state, content)
     with replacing(folder / NAME) as temporary:
-        torch.save(state, temporary)
+        temporary.write_bytes(content.getbuffer())
 
 
 def load(folder: Path, network: nn.Module, optimiser: torch.optim.Optimizer | None, recipe: str) -> int:
