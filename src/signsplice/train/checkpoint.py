@@ -6,7 +6,6 @@ No state of random generators is stored, because batches, noise and dropout are 
 from __future__ import annotations
 
 import io
-import pickle
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -66,6 +65,6 @@ def load_weights(folder: Path, network: nn.Module) -> None:
 def _readable(path: Path) -> Iterator[None]:
     try:
         yield
-    except (RuntimeError, KeyError, ValueError, OSError, EOFError, pickle.UnpicklingError) as error:
-        reason = str(error).splitlines()[0]
+    except Exception as error:  # a damaged file may raise anything
+        reason = (str(error) or type(error).__name__).splitlines()[0]
         raise InputError(f"{path}: cannot be read ({reason}); remove it to start again from step 0") from error
