@@ -67,7 +67,7 @@ class _Faults:
 
         setattr(os, "open", faulty_open)  # noqa: B010
         setattr(atomic, "_exchange", self.wrapped(atomic._exchange))  # noqa: B010
-        io.open = builtins.open = self.opened(io.open)  # type: ignore[assignment]
+        io.open = builtins.open = self.opened(io.open)
 
 
 class _FaultyFile:

@@ -107,9 +107,7 @@ def build(
     check_target(output)
     read, made = Path(folder).resolve(), Path(output).resolve()
     if made.is_relative_to(read) or read.is_relative_to(made):
-        raise InputError(
-            f"{output}: and {folder}, which is read, lie in one another; name another folder for the lexicon"
-        )
+        raise InputError(f"{output}: lies in {folder}, which is read, or contains it; name another folder")
     sources, faults = find_sources(folder, signer)
     if faults:
         more = f" (and {len(faults) - 1} more: `signsplice lexicon check {folder}`)" if len(faults) > 1 else ""
