@@ -119,13 +119,13 @@ def outcome(call: Callable[[], object], at: int, code: int | None = None) -> int
 
 
 def every_operation(
-    prepare: Callable[[int], object], call: Callable[[int], object], code: int | None = None
+    prepare: Callable[[int], object], call: Callable[[int], object], code: int | None = None, step: int = 1
 ) -> Iterator[tuple[int, int]]:
-    """Number and outcome of ``call(number)`` with a fault at each of its operations in turn.
+    """Number and outcome of ``call(number)`` with a fault at each of its operations in turn, or every ``step``-th.
 
     prepare: called with the number before, without a fault.
     """
-    for at in count(1):
+    for at in count(1, step):
         prepare(at)
         status = outcome(lambda at=at: call(at), at, code)  # type: ignore[misc]
         if status == NO_SUCH_OPERATION:
