@@ -18,6 +18,7 @@ SOURCE = ROOT / "src" / "signsplice"
 
 FLOORS = {
     "errors": 0,
+    "children": 0,
     "motion": 1,
     "rig": 2,
     "body": 3,

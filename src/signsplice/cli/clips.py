@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
+from os.path import samestat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -64,8 +65,8 @@ def with_roles(clips: Sequence[Clip], roles: str) -> list[Clip]:
     return [roles_file.with_roles(clip, joint_of) for clip in clips]
 
 
-def check_outputs(output: str, report: str | None = None) -> None:
-    """Raise ``InputError`` for outputs that cannot be written, before any work is done."""
+def check_outputs(output: str, report: str | None = None, inputs: Iterable[str | Path | None] = ()) -> None:
+    """Raise ``InputError`` for outputs that cannot be written or are ``inputs``, before any work is done."""
     if Path(output).suffix.lower() not in PICTURE_SUFFIXES:
         formats.check_suffix(output)
     if report is not None and Path(report).resolve() == Path(output).resolve():
@@ -73,6 +74,27 @@ def check_outputs(output: str, report: str | None = None) -> None:
     for path in (output, report):
         if path is not None:
             check_writable(path)
+            check_apart(path, inputs)
+
+
+def check_apart(output: str, inputs: Iterable[str | Path | None]) -> None:
+    """Raise ``InputError`` where an output is one of the inputs, by whatever name or link, a file in an input folder,
+    or a folder that holds an input.
+    """
+    for source in inputs:
+        if source and _is_read(Path(output), Path(source)):
+            raise InputError(f"{output}: would overwrite what is read from {source}; name another output")
+
+
+def _is_read(output: Path, source: Path) -> bool:
+    try:
+        written, read = output.stat(), source.stat()
+        if output.is_dir():
+            return source.resolve().is_relative_to(output.resolve())
+        files = source.iterdir() if source.is_dir() else ()
+        return samestat(written, read) or any(samestat(written, file.stat()) for file in files if file.is_file())
+    except OSError:  # nothing is there to be overwritten, or to be read
+        return False
 
 
 def write(clip: Clip, output: str, spans: Spans = (), view: str = "front", size: tuple[int, int] | None = None) -> None:

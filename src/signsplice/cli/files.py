@@ -44,7 +44,7 @@ def inspect(file: str, as_json: bool, roles: str | None) -> None:
 @reads_clips
 def convert(source: str, output: str) -> None:
     """Turn one file into another, by suffix."""
-    check_outputs(output)
+    check_outputs(output, inputs=[source])
     clip = load(source)
     write(clip, output)
     print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
@@ -64,7 +64,7 @@ def render(source: str, output: str, report: str | None, view: str, size: str | 
     if Path(output).suffix.lower() not in PICTURE_SUFFIXES:
         expected = f"expected a name that ends in {', '.join(PICTURE_SUFFIXES)}"
         raise InputError(f"{output}: {expected}; use convert for other files")
-    check_outputs(output)
+    check_outputs(output, inputs=[source, report])
     clip = load(source)
     spans = _reported_spans(report, len(clip)) if report is not None else ()
     write(clip, output, spans, view, None if size is None else _size(size))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import limits, reads_clips
+from signsplice.cli.clips import check_apart, limits, reads_clips
 from signsplice.cli.terminal import progress, warn
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ def build(folder: str, output: str, compact: bool, signer: str, roles: str | Non
     """
     from signsplice import lexicon as lexicons
 
+    check_apart(output, [roles])
     joint_of = _read_roles(roles)
     with progress(f"building {Path(output).name}") as advance:
         built = lexicons.build(

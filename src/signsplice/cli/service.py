@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import load, read_report, reads_clips
+from signsplice.cli.clips import check_apart, load, read_report, reads_clips
 from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -102,6 +102,7 @@ def view(
         if Path(output).suffix.lower() not in (".html", ".htm"):
             raise InputError(f"{output}: expected a name that ends in .html")
         check_writable(output)
+        check_apart(output, [*files, *reports, roles])
     scenes = []
     for number, file in enumerate(files):
         clip = load(file, roles)

@@ -84,7 +84,7 @@ def splice(clips: tuple[str, ...], output: str, report: str | None, roles: str |
     """Join clips in order into one continuous animation."""
     from signsplice.splicing import engine
 
-    check_outputs(output, report)
+    check_outputs(output, report, [*clips, roles, *_networks(**method_options)])
     options = _splice_options(**method_options)
     began = time.perf_counter()
     loaded = [load(path, roles) for path in clips]
@@ -112,10 +112,11 @@ def sentence(
     from signsplice.lexicon.sentence import parse
     from signsplice.splicing import engine
 
-    check_outputs(output, report)
+    check_outputs(output, report, [roles, *_networks(**method_options)])
     options = _splice_options(**method_options)
     began = time.perf_counter()
     with open_words(lexicon) as words:
+        check_outputs(output, report, [words.path])
         units = parse(" ".join(glosses), words, spell=not no_spell)
         line = [gloss for unit in units for gloss in unit.glosses]
         clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(line)}
@@ -145,6 +146,15 @@ def _splice_options(transition_time: str, cutter: str | None, transition: str | 
     )
     choose(options.cutter, options.transition, options.duration, options.bundle)
     return options
+
+
+def _networks(
+    bundle: str | None, cutter: str | None = None, transition: str | None = None, **_: Any
+) -> list[str | Path | None]:
+    """Folders of the networks that a call may read."""
+    from signsplice.splicing.methods import WEIGHTS
+
+    return [bundle or WEIGHTS, cutter, transition]
 
 
 def _method(name: str | None) -> Any:
@@ -201,7 +211,7 @@ def inbetween(
     """Make frames of a clip anew from those around them; all other frames stay as they are."""
     from signsplice.splicing.inbetween import inbetween as fill_gaps
 
-    check_outputs(output, report)
+    check_outputs(output, report, [clip, roles, *_networks(bundle, transition=transition)])
     ranges = [_gap(text) for text in gaps]
     began = time.perf_counter()
     loaded = load(clip, roles)

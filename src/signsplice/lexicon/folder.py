@@ -103,9 +103,13 @@ def build(
 
     compact: int16 rotations, half the size. signer: of clips for which the table names none. roles: role -> joint name,
     for rigs that are not recognised by joint names. skip_broken: leave out broken clips, with a warning each, rather
-    than stop at the first. limits: of each clip. Raises ``InputError``; then nothing has changed at ``output``.
+    than stop at the first. limits: of each clip. Raises ``InputError``, also where one of the folders lies in the
+    other; then nothing has changed at ``output``.
     """
     check_target(output)
+    read, made = Path(folder).resolve(), Path(output).resolve()
+    if made.is_relative_to(read) or read.is_relative_to(made):
+        raise InputError(f"{output}: lies in {folder}, which is read, or contains it; name another folder")
     sources, faults = find_sources(folder, signer)
     if faults:
         more = f" (and {len(faults) - 1} more: `signsplice lexicon check {folder}`)" if len(faults) > 1 else ""
