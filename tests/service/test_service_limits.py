@@ -27,7 +27,8 @@ from signsplice.service import work
 from signsplice.service.metrics import Metrics
 from signsplice.service.settings import Settings
 from signsplice.service.streaming import StreamSession
-from signsplice.service.workers import BusyError, WorkerProcess
+from signsplice.service.worker_process import BusyError, WorkerLostError
+from signsplice.service.workers import Worker
 
 
 @pytest.fixture(scope="module")
@@ -88,25 +89,36 @@ class FakeSocket:
         self.sent.append(json.loads(text))
 
 
-class SlowWorker:
-    """A worker that needs longer for a word than a stream may be idle."""
+class SlowProcess:
+    """A worker process that needs longer for a word than a stream may be idle."""
 
-    generation = 0
+    def __init__(self) -> None:
+        self.ended = asyncio.Event()
 
     async def run(self, job: Callable[..., Any], *args: object) -> Any:
         if job is work.read_token:
             return ["HELLO"], []
-        if job is work.add_word:
-            await asyncio.sleep(1.0)
-            return [{"type": "skeleton"}]
-        return None
+        await asyncio.sleep(1.0)
+        return [{"type": "skeleton"}]
+
+    def post(self, job: Callable[..., Any], *args: object) -> None: ...
+
+
+class SlowWorker:
+    """The place of such a process."""
+
+    async def begin(self, job: Callable[..., Any], *args: object) -> tuple[SlowProcess, None]:
+        return SlowProcess(), None
 
 
 def test_a_stream_is_not_idle_while_the_service_works() -> None:
     socket = FakeSocket()
-    settings = Settings(stream_idle_seconds=0.3)
-    metrics = Metrics(lambda: 0, lambda: 0)
-    asyncio.run(StreamSession(socket, settings, SlowWorker(), metrics).run())  # type: ignore[arg-type]
+
+    async def stream() -> None:
+        metrics = Metrics(lambda: 0, lambda: 0)
+        await StreamSession(socket, Settings(stream_idle_seconds=0.3), SlowWorker(), metrics).run()  # type: ignore[arg-type]
+
+    asyncio.run(stream())
     assert [message["type"] for message in socket.sent] == ["skeleton", "error"]
     assert "nothing came for 0.3 s" in socket.sent[1]["error"]
 
@@ -137,43 +149,72 @@ def runner() -> Iterator[asyncio.Runner]:
 
 
 @pytest.fixture(scope="module")
-def worker(runner: asyncio.Runner) -> Iterator[WorkerProcess]:
-    worker = WorkerProcess(Settings(), skin=False)
+def worker(runner: asyncio.Runner) -> Iterator[Worker]:
+    async def start() -> Worker:
+        worker = Worker(Settings(), skin=False)
+        await worker.run(os.getpid)
+        return worker
+
+    worker = runner.run(start())
     yield worker
     worker.close()
 
 
+def limited(worker: Worker, **limits: float) -> None:
+    """Change the limits of a worker's process; the next process has the default ones."""
+    worker._process._settings = Settings(**limits)  # type: ignore[arg-type]
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="the time of a process is known on Linux only")
-def test_time_in_which_a_job_does_not_work_is_free(runner: asyncio.Runner, worker: WorkerProcess) -> None:
+def test_time_in_which_a_job_does_not_work_is_free(runner: asyncio.Runner, worker: Worker) -> None:
     """As on a loaded machine, where a job waits for the processor."""
-    worker._settings = Settings(work_seconds=0.3)
-    pid = runner.run(worker.run(work.process_id))
+    limited(worker, work_seconds=0.3)
+    pid = runner.run(worker.run(os.getpid))
     runner.run(worker.run(time.sleep, 1.0))
-    assert runner.run(worker.run(work.process_id)) == pid
+    assert runner.run(worker.run(os.getpid)) == pid
 
 
-def test_a_worker_that_died_while_idle_fails_no_job(runner: asyncio.Runner, worker: WorkerProcess) -> None:
-    worker._settings = Settings()
-
-    async def is_gone(pid: int) -> None:
-        while True:
-            try:
-                os.kill(pid, 0)
-            except ProcessLookupError:
-                return
-            await asyncio.sleep(0.02)
-
-    before, n_lost = runner.run(worker.run(work.process_id)), worker.n_lost
-    os.kill(before, signal.SIGKILL)
-    runner.run(asyncio.wait_for(is_gone(before), PATIENCE_S))
-    assert runner.run(worker.run(work.process_id)) != before
+def test_a_worker_that_ends_while_idle_is_replaced_before_the_next_job(runner: asyncio.Runner, worker: Worker) -> None:
+    process, n_lost = worker._process, worker.n_lost
+    os.kill(process.pid, signal.SIGKILL)
+    runner.run(asyncio.wait_for(process.ended.wait(), PATIENCE_S))
     assert worker.n_lost == n_lost + 1
+    assert worker._process is not process
+    assert runner.run(worker.run(os.getpid)) == worker._process.pid != process.pid
 
 
-def test_a_blocked_job_is_ended(runner: asyncio.Runner, worker: WorkerProcess) -> None:
-    worker._settings = Settings()
-    runner.run(worker.run(work.process_id))  # its start takes longer than the limit below
-    worker._settings, n_lost = Settings(work_wall_seconds=0.5), worker.n_lost
+def test_a_job_waits_for_the_next_process_where_one_is_killed_while_it_starts(
+    runner: asyncio.Runner, worker: Worker
+) -> None:
+    async def kill_two() -> int:
+        worker._process.kill()
+        job = asyncio.create_task(worker.run(os.getpid))
+        await asyncio.sleep(0.1)
+        starting = worker._process
+        assert not starting.is_ready
+        os.kill(starting.pid, signal.SIGKILL)
+        return await job
+
+    assert runner.run(asyncio.wait_for(kill_two(), PATIENCE_S)) == worker._process.pid
+
+
+def test_a_job_whose_process_is_killed_fails_at_once(runner: asyncio.Runner, worker: Worker) -> None:
+    async def kill() -> None:
+        job = asyncio.create_task(worker.run(time.sleep, PATIENCE_S))
+        while worker._process._answer is None or worker._process._answer.done():
+            await asyncio.sleep(0.01)
+        os.kill(worker._process.pid, signal.SIGKILL)
+        with pytest.raises(WorkerLostError, match="replaced"):
+            await job
+
+    runner.run(worker.run(os.getpid))
+    runner.run(asyncio.wait_for(kill(), PATIENCE_S / 2))
+
+
+def test_a_blocked_job_is_ended(runner: asyncio.Runner, worker: Worker) -> None:
+    runner.run(worker.run(os.getpid))  # its start takes longer than the limit below
+    limited(worker, work_wall_seconds=0.5)
+    n_lost = worker.n_lost
     with pytest.raises(BusyError, match=r"not done after 0\.5 s"):
         runner.run(worker.run(time.sleep, PATIENCE_S))
     assert worker.n_lost == n_lost + 1
