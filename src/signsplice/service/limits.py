@@ -125,7 +125,8 @@ class _LimitedReceive:
         settings = self._limits.settings
         remaining = self._start + settings.body_seconds - time.monotonic()
         try:
-            message = await asyncio.wait_for(self._receive(), max(0.0, min(settings.idle_seconds, remaining)))
+            async with asyncio.timeout(max(0.0, min(settings.idle_seconds, remaining))):
+                message = await self._receive()
         except TimeoutError:
             raise HTTPException(408, "the body came too slowly; send it again", _CLOSE) from None
         if message["type"] != "http.request":
@@ -158,4 +159,5 @@ class _LimitedSend:
             headers = MutableHeaders(scope=message)
             for name, value in _HEADERS.items():
                 headers.setdefault(name, value)
-        await asyncio.wait_for(self._send(message), self._seconds)
+        async with asyncio.timeout(self._seconds):
+            await self._send(message)

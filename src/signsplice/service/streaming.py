@@ -117,7 +117,8 @@ class StreamSession:
 
     async def _receive(self, seconds: float) -> ClientMessage:
         """The client's next message. Raises ``_RefusedError``, ``WebSocketDisconnect`` and ``TimeoutError``."""
-        event = await asyncio.wait_for(self._socket.receive(), seconds)
+        async with asyncio.timeout(seconds):  # not wait_for, which in Python 3.11 can swallow a cancellation
+            event = await self._socket.receive()
         if event["type"] == "websocket.disconnect":
             raise WebSocketDisconnect(event.get("code", GOING_AWAY))
         self._last_activity = time.monotonic()
@@ -213,9 +214,9 @@ class StreamSession:
                 self._metrics.frames.inc()
 
     async def _deliver(self, message: dict[str, Any] | bytes) -> None:
-        if isinstance(message, bytes):
-            sending = self._socket.send_bytes(message)
-        else:
-            sending = self._socket.send_text(to_json(message).decode())
-        await asyncio.wait_for(sending, self._settings.idle_seconds)
+        async with asyncio.timeout(self._settings.idle_seconds):
+            if isinstance(message, bytes):
+                await self._socket.send_bytes(message)
+            else:
+                await self._socket.send_text(to_json(message).decode())
         self._last_activity = time.monotonic()

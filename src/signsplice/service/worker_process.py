@@ -35,6 +35,10 @@ class NotStartedError(WorkerLostError):
     """A worker process ended before it began a job, which another process can do."""
 
 
+def _not_started() -> NotStartedError:
+    return NotStartedError("the process that was to work on this ended; it was replaced")
+
+
 class WorkerProcess:
     """One process. It starts, is ready, and ends: killed by ``kill``, by a limit, or by something outside.
 
@@ -55,6 +59,7 @@ class WorkerProcess:
         self._lock = asyncio.Lock()
         self._jobs: set[asyncio.Task[Any]] = set()
         self._answer: asyncio.Future[tuple[bool, Any]] | None = None
+        self._has_begun = False
         self.is_ready, self.ended, self._started = False, asyncio.Event(), asyncio.Event()
         self._start_limit = self._loop.call_later(settings.work_wall_seconds, self.kill)
         context = get_context("spawn")
@@ -84,7 +89,8 @@ class WorkerProcess:
             self._loop.call_soon_threadsafe(self._end)
 
     def _take(self, answer: tuple[bool, Any] | None) -> None:
-        if answer is None:
+        if answer is None:  # the process is ready, or has begun a job
+            self._has_begun = self.is_ready
             self.is_ready = True
             self._started.set()
             self._start_limit.cancel()
@@ -94,7 +100,8 @@ class WorkerProcess:
     def _end(self) -> None:
         if self.ended.is_set():
             return
-        self._take((False, WorkerLostError("the process that worked on this ended; it was replaced")))
+        error = WorkerLostError("the process that worked on this ended; it was replaced")
+        self._take((False, error if self._has_begun else _not_started()))
         self.ended.set()
         self._started.set()
         self._start_limit.cancel()
@@ -127,8 +134,8 @@ class WorkerProcess:
         async with self._lock:
             await self._started.wait()
             if self.ended.is_set():
-                raise NotStartedError("the process that was to work on this ended; it was replaced")
-            self._answer = self._loop.create_future()
+                raise _not_started()
+            self._answer, self._has_begun = self._loop.create_future(), False
             try:
                 async with asyncio.timeout(self._settings.work_wall_seconds):
                     done, result = await self._within_work_time(self._answer, (job, args))
@@ -151,7 +158,7 @@ class WorkerProcess:
             await asyncio.to_thread(self._pipe.send, request)  # in a thread, since uploads are long
         except OSError:
             self.kill()
-            raise NotStartedError("the process that was to work on this ended; it was replaced") from None
+            raise _not_started() from None
         while not (await asyncio.wait({answer}, timeout=_CHECK_SECONDS))[0]:
             if work_time.seconds() > self._settings.work_seconds:
                 self.kill()
@@ -161,7 +168,10 @@ class WorkerProcess:
 
 
 def _do_jobs(pipe: Connection, settings: Settings, skin: bool) -> None:
-    """What the process does: start, say that it is ready, then a job at a time until the service is gone."""
+    """What the process does until the service is gone: start, then a job at a time.
+
+    It sends None when it is ready and when it has begun a job, and whether a job was done with its result or error.
+    """
     work.start_worker(settings)
     with suppress(Exception):  # if it is the lexicon's fault, jobs report it
         work.warm_up(skin)
@@ -169,6 +179,7 @@ def _do_jobs(pipe: Connection, settings: Settings, skin: bool) -> None:
         pipe.send(None)
         while True:
             job, args = pipe.recv()
+            pipe.send(None)
             try:
                 answer = (True, job(*args))
             except (SignspliceError, MemoryError) as error:
