@@ -18,7 +18,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from urllib.parse import urlsplit
 
-from serving import Seen, paced_stream, serving, watch_health
+from service_callers import Seen, paced_stream, serving, watch_health
 
 _SECONDS = 10.0
 """How long a flood runs at most."""

@@ -127,6 +127,7 @@ def create(settings: Settings, scenes: Sequence[Mapping[str, Any]] = ()) -> Fast
         docs_url=None,
         redoc_url=None,
     )
+    app.state.service = service
     _add_state_routes(app, service)
     _add_work_routes(app, service)
     _add_docs(app)

@@ -266,22 +266,22 @@ class LimitedWebSocketProtocol(WebSocketsSansIOProtocol):
             self._n_idle_frames, self._window_start = 0, now
         self._n_idle_frames += 1
         if self._n_idle_frames > self.settings.max_idle_frames and not self.transport.is_closing():
-            if self.close_sent:
+            if self.conn.state is State.OPEN:
+                self._send_error("too many pings, pongs and fragments")
+                self.conn.fail(_POLICY_VIOLATION, "too many pings, pongs and fragments")
+                self.handle_parser_exception()
+            else:
                 self.transport.close()
-                return
-            self._send_error("too many pings, pongs and fragments")
-            self.conn.fail(_POLICY_VIOLATION, "too many pings, pongs and fragments")
-            self.handle_parser_exception()
 
     def _send_error(self, reason: str) -> None:
         self.conn.send_text(json.dumps({"type": "error", "error": reason, "unknown": {}}).encode())
 
     def shutdown(self) -> None:
         """Tell the client that the service stops, and close."""
-        if self.handshake_complete and not self.close_sent:
-            if self.conn.state is not State.OPEN:
-                self.transport.close()
-                return
+        if self.conn.state is State.CLOSING:
+            self.transport.close()
+            return
+        if self.conn.state is State.OPEN:
             self._send_error("the service stops; open the stream again later")
         super().shutdown()
 

@@ -48,7 +48,7 @@ class Seen:
     """What honest callers saw.
 
     health: seconds that each call of /healthz took; a call that failed counts as its time limit.
-    late: seconds that each paced frame came late, counted from its stream's first frame.
+    late: seconds that each paced frame came late, after the clock that the stream's earliest frame sets.
     faults: what did not work.
     """
 
@@ -98,7 +98,7 @@ async def paced_stream(address: str, seen: Seen, until: float, offset: int = 0) 
         await socket.send(json.dumps({"type": "word", "gloss": WORDS[sent % len(WORDS)]}))
         sent += 1
 
-    zero = 0.0
+    zeros: list[float] = []  # when each frame says that the stream began
     try:
         async with connect(stream_address(address), compression=None, max_size=None, ping_interval=None) as socket:
             await socket.send('{"type": "open", "paced": true}')
@@ -108,9 +108,7 @@ async def paced_stream(address: str, seen: Seen, until: float, offset: int = 0) 
                 message = await asyncio.wait_for(socket.recv(), 60.0)
                 now = time.monotonic()
                 if isinstance(message, bytes):
-                    frame = int.from_bytes(message[4:8], "little")
-                    zero = now if frame == 0 else zero
-                    seen.late.append(now - zero - frame / _FPS)
+                    zeros.append(now - int.from_bytes(message[4:8], "little") / _FPS)
                     continue
                 told = json.loads(message)
                 if told["type"] == "error":
@@ -120,3 +118,4 @@ async def paced_stream(address: str, seen: Seen, until: float, offset: int = 0) 
                         await send_word(socket)
     except (ConnectionClosed, OSError, TimeoutError) as error:
         seen.faults.append(f"a stream ended: {type(error).__name__}")
+    seen.late += [zero - min(zeros) for zero in zeros]
