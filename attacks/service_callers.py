@@ -74,19 +74,20 @@ def stream_address(address: str) -> str:
 
 
 async def watch_health(address: str, seen: Seen, until: float, every: float = 0.1, patience: float = 60.0) -> None:
-    """Ask /healthz on a new connection each time, until a time of ``time.monotonic``."""
-    while time.monotonic() < until:
-        start = time.monotonic()
-        try:
-            async with httpx.AsyncClient(timeout=patience) as client:
-                start = time.monotonic()  # not the making of the client
-                answer = await client.get(f"{address}/healthz")
-            if answer.status_code != 200:
-                seen.faults.append(f"/healthz {answer.status_code}")
-        except httpx.HTTPError as error:
-            seen.faults.append(f"/healthz {type(error).__name__}")
-        seen.health.append(time.monotonic() - start)
-        await asyncio.sleep(every)
+    """Ask /healthz, on a new connection each time, until a time of ``time.monotonic``."""
+    limits = httpx.Limits(max_keepalive_connections=0)
+    async with httpx.AsyncClient(base_url=address, timeout=patience, limits=limits) as client:
+        await client.get("/healthz")  # imports what it needs
+        while time.monotonic() < until:
+            start = time.monotonic()
+            try:
+                answer = await client.get("/healthz")
+                if answer.status_code != 200:
+                    seen.faults.append(f"/healthz {answer.status_code}")
+            except httpx.HTTPError as error:
+                seen.faults.append(f"/healthz {type(error).__name__}")
+            seen.health.append(time.monotonic() - start)
+            await asyncio.sleep(every)
 
 
 async def paced_stream(address: str, seen: Seen, until: float, offset: int = 0) -> None:

@@ -53,6 +53,7 @@ class LimitedHttpProtocol(HttpToolsProtocol):
     """
 
     settings: Settings
+    client_name = ""
     _timer: asyncio.TimerHandle | None = None
     _n_bytes = 0
     """Bytes of the request that came so far and are not body."""
@@ -62,6 +63,7 @@ class LimitedHttpProtocol(HttpToolsProtocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Start the clock, or refuse a connection too many."""
         super().connection_made(transport)
+        self.client_name = client_of(self.client[0] if self.client else None)
         self._start_clock(self.settings.head_seconds)
         if len(self.connections) > self.settings.max_connections:
             for other in list(self.connections):
@@ -73,12 +75,9 @@ class LimitedHttpProtocol(HttpToolsProtocol):
 
     def _n_of_client(self) -> int:
         """Connections of this client; none is counted for a trusted proxy, which has many clients."""
-        address = self.client[0] if self.client else None
-        if address in self.settings.proxies:
+        if self.client_name in self.settings.proxies:
             return 0
-        client = client_of(address)
-        peers = (getattr(other, "client", None) for other in self.connections)
-        return sum(client == client_of(peer[0]) for peer in peers if peer)
+        return sum(self.client_name == getattr(other, "client_name", None) for other in self.connections)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop the clock."""
@@ -202,6 +201,7 @@ class LimitedWebSocketProtocol(WebSocketsSansIOProtocol):
     """
 
     settings: Settings
+    client_name = ""
 
     def __init__(self, *args: Any, **keywords: Any) -> None:
         super().__init__(*args, **keywords)
@@ -209,6 +209,11 @@ class LimitedWebSocketProtocol(WebSocketsSansIOProtocol):
         self._unparsed = bytearray()
         self._step: asyncio.Handle | None = None
         self._n_idle_frames, self._window_start = 0, 0.0
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Take a connection over from HTTP."""
+        super().connection_made(transport)
+        self.client_name = client_of(self.client[0] if self.client else None)
 
     def data_received(self, data: bytes) -> None:
         """Parse data: a step now, the others in later turns of the event loop."""
