@@ -99,16 +99,16 @@ def _many_connections(host: str, port: int, until: float) -> str:
                 held.append(socket.create_connection((host, port), timeout=2.0, source_address=("127.0.0.2", 0)))
                 held[-1].sendall(_get())
         time.sleep(max(0.0, until - time.monotonic()))
-        n_open = 0
+        n_open = n_refused = 0
         for connection in held:
             connection.settimeout(0.0)
             try:
-                n_open += bool(connection.recv(1, socket.MSG_PEEK))
+                n_refused += connection.recv(4096).startswith(b"HTTP/1.1 503")
             except BlockingIOError:
                 n_open += 1
             except OSError:
-                pass
-        return f"{len(held)} connections, {n_open} not closed at the end"
+                n_refused += 1
+        return f"{len(held)} connections, {n_refused} refused, {n_open} open at the end"
     finally:
         for connection in held:
             connection.close()

@@ -169,12 +169,41 @@ async def _stop(address: str, process: subprocess.Popen[str]) -> str:
     )
 
 
+def _orphans(address: str, process: subprocess.Popen[str]) -> str:
+    """Whether workers, one of them at work, end with a service that is killed."""
+
+    async def start_work() -> None:
+        socket = await _open(address, False, 3)
+        await _until_frames(socket)
+        body = {"glosses": ["THANK-YOU"] * 100, "formats": ["glb"]}
+        with suppress(httpx.ReadTimeout):
+            await httpx.AsyncClient(base_url=address, timeout=0.5).post("/v1/sentence", json=body)
+
+    asyncio.run(start_work())
+    workers = _workers(process.pid)
+    since = time.monotonic()
+    process.kill()
+    while (left := _n_alive(workers)) and time.monotonic() - since < 10.0:
+        time.sleep(0.02)
+    return f"{len(workers)} workers, {left} of them left after {time.monotonic() - since:.2f} s"
+
+
+def _n_alive(processes: list[psutil.Process]) -> int:
+    n = 0
+    for process in processes:
+        with suppress(psutil.NoSuchProcess):
+            n += process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    return n
+
+
 def main(n: int) -> None:
     """Print a row for each attack."""
     print("| row | attack | seen |\n| --- | --- | --- |")
     with serving("--workers", "1") as (address, process):
         print(f"| 2 | {n} rounds of kills of a worker with open streams | {asyncio.run(_kills(address, process, n))} |")
         print(f"| 12 | {n // 2} kills of idle workers | {asyncio.run(_idle_kills(address, process, n // 2))} |")
+    with serving("--workers", "1") as (address, process):
+        print(f"| 9 | kill -9 of the service while it works | {_orphans(address, process)} |")
     for limit in ("60", "2"):
         with serving("--workers", "1", "--limit", f"drain_seconds={limit}") as (address, process):
             print(f"| 12 | SIGTERM, drain_seconds={limit} | {asyncio.run(_stop(address, process))} |", flush=True)

@@ -7,9 +7,11 @@ import json
 import os
 import signal
 import socket
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -98,10 +100,12 @@ def test_a_stream_whose_process_ends_while_a_frame_goes_out_is_closed(at_once: b
                 await asyncio.sleep(0)
 
         socket.send_bytes = send_bytes  # type: ignore[attr-defined]
-        await session(socket, process).run()
-        return socket.sent
+        serving = asyncio.create_task(session(socket, process).run())
+        await asyncio.wait({serving}, timeout=PATIENCE_S / 10)
+        return socket.sent if serving.done() else []
 
-    sent = asyncio.run(asyncio.wait_for(stream(), PATIENCE_S / 10))
+    sent = asyncio.run(stream())
+    assert sent, "the stream goes on without its process"
     assert "the process that held this stream ended" in sent[-1]["error"]
 
 
@@ -235,3 +239,31 @@ def test_a_blocked_job_is_ended(runner: asyncio.Runner, worker: Worker) -> None:
     with pytest.raises(BusyError, match=r"not done after 0\.5 s"):
         runner.run(worker.run(time.sleep, PATIENCE_S))
     assert worker.n_lost == n_lost + 1
+
+
+PARENT = """
+import asyncio, os, time
+from signsplice.service.settings import Settings
+from signsplice.service.workers import Worker
+
+async def work():
+    worker = Worker(Settings(), skin=False)
+    print(await worker.run(os.getpid), flush=True)
+    await worker.run(time.sleep, 300.0)
+
+if __name__ == "__main__":
+    asyncio.run(work())
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="kills a process with a signal")
+def test_a_working_process_ends_with_its_killed_parent(tmp_path: Path) -> None:
+    (tmp_path / "parent.py").write_text(PARENT)
+    with subprocess.Popen([sys.executable, str(tmp_path / "parent.py")], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        worker = psutil.Process(int(parent.stdout.readline()))
+        parent.kill()
+    deadline = time.monotonic() + PATIENCE_S
+    while worker.is_running() and worker.status() != psutil.STATUS_ZOMBIE:
+        assert time.monotonic() < deadline, "works on without its parent"
+        time.sleep(0.02)
