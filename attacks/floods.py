@@ -56,13 +56,18 @@ def _repeated(block: bytes, n_bytes: int = _LIMIT) -> Iterator[bytes]:
         yield piece
 
 
-def _send(host: str, port: int, until: float, head: bytes, parts: Iterator[bytes], pause: float = 0.0) -> str:
-    """What one connection sends, and how it ended."""
+def _send(
+    host: str, port: int, until: float, head: bytes, parts: Iterator[bytes], pause: float = 0.0, first: bytes = b""
+) -> str:
+    """What one connection sends, and how it ended. ``first``: frame of a WebSocket before the parts."""
     sent, start = 0, time.monotonic()
     connection = socket.create_connection((host, port), timeout=max(1.0, until - time.monotonic()))
     with connection:
         try:
             connection.sendall(head)
+            if head is _UPGRADE:  # a client may send frames when it has the answer
+                connection.recv(4096)
+                connection.sendall(first)
             for part in parts:
                 if time.monotonic() > until:
                     break
@@ -84,6 +89,10 @@ def _send(host: str, port: int, until: float, head: bytes, parts: Iterator[bytes
 
 def _one(head: bytes, block: bytes) -> Flood:
     return lambda host, port, until: _send(host, port, until, head, _repeated(block))
+
+
+def _frames(block: bytes, first: bytes = b"") -> Flood:
+    return lambda host, port, until: _send(host, port, until, _UPGRADE, _repeated(block), first=first)
 
 
 def _drip(head: bytes, block: bytes) -> Flood:
@@ -134,12 +143,12 @@ FLOODS: dict[str, Flood] = {
     "endless chunk extension": _one(_CHUNKED + b"2;", b"a"),
     "chunks of one byte": _one(_CHUNKED, b"1\r\n \r\n"),
     "pipelined requests": _one(b"", _get() + b"\r\n"),
-    "WebSocket pings": _one(_UPGRADE, _frame(9)),
-    "WebSocket pings of 125 bytes": _one(_UPGRADE, _frame(9, bytes(125))),
-    "WebSocket pongs": _one(_UPGRADE, _frame(10)),
-    "WebSocket fragments": _one(_UPGRADE + _frame(1, b"{", fin=False), _frame(0, fin=False)),
-    "WebSocket messages": _one(_UPGRADE, _frame(1, b"{}")),
-    "WebSocket words": _one(_UPGRADE + _frame(1, b'{"type": "open"}'), _frame(1, b'{"type": "word", "gloss": "-"}')),
+    "WebSocket pings": _frames(_frame(9)),
+    "WebSocket pings of 125 bytes": _frames(_frame(9, bytes(125))),
+    "WebSocket pongs": _frames(_frame(10)),
+    "WebSocket fragments": _frames(_frame(0, fin=False), _frame(1, b"{", fin=False)),
+    "WebSocket messages": _frames(_frame(1, b"{}")),
+    "WebSocket words": _frames(_frame(1, b'{"type": "word", "gloss": "-"}'), _frame(1, b'{"type": "open"}')),
     "slow head": _drip(_get() + b"X: ", b"a"),
     "slow body": _drip(_POST + b"Content-Length: 1000\r\n\r\n", b" "),
     "slow trailer": _drip(_CHUNKED + b"0\r\n", b"X: a\r\n"),

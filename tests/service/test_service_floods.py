@@ -142,7 +142,7 @@ class FakeTransport(asyncio.Transport):
 
     def __init__(self, address: str = "192.0.2.1") -> None:
         super().__init__({"peername": (address, 1), "sockname": ("127.0.0.1", 8000)})
-        self.written, self.is_closed, self.is_aborted = b"", False, False
+        self.written, self.is_closed, self.is_aborted, self.is_paused = b"", False, False, False
 
     def write(self, data: Any) -> None:
         self.written += data
@@ -156,9 +156,11 @@ class FakeTransport(asyncio.Transport):
     def is_closing(self) -> bool:
         return self.is_closed
 
-    def pause_reading(self) -> None: ...
+    def pause_reading(self) -> None:
+        self.is_paused = True
 
-    def resume_reading(self) -> None: ...
+    def resume_reading(self) -> None:
+        self.is_paused = False
 
     def set_protocol(self, protocol: asyncio.BaseProtocol) -> None: ...
 
@@ -237,14 +239,29 @@ def test_a_clock_runs_until_a_request_is_complete(parts: tuple[bytes, ...]) -> N
 
 
 def test_other_connections_have_their_turn_while_messages_are_parsed() -> None:
-    async def send() -> int:
-        protocol, _ = Connections().open_websocket()
+    """And no more is read meanwhile, also where the application reads its messages."""
+
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        await receive()
+        await send({"type": "websocket.accept"})
+        for _ in range(2000):
+            await receive()
+        await asyncio.sleep(PATIENCE_S)
+
+    async def send() -> tuple[int, list[bool]]:
+        protocol, transport = Connections(app).open_websocket()
         await asyncio.sleep(0)
         message = Frame(Opcode.TEXT, b"{}").serialize(mask=True)
         protocol.data_received(message * 30_000)
-        return protocol.queue.qsize()
+        n_parsed, paused = protocol.queue.qsize(), []
+        for _ in range(100):
+            paused.append(transport.is_paused)
+            await asyncio.sleep(0)
+        return n_parsed, paused
 
-    assert asyncio.run(send()) < 600
+    n_parsed, paused = asyncio.run(send())
+    assert 0 < n_parsed < 600
+    assert all(paused)
 
 
 def test_messages_parsed_in_steps_are_whole() -> None:

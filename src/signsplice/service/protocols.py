@@ -11,7 +11,6 @@ import json
 from http import HTTPStatus
 from typing import Any
 
-from uvicorn._types import ASGIReceiveEvent
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import Frame
@@ -36,7 +35,7 @@ _POLICY_VIOLATION = 1008
 """Close code of a WebSocket."""
 
 
-def message(text: str) -> bytes:
+def _failure(text: str) -> bytes:
     """``wire.Failure`` with this message, as JSON."""
     return json.dumps({"error": text, "unknown": {}}).encode()
 
@@ -75,7 +74,7 @@ class LimitedHttpProtocol(HttpToolsProtocol):
 
     def _n_of_client(self) -> int:
         """Connections of this client; none is counted for a trusted proxy, which has many clients."""
-        if self.client_name in self.settings.proxies:
+        if self.client and self.client[0] in self.settings.proxies:
             return 0
         return sum(self.client_name == getattr(other, "client_name", None) for other in self.connections)
 
@@ -174,7 +173,7 @@ class LimitedHttpProtocol(HttpToolsProtocol):
         if self.transport.is_closing():
             return
         if not (self._is_answering() and self.cycle.response_started):
-            body = message(reason)
+            body = _failure(reason)
             head = (
                 f"HTTP/1.1 {status.value} {status.phrase}\r\nConnection: close\r\nContent-Type: application/json\r\n"
                 f"X-Content-Type-Options: nosniff\r\nContent-Length: {len(body)}\r\n\r\n"
@@ -189,7 +188,7 @@ class _JsonServerProtocol(ServerProtocol):
 
     def reject(self, status: int, text: str) -> Response:
         """The answer that refuses a handshake."""
-        response = super().reject(status, message(text.strip() or "no stream here").decode())
+        response = super().reject(status, _failure(text.strip() or "no stream here").decode())
         del response.headers["Content-Type"]
         response.headers["Content-Type"] = "application/json"
         return response
@@ -208,6 +207,7 @@ class LimitedWebSocketProtocol(WebSocketsSansIOProtocol):
         self.conn = _JsonServerProtocol(max_size=self.config.ws_max_size, logger=self.logger)
         self._unparsed = bytearray()
         self._step: asyncio.Handle | None = None
+        self._is_held = False
         self._n_idle_frames, self._window_start = 0, 0.0
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -225,24 +225,38 @@ class LimitedWebSocketProtocol(WebSocketsSansIOProtocol):
         self._step = None
         if self.transport.is_closing():
             self._unparsed.clear()
-        elif not self.read_paused:  # else it goes on in ``receive``
+        elif not self.read_paused:
             piece = bytes(self._unparsed[:_STEP_BYTES])
             del self._unparsed[:_STEP_BYTES]
             super().data_received(piece)
             if self.conn.handshake_exc is not None and not self.handshake_initiated:
                 self.transport.write(b"".join(self.conn.data_to_send()))
                 self.transport.close()
-            self._schedule()
+            self._go_on()
 
-    def _schedule(self) -> None:
-        if self._unparsed and self._step is None:
-            self._step = self.loop.call_soon(self._parse_some)
+    def _go_on(self) -> None:
+        """Parse what waits, unless the application has messages to read first; read no more meanwhile."""
+        if self.transport.is_closing() or self.read_paused:
+            return
+        if self._unparsed:
+            self._is_held = True
+            self.transport.pause_reading()  # uvicorn may have resumed it
+            if self._step is None:
+                self._step = self.loop.call_soon(self._parse_some)
+        elif self._is_held:
+            self._is_held = False
+            self.transport.resume_reading()
 
-    async def receive(self) -> ASGIReceiveEvent:
+    async def receive(self) -> Any:
         """The next message; parsing goes on when none is left."""
         event = await super().receive()
-        self._schedule()
+        self._go_on()
         return event
+
+    async def send(self, message: Any) -> None:
+        """Send a message; after a close, parsing goes on until the client's."""
+        await super().send(message)
+        self._go_on()
 
     def handle_ping(self) -> None:
         """Answer a ping."""
