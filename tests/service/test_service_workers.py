@@ -131,33 +131,60 @@ def test_an_idle_stream_whose_process_is_killed_is_told_and_closed(service: http
 # --- the end of the service ---
 
 
-def test_a_stop_tells_streams_and_drains_requests() -> None:
-    head = b"POST /v1/sentence HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
-    body = b'{"glosses": ["HELLO"], "formats": []}'
+SENTENCE = b'{"glosses": ["HELLO"], "formats": []}'
+
+
+def begun_request(client: httpx.Client) -> socket.socket:
+    """A request of which the service waits for the body."""
+    connection = socket.create_connection((client.base_url.host, client.base_url.port or 0), PATIENCE_S)
+    connection.sendall(
+        b"POST /v1/sentence HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+        b"Expect: 100-continue\r\nContent-Length: %d\r\n\r\n" % len(SENTENCE)
+    )
+    assert b" 100 " in connection.recv(65536)
+    return connection
+
+
+def stop(client: httpx.Client) -> psutil.Process:
+    """The service of a client, told to stop and listening no more."""
+    process = process_of(client)
+    process.send_signal(signal.SIGINT)
+    while True:
+        try:
+            socket.create_connection((client.base_url.host, client.base_url.port or 0), PATIENCE_S).close()
+        except ConnectionRefusedError:
+            return process
+        time.sleep(0.02)
+
+
+def wait_for_end(process: psutil.Process) -> None:
+    while process.status() != psutil.STATUS_ZOMBIE:
+        time.sleep(0.02)
+
+
+def test_a_stop_tells_streams_and_lets_requests_end() -> None:
+    patience = f"--limit=drain_seconds={PATIENCE_S}"
     with (
-        http_client("serve", "--workers=1", "--limit=drain_seconds=2") as client,
-        socket.create_connection((client.base_url.host, client.base_url.port or 0), PATIENCE_S) as done,
-        socket.create_connection((client.base_url.host, client.base_url.port or 0), PATIENCE_S) as endless,
+        http_client("serve", "--workers=1", patience, f"--limit=idle_seconds={PATIENCE_S}") as client,
+        begun_request(client) as request,
         stream_client(client) as stream,
     ):
-        assert client.post("/v1/sentence", content=body, headers={"content-type": "application/json"}).is_success
-        for connection in (done, endless):
-            connection.sendall(head + b"Expect: 100-continue\r\nContent-Length: %d\r\n\r\n" % len(body))
-            assert b" 100 " in connection.recv(65536)
-        service = process_of(client)
-        service.send_signal(signal.SIGINT)
+        service = stop(client)
         messages, code = messages_and_close_code(stream)
         assert "the service stops" in messages[0]["error"]
         assert code == 1012
-        with pytest.raises(httpx.ConnectError):
-            httpx.get(f"{client.base_url}healthz")
-        done.sendall(body)
-        assert done.makefile("rb").read().startswith(b"HTTP/1.1 200 ")
-        answer = endless.makefile("rb").read()
+        request.sendall(SENTENCE)
+        assert request.makefile("rb").read().startswith(b"HTTP/1.1 200 ")
+        wait_for_end(service)
+
+
+def test_a_request_that_outlasts_the_stop_is_answered_with_json() -> None:
+    with http_client("serve", "--workers=1", "--limit=drain_seconds=1") as client, begun_request(client) as request:
+        service = stop(client)
+        answer = request.makefile("rb").read()
         assert answer.startswith(b"HTTP/1.1 503 ")
         assert "send it again" in json.loads(answer.partition(b"\r\n\r\n")[2])["error"]
-        while service.status() != psutil.STATUS_ZOMBIE:
-            time.sleep(0.02)
+        wait_for_end(service)
 
 
 # --- worker processes ---
