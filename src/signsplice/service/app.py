@@ -49,7 +49,7 @@ _SPLICE_OPTIONS: TypeAdapter[SpliceRequest] = TypeAdapter(SpliceRequest)
 _FAILURES: dict[int | str, dict[str, Any]] = {
     status: {"model": Failure, "description": description}
     for status, description in (
-        (400, "The body cannot be parsed."),
+        (400, "The request or its body cannot be parsed, or it has two Host headers."),
         (403, "The request comes from a page of another origin."),
         (408, "The body arrives too slowly."),
         (413, "The body is too long."),
