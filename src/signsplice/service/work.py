@@ -74,8 +74,8 @@ class _WorkerState:
 
 
 _worker: _WorkerState
-"""The state of this process; only ``start_worker`` sets it, before the first job. A process pool can hand a job no
-object that stays in the process, so it is here."""
+"""The state of this process; only ``start_worker`` sets it, before the first job. Jobs are plain functions, which can
+be sent to the process; what stays there between them is here."""
 
 
 def open_lexicon(settings: Settings) -> Lexicon:
@@ -108,11 +108,6 @@ def warm_up(skin: bool) -> None:
     result = splice([_worker.lexicon.clip(gloss) for gloss in words])
     if skin:
         scene.encode(result.clip, "glb")
-
-
-def process_id() -> int:
-    """The number of the worker process."""
-    return os.getpid()
 
 
 # --- requests ---
