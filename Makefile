@@ -10,7 +10,7 @@ ITSELF := $(PIP) --no-deps --no-build-isolation --editable .
 COMPILE := $(VENV)/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
 	--only-binary :all: --no-annotate --custom-compile-command "make lock" $(if $(UPGRADE),--upgrade)
 
-.PHONY: demo test test-slow lint types unit viewer wheel lock bench words corpus smoke paper weights clean
+.PHONY: attacks demo test test-slow lint types unit viewer wheel lock bench words corpus smoke paper weights clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet and a report in out/demo
 	$(BIN)/signsplice demo --out out/demo
@@ -21,8 +21,8 @@ test-slow: $(VENV)/.dev $(PAGE) ## the tests that take long; CI runs them too
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile -m slow
 
 lint: $(VENV)/.dev             ## style
-	$(BIN)/ruff check src tests
-	$(BIN)/ruff format --check src tests
+	$(BIN)/ruff check src tests attacks
+	$(BIN)/ruff format --check src tests attacks
 
 types: $(VENV)/.dev            ## mypy --strict
 	$(BIN)/mypy
@@ -44,6 +44,10 @@ unit: $(VENV)/.dev $(PAGE)     ## pytest, a process a core; each file's tests st
 
 bench: $(VENV)/.dev            ## speed of every part beside its baselines, in one run
 	$(BIN)/signsplice bench
+
+attacks: $(VENV)/.dev $(PAGE)  ## the tables of docs/reliability.md: floods, kills, bombs, broken files; half an hour, as root for all rows
+	for attack in bombs outputs streams floods worker_kills kills; do $(BIN)/python attacks/$$attack.py || exit; done
+	$(BIN)/python attacks/fuzz.py --cases 20000 --seed 18
 
 words: $(VENV)/.dev            ## sign the words that ship anew, from their notation
 	$(BIN)/signsplice synth lexicon -o out/words

@@ -19,9 +19,10 @@ from contextlib import suppress
 
 import httpx
 import psutil
-from service_callers import serving, stream_address
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
+
+from service_callers import serving, stream_address
 
 _PATIENCE_S = 30.0
 _MODES = ("once", "twice in a row", "while clients wait for the next one")
