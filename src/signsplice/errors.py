@@ -29,6 +29,10 @@ class FormatError(InputError):
         super().__init__(where + what)
 
 
+class LimitError(FormatError):
+    """A file that asks for more than ``formats.limits`` allows. The limits can be lifted for files that are trusted."""
+
+
 class RigMismatchError(InputError):
     """Two skeletons with too few body parts in common to retarget motion from one to the other."""
 

@@ -19,6 +19,7 @@ from scipy.special import log_softmax
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motions
+from signsplice.rig.canonical_map import ROLES
 from signsplice.rig.info import rig_info
 from signsplice.splicing import features
 from signsplice.splicing.bundle import read_config
@@ -92,7 +93,8 @@ class LearnedCutter(Cutter):
     def scores(self, p: WordReading, q: WordReading) -> SeamScores:
         """Log-probabilities of leaving one word at a frame and entering the other at another, frames at 30 a second."""
         inputs = {"before": p.states, "leave": p.leave, "after": q.states, "enter": q.enter}
-        outputs = self.reader.sessions.run("cut", inputs)
+        lengths = {"left": (1, len(p.features)), "entered": (1, len(q.features))}
+        outputs = self.reader.sessions.run("cut", inputs, **lengths)
         left, entered = (
             log_softmax(outputs[name][0, slice(*word.active)].astype(np.float64))
             for name, word in (("left", p), ("entered", q))
@@ -135,7 +137,8 @@ class LearnedDuration(Duration):
         for name, word, frame, clip in (("leaving", p, cut.pre, before), ("entering", q, cut.post, after)):
             row = round(frame / clip.fps * FEATURE_FPS) - word.first
             inputs[name] = word.features[None, min(max(row, 0), len(word.features) - 1)]
-        seconds = float(self.reader.sessions.run("duration", inputs)["seconds"][0]) - 1.0 / before.fps
+        answer = self.reader.sessions.run("duration", inputs, seconds=(1,))["seconds"]
+        seconds = float(answer[0]) - 1.0 / before.fps
         if not self.unhurried:
             return seconds
         return max(seconds, HUMAN_MEDIAN_S, travel_law(_travel(inputs["leaving"][0], inputs["entering"][0], before)))
@@ -173,7 +176,9 @@ class LearnedTransition(Transition):
             mask = np.zeros((len(rows), longest), bool)
             for row, (_, seen) in enumerate(rows):
                 tokens[row, : len(seen.tokens)], mask[row, : len(seen.tokens)] = seen.tokens, True
-            answers = self.sessions.run("bridge", {"tokens": tokens, "mask": mask})["turns"]
+            inputs = {"tokens": tokens, "mask": mask}
+            turns = (len(rows), max(seen.n_gap for _, seen in rows), len(ROLES), 3)
+            answers = self.sessions.run("bridge", inputs, turns=turns)["turns"]
             for answer, (k, seen) in zip(answers, rows, strict=True):
                 base = made[k]
                 deltas = features.delta_rotvecs(answer[: seen.n_gap], seen, len(base))
