@@ -27,7 +27,7 @@ import tempfile
 import time
 import traceback
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -116,8 +116,11 @@ def main() -> int:
     print("| target | cases chosen | cases | read and used | findings | slowest | memory, of what a case may take |")
     print("| --- | --- | --- | --- | --- | --- | --- |", flush=True)
     with ThreadPoolExecutor(jobs) as pool:
-        plans = [Plan(name, engine, given.seed, 0, n_cases, seconds) for name in names]
-        tallies = [tally for tally in pool.map(_fuzz, plans) if print(tally.row(), flush=True) is None]
+        running = [pool.submit(_fuzz, Plan(name, engine, given.seed, 0, n_cases, seconds)) for name in names]
+        tallies = []
+        for done in as_completed(running):
+            tallies.append(done.result())
+            print(tallies[-1].row(), flush=True)
     for tally in tallies:
         for what, seen in tally.findings.items():
             print(f"\n{tally.name}: {what}\n{seen}")

@@ -72,8 +72,9 @@ def of_gltf(content: bytes, rng: random.Random) -> bytes:
         else:
             row = rng.choice(document[rng.choice(tables)])
             name = rng.choice(list(row) or ["name"])
-            options = ("count", "byteOffset", "byteStride", "byteLength", "componentType", "type", "normalized", "sparse",
-                       "children", "matrix", "scale", "rotation", "joints", "skeleton", "inverseBindMatrices")  # fmt: skip
+            options = ("count", "byteOffset", "byteStride", "byteLength", "componentType", "type",
+                       "normalized", "sparse", "children", "matrix", "scale", "rotation", "joints", "skeleton",
+                       "inverseBindMatrices")  # fmt: skip
             name = name if rng.random() < 0.7 else rng.choice(options)
             row[name] = hostile_value(rng, row.get(name, 0))
     except (KeyError, IndexError, AttributeError, TypeError, ValueError):

@@ -5,6 +5,7 @@ of what was read takes.
 from __future__ import annotations
 
 import base64
+import hashlib
 import itertools
 import json
 import random
@@ -20,6 +21,7 @@ from typing import Any
 import fuzz_clips
 import fuzz_folders
 import fuzz_mutators
+import fuzz_networks
 import numpy as np
 from fuzz_clips import joined_chunks, packed, unpacked
 
@@ -95,7 +97,7 @@ class Target:
 
 def check_message(text: str, name: str) -> None:
     """Raise ``AssertionError`` for an error that is not one line of fair length, or does not name the file."""
-    assert text.strip() and len(text) < 1500, f"a message of {len(text)} characters"
+    assert 0 < len(text) < 1500, f"a message of {len(text)} characters"
     assert len(text.splitlines()) == 1, f"a message of several lines: {text!r}"
     assert name in text, f"a message without the file's name: {text!r}"
 
@@ -111,16 +113,17 @@ _JOINTS = (
 
 
 @cache
-def clip(seed: int = 0, names: str = "known", stretched: bool = False) -> Clip:
+def clip(seed: int = 0, names: str = "known", stretched: bool = False, n_joints: int = len(_JOINTS)) -> Clip:
     """A small clip of a person; ``names``: "known" joint names, or "other" ones that no rig has."""
     rng = np.random.default_rng(seed)
+    rows = _JOINTS[:n_joints]
     skeleton = Skeleton(
-        tuple(name if names == "known" else f"j{n:02}" for n, (name, _, _) in enumerate(_JOINTS)),
-        np.array([parent for _, parent, _ in _JOINTS]),
-        np.array([offset for _, _, offset in _JOINTS]),
-        (EndSite(3, np.array([0.0, 18.0, 0.0])), EndSite(6, np.array([9.0, 0.0, 0.0]))),
+        tuple(name if names == "known" else f"j{n:02}" for n, (name, _, _) in enumerate(rows)),
+        np.array([parent for _, parent, _ in rows]),
+        np.array([offset for _, _, offset in rows]),
+        (EndSite(3, np.array([0.0, 18.0, 0.0])),),
     )
-    waves = 0.4 * rng.normal(size=(1, len(_JOINTS), 3)) * np.sin(np.linspace(0.0, 3.0, N_REPORTED))[:, None, None]
+    waves = 0.4 * rng.normal(size=(1, n_joints, 3)) * np.sin(np.linspace(0.0, 3.0, N_REPORTED))[:, None, None]
     roots = np.array([0.0, 95.0, 0.0]) + 0.1 * rng.normal(size=(N_REPORTED, 3))
     lengths = skeleton.offsets * (1.0 + 0.05 * rng.random((N_REPORTED, 1, 1))) if stretched else None
     return Clip(skeleton, rotation.exp(waves), roots, 30.0, f"CLIP{seed}", lengths)
@@ -131,7 +134,10 @@ def use_clip(read: Clip) -> None:
     rig = rig_info(read.skeleton)
     kinematics.forward(read)
     _ = rig.roles, rig.sizes
-    ss.splice([clip() if rig.has_arms else read, read], CLASSICAL)
+    if rig.has_arms:
+        ss.splice([clip(), read], CLASSICAL)
+    else:
+        ss.splice([read, read], ss.SpliceOptions("ends", "hermite", "tempo"))
 
 
 def _put_as(name: str) -> Callable[[bytes, Path], Path]:
@@ -173,7 +179,7 @@ def _unpacked_npz(content: bytes) -> int:
 
 def _gltf_seeds() -> list[bytes]:
     """A .vrma, a .glb with a skin and one without, and a .gltf with its buffer inside."""
-    vrma = formats.encode(clip(), "a.vrma")
+    whole, vrma = (formats.encode(clip(n_joints=n), "a.vrma") for n in (len(_JOINTS), 5))
     size = struct.unpack_from("<I", vrma, 12)[0]
     document, blob = json.loads(vrma[20 : 20 + size]), vrma[28 + size :]
     for key in ("extensions", "extensionsUsed"):
@@ -190,7 +196,7 @@ def _gltf_seeds() -> list[bytes]:
     document["skins"] = [{"joints": list(range(n_nodes)), "inverseBindMatrices": len(accessors) - 1, "skeleton": 0}]
     skinned = [(b"JSON", json.dumps(document).encode()), (b"BIN\0", blob + matrices)]
     return [
-        vrma,
+        whole,
         joined_chunks([(b"JSON", bare), (b"BIN\0", blob)]),
         joined_chunks(skinned),
         json.dumps(inside).encode(),
@@ -232,13 +238,19 @@ def _use_lexicon(words: lexicon.Lexicon) -> None:
         words.search("h")
         for gloss in itertools.islice(words, 100):
             use_clip(words.clip(gloss))
-        sentence.parse("HELLO fs-A HOUZE", words)
+        sentence.parse("HELLO fs-A HI", words)
 
 
 @cache
 def _bundle_seeds() -> list[bytes]:
+    """The bundle of the tests once, and often one of four small networks, which opens faster."""
     tiny = ROOT / "tests" / "golden" / "tiny_bundle"
-    return [packed({path.name: path.read_bytes() for path in sorted(tiny.iterdir())})]
+    files = {path.name: path.read_bytes() for path in sorted(tiny.iterdir())}
+    described = json.loads(files["bundle.json"])
+    small = {name: fuzz_networks.small(name) for name in ("word.onnx", "cut.onnx", "duration.onnx", "bridge.onnx")}
+    described["files"] = {name: hashlib.sha256(content).hexdigest() for name, content in small.items()}
+    small["bundle.json"] = json.dumps(described).encode()
+    return [packed(files, compress=False), *[packed(small, compress=False)] * 15]
 
 
 def _use_bundle(methods: Any) -> None:
@@ -323,14 +335,16 @@ TARGETS = {
         Target("npz", lambda: _clip_seeds(".npz"), fuzz_clips.of_npz, _put_as("case.npz"), formats.load, use_clip,
                _unpacked_npz),
         Target("gltf", _gltf_seeds, _mutate_gltf, _put_gltf, formats.load, use_clip),
-        Target("lexicon", _lexicon_seeds, fuzz_folders.of_lexicon, _put_folder, lexicon.open, _use_lexicon, _unpacked_npz),
+        Target("lexicon", _lexicon_seeds, fuzz_folders.of_lexicon, _put_folder, lexicon.open, _use_lexicon,
+               _unpacked_npz),
         Target("bundle", _bundle_seeds, fuzz_folders.of_bundle, _put_folder, open_learned, _use_bundle, _unpacked_npz),
         Target("signs", lambda: [_SIGNS], fuzz_mutators.of_text, _put_as("case.signs"), notation.read, _use_signs),
         Target("roles", _roles_seeds, fuzz_mutators.of_json, _put_as("case.json"), roles_files.read,
                lambda read: use_clip(roles_files.with_roles(clip(4, "other"), read))),
         Target("report", _report_seeds, fuzz_mutators.of_json, _put_as("case.json"),
                lambda path: reports.read(path, N_REPORTED), _use_report),
-        Target("glosses", lambda: [_GLOSSES], fuzz_mutators.of_text, _put_as("glosses.csv"), glosses.read, lambda _: None),
+        Target("glosses", lambda: [_GLOSSES], fuzz_mutators.of_text, _put_as("glosses.csv"), glosses.read,
+               lambda _: None),
     )
 }  # fmt: skip
 """Name -> what is fuzzed."""

@@ -179,8 +179,9 @@ class Index:
             self._steps_left = max(self._n_bytes, 1 << 14) * _STEPS_PER_BYTE
             try:
                 return self._file.execute(query, values).fetchall()
-            except sqlite3.Error as error:
-                raise InputError(f"{self.path}: cannot be read ({error}); {REBUILD}") from error
+            except Exception as error:  # UnicodeDecodeError too, where damage is in what SQLite wants to say
+                reason = " ".join(str(error).split())[:200]
+                raise InputError(f"{self.path}: cannot be read ({reason}); {REBUILD}") from error
 
     def find(self, name: str) -> tuple[Entry, ClipLocation] | None:
         """The word with this gloss or synonym and its location, None where there is none."""
