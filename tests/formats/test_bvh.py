@@ -11,7 +11,7 @@ import pytest
 
 from conftest import GOLDEN, random_clip
 from signsplice.errors import InputError
-from signsplice.formats import bvh, save
+from signsplice.formats import bvh, load, save
 from signsplice.formats.numbers import format_rows
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate
@@ -84,7 +84,7 @@ def test_bone_lengths_that_change_are_kept_per_frame() -> None:
 def test_a_file_is_written_as_it_was_read(text: str, tmp_path: Path) -> None:
     clip = bvh.parse(text.encode(), "mixed.bvh")
     save(clip, tmp_path / "out.bvh")
-    again = bvh.read(tmp_path / "out.bvh")
+    again = load(tmp_path / "out.bvh")
     assert again.channels is not None
     assert clip.channels is not None
     assert np.array_equal(again.channels.values, clip.channels.values)
@@ -118,7 +118,7 @@ def test_positions_agree_with_a_file_written_by_pybvh() -> None:
     """tests/golden/pybvh_chain.bvh was written by pybvh; the positions beside it are its own forward kinematics."""
     from signsplice.motion import kinematics
 
-    clip = bvh.read(GOLDEN / "pybvh_chain.bvh")
+    clip = load(GOLDEN / "pybvh_chain.bvh")
     with np.load(GOLDEN / "pybvh_chain.npz") as golden:
         assert str(golden["convention"]).startswith("positions (T, J, 3)")
         assert np.allclose(kinematics.forward(clip)[1], golden["positions"], atol=1e-9)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
 
 from signsplice import formats
 from signsplice.cli.terminal import progress
-from signsplice.errors import InputError
+from signsplice.errors import InputError, LimitError
 from signsplice.formats.atomic import check_writable
+from signsplice.formats.limits import DEFAULT_LIMITS, NO_LIMITS, ReadLimits
 from signsplice.render import PICTURE_SUFFIXES
 
 if TYPE_CHECKING:
@@ -19,11 +23,34 @@ OUTPUT_SUFFIXES = (*formats.WRITE_SUFFIXES, *PICTURE_SUFFIXES)
 """Suffixes that ``write`` writes, for help texts."""
 Spans = Sequence[tuple[str, str, int, int]]
 """Kind, name, first frame and end of each span."""
+_LIFTED = f"{__name__}.lifted"
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def reads_clips(command: Command) -> Command:
+    """Add the option that lifts the limits of clips to a command that reads some."""
+
+    @click.option("--no-limits", "lifted", is_flag=True, help="Read clips of any size: for files that you trust.")
+    @wraps(command)
+    def with_limits(*args: Any, lifted: bool, **options: Any) -> Any:
+        click.get_current_context().meta[_LIFTED] = lifted
+        try:
+            return command(*args, **options)
+        except LimitError as error:
+            raise InputError(f"{error}; --no-limits lifts the limits, for files that you trust") from error
+
+    return with_limits  # type: ignore[return-value]
+
+
+def limits() -> ReadLimits:
+    """The limits of the clips that the present command reads."""
+    return NO_LIMITS if click.get_current_context().meta.get(_LIFTED) else DEFAULT_LIMITS
 
 
 def load(path: str, roles: str | None = None) -> Clip:
     """The clip in a file; ``roles``: a file of role -> joint name, for rigs that are not recognised by joint names."""
-    clip = formats.load(path)
+    clip = formats.load(path, limits())
     return clip if roles is None else with_roles([clip], roles)[0]
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from signsplice.cli.clips import Spans, check_outputs, load, write
+from signsplice.cli.clips import Spans, check_outputs, load, reads_clips, write
 from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
 
@@ -18,6 +18,7 @@ from signsplice.render import PICTURE_SUFFIXES
 @click.argument("file", metavar="FILE")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 @click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
+@reads_clips
 def inspect(file: str, as_json: bool, roles: str | None) -> None:
     """Show a clip's rig, roles found, rate, frames, units, rest spans and warnings."""
     from signsplice.rig.inspection import inspect as inspect_clip
@@ -42,6 +43,7 @@ def inspect(file: str, as_json: bool, roles: str | None) -> None:
 @click.command()
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar="OUT")
+@reads_clips
 def convert(source: str, output: str) -> None:
     """Turn one file into another, by suffix."""
     check_outputs(output)
@@ -58,6 +60,7 @@ def convert(source: str, output: str) -> None:
 @click.option(
     "--size", metavar="WxH", help="Of a film, pixels, e.g. 1920x1080.  [default: .mp4 1080x1080, .gif 480x480]"
 )
+@reads_clips
 def render(source: str, output: str, report: str | None, view: str, size: str | None) -> None:
     """Draw the signer: a contact sheet (.png), or a film (.gif, .mp4)."""
     if Path(output).suffix.lower() not in PICTURE_SUFFIXES:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import load
+from signsplice.cli.clips import load, reads_clips
 from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -78,6 +78,7 @@ def serve(
 @click.option("--port", type=int, default=0, metavar="N", help="Port.  [default: any free one]")
 @_LEXICON
 @click.option("--browser/--no-browser", default=True, help="Open the page in a browser.  [default: yes]")
+@reads_clips
 def view(
     files: tuple[str, ...],
     reports: tuple[str, ...],

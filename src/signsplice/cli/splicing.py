@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from signsplice.cli.aliases import former_names
-from signsplice.cli.clips import OUTPUT_SUFFIXES, check_outputs, load, with_roles, write
+from signsplice.cli.clips import OUTPUT_SUFFIXES, check_outputs, limits, load, reads_clips, with_roles, write
 from signsplice.cli.lexicon import open_words
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
@@ -79,6 +79,7 @@ def splicing_options(command: Command) -> Command:
 @click.command(context_settings=_SETTINGS)
 @click.argument("clips", nargs=-1, required=True, metavar="A.bvh B.bvh [C.bvh ...]")
 @splicing_options
+@reads_clips
 def splice(clips: tuple[str, ...], output: str, report: str | None, roles: str | None, **method_options: Any) -> None:
     """Join clips in order into one continuous animation."""
     from signsplice.splicing import engine
@@ -97,6 +98,7 @@ def splice(clips: tuple[str, ...], output: str, report: str | None, roles: str |
 @click.option("--lexicon", metavar="DIR", help="Lexicon of the words.  [default: the one that ships]")
 @click.option("--no-spell", is_flag=True, help="Refuse words that are not in the lexicon instead of spelling them.")
 @splicing_options
+@reads_clips
 def sentence(
     glosses: tuple[str, ...],
     lexicon: str | None,
@@ -138,6 +140,7 @@ def _splice_options(transition_time: str, cutter: str | None, transition: str | 
         transition=_method(transition),
         duration=duration,
         transition_time=seconds,
+        limits=limits(),
         **others,
     )
     choose(options.cutter, options.transition, options.duration, options.bundle)
@@ -184,6 +187,7 @@ def deliver(result: SpliceResult, output: str, report: str | None, load_ms: floa
 @_AVOID_COLLISIONS
 @_ROLES
 @_REPORT
+@reads_clips
 def inbetween(
     clip: str,
     gaps: tuple[str, ...],

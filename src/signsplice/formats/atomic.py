@@ -98,16 +98,3 @@ def put_folder(made: Path, target: Path) -> None:
             old.rename(target)
         raise
     shutil.rmtree(old, ignore_errors=True)
-
-
-def read_bytes(path: str | Path) -> bytes:
-    """A file's bytes. Raises ``InputError`` with one line where it is missing, a folder, or not readable."""
-    path = Path(path)
-    try:
-        return path.read_bytes()
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except IsADirectoryError as error:
-        raise InputError(f"{path}: is a folder, expected a file") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error

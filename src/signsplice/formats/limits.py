@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 from signsplice.errors import LimitError
 
+if TYPE_CHECKING:
+    from signsplice.motion.clip import Clip
+
+_QUATERNION_BYTES = 32
+
 
 @dataclass(frozen=True)
-class Limits:
+class ReadLimits:
     """The limits of everything that reads clips. The defaults pass two hours of 75 joints at 120 fps, 1.8 GB of BVH.
 
     file_bytes: size of a file, with the buffer files that it names.
@@ -43,7 +49,7 @@ class Limits:
         """Raise ``LimitError`` where a clip is larger than allowed; its arrays take ``n_bytes`` and come from
         ``given_bytes``.
         """
-        what = f"{n_frames:,.0f} frames of {n_joints:,} joints at {fps:g} fps"
+        what = f"{n_frames / fps:,.0f} s of {n_joints:,} joints at {fps:g} fps, {n_frames:,.0f} frames"
         for most, value, unit in (
             (self.joints, n_joints, "joints"),
             (self.fps, fps, "fps"),
@@ -53,6 +59,11 @@ class Limits:
             if not value <= most:  # True for NaN too
                 raise LimitError(f"{what}, expected at most {most:,.0f} {unit}", file=file)
         self.check_memory(what, n_bytes, given_bytes, file)
+
+    def check_resampling(self, clip: Clip, fps: float, speed: float = 1.0) -> None:
+        """Raise ``LimitError`` where ``resample`` would make more frames than allowed, or far more than there are."""
+        n_frames, n_joints = clip.seconds / speed * fps, len(clip.skeleton)
+        self.check_clip(n_frames, n_joints, fps, n_frames * n_joints * _QUATERNION_BYTES, clip.nbytes, clip.name)
 
     def check_memory(self, what: str, n_bytes: float, given_bytes: float, file: str = "") -> None:
         """Raise ``LimitError`` where ``what`` takes ``n_bytes`` of memory, far more than the ``given_bytes`` that it
@@ -67,6 +78,6 @@ class Limits:
             )
 
 
-DEFAULT_LIMITS = Limits()
-NO_LIMITS = Limits(**{limit.name: math.inf for limit in fields(Limits)})
+DEFAULT_LIMITS = ReadLimits()
+NO_LIMITS = ReadLimits(**{limit.name: math.inf for limit in fields(ReadLimits)})
 """No limit at all: for files that you trust."""

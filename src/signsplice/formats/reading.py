@@ -51,9 +51,9 @@ def read_bytes(path: str | Path, most_bytes: float = DEFAULT_LIMITS.file_bytes) 
 
 
 @contextmanager
-def format_errors(file: str) -> Iterator[None]:
-    """Turns whatever a parser raises within the block into a ``FormatError`` that names ``file``; the original error
-    is its ``__cause__``.
+def format_errors(file: str, kind: str) -> Iterator[None]:
+    """Turns whatever a parser raises within the block into a ``FormatError`` that names ``file`` and says that it is no
+    valid ``kind``; the original error is its ``__cause__``.
 
     Parsers and the libraries under them fail in many ways on broken files, and no list of these was ever complete.
     """
@@ -62,13 +62,13 @@ def format_errors(file: str) -> Iterator[None]:
     except FormatError:
         raise
     except InputError as error:
-        raise FormatError(f"holds no valid clip ({error})", file=file) from error
+        raise FormatError(f"is no valid {kind} ({error})", file=file) from error
     except MemoryError as error:
         raise FormatError("needs more memory than there is", file=file) from error
     except Exception as error:
         reason = (str(error).splitlines() or [""])[0][:200]
-        kind = type(error).__name__
-        raise FormatError(f"cannot be read ({kind}{': ' if reason else ''}{reason})", file=file) from error
+        error_type = type(error).__name__
+        raise FormatError(f"is no valid {kind} ({error_type}{': ' if reason else ''}{reason})", file=file) from error
 
 
 def stem(file: str) -> str:

@@ -15,8 +15,11 @@ from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
 
+import numpy as np
+
 from signsplice.errors import InputError
 from signsplice.motion.clip import Skeleton
+from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.naming import CONVENTIONS, EYE, HEAD, HIPS, JAW, NECK, NamingConvention
 
 _SIDES = ("left", "right")
@@ -59,6 +62,8 @@ _LINE = _lines()
 ROLES: tuple[str, ...] = tuple(_LINE)
 """Every role: the names of VRM 1.0's humanoid bones, each after those that it hangs from."""
 _HANDS = frozenset({"leftHand", "rightHand"})
+_LEAST_BONE = 1e-6
+"""Bones of an arm that are shorter than this fraction of the longest have no length."""
 _MIN_ROLES = 3
 """Fewer joints than this that fit a table are chance, not a rig."""
 
@@ -190,7 +195,7 @@ def find_roles(skeleton: Skeleton, override: Mapping[str, str] | None = None) ->
 
 def arm_joints(skeleton: Skeleton, humanoid: Humanoid) -> list[int]:
     """Joints of left then right upper arm, lower arm and hand, then the hips. Raises ``InputError`` where one of an
-    arm's is missing.
+    arm's is missing, or lies where the one before it does.
     """
     names = [side + part for side in _SIDES for part in _ARM[1:]]
     missing = [name for name in names if name not in humanoid.joints]
@@ -199,7 +204,12 @@ def arm_joints(skeleton: Skeleton, humanoid: Humanoid) -> list[int]:
             f"no {' or '.join(missing[:2])} found among joints {', '.join(skeleton.names[:4])}, ...; "
             "expected both arms by name; name them with a roles file, or use a cutter that needs no arms (ends)"
         )
-    return [*(humanoid.joints[name] for name in names), humanoid.joints.get("hips", 0)]
+    arms = [humanoid.joints[name] for name in names]
+    chain = rest_positions(skeleton)[[*reversed(arms[:3]), *arms[3:]]]  # from hand to hand
+    bones = np.linalg.norm(np.diff(chain, axis=0), axis=1)
+    if not bones.min() > _LEAST_BONE * bones.max():
+        raise InputError("the arms have a bone without length, or one shoulder lies on the other; expected two arms")
+    return [*arms, humanoid.joints.get("hips", 0)]
 
 
 def _find(skeleton: Skeleton, override: Mapping[str, str]) -> Humanoid:

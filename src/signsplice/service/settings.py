@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import socket
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from ipaddress import ip_address
 from pathlib import Path
 
 from signsplice.errors import InputError
+from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 
 MIB = 1 << 20
 LOOPBACK = ("127.0.0.1", "localhost", "::1", "[::1]")
@@ -43,6 +44,8 @@ class Settings:
     max_frames: int = 40_000
     """Frames at the output's rate: of a whole request, of one file, or of one word of a stream; the default is 22
     minutes at 30 fps."""
+    max_joints: int = int(DEFAULT_LIMITS.joints)
+    """Joints of a skeleton."""
     max_waiting: int = 64
     """Requests that run or wait for a worker; further ones are refused."""
     max_uploads: int = 8
@@ -85,6 +88,12 @@ class Settings:
         """Number of processes that answer requests."""
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         return self.n_workers or cores
+
+    @property
+    def read_limits(self) -> ReadLimits:
+        """The limits of the files of a request."""
+        limits = {"file_bytes": self.max_body_bytes, "frames": self.max_frames, "joints": self.max_joints}
+        return replace(DEFAULT_LIMITS, **limits)
 
     @cached_property
     def hosts(self) -> tuple[str, ...]:

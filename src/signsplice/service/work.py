@@ -132,14 +132,8 @@ def splice_files(files: Sequence[tuple[str, bytes]], request: SpliceRequest, fil
 
     Raises ``InputError``.
     """
-    limit = _worker.settings.max_frames
-    clips = []
-    for name, content in files:
-        clip = parse_file(content, name)
-        if len(clip) > limit:
-            raise InputError(f"{name}: {len(clip)} frames, expected at most {limit}")
-        clips.append(clip)
-    return _answer(clips, request, file, ())
+    limits = _worker.settings.read_limits
+    return _answer([parse_file(content, name, limits) for name, content in files], request, file, ())
 
 
 def _answer(
@@ -167,6 +161,7 @@ def options(dials: Dials) -> SpliceOptions:
         sign_speed=dials.sign_speed,
         fps=dials.fps,
         avoid_collisions=dials.avoid_collisions,
+        limits=_worker.settings.read_limits,
     )
 
 

@@ -14,8 +14,9 @@ from pathlib import Path, PurePath
 from typing import Any, get_type_hints
 
 from signsplice.errors import InputError
-from signsplice.formats.atomic import read_bytes, replacing
+from signsplice.formats.atomic import replacing
 from signsplice.formats.json_files import check_type, read_json
+from signsplice.formats.reading import read_bytes
 
 BUNDLE_FILE = "bundle.json"
 VERSION = 1
