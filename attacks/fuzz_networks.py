@@ -79,7 +79,8 @@ _GRAPHS = {
         [
             ("Slice", "tokens first last axis", "a", {}),
             ("MatMul", "a w", "c", {}),
-            ("Reshape", "c shape", "turns", {}),
+            ("MatMul", "c v", "d", {}),
+            ("Reshape", "d shape", "turns", {}),
         ],
         {
             "w": (N_TOKEN, 3 * _N_ROLES),

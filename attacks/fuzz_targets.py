@@ -72,7 +72,7 @@ class Target:
             try:
                 content = self.mutate(content, rng)
             except Exception:  # of a file that is broken already, which has no structure left
-                content = fuzz_mutators.of_bytes(content, rng)
+                break
         return content
 
     def exercise(self, content: bytes, folder: Path) -> bool:
@@ -158,7 +158,11 @@ def _put_folder(content: bytes, folder: Path) -> Path:
     path = folder / "case"
     shutil.rmtree(path, ignore_errors=True)
     path.mkdir()
-    for name, inner in unpacked(content).items():
+    try:
+        files = unpacked(content)
+    except Exception:  # bytes that libFuzzer has cut: not what is tested here
+        files = {}
+    for name, inner in files.items():
         (path / Path(name).name).write_bytes(inner)
     return path
 

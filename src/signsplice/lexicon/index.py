@@ -153,6 +153,8 @@ class Index:
                 raise InputError(f"{path}: has other tables than those of a lexicon; {REBUILD}")
             self.head = Head(*self.ask("SELECT form, n_words, n_bytes, sha256 FROM lexicon")[0])
             _check_types(self.head)
+            if self.head.n_words < 1:
+                raise InputError(f"{path}: {self.head.n_words} words, expected at least one; {REBUILD}")
         except (IndexError, TypeError) as error:
             self.close()
             raise InputError(f"{path}: is damaged (no head); {REBUILD}") from error
@@ -300,9 +302,8 @@ def _skeleton(description: str) -> Skeleton:
     check_type(fields, dict[str, Any], "description")
     for name, kind in _DESCRIBED.items():
         check_type(fields[name], kind, name)
-    n_joints = len(fields["names"])
-    if n_joints > DEFAULT_LIMITS.joints or not all(0 <= joint < n_joints for joint, _ in fields["end_sites"]):
-        raise ValueError(f"{n_joints} joints, or an end site of none of them")
+    if len(fields["names"]) > DEFAULT_LIMITS.joints:
+        raise ValueError(f"{len(fields['names'])} joints, expected at most {DEFAULT_LIMITS.joints:g}")
     return Skeleton(
         names=tuple(fields["names"]),
         parents=np.array(fields["parents"], np.intp),

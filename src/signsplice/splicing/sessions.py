@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.errors import FormatError
+from signsplice.formats.reading import format_errors
 from signsplice.splicing.bundle import BundleConfig, read_file
 
 Array = NDArray[Any]
@@ -43,7 +42,7 @@ class Sessions:
         """
         session, takes, gives = self._session(name)
         began = time.perf_counter()
-        with self._network_errors(name):
+        with format_errors(str(self.folder / f"{name}.onnx"), "network"):
             outputs = dict(zip(gives, session.run(gives, {key: inputs[key] for key in takes}), strict=True))
             for key, shape in shapes.items():
                 _check_output(key, outputs[key], shape)
@@ -59,21 +58,11 @@ class Sessions:
             options = onnxruntime.SessionOptions()
             options.intra_op_num_threads = options.inter_op_num_threads = 1
             options.log_severity_level = 3
-            with self._network_errors(name):
+            with format_errors(str(self.folder / f"{name}.onnx"), "network"):
                 session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
             takes = [entry.name for entry in session.get_inputs()]
             self._sessions[name] = (session, takes, [entry.name for entry in session.get_outputs()])
         return self._sessions[name]
-
-    @contextmanager
-    def _network_errors(self, name: str) -> Iterator[None]:
-        """Turns whatever onnxruntime raises of a network into a ``FormatError`` with its file."""
-        try:
-            yield
-        except Exception as error:
-            reason = " ".join(str(error).split())[:300]
-            what = f"cannot be run as a network ({type(error).__name__}: {reason}); export the system anew"
-            raise FormatError(what, file=str(self.folder / f"{name}.onnx")) from error
 
 
 def _check_output(name: str, output: Any, shape: tuple[int | None, ...]) -> None:
