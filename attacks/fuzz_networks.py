@@ -83,7 +83,8 @@ _GRAPHS = {
             ("Reshape", "d shape", "turns", {}),
         ],
         {
-            "w": (N_TOKEN, 3 * _N_ROLES),
+            "w": (N_TOKEN, 2),
+            "v": (2, 3 * _N_ROLES),
             "first": [CONTEXT],
             "last": [-CONTEXT],
             "axis": [1],
