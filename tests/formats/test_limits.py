@@ -107,6 +107,11 @@ BOMBS: dict[str, tuple[str, Callable[[], bytes], str]] = {
     "frames of joints that do not move": ("a.bvh", lambda: held_still(50_000), "MB of memory, expected at most 1"),
     "seconds": ("a.bvh", lambda: VALID.replace("0.04", "1e6").encode(), "expected at most 86,400 seconds"),
     "a frame rate": ("a.bvh", lambda: VALID.replace("0.04", "1e-9").encode(), "expected at most 1,000 fps"),
+    "numbers in a line": (
+        "a.bvh",
+        lambda: (VALID + "10 " * 1_500_000).encode(),
+        "1500000 numbers in a frame, expected 9|3 frames follow",
+    ),
     "digits": ("a.bvh", lambda: VALID.replace("0.04", "1" * 100_000 + "x").encode(), "is not a number"),
     "blank lines": ("a.bvh", lambda: b"\n" * 2_000_000 + VALID.encode() + b" \t\n" * 2_000_000, ""),
     "members": (

@@ -32,6 +32,8 @@ _FRAMES = re.compile(r"frames\s*:\s*(\S*)\s*(.*)", re.IGNORECASE)
 _FRAME_TIME = re.compile(r"frame\s+time\s*:\s*(\S*)\s*(.*)", re.IGNORECASE)
 _BLOCK = 4096
 """Frames that are parsed at a time, to keep the memory of their text small."""
+_LONG = 100
+"""Bytes of text that no lawful number takes, with the space around it."""
 _JOINT_BYTES, _NUMBER_BYTES = 56, 8
 """Memory of a clip: of a joint's rotation and translation in a frame, and of a number of the file."""
 
@@ -206,15 +208,18 @@ def _motion_head(text: bytes, start: int, n_lines: int, file: str) -> tuple[int,
 
 def _read_frames(text: bytes, start: int, n_frames: int, values: Float, file: str) -> None:
     """Write the numbers of the frame lines to ``values`` (T, C). Raises where there are not ``n_frames`` of C each."""
-    rows = _LINE.finditer(text, start)
-    done = 0
-    last = start
+    rows, width = _LINE.finditer(text, start), values.shape[1]
+    done, last = 0, start
     while block := list(islice(rows, _BLOCK)):
         stop = done + len(block)
+        for row in block:
+            if row.end() - row.start() > _LONG * (width + _LONG):
+                _check_width(text, row, width, file)  # since numpy takes 20 times the text of so many numbers
         numbers = _numbers([row[0] for row in block])
-        if stop > n_frames or numbers is None or numbers.shape != (len(block), values.shape[1]):
+        if stop > n_frames or numbers is None or numbers.shape != (len(block), width):
             for row in block[: n_frames - done]:
-                _check_frame(text, row, values.shape[1], file)
+                _check_width(text, row, width, file)
+                _check_numbers(text, row, file)
             if stop <= n_frames:
                 raise FormatError("a number cannot be read", file=file, line=_line_number(text, block[0].start()))
             last = block[n_frames - done].start()
@@ -243,17 +248,24 @@ def _numbers(rows: list[bytes]) -> Float | None:
     return numbers if np.isfinite(numbers).all() else None
 
 
-def _check_frame(text: bytes, row: re.Match[bytes], width: int, file: str) -> None:
-    """Raise ``FormatError`` that says what is wrong with a line of numbers."""
-    tokens = _decoded(row[0]).split()
-    line = _line_number(text, row.start())
-    if len(tokens) != width:
-        is_cut = len(tokens) < width and _LINE.search(text, row.end()) is None
+def _check_width(text: bytes, row: re.Match[bytes], width: int, file: str) -> None:
+    """Raise ``FormatError`` where a line does not hold as many numbers as there are channels."""
+    n_tokens = sum(1 for _ in re.finditer(r"\S+", _decoded(row[0])))
+    if n_tokens != width:
+        line = _line_number(text, row.start())  # counts from the text's start: only for the line that is wrong
+        is_cut = n_tokens < width and _LINE.search(text, row.end()) is None
         commas = "; it has commas: numbers need a decimal point and white space between them"
         hint = commas if b"," in row[0] else "; the file seems to be cut off here" if is_cut else ""
-        raise FormatError(f"{len(tokens)} numbers in a frame, expected {width}{hint}", file=file, line=line)
-    for token in tokens:
-        number_of(token, file, line)
+        raise FormatError(f"{n_tokens} numbers in a frame, expected {width}{hint}", file=file, line=line)
+
+
+def _check_numbers(text: bytes, row: re.Match[bytes], file: str) -> None:
+    """Raise ``FormatError`` that says what is wrong with a number of a line."""
+    for token in _decoded(row[0]).split():
+        try:
+            number_of(token, file, 0)
+        except FormatError as error:
+            raise FormatError(error.what, file=file, line=_line_number(text, row.start())) from None
 
 
 def _clip(hierarchy: Hierarchy, values: Float, frame_time: float, name: str) -> Clip:
