@@ -1,11 +1,12 @@
 # One word per task. Each makes its own environment; nothing but Python >= 3.11 and make is needed.
 PYTHON ?= python3
 VENV := .venv
+MINUTES ?= 10
 BIN := $(VENV)/bin
 NODE := viewer/node_modules/.package-lock.json
 PAGE := src/signsplice/service/page/index.html
 
-.PHONY: demo test test-slow lint types unit viewer bench words corpus smoke paper weights clean
+.PHONY: demo test test-slow lint types unit viewer bench fuzz words corpus smoke paper weights clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet and a report in out/demo
 	$(BIN)/signsplice demo --out out/demo
@@ -16,8 +17,8 @@ test-slow: $(VENV)/.dev $(PAGE) ## the tests that take long; CI runs them too
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile -m slow
 
 lint: $(VENV)/.dev             ## style
-	$(BIN)/ruff check src tests
-	$(BIN)/ruff format --check src tests
+	$(BIN)/ruff check src tests attacks
+	$(BIN)/ruff format --check src tests attacks
 
 types: $(VENV)/.dev            ## mypy --strict
 	$(BIN)/mypy
@@ -29,6 +30,9 @@ unit: $(VENV)/.dev $(PAGE)     ## pytest, a process a core; each file's tests st
 
 bench: $(VENV)/.dev            ## speed of every part beside its baselines, in one run
 	$(BIN)/signsplice bench
+
+fuzz: $(VENV)/.fuzz            ## every reader against mutated files for MINUTES=10; what is found stays in tests/fuzz_corpus
+	$(BIN)/python attacks/fuzz.py --minutes $(MINUTES)
 
 words: $(VENV)/.dev            ## sign the words that ship anew, from their notation
 	$(BIN)/signsplice synth lexicon -o out/words
@@ -64,6 +68,11 @@ $(PAGE): $(NODE) $(wildcard viewer/src/*) viewer/build.mjs
 
 $(VENV)/.demo: pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[video]'
+	touch $@
+
+$(VENV)/.fuzz: $(VENV)/.dev
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fuzz]' \
+	|| echo "no atheris for this machine: cases are chosen by a seeded generator alone"
 	touch $@
 
 $(VENV)/.dev: pyproject.toml | $(VENV)/bin/python

@@ -174,11 +174,11 @@ def _add(tally: Tally, folder: Path, status: int) -> None:
     if status != 0 and (folder / "case").exists():
         content = (folder / "case").read_bytes()
         kind = signal.Signals(-status).name if status < 0 else f"exit status {status}"
-        hung = {signal.SIGPROF: "hang", signal.SIGALRM: "waits"}.get(-status, "dies") if status < 0 else "dies"
+        ends = {-signal.SIGPROF: "hangs", -signal.SIGALRM: "waits without end"}.get(status, "dies")
         tally.n_cases += 1
-        if hung == "hang":
+        if status == -signal.SIGPROF:
             tally.slowest_s = max(tally.slowest_s, MOST_SECONDS)
-        tally.findings.setdefault(f"{hung} ({kind})", _keep(tally.name, content))
+        tally.findings.setdefault(f"{ends} ({kind})", _keep(tally.name, content))
 
 
 def _keep(name: str, content: bytes) -> str:
@@ -211,12 +211,13 @@ class _Child:
         from fuzz_targets import TARGETS
 
         target = TARGETS[self.plan.name]
-        seeds = [*target.seeds(), *self._kept()]
+        seeds, kept = target.seeds(), self._kept()
         for number in range(self.plan.first, self.plan.first + self.plan.n_cases):
             if time.monotonic() > self.ends:
                 break
             rng = random.Random(f"{self.plan.seed}/{self.plan.name}/{number}")
-            self._one(target.mutated(seeds, rng), target.exercise, target.unpacked)
+            chosen = kept if kept and rng.random() < 0.1 else seeds
+            self._one(target.mutated(chosen, rng), target.exercise, target.unpacked)
         self._write()
         return 0
 

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+
 from fuzz_mutators import INTEGERS, hostile_float, hostile_value, hostile_word, of_bytes, of_json, of_text, with_a_float
 
 

@@ -36,7 +36,7 @@ def of_folder(content: bytes, rng: random.Random, inner: Callable[[dict[str, byt
                 members[name] = members[rng.choice(sorted(members))]
     else:
         inner(members, rng)
-    return packed(members, compress=False)
+    return packed(members)
 
 
 def of_lexicon(content: bytes, rng: random.Random) -> bytes:
@@ -184,11 +184,10 @@ def of_onnx(content: bytes, rng: random.Random) -> bytes:
     if rng.random() < 0.2:
         return of_bytes(content, rng)
     import onnx
-    from google.protobuf.message import DecodeError
 
     try:
         model = onnx.load_model_from_string(content)
-    except (DecodeError, ValueError):
+    except Exception:  # protobuf's own kinds of errors
         return of_bytes(content, rng)
     message: Any = model.graph
     for _ in range(6):  # down into a random message

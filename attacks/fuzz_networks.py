@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from onnx import TensorProto, helper, numpy_helper
 
@@ -38,7 +40,9 @@ def small(name: str) -> bytes:
     return bytes(model.SerializeToString())
 
 
-_GRAPHS = {
+_GRAPHS: dict[
+    str, tuple[dict[str, Any], dict[str, Any], list[tuple[str, str, str, dict[str, Any]]], dict[str, Any]]
+] = {
     "word.onnx": (
         {"tokens": [1, "t", _N_WORD_TOKEN]},
         {"states": [1, "t", _WIDTH], "leave": [1, _WIDTH], "enter": [1, _WIDTH], "phases": [1, "t", _N_PHASES]},

@@ -18,14 +18,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import fuzz_clips
 import fuzz_folders
 import fuzz_mutators
 import fuzz_networks
-import numpy as np
-from fuzz_clips import joined_chunks, packed, unpacked
-
 import signsplice as ss
+from fuzz_clips import joined_chunks, packed, unpacked
 from signsplice import formats, lexicon
 from signsplice.formats import roles as roles_files
 from signsplice.lexicon import glosses, sentence

@@ -124,7 +124,7 @@ def read_config(folder: Path) -> BundleConfig:
     stored = read_json(path, "the description of a trained system")
     version = stored.get("version") if isinstance(stored, dict) else None
     if version != VERSION:
-        raise InputError(f"{path}: version {str(version)[:40]}, expected {VERSION}; export the system anew")
+        raise InputError(f"{path}: version {version!r:.40}, expected {VERSION}; export the system anew")
     return config_of(stored, path)
 
 
