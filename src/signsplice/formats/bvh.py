@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.bvh_hierarchy import Hierarchy, number_of, short
-from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
+from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
 from signsplice.formats.numbers import format_rows
 from signsplice.formats.reading import stem
 from signsplice.motion import euler_channels, euler_curves
@@ -34,8 +34,8 @@ _BLOCK = 4096
 """Frames that are parsed at a time, to keep the memory of their text small."""
 _LONG = 100
 """Bytes of text that no lawful number takes, with the space around it."""
-_JOINT_BYTES, _NUMBER_BYTES = 56, 8
-"""Memory of a clip: of a joint's rotation and translation in a frame, and of a number of the file."""
+_NUMBER_BYTES = 8
+"""Memory of a number of the file."""
 
 
 def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
@@ -61,7 +61,7 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -
     # Each number takes two bytes of text, so that no more frames can follow, whatever the file declares.
     n_possible = min(n_frames, (len(text) - first) // (2 * width) + 1)
     n_joints, fps = len(hierarchy.names), standard_fps(frame_time)
-    n_bytes = n_possible * (n_joints * _JOINT_BYTES + width * _NUMBER_BYTES)
+    n_bytes = n_possible * (n_joints * FRAME_BYTES + width * _NUMBER_BYTES)
     limits.check_clip(n_possible, n_joints, fps, n_bytes, len(content), file)
     values = np.empty((n_possible, width))
     _read_frames(text, first, n_frames, values, file)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from signsplice.errors import LimitError
 from signsplice.formats.gltf_document import FPS_EXTRA, ROLES_EXTRA, VRM_ANIMATION, Document, Fields
 from signsplice.formats.gltf_keys import DRIFT, Keys, frame_rate, sample
-from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
+from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
 from signsplice.formats.reading import stem
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton
@@ -31,8 +31,6 @@ _HELD = 1e-5
 """Translations that change by less than this fraction of the longest bone are constant."""
 _EVEN = 1e-3
 """Scales along three axes, or over time, that differ by less than this fraction are equal."""
-_JOINT_BYTES = 56
-"""Memory of a joint's rotation and translation in a frame."""
 
 
 def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS, folder: Path | None = None) -> Clip:
@@ -98,21 +96,23 @@ class _AnimationReader(Document):
         rest_quats[0] = rotation.multiply(world_quat, rest_quats[0])
         bound = self._bind_rotations(order, parents, rest_quats)
         parent_bound = np.where((parents >= 0)[:, None], bound[parents], rotation.IDENTITY)
-        local_quats = rotation.multiply(rotation.multiply(parent_bound, local_quats), rotation.inverse(bound))
-        offsets, translations = rotation.rotate(parent_bound, offsets), rotation.rotate(parent_bound, translations)
+        offsets = rotation.rotate(parent_bound, offsets)
+        for k in range(len(order)):  # joint by joint and in place, to keep the memory of intermediate results small
+            quats = rotation.multiply(rotation.multiply(parent_bound[k], local_quats[:, k]), rotation.inverse(bound[k]))
+            local_quats[:, k] = rotation.continuous(rotation.normalize(quats))
+            translations[:, k] = rotation.rotate(parent_bound[k], translations[:, k])
+        translations[:, 0] = 0.0
         change = float(np.ptp(translations[:, 1:], axis=0).max()) if len(order) > 1 else 0.0
         stretches = change > _HELD * float(np.abs(offsets).max())
         names = _unique([_printable(self.nodes[node].get("name"), f"node {node}") for node in order])
         named = {role: names[rows[node]] for role, node in roles.items() if node in rows} or self._stored_roles(names)
         return Clip(
             Skeleton(tuple(names), parents, np.concatenate([np.zeros((1, 3)), offsets[1:]]), roles=named or None),
-            rotation.continuous(rotation.normalize(local_quats)),
+            local_quats,
             roots,
             fps,
             name=_printable(name, stem(self.file)),
-            translations=np.concatenate([np.zeros((len(times), 1, 3)), translations[:, 1:]], axis=1)
-            if stretches
-            else None,
+            translations=translations if stretches else None,
         )
 
     def _stored_roles(self, names: Sequence[str]) -> dict[str, str]:
@@ -215,7 +215,7 @@ class _AnimationReader(Document):
         else:
             fps = frame_rate(max((keys.times for keys in channels.values()), key=len))
         steps = (end - start) * fps
-        self.limits.check_clip(steps, n_joints, fps, steps * n_joints * _JOINT_BYTES, self.given_bytes, self.file)
+        self.limits.check_clip(steps, n_joints, fps, steps * n_joints * FRAME_BYTES, self.given_bytes, self.file)
         return start + np.arange(int(steps + 1.01 * DRIFT) + 1) / fps, fps
 
     def _local_pose(self, node: int) -> tuple[Float, Float, float]:

@@ -11,7 +11,8 @@ from signsplice.errors import LimitError
 if TYPE_CHECKING:
     from signsplice.motion.clip import Clip
 
-_QUATERNION_BYTES = 32
+FRAME_BYTES = 80
+"""Memory that a joint takes in a frame while its clip is made: a rotation, a translation, and checks of both."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class ReadLimits:
     frames: float = 2_000_000
     seconds: float = 86_400.0
     fps: float = 1000.0
-    free_bytes: float = 16 << 20
+    free_bytes: float = 48 << 20
     growth: float = 10.0
 
     def check_clip(
@@ -63,7 +64,8 @@ class ReadLimits:
     def check_resampling(self, clip: Clip, fps: float, speed: float = 1.0) -> None:
         """Raise ``LimitError`` where ``resample`` would make more frames than allowed, or far more than there are."""
         n_frames, n_joints = clip.seconds / speed * fps, len(clip.skeleton)
-        self.check_clip(n_frames, n_joints, fps, n_frames * n_joints * _QUATERNION_BYTES, clip.nbytes, clip.name)
+        frame_bytes = n_joints * FRAME_BYTES
+        self.check_clip(n_frames, n_joints, fps, n_frames * frame_bytes, len(clip) * frame_bytes, clip.name)
 
     def check_memory(self, what: str, n_bytes: float, given_bytes: float, file: str = "") -> None:
         """Raise ``LimitError`` where ``what`` takes ``n_bytes`` of memory, far more than the ``given_bytes`` that it

@@ -180,7 +180,22 @@ def _without_shared(names: tuple[str, ...]) -> tuple[str, ...]:
 # --- bodies ---------------------------------------------------------------------------------------------------------
 
 _Joints = dict[str, int]
-_Ancestors = tuple[frozenset[int], ...]
+
+
+class _Ancestors(dict[int, frozenset[int]]):
+    """All joints above each joint that is asked for; those of every joint would take the square of a chain's length."""
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        super().__init__()
+        self._parents: list[int] = skeleton.parents.tolist()
+
+    def __missing__(self, joint: int) -> frozenset[int]:
+        above, over = set(), self._parents[joint]
+        while over >= 0:
+            above.add(over)
+            over = self._parents[over]
+        self[joint] = frozenset(above)
+        return self[joint]
 
 
 def find_roles(skeleton: Skeleton, override: Mapping[str, str] | None = None) -> Humanoid:
@@ -214,7 +229,7 @@ def arm_joints(skeleton: Skeleton, humanoid: Humanoid) -> list[int]:
 
 def _find(skeleton: Skeleton, override: Mapping[str, str]) -> Humanoid:
     given = _given(skeleton, override)
-    ancestors = _ancestors(skeleton)
+    ancestors = _Ancestors(skeleton)
     for names in (skeleton.names, _without_shared(skeleton.names)):
         index = _index(names)
         found = {rig: _with_names(given, _NAMES[rig.name], index, ancestors) for rig in CONVENTIONS}
@@ -257,14 +272,6 @@ def _given(skeleton: Skeleton, override: Mapping[str, str]) -> _Joints:
             raise InputError(f"override: joint {name!r} is both {other} and {role}, expected one role for a joint")
         joints[role] = joint
     return joints
-
-
-def _ancestors(skeleton: Skeleton) -> _Ancestors:
-    """For each joint, all joints above it."""
-    above: list[frozenset[int]] = [frozenset()]
-    for parent in skeleton.parents[1:].tolist():
-        above.append(above[parent] | {parent})
-    return tuple(above)
 
 
 def _index(names: tuple[str, ...]) -> dict[str, list[int]]:
