@@ -178,7 +178,8 @@ def _add(tally: Tally, folder: Path, status: int) -> None:
         tally.n_cases += 1
         if status == -signal.SIGPROF:
             tally.slowest_s = max(tally.slowest_s, MOST_SECONDS)
-        tally.findings.setdefault(f"{ends} ({kind})", _keep(tally.name, content))
+        if f"{ends} ({kind})" not in tally.findings:
+            tally.findings[f"{ends} ({kind})"] = _keep(tally.name, content)
 
 
 def _keep(name: str, content: bytes) -> str:

@@ -135,7 +135,11 @@ def config_of(stored: Mapping[str, Any], path: Path) -> BundleConfig:
         for name in (*_PLAIN, "n_parameters", "files"):
             if name in stored:
                 check_type(stored[name], kinds[name], name)
-        if names := [name for name in stored.get("files", {}) if name != PurePath(name).name or "\\" in name]:
+        if names := [
+            name
+            for name in stored.get("files", {})
+            if name != PurePath(name).name or "\\" in name or not name.isprintable()
+        ]:
             raise ValueError(f"files: {names[0]!r} is not the name of a file in its folder")
         return BundleConfig(
             path=path,
