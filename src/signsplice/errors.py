@@ -24,6 +24,7 @@ class FormatError(InputError):
     """
 
     def __init__(self, what: str, *, file: str = "", line: int | None = None) -> None:
+        what = " ".join(what.splitlines())  # it may quote what the file holds
         self.file, self.line, self.what = file, line, what
         where = f"{file or '<text>'}:{line}: " if line is not None else f"{file}: " if file else ""
         super().__init__(where + what)

@@ -93,7 +93,7 @@ class Document:
         """A row of a table of the document by its number. Raises ``FormatError`` where there is none."""
         if not isinstance(number, int) or not 0 <= number < len(rows or []):
             kind = "node" if what == "joint" else "such"
-            raise self._error(f"{what} {number!s:.20} is no {kind}, of {len(rows or [])}")
+            raise self._error(f"{what} {number!r:.20} is no {kind}, of {len(rows or [])}")
         return rows[number]
 
     def _subtree(self, node: int) -> list[int]:
