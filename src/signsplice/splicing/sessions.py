@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.errors import InputError
+from signsplice.errors import FormatError
 from signsplice.formats.reading import format_errors
 from signsplice.splicing.bundle import BundleConfig, read_file
 from signsplice.splicing.external_data import names_other_files
@@ -55,16 +55,17 @@ class Sessions:
         if name not in self._sessions:
             import onnxruntime
 
-            content = read_file(self.folder, self.config, f"{name}.onnx")
+            file, content = str(self.folder / f"{name}.onnx"), read_file(self.folder, self.config, f"{name}.onnx")
             onnxruntime.disable_telemetry_events()
             options = onnxruntime.SessionOptions()
             options.intra_op_num_threads = options.inter_op_num_threads = 1
             options.log_severity_level = 3
-            with format_errors(str(self.folder / f"{name}.onnx"), "network"):
+            with format_errors(file, "network"):
                 if names_other_files(content):
-                    raise InputError(
+                    raise FormatError(
                         "keeps weights in other files, which no hash of the bundle covers; export the system anew, each "
-                        "network in one file"
+                        "network in one file",
+                        file=file,
                     )
                 session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
             takes = [entry.name for entry in session.get_inputs()]
