@@ -63,8 +63,8 @@ class Sessions:
             with format_errors(file, "network"):
                 if names_other_files(content):
                     raise FormatError(
-                        "keeps weights in other files, which no hash of the bundle covers; export the system anew, each "
-                        "network in one file",
+                        "keeps weights in other files, which no hash of the bundle covers; export the system anew, "
+                        "each network in one file",
                         file=file,
                     )
                 session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
