@@ -1,0 +1,46 @@
+"""A clip on another body: rotations first, then wrists and elbows moved so that hands keep places and contacts."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.body import arm_ik
+from signsplice.body.capsules import BodyCapsules, capsule_ends
+from signsplice.body.fit import Fit, PosedBody
+from signsplice.motion import kinematics
+from signsplice.motion.clip import Clip
+from signsplice.rig.arms import active_span, arms
+from signsplice.rig.info import rig_info
+
+Float = NDArray[np.float64]
+
+
+def posed_body(clip: Clip, body: BodyCapsules) -> PosedBody:
+    """A clip's body over time, in metres."""
+    info = rig_info(clip.skeleton)
+    metres = info.sizes.unit.metres
+    rotations, positions = kinematics.forward(clip)
+    starts, ends = capsule_ends(body, rotations, positions)
+    joints = info.arm_joints
+    shoulders, elbows, wrists = (metres * positions[:, [joints[k], joints[3 + k]]] for k in range(3))
+    lengths = np.linalg.norm(elbows[0] - shoulders[0], axis=-1) + np.linalg.norm(wrists[0] - elbows[0], axis=-1)
+    return PosedBody(body, metres * starts, metres * ends, metres * body.radii, shoulders, elbows, wrists, lengths)
+
+
+def fitted(source: Clip, source_body: BodyCapsules, carried: Clip, body: BodyCapsules) -> Clip:
+    """``carried``, the rotations of ``source`` on another skeleton, with wrists moved to keep places and contacts."""
+    fit = Fit(posed_body(source, source_body), posed_body(carried, body), source.fps, signing(source))
+    metres = rig_info(carried.skeleton).sizes.unit.metres
+    return arm_ik.move_wrists(carried, fit.moves() / metres)
+
+
+_FADE_S = 0.15
+
+
+def signing(clip: Clip) -> Float:
+    """How much each frame (T,) is signing: 1 while the arms are away from rest, fading to 0 outside."""
+    start, stop = active_span(arms(clip))
+    frames = np.arange(len(clip))
+    outside = np.maximum(np.maximum(start - frames, frames - (stop - 1)), 0) / clip.fps
+    return np.asarray(np.clip(1.0 - outside / _FADE_S, 0.0, 1.0))
