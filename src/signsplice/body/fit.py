@@ -19,13 +19,14 @@ Boulic 2018).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from signsplice.body.capsules import BodyCapsules
-from signsplice.body.touch import Gaps, SkinPairs, ball_gaps, gaps, skin_pairs
+from signsplice.body.touch import gaps, may_be_near, pair_gaps, skin_pairs
 
 Float = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -46,7 +47,7 @@ _CLEAR_M = 0.010
 _PRESS_M = 0.002
 """A touch may press this deep, m, however deep it is at the source."""
 _MARGIN_M = 0.035
-_STEPS = 4
+_STEPS, _STEPS_AGAIN = 4, 2
 _REACH, _REACH_WEIGHT = 0.985, 60.0
 
 
@@ -118,7 +119,7 @@ class Fit:
         self._arm_scale = float(np.mean(carried.arm_lengths) / np.mean(source.arm_lengths))
         self._hand_scale = carried.hand_length / source.hand_length
         shared = frozenset(source.body.keys) & frozenset(carried.body.keys)
-        self._pairs = skin_pairs(source.body, shared), skin_pairs(carried.body, shared)
+        self.pairs = skin_pairs(source.body, shared), skin_pairs(carried.body, shared)
         self._anchors = [self._rows([(side + key, at) for key, at in _ANCHORS], shared) for side in ("left", "right")]
         solid = [source.body.keys[n] for n in (*source.body.groups.head, *source.body.groups.trunk)]
         self._solid = [
@@ -132,16 +133,22 @@ class Fit:
         return _Rows(np.array(source, np.intp), np.array(target, np.intp), np.array([at for _, at in found]))
 
     def moves(self) -> Float:
-        """The moves (T, 2, 3) of the wrists, m."""
-        diagonal, off, right = self._linear()
-        m = self._solve_linear(diagonal, off, right)
-        contacts = _Contacts(self, m)
-        for _ in range(_STEPS):
-            m = self._step(m, contacts, diagonal, off, right)
+        """The moves (T, 2, 3) of the wrists, m, with arms that follow as ``_shares`` says."""
+        return self._touched(self._solve_linear(), self.carried, np.zeros((self.n_frames, 2, 3)), _STEPS)
+
+    def again(self, moves: Float, moved: PosedBody) -> Float:
+        """The moves once more, where ``moved`` is the body with the arms as they really lie after ``moves``."""
+        return self._touched(moves, moved, moves, _STEPS_AGAIN)
+
+    def _touched(self, m: Float, posed: PosedBody, base: Float, steps: int) -> Float:
+        contacts = _Contacts(self, posed, m, base)
+        for _ in range(steps):
+            m = self._step(m, contacts)
         return m
 
     # --- the linear stage ---
 
+    @cached_property
     def _linear(self) -> tuple[Float, Float, Float]:
         """Per frame: the diagonal (T, 2) and off-diagonal (T,) of the 2 x 2 block, the right side (T, 2, 3)."""
         diagonal = np.full((self.n_frames, 2), _SPACE_WEIGHT)
@@ -201,8 +208,8 @@ class Fit:
     def _smooth(self) -> float:
         return _SMOOTHNESS * (self.fps / 30.0) ** 4
 
-    def _solve_linear(self, diagonal: Float, off: Float, right: Float) -> Float:
-        n = self.n_frames
+    def _solve_linear(self) -> Float:
+        n, (diagonal, off, right) = self.n_frames, self._linear
         band = np.zeros((5, 2 * n))  # lower form: band[k, i] = A[i + k, i]
         d0, d1, d2 = _second_differences(n)
         band[0] = (diagonal + self._smooth * d0[:, None]).ravel()
@@ -213,8 +220,8 @@ class Fit:
 
     # --- the contact stage ---
 
-    def _step(self, m: Float, contacts: _Contacts, diagonal: Float, off: Float, right: Float) -> Float:
-        n = self.n_frames
+    def _step(self, m: Float, contacts: _Contacts) -> Float:
+        n, (diagonal, off, right) = self.n_frames, self._linear
         block = np.zeros((n, 6, 6))
         for axis in range(3):
             block[:, axis, axis], block[:, 3 + axis, 3 + axis] = diagonal[:, 0], diagonal[:, 1]
@@ -250,72 +257,73 @@ class Fit:
 
 
 class _Contacts:
-    """Pairs of capsules that are near, at the source or where the linear stage puts them."""
+    """Pairs of capsules that are near at the source, or on the other body with its wrists moved by ``m``.
 
-    def __init__(self, fit: Fit, m: Float) -> None:
-        source, carried = fit.source, fit.carried
-        theirs, ours = fit._pairs
-        shift = np.zeros((fit.n_frames, 3))
-        near = ball_gaps(source.starts, source.ends, source.radii, theirs) < _TOUCH_M
-        starts, ends = _moved(carried, m)
-        near |= ball_gaps(starts, ends, carried.radii, ours) < _MARGIN_M
-        self.frames, self.k = np.nonzero(near)
-        self.pairs, self.carried = ours, carried
-        self.then = _gaps(source.starts, source.ends, source.radii, theirs, self.frames, self.k).distance
-        now = _gaps(starts, ends, carried.radii, ours, self.frames, self.k).distance
-        keep = (self.then < _TOUCH_M) | (now < _MARGIN_M)
-        self.frames, self.k, self.then = self.frames[keep], self.k[keep], self.then[keep]
+    posed: the other body with its wrists moved by ``base``.
+    """
+
+    def __init__(self, fit: Fit, posed: PosedBody, m: Float, base: Float) -> None:
+        source, (theirs, ours) = fit.source, fit.pairs
+        near = may_be_near(source.starts, source.ends, source.radii, theirs, _TOUCH_M)
+        first, last, sides = _shares(posed.body)
+        shift = (m - base)[:, sides]  # (T, C, 3)
+        starts, ends = posed.starts + first[:, None] * shift, posed.ends + last[:, None] * shift
+        near |= may_be_near(starts, ends, posed.radii, ours, _MARGIN_M)
+        frames, k = np.nonzero(near)
+        then = pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance
+        now = pair_gaps(starts, ends, posed.radii, ours, frames, k).distance
+        keep = (then < _TOUCH_M) | (now < _MARGIN_M)
+        self.frames, k, self.then = frames[keep], k[keep], then[keep]
+        own, other = ours.own[k], ours.other[k]
+        self._p, self._q = posed.starts[self.frames, own], posed.starts[self.frames, other]
+        self._u, self._v = posed.ends[self.frames, own] - self._p, posed.ends[self.frames, other] - self._q
+        self._radii = posed.radii[own], posed.radii[other]
+        self._sides = ours.own_side[k], np.maximum(ours.other_side[k], 0)
+        moves = ours.other_side[k] >= 0
+        self._first = first[own], np.where(moves, first[other], 0.0)
+        self._more = (last - first)[own], np.where(moves, (last - first)[other], 0.0)
+        self._base = base[self.frames]
+        touching = self.then < _TOUCH_M
+        self._wanted = np.where(touching, np.maximum(self.then, -_PRESS_M), np.minimum(self.then, _CLEAR_M))
+        self._held = np.where(touching, _CONTACT_WEIGHT * np.exp(-np.maximum(self.then, 0.0) / _CONTACT_FADE_M), 0.0)
+        self._allowed = np.minimum(np.maximum(self.then, -_PRESS_M), _CLEAR_M)
 
     def add(self, m: Float, block: Float, rhs: Float) -> None:
         """Add this step's residuals to the blocks (T, 6, 6) and right sides (T, 6)."""
         if not len(self.frames):
             return
-        starts, ends = _moved(self.carried, m)
-        now = _gaps(starts, ends, self.carried.radii, self.pairs, self.frames, self.k)
-        touching = self.then < _TOUCH_M
-        wanted = np.where(touching, np.maximum(self.then, -_PRESS_M), np.minimum(self.then, _CLEAR_M))
-        weight = np.where(touching, _CONTACT_WEIGHT * np.exp(-np.maximum(self.then, 0.0) / _CONTACT_FADE_M), 0.0)
-        weight = np.where(now.distance < np.minimum(self.then, _CLEAR_M), _CONTACT_WEIGHT, weight)
+        rows, since = np.arange(len(self.frames)), m[self.frames] - self._base
+        own, other = since[rows, self._sides[0]], since[rows, self._sides[1]]
+        now = gaps(
+            self._p + self._first[0][:, None] * own,
+            self._u + self._more[0][:, None] * own,
+            self._q + self._first[1][:, None] * other,
+            self._v + self._more[1][:, None] * other,
+            *self._radii,
+        )
+        weight = np.where(now.distance < self._allowed, _CONTACT_WEIGHT, self._held)
         rows = np.flatnonzero(weight > 1e-3)
-        frames, k = self.frames[rows], self.k[rows]
-        share = np.zeros((len(rows), 2))
-        at = np.arange(len(rows))
-        share[at, self.pairs.own_side[k]] = np.where(self.pairs.own_is_forearm[k], now.own_at[rows], 1.0)
-        meets = self.pairs.other_side[k] >= 0
-        factor = np.where(self.pairs.other_is_arm[k], _arm_share(self.carried, self.pairs.other[k], now.other_at[rows]), 1.0)
-        share[at[meets], self.pairs.other_side[k][meets]] = -factor[meets]
+        if not len(rows):
+            return
+        share, at = np.zeros((len(rows), 2)), np.arange(len(rows))
+        share[at, self._sides[0][rows]] = (self._first[0] + now.own_at * self._more[0])[rows]
+        share[at, self._sides[1][rows]] -= (self._first[1] + now.other_at * self._more[1])[rows]
         jacobian = (share[:, :, None] * now.normals[rows, None]).reshape(-1, 6)
-        goal = wanted[rows] - now.distance[rows] + np.einsum("ni,ni->n", jacobian, m[frames].reshape(-1, 6))
+        frames = self.frames[rows]
+        goal = (self._wanted - now.distance)[rows] + np.einsum("ni,ni->n", jacobian, m[frames].reshape(-1, 6))
         weighted = weight[rows, None] * jacobian
-        order_starts = np.flatnonzero(np.r_[True, np.diff(frames) > 0]) if len(frames) else np.empty(0, int)
-        if len(frames):
-            block[frames[order_starts]] += np.add.reduceat(weighted[:, :, None] * jacobian[:, None], order_starts)
-            rhs[frames[order_starts]] += np.add.reduceat(weighted * goal[:, None], order_starts)
+        starts = np.flatnonzero(np.r_[True, frames[1:] > frames[:-1]])
+        block[frames[starts]] += np.add.reduceat(weighted[:, :, None] * jacobian[:, None], starts)
+        rhs[frames[starts]] += np.add.reduceat(weighted * goal[:, None], starts)
 
 
-def _arm_share(body: PosedBody, rows: Index, at: Float) -> Float:
-    """How far a point of an arm moves with its wrist: not at the shoulder, half-way at the elbow."""
-    upper = np.array([body.body.parts[row] == "sleeve" for row in range(len(body.body.parts))])[rows]
-    return np.where(upper, 0.5 * at, 0.5 + 0.5 * at)
-
-
-def _moved(body: PosedBody, m: Float) -> tuple[Float, Float]:
-    """Capsule ends (T, C, 3) with the hands moved by m (T, 2, 3), and arms drawn after them."""
-    starts, ends = body.starts.copy(), body.ends.copy()
-    for side, name in enumerate(("left", "right")):
-        for row, (part, of) in enumerate(zip(body.body.parts, body.body.sides, strict=True)):
-            if of != name or part in ("leg", "shoe"):
-                continue
-            first, last = {"sleeve": (0.0, 0.5), "cuff": (0.5, 1.0)}.get(part, (1.0, 1.0))
-            starts[:, row] += first * m[:, side]
-            ends[:, row] += last * m[:, side]
-    return starts, ends
-
-
-def _gaps(starts: Float, ends: Float, radii: Float, pairs: SkinPairs, frames: Index, k: Index) -> Gaps:
-    own, other = pairs.own[k], pairs.other[k]
-    p, q = starts[frames, own], starts[frames, other]
-    return gaps(p, ends[frames, own] - p, q, ends[frames, other] - q, radii[own], radii[other])
+def _shares(body: BodyCapsules) -> tuple[Float, Float, Index]:
+    """How far both ends of each capsule (C,) move with a wrist, and whose (C,): hands wholly, an elbow half-way."""
+    first, last = np.zeros(len(body.parts)), np.zeros(len(body.parts))
+    for n, (part, side) in enumerate(zip(body.parts, body.sides, strict=True)):
+        if side and part not in ("leg", "shoe"):
+            first[n], last[n] = {"sleeve": (0.0, 0.5), "cuff": (0.5, 1.0)}.get(part, (1.0, 1.0))
+    return first, last, np.array([int(side == "right") for side in body.sides], np.intp)
 
 
 def _points(body: PosedBody, rows: Index, at: Float) -> tuple[Float, Float]:

@@ -25,35 +25,31 @@ class SkinPairs:
     own, other: (K,) of each pair; ``own`` is of a hand or forearm.
     own_side: (K,) 0 where ``own`` is of the left arm, 1 of the right.
     other_side: (K,) likewise of ``other``; -1 where it is of head or trunk, which do not move with a wrist.
-    own_is_forearm, other_is_arm: (K,) whether the capsule is one of the arm, not of the hand.
     """
 
     own: Index
     other: Index
     own_side: Index
     other_side: Index
-    own_is_forearm: NDArray[np.bool_]
-    other_is_arm: NDArray[np.bool_]
 
 
-def skin_pairs(body: BodyCapsules, keys: frozenset[str]) -> SkinPairs:
-    """All pairs of a body among capsules with these keys: hand and head, neck, trunk, other hand or other arm; forearm
-    and head, neck or trunk.
+def skin_pairs(body: BodyCapsules, keys: frozenset[str], forearms: bool = False) -> SkinPairs:
+    """All pairs of a body among capsules with these keys: hand and head, neck, trunk, other hand or other arm; with
+    ``forearms``, forearm and head, neck or trunk too.
     """
     rows = [n for n, key in enumerate(body.keys) if key in keys]
     groups = body.groups
     hands = [[n for n in group if n in rows] for group in (groups.left, groups.right)]
     solid = [n for n in (*groups.head, *groups.trunk) if n in rows]
     arms = [[n for n in rows if body.sides[n] == side and body.parts[n] in ("sleeve", "cuff")] for side in _SIDES]
-    forearms = [[n for n in arm if body.parts[n] == "cuff"] for arm in arms]
-    found: list[tuple[int, int, int, int, bool, bool]] = []
+    cuffs = [[n for n in arm if forearms and body.parts[n] == "cuff"] for arm in arms]
+    found: list[tuple[int, int, int, int]] = []
     for side in (0, 1):
-        found += [(a, b, side, -1, False, False) for a in hands[side] for b in solid]
-        found += [(a, b, side, 1 - side, False, True) for a in hands[side] for b in arms[1 - side]]
-        found += [(a, b, side, -1, True, False) for a in forearms[side] for b in solid if not _joined(body, b)]
-    found += [(a, b, 0, 1, False, False) for a in hands[0] for b in hands[1]]
-    columns = np.array(found, np.intp).reshape(-1, 6).T
-    return SkinPairs(*columns[:4], columns[4].astype(bool), columns[5].astype(bool))
+        found += [(a, b, side, -1) for a in hands[side] for b in solid]
+        found += [(a, b, side, 1 - side) for a in hands[side] for b in arms[1 - side]]
+        found += [(a, b, side, -1) for a in cuffs[side] for b in solid if not _joined(body, b)]
+    found += [(a, b, 0, 1) for a in hands[0] for b in hands[1]]
+    return SkinPairs(*np.array(found, np.intp).reshape(-1, 4).T)
 
 
 _SIDES = ("left", "right")
@@ -64,14 +60,15 @@ def _joined(body: BodyCapsules, row: int) -> bool:
     return body.keys[row].endswith("Shoulder") or body.keys[row].startswith("collar")
 
 
-def ball_gaps(starts: Float, ends: Float, radii: Float, pairs: SkinPairs) -> Float:
-    """A lower bound (T, K) of each pair's skin distance, from capsule ends (T, C, 3): that of the balls around them."""
-    middles, reach = 0.5 * (starts + ends), 0.5 * np.linalg.norm(ends - starts, axis=-1) + radii.max(axis=1)
-    m = middles - middles.mean(axis=(0, 1))
-    squares = np.einsum("tcx,tcx->tc", m, m)
-    inner = m @ m.transpose(0, 2, 1)
-    away = squares[:, pairs.own] + squares[:, pairs.other] - 2.0 * inner[:, pairs.own, pairs.other]
-    return np.sqrt(np.maximum(away, 0.0)) - reach[:, pairs.own] - reach[:, pairs.other]
+def may_be_near(starts: Float, ends: Float, radii: Float, pairs: SkinPairs, margin: float) -> NDArray[np.bool_]:
+    """Whether the balls around each pair's capsules are nearer than ``margin`` (T, K), from capsule ends (T, C, 3)."""
+    middles, axes = 0.5 * (starts + ends), ends - starts
+    reach = 0.5 * np.sqrt(np.einsum("tcx,tcx->tc", axes, axes).max(axis=0)) + radii.max(axis=1) + 0.5 * margin
+    middles = middles - middles.mean(axis=(0, 1))
+    squares = np.einsum("tcx,tcx->tc", middles, middles)
+    away = squares[:, :, None] + squares[:, None] - 2.0 * middles @ middles.transpose(0, 2, 1)
+    near = away < (reach[:, None] + reach) ** 2
+    return np.asarray(near[:, pairs.own, pairs.other])
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +99,13 @@ def gaps(p: Float, u: Float, q: Float, v: Float, own_radii: Float, other_radii: 
     thick = own_radii[:, 0] + s * (own_radii[:, 1] - own_radii[:, 0])
     thick = thick + other_radii[:, 0] + t * (other_radii[:, 1] - other_radii[:, 0])
     return Gaps(away - thick, line / away[:, None], s, t)
+
+
+def pair_gaps(starts: Float, ends: Float, radii: Float, pairs: SkinPairs, frames: Index, k: Index) -> Gaps:
+    """Skin distances of the pairs ``k`` (N,) at ``frames`` (N,), from capsule ends (T, C, 3) and radii (C, 2)."""
+    own, other = pairs.own[k], pairs.other[k]
+    p, q = starts[frames, own], starts[frames, other]
+    return gaps(p, ends[frames, own] - p, q, ends[frames, other] - q, radii[own], radii[other])
 
 
 def _dot(a: Float, b: Float) -> Float:

@@ -1,0 +1,81 @@
+"""Where elbows go: turned about the line from shoulder to wrist, so that forearms keep out of the trunk.
+
+For each arm the turns of all frames are chosen together (Viterbi 1967): as little depth beyond the source's as
+possible, as little turning, and smoothly.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.body.touch import gaps
+
+Float = NDArray[np.float64]
+
+_GRID = np.deg2rad(np.arange(-60.0, 61.0, 10.0))
+_TURN_WEIGHT = 0.15
+"""Cost of a turn of 30 degrees, in squared centimetres of depth."""
+_CHANGE_WEIGHT = 0.5
+"""Cost of a change by one step of the grid from frame to frame, likewise."""
+_WIDTH_S = 0.06
+"""Width of the bell that smooths the chosen turns."""
+
+
+def choose(shoulder: Float, elbow: Float, wrist: Float, forearm: Float, solid: tuple[Float, Float, Float], allowed: Float, fps: float) -> Float:
+    """Turns (T,) of one arm's elbow, radians.
+
+    shoulder, elbow, wrist: (T, 3), m. forearm: (2,) its radii. solid: starts, ends (T, S, 3) and radii (S, 2) of what
+    it must keep out of. allowed: (T, S) depth that the source has there.
+    """
+    cost = _depth_cost(elbow, wrist, forearm, solid, allowed)
+    rows = np.flatnonzero(cost > 1e-4)
+    turns = np.zeros(len(wrist))
+    if not len(rows):
+        return turns
+    reach = int(np.ceil(0.3 * fps))
+    span = slice(max(rows[0] - reach, 0), rows[-1] + reach + 1)
+    s, e, w = shoulder[span], elbow[span], wrist[span]
+    axis = (w - s) / (np.linalg.norm(w - s, axis=-1, keepdims=True) + 1e-9)
+    along = np.einsum("tx,tx->t", e - s, axis)[:, None] * axis
+    out = e - s - along
+    across = np.cross(axis, out)
+    costs = np.empty((len(s), len(_GRID)))
+    part = tuple(array[span] for array in solid[:2])
+    for k, angle in enumerate(_GRID):
+        turned = s + along + np.cos(angle) * out + np.sin(angle) * across
+        costs[:, k] = _depth_cost(turned, w, forearm, (*part, solid[2]), allowed[span])
+    costs += _TURN_WEIGHT * (_GRID / np.deg2rad(30.0)) ** 2
+    chosen = _GRID[_smoothest(costs)]
+    width = max(_WIDTH_S * fps, 0.5)
+    side = int(np.ceil(3.0 * width))
+    bell = np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2)
+    padded = np.pad(chosen, side, mode="edge")
+    turns[span] = np.convolve(padded, bell / bell.sum(), mode="valid")
+    return turns
+
+
+def _depth_cost(elbow: Float, wrist: Float, forearm: Float, solid: tuple[Float, Float, Float], allowed: Float) -> Float:
+    """Squared depth (T,) of a forearm beyond what is allowed, summed over the solids, cm^2."""
+    starts, ends, radii = solid
+    n, count = allowed.shape
+    p, u = np.repeat(elbow, count, axis=0), np.repeat(wrist - elbow, count, axis=0)
+    q = starts.reshape(-1, 3)
+    found = gaps(p, u, q, ends.reshape(-1, 3) - q, np.broadcast_to(forearm, (n * count, 2)), np.tile(radii, (n, 1)))
+    depth = np.maximum(-found.distance.reshape(n, count) - allowed, 0.0)
+    return np.asarray((1e4 * depth * depth).sum(axis=1))
+
+
+def _smoothest(costs: Float) -> NDArray[np.intp]:
+    """The row of choices (T,) with the least cost (T, K), changes included."""
+    steps = np.arange(costs.shape[1])
+    change = _CHANGE_WEIGHT * (steps[:, None] - steps) ** 2
+    best, back = costs[0], []
+    for row in costs[1:]:
+        total = best[:, None] + change
+        back.append(total.argmin(axis=0))
+        best = total.min(axis=0) + row
+    chosen = [int(best.argmin())]
+    for came in reversed(back):
+        chosen.append(int(came[chosen[-1]]))
+    return np.array(chosen[::-1])
