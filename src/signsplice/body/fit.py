@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from signsplice.body.capsules import BodyCapsules
-from signsplice.body.touch import gaps, may_be_near, pair_gaps, skin_pairs
+from signsplice.body.touch import gaps, near_pairs, pair_gaps, skin_pairs
 
 Float = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -264,11 +264,12 @@ class _Contacts:
 
     def __init__(self, fit: Fit, posed: PosedBody, m: Float, base: Float) -> None:
         source, (theirs, ours) = fit.source, fit.pairs
-        near = may_be_near(source.starts, source.ends, source.radii, theirs, _TOUCH_M)
+        near = np.zeros((fit.n_frames, len(ours.own)), bool)  # of both bodies
+        near[near_pairs(source.starts, source.ends, source.radii, theirs, _TOUCH_M)] = True
         first, last, sides = _shares(posed.body)
         shift = (m - base)[:, sides]  # (T, C, 3)
         starts, ends = posed.starts + first[:, None] * shift, posed.ends + last[:, None] * shift
-        near |= may_be_near(starts, ends, posed.radii, ours, _MARGIN_M)
+        near[near_pairs(starts, ends, posed.radii, ours, _MARGIN_M)] = True
         frames, k = np.nonzero(near)
         then = pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance
         now = pair_gaps(starts, ends, posed.radii, ours, frames, k).distance

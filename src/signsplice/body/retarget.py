@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from signsplice.body import arm_ik, swivel
 from signsplice.body.capsules import BodyCapsules, capsule_ends
 from signsplice.body.fit import Fit, PosedBody
-from signsplice.body.touch import gaps
+from signsplice.body.touch import forearm_pairs, near_pairs, pair_gaps
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import active_span, arms
@@ -41,25 +41,30 @@ def fitted(source: Clip, source_body: BodyCapsules, carried: Clip, body: BodyCap
 
 def _swivels(fit: Fit, carried: Clip, moves: Float, metres: float) -> Float:
     """Turns (T, 2) of both elbows that keep forearms as clear of head and trunk as at the source."""
-    arms_ = [metres * part for part in arm_ik.moved_elbows(carried, moves)]
+    shoulders, elbows, wrists = (metres * part for part in arm_ik.moved_elbows(carried, moves))
     source, target = fit.source, fit.carried
-    keys = [k for k in source.body.keys if k in target.body.keys]
-    names = [source.body.keys[n] for n in (*source.body.groups.head, *source.body.groups.trunk)]
-    names = [k for k in names if k in keys and not (k.endswith("Shoulder") or k.startswith("collar"))]
-    ours, theirs = ([body.keys.index(k) for k in names] for body in (target.body, source.body))
+    shared = frozenset(source.body.keys) & frozenset(target.body.keys)
+    theirs, ours = (forearm_pairs(body, shared) for body in (source.body, target.body))
     out = np.zeros((len(moves), 2))
-    for side, word in enumerate(("left", "right")):
-        own = source.body.keys.index(f"{word}LowerArm")
-        n, count = len(moves), len(names)
-        p = np.repeat(source.starts[:, own], count, axis=0)
-        u = np.repeat(source.ends[:, own], count, axis=0) - p
-        q = source.starts[:, theirs].reshape(-1, 3)
-        radii = source.radii
-        found = gaps(p, u, q, source.ends[:, theirs].reshape(-1, 3) - q, np.broadcast_to(radii[own], (n * count, 2)), np.tile(radii[theirs], (n, 1)))
-        allowed = np.maximum(-found.distance.reshape(n, count), 0.0)
-        solid = target.starts[:, ours], target.ends[:, ours], target.radii[ours]
-        own = target.body.keys.index(f"{word}LowerArm")
-        out[:, side] = swivel.choose(*(part[:, side] for part in arms_), target.radii[own], solid, allowed, fit.fps)
+    for side in (0, 1):
+        (columns,) = np.nonzero(ours.own_side == side)
+        if not len(columns):
+            continue
+        own = ours.own[columns[0]]
+        starts, ends = target.starts.copy(), target.ends.copy()
+        starts[:, own], ends[:, own] = elbows[:, side], wrists[:, side]
+        frames, k = near_pairs(starts, ends, target.radii, ours, 0.03)
+        solids = np.intersect1d(k, columns)
+        if not len(solids):
+            continue
+        n = len(moves)
+        frames, k = np.repeat(np.arange(n), len(solids)), np.tile(solids, n)
+        then = pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance
+        allowed = np.maximum(-then.reshape(n, -1), 0.0)
+        rows = ours.other[solids]
+        solid = target.starts[:, rows], target.ends[:, rows], target.radii[rows]
+        arm = shoulders[:, side], elbows[:, side], wrists[:, side]
+        out[:, side] = swivel.choose(*arm, target.radii[own], solid, allowed, fit.fps)
     return out
 
 

@@ -13,7 +13,7 @@ from signsplice.body.touch import gaps
 
 Float = NDArray[np.float64]
 
-_GRID = np.deg2rad(np.arange(-60.0, 61.0, 10.0))
+_GRID = np.deg2rad(np.arange(-60.0, 61.0, 15.0))
 _TURN_WEIGHT = 0.15
 """Cost of a turn of 30 degrees, in squared centimetres of depth."""
 _CHANGE_WEIGHT = 0.5
@@ -28,7 +28,7 @@ def choose(shoulder: Float, elbow: Float, wrist: Float, forearm: Float, solid: t
     shoulder, elbow, wrist: (T, 3), m. forearm: (2,) its radii. solid: starts, ends (T, S, 3) and radii (S, 2) of what
     it must keep out of. allowed: (T, S) depth that the source has there.
     """
-    cost = _depth_cost(elbow, wrist, forearm, solid, allowed)
+    cost = _depth_cost(elbow[None], wrist, forearm, solid, allowed)[0]
     rows = np.flatnonzero(cost > 1e-4)
     turns = np.zeros(len(wrist))
     if not len(rows):
@@ -39,12 +39,10 @@ def choose(shoulder: Float, elbow: Float, wrist: Float, forearm: Float, solid: t
     axis = (w - s) / (np.linalg.norm(w - s, axis=-1, keepdims=True) + 1e-9)
     along = np.einsum("tx,tx->t", e - s, axis)[:, None] * axis
     out = e - s - along
-    across = np.cross(axis, out)
-    costs = np.empty((len(s), len(_GRID)))
-    part = tuple(array[span] for array in solid[:2])
-    for k, angle in enumerate(_GRID):
-        turned = s + along + np.cos(angle) * out + np.sin(angle) * across
-        costs[:, k] = _depth_cost(turned, w, forearm, (*part, solid[2]), allowed[span])
+    cos, sin = np.cos(_GRID)[:, None, None], np.sin(_GRID)[:, None, None]
+    turned = s + along + cos * out + sin * np.cross(axis, out)  # (K, T, 3)
+    starts, ends, radii = solid
+    costs = _depth_cost(turned, w, forearm, (starts[span], ends[span], radii), allowed[span]).T
     costs += _TURN_WEIGHT * (_GRID / np.deg2rad(30.0)) ** 2
     chosen = _GRID[_smoothest(costs)]
     width = max(_WIDTH_S * fps, 0.5)
@@ -56,14 +54,14 @@ def choose(shoulder: Float, elbow: Float, wrist: Float, forearm: Float, solid: t
 
 
 def _depth_cost(elbow: Float, wrist: Float, forearm: Float, solid: tuple[Float, Float, Float], allowed: Float) -> Float:
-    """Squared depth (T,) of a forearm beyond what is allowed, summed over the solids, cm^2."""
+    """Squared depth (K, T) of a forearm beyond what is allowed, summed over the solids, cm^2, for elbows (K, T, 3)."""
     starts, ends, radii = solid
-    n, count = allowed.shape
-    p, u = np.repeat(elbow, count, axis=0), np.repeat(wrist - elbow, count, axis=0)
-    q = starts.reshape(-1, 3)
-    found = gaps(p, u, q, ends.reshape(-1, 3) - q, np.broadcast_to(forearm, (n * count, 2)), np.tile(radii, (n, 1)))
-    depth = np.maximum(-found.distance.reshape(n, count) - allowed, 0.0)
-    return np.asarray((1e4 * depth * depth).sum(axis=1))
+    shape = (*elbow.shape[:2], allowed.shape[1])
+    p, u = (np.broadcast_to(x[:, :, None], (*shape, 3)).reshape(-1, 3) for x in (elbow, wrist - elbow))
+    q, v = (np.broadcast_to(x, (*shape, 3)).reshape(-1, 3) for x in (starts, ends - starts))
+    own, other = (np.broadcast_to(x, (*shape, 2)).reshape(-1, 2) for x in (forearm, radii))
+    depth = np.maximum(-gaps(p, u, q, v, own, other).distance.reshape(shape) - allowed, 0.0)
+    return np.asarray((1e4 * depth * depth).sum(axis=-1))
 
 
 def _smoothest(costs: Float) -> NDArray[np.intp]:

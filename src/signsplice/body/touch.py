@@ -19,6 +19,14 @@ _TINY = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
+class _Block:
+    """All pairs of some capsules with others: rows of a body's capsules, (A,) and (B,)."""
+
+    own: Index
+    other: Index
+
+
+@dataclass(frozen=True, eq=False)
 class SkinPairs:
     """Pairs of capsules whose distance matters, as rows of a body's capsules.
 
@@ -31,44 +39,89 @@ class SkinPairs:
     other: Index
     own_side: Index
     other_side: Index
+    blocks: tuple[_Block, ...]
 
 
-def skin_pairs(body: BodyCapsules, keys: frozenset[str], forearms: bool = False) -> SkinPairs:
-    """All pairs of a body among capsules with these keys: hand and head, neck, trunk, other hand or other arm; with
-    ``forearms``, forearm and head, neck or trunk too.
-    """
-    rows = [n for n, key in enumerate(body.keys) if key in keys]
+def skin_pairs(body: BodyCapsules, keys: frozenset[str]) -> SkinPairs:
+    """All pairs of a hand's capsules and those of head, neck, trunk, other arm and other hand, among these keys."""
+    hands, arms, solid = _parts(body, keys)
+    blocks = [(hands[side], [*solid, *arms[1 - side]]) for side in (0, 1)]
+    return _paired(body, [*blocks, (hands[0], hands[1])])
+
+
+def forearm_pairs(body: BodyCapsules, keys: frozenset[str]) -> SkinPairs:
+    """All pairs of a forearm and a capsule of head, neck or trunk, but where arms begin, among these keys."""
+    _, arms, solid = _parts(body, keys)
+    free = [n for n in solid if not body.keys[n].endswith("Shoulder") and not body.keys[n].startswith("collar")]
+    return _paired(body, [([n for n in arm if body.parts[n] == "cuff"], free) for arm in arms])
+
+
+def _parts(body: BodyCapsules, keys: frozenset[str]) -> tuple[list[list[int]], list[list[int]], list[int]]:
+    """Rows of both hands, of both arms, and of head, neck and trunk."""
     groups = body.groups
-    hands = [[n for n in group if n in rows] for group in (groups.left, groups.right)]
-    solid = [n for n in (*groups.head, *groups.trunk) if n in rows]
-    arms = [[n for n in rows if body.sides[n] == side and body.parts[n] in ("sleeve", "cuff")] for side in _SIDES]
-    cuffs = [[n for n in arm if forearms and body.parts[n] == "cuff"] for arm in arms]
-    found: list[tuple[int, int, int, int]] = []
-    for side in (0, 1):
-        found += [(a, b, side, -1) for a in hands[side] for b in solid]
-        found += [(a, b, side, 1 - side) for a in hands[side] for b in arms[1 - side]]
-        found += [(a, b, side, -1) for a in cuffs[side] for b in solid if not _joined(body, b)]
-    found += [(a, b, 0, 1) for a in hands[0] for b in hands[1]]
-    return SkinPairs(*np.array(found, np.intp).reshape(-1, 4).T)
+    hands = [[n for n in group if body.keys[n] in keys] for group in (groups.left, groups.right)]
+    solid = [n for n in (*groups.head, *groups.trunk) if body.keys[n] in keys]
+    arms = [
+        [n for n, key in enumerate(body.keys) if key in keys and body.sides[n] == side and body.parts[n] in _ARM]
+        for side in _SIDES
+    ]
+    return hands, arms, solid
 
 
+_ARM = ("sleeve", "cuff")
 _SIDES = ("left", "right")
 
 
-def _joined(body: BodyCapsules, row: int) -> bool:
-    """Whether a capsule lies where the arms begin: a forearm folded against its own upper arm may meet it."""
-    return body.keys[row].endswith("Shoulder") or body.keys[row].startswith("collar")
+def _paired(body: BodyCapsules, blocks: list[tuple[list[int], list[int]]]) -> SkinPairs:
+    side = np.array([_SIDES.index(side) if side else -1 for side in body.sides], np.intp)
+    rows = [_Block(np.array(own, np.intp), np.array(other, np.intp)) for own, other in blocks]
+    own = np.concatenate([np.repeat(block.own, len(block.other)) for block in rows])
+    other = np.concatenate([np.tile(block.other, len(block.own)) for block in rows])
+    return SkinPairs(own, other, side[own], side[other], tuple(rows))
 
 
-def may_be_near(starts: Float, ends: Float, radii: Float, pairs: SkinPairs, margin: float) -> NDArray[np.bool_]:
-    """Whether the balls around each pair's capsules are nearer than ``margin`` (T, K), from capsule ends (T, C, 3)."""
-    middles, axes = 0.5 * (starts + ends), ends - starts
-    reach = 0.5 * np.sqrt(np.einsum("tcx,tcx->tc", axes, axes).max(axis=0)) + radii.max(axis=1) + 0.5 * margin
-    middles = middles - middles.mean(axis=(0, 1))
-    squares = np.einsum("tcx,tcx->tc", middles, middles)
-    away = squares[:, :, None] + squares[:, None] - 2.0 * middles @ middles.transpose(0, 2, 1)
-    near = away < (reach[:, None] + reach) ** 2
-    return np.asarray(near[:, pairs.own, pairs.other])
+def near_pairs(starts: Float, ends: Float, radii: Float, pairs: SkinPairs, margin: float) -> tuple[Index, Index]:
+    """Frames and pairs (N,) in order of frames that may be nearer than ``margin``, from capsule ends (T, C, 3) and
+    radii (C, 2): first by a ball around each whole hand or forearm, then by one around each of its capsules.
+    """
+    axes = ends - starts
+    lengths, thick, middles = _dot(axes, axes), radii.max(axis=1), starts + 0.5 * axes
+    reach = 0.5 * np.sqrt(lengths.max(axis=0)) + thick
+    found, offset = [], 0
+    for block in pairs.blocks:
+        n_own, n_other = len(block.own), len(block.other)
+        if n_own and n_other:
+            ball = middles[:, block.own].mean(axis=1, keepdims=True)
+            out = middles[:, block.own] - ball
+            radius = (np.sqrt(_dot(out, out)) + reach[block.own]).max(axis=1, keepdims=True)
+            b = block.other
+            away = _squared_distance(ball, starts[:, b], axes[:, b], lengths[:, b])
+            frames, columns = np.nonzero(away < (radius + thick[b] + margin) ** 2)
+            rows = frames * len(radii)
+            at, own = rows[:, None] + b[columns, None], rows[:, None] + block.own
+            away = _squared_distance(
+                _take(middles, own), _take(starts, at), _take(axes, at), lengths.reshape(-1).take(at)
+            )
+            most = reach[block.own] + thick[b[columns], None] + margin
+            near, a = np.nonzero(away < most * most)
+            found.append((frames[near], offset + a * n_other + columns[near]))
+        offset += n_own * n_other
+    frames, k = (np.concatenate([one[part] for one in found] or [np.empty(0, np.intp)]) for part in (0, 1))
+    order = np.argsort(frames, kind="stable")
+    return frames[order], k[order]
+
+
+def _take(points: Float, at: Index) -> Float:
+    """Rows (..., 3) of points (T, C, 3) by their flat index."""
+    return points.reshape(-1, 3).take(at, axis=0)
+
+
+def _squared_distance(point: Float, start: Float, axis: Float, length: Float) -> Float:
+    """Squared distance of points from line segments (..., 3) with axes of squared ``length`` (...)."""
+    away = point - start
+    along = np.clip(_dot(away, axis) / (length + _TINY), 0.0, 1.0)
+    away = away - along[..., None] * axis
+    return _dot(away, away)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,10 +156,10 @@ def gaps(p: Float, u: Float, q: Float, v: Float, own_radii: Float, other_radii: 
 
 def pair_gaps(starts: Float, ends: Float, radii: Float, pairs: SkinPairs, frames: Index, k: Index) -> Gaps:
     """Skin distances of the pairs ``k`` (N,) at ``frames`` (N,), from capsule ends (T, C, 3) and radii (C, 2)."""
-    own, other = pairs.own[k], pairs.other[k]
-    p, q = starts[frames, own], starts[frames, other]
-    return gaps(p, ends[frames, own] - p, q, ends[frames, other] - q, radii[own], radii[other])
+    own, other, rows = pairs.own[k], pairs.other[k], frames * len(radii)
+    p, q = _take(starts, rows + own), _take(starts, rows + other)
+    return gaps(p, _take(ends, rows + own) - p, q, _take(ends, rows + other) - q, radii[own], radii[other])
 
 
 def _dot(a: Float, b: Float) -> Float:
-    return np.asarray(np.einsum("nc,nc->n", a, b))
+    return np.asarray(np.einsum("...c,...c->...", a, b))
