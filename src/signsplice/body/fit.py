@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from signsplice.body.capsules import BodyCapsules
-from signsplice.body.touch import gaps, near_pairs, pair_gaps, skin_pairs
+from signsplice.body.touch import SkinPairs, gaps, near_pairs, pair_gaps, skin_pairs
 
 Float = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -134,14 +134,16 @@ class Fit:
 
     def moves(self) -> Float:
         """The moves (T, 2, 3) of the wrists, m, with arms that follow as ``_shares`` says."""
-        return self._touched(self._solve_linear(), self.carried, np.zeros((self.n_frames, 2, 3)), _STEPS)
+        m = self._solve_linear()
+        self._near = _near_contacts(self, m)
+        return self._touched(m, self.carried, np.zeros_like(m), _STEPS)
 
     def again(self, moves: Float, moved: PosedBody) -> Float:
         """The moves once more, where ``moved`` is the body with the arms as they really lie after ``moves``."""
         return self._touched(moves, moved, moves, _STEPS_AGAIN)
 
     def _touched(self, m: Float, posed: PosedBody, base: Float, steps: int) -> Float:
-        contacts = _Contacts(self, posed, m, base)
+        contacts = _Contacts(self.pairs[1], self._near, posed, base)
         for _ in range(steps):
             m = self._step(m, contacts)
         return m
@@ -256,25 +258,38 @@ class Fit:
             rhs[rows, own] += _REACH_WEIGHT * goal[:, None] * n
 
 
-class _Contacts:
-    """Pairs of capsules that are near at the source, or on the other body with its wrists moved by ``m``.
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """Pairs of capsules that are near, at the source or on the other body.
 
-    posed: the other body with its wrists moved by ``base``.
+    frames, k: (N,) in order of frames.
+    then: (N,) their skin distance at the source, m.
     """
 
-    def __init__(self, fit: Fit, posed: PosedBody, m: Float, base: Float) -> None:
-        source, (theirs, ours) = fit.source, fit.pairs
-        near = np.zeros((fit.n_frames, len(ours.own)), bool)  # of both bodies
-        near[near_pairs(source.starts, source.ends, source.radii, theirs, _TOUCH_M)] = True
-        first, last, sides = _shares(posed.body)
-        shift = (m - base)[:, sides]  # (T, C, 3)
-        starts, ends = posed.starts + first[:, None] * shift, posed.ends + last[:, None] * shift
-        near[near_pairs(starts, ends, posed.radii, ours, _MARGIN_M)] = True
-        frames, k = np.nonzero(near)
-        then = pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance
-        now = pair_gaps(starts, ends, posed.radii, ours, frames, k).distance
-        keep = (then < _TOUCH_M) | (now < _MARGIN_M)
-        self.frames, k, self.then = frames[keep], k[keep], then[keep]
+    frames: Index
+    k: Index
+    then: Float
+
+
+def _near_contacts(fit: Fit, m: Float) -> _Near:
+    """The pairs that are near at the source, or on the other body with its wrists moved by ``m``."""
+    source, posed, (theirs, ours) = fit.source, fit.carried, fit.pairs
+    first, last, sides = _shares(posed.body)
+    shift = m[:, sides]  # (T, C, 3)
+    starts, ends = posed.starts + first[:, None] * shift, posed.ends + last[:, None] * shift
+    touching = near_pairs(source.starts, source.ends, source.radii, theirs, _TOUCH_M)
+    near = near_pairs(starts, ends, posed.radii, ours, _MARGIN_M)
+    n = len(ours.own)
+    frames, k = np.divmod(np.union1d(touching[0] * n + touching[1], near[0] * n + near[1]), n)
+    return _Near(frames, k, pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance)
+
+
+class _Contacts:
+    """The near pairs on a body whose wrists are moved by ``base`` in ``posed``."""
+
+    def __init__(self, ours: SkinPairs, near: _Near, posed: PosedBody, base: Float) -> None:
+        self.frames, k, self.then = near.frames, near.k, near.then
+        first, last, _ = _shares(posed.body)
         own, other = ours.own[k], ours.other[k]
         self._p, self._q = posed.starts[self.frames, own], posed.starts[self.frames, other]
         self._u, self._v = posed.ends[self.frames, own] - self._p, posed.ends[self.frames, other] - self._q
