@@ -48,6 +48,8 @@ _PRESS_M = 0.002
 """A touch may press this deep, m, however deep it is at the source."""
 _MARGIN_M = 0.035
 _STEPS, _STEPS_AGAIN = 4, 2
+_DAMPING = 10.0
+"""Weight that holds moves to those of the step before: contacts that come and go would make them swing."""
 _REACH, _REACH_WEIGHT = 0.985, 60.0
 
 
@@ -228,7 +230,8 @@ class Fit:
         for axis in range(3):
             block[:, axis, axis], block[:, 3 + axis, 3 + axis] = diagonal[:, 0], diagonal[:, 1]
             block[:, 3 + axis, axis] = block[:, axis, 3 + axis] = off
-        rhs = right.reshape(n, 6).copy()
+        rhs = right.reshape(n, 6) + _DAMPING * m.reshape(n, 6)
+        block[:, range(6), range(6)] += _DAMPING
         contacts.add(m, block, rhs)
         self._add_reach(m, block, rhs)
         band = np.zeros((18, 6 * n))
