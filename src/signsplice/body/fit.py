@@ -112,7 +112,7 @@ class Fit:
     """The problem of one clip: ``source`` as it was signed, ``carried`` with the same rotations on the other body.
 
     fps: frame rate.
-    active: (T,) how much each frame is signing: 0 where the arms hang.
+    active: (T, 2) how much each arm signs in each frame: 0 where it hangs.
     """
 
     def __init__(self, source: PosedBody, carried: PosedBody, fps: float, active: Float) -> None:
@@ -181,7 +181,7 @@ class Fit:
         away = np.sqrt(np.einsum("tasx,tasx->tas", out, out)) + 1e-9
         radius = s.radii[solid.source]
         gap = away - (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) - ra[:, None]
-        weight = _weight(gap) * self.active[:, None, None]
+        weight = _weight(gap) * self.active[:, side, None, None]
         b, rb = _points(c, anchors.target, anchors.at)
         start, axis = c.starts[:, None, solid.target], (c.ends - c.starts)[:, None, solid.target]
         radius = c.radii[solid.target]
@@ -196,7 +196,7 @@ class Fit:
         d = a[:, :, None] - b[:, None]
         away = np.sqrt(np.einsum("tabx,tabx->tab", d, d)) + 1e-9
         gap = away - ra[:, None] - rb
-        weight = _weight(gap) * self.active[:, None, None]
+        weight = _weight(gap) * self.active.min(axis=1)[:, None, None]
         (a, ra), (b, rb) = (_points(self.carried, rows.target, rows.at) for rows in (left, right))
         wanted = d * ((ra[:, None] + rb + self._scaled(gap)) / away)[..., None]
         way = wanted - (a[:, :, None] - b[:, None])

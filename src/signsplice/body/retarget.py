@@ -69,11 +69,16 @@ def _swivels(fit: Fit, carried: Clip, moves: Float, metres: float) -> Float:
 
 
 _FADE_S = 0.15
+_HANGING, _RAISED = 0.95, 0.85
+"""Height of a shoulder above its wrist, arm lengths, from which on an arm hangs, and up to which it does not."""
 
 
 def signing(clip: Clip) -> Float:
-    """How much each frame (T,) is signing: 1 while the arms are away from rest, fading to 0 outside."""
-    start, stop = active_span(arms(clip))
+    """How much each arm signs in each frame (T, 2): 1 while it is raised and the arms are away from rest, else 0."""
+    seen = arms(clip)
+    start, stop = active_span(seen)
     frames = np.arange(len(clip))
     outside = np.maximum(np.maximum(start - frames, frames - (stop - 1)), 0) / clip.fps
-    return np.asarray(np.clip(1.0 - outside / _FADE_S, 0.0, 1.0))
+    drop = (seen.shoulders - seen.wrists) @ seen.up / seen.length
+    raised = np.clip((_HANGING - drop) / (_HANGING - _RAISED), 0.0, 1.0)
+    return np.asarray(raised * np.clip(1.0 - outside / _FADE_S, 0.0, 1.0)[:, None])
