@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from signsplice.body.capsules import BodyCapsules
-from signsplice.body.touch import SkinPairs, gaps, near_pairs, pair_gaps, skin_pairs
+from signsplice.body.touch import Near, SkinPairs, gaps, near_pairs, pair_gaps, skin_pairs
 
 Float = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -60,7 +60,7 @@ class PosedBody:
     body: its capsules.
     starts, ends: (T, C, 3) of their axes in the world.
     radii: (C, 2).
-    shoulders, elbows, wrists: (T, 2, 3) left and right.
+    shoulders, wrists: (T, 2, 3) left and right.
     arm_lengths: (2,) upper arm and forearm together.
     """
 
@@ -69,7 +69,6 @@ class PosedBody:
     ends: Float
     radii: Float
     shoulders: Float
-    elbows: Float
     wrists: Float
     arm_lengths: Float
 
@@ -120,17 +119,17 @@ class Fit:
         self.n_frames = len(source.wrists)
         self._arm_scale = float(np.mean(carried.arm_lengths) / np.mean(source.arm_lengths))
         self._hand_scale = carried.hand_length / source.hand_length
-        shared = frozenset(source.body.keys) & frozenset(carried.body.keys)
-        self.pairs = skin_pairs(source.body, shared), skin_pairs(carried.body, shared)
-        self._anchors = [self._rows([(side + key, at) for key, at in _ANCHORS], shared) for side in ("left", "right")]
+        self.shared = frozenset(source.body.keys) & frozenset(carried.body.keys)
+        self.pairs = skin_pairs(source.body, self.shared), skin_pairs(carried.body, self.shared)
+        self._anchors = [self._rows([(side + key, at) for key, at in _ANCHORS]) for side in ("left", "right")]
         solid = [source.body.keys[n] for n in (*source.body.groups.head, *source.body.groups.trunk)]
         self._solid = [
-            self._rows([*((key, 0.0) for key in solid), (f"{o}UpperArm", 0.0), (f"{o}LowerArm", 0.0)], shared)
+            self._rows([*((key, 0.0) for key in solid), (f"{o}UpperArm", 0.0), (f"{o}LowerArm", 0.0)])
             for o in ("right", "left")
         ]
 
-    def _rows(self, wanted: list[tuple[str, float]], shared: frozenset[str]) -> _Rows:
-        found = [(key, at) for key, at in wanted if key in shared]
+    def _rows(self, wanted: list[tuple[str, float]]) -> _Rows:
+        found = [(key, at) for key, at in wanted if key in self.shared]
         source, target = ([body.keys.index(key) for key, _ in found] for body in (self.source.body, self.carried.body))
         return _Rows(np.array(source, np.intp), np.array(target, np.intp), np.array([at for _, at in found]))
 
@@ -175,9 +174,10 @@ class Fit:
         s, c = self.source, self.carried
         a, ra = _points(s, anchors.source, anchors.at)
         start, axis = s.starts[:, None, solid.source], (s.ends - s.starts)[:, None, solid.source]
-        along = np.einsum("tasx,tasx->tas", a[:, :, None] - start, np.broadcast_to(axis, (*a.shape[:2], *axis.shape[2:])))
+        since = a[:, :, None] - start
+        along = np.einsum("tasx,tasx->tas", since, np.broadcast_to(axis, since.shape))
         t = np.clip(along / (np.einsum("tasx,tasx->tas", axis, axis) + 1e-12), 0.0, 1.0)
-        out = a[:, :, None] - start - t[..., None] * axis
+        out = since - t[..., None] * axis
         away = np.sqrt(np.einsum("tasx,tasx->tas", out, out)) + 1e-9
         radius = s.radii[solid.source]
         gap = away - (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) - ra[:, None]
@@ -261,20 +261,7 @@ class Fit:
             rhs[rows, own] += _REACH_WEIGHT * goal[:, None] * n
 
 
-@dataclass(frozen=True, eq=False)
-class _Near:
-    """Pairs of capsules that are near, at the source or on the other body.
-
-    frames, k: (N,) in order of frames.
-    then: (N,) their skin distance at the source, m.
-    """
-
-    frames: Index
-    k: Index
-    then: Float
-
-
-def _near_contacts(fit: Fit, m: Float) -> _Near:
+def _near_contacts(fit: Fit, m: Float) -> Near:
     """The pairs that are near at the source, or on the other body with its wrists moved by ``m``."""
     source, posed, (theirs, ours) = fit.source, fit.carried, fit.pairs
     first, last, sides = _shares(posed.body)
@@ -284,14 +271,14 @@ def _near_contacts(fit: Fit, m: Float) -> _Near:
     near = near_pairs(starts, ends, posed.radii, ours, _MARGIN_M)
     n = len(ours.own)
     frames, k = np.divmod(np.union1d(touching[0] * n + touching[1], near[0] * n + near[1]), n)
-    return _Near(frames, k, pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance)
+    return Near(frames, k, pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance)
 
 
 class _Contacts:
     """The near pairs on a body whose wrists are moved by ``base`` in ``posed``."""
 
-    def __init__(self, ours: SkinPairs, near: _Near, posed: PosedBody, base: Float) -> None:
-        self.frames, k, self.then = near.frames, near.k, near.then
+    def __init__(self, ours: SkinPairs, near: Near, posed: PosedBody, base: Float) -> None:
+        self.frames, k, self.then = near.frames, near.k, near.distance
         first, last, _ = _shares(posed.body)
         own, other = ours.own[k], ours.other[k]
         self._p, self._q = posed.starts[self.frames, own], posed.starts[self.frames, other]

@@ -6,6 +6,8 @@ possible, as little turning, and smoothly.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,27 +24,45 @@ _WIDTH_S = 0.06
 """Width of the bell that smooths the chosen turns."""
 
 
-def choose(shoulder: Float, elbow: Float, wrist: Float, forearm: Float, solid: tuple[Float, Float, Float], allowed: Float, fps: float) -> Float:
-    """Turns (T,) of one arm's elbow, radians.
+@dataclass(frozen=True, eq=False)
+class BentArm:
+    """An arm over time, m.
 
-    shoulder, elbow, wrist: (T, 3), m. forearm: (2,) its radii. solid: starts, ends (T, S, 3) and radii (S, 2) of what
-    it must keep out of. allowed: (T, S) depth that the source has there.
+    shoulder, elbow, wrist: (T, 3).
+    radii: (2,) of the forearm at elbow and wrist.
     """
-    cost = _depth_cost(elbow[None], wrist, forearm, solid, allowed)[0]
+
+    shoulder: Float
+    elbow: Float
+    wrist: Float
+    radii: Float
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """Capsules that the forearm must keep out of, m: starts and ends (T, S, 3), radii (S, 2)."""
+
+    starts: Float
+    ends: Float
+    radii: Float
+
+
+def choose(arm: BentArm, solid: Solid, allowed: Float, fps: float) -> Float:
+    """Turns (T,) of the elbow, radians, that keep the forearm from lying deeper in a solid than ``allowed`` (T, S)."""
+    cost = _depth_cost(arm.elbow[None], arm, solid, allowed, slice(None))[0]
     rows = np.flatnonzero(cost > 1e-4)
-    turns = np.zeros(len(wrist))
+    turns = np.zeros(len(arm.wrist))
     if not len(rows):
         return turns
     reach = int(np.ceil(0.3 * fps))
     span = slice(max(rows[0] - reach, 0), rows[-1] + reach + 1)
-    s, e, w = shoulder[span], elbow[span], wrist[span]
+    s, e, w = arm.shoulder[span], arm.elbow[span], arm.wrist[span]
     axis = (w - s) / (np.linalg.norm(w - s, axis=-1, keepdims=True) + 1e-9)
     along = np.einsum("tx,tx->t", e - s, axis)[:, None] * axis
     out = e - s - along
     cos, sin = np.cos(_GRID)[:, None, None], np.sin(_GRID)[:, None, None]
     turned = s + along + cos * out + sin * np.cross(axis, out)  # (K, T, 3)
-    starts, ends, radii = solid
-    costs = _depth_cost(turned, w, forearm, (starts[span], ends[span], radii), allowed[span]).T
+    costs = _depth_cost(turned, arm, solid, allowed, span).T
     costs += _TURN_WEIGHT * (_GRID / np.deg2rad(30.0)) ** 2
     chosen = _GRID[_smoothest(costs)]
     width = max(_WIDTH_S * fps, 0.5)
@@ -53,13 +73,15 @@ def choose(shoulder: Float, elbow: Float, wrist: Float, forearm: Float, solid: t
     return turns
 
 
-def _depth_cost(elbow: Float, wrist: Float, forearm: Float, solid: tuple[Float, Float, Float], allowed: Float) -> Float:
-    """Squared depth (K, T) of a forearm beyond what is allowed, summed over the solids, cm^2, for elbows (K, T, 3)."""
-    starts, ends, radii = solid
+def _depth_cost(elbow: Float, arm: BentArm, solid: Solid, allowed: Float, span: slice) -> Float:
+    """Squared depth (K, T) of the forearm beyond what is allowed, summed over the solids, cm^2, for elbows (K, T, 3)
+    in a span of frames.
+    """
+    starts, ends, allowed = solid.starts[span], solid.ends[span], allowed[span]
     shape = (*elbow.shape[:2], allowed.shape[1])
-    p, u = (np.broadcast_to(x[:, :, None], (*shape, 3)).reshape(-1, 3) for x in (elbow, wrist - elbow))
+    p, u = (np.broadcast_to(x[:, :, None], (*shape, 3)).reshape(-1, 3) for x in (elbow, arm.wrist[span] - elbow))
     q, v = (np.broadcast_to(x, (*shape, 3)).reshape(-1, 3) for x in (starts, ends - starts))
-    own, other = (np.broadcast_to(x, (*shape, 2)).reshape(-1, 2) for x in (forearm, radii))
+    own, other = (np.broadcast_to(x, (*shape, 2)).reshape(-1, 2) for x in (arm.radii, solid.radii))
     depth = np.maximum(-gaps(p, u, q, v, own, other).distance.reshape(shape) - allowed, 0.0)
     return np.asarray((1e4 * depth * depth).sum(axis=-1))
 

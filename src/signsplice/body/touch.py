@@ -42,6 +42,19 @@ class SkinPairs:
     blocks: tuple[_Block, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class Near:
+    """Pairs of capsules that are near one another at some frames.
+
+    frames, k: (N,) in order of frames.
+    distance: (N,) from skin to skin at the source, m.
+    """
+
+    frames: Index
+    k: Index
+    distance: Float
+
+
 def skin_pairs(body: BodyCapsules, keys: frozenset[str]) -> SkinPairs:
     """All pairs of a hand's capsules and those of head, neck, trunk, other arm and other hand, among these keys."""
     hands, arms, solid = _parts(body, keys)
@@ -81,7 +94,7 @@ def _paired(body: BodyCapsules, blocks: list[tuple[list[int], list[int]]]) -> Sk
 
 
 def near_pairs(starts: Float, ends: Float, radii: Float, pairs: SkinPairs, margin: float) -> tuple[Index, Index]:
-    """Frames and pairs (N,) in order of frames that may be nearer than ``margin``, from capsule ends (T, C, 3) and
+    """Frames and pairs (N,), in order of frames, that may be nearer than ``margin``, from capsule ends (T, C, 3) and
     radii (C, 2): first by a ball around each whole hand or forearm, then by one around each of its capsules.
     """
     axes = ends - starts
