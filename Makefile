@@ -4,8 +4,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 NODE := viewer/node_modules/.package-lock.json
 PAGE := src/signsplice/service/page/index.html
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+LOCKED := $(PIP) --only-binary :all: --require-hashes --requirement
+ITSELF := $(PIP) --no-deps --no-build-isolation --editable .
+COMPILE := $(VENV)/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
+	--only-binary :all: --no-annotate --custom-compile-command "make lock" $(if $(UPGRADE),--upgrade)
 
-.PHONY: demo test test-slow lint types unit viewer bench words corpus smoke paper weights clean
+.PHONY: attacks demo test test-slow lint types unit viewer wheel lock bench words corpus smoke paper weights clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet and a report in out/demo
 	$(BIN)/signsplice demo --out out/demo
@@ -16,19 +21,33 @@ test-slow: $(VENV)/.dev $(PAGE) ## the tests that take long; CI runs them too
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile -m slow
 
 lint: $(VENV)/.dev             ## style
-	$(BIN)/ruff check src tests
-	$(BIN)/ruff format --check src tests
+	$(BIN)/ruff check src tests attacks
+	$(BIN)/ruff format --check src tests attacks
 
 types: $(VENV)/.dev            ## mypy --strict
 	$(BIN)/mypy
 
 viewer: $(PAGE)                ## the browser viewer's page, built into the package (needs Node 20 or newer)
 
+wheel: $(VENV)/.dev $(PAGE)    ## the wheel in out/dist, with its bill of materials (CycloneDX) inside
+	$(BIN)/python -m hatchling build --target wheel --directory out/dist
+
+lock: | $(VENV)/bin/python     ## requirements/*.lock anew from pyproject.toml; UPGRADE=1 for newer versions (needs an index)
+	$(BIN)/python -m venv $(VENV)/lock
+	$(VENV)/lock/bin/python -m pip install --quiet --disable-pip-version-check uv==0.13.9
+	$(COMPILE) pyproject.toml --extra dev --no-emit-package torch --output-file requirements/dev.lock
+	echo hatchling | $(COMPILE) pyproject.toml - --extra video --constraint requirements/dev.lock \
+		--output-file requirements/demo.lock
+
 unit: $(VENV)/.dev $(PAGE)     ## pytest, a process a core; each file's tests stay together
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
 bench: $(VENV)/.dev            ## speed of every part beside its baselines, in one run
 	$(BIN)/signsplice bench
+
+attacks: $(VENV)/.dev $(PAGE)  ## the tables of docs/reliability.md: floods, kills, bombs, broken files; half an hour, as root for all rows
+	for attack in bombs outputs streams floods worker_kills kills; do $(BIN)/python attacks/$$attack.py || exit; done
+	$(BIN)/python attacks/fuzz.py --cases 20000 --seed 18
 
 words: $(VENV)/.dev            ## sign the words that ship anew, from their notation
 	$(BIN)/signsplice synth lexicon -o out/words
@@ -62,10 +81,15 @@ $(PAGE): $(NODE) $(wildcard viewer/src/*) viewer/build.mjs
 	@if command -v npm >/dev/null; then cd viewer && npm run --silent build; \
 	else echo "no npm: the viewer is not built, nor tested"; fi
 
-$(VENV)/.demo: pyproject.toml | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[video]'
+$(VENV)/.demo: pyproject.toml requirements/demo.lock | $(VENV)/bin/python
+	$(LOCKED) requirements/demo.lock
+	$(ITSELF)
 	touch $@
 
-$(VENV)/.dev: pyproject.toml | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+# torch has a build for CPUs and builds for each CUDA, and which one comes depends on the index that pip is set to. So its
+# version is fixed, in pyproject.toml, and its hash is not. What it needs besides CUDA libraries is in the lock.
+$(VENV)/.dev: pyproject.toml requirements/dev.lock | $(VENV)/bin/python
+	$(LOCKED) requirements/dev.lock
+	$(PIP) $$(sed -n 's/.*"\(torch==[^"]*\)".*/\1/p' pyproject.toml)
+	$(ITSELF)
 	touch $@ $(VENV)/.demo

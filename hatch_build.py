@@ -1,7 +1,10 @@
-"""Builds the viewer into the package's wheel, if Node is installed."""
+"""Builds the viewer into the package's wheel, if Node is installed, and writes the wheel's bill of materials."""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import re
 import shutil
 import subprocess
 import sys
@@ -11,17 +14,34 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 PAGE = "src/signsplice/service/page"
+NETWORKS = "src/signsplice/splicing/weights"
+BILL = "signsplice.cdx.json"
 
 
 class ViewerHook(BuildHookInterface):  # type: ignore[misc]
-    """Puts the page that ``make viewer`` builds into the wheel; without Node the wheel has no viewer."""
+    """Puts the page that ``make viewer`` builds into the wheel, and a CycloneDX bill of materials (PEP 770); without
+    Node the wheel has no viewer.
+    """
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Build the page, unless it is newer than its sources or the install is editable."""
+        """Build the page, unless it is newer than its sources or the install is editable; then write the bill."""
+        if version == "editable":
+            return
+        self._build_page()
+        bill = Path(self.directory) / BILL
+        bill.parent.mkdir(parents=True, exist_ok=True)
+        bill.write_text(json.dumps(self._bill(), indent=1) + "\n", encoding="utf-8")
+        build_data["sbom_files"].append(str(bill))
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+        """Remove the bill beside the wheel, which holds it now."""
+        (Path(self.directory) / BILL).unlink(missing_ok=True)
+
+    def _build_page(self) -> None:
         root = Path(self.root)
         page, sources = root / PAGE / "index.html", [*(root / "viewer").glob("*.*"), *(root / "viewer/src").glob("*")]
         built = page.stat().st_mtime if page.is_file() else 0.0
-        if version == "editable" or built > max((source.stat().st_mtime for source in sources), default=0.0):
+        if built > max((source.stat().st_mtime for source in sources), default=0.0):
             return
         npm = shutil.which("npm")
         try:
@@ -29,3 +49,62 @@ class ViewerHook(BuildHookInterface):  # type: ignore[misc]
                 subprocess.run([npm or "npm", *command], cwd=root / "viewer", check=True)
         except (OSError, subprocess.CalledProcessError) as error:
             print(f"the viewer was not built, so this wheel has none, or an older one: {error}", file=sys.stderr)
+
+    def _bill(self) -> dict[str, Any]:
+        """CycloneDX 1.7, without time and serial number, so that equal sources make equal wheels.
+
+        What the wheel carries has hashes; what it only asks for is external and has a range of versions.
+        """
+        core, root = self.metadata.core, Path(self.root)
+        licence = [{"expression": core.license_expression}]
+        networks = [
+            {
+                "type": "machine-learning-model",
+                "bom-ref": f"networks/{path.name}",
+                "name": path.name,
+                "licenses": licence,
+                "hashes": [{"alg": "SHA-256", "content": hashlib.sha256(path.read_bytes()).hexdigest()}],
+            }
+            for path in sorted((root / NETWORKS).glob("*.onnx"))
+        ]
+        listed = root / PAGE / "components.json"
+        page = json.loads(listed.read_text(encoding="utf-8")) if listed.is_file() else []
+        required = [_external(text, "required") for text in core.dependencies]
+        extras = {text for extra, texts in core.optional_dependencies.items() if extra != "dev" for text in texts}
+        optional = [_external(text, "optional") for text in sorted(extras) if not text.startswith(f"{core.name}[")]
+        purl = f"pkg:pypi/{core.name}@{self.metadata.version}"
+        unversioned = [part["bom-ref"] for part in page if "components" in part]
+        return {
+            "bomFormat": "CycloneDX",
+            "specVersion": "1.7",
+            "version": 1,
+            "metadata": {
+                "lifecycles": [{"phase": "build"}],
+                "component": {
+                    "type": "library",
+                    "bom-ref": purl,
+                    "name": core.name,
+                    "version": self.metadata.version,
+                    "purl": purl,
+                    "licenses": licence,
+                },
+            },
+            "components": [*networks, *page, *required, *optional],
+            "dependencies": [{"ref": purl, "dependsOn": [part["bom-ref"] for part in (*networks, *page, *required)]}],
+            "compositions": [{"aggregate": "incomplete", "assemblies": unversioned}] if unversioned else [],
+        }
+
+
+def _external(requirement: str, scope: str) -> dict[str, Any]:
+    """The component of a requirement like ``uvicorn[standard]>=0.30``, which the wheel asks for and does not hold."""
+    name, _, versions = re.fullmatch(r"([\w.-]+)(\[[^]]*\])?(.*)", requirement).groups()  # type: ignore[union-attr]
+    purl = f"pkg:pypi/{name}"
+    return {
+        "type": "library",
+        "bom-ref": f"{purl} {scope}",
+        "name": name,
+        "purl": purl,
+        "scope": scope,
+        "isExternal": True,
+        "versionRange": f"vers:pypi/{versions.replace(',', '|').replace('==', '')}",
+    }

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from signsplice.cli.clips import Spans, check_outputs, load, read_report, write
+from signsplice.cli.clips import Spans, check_outputs, load, read_report, reads_clips, write
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 @click.argument("file", metavar="FILE")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 @click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
+@reads_clips
 def inspect(file: str, as_json: bool, roles: str | None) -> None:
     """Show a clip's rig, roles found, rate, frames, units, rest spans and warnings."""
     from signsplice.rig.inspection import inspect as inspect_clip
@@ -48,11 +49,12 @@ def inspect(file: str, as_json: bool, roles: str | None) -> None:
 @click.option("--onto", metavar="RIG", help="Clip whose body the motion is brought to: places and contacts are kept.")
 @click.option("--report", metavar="R.json", help="With --onto: write what the hands touch, before and after.")
 @click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
+@reads_clips
 def convert(source: str, output: str, onto: str | None, report: str | None, roles: str | None) -> None:
     """Turn one file into another, by suffix; with --onto, for another body."""
     if report is not None and onto is None:
         raise InputError("--report describes what --onto does, expected both")
-    check_outputs(output, report)
+    check_outputs(output, report, inputs=[source, onto, roles])
     clip = load(source, roles)
     if onto is not None:
         from signsplice.body.retarget import retarget
@@ -80,12 +82,13 @@ def _count_kept(done: Retargeted) -> str:
 @click.option(
     "--size", metavar="WxH", help="Of a film, pixels, e.g. 1920x1080.  [default: .mp4 1080x1080, .gif 480x480]"
 )
+@reads_clips
 def render(source: str, output: str, report: str | None, view: str, size: str | None) -> None:
     """Draw the signer: a contact sheet (.png), or a film (.gif, .mp4)."""
     if Path(output).suffix.lower() not in PICTURE_SUFFIXES:
         expected = f"expected a name that ends in {', '.join(PICTURE_SUFFIXES)}"
         raise InputError(f"{output}: {expected}; use convert for other files")
-    check_outputs(output)
+    check_outputs(output, inputs=[source, report])
     clip = load(source)
     spans = _reported_spans(report, len(clip)) if report is not None else ()
     write(clip, output, spans, view, None if size is None else _size(size))

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from signsplice.errors import FormatError
-from signsplice.formats.atomic import read_bytes
+from signsplice.formats.reading import read_bytes
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import ROLES, unknown_role

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from signsplice.errors import FormatError, InputError
-from signsplice.formats.atomic import read_bytes
+from signsplice.formats.reading import read_bytes
 from signsplice.lexicon.entry import gloss_of, kind_of
 
 TABLE = "glosses.csv"

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 
 from signsplice.errors import FormatError
-from signsplice.formats.atomic import read_bytes
+from signsplice.formats.reading import read_bytes
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.phonology import (
     DIRECTIONS,

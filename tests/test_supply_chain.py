@@ -1,0 +1,115 @@
+"""What is installed, built and passed on: the locks, the wheel's bill of materials, licences of the page's packages."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from signsplice.service import page
+
+ROOT = Path(__file__).resolve().parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+VIEWER_LOCK = json.loads((ROOT / "viewer/package-lock.json").read_text())["packages"]
+
+
+def locked(name: str) -> dict[str, tuple[str, frozenset[str]]]:
+    """Package -> version and hashes, of a lock."""
+    entries = re.split(r"\n(?=\S)", re.sub(r"^#.*\n", "", (ROOT / "requirements" / name).read_text(), flags=re.M))
+    pins: dict[str, tuple[str, frozenset[str]]] = {}
+    for entry in entries:
+        pin = re.match(r"([\w.-]+)==([^\s;]+)", entry)
+        assert pin is not None, entry
+        pins[canonicalize_name(pin[1])] = (pin[2], frozenset(re.findall(r"--hash=(sha256:[0-9a-f]{64})", entry)))
+    return pins
+
+
+def asked(texts: Iterable[str]) -> Iterator[Requirement]:
+    """Requirements, with those of this package's own extras in their place."""
+    for requirement in map(Requirement, texts):
+        if requirement.name == PROJECT["name"]:
+            for extra in sorted(requirement.extras):
+                yield from asked(PROJECT["optional-dependencies"][extra])
+        else:
+            yield requirement
+
+
+@pytest.mark.parametrize(("name", "extra"), [("dev.lock", "dev"), ("demo.lock", "video")])
+def test_a_lock_has_what_the_package_asks_for_with_hashes(name: str, extra: str) -> None:
+    pins = locked(name)
+    for requirement in asked([*PROJECT["dependencies"], *PROJECT["optional-dependencies"][extra], "hatchling"]):
+        if requirement.name != "torch":
+            version, _ = pins.get(canonicalize_name(requirement.name), ("", frozenset()))
+            assert requirement.specifier.contains(version or "0"), f"{requirement}: {version or 'none'}; run make lock"
+    assert all(hashes for _, hashes in pins.values())
+    assert not [pin for pin in pins if re.match("torch$|triton|nvidia|cuda", pin)], "of one build of torch only"
+    assert "://" not in (ROOT / "requirements" / name).read_text(), "an index's address"
+
+
+def test_the_demo_has_the_versions_of_development() -> None:
+    assert locked("demo.lock").items() <= locked("dev.lock").items()
+
+
+def test_the_viewer_s_packages_have_hashes_and_run_nothing_when_installed() -> None:
+    assert all(entry["integrity"].startswith("sha512-") for path, entry in VIEWER_LOCK.items() if path)
+    assert "ignore-scripts=true" in (ROOT / "viewer/.npmrc").read_text().splitlines()
+
+
+def test_a_wheel_carries_its_bill_of_materials(tmp_path: Path) -> None:
+    for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE", "NOTICE"):
+        shutil.copy(ROOT / name, tmp_path)
+    files = {
+        "__init__.py": b"",
+        "splicing/weights/cut.onnx": b"weights",
+        "service/page/index.html": b"",
+        "service/page/components.json": json.dumps([{"type": "library", "bom-ref": "x", "name": "x"}]).encode(),
+    }
+    for name, content in files.items():
+        (tmp_path / "src/signsplice" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "src/signsplice" / name).write_bytes(content)
+    subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "wheel"], cwd=tmp_path, check=True, timeout=120)
+    (wheel,) = (tmp_path / "dist").iterdir()
+    with zipfile.ZipFile(wheel) as archive:
+        (bill_name,) = (name for name in archive.namelist() if ".dist-info/sboms/" in name)
+        bill = json.loads(archive.read(bill_name))
+        assert any(name.endswith("licenses/NOTICE") for name in archive.namelist())
+    parts: dict[str, dict[str, Any]] = {part["name"]: part for part in bill["components"]}
+    assert (bill["bomFormat"], bill["metadata"]["component"]["version"]) == ("CycloneDX", PROJECT["version"])
+    assert parts["cut.onnx"]["hashes"] == [{"alg": "SHA-256", "content": hashlib.sha256(b"weights").hexdigest()}]
+    assert "x" in parts
+    wanted = {requirement.name for requirement in asked(PROJECT["dependencies"])}
+    assert {name for name, part in parts.items() if part.get("scope") == "required"} == wanted
+    assert parts["uvicorn"]["versionRange"] == "vers:pypi/>=0.30"
+
+
+@pytest.mark.skipif(not page.BUILT.is_dir(), reason="the viewer is not built (make viewer)")
+def test_what_the_page_carries_is_named_with_its_licence() -> None:
+    components = json.loads((page.BUILT / "components.json").read_text())
+    named = {part["name"]: part["version"] for part in components}
+    assert named == {name: VIEWER_LOCK[f"node_modules/{name}"]["version"] for name in named}
+    text = (page.BUILT / "index.html").read_text(encoding="utf-8")
+    files = re.findall(r"^((?:@[\w.-]+/)?[\w.-]+)/\S+\.js:$", text, re.M)  # esbuild's headings over licence comments
+    inner = re.findall(r"^ +\* (@[\w.-]+/[\w.-]+) v([\d.]+)$", text, re.M)  # of packages that came inside another
+    assert {"three", "@pixiv/three-vrm"} <= set(files) <= set(named)
+    assert dict(inner).items() <= named.items()
+    notice = (ROOT / "NOTICE").read_text()
+    for part in components:
+        name, licence = part["name"], part["licenses"][0]["expression"]
+        version = part["version"].rpartition(".")[0]
+        assert re.search(rf"^  {re.escape(name)} +{re.escape(version)} +{licence} ", notice, re.M), f"NOTICE: {part}"
+        if name != "swagger-ui-dist":
+            assert f"{name} {part['version']}, {licence}" in text, "the licence travels with the page"
+    in_docs = {path.name for path in (page.BUILT / "docs").iterdir()}
+    assert {"LICENSE", "NOTICE", "swagger-ui-bundle.js.LICENSE.txt"} <= in_docs
