@@ -185,13 +185,13 @@ def _start_at(start: float, *arguments: object) -> None:
 
 def main(names: list[str]) -> None:
     """Print a row for each flood."""
-    print(f"| 1 | flood beside four paced streams ({os.cpu_count()} cores) | seen |\n| --- | --- | --- |")
+    print(f"| flood beside four paced streams ({os.cpu_count()} cores) | seen |\n| --- | --- |")
     for name in names or FLOODS:
         with serving() as (address, _):
             warm_up = Seen()
             asyncio.run(paced_stream(address, warm_up, time.monotonic() + 6.0))  # workers start
             seen, how = asyncio.run(_beside(address, name))
-            print(f"| 1 | {name} | {seen.row()}; the attacker: {how or '-'} |", flush=True)
+            print(f"| {name} | {seen.row()}; the attacker: {how or '-'} |", flush=True)
 
 
 if __name__ == "__main__":

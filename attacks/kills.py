@@ -292,7 +292,7 @@ def main() -> None:
     """Kill every writer and print the rows."""
     rng = random.Random(int(sys.argv[1]) if len(sys.argv) > 1 else 0)
     until = time.monotonic() + TIME_LIMIT_S
-    print("| row | attack | seen |\n| --- | --- | --- |", flush=True)
+    print("| attack | seen |\n| --- | --- |", flush=True)
     with tempfile.TemporaryDirectory(prefix="signsplice-kills-", ignore_cleanup_errors=True) as top:
         folder = Path(top)
         (folder / "inputs").mkdir()
@@ -303,12 +303,12 @@ def main() -> None:
             tally, seconds = attack(writer, folder / writer.name.replace(" ", "-"), rng, until)
             total += tally.kills
             print(
-                f"| 9 | {tally.kills} kills within the {seconds:.2f} s of {writer.name} | lost {tally.lost}, broken "
+                f"| {tally.kills} kills within the {seconds:.2f} s of {writer.name} | lost {tally.lost}, broken "
                 f"{tally.broken}, next runs that failed {tally.failed}, left over after them {tally.left} "
                 f"{sorted(tally.names) or ''}, processes that outlived it by 2 s {tally.survivors} |",
                 flush=True,
             )
-        print(f"| 9 | all kills | {total} |", flush=True)
+        print(f"| all kills | {total} |", flush=True)
         os.chdir("/")
 
 

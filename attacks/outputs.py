@@ -103,7 +103,7 @@ def reported(writer: Writer, folder: Path) -> int:
 
 def main() -> None:
     """Run all attacks and print their rows."""
-    print("| row | attack | seen |\n| --- | --- | --- |", flush=True)
+    print("| attack | seen |\n| --- | --- |", flush=True)
     with tempfile.TemporaryDirectory(prefix="signsplice-outputs-", ignore_cleanup_errors=True) as top:
         folder = Path(top)
         (folder / "inputs").mkdir()
@@ -111,12 +111,12 @@ def main() -> None:
         with silenced():
             writers = commands(folder / "inputs")
         for name, seen in misdirected(folder / "inputs", folder / "misdirected"):
-            print(f"| 3 | {name} | {seen} |".replace(top, ""), flush=True)
+            print(f"| {name} | {seen} |".replace(top, ""), flush=True)
         try:
             for name, seen in on_full_disks(writers, folder):
-                print(f"| 3 | {name} | {seen} |".replace(top, ""), flush=True)
+                print(f"| {name} | {seen} |".replace(top, ""), flush=True)
         except subprocess.CalledProcessError as error:
-            print(f"| 3 | disk full | not tried: {error.stderr.decode().strip()} |", flush=True)
+            print(f"| disk full | not tried: {error.stderr.decode().strip()} |", flush=True)
         os.chdir("/")
 
 

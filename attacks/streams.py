@@ -82,7 +82,7 @@ def main() -> None:
             chosen = rng.choice(len(glosses), int(rng.integers(3, 13)), replace=False)
             count.add([lexicon.clip(glosses[k]) for k in chosen], options)
         print(
-            f"| 10 | {count.sentences} sentences of 3 to 12 words, streamed and spliced, cutter {cutter} | "
+            f"| {count.sentences} sentences of 3 to 12 words, streamed and spliced, cutter {cutter} | "
             f"{count.different} of {count.transitions} transitions between the same frames differ in any bit; "
             f"{count.sentences_otherwise} sentences and {count.seams_otherwise} of {count.seams} seams are cut "
             f"otherwise, by {count.largest_shift} frames at most |",

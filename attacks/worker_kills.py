@@ -199,15 +199,15 @@ def _n_alive(processes: list[psutil.Process]) -> int:
 
 def main(n: int) -> None:
     """Print a row for each attack."""
-    print("| row | attack | seen |\n| --- | --- | --- |")
+    print("| attack | seen |\n| --- | --- |")
     with serving("--workers", "1") as (address, process):
-        print(f"| 2 | {n} rounds of kills of a worker with open streams | {asyncio.run(_kills(address, process, n))} |")
-        print(f"| 12 | {n // 2} kills of idle workers | {asyncio.run(_idle_kills(address, process, n // 2))} |")
+        print(f"| {n} rounds of kills of a worker with open streams | {asyncio.run(_kills(address, process, n))} |")
+        print(f"| {n // 2} kills of idle workers | {asyncio.run(_idle_kills(address, process, n // 2))} |")
     with serving("--workers", "1") as (address, process):
-        print(f"| 9 | kill -9 of the service while it works | {_orphans(address, process)} |")
+        print(f"| kill -9 of the service while it works | {_orphans(address, process)} |")
     for limit in ("60", "2"):
         with serving("--workers", "1", "--limit", f"drain_seconds={limit}") as (address, process):
-            print(f"| 12 | SIGTERM, drain_seconds={limit} | {asyncio.run(_stop(address, process))} |", flush=True)
+            print(f"| SIGTERM, drain_seconds={limit} | {asyncio.run(_stop(address, process))} |", flush=True)
 
 
 if __name__ == "__main__":

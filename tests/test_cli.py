@@ -148,7 +148,7 @@ BAD_CALLS = [
     (("inspect", "nowhere.bvh"), "no such file"),
     (("convert", "HELLO.bvh", "out.mov"), "suffix .mov"),
     (("render", "HELLO.bvh", "out.bvh"), "expected a name that ends in .png, .gif, .mp4"),
-    (("render", "HELLO.bvh", "out.png", "--report", "bad.json"), "bad.json: is no report"),
+    (("render", "HELLO.bvh", "out.png", "--report", "bad.json"), "bad.json:1: is no JSON"),
     (("render", "HELLO.bvh", "out.png", "--view", "top"), "no view 'top', expected one of front"),
     (("dance",), "No such command 'dance'"),
 ]

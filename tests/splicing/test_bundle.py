@@ -49,7 +49,7 @@ def test_the_configuration_of_a_papers_system_has_how_it_is_run() -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("{", "bundle.json: is no JSON"),
+        ("{", "bundle.json:1: is no JSON"),
         ("[]", "bundle.json: version None, expected 1; export the system anew"),
         ("{}", "version None, expected 1"),
         ('{"version": 2}', "version 2, expected 1"),

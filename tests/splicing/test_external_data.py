@@ -82,5 +82,5 @@ def test_a_bundle_with_weights_in_another_file_is_refused(tmp_path: Path, monkey
     (tmp_path / "other.bin").write_bytes(content)
     monkeypatch.chdir(tmp_path)
     inputs = {name: np.zeros((1, 2, 2), np.float32) for name in ("before", "leave", "after", "enter")}
-    with pytest.raises(InputError, match=r"cut\.onnx: keeps weights in other files"):
+    with pytest.raises(InputError, match=r"^[^ ]*cut\.onnx: keeps weights in other files"):
         open_sessions(bundle).run("cut", inputs)

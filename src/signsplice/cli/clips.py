@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 from os.path import samestat
@@ -16,7 +15,6 @@ from signsplice.cli.terminal import progress
 from signsplice.errors import InputError, LimitError
 from signsplice.formats.atomic import check_writable
 from signsplice.formats.limits import DEFAULT_LIMITS, NO_LIMITS, ReadLimits
-from signsplice.formats.reading import read_bytes
 from signsplice.render import PICTURE_SUFFIXES
 
 if TYPE_CHECKING:
@@ -106,20 +104,3 @@ def write(clip: Clip, output: str, spans: Spans = (), view: str = "front", size:
             film.write(clip, output, [film.Mark(*span) for span in spans], view, advance, size)
     else:
         formats.save(clip, output)
-
-
-def read_report(path: str, n_frames: int) -> dict[str, Any]:
-    """A splice's report, checked against its clip of ``n_frames``. Raises ``InputError``."""
-    try:
-        report: dict[str, Any] = json.loads(read_bytes(path))
-        ends = [(str(span["kind"]), int(span["output"][0]), int(span["output"][1])) for span in report["spans"]]
-        for key in ("seams", "warnings"):
-            report[key] = list(report[key])
-        report |= {"fps": float(report["fps"]), "frames": int(report["frames"])}
-    except (ValueError, KeyError, TypeError, IndexError) as error:
-        raise InputError(f"{path}: is no report of a splice ({error})") from error
-    if ends and ends[-1][2] != n_frames:
-        raise InputError(
-            f"{path}: describes {ends[-1][2]} frames, but the clip has {n_frames}; is it another clip's report?"
-        )
-    return report

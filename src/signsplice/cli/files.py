@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import Spans, check_outputs, load, read_report, reads_clips, write
+from signsplice.cli.clips import Spans, check_outputs, load, reads_clips, write
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
@@ -104,8 +105,14 @@ def _size(text: str) -> tuple[int, int]:
 
 def _reported_spans(path: str, n_frames: int) -> Spans:
     """Spans of a splice's report, checked against the clip in which they are marked."""
-    spans = read_report(path, n_frames)["spans"]
-    return [(str(span["kind"]), span["name"] or "", *span["output"]) for span in spans]
+    from signsplice.splicing import report
+
+    return _spans_of(report.read(path, n_frames))
+
+
+def _spans_of(report: Mapping[str, Any]) -> Spans:
+    """Kind, name and output frames of a report's spans."""
+    return [(span["kind"], span["name"] or "", *span["output"]) for span in report["spans"]]
 
 
 COMMANDS = (inspect, convert, render)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import check_apart, load, read_report, reads_clips
+from signsplice.cli.clips import check_apart, load, reads_clips
 from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -109,6 +109,7 @@ def view(
     from signsplice.formats.atomic import check_writable, replacing
     from signsplice.service import page, scene
     from signsplice.service.wire import FORMAT_NAMES
+    from signsplice.splicing import report as splice_reports
 
     if output is not None:
         if Path(output).suffix.lower() not in (".html", ".htm"):
@@ -118,7 +119,7 @@ def view(
     scenes = []
     for number, file in enumerate(files):
         clip = load(file, roles)
-        report = read_report(reports[number], len(clip)) if number < len(reports) else None
+        report = splice_reports.read(reports[number], len(clip)) if number < len(reports) else None
         scenes.append(scene.from_clip(clip, report, FORMAT_NAMES))
     if output is not None:
         text = page.html(scenes, live=False)

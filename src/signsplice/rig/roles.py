@@ -263,7 +263,7 @@ def _given(skeleton: Skeleton, override: Mapping[str, str]) -> _Joints:
             raise InputError(f"override: {unknown_role(role)}")
         if name not in skeleton.index:
             raise InputError(
-                f"override: {role}: the skeleton has no joint {name!r}{_nearest(name, skeleton.names)}; "
+                f"override: {role}: the skeleton has no joint {name[:80]!r}{_nearest(name[:80], skeleton.names)}; "
                 f"its {len(skeleton)} joints begin with {', '.join(skeleton.names[:3])}"
             )
         joint = skeleton.index[name]

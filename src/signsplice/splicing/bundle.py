@@ -13,11 +13,12 @@ import shutil
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from pathlib import Path, PurePath
+from typing import Any, get_type_hints
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing_folder
+from signsplice.formats.json_files import check_type, read_json
 from signsplice.formats.reading import read_bytes
 
 BUNDLE_FILE = "bundle.json"
@@ -151,35 +152,53 @@ def _link(source: str, copy: str) -> None:
 def read_config(folder: Path) -> BundleConfig:
     """bundle.json of a folder. Raises ``InputError`` where it is missing, broken, or of another version."""
     path = Path(folder) / BUNDLE_FILE
-    try:
-        stored = json.loads(read_bytes(path))
-    except ValueError as error:
-        raise InputError(f"{path}: is no JSON ({error}), expected the description of a trained system") from error
+    stored = read_json(path, "the description of a trained system")
     version = stored.get("version") if isinstance(stored, dict) else None
     if version != VERSION:
-        raise InputError(f"{path}: version {version}, expected {VERSION}; export the system anew")
+        raise InputError(f"{path}: version {version!r:.40}, expected {VERSION}; export the system anew")
     return config_of(stored, path)
 
 
 def config_of(stored: Mapping[str, Any], path: Path) -> BundleConfig:
     """The configuration that JSON values hold. Raises ``InputError`` where one has the wrong form."""
     try:
-        runs = stored.get("runs")
+        runs, kinds = stored.get("runs"), get_type_hints(BundleConfig)
+        for name in (*_PLAIN, "n_parameters", "files"):
+            if name in stored:
+                check_type(stored[name], kinds[name], name)
+        if names := [
+            name
+            for name in stored.get("files", {})
+            if name != PurePath(name).name or "\\" in name or not name.isprintable()
+        ]:
+            raise ValueError(f"files: {names[0]!r} is not the name of a file in its folder")
         return BundleConfig(
             path=path,
             files=dict(stored.get("files", {})),
             networks={name: _network(entry) for name, entry in stored.get("networks", {}).items()},
             n_parameters=stored.get("n_parameters"),
-            runs=None if runs is None else RunConfig(**runs),
+            runs=None if runs is None else _run(runs),
             stored=stored,
             **{name: stored.get(name) for name in _PLAIN},
         )
     except (TypeError, AttributeError, ValueError) as error:
-        raise InputError(f"{path}: is no description of a trained system ({error}); export the system anew") from error
+        reason = str(error)[:200]
+        raise InputError(f"{path}: is no description of a trained system ({reason}); export the system anew") from error
 
 
 def _network(entry: Mapping[str, Any]) -> NetworkConfig:
-    return NetworkConfig(entry.get("recipe"), int(entry.get("n_parameters", 0)), entry.get("taught"), entry)
+    recipe, n_parameters, trained_on = entry.get("recipe"), entry.get("n_parameters", 0), entry.get("taught")
+    check_type(recipe, str | None, "recipe")
+    check_type(n_parameters, int, "n_parameters")
+    check_type(trained_on, Mapping[str, str] | None, "taught")
+    return NetworkConfig(recipe, n_parameters, trained_on, entry)
+
+
+def _run(runs: Mapping[str, Any]) -> RunConfig:
+    kinds = get_type_hints(RunConfig)
+    for name, value in runs.items():
+        check_type(value, kinds.get(name, Any), f"runs: {name}")
+    return RunConfig(**runs)
 
 
 def bundle_sha256(folder: Path) -> str:

@@ -19,7 +19,7 @@ from typing import Literal
 
 from signsplice.body.contacts import Contact
 from signsplice.body.retarget import align
-from signsplice.errors import InputError
+from signsplice.errors import FormatError, InputError
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig.align import Reference, reference
@@ -336,6 +336,8 @@ class _SentenceBuilder:
             return round(self.options.transition_time * before.fps), ()
         try:
             seconds = self.methods.duration.seconds(before, after, cut)
+        except FormatError:  # of a network that is damaged
+            raise
         except InputError:
             return max(1, round(HUMAN_MEDIAN_S * before.fps)), (
                 f"no arms known in {before.name}: the transition takes {HUMAN_MEDIAN_S:g} s, whatever the distance",
