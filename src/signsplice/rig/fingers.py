@@ -15,7 +15,7 @@ _WORDS = (("thumb",), ("index", "pointer", "fore"), ("middle", "mid"), ("ring",)
 _FINGER_OF = {word: finger for finger, words in enumerate(_WORDS) for word in words}
 _FINGER_OF |= {letter: finger for finger, letter in enumerate("timrp")}  # Vicon: LHandT1
 _ORDINALS = ("", "first", "second", "third", "fourth", "fifth")
-# Nearest to the top wins: of "index middle" the second word is the segment, of "finger 1 second" too.
+# The first that is found counts: "middle" and "mid" may also name a segment, as in "index middle".
 _FINGER = tuple(
     re.compile(pattern)
     for pattern in (
@@ -53,9 +53,9 @@ def _part(words: str) -> _Part | None:
     named = match or _NUMBERED.search(words)
     if named is None:
         return None
-    before, after = words[: named.end()], words[named.end() :].removeprefix(" ").removeprefix("finger")
-    before = before.removesuffix(named[1] or named[2])
-    number = re.search(r"\d+", after)
+    before = words[: named.end()].removesuffix(named[1] or named[2])
+    after = words[named.end() :].removeprefix(" ").removeprefix("finger")
+    number = re.search(r"\d{1,9}", after)
     segment = int(number[0]) if number else None
     if match:
         return _Part(_FINGER_OF[match[1]], False, segment, f"{before} {after}")
