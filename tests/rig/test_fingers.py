@@ -245,6 +245,7 @@ def test_the_hand_tells_the_side_where_names_do_not(scheme: str, hand: str) -> N
         "LeftIndexIntermediate=leftIndexIntermediate",
         "LeftIndexMetacarpal/LeftIndexProximal=leftIndexProximal",
         "LeftIndexMetacarpal",
+        "LHandI/LHandI1=leftIndexProximal/LHandI2=leftIndexIntermediate",
         "LeftIndexTip",
         "LeftThumbMetacarpal=leftThumbMetacarpal/LeftThumbTip",
         "LeftThumbProximal=leftThumbProximal/LeftThumbDistal=leftThumbDistal",
@@ -302,6 +303,15 @@ def test_helpers_beside_a_finger_do_not_shift_it() -> None:
         "index_01_l/index_01_twist_l/index_01_half_l",
         "index_03_l/index_nail_l",
         "index_03_l/index_03_pad_l",
+    ]
+    assert found_fingers(*chains) == skeleton_of(*BODY, *chains)[1]
+
+
+def test_biped_without_a_thumb_still_counts_from_it() -> None:
+    chains = [
+        f"LeftHand/Bip01 L Finger{n}=left{finger}Proximal/Bip01 L Finger{n}1=left{finger}Intermediate"
+        for n, finger in enumerate(FINGERS)
+        if n
     ]
     assert found_fingers(*chains) == skeleton_of(*BODY, *chains)[1]
 

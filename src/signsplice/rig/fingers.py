@@ -21,7 +21,7 @@ _FINGER = tuple(
     for pattern in (
         r"(?<![a-z])(?:(?:in)?hand|finger)?(thumb|index|pointer|fore(?=finger|[\W\d]|$)|ring|little|pinky|pinkie)",
         r"(?<![a-z])(?:(?:in)?hand|finger)?(middle|mid)",
-        r"(?<![a-z])hand ?([timrp])(?=\d|$)",
+        r"(?<![a-z])hand ?([timrp])(?=\d)",
     )
 )
 _NUMBERED = re.compile(r"(?<![a-z])finger ?(\d{1,2})(?!\d)|(?<![a-z])(first|second|third|fourth|fifth)")
@@ -36,13 +36,14 @@ _SEGMENTS = tuple(
 
 class _Part(NamedTuple):
     """What a joint's name says: the finger from 0 for the thumb, or the rig's own number of it; the segment's number;
-    and the words that are left.
+    the words that are left; and whether the rig surely numbers fingers from 0, as Biped does.
     """
 
     finger: int
     has_number: bool
     segment: int | None
     words: str
+    from_zero: bool = False
 
 
 def _part(words: str) -> _Part | None:
@@ -62,7 +63,7 @@ def _part(words: str) -> _Part | None:
     digits = named[1]
     if digits and (not after or (len(digits) == 2 and digits[0] != "0")):
         # Biped: Finger4, Finger41 and Finger42 are the little finger, Finger0 and Finger01 the thumb.
-        return _Part(int(digits[0]), True, int(digits[1:] or 0) + 1, after)
+        return _Part(int(digits[0]), True, int(digits[1:] or 0) + 1, after, len(digits) == 2)
     return _Part(int(digits or _ORDINALS.index(named[2])), True, segment, f"{before} {after}")
 
 
@@ -97,7 +98,8 @@ def find_fingers(
             depths[joint] = depths[over[joint]] + 1 if joint in over else 1
             nearest[joint] = joint
     found: dict[tuple[int, int], int] = {}
-    for key, finger in _fingers({part[:2] for part in parts.values()}).items():
+    from_zero = any(part.from_zero for part in parts.values())
+    for key, finger in _fingers({part[:2] for part in parts.values()}, from_zero).items():
         last = max(
             (joint for joint, part in parts.items() if part[:2] == key),
             key=lambda joint: (depths[joint], -len(parts[joint].words), names[joint]),
@@ -111,7 +113,7 @@ def find_fingers(
     return found
 
 
-def _fingers(keys: set[tuple[int, bool]]) -> Mapping[tuple[int, bool], int]:
+def _fingers(keys: set[tuple[int, bool]], from_zero: bool) -> Mapping[tuple[int, bool], int]:
     """(finger or number, whether it is a number) -> finger, for the fingers of one hand.
 
     Numbers count the fingers that have no name, from 0 or from 1.
@@ -121,8 +123,8 @@ def _fingers(keys: set[tuple[int, bool]]) -> Mapping[tuple[int, bool], int]:
     numbers = sorted(number for number, has_number in keys if has_number)
     if len(numbers) == len(free):
         return fingers | {(number, True): finger for number, finger in zip(numbers, free, strict=True)}
-    first = 0 if 0 in numbers else 1
-    return fingers | {(n, True): free[n - first] for n in numbers if n - first < len(free)}
+    first = 0 if from_zero or 0 in numbers else 1
+    return fingers | {(n, True): free[n - first] for n in numbers if 0 <= n - first < len(free)}
 
 
 def _segments(finger: int, chain: list[int], parts: Mapping[int, _Part], first_of_thumb: int) -> dict[int, int]:
