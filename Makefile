@@ -1,6 +1,7 @@
 # One word per task. Each makes its own environment; nothing but Python >= 3.11 and make is needed.
 PYTHON ?= python3
 VENV := .venv
+MINUTES ?= 10
 BIN := $(VENV)/bin
 NODE := viewer/node_modules/.package-lock.json
 PAGE := src/signsplice/service/page/index.html
@@ -10,7 +11,7 @@ ITSELF := $(PIP) --no-deps --no-build-isolation --editable .
 COMPILE := $(VENV)/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
 	--only-binary :all: --no-annotate --custom-compile-command "make lock" $(if $(UPGRADE),--upgrade)
 
-.PHONY: demo test test-slow lint types unit viewer wheel lock bench words corpus smoke paper weights clean
+.PHONY: attacks demo test test-slow lint types unit viewer wheel lock bench fuzz words corpus smoke paper weights clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet and a report in out/demo
 	$(BIN)/signsplice demo --out out/demo
@@ -21,8 +22,8 @@ test-slow: $(VENV)/.dev $(PAGE) ## the tests that take long; CI runs them too
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile -m slow
 
 lint: $(VENV)/.dev             ## style
-	$(BIN)/ruff check src tests
-	$(BIN)/ruff format --check src tests
+	$(BIN)/ruff check src tests attacks
+	$(BIN)/ruff format --check src tests attacks
 
 types: $(VENV)/.dev            ## mypy --strict
 	$(BIN)/mypy
@@ -44,6 +45,13 @@ unit: $(VENV)/.dev $(PAGE)     ## pytest, a process a core; each file's tests st
 
 bench: $(VENV)/.dev            ## speed of every part beside its baselines, in one run
 	$(BIN)/signsplice bench
+
+attacks: $(VENV)/.dev $(PAGE)  ## the tables of docs/reliability.md: floods, kills, bombs, broken files; half an hour, as root for all rows
+	for attack in bombs outputs streams floods worker_kills kills; do $(BIN)/python attacks/$$attack.py || exit; done
+	$(BIN)/python attacks/fuzz.py --cases 20000 --seed 18
+
+fuzz: $(VENV)/.fuzz            ## every reader against mutated files for MINUTES=10; what is found stays in tests/fuzz_corpus
+	$(BIN)/python attacks/fuzz.py --minutes $(MINUTES)
 
 words: $(VENV)/.dev            ## sign the words that ship anew, from their notation
 	$(BIN)/signsplice synth lexicon -o out/words
@@ -89,3 +97,8 @@ $(VENV)/.dev: pyproject.toml requirements/dev.lock | $(VENV)/bin/python
 	$(PIP) $$(sed -n 's/.*"\(torch==[^"]*\)".*/\1/p' pyproject.toml)
 	$(ITSELF)
 	touch $@ $(VENV)/.demo
+
+$(VENV)/.fuzz: $(VENV)/.dev
+	@$(PIP) --only-binary :all: $$(sed -n 's/.*"\(atheris[^;"]*\).*/\1/p' pyproject.toml) \
+	|| echo "no atheris for this machine: cases are chosen by a seeded generator alone"
+	touch $@

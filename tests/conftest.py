@@ -13,7 +13,7 @@ from hypothesis import settings
 
 from serving import http_client
 from signing import sign
-from signsplice.formats import bvh
+from signsplice.formats import load
 from signsplice.lexicon import shipped
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, EndSite, Skeleton
@@ -31,7 +31,7 @@ def real_clips() -> dict[str, Clip]:
     """Real clips by name; the test is skipped where they are absent."""
     if not REAL.is_dir():
         pytest.skip("real clips not present")
-    return {path.stem: bvh.read(path) for path in sorted(REAL.glob("*.bvh"))}
+    return {path.stem: load(path) for path in sorted(REAL.glob("*.bvh"))}
 
 
 @pytest.fixture(scope="session")

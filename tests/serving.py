@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
 import os
 import signal
 import socket
@@ -9,11 +11,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import httpx
+import psutil
+from starlette.requests import HTTPConnection
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 PATIENCE_S = 300.0
@@ -66,6 +71,59 @@ def stream_client(client: httpx.Client, **options: Any) -> Iterator[ClientConnec
     options = {"max_size": None, "compression": None, "open_timeout": PATIENCE_S, "ping_interval": None, **options}
     with connect(address, **options) as stream:
         yield stream
+
+
+def messages_and_close_code(stream: ClientConnection) -> tuple[list[Any], int | None]:
+    """The messages of a stream that are JSON, until the service closes it, and the code of that."""
+    messages = []
+    try:
+        while True:
+            message = stream.recv(timeout=PATIENCE_S)
+            messages += [json.loads(message)] if isinstance(message, str) else []
+    except ConnectionClosed as closed:
+        return messages, closed.rcvd.code if closed.rcvd else None
+
+
+class FakeSocket(HTTPConnection):
+    """A WebSocket whose client sends one word, then nothing."""
+
+    def __init__(self) -> None:
+        super().__init__({"type": "websocket", "client": ("192.0.2.1", 1)})
+        texts = ('{"type": "open", "paced": false}', '{"type": "word", "gloss": "HELLO"}')
+        self.received = [{"type": "websocket.receive", "text": text} for text in texts]
+        self.sent: list[dict[str, Any]] = []
+
+    async def accept(self) -> None: ...
+
+    async def close(self, code: int = 1000) -> None: ...
+
+    async def receive(self) -> dict[str, str]:
+        return self.received.pop(0) if self.received else await asyncio.sleep(PATIENCE_S, {})
+
+    async def send_text(self, text: str) -> None:
+        self.sent.append(json.loads(text))
+
+    async def send_json(self, message: dict[str, Any]) -> None:
+        self.sent.append(message)
+
+
+def process_of(client: httpx.Client) -> psutil.Process:
+    """The process that listens for an HTTP client."""
+    for process in psutil.Process().children():
+        with suppress(psutil.Error):
+            if any(address.laddr.port == client.base_url.port for address in process.net_connections("tcp")):
+                return process
+    raise AssertionError("no process listens")
+
+
+def workers_of(client: httpx.Client) -> list[psutil.Process]:
+    """The worker processes of the service that an HTTP client calls."""
+    found = []
+    for process in process_of(client).children():
+        with suppress(psutil.Error):  # it has just ended
+            if any("spawn_main" in part for part in process.cmdline()):
+                found.append(process)
+    return found
 
 
 def raw_request(client: httpx.Client, *parts: bytes, pause: float = 0.0) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -11,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from signsplice import demo
+from signsplice import demo, lexicon
 from signsplice.cli import main
 from signsplice.evaluation import speed_learned, speed_parts
 from signsplice.formats import load, save
@@ -147,7 +148,7 @@ BAD_CALLS = [
     (("inspect", "nowhere.bvh"), "no such file"),
     (("convert", "HELLO.bvh", "out.mov"), "suffix .mov"),
     (("render", "HELLO.bvh", "out.bvh"), "expected a name that ends in .png, .gif, .mp4"),
-    (("render", "HELLO.bvh", "out.png", "--report", "bad.json"), "bad.json: is no report"),
+    (("render", "HELLO.bvh", "out.png", "--report", "bad.json"), "bad.json:1: is no JSON"),
     (("render", "HELLO.bvh", "out.png", "--view", "top"), "no view 'top', expected one of front"),
     (("dance",), "No such command 'dance'"),
 ]
@@ -171,6 +172,57 @@ def test_a_bad_call_prints_one_line_and_writes_nothing(
     assert message in run.stderr
     assert run.stdout == ""
     assert sorted(path.name for path in folder.iterdir()) == before
+
+
+OVERWRITING = (
+    ("splice", "HELLO.bvh", "SIGN.bvh", "-o", "SIGN.bvh"),
+    ("splice", "HELLO.bvh", "SIGN.bvh", "-o", "lex/../SIGN.bvh"),
+    ("splice", "HELLO.bvh", "SIGN.bvh", "-o", "linked.bvh"),
+    ("splice", "HELLO.bvh", "to-sign.bvh", "-o", "SIGN.bvh"),
+    ("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", "--report", "SIGN.bvh"),
+    ("splice", "HELLO.bvh", "I.bvh", "-o", "out.bvh", "--roles", "roles.json", "--report", "roles.json"),
+    ("splice", "HELLO.bvh", "I.bvh", "-o", "out.bvh", "--bundle", "bundle", "--report", "bundle/bundle.json"),
+    ("splice", "HELLO.bvh", "I.bvh", "-o", "out.bvh", "--cutter", "bundle", "--report", "bundle/bundle.json"),
+    ("sentence", "I", "-o", "linked.bvh", "--roles", "SIGN.bvh"),
+    ("sentence", "I", "-o", "out.bvh", "--lexicon", "lex", "--report", "lex/index.sqlite"),
+    ("inbetween", "SIGN.bvh", "--gap", "20:25", "-o", "SIGN.bvh"),
+    ("convert", "SIGN.bvh", "linked.bvh"),
+    ("convert", "to-sign.bvh", "SIGN.bvh"),
+    ("render", "SIGN.bvh", "drawn.png", "--report", "roles.json"),
+    ("view", "SIGN.bvh", "--report", "roles.json", "-o", "drawn.html"),
+    ("lexicon", "build", ".", "-o", "lex"),
+    ("lexicon", "build", "bundle", "-o", "lex", "--roles", "lex/index.sqlite"),
+    ("synth", "lexicon", "-o", "words", "--signs", "words/own.signs"),
+    ("synth", "sentences", "-o", "words", "--signs", "words/own.signs"),
+    ("synth", "pairs", "-o", "words", "--signs", "words/own.signs"),
+)
+
+
+@pytest.mark.parametrize("call", OVERWRITING, ids=" ".join)
+def test_an_output_is_never_an_input(call: tuple[str, ...], folder: Path, signsplice: Call) -> None:
+    """By name, by another spelling, and through hard and symbolic links."""
+    with lexicon.building(folder / "lex") as builder:
+        builder.add(load(folder / "I.bvh"))
+    for name, text in (("bundle/bundle.json", "{}"), ("words/own.signs", ""), ("roles.json", '{"hips": "Hips"}')):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text)
+    for name in ("drawn.png", "drawn.html"):
+        os.link(folder / "roles.json", folder / name)
+    os.link(folder / "SIGN.bvh", folder / "linked.bvh")
+    (folder / "to-sign.bvh").symlink_to("SIGN.bvh")
+    before = {path: (path.lstat().st_ino, path.read_bytes()) for path in folder.rglob("*") if path.is_file()}
+    run = signsplice(*call)
+    assert run.returncode == 2
+    assert run.stderr.startswith("error: ")
+    assert run.stderr.count("\n") == 1
+    assert "would overwrite what is read from" in run.stderr or ", which is read, or contains it" in run.stderr
+    assert {path: (path.lstat().st_ino, path.read_bytes()) for path in folder.rglob("*") if path.is_file()} == before
+
+
+def test_an_input_may_be_a_link(folder: Path, signsplice: Call) -> None:
+    (folder / "linked.bvh").symlink_to("SIGN.bvh")
+    assert signsplice("convert", "linked.bvh", "out.npz").returncode == 0
+    assert len(load(folder / "out.npz")) == len(load(folder / "SIGN.bvh"))
 
 
 def test_the_program_exits_with_status_2_after_a_bad_call(folder: Path) -> None:

@@ -161,7 +161,9 @@ def test_an_interrupted_build_leaves_the_old_lexicon(tmp_path: Path, words: dict
     )
     deadline = time.monotonic() + 30.0
     while process.poll() is None and time.monotonic() < deadline:
-        if any(path.stat().st_size for path in tmp_path.glob(".lex-*/frames.bin")):  # the first words are written
+        if any(
+            path.stat().st_size for path in tmp_path.glob(".signsplice-*/frames.bin")
+        ):  # the first words are written
             break
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)

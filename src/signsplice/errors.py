@@ -24,9 +24,14 @@ class FormatError(InputError):
     """
 
     def __init__(self, what: str, *, file: str = "", line: int | None = None) -> None:
+        what = " ".join(what.splitlines())  # it may quote what the file holds
         self.file, self.line, self.what = file, line, what
         where = f"{file or '<text>'}:{line}: " if line is not None else f"{file}: " if file else ""
         super().__init__(where + what)
+
+
+class LimitError(FormatError):
+    """A file that asks for more than ``formats.limits`` allows. The limits can be lifted for files that are trusted."""
 
 
 class RigMismatchError(InputError):

@@ -10,7 +10,7 @@ import pytest
 
 from broken_bvh import BROKEN, VALID, deep, wide
 from signsplice.errors import FormatError
-from signsplice.formats import bvh
+from signsplice.formats import bvh, load
 
 
 @pytest.mark.parametrize("case", BROKEN)
@@ -19,7 +19,7 @@ def test_broken_files_are_refused_with_file_and_line(case: str, tmp_path: Path) 
     path = tmp_path / "bad.bvh"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(FormatError) as caught:
-        bvh.read(path)
+        load(path)
     text = str(caught.value)
     assert message in text
     assert re.match(r".*bad\.bvh:\d+: \S", text), "the file and the line come first"

@@ -8,12 +8,15 @@ from pathlib import Path
 import numpy as np
 import pybvh
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from broken_bvh import VALID
 from conftest import GOLDEN, random_clip
 from signsplice.errors import InputError
-from signsplice.formats import bvh, save
+from signsplice.formats import bvh, load, save
 from signsplice.formats.numbers import format_rows
-from signsplice.motion import rotation
+from signsplice.motion import euler_channels, rotation
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.euler_channels import ROTATIONS
 
@@ -84,7 +87,7 @@ def test_bone_lengths_that_change_are_kept_per_frame() -> None:
 def test_a_file_is_written_as_it_was_read(text: str, tmp_path: Path) -> None:
     clip = bvh.parse(text.encode(), "mixed.bvh")
     save(clip, tmp_path / "out.bvh")
-    again = bvh.read(tmp_path / "out.bvh")
+    again = load(tmp_path / "out.bvh")
     assert again.channels is not None
     assert clip.channels is not None
     assert np.array_equal(again.channels.values, clip.channels.values)
@@ -118,7 +121,7 @@ def test_positions_agree_with_a_file_written_by_pybvh() -> None:
     """tests/golden/pybvh_chain.bvh was written by pybvh; the positions beside it are its own forward kinematics."""
     from signsplice.motion import kinematics
 
-    clip = bvh.read(GOLDEN / "pybvh_chain.bvh")
+    clip = load(GOLDEN / "pybvh_chain.bvh")
     with np.load(GOLDEN / "pybvh_chain.npz") as golden:
         assert str(golden["convention"]).startswith("positions (T, J, 3)")
         assert np.allclose(kinematics.forward(clip)[1], golden["positions"], atol=1e-9)
@@ -286,3 +289,44 @@ def test_printed_numbers_are_read_back_unchanged() -> None:
         assert (np.signbit(back) == np.signbit(rows)).all()
     assert format_rows(plain[:1, :8]) == "0.0 -0.0 1.0 -0.00000001 999999.99999999 0.00005 10.0 -100.5"
     assert format_rows(wild[1:2]) == "0.1 -0.25 7.0"
+
+
+decimals = st.one_of(
+    st.from_regex(r"[+-]?([0-9]{1,25}(\.[0-9]{0,25})?|\.[0-9]{1,25})([eE][+-]?[0-9]{1,2})?", fullmatch=True),
+    st.floats(allow_nan=False, allow_infinity=False, min_value=-1e11, max_value=1e11).map(repr),
+)
+
+
+@given(st.lists(decimals, min_size=3, max_size=3), st.sampled_from([" ", "\t", "  \v ", " \f"]))
+def test_numbers_are_read_as_float_reads_them(tokens: list[str], between: str) -> None:
+    row = between.join(["0 90 0", *tokens])
+    clip = bvh.parse(VALID.replace("0 90 0 1 2 3", row).encode())
+    assert clip.channels is not None
+    read, wanted = clip.channels.values[0, 3:6], np.array([float(token) for token in tokens])
+    assert np.array_equal(read, wanted)
+    assert np.array_equal(np.signbit(read), np.signbit(wanted))
+
+
+def test_files_longer_than_a_block_are_read_whole() -> None:
+    values = np.round(np.random.default_rng(0).uniform(-180.0, 180.0, (9001, 9)), 6)
+    head = VALID[: VALID.index("0 90 0 1")].replace("Frames: 2", "Frames: 9001")
+    rows = [" ".join(map(repr, row)) + "\n" * (1 + n % 2) for n, row in enumerate(values.tolist())]
+    clip = bvh.parse((head + "".join(rows)).encode())
+    assert clip.channels is not None
+    assert np.array_equal(clip.channels.values, values)
+    for line, text, message in ((8000, "1 2 3", "3 numbers in a frame"), (4095, "1 2 3 4 5 6 7 8 x", "'x' is not")):
+        broken = [*rows[:line], text + "\n", *rows[line + 1 :]]
+        number = 19 + sum(row.count("\n") for row in rows[:line])
+        with pytest.raises(InputError, match=f":{number}: {message}"):
+            bvh.parse((head + "".join(broken)).encode())
+    with pytest.raises(InputError, match="9001 frames follow, expected 9000"):
+        bvh.parse((head.replace("9001", "9000") + "".join(rows)).encode())
+
+
+@pytest.mark.parametrize("channels", [("Zrotation", "Xrotation", "Yrotation"), ("Yrotation",), ()])
+def test_rotations_do_not_depend_on_the_length_of_the_clip(channels: tuple[str, ...]) -> None:
+    names = (("Xposition", "Yposition", "Zposition", "Zrotation"), *([channels] * 6))
+    values = np.random.default_rng(0).uniform(-400.0, 400.0, (8200, 4 + 6 * len(channels)))
+    whole = euler_channels.to_motion(names, values, np.zeros((7, 3)))[0]
+    for rows in (slice(0, 1), slice(4090, 4101), slice(8191, 8200)):
+        assert np.array_equal(euler_channels.to_motion(names, values[rows], np.zeros((7, 3)))[0], whole[rows])

@@ -173,7 +173,7 @@ def test_steps_fall_on_their_own_frames(tmp_path: Path) -> None:
 
 
 def test_clips_that_are_too_long_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(FormatError, match="at 30 a second are more than a clip may hold"):
+    with pytest.raises(FormatError, match=r"900,000,000 frames, expected at most 86,400 seconds"):
         load_document(tmp_path, document(ARM, [rotating(times=[0, 3e7])]))
 
 
@@ -223,10 +223,12 @@ INVALID: dict[str, tuple[Any, str]] = {
     "no base64": (lambda d: d["buffers"][0].update(uri="data:x;base64,$$"), "is no base64"),
     "sparse": (lambda d: d["accessors"][1].update(sparse={
         "count": 1, "indices": {"bufferView": 0, "componentType": 5125}, "values": {"bufferView": 0}}), "is sparse"),
-    "more than memory": (lambda d: d["accessors"][0].update(count=10**9), "more than a clip may"),
+    "more than memory": (lambda d: d["accessors"][0].update(count=10**9), "reaches beyond"),
     "glTF 1": (lambda d: d["asset"].update(version="1.0"), "is glTF 1.0, expected 2.0"),
     "compressed": (lambda d: d.update(extensionsRequired=["EXT_meshopt_compression"]), "which is not read"),
     "a negative number": (lambda d: d["animations"][0]["samplers"][0].update(input=-2), "accessor -2 is no such"),
+    "lines for a number": (lambda d: d["bufferViews"][0].update(buffer="a\u2028b\n"), "buffer 'a.* is no such"),
+    "lines for a version": (lambda d: d["asset"].update(version="1\n2\u2028"), "is glTF 1 2 , expected 2.0"),
     "no such node": (lambda d: d["animations"][0]["channels"][0]["target"].update(node=7), "is no node"),
 }  # fmt: skip
 
@@ -236,7 +238,7 @@ def test_invalid_documents_are_refused_in_one_line(tmp_path: Path, what: str) ->
     change, expected = INVALID[what]
     with pytest.raises(InputError, match=expected) as caught:
         load_document(tmp_path, changed(change))
-    assert "\n" not in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
     assert "made.gltf" in str(caught.value) or "gone.bin" in str(caught.value)
 
 
@@ -245,14 +247,14 @@ def test_broken_binary_files_are_refused(tmp_path: Path) -> None:
     ss.save(BOOK[:3], path)
     whole = path.read_bytes()
     for content, expected in (
-        (b"", "are no glTF file|no valid glTF"),
+        (b"", r"is no valid \.vrma file \(JSONDecodeError"),
         (b"glTF", "4 bytes are no glTF file"),
         (whole[:1000], "it is cut short"),
         (whole[:4] + struct.pack("<I", 1) + whole[8:], "is glTF 1, expected 2"),
         (whole[:12] + struct.pack("<I", 2**31) + whole[16:], "reaches beyond the file's end"),
         (whole[:16] + b"NOSJ" + whole[20:], "has no JSON chunk"),
-        (b"HIERARCHY\nROOT hips", "no valid glTF"),
-        (b"[]", "no valid glTF"),
+        (b"HIERARCHY\nROOT hips", r"is no valid \.vrma file"),
+        (b"[]", "its JSON is no object"),
     ):
         path.write_bytes(content)
         with pytest.raises(FormatError, match=expected):

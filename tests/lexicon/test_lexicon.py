@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import pickle
 import re
 import sqlite3
@@ -10,6 +12,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -204,7 +207,22 @@ BROKEN: dict[str, tuple[Callable[[Path], None], str]] = {
     "foreign index": (sql("PRAGMA application_id = 7"), "no index of a lexicon"),
     "newer": (sql("PRAGMA user_version = 2"), "version 2, expected 1; .* update signsplice"),
     "no head": (sql("DELETE FROM lexicon"), "no head"),
-    "no table": (sql("DROP TABLE lexicon"), "no such table"),
+    "no table": (sql("DROP TABLE lexicon"), "has other tables"),
+    "no words": (sql("UPDATE lexicon SET n_words = -1"), "-1 words, expected at least one"),
+    "head of another type": (sql("UPDATE lexicon SET form = x'00'"), "damaged"),
+    "another table": (sql("CREATE TABLE more (a)"), "has other tables"),
+    "a view without end": (
+        sql(
+            "ALTER TABLE lexicon RENAME TO old",
+            "CREATE VIEW lexicon AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) "
+            "SELECT old.* FROM old, n",
+        ),
+        "has other tables",
+    ),
+    "a table that is no UTF-8": (
+        rewrite("index.sqlite", lambda b: b.replace(b"CREATE TABLE skeleton", b"CREATE\xa0TABLE skeleton")),
+        "cannot be read",
+    ),
     "other form": (sql("UPDATE lexicon SET form = 'float8'"), "form 'float8', expected one of float32, int16"),
     "frames cut short": (rewrite("frames.bin", lambda b: b[:-10]), "bytes, expected"),
     "frames empty": (rewrite("frames.bin", lambda b: b""), "0 bytes, expected"),
@@ -249,6 +267,25 @@ DAMAGED: dict[str, tuple[Callable[[Path], None], str]] = {
     "past the end": (sql("UPDATE word SET start = 100000000 WHERE gloss = 'SIGN'"), "'SIGN' is damaged"),
     "rate of zero": (sql("UPDATE word SET fps = 0 WHERE gloss = 'SIGN'"), "'SIGN' is damaged.*frame rate 0"),
     "rate changed": (sql("UPDATE word SET fps = 29 WHERE gloss = 'SIGN'"), "'SIGN': its SHA-256 is another"),
+    "rate without end": (sql("UPDATE word SET fps = 9e999 WHERE gloss = 'SIGN'"), "'SIGN' is damaged"),
+    "rate of text": (sql("UPDATE word SET fps = 'fast' WHERE gloss = 'SIGN'"), "'SIGN' is damaged"),
+    "gloss of bytes": (sql("UPDATE word SET gloss = x'00ff' WHERE gloss = 'SIGN'"), "is damaged"),
+    "gloss of two lines": (sql("UPDATE word SET gloss = 'A' || char(10) || 'B' WHERE gloss = 'SIGN'"), "is damaged"),
+    "unknown kind": (sql("UPDATE word SET kind = 'pause' WHERE gloss = 'SIGN'"), "'SIGN' is damaged"),
+    "signer of a blob": (sql("UPDATE word SET signer = x'41' WHERE gloss = 'SIGN'"), "'SIGN' is damaged"),
+    "half a start": (sql("UPDATE word SET start = 0.5 WHERE gloss = 'SIGN'"), "'SIGN' is damaged"),
+    "mark of 7": (sql("UPDATE word SET has_translations = 7 WHERE gloss = 'SIGN'"), "'SIGN' is damaged"),
+    "rest of text": (sql("UPDATE word SET rest_before = 'long' WHERE gloss = 'SIGN'"), "'SIGN' is damaged"),
+    "hash of no hash": (sql("UPDATE word SET sha256 = 'xyz' WHERE gloss = 'SIGN'"), "'SIGN' is damaged"),
+    "synonyms of an object": (
+        sql("""UPDATE word SET synonyms = '{"a": 1}' WHERE gloss = 'SIGN'"""),
+        "'SIGN' is damaged",
+    ),
+    "synonyms of numbers": (sql("UPDATE word SET synonyms = '[1]' WHERE gloss = 'SIGN'"), "'SIGN' is damaged"),
+    "synonyms too deep": (
+        sql(f"UPDATE word SET synonyms = '{'[' * 100_000}' WHERE gloss = 'SIGN'"),
+        "'SIGN' is damaged",
+    ),
     "synonyms of no list": (sql("UPDATE word SET synonyms = '[' WHERE gloss = 'SIGN'"), "'SIGN' is damaged"),
     "text of no UTF-8": (sql("UPDATE word SET signer = CAST(x'ff' AS TEXT) WHERE gloss = 'SIGN'"), "cannot be read"),
     "skeleton changed": (sql("UPDATE skeleton SET described = replace(described, 'Arm', 'Ram')"), "skeleton 1 is"),
@@ -269,6 +306,67 @@ def test_damaged_words_are_reported(what: str, path: Path) -> None:
             faults = str(error)
     assert re.search(message, faults), faults
     assert "\n" not in faults
+
+
+SKELETONS: dict[str, tuple[str, Any]] = {
+    "names of numbers": ("names", [1]),
+    "parents of text": ("parents", "abc"),
+    "half offsets": ("offsets", [[0.0, 1.0]]),
+    "an end site of no joint": ("end_sites", [[99, [0.0, 1.0, 0.0]]]),
+    "an end site of two numbers": ("end_sites", [[0, [0.0, 1.0]]]),
+    "roles of a list": ("roles", ["hips"]),
+    "roles of numbers": ("roles", {"hips": 1}),
+    "too many joints": ("names", [f"j{n}" for n in range(5000)]),
+}
+
+
+@pytest.mark.parametrize("what", SKELETONS)
+def test_a_skeleton_of_other_types_is_damage(what: str, path: Path) -> None:
+    file = sqlite3.connect(path / "index.sqlite")
+    (text,) = file.execute("SELECT described FROM skeleton WHERE id = 1").fetchone()
+    name, value = SKELETONS[what]
+    text = json.dumps({**json.loads(text), name: value})
+    file.execute("UPDATE skeleton SET described = ?, sha256 = ?", (text, hashlib.sha256(text.encode()).hexdigest()))
+    file.commit()
+    file.close()
+    with lexicon.open(path) as lex, pytest.raises(InputError, match="skeleton 1 is damaged") as caught:
+        lex.clip("SIGN")
+    assert "\n" not in str(caught.value)
+
+
+def test_pages_of_an_index_that_lead_to_each_other_are_no_endless_table(path: Path) -> None:
+    """A table of three levels of pages, each of which leads 500 times to the next: 125 million leaves."""
+    size = 4096
+
+    def interior(child: int) -> bytes:
+        cells = (child.to_bytes(4, "big") + b"\1") * 500
+        first = size - len(cells)
+        starts = b"".join((first + 5 * n).to_bytes(2, "big") for n in range(500))
+        head = b"\5\0\0" + (500).to_bytes(2, "big") + first.to_bytes(2, "big") + b"\0" + child.to_bytes(4, "big")
+        return (head + starts).ljust(first, b"\0") + cells
+
+    index = path / "index.sqlite"
+    file = sqlite3.connect(index)
+    assert file.execute("PRAGMA page_size").fetchone() == (size,)
+    (root,) = file.execute("SELECT rootpage FROM sqlite_master WHERE name = 'word'").fetchone()
+    file.close()
+    content = bytearray(index.read_bytes())
+    n_pages = len(content) // size
+    content += content[(root - 1) * size : root * size] + interior(n_pages + 1) + interior(n_pages + 2)
+    content[(root - 1) * size : root * size] = interior(n_pages + 3)
+    content[28:32] = (n_pages + 3).to_bytes(4, "big")
+    index.write_bytes(content)
+    with lexicon.open(path) as lex, pytest.raises(InputError, match=r"index\.sqlite: cannot be read \(interrupted\)"):
+        list(lex.entries())
+
+
+def test_frames_that_stand_still_take_no_unbounded_memory(tmp_path: Path, words: dict[str, Clip]) -> None:
+    clip = words["I"][:1]
+    with lexicon.building(tmp_path / "lex") as builder:
+        builder.add(clip, "STILL")
+    sql("UPDATE word SET n_frames = 100000000")(tmp_path / "lex")
+    with lexicon.open(tmp_path / "lex") as lex, pytest.raises(InputError, match=r"'STILL' is damaged.*MiB of memory"):
+        lex.clip("STILL")
 
 
 def test_the_shipped_lexicon_may_be_missing_from_a_build(

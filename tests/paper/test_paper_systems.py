@@ -34,7 +34,7 @@ class Fakes(Sessions):
         self.fakes = graphs
         self.seen: list[tuple[str, dict[str, Array]]] = []
 
-    def run(self, name: str, inputs: Mapping[str, Array]) -> dict[str, Array]:
+    def run(self, name: str, inputs: Mapping[str, Array], **shapes: tuple[int | None, ...]) -> dict[str, Array]:
         self.seen.append((name, dict(inputs)))
         return self.fakes[name](inputs)
 

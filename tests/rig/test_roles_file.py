@@ -23,10 +23,10 @@ def test_a_roles_file_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b'{\n"hips": "Root",\n}', ":3: not JSON"),
-        (b"", ":1: not JSON"),
-        (b'{"hips": "\xff"}', ": not JSON"),
-        (b"[" * 100_000, ": not JSON"),
+        (b'{\n"hips": "Root",\n}', ":3: is no JSON"),
+        (b"", ":1: is no JSON"),
+        (b'{"hips": "\xff"}', ": is no JSON"),
+        (b"[" * 100_000, ": is no JSON"),
         (b'["hips"]', r': found \["hips"\], expected an object'),
         (b'{"hip": "Root"}', r": unknown role 'hip' \(did you mean 'hips'\?\)"),
         (b'{"hips": 3}', ": hips: found 3, expected a joint's name"),

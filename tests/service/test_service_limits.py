@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
 import re
-import signal
-import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
@@ -18,16 +14,17 @@ from typing import Any
 import httpx
 import pytest
 import uvicorn
+from starlette.requests import HTTPConnection
 from websockets.exceptions import ConnectionClosed
 
-from serving import PATIENCE_S, http_client, raw_request, stream_client
+from serving import PATIENCE_S, FakeSocket, http_client, raw_request, stream_client
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
-from signsplice.service import work
-from signsplice.service.metrics import Metrics
+from signsplice.service.app import create
+from signsplice.service.run import serve
 from signsplice.service.settings import Settings
-from signsplice.service.streaming import StreamSession
-from signsplice.service.workers import BusyError, WorkerProcess
+from signsplice.service.shares import Shares, client_of
+from signsplice.service.worker_process import BusyError
 
 
 @pytest.fixture(scope="module")
@@ -69,46 +66,95 @@ def test_silent_streams_are_closed(impatient: httpx.Client) -> None:
                 socket.recv(timeout=PATIENCE_S)
 
 
-class FakeSocket:
-    """A WebSocket whose client sends one word, then nothing."""
-
-    def __init__(self) -> None:
-        texts = ('{"type": "open", "paced": false}', '{"type": "word", "gloss": "HELLO"}')
-        self.received = [{"type": "websocket.receive", "text": text} for text in texts]
-        self.sent: list[dict[str, Any]] = []
-
-    async def accept(self) -> None: ...
-
-    async def close(self, code: int = 1000) -> None: ...
-
-    async def receive(self) -> dict[str, str]:
-        return self.received.pop(0) if self.received else await asyncio.sleep(PATIENCE_S, {})
-
-    async def send_text(self, text: str) -> None:
-        self.sent.append(json.loads(text))
+# --- one client among many ---
 
 
-class SlowWorker:
-    """A worker that needs longer for a word than a stream may be idle."""
-
-    generation = 0
-
-    async def run(self, job: Callable[..., Any], *args: object) -> Any:
-        if job is work.read_token:
-            return ["HELLO"], []
-        if job is work.add_word:
-            await asyncio.sleep(1.0)
-            return [{"type": "skeleton"}]
-        return None
+def caller(address: str) -> HTTPConnection:
+    return HTTPConnection({"type": "http", "client": (address, 1)})
 
 
-def test_a_stream_is_not_idle_while_the_service_works() -> None:
-    socket = FakeSocket()
-    settings = Settings(stream_idle_seconds=0.3)
-    metrics = Metrics(lambda: 0, lambda: 0)
-    asyncio.run(StreamSession(socket, settings, SlowWorker(), metrics).run())  # type: ignore[arg-type]
-    assert [message["type"] for message in socket.sent] == ["skeleton", "error"]
-    assert "nothing came for 0.3 s" in socket.sent[1]["error"]
+def test_a_client_holds_no_more_than_its_share() -> None:
+    shares = Shares("streams", 5, 2)
+    with ExitStack() as held:
+        for _ in range(2):
+            held.enter_context(shares.hold(caller("192.0.2.1")))
+        with pytest.raises(BusyError, match=r"from 192\.0\.2\.1, expected at most 2"):
+            held.enter_context(shares.hold(caller("192.0.2.1")))
+        for last in (2, 2, 3):
+            held.enter_context(shares.hold(caller(f"192.0.2.{last}")))
+        with pytest.raises(BusyError, match="too many streams; try again"):
+            held.enter_context(shares.hold(caller("192.0.2.4")))
+    assert shares.n_held == 0
+
+
+@pytest.mark.parametrize(
+    ("address", "client"),
+    [
+        ("192.0.2.1", "192.0.2.1"),
+        ("::ffff:192.0.2.1", "192.0.2.1"),
+        ("2001:db8:1:2:3:4:5:6", "2001:db8:1:2::"),
+        ("fe80::1%eth0", "fe80::"),
+        (None, ""),
+    ],
+)
+def test_a_client_is_an_address_or_a_network(address: str | None, client: str) -> None:
+    assert client_of(address) == client
+
+
+def test_streams_and_requests_beyond_a_clients_share_are_refused() -> None:
+    app = create(Settings(max_client_streams=1, max_client_waiting=1))
+    service = app.state.service
+
+    async def call() -> tuple[list[Any], int]:
+        client = FakeSocket()
+        with service.streams.hold(client), service.requests.hold(client):
+            await service.stream(client)
+            answer = await httpx.AsyncClient(
+                transport=httpx.ASGITransport(app, client=("192.0.2.1", 1)), base_url="http://localhost"
+            ).post("/v1/sentence", json={"glosses": ["HELLO"]})
+        return client.sent, answer.status_code
+
+    sent, status = asyncio.run(call())
+    assert "too many streams from 192.0.2.1" in sent[0]["error"]
+    assert status == 503
+
+
+def test_only_a_named_proxy_names_the_client(monkeypatch: pytest.MonkeyPatch) -> None:
+    def client_named_by(peer: str, proxies: tuple[str, ...]) -> str:
+        configs: list[uvicorn.Config] = []
+        monkeypatch.setattr(uvicorn.Server, "run", lambda self, **_: configs.append(self.config))
+        serve(Settings(port=0, proxies=proxies))
+        config, seen = configs[0], []
+
+        async def app(scope: Any, receive: Any, send: Any) -> None:
+            seen.append(scope["client"][0])
+
+        config.app = app
+        config.load()
+        scope = {"type": "http", "client": (peer, 1), "scheme": "http", "headers": [(b"x-forwarded-for", b"192.0.2.7")]}
+        asyncio.run(config.loaded_app(scope, None, None))
+        return str(seen[0])
+
+    assert client_named_by("127.0.0.1", ()) == "127.0.0.1"
+    assert client_named_by("127.0.0.1", ("192.0.2.9",)) == "127.0.0.1"
+    assert client_named_by("192.0.2.9", ("192.0.2.9",)) == "192.0.2.7"
+
+
+# --- what pages may do ---
+
+
+def test_answers_say_what_pages_may_do_with_them(service: httpx.Client) -> None:
+    for path in ("/healthz", "/no/such/route", "/openapi.json"):
+        headers = service.get(path).headers
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["content-security-policy"] == "default-src 'none'; frame-ancestors 'none'"
+    docs = service.get("/docs")
+    if docs.status_code == 404:
+        pytest.skip("the viewer is not built (make viewer)")
+    policy = docs.headers["content-security-policy"]
+    assert "default-src 'none'" in policy
+    assert "'unsafe-inline'" not in policy.partition("script-src")[2].partition(";")[0]
+    assert service.get("/").headers["content-security-policy"] == "frame-ancestors 'none'"
 
 
 @pytest.mark.parametrize(
@@ -127,58 +173,6 @@ def test_only_allowed_host_names_are_answered(host: str, allowed: tuple[str, ...
     assert Settings(host=host, allowed_hosts=allowed).answers_to(asked) is answers
 
 
-# --- worker processes ---
-
-
-@pytest.fixture(scope="module")
-def runner() -> Iterator[asyncio.Runner]:
-    with asyncio.Runner() as runner:
-        yield runner
-
-
-@pytest.fixture(scope="module")
-def worker(runner: asyncio.Runner) -> Iterator[WorkerProcess]:
-    worker = WorkerProcess(Settings(), skin=False)
-    yield worker
-    worker.close()
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="the time of a process is known on Linux only")
-def test_time_in_which_a_job_does_not_work_is_free(runner: asyncio.Runner, worker: WorkerProcess) -> None:
-    """As on a loaded machine, where a job waits for the processor."""
-    worker._settings = Settings(work_seconds=0.3)
-    pid = runner.run(worker.run(work.process_id))
-    runner.run(worker.run(time.sleep, 1.0))
-    assert runner.run(worker.run(work.process_id)) == pid
-
-
-def test_a_worker_that_died_while_idle_fails_no_job(runner: asyncio.Runner, worker: WorkerProcess) -> None:
-    worker._settings = Settings()
-
-    async def is_gone(pid: int) -> None:
-        while True:
-            try:
-                os.kill(pid, 0)
-            except ProcessLookupError:
-                return
-            await asyncio.sleep(0.02)
-
-    before, n_lost = runner.run(worker.run(work.process_id)), worker.n_lost
-    os.kill(before, signal.SIGKILL)
-    runner.run(asyncio.wait_for(is_gone(before), PATIENCE_S))
-    assert runner.run(worker.run(work.process_id)) != before
-    assert worker.n_lost == n_lost + 1
-
-
-def test_a_blocked_job_is_ended(runner: asyncio.Runner, worker: WorkerProcess) -> None:
-    worker._settings = Settings()
-    runner.run(worker.run(work.process_id))  # its start takes longer than the limit below
-    worker._settings, n_lost = Settings(work_wall_seconds=0.5), worker.n_lost
-    with pytest.raises(BusyError, match=r"not done after 0\.5 s"):
-        runner.run(worker.run(time.sleep, PATIENCE_S))
-    assert worker.n_lost == n_lost + 1
-
-
 # --- the command line ---
 
 
@@ -190,6 +184,7 @@ def test_a_blocked_job_is_ended(runner: asyncio.Runner, worker: WorkerProcess) -
         (["--limit", "max_files=many"], "expected a whole number"),
         (["--port", "70000"], "0 to 65535"),
         (["--lexicon", "no/such/folder"], "no such folder"),
+        (["--proxy", "proxy.example"], "expected an IP address"),
         (["--host", "203.0.113.7"], "cannot listen"),
     ],
 )
@@ -200,3 +195,14 @@ def test_impossible_settings_are_refused(
     monkeypatch.setattr(uvicorn.Server, "run", lambda *_, **__: pytest.fail("the service runs"))
     with pytest.raises(InputError, match=re.escape(error)):
         app(["serve", *arguments], standalone_mode=False)
+
+
+@pytest.mark.parametrize(("host", "is_open"), [("127.0.0.1", False), ("0.0.0.0", True)])
+def test_a_service_that_others_can_reach_warns(
+    host: str, is_open: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(uvicorn.Server, "run", lambda *_, **__: None)
+    app(["serve", "--host", host, "--port", "0"], standalone_mode=False)
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == is_open
+    assert all("no accounts and no encryption" in line for line in lines)

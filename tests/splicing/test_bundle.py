@@ -49,7 +49,7 @@ def test_the_configuration_of_a_papers_system_has_how_it_is_run() -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("{", "bundle.json: is no JSON"),
+        ("{", "bundle.json:1: is no JSON"),
         ("[]", "bundle.json: version None, expected 1; export the system anew"),
         ("{}", "version None, expected 1"),
         ('{"version": 2}', "version 2, expected 1"),
@@ -92,12 +92,22 @@ def test_a_file_that_is_changed_missing_or_not_listed_is_refused(tmp_path: Path)
             read_file(tmp_path, config, name)
 
 
-def test_a_bundle_that_is_half_written_is_no_bundle(tmp_path: Path) -> None:
-    write_bundle(tmp_path, VALUES, {"a.onnx": b"first"})
+def test_a_bundle_is_replaced_as_a_whole_and_other_files_stay(tmp_path: Path) -> None:
+    folder = tmp_path / "made" / "bundle"
+    write_bundle(folder, VALUES, {"a.onnx": b"first", "stale.onnx": b"first"}, {"a.jsonl": b"log"})
+    (folder / "mine").mkdir()
+    (folder / "mine" / "notes.txt").write_text("mine")
+    (folder / "a.onnx.bak").write_bytes(b"older")
+    before = sorted(path.name for path in folder.iterdir())
     with pytest.raises(TypeError):
-        write_bundle(tmp_path, VALUES, {"a.onnx": b"second", "b.onnx": None})  # type: ignore[dict-item]
-    with pytest.raises(InputError, match="no such file"):
-        read_config(tmp_path)
+        write_bundle(folder, VALUES, {"a.onnx": b"second", "b.onnx": None})  # type: ignore[dict-item]
+    assert sorted(path.name for path in folder.iterdir()) == before
+    assert read_file(folder, read_config(folder), "a.onnx") == b"first"
+    write_bundle(folder, VALUES, {"a.onnx": b"second"})
+    assert read_file(folder, read_config(folder), "a.onnx") == b"second"
+    kept = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*"))
+    assert kept == ["a.jsonl", "a.onnx", "a.onnx.bak", "bundle.json", "mine", "mine/notes.txt"]
+    assert [path.name for path in folder.parent.iterdir()] == ["bundle"]
 
 
 def test_the_tiny_bundle_lists_its_networks_and_files() -> None:

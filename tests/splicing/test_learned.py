@@ -123,9 +123,9 @@ class Counting(Sessions):
         super().__init__(SESSIONS.folder, SESSIONS.config)
         self.runs: list[tuple[str, int]] = []
 
-    def run(self, name: str, inputs: Mapping[str, Array]) -> dict[str, Array]:
+    def run(self, name: str, inputs: Mapping[str, Array], **shapes: tuple[int | None, ...]) -> dict[str, Array]:
         self.runs.append((name, len(next(iter(inputs.values())))))
-        return super().run(name, inputs)
+        return super().run(name, inputs, **shapes)
 
 
 def test_a_word_is_read_once_for_all_its_seams() -> None:
@@ -252,8 +252,8 @@ def test_a_rig_without_known_arms_is_not_cut() -> None:
 class TruePhases(Sessions):
     """The tiny bundle's networks, but with the true phases of P and Q as their answer: stroke and rest."""
 
-    def run(self, name: str, inputs: Mapping[str, Array]) -> dict[str, Array]:
-        outputs = super().run(name, inputs)
+    def run(self, name: str, inputs: Mapping[str, Array], **shapes: tuple[int | None, ...]) -> dict[str, Array]:
+        outputs = super().run(name, inputs, **shapes)
         if name == "word":
             frames = np.arange(inputs["tokens"].shape[1])
             events = word("MOTHER" if len(frames) == len(P) else "BOOK").events

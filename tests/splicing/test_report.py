@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
 
 from conftest import random_clip
+from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.splicing import report
 from signsplice.splicing.engine import SpliceOptions, splice
@@ -49,3 +54,80 @@ def test_unknown_scores_are_null_in_the_report() -> None:
     clip = random_clip(0)
     result = splice([clip, clip], SpliceOptions(cutter="ends"))
     assert report.describe(result)["seams"][0]["velocity_jump"] is None
+
+
+def stored() -> dict[str, Any]:
+    """A report of 12 frames, as its file holds it."""
+    clip = random_clip(0)
+    made: dict[str, Any] = json.loads(json.dumps(report.describe(splice([clip, clip], SpliceOptions(cutter="ends")))))
+    return made
+
+
+def test_a_report_is_read_as_it_was_written(tmp_path: Path) -> None:
+    written, path = stored(), tmp_path / "r.json"
+    report.write(written, path)
+    assert report.read(path, written["frames"]) == written
+
+
+def test_a_report_of_an_earlier_or_later_version_of_the_program_is_read(tmp_path: Path) -> None:
+    written, path = stored(), tmp_path / "r.json"
+    for span in written["spans"]:
+        if span["kind"] == "transition":
+            del span["name"]
+    for seam in written["seams"]:
+        del seam["intrusion_mm"]
+    del written["timing_ms"]
+    path.write_text(json.dumps({**written, "contacts": []}))
+    found = report.read(path, written["frames"])
+    assert [span["name"] for span in found["spans"] if span["kind"] == "transition"] == [None]
+    assert found["seams"][0]["intrusion_mm"] is None
+    assert (found["timing_ms"], found["contacts"]) == ({}, [])
+
+
+WRONG: dict[str, tuple[tuple[str | int, ...], Any]] = {
+    "no list of spans": (("spans",), {"a": 1}),
+    "a span of a number": (("spans", 0), 3),
+    "a name of a number": (("spans", 0, "name"), 3),
+    "a name of a list": (("spans", 0, "name"), ["a"]),
+    "another kind": (("spans", 0, "kind"), "pause"),
+    "frames of text": (("spans", 0, "output"), ["0", "5"]),
+    "three frames": (("spans", 0, "output"), [0, 5, 9]),
+    "frames backwards": (("spans", 0, "output"), [5, 2]),
+    "frames before the first": (("spans", 0, "output"), [-3, 2]),
+    "half a source": (("spans", 0, "source"), [1]),
+    "a seam of text": (("seams", 0), "a"),
+    "a score of text": (("seams", 0, "peak_speed_m_s"), "fast"),
+    "a warning of a number": (("warnings",), [1]),
+    "a warning of text alone": (("warnings",), "abc"),
+    "a rate of text": (("fps",), "30"),
+    "a rate without end": (("fps",), 1e999),
+    "frames without end": (("frames",), 10**30),
+    "times of a list": (("timing_ms",), []),
+    "version 2": (("version",), 2),
+    "no version": (("version",), None),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_a_report_with_a_wrong_value_is_refused(what: str, tmp_path: Path) -> None:
+    written, path = stored(), tmp_path / "r.json"
+    *way, last = WRONG[what][0]
+    holder: Any = written
+    for key in way:
+        holder = holder[key]
+    holder[last] = WRONG[what][1]
+    path.write_text(json.dumps(written).replace("Infinity", "1e999"))
+    with pytest.raises(InputError, match=r"r\.json: (is no report of a splice|describes) ") as caught:
+        report.read(path, stored()["frames"])
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_report_that_is_no_object_or_of_another_clip_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "r.json"
+    for text in ("[1, 2]", '"a"', "3", "null", "{}"):
+        path.write_text(text)
+        with pytest.raises(InputError, match="is no report of a splice"):
+            report.read(path, 5)
+    path.write_text(json.dumps(stored()))
+    with pytest.raises(InputError, match="but the clip has 5; is it another clip's report"):
+        report.read(path, 5)

@@ -15,6 +15,7 @@ import pytest
 from conftest import GOLDEN
 from signing import sign
 from signsplice.errors import InputError
+from signsplice.formats import atomic
 from signsplice.motion import kinematics
 from signsplice.synth import corpus, planner, pseudo, truth
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
@@ -285,7 +286,7 @@ def test_a_folder_of_something_else_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file: is there already"):
         write_pairs(SMALL, tmp_path / "file", processes=1)
-    with pytest.raises(InputError, match=r"is there already and has no corpus\.json"):
+    with pytest.raises(InputError, match="is a mount point, which cannot be replaced; name a folder within it"):
         write_pairs(SMALL, Path("/"), processes=1)
 
 
@@ -318,3 +319,36 @@ def test_pseudo_signs_make_a_corpus_too(tmp_path: Path) -> None:
     assert len(made) == 4
     assert made.split("unseen-signer", "test") == []
     assert np.isfinite(made.new["rotations"]).all()
+
+
+@pytest.mark.parametrize("left", [0.0, 0.5, 0.99, "zeros"])
+def test_a_damaged_row_is_made_anew(left: float | str, whole: dict[str, bytes], tmp_path: Path) -> None:
+    class Done(Exception):  # noqa: N818
+        pass
+
+    def stop(done: int, total: int) -> None:
+        if done == total:
+            raise Done
+
+    with pytest.raises(Done):
+        write_pairs(SMALL, tmp_path / "c", stop, processes=1)
+    row = sorted((tmp_path / f".c-{SMALL.hash}.part").glob("row-*.npz"))[1]
+    content = row.read_bytes()
+    if isinstance(left, float):
+        row.write_bytes(content[: int(left * len(content))])
+    else:  # a block that never reached the disk
+        row.write_bytes(content[:200] + bytes(512) + content[712:])
+    reported: list[tuple[int, int]] = []
+    write_pairs(SMALL, tmp_path / "c", lambda done, total: reported.append((done, total)), processes=1)
+    assert read_all(tmp_path / "c") == whole
+    assert reported == [(11, 11)], "one row was made"
+    assert [path.name for path in tmp_path.iterdir()] == ["c"]
+
+
+def test_two_calls_do_not_make_one_corpus_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(atomic, "_WAIT_S", 0.0)
+    part = tmp_path / f".c-{SMALL.hash}.part"
+    with atomic.resumable_folder(part), pytest.raises(InputError, match=r"\.part: another process is writing there"):
+        write_pairs(SMALL, tmp_path / "c", processes=1)
+    write_pairs(SMALL, tmp_path / "c", processes=1)
+    assert [path.name for path in tmp_path.iterdir()] == ["c"]

@@ -222,6 +222,13 @@ def test_a_broken_text_gives_one_line_that_names_the_line(text: str, line: int, 
     assert "\n" not in found
 
 
+@pytest.mark.parametrize("text", ["{} hands=one", "A hands={}", "A hands=one\n  {}", "A hands=one\n  H at={}", "  {}"])
+def test_long_words_are_cut_in_messages(text: str) -> None:
+    with pytest.raises(FormatError) as caught:
+        notation.parse(text.format("a" * 70_000))
+    assert len(str(caught.value)) < 700
+
+
 def test_line_numbers_count_comments_and_blank_lines() -> None:
     text = f"# one\n\nA hands=one\n  H {START}\n\n# six\nB hands=one\n  H {START} at2=x\n"
     with pytest.raises(FormatError, match=r"^words\.signs:8: B: unknown key 'at2'"):

@@ -107,3 +107,16 @@ def test_existing_parts_are_kept_and_a_missing_one_is_made_alike(folder: Path, t
         np.testing.assert_array_equal(values, made_again[name])
     with pytest.raises(InputError, match="expected at least 1 signer"):
         training_data.write(TrainingDataPlan(n_signers=0), tmp_path)
+
+
+@pytest.mark.parametrize("left", [0.0, 0.5, 0.99])
+def test_a_part_that_is_cut_off_is_made_again(left: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(training_data, "part", lambda plan, number: {"turns": np.full(99, number)})
+    training_data.write(PLAN, tmp_path, processes=1)
+    path = training_data.path_of(tmp_path, PLAN, 1)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(left * len(content))])
+    reported: list[tuple[int, int]] = []
+    training_data.write(PLAN, tmp_path, lambda a, b: reported.append((a, b)), processes=1)
+    assert reported == [(2, 2)]
+    assert path.read_bytes() == content

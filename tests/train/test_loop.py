@@ -75,6 +75,19 @@ def test_a_checkpoint_of_another_training_or_broken_is_refused(tmp_path: Path) -
         checkpoint.load(tmp_path / "a", toy("spsn"), None, "toy")
 
 
+def test_a_checkpoint_that_is_cut_off_is_refused_with_one_line(tmp_path: Path) -> None:
+    trained("spsn", tmp_path / "a", (1,))
+    path = tmp_path / "a" / checkpoint.NAME
+    content = path.read_bytes()
+    for length in range(0, len(content), len(content) // 23):
+        path.write_bytes(content[:length])
+        with pytest.raises(
+            InputError, match=r"checkpoint\.pt: cannot be read \(.+\); remove it to start again"
+        ) as caught:
+            checkpoint.load(tmp_path / "a", toy("spsn"), None, "toy")
+        assert "\n" not in str(caught.value)
+
+
 def test_two_processes_train_as_one(tmp_path: Path) -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))

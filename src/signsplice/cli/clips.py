@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import wraps
+from os.path import samestat
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
 
 from signsplice import formats
 from signsplice.cli.terminal import progress
-from signsplice.errors import InputError
-from signsplice.formats.atomic import check_writable, read_bytes
+from signsplice.errors import InputError, LimitError
+from signsplice.formats.atomic import check_writable
+from signsplice.formats.limits import DEFAULT_LIMITS, NO_LIMITS, ReadLimits
 from signsplice.render import PICTURE_SUFFIXES
 
 if TYPE_CHECKING:
@@ -20,11 +24,34 @@ OUTPUT_SUFFIXES = (*formats.WRITE_SUFFIXES, *PICTURE_SUFFIXES)
 """Suffixes that ``write`` writes, for help texts."""
 Spans = Sequence[tuple[str, str, int, int]]
 """Kind, name, first frame and end of each span."""
+_LIFTED = f"{__name__}.lifted"
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def reads_clips(command: Command) -> Command:
+    """Add the option that lifts the limits of clips to a command that reads some."""
+
+    @click.option("--no-limits", "lifted", is_flag=True, help="Read clips of any size: for files that you trust.")
+    @wraps(command)
+    def with_limits(*args: Any, lifted: bool, **options: Any) -> Any:
+        click.get_current_context().meta[_LIFTED] = lifted
+        try:
+            return command(*args, **options)
+        except LimitError as error:
+            raise InputError(f"{error}; --no-limits lifts the limits, for files that you trust") from error
+
+    return with_limits  # type: ignore[return-value]
+
+
+def limits() -> ReadLimits:
+    """The limits of the clips that the present command reads."""
+    return NO_LIMITS if click.get_current_context().meta.get(_LIFTED) else DEFAULT_LIMITS
 
 
 def load(path: str, roles: str | None = None) -> Clip:
     """The clip in a file; ``roles``: a file of role -> joint name, for rigs that are not recognised by joint names."""
-    clip = formats.load(path)
+    clip = formats.load(path, limits())
     return clip if roles is None else with_roles([clip], roles)[0]
 
 
@@ -36,8 +63,8 @@ def with_roles(clips: Sequence[Clip], roles: str) -> list[Clip]:
     return [roles_file.with_roles(clip, joint_of) for clip in clips]
 
 
-def check_outputs(output: str, report: str | None = None) -> None:
-    """Raise ``InputError`` for outputs that cannot be written, before any work is done."""
+def check_outputs(output: str, report: str | None = None, inputs: Iterable[str | Path | None] = ()) -> None:
+    """Raise ``InputError`` for outputs that cannot be written or are ``inputs``, before any work is done."""
     if Path(output).suffix.lower() not in PICTURE_SUFFIXES:
         formats.check_suffix(output)
     if report is not None and Path(report).resolve() == Path(output).resolve():
@@ -45,6 +72,27 @@ def check_outputs(output: str, report: str | None = None) -> None:
     for path in (output, report):
         if path is not None:
             check_writable(path)
+            check_apart(path, inputs)
+
+
+def check_apart(output: str, inputs: Iterable[str | Path | None]) -> None:
+    """Raise ``InputError`` where an output is one of the inputs, by whatever name or link, a file in an input folder,
+    or a folder that holds an input.
+    """
+    for source in inputs:
+        if source and _is_read(Path(output), Path(source)):
+            raise InputError(f"{output}: would overwrite what is read from {source}; name another output")
+
+
+def _is_read(output: Path, source: Path) -> bool:
+    try:
+        written, read = output.stat(), source.stat()
+        if output.is_dir():
+            return source.resolve().is_relative_to(output.resolve())
+        files = source.iterdir() if source.is_dir() else ()
+        return samestat(written, read) or any(samestat(written, file.stat()) for file in files if file.is_file())
+    except OSError:  # nothing is there to be overwritten, or to be read
+        return False
 
 
 def write(clip: Clip, output: str, spans: Spans = (), view: str = "front", size: tuple[int, int] | None = None) -> None:
@@ -56,20 +104,3 @@ def write(clip: Clip, output: str, spans: Spans = (), view: str = "front", size:
             film.write(clip, output, [film.Mark(*span) for span in spans], view, advance, size)
     else:
         formats.save(clip, output)
-
-
-def read_report(path: str, n_frames: int) -> dict[str, Any]:
-    """A splice's report, checked against its clip of ``n_frames``. Raises ``InputError``."""
-    try:
-        report: dict[str, Any] = json.loads(read_bytes(path))
-        ends = [(str(span["kind"]), int(span["output"][0]), int(span["output"][1])) for span in report["spans"]]
-        for key in ("seams", "warnings"):
-            report[key] = list(report[key])
-        report |= {"fps": float(report["fps"]), "frames": int(report["frames"])}
-    except (ValueError, KeyError, TypeError, IndexError) as error:
-        raise InputError(f"{path}: is no report of a splice ({error})") from error
-    if ends and ends[-1][2] != n_frames:
-        raise InputError(
-            f"{path}: describes {ends[-1][2]} frames, but the clip has {n_frames}; is it another clip's report?"
-        )
-    return report

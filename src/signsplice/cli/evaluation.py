@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from signsplice.cli.aliases import former_names
-from signsplice.cli.clips import load
+from signsplice.cli.clips import limits, load, reads_clips
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError
 
@@ -30,6 +30,7 @@ Measured = tuple[str, Sequence[Any], list[str]]
 @click.option("--pairs", metavar="DIR", help="Corpus of pairs: measure how deep hands get into the body.")
 @click.option("--limit", type=int, metavar="N", help="With --pairs: only the first N pairs.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+@reads_clips
 def evaluate(
     bundle: str | None,
     files: tuple[str, ...],
@@ -69,6 +70,8 @@ def _hidden_frames(files: tuple[str, ...], fps: float | None, bundle: str | None
     transitions = [*TRANSITIONS.values(), *_learned_transition(bundle)]
     clips = [load(file) for file in files]
     if fps is not None:
+        for clip in clips:
+            limits().check_resampling(clip, fps)
         clips = [resample(clip, fps) for clip in clips]
     with progress("evaluate") as advance:
         rows = hidden_frames(clips, transitions, progress=advance)

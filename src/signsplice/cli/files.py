@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
-from signsplice.cli.clips import Spans, check_outputs, load, read_report, write
+from signsplice.cli.clips import Spans, check_outputs, load, reads_clips, write
 from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
 
@@ -16,6 +18,7 @@ from signsplice.render import PICTURE_SUFFIXES
 @click.argument("file", metavar="FILE")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 @click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
+@reads_clips
 def inspect(file: str, as_json: bool, roles: str | None) -> None:
     """Show a clip's rig, roles found, rate, frames, units, rest spans and warnings."""
     from signsplice.rig.inspection import inspect as inspect_clip
@@ -40,9 +43,10 @@ def inspect(file: str, as_json: bool, roles: str | None) -> None:
 @click.command()
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar="OUT")
+@reads_clips
 def convert(source: str, output: str) -> None:
     """Turn one file into another, by suffix."""
-    check_outputs(output)
+    check_outputs(output, inputs=[source])
     clip = load(source)
     write(clip, output)
     print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
@@ -56,12 +60,13 @@ def convert(source: str, output: str) -> None:
 @click.option(
     "--size", metavar="WxH", help="Of a film, pixels, e.g. 1920x1080.  [default: .mp4 1080x1080, .gif 480x480]"
 )
+@reads_clips
 def render(source: str, output: str, report: str | None, view: str, size: str | None) -> None:
     """Draw the signer: a contact sheet (.png), or a film (.gif, .mp4)."""
     if Path(output).suffix.lower() not in PICTURE_SUFFIXES:
         expected = f"expected a name that ends in {', '.join(PICTURE_SUFFIXES)}"
         raise InputError(f"{output}: {expected}; use convert for other files")
-    check_outputs(output)
+    check_outputs(output, inputs=[source, report])
     clip = load(source)
     spans = _reported_spans(report, len(clip)) if report is not None else ()
     write(clip, output, spans, view, None if size is None else _size(size))
@@ -77,8 +82,14 @@ def _size(text: str) -> tuple[int, int]:
 
 def _reported_spans(path: str, n_frames: int) -> Spans:
     """Spans of a splice's report, checked against the clip in which they are marked."""
-    spans = read_report(path, n_frames)["spans"]
-    return [(str(span["kind"]), span["name"] or "", *span["output"]) for span in spans]
+    from signsplice.splicing import report
+
+    return _spans_of(report.read(path, n_frames))
+
+
+def _spans_of(report: Mapping[str, Any]) -> Spans:
+    """Kind, name and output frames of a report's spans."""
+    return [(span["kind"], span["name"] or "", *span["output"]) for span in report["spans"]]
 
 
 COMMANDS = (inspect, convert, render)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from signsplice.cli.clips import check_apart, limits, reads_clips
 from signsplice.cli.terminal import progress, warn
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ def lexicon() -> None:
 @click.option("--signer", default="", metavar="NAME", help="Who signs, where glosses.csv does not say.")
 @click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
 @click.option("--skip-broken", is_flag=True, help="Leave broken clips out, with a warning each.")
+@reads_clips
 def build(folder: str, output: str, compact: bool, signer: str, roles: str | None, skip_broken: bool) -> None:
     """Make a lexicon of every clip below a folder.
 
@@ -34,6 +36,7 @@ def build(folder: str, output: str, compact: bool, signer: str, roles: str | Non
     """
     from signsplice import lexicon as lexicons
 
+    check_apart(output, [roles])
     joint_of = _read_roles(roles)
     with progress(f"building {Path(output).name}") as advance:
         built = lexicons.build(
@@ -44,6 +47,7 @@ def build(folder: str, output: str, compact: bool, signer: str, roles: str | Non
             roles=joint_of,
             skip_broken=skip_broken,
             progress=advance,
+            limits=limits(),
         )
     warn(built.warnings)
     print(f"{output}: {_count(built.n_words, built.n_letters)}, {built.n_bytes / 1e6:.1f} MB, {built.form}")
@@ -99,6 +103,7 @@ def _count(n_words: int, n_letters: int) -> str:
 @lexicon.command()
 @click.argument("path", metavar="DIR")
 @click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
+@reads_clips
 def check(path: str, roles: str | None) -> None:
     """Name every fault of a folder of clips, or of a lexicon.
 
@@ -113,7 +118,7 @@ def check(path: str, roles: str | None) -> None:
             found, faults = _count(len(words), 0), list(words.faults())
     else:
         with progress(f"checking {Path(path).name}") as advance:
-            n_clips, faults = folder.check(path, joint_of, advance)
+            n_clips, faults = folder.check(path, joint_of, advance, limits())
         found = f"{n_clips} clip{'s' if n_clips != 1 else ''}"
     for fault in faults:
         print(" ".join(fault.splitlines()))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import load, read_report
+from signsplice.cli.clips import check_apart, load, reads_clips
 from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -33,6 +33,9 @@ _LEXICON = click.option("--lexicon", metavar="DIR", help="Folder of a lexicon.  
 @click.option("--allow-host", multiple=True, metavar="NAME", help="Another host name to answer to; *: any.")
 @click.option("--allow-origin", multiple=True, metavar="URL", help="Origin of another page that may call.")
 @click.option(
+    "--proxy", "proxies", multiple=True, metavar="ADDRESS", help="A reverse proxy, whose X-Forwarded-For is believed."
+)
+@click.option(
     "--limit",
     "limits",
     multiple=True,
@@ -46,22 +49,31 @@ def serve(
     workers: int,
     allow_host: tuple[str, ...],
     allow_origin: tuple[str, ...],
+    proxies: tuple[str, ...],
     limits: tuple[str, ...],
 ) -> None:
     """Serve splices over HTTP and WebSocket, and the viewer. Ctrl-C stops it."""
-    _listen(
-        _settings(
-            limits,
-            host=host,
-            port=port,
-            lexicon=None if lexicon is None else Path(lexicon),
-            n_workers=workers,
-            allowed_hosts=allow_host,
-            allowed_origins=tuple(origin.rstrip("/").lower() for origin in allow_origin),
-        ),
-        (),
-        lambda address: print(f"signsplice listens at {address} (Ctrl-C stops it)", flush=True),
+    settings = _settings(
+        limits,
+        host=host,
+        port=port,
+        lexicon=None if lexicon is None else Path(lexicon),
+        n_workers=workers,
+        allowed_hosts=allow_host,
+        allowed_origins=tuple(origin.rstrip("/").lower() for origin in allow_origin),
+        proxies=proxies,
     )
+
+    def on_open(address: str) -> None:
+        if not settings.is_local:
+            print(
+                f"warning: whoever reaches {address} can use it: there are no accounts and no encryption; "
+                "put a reverse proxy that has them in front (docs/http.md)",
+                file=sys.stderr,
+            )
+        print(f"signsplice listens at {address} (Ctrl-C stops it)", flush=True)
+
+    _listen(settings, (), on_open)
 
 
 @click.command()
@@ -78,6 +90,7 @@ def serve(
 @click.option("--port", type=int, default=0, metavar="N", help="Port.  [default: any free one]")
 @_LEXICON
 @click.option("--browser/--no-browser", default=True, help="Open the page in a browser.  [default: yes]")
+@reads_clips
 def view(
     files: tuple[str, ...],
     reports: tuple[str, ...],
@@ -96,15 +109,17 @@ def view(
     from signsplice.formats.atomic import check_writable, replacing
     from signsplice.service import page, scene
     from signsplice.service.wire import FORMAT_NAMES
+    from signsplice.splicing import report as splice_reports
 
     if output is not None:
         if Path(output).suffix.lower() not in (".html", ".htm"):
             raise InputError(f"{output}: expected a name that ends in .html")
         check_writable(output)
+        check_apart(output, [*files, *reports, roles])
     scenes = []
     for number, file in enumerate(files):
         clip = load(file, roles)
-        report = read_report(reports[number], len(clip)) if number < len(reports) else None
+        report = splice_reports.read(reports[number], len(clip)) if number < len(reports) else None
         scenes.append(scene.from_clip(clip, report, FORMAT_NAMES))
     if output is not None:
         text = page.html(scenes, live=False)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from signsplice.cli.aliases import former_names
-from signsplice.cli.clips import OUTPUT_SUFFIXES, check_outputs, load, with_roles, write
+from signsplice.cli.clips import OUTPUT_SUFFIXES, check_outputs, limits, load, reads_clips, with_roles, write
 from signsplice.cli.lexicon import open_words
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
@@ -79,11 +79,12 @@ def splicing_options(command: Command) -> Command:
 @click.command(context_settings=_SETTINGS)
 @click.argument("clips", nargs=-1, required=True, metavar="A.bvh B.bvh [C.bvh ...]")
 @splicing_options
+@reads_clips
 def splice(clips: tuple[str, ...], output: str, report: str | None, roles: str | None, **method_options: Any) -> None:
     """Join clips in order into one continuous animation."""
     from signsplice.splicing import engine
 
-    check_outputs(output, report)
+    check_outputs(output, report, [*clips, roles, *_networks(**method_options)])
     options = _splice_options(**method_options)
     began = time.perf_counter()
     loaded = [load(path, roles) for path in clips]
@@ -97,6 +98,7 @@ def splice(clips: tuple[str, ...], output: str, report: str | None, roles: str |
 @click.option("--lexicon", metavar="DIR", help="Lexicon of the words.  [default: the one that ships]")
 @click.option("--no-spell", is_flag=True, help="Refuse words that are not in the lexicon instead of spelling them.")
 @splicing_options
+@reads_clips
 def sentence(
     glosses: tuple[str, ...],
     lexicon: str | None,
@@ -110,10 +112,11 @@ def sentence(
     from signsplice.lexicon.sentence import parse
     from signsplice.splicing import engine
 
-    check_outputs(output, report)
+    check_outputs(output, report, [roles, *_networks(**method_options)])
     options = _splice_options(**method_options)
     began = time.perf_counter()
     with open_words(lexicon) as words:
+        check_outputs(output, report, [words.path])
         units = parse(" ".join(glosses), words, spell=not no_spell)
         line = [gloss for unit in units for gloss in unit.glosses]
         clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(line)}
@@ -138,10 +141,20 @@ def _splice_options(transition_time: str, cutter: str | None, transition: str | 
         transition=_method(transition),
         duration=duration,
         transition_time=seconds,
+        limits=limits(),
         **others,
     )
     choose(options.cutter, options.transition, options.duration, options.bundle)
     return options
+
+
+def _networks(
+    bundle: str | None, cutter: str | None = None, transition: str | None = None, **_: Any
+) -> list[str | Path | None]:
+    """Folders of the networks that a call may read."""
+    from signsplice.splicing.methods import WEIGHTS
+
+    return [bundle or WEIGHTS, cutter, transition]
 
 
 def _method(name: str | None) -> Any:
@@ -184,6 +197,7 @@ def deliver(result: SpliceResult, output: str, report: str | None, load_ms: floa
 @_AVOID_COLLISIONS
 @_ROLES
 @_REPORT
+@reads_clips
 def inbetween(
     clip: str,
     gaps: tuple[str, ...],
@@ -197,7 +211,7 @@ def inbetween(
     """Make frames of a clip anew from those around them; all other frames stay as they are."""
     from signsplice.splicing.inbetween import inbetween as fill_gaps
 
-    check_outputs(output, report)
+    check_outputs(output, report, [clip, roles, *_networks(bundle, transition=transition)])
     ranges = [_gap(text) for text in gaps]
     began = time.perf_counter()
     loaded = load(clip, roles)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from signsplice.cli.clips import check_apart
 from signsplice.cli.terminal import progress
 from signsplice.errors import InputError
 
@@ -45,6 +46,7 @@ def lexicon(
     from signsplice.synth import folders, notation
     from signsplice.synth.corpus import Recipe
 
+    check_apart(output, [signs])
     chosen = list(notation.alphabet().values()) if letters and signs is None else []
     chosen += _chosen(signs, words, pseudo, seed)
     recipe = Recipe(tuple(chosen), seed, _rate(fps))
@@ -73,6 +75,7 @@ def sentences(
     from signsplice.synth import folders
     from signsplice.synth.corpus import Recipe
 
+    check_apart(output, [signs])
     if count < 1:
         raise InputError(f"--count {count}, expected at least 1")
     recipe = Recipe(tuple(_chosen(signs, words, pseudo, seed, least=2)), seed, _rate(fps))
@@ -110,6 +113,7 @@ def pairs(
     """Write all ordered pairs of words (by default 100: 10,000 pairs) with true cut frames, transitions and splits."""
     from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 
+    check_apart(output, [signs])
     if other_signer < 0 or processes < 1:
         raise InputError(f"--other-signer {other_signer} --processes {processes}, expected at least 0 and 1")
     if words is None and signs is None and not pseudo:

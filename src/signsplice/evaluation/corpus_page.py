@@ -15,7 +15,8 @@ from signsplice.evaluation.corpus_realism import Float, rms_jerk, speeds
 from signsplice.evaluation.tables import markdown
 from signsplice.evaluation.wrists import right_wrist, wrist_positions
 from signsplice.formats import load
-from signsplice.formats.atomic import read_bytes, replacing
+from signsplice.formats.atomic import replacing
+from signsplice.formats.reading import read_bytes
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 from signsplice.synth import notation, pseudo

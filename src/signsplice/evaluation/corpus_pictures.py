@@ -10,6 +10,7 @@ import numpy as np
 
 from signsplice.errors import MissingExtraError
 from signsplice.evaluation.corpus_realism import Float, Quantity, WristMotion
+from signsplice.formats.atomic import replacing
 from signsplice.render.strips import Strip, write_strips
 from signsplice.synth import notation, planner
 from signsplice.synth.corpus import Pairs
@@ -70,7 +71,8 @@ def _write_letters(letters: Sequence[planner.IsolatedWord], path: Path, columns:
         x, y = n % columns * size, n // columns * (size + 22)
         sheet.paste(image_.fromarray(draw_hand(make_scene(letter.clip), frame, "right", size)), (x, y))
         write_line(pen, letter.sign.gloss.removeprefix("fs-"), x + 0.5 * size, y + size + 2, size, INK, 15)
-    sheet.save(path, format="PNG")
+    with replacing(path) as temporary:
+        sheet.save(temporary, format="PNG")
 
 
 def check_matplotlib() -> None:
@@ -97,7 +99,8 @@ def write_plot(
     _plot_ends(axes[0, 1], motion)
     _plot_speeds(axes[1, 0], motion)
     _plot_bends(axes[1, 1], bends)
-    figure.savefig(path, dpi=110)
+    with replacing(path) as temporary:
+        figure.savefig(temporary, dpi=110)
     pyplot.close(figure)
 
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from signsplice.evaluation import speed_learned
 from signsplice.evaluation.timing import forget, median_milliseconds
-from signsplice.formats import bvh, save
+from signsplice.formats import bvh, load, save
 from signsplice.lexicon import building, open_lexicon, shipped
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, concatenate, resample
@@ -109,11 +109,9 @@ def _reading(repeats: int) -> dict[str, Any]:
         try:
             import pybvh
         except ImportError:
-            (ours,) = median_milliseconds(repeats, lambda: bvh.read(path))
+            (ours,) = median_milliseconds(repeats, lambda: load(path))
             return {"3000 frames, ms": ours, "pybvh": "not installed"}
-        ours, other = median_milliseconds(
-            repeats, lambda: bvh.read(path), lambda: pybvh.read_bvh_file(path, world_up="+y")
-        )
+        ours, other = median_milliseconds(repeats, lambda: load(path), lambda: pybvh.read_bvh_file(path, world_up="+y"))
     return {"3000 frames, ms": ours, "pybvh 0.9.0, ms": other, "ratio to pybvh": ours / other}
 
 
@@ -218,7 +216,7 @@ def _lexicon(repeats: int) -> dict[str, Any]:
                 repeats,
                 lambda: open_lexicon(path).close(),
                 lambda: lexicon.clip(next(glosses)),
-                lambda: bvh.read(file),
+                lambda: load(file),
             )
             (nearest,) = median_milliseconds(3, lambda: lexicon.nearest("WROD-4711"))
     return {

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from signsplice.children import killed_with_parent
 from signsplice.errors import MissingExtraError
 from signsplice.lexicon import shipped
 
@@ -38,6 +39,7 @@ def _serving() -> Iterator[tuple[str, int]]:
         stdout=subprocess.PIPE,
         text=True,
         env={**os.environ, "OMP_NUM_THREADS": "1"},
+        preexec_fn=killed_with_parent(),
     )
     assert process.stdout
     try:

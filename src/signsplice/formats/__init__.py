@@ -9,10 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from signsplice.errors import InputError
+from signsplice.errors import InputError, LimitError
 from signsplice.formats.atomic import replacing
+from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
+from signsplice.formats.reading import format_errors, read_bytes
 
 if TYPE_CHECKING:
     from signsplice.motion.clip import Clip
@@ -23,9 +25,10 @@ class FileFormat:
     """A file format: one row of ``FORMATS``.
 
     suffix: end of the names of its files, lower case with the dot.
-    module: module of this package with ``read(path) -> Clip``; with ``encode(clip) -> bytes`` where clips are written;
-        with ``parse(content, file) -> Clip`` where there is a media type. Empty for a format that is only planned.
+    module: module of this package with ``parse(content, file, limits) -> Clip``, which may raise anything, and with
+        ``encode(clip) -> bytes`` where clips are written. Empty for a format that is only planned.
     writes: whether clips are written in it.
+    has_buffers: whether a file may name others in its folder: then ``parse`` also takes that ``folder``.
     media_type: its Content-Type in HTTP; empty for a format that the HTTP service neither accepts nor sends.
     holds: what a planned format holds, for the error message.
     """
@@ -33,6 +36,7 @@ class FileFormat:
     suffix: str
     module: str = ""
     writes: bool = True
+    has_buffers: bool = False
     media_type: str = ""
     holds: str = ""
 
@@ -42,9 +46,9 @@ FORMATS = {
     for row in (
         FileFormat(".bvh", "bvh", media_type="text/plain; charset=utf-8"),
         FileFormat(".npz", "npz"),
-        FileFormat(".glb", "glb", media_type="model/gltf-binary"),
-        FileFormat(".gltf", "glb", writes=False),
-        FileFormat(".vrma", "vrma", media_type="model/gltf-binary"),
+        FileFormat(".glb", "glb", has_buffers=True, media_type="model/gltf-binary"),
+        FileFormat(".gltf", "glb", writes=False, has_buffers=True),
+        FileFormat(".vrma", "vrma", has_buffers=True, media_type="model/gltf-binary"),
         FileFormat(".pose", holds="landmark"),
     )
 }
@@ -58,19 +62,40 @@ WIRE_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.media_type)
 """Suffixes that ``parse`` reads: those of the HTTP service, which also sends them."""
 
 
-def load(path: str | Path) -> Clip:
-    """The clip in a file, by its suffix, one of ``READ_SUFFIXES``. Raises ``InputError`` for another suffix or a file
-    that cannot be read.
+def load(path: str | Path, limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
+    """The clip in a file, by its suffix, one of ``READ_SUFFIXES``.
+
+    Raises ``InputError`` for another suffix or a file that cannot be read, ``FormatError`` for whatever is wrong with
+    its content, and ``LimitError`` where that asks for more than ``limits``, which ``NO_LIMITS`` lifts.
     """
-    clip: Clip = _module(path, "read", READ_SUFFIXES).read(path)
-    return clip
+    row = _format(path, "read", READ_SUFFIXES)
+    return _parsed(row, read_bytes(path, limits.file_bytes), str(path), limits, Path(path).parent)
 
 
-def parse(content: bytes, file: str) -> Clip:
+def parse(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
     """The clip in the bytes of a file, by the suffix of its name, one of ``WIRE_SUFFIXES``. For uploads: no file is
     opened, whatever the bytes refer to. Raises as ``load`` does.
     """
-    clip: Clip = _module(file, "taken", WIRE_SUFFIXES).parse(content, file)
+    row = _format(file, "taken", WIRE_SUFFIXES)
+    if len(content) > limits.file_bytes:
+        raise LimitError(f"{len(content):,} bytes, expected at most {limits.file_bytes:,.0f}", file=file)
+    return _parsed(row, content, file, limits, None)
+
+
+def _parsed(row: FileFormat, content: bytes, file: str, limits: ReadLimits, folder: Path | None) -> Clip:
+    """The clip in the bytes of a file: the one boundary of all parsers."""
+    import numpy as np
+
+    module = import_module(f"{__name__}.{row.module}")
+    with (
+        format_errors(file, f"{row.suffix} file"),
+        np.errstate(all="ignore"),
+    ):  # numbers that are not finite are refused by the clip
+        clip: Clip = module.parse(content, file, limits, **({"folder": folder} if row.has_buffers else {}))
+        if clip.skeleton.roles:
+            from signsplice.rig.info import rig_info
+
+            _ = rig_info(clip.skeleton).roles  # raises where they do not fit the joints
     return clip
 
 
@@ -91,7 +116,8 @@ def encode(clip: Clip, file: str) -> bytes:
     """The bytes of a clip's file, by the suffix of its name, one of ``WRITE_SUFFIXES``. Raises ``InputError`` for
     another suffix or a clip that the format cannot hold.
     """
-    content: bytes = _module(file, "written", WRITE_SUFFIXES).encode(clip)
+    row = _format(file, "written", WRITE_SUFFIXES)
+    content: bytes = import_module(f"{__name__}.{row.module}").encode(clip)
     return content
 
 
@@ -103,10 +129,6 @@ def check_suffix(path: str | Path) -> None:
 def listed(suffixes: Sequence[str]) -> str:
     """Suffixes as a phrase: ".bvh, .glb or .vrma"."""
     return f"{', '.join(suffixes[:-1])} or {suffixes[-1]}"
-
-
-def _module(path: str | Path, done: str, suffixes: Sequence[str]) -> Any:
-    return import_module(f"{__name__}.{_format(path, done, suffixes).module}")
 
 
 def _format(path: str | Path, done: str, suffixes: Sequence[str]) -> FileFormat:

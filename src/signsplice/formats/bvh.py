@@ -8,50 +8,64 @@ A clip that was read is written with the same numbers to the last digit, names, 
 from __future__ import annotations
 
 import re
-import warnings
-from pathlib import Path
+from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import FormatError, InputError
-from signsplice.formats.atomic import read_bytes
 from signsplice.formats.bvh_hierarchy import Hierarchy, number_of, short
-from signsplice.formats.numbers import format_rows, parse_plain
+from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
+from signsplice.formats.numbers import format_rows
+from signsplice.formats.reading import stem
 from signsplice.motion import euler_channels, euler_curves
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 from signsplice.motion.euler_channels import Channels
 
 Float = NDArray[np.float64]
 
+_LINE = re.compile(rb"\S[^\n]*")
+"""A line that is not blank; found one after another, so that blank ones cost next to nothing."""
+_MOTION = re.compile(rb"(?im)^[^\S\n]*MOTION[^\S\n]*$")
 _FRAMES = re.compile(r"frames\s*:\s*(\S*)\s*(.*)", re.IGNORECASE)
 _FRAME_TIME = re.compile(r"frame\s+time\s*:\s*(\S*)\s*(.*)", re.IGNORECASE)
+_BLOCK = 4096
+"""Frames that are parsed at a time, to keep the memory of their text small."""
+_LONG = 100
+"""Bytes of text that no lawful number takes, with the space around it."""
+_NUMBER_BYTES = 8
+"""Memory of a number of the file."""
 
 
-def read(path: str | Path) -> Clip:
-    """The clip in a BVH file, named after the file, in the file's length unit.
+def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
+    """The clip in the bytes of a BVH file, named after ``file``, in the file's length unit.
 
-    Raises ``FormatError`` ("FILE:LINE: what, expected what") for anything that is not valid BVH, ``InputError`` for a
-    file that cannot be read.
+    Raises ``FormatError`` ("FILE:LINE: what, expected what") for anything that is not valid BVH.
     """
-    return parse(read_bytes(path), str(path))
-
-
-def parse(content: bytes, file: str = "") -> Clip:
-    """The clip in the bytes of a BVH file named ``file``. Raises ``FormatError``."""
-    lines = _lines(content, file)
-    motion = next((n for n, line in enumerate(lines) if line.strip().upper() == b"MOTION"), None)
-    hierarchy = Hierarchy(file)
-    for number, line in enumerate(lines[:motion], start=1):
-        hierarchy.read_line(number, _text(line).split())
-    hierarchy.close(motion)
+    text = _checked_text(content, file)
+    motion = _MOTION.search(text)
+    hierarchy = Hierarchy(file, limits)
+    for number, words in _lines(text, 0, len(text) if motion is None else motion.start()):
+        hierarchy.read_line(number, _decoded(words[0]))
+    n_lines = text.count(b"\n") + 1
     if motion is None:
-        raise FormatError(
-            "the file ends without MOTION, expected frames after the hierarchy", file=file, line=len(lines)
-        )
-    n_frames, frame_time, first = _motion_head(lines, motion + 1, file)
-    values = _frame_values(lines[first:], first + 1, n_frames, sum(map(len, hierarchy.channels)), file)
-    return _clip(hierarchy, values, frame_time, Path(file).stem)
+        hierarchy.close(None)
+        raise FormatError("the file ends without MOTION, expected frames after the hierarchy", file=file, line=n_lines)
+    hierarchy.close(_line_number(text, motion.end()))
+    n_frames, frame_time, first = _motion_head(text, motion.end(), n_lines, file)
+    width = sum(map(len, hierarchy.channels))
+    if width == 0:
+        line = _line_number(text, first)
+        raise FormatError("the skeleton has no channels, expected at least the root's", file=file, line=line)
+    # Each number takes two bytes of text, so that no more frames can follow, whatever the file declares.
+    n_possible = min(n_frames, (len(text) - first) // (2 * width) + 1)
+    n_joints, fps = len(hierarchy.names), standard_fps(frame_time)
+    n_bytes = n_possible * (n_joints * FRAME_BYTES + width * _NUMBER_BYTES)
+    limits.check_clip(n_possible, n_joints, fps, n_bytes, len(content), file)
+    values = np.empty((n_possible, width))
+    _read_frames(text, first, n_frames, values, file)
+    return _clip(hierarchy, values, frame_time, stem(file))
 
 
 def standard_fps(frame_time: float) -> float:
@@ -110,6 +124,9 @@ def _depth_first(skeleton: Skeleton) -> list[int]:
 
 def _write_joint(lines: list[str], skeleton: Skeleton, names: euler_channels.Names, offsets: Float) -> None:
     """Append the hierarchy's lines; a stack instead of recursion, so that depth has no limit."""
+    tips: dict[int, list[Float]] = {}
+    for site in skeleton.end_sites:
+        tips.setdefault(site.joint, []).append(site.offset)
     stack: list[tuple[int, int]] = [(0, 0)]  # (joint, depth); joint -1 closes a brace
     while stack:
         joint, depth = stack.pop()
@@ -119,114 +136,136 @@ def _write_joint(lines: list[str], skeleton: Skeleton, names: euler_channels.Nam
             continue
         lines.append(f"{tab}{'JOINT' if depth else 'ROOT'} {skeleton.names[joint]}")
         lines.append(tab + "{")
-        lines.append(f"{tab}\tOFFSET {_numbers(offsets[joint])}")
+        lines.append(f"{tab}\tOFFSET {_decimals(offsets[joint])}")
         lines.append(" ".join([f"{tab}\tCHANNELS", str(len(names[joint])), *names[joint]]))
-        for site in skeleton.end_sites:
-            if site.joint == joint:
-                lines += [f"{tab}\tEnd Site", tab + "\t{", f"{tab}\t\tOFFSET {_numbers(site.offset)}", tab + "\t}"]
+        for tip in tips.get(joint, ()):
+            lines += [f"{tab}\tEnd Site", tab + "\t{", f"{tab}\t\tOFFSET {_decimals(tip)}", tab + "\t}"]
         stack.append((-1, depth))
         stack += [(child, depth + 1) for child in reversed(skeleton.children[joint])]
 
 
-def _numbers(row: Float) -> str:
+def _decimals(row: Float) -> str:
     return " ".join(map(repr, row.tolist()))
 
 
-def _lines(content: bytes, file: str) -> list[bytes]:
-    """The file's lines; line ends may be LF, CRLF or CR."""
-    if not content.strip():
+def _checked_text(content: bytes, file: str) -> bytes:
+    """The file's bytes with line feeds as line ends; the file may have LF, CRLF or CR."""
+    if not content or content.isspace():
         raise FormatError("the file is empty, expected HIERARCHY", file=file, line=1)
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise FormatError("the file is UTF-16 text, expected UTF-8; save it as UTF-8", file=file, line=1)
     if b"\0" in content:
-        line = content[: content.index(b"\0")].count(b"\n") + 1
+        line = _line_number(content, content.index(b"\0"))
         raise FormatError("the file is binary (it holds a zero byte), expected BVH text", file=file, line=line)
     content = content.removeprefix(b"\xef\xbb\xbf")
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    return content.split(b"\n")
+    return content
 
 
-def _text(line: bytes) -> str:
+def _lines(text: bytes, start: int, stop: int) -> Iterator[tuple[int, re.Match[bytes]]]:
+    """Lines of a part of the text that are not blank, each with its number from 1."""
+    number, seen = _line_number(text, start), start
+    for line in _LINE.finditer(text, start, stop):
+        number += text.count(b"\n", seen, line.start())
+        seen = line.start()
+        yield number, line
+
+
+def _line_number(text: bytes, at: int) -> int:
+    return text.count(b"\n", 0, at) + 1
+
+
+def _decoded(line: bytes) -> str:
     try:
         return line.decode("utf-8")
     except UnicodeDecodeError:
         return line.decode("latin-1")  # older encodings; every byte is a character
 
 
-def _motion_head(lines: list[bytes], at: int, file: str) -> tuple[int, float, int]:
-    """Number of frames, Frame Time in seconds, and the index of the first line after them."""
+def _motion_head(text: bytes, start: int, n_lines: int, file: str) -> tuple[int, float, int]:
+    """Number of frames, Frame Time in seconds, and where in the text they end."""
     found: list[str] = []
+    lines = _lines(text, start, len(text))
     for pattern, what in ((_FRAMES, "Frames: and a number"), (_FRAME_TIME, "Frame Time: and seconds")):
-        while at < len(lines) and not lines[at].strip():
-            at += 1
-        text = _text(lines[at]).strip() if at < len(lines) else ""
-        match = pattern.fullmatch(text)
-        if match is None or not match[1] or match[2]:
-            seen = f"found {short(text)}" if text else "the file ends here"
-            raise FormatError(f"{seen}, expected {what}", file=file, line=min(at + 1, len(lines)))
+        number, line = next(lines, (n_lines, None))
+        words = "" if line is None else _decoded(line[0]).strip()
+        match = pattern.fullmatch(words)
+        if line is None or match is None or not match[1] or match[2]:
+            seen = f"found {short(words)}" if words else "the file ends here"
+            raise FormatError(f"{seen}, expected {what}", file=file, line=number)
         found.append(match[1])
-        at += 1
+        start = line.end()
         if pattern is _FRAMES and not re.fullmatch(r"\+?\d{1,18}", match[1]):
-            raise FormatError(f"Frames: {short(match[1])}, expected a whole number", file=file, line=at)
+            raise FormatError(f"Frames: {short(match[1])}, expected a whole number", file=file, line=number)
         if pattern is _FRAMES and int(match[1]) == 0:
-            raise FormatError("Frames: 0, expected at least one frame", file=file, line=at)
-    frame_time = number_of(found[1], file, at)
+            raise FormatError("Frames: 0, expected at least one frame", file=file, line=number)
+    frame_time = number_of(found[1], file, number)
     if frame_time <= 0.0:
-        raise FormatError(f"Frame Time: {found[1]}, expected more than 0 seconds", file=file, line=at)
-    return int(found[0]), frame_time, at
+        raise FormatError(f"Frame Time: {found[1]}, expected more than 0 seconds", file=file, line=number)
+    return int(found[0]), frame_time, start
 
 
-def _frame_values(lines: list[bytes], first_line: int, n_frames: int, width: int, file: str) -> Float:
-    """Numbers (T, C) of the frame lines. Memory depends on the file's size, not on the number of frames it declares."""
-    rows = [(number, line) for number, line in enumerate(lines, first_line) if line and not line.isspace()]
-    if width == 0:
-        raise FormatError("the skeleton has no channels, expected at least the root's", file=file, line=first_line - 1)
-    text = b"\n".join([line for _, line in rows]) + b"\n"
-    counts = _token_counts(text)
-    wrong = np.flatnonzero(counts != width)
-    if rows and wrong.size and wrong[0] < n_frames:
-        number, count = rows[wrong[0]][0], counts[wrong[0]]
-        cut = "; the file seems to be cut off here" if wrong[0] == len(rows) - 1 and count < width else ""
-        commas = "; it has commas: numbers need a decimal point and white space between them"
-        hint = commas if b"," in rows[wrong[0]][1] else cut
-        raise FormatError(f"{count} numbers in a frame, expected {width}{hint}", file=file, line=number)
-    if len(rows) != n_frames:
-        line = rows[n_frames][0] if len(rows) > n_frames else rows[-1][0] if rows else first_line - 1
+def _read_frames(text: bytes, start: int, n_frames: int, values: Float, file: str) -> None:
+    """Write the numbers of the frame lines to ``values`` (T, C). Raises where there are not ``n_frames`` of C each."""
+    rows, width = _LINE.finditer(text, start), values.shape[1]
+    done, last = 0, start
+    while block := list(islice(rows, _BLOCK)):
+        stop = done + len(block)
+        for row in block:
+            if row.end() - row.start() > _LONG * (width + _LONG):
+                _check_width(text, row, width, file)  # since numpy takes 20 times the text of so many numbers
+        numbers = _numbers([row[0] for row in block])
+        if stop > n_frames or numbers is None or numbers.shape != (len(block), width):
+            for row in block[: n_frames - done]:
+                _check_width(text, row, width, file)
+                _check_numbers(text, row, file)
+            if stop <= n_frames:
+                raise FormatError("a number cannot be read", file=file, line=_line_number(text, block[0].start()))
+            last = block[n_frames - done].start()
+            done = stop + sum(1 for _ in rows)
+            break
+        values[done:stop] = numbers
+        done, last = stop, block[-1].start()
+    if done != n_frames:
         raise FormatError(
-            f"{len(rows)} frames follow, expected {n_frames} as Frames: says; correct one of the two",
+            f"{done} frames follow, expected {n_frames} as Frames: says; correct one of the two",
             file=file,
-            line=line,
+            line=_line_number(text, last),
         )
-    values = _parsed(text)
-    if values.size != n_frames * width or not np.isfinite(values).all():
-        for number, row in rows:
-            for token in _text(row).split():
-                number_of(token, file, number)
-        raise FormatError("a number cannot be read", file=file, line=first_line)
-    return values.reshape(n_frames, width)
 
 
-def _parsed(text: bytes) -> Float:
-    """The numbers of a text; their count differs from that of its tokens if one is not a number."""
-    plain = parse_plain(text)
-    if plain is not None:
-        return plain
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # numpy warns of text that is not a number
+def _numbers(rows: list[bytes]) -> Float | None:
+    """The numbers of lines (R, C), bit for bit those of ``float``; None where the lines hold anything but as many
+    finite numbers each.
+    """
+    if not rows[0].decode("latin-1").split():
+        return None  # rare white space; numpy would warn of text without numbers
+    try:
+        numbers = np.loadtxt(rows, comments=None, ndmin=2)
+    except ValueError:
+        return None
+    return numbers if np.isfinite(numbers).all() else None
+
+
+def _check_width(text: bytes, row: re.Match[bytes], width: int, file: str) -> None:
+    """Raise ``FormatError`` where a line does not hold as many numbers as there are channels."""
+    n_tokens = sum(1 for _ in re.finditer(r"\S+", _decoded(row[0])))
+    if n_tokens != width:
+        line = _line_number(text, row.start())  # counts from the text's start: only for the line that is wrong
+        is_cut = n_tokens < width and _LINE.search(text, row.end()) is None
+        commas = "; it has commas: numbers need a decimal point and white space between them"
+        hint = commas if b"," in row[0] else "; the file seems to be cut off here" if is_cut else ""
+        raise FormatError(f"{n_tokens} numbers in a frame, expected {width}{hint}", file=file, line=line)
+
+
+def _check_numbers(text: bytes, row: re.Match[bytes], file: str) -> None:
+    """Raise ``FormatError`` that says what is wrong with a number of a line."""
+    for token in _decoded(row[0]).split():
         try:
-            return np.fromstring(_text(text), sep=" ")
-        except ValueError:
-            return np.empty(0)
-
-
-def _token_counts(text: bytes) -> NDArray[np.intp]:
-    """Number of white-space-separated tokens in each line; counted on the bytes, since splitting is slow."""
-    flat = np.frombuffer(text, np.uint8)
-    space = flat <= 32
-    ends = np.flatnonzero(space[1:] & ~space[:-1]) + 1  # first white space after each token
-    breaks = np.flatnonzero(flat == 10)
-    return np.diff(np.searchsorted(ends, breaks, side="right"), prepend=0)
+            number_of(token, file, 0)
+        except FormatError as error:
+            raise FormatError(error.what, file=file, line=_line_number(text, row.start())) from None
 
 
 def _clip(hierarchy: Hierarchy, values: Float, frame_time: float, name: str) -> Clip:

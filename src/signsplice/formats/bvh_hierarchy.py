@@ -7,14 +7,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from signsplice.errors import FormatError
+from signsplice.errors import FormatError, LimitError
+from signsplice.formats.limits import ReadLimits
 from signsplice.motion.euler_channels import POSITIONS, ROTATIONS
 
-MAX_DEPTH = 256
-MAX_JOINTS = 1024
 _MAX_WORDS = 50_000
+_LONGEST = 32
+"""Words in the longest statement, CHANNELS, with some that are wrong there."""
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _CHANNELS = {name.lower(): name for name in (*POSITIONS, *ROTATIONS)}
 
 
@@ -23,6 +24,7 @@ class Hierarchy:
     """What the lines of HIERARCHY declare; ``read_line`` takes them one by one.
 
     file: name of the file, for messages.
+    limits: of joints and their depth.
     names: of the joints, in file order.
     parents: index of each joint's parent, -1 for the root.
     offsets: each joint's OFFSET, None until it is read.
@@ -31,6 +33,7 @@ class Hierarchy:
     """
 
     file: str
+    limits: ReadLimits
     names: list[str] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
     offsets: list[list[float] | None] = field(default_factory=list)
@@ -46,34 +49,39 @@ class Hierarchy:
         """The error to raise for ``what``, with the file and the line (the last one read by default)."""
         return FormatError(what, file=self.file, line=self._last_line if line is None else line)
 
-    def read_line(self, number: int, tokens: list[str]) -> None:
-        """Parse line ``number`` (from 1), split at white space. Raises ``FormatError`` where it is not valid."""
-        if not tokens:
-            return
+    def too_much(self, what: str) -> LimitError:
+        """The error to raise where a skeleton exceeds a limit."""
+        return LimitError(f"{what}, expected a skeleton", file=self.file, line=self._last_line)
+
+    def read_line(self, number: int, text: str) -> None:
+        """Parse line ``number`` (from 1). Raises ``FormatError`` where it is not valid."""
+        tokens = text.split(None, _MAX_WORDS)
         self._last_line = number
         if len(tokens) > _MAX_WORDS:
-            raise self.fail(f"{len(tokens)} words in one line, expected a statement a line")
+            raise self.fail(f"more than {_MAX_WORDS} words in one line, expected a statement a line")
         if not self._started:
             if tokens[0].upper() != "HIERARCHY":
                 raise self.fail(f"found {short(tokens[0])}, expected HIERARCHY; is this a BVH file?")
             self._started, tokens = True, tokens[1:]
-        while tokens:
-            tokens = self._read_statement(tokens)
+        at = 0
+        while at < len(tokens):
+            words = tokens[at : at + _LONGEST]
+            at += len(words) - len(self._read_statement(words))
 
     def _read_statement(self, tokens: list[str]) -> list[str]:
         """Parse the statement at the front of a line's tokens; returns the tokens after it."""
         word, rest = tokens[0], tokens[1:]
         key = word.upper()
         if self._declared is not None and word != "{":
-            kind = "End Site" if self._declared[1] else f"joint {self.names[self._declared[0]]!r}"
+            kind = "End Site" if self._declared[1] else f"joint {short(self.names[self._declared[0]])}"
             raise self.fail(f"found {short(word)}, expected {{ after {kind}; a joint's name has no white space")
         if word == "{":
             if self._declared is None:
                 raise self.fail("found {, expected ROOT, JOINT or End Site before it")
             self._open.append(self._declared)
             self._declared = None
-            if len(self._open) > MAX_DEPTH:
-                raise self.fail(f"joints nest deeper than {MAX_DEPTH}, expected a skeleton")
+            if len(self._open) > self.limits.depth:
+                raise self.too_much(f"joints nest deeper than {self.limits.depth:g}")
             return rest
         if word == "}":
             self._close_brace()
@@ -84,8 +92,8 @@ class Hierarchy:
             if not rest or rest[0].upper() != "SITE":
                 raise self.fail(f"found {' '.join(map(short, tokens[:2]))}, expected End Site")
             joint = self._current(word)
-            if len(self.sites) >= MAX_JOINTS:
-                raise self.fail(f"more than {MAX_JOINTS} End Sites, expected a skeleton")
+            if len(self.sites) >= self.limits.joints:
+                raise self.too_much(f"more than {self.limits.joints:g} End Sites")
             self.sites.append((joint, None))
             self._declared = (len(self.sites) - 1, True, self._last_line)
             return rest[1:]
@@ -108,16 +116,16 @@ class Hierarchy:
             raise self.fail(f"{key} without a name, expected a name after it")
         name = rest[0]
         if key == "ROOT" and self.names:
-            raise self.fail(f"a second ROOT {name!r}, expected one skeleton a file; split the file")
+            raise self.fail(f"a second ROOT {short(name)}, expected one skeleton a file; split the file")
         if key == "JOINT" and not self.names:
-            raise self.fail(f"JOINT {name!r} comes first, expected ROOT")
-        parent = self._current(f"JOINT {name}") if key == "JOINT" else -1
+            raise self.fail(f"JOINT {short(name)} comes first, expected ROOT")
+        parent = self._current(f"JOINT {name[:40]}") if key == "JOINT" else -1
         if name in self._lines:
             raise self.fail(
-                f"joint name {name!r} stands twice (first in line {self._lines[name]}), expected different names"
+                f"joint name {short(name)} stands twice (first in line {self._lines[name]}), expected different names"
             )
-        if len(self.names) >= MAX_JOINTS:
-            raise self.fail(f"more than {MAX_JOINTS} joints, expected a skeleton")
+        if len(self.names) >= self.limits.joints:
+            raise self.too_much(f"more than {self.limits.joints:g} joints")
         self._lines[name] = self._last_line
         self.names.append(name)
         self.parents.append(parent)
@@ -149,7 +157,7 @@ class Hierarchy:
         found = [token for token in rest[1 : 1 + count] if token not in "{}"]
         extra = rest[1 + count : 2 + count]
         if len(found) != count or (extra and extra[0].lower() in _CHANNELS):
-            raise self.fail(f"CHANNELS {rest[0]} with {len(rest) - 1} names, expected {rest[0]} channel names")
+            raise self.fail(f"CHANNELS {count} with {len(rest) - 1} names, expected {count} channel names")
         names = []
         for token in found:
             if token.lower() not in _CHANNELS:
@@ -158,7 +166,7 @@ class Hierarchy:
                 )
             names.append(_CHANNELS[token.lower()])
         if len(set(names)) != len(names):
-            raise self.fail(f"joint {self.names[joint]!r} has a channel twice, expected different channels")
+            raise self.fail(f"joint {short(self.names[joint])} has a channel twice, expected different channels")
         if self.channels[joint]:
             raise self.fail("a second CHANNELS in one joint, expected one")
         self.channels[joint] = tuple(names)
@@ -169,18 +177,17 @@ class Hierarchy:
             raise self.fail("found } with no open brace, expected MOTION; the braces are unbalanced")
         index, is_site, line = self._open.pop()
         if (self.sites[index][1] if is_site else self.offsets[index]) is None:
-            what = "End Site" if is_site else f"joint {self.names[index]!r}"
+            what = "End Site" if is_site else f"joint {short(self.names[index])}"
             raise self.fail(f"{what} without OFFSET, expected OFFSET and 3 numbers", line)
 
     def close(self, motion: int | None) -> None:
-        """Check at the end of HIERARCHY that everything is declared and closed; ``motion``: 0-based line of MOTION."""
-        if motion is not None:
-            self._last_line = motion + 1
+        """Check at the end of HIERARCHY that everything is declared and closed; ``motion``: line of MOTION, if any."""
+        self._last_line = motion or self._last_line
         if not self._started:
             raise self.fail("found MOTION, expected HIERARCHY before it")
         if self._open or self._declared is not None:
             index, is_site, line = self._open[-1] if self._open else self._declared or (0, False, 0)
-            what = "End Site" if is_site else f"joint {self.names[index]!r}"
+            what = "End Site" if is_site else f"joint {short(self.names[index])}"
             raise self.fail(f"{what} (line {line}) is never closed, expected }}; the braces are unbalanced")
         if not self.names:
             raise self.fail("no ROOT, expected a skeleton between HIERARCHY and MOTION")

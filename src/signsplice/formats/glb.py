@@ -12,13 +12,13 @@ from pygltflib import GLTF2
 
 from signsplice.body.mesh import bind_pose, body_mesh
 from signsplice.formats.gltf_document import HUMANOID_EXTRA, ROLES_EXTRA
-from signsplice.formats.gltf_reader import parse, read
+from signsplice.formats.gltf_reader import parse
 from signsplice.formats.gltf_writer import DocumentWriter, in_front
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, bone_translations
 from signsplice.rig.info import rig_info
 
-__all__ = ["document", "encode", "parse", "read"]
+__all__ = ["document", "encode", "parse"]
 
 Float = NDArray[np.float64]
 

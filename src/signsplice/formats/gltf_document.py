@@ -1,4 +1,4 @@
-"""A glTF 2.0 file as stored: its JSON document, the tree of its nodes, and the arrays in its buffers."""
+"""A glTF 2.0 file as stored: its JSON document, the trees of its nodes, and the arrays in its buffers."""
 
 from __future__ import annotations
 
@@ -6,17 +6,16 @@ import base64
 import binascii
 import json
 import struct
-import warnings
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
-from pygltflib import GLTF2
 
-from signsplice.errors import FormatError
-from signsplice.formats.atomic import read_bytes
+from signsplice.errors import FormatError, LimitError
+from signsplice.formats.limits import ReadLimits
+from signsplice.formats.reading import read_bytes
 
 Float = NDArray[np.float64]
 
@@ -26,67 +25,82 @@ FPS_EXTRA, ROLES_EXTRA, HUMANOID_EXTRA = "fps", "roles", "humanoid"
 """Names of our extras. Of an animation: its frame rate. Of the document: role -> joint name, the roles of a roles file,
 and all that were found, for viewers.
 """
-MAX_VALUES = 20_000_000
-"""A file is refused that has more numbers in its keys, or in its clip's rotations (frames x joints x 4)."""
+_VALUE_BYTES = 50
+"""Memory that a value of a JSON document takes, about."""
 _COMPONENTS = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
+Fields = dict[str, Any]
+"""An object of the document: its property names and values, as glTF 2.0 defines them."""
+
 
 class Document:
-    """The content of a glTF file. Raises ``FormatError`` where it is not valid.
+    """The content of a glTF file. Raises ``FormatError`` where it is not valid, or the error that its content causes.
 
     file: its name, for messages.
     folder: where the buffer files that it names lie; None where it may name none.
-    gltf: the document.
-    blob: the binary chunk of a .glb, else empty.
+    limits: of nodes, and of memory.
+    given_bytes: size of the file, and of the buffer files read so far.
+    json: the document.
+    nodes: its nodes.
     parents: node -> parent node; roots are left out.
+    order: all nodes, parents before children.
     """
 
-    def __init__(self, file: str, content: bytes, folder: Path | None) -> None:
-        self.file, self.folder = file, folder
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about extensions that are not read
-            if content[:4] == b"glTF":
-                self.gltf, self.blob = _binary(file, content)
-            else:
-                self.gltf, self.blob = GLTF2.from_json(content.decode("utf-8-sig"), infer_missing=True), b""
-        self._buffers: dict[int, bytes] = {}
-        self._arrays: dict[int, Float] = {}
-        version = str(getattr(self.gltf.asset, "version", "") or "")
+    def __init__(self, file: str, content: bytes, limits: ReadLimits, folder: Path | None) -> None:
+        self.file, self.limits, self.folder, self.given_bytes = file, limits, folder, len(content)
+        text, self._blob = _chunks(file, content) if content[:4] == b"glTF" else (content, b"")
+        n_values = sum(text.count(mark) for mark in (b",", b"{", b"["))
+        limits.check_memory(f"{n_values:,} values of JSON", _VALUE_BYTES * n_values, len(text), file)
+        self.json: Fields = json.loads(text.decode("utf-8-sig"))
+        if not isinstance(self.json, dict):
+            raise self._error("its JSON is no object")
+        version = str((self.json.get("asset") or {}).get("version") or "")
         if not version.startswith("2."):
             raise self._error(f"is glTF {version or 'of no version'}, expected 2.0")
-        if "EXT_meshopt_compression" in (self.gltf.extensionsRequired or []):
+        if "EXT_meshopt_compression" in (self.json.get("extensionsRequired") or ()):
             raise self._error("its buffers are compressed by EXT_meshopt_compression, which is not read")
+        self.nodes: list[Fields] = self.json.get("nodes") or []
+        if len(self.nodes) > limits.nodes:
+            raise LimitError(f"{len(self.nodes):,} nodes, expected at most {limits.nodes:,.0f}", file=file)
+        self._buffers: dict[int, bytes] = {}
+        self._files: dict[str, bytes] = {}
+        self._arrays: dict[int, Float] = {}
+        self._array_bytes = 0
         self.parents = self._parents()
+        self.order = self._order_of_nodes()
 
     def _parents(self) -> dict[int, int]:
-        """Node -> parent node. Raises ``FormatError`` where the nodes are not trees."""
         parents: dict[int, int] = {}
-        for node, fields in enumerate(self.gltf.nodes or []):
-            for child in fields.children or []:
-                if not 0 <= child < len(self.gltf.nodes) or child in parents or child == node:
+        for node, fields in enumerate(self.nodes):
+            for child in fields.get("children") or ():
+                if not 0 <= child < len(self.nodes) or child in parents or child == node:
                     raise self._error(f"node {child} is a child of node {node} and of another, or does not exist")
                 parents[child] = node
-        for node in parents:
-            seen, ancestor = {node}, parents[node]
-            while ancestor in parents and ancestor not in seen:
-                seen.add(ancestor)
-                ancestor = parents[ancestor]
-            if ancestor in seen:
-                raise self._error(f"node {node} is its own ancestor")
         return parents
+
+    def _order_of_nodes(self) -> list[int]:
+        """All nodes, parents first. Raises ``FormatError`` where they are not trees."""
+        order = [node for node in range(len(self.nodes)) if node not in self.parents]
+        for parent in order:
+            order += self.nodes[parent].get("children") or ()
+        if len(order) < len(self.nodes):
+            node = min({*range(len(self.nodes))} - {*order})
+            raise self._error(f"node {node} is its own ancestor, or below such a node")
+        return order
 
     def _row(self, rows: Any, number: Any, what: str) -> Any:
         """A row of a table of the document by its number. Raises ``FormatError`` where there is none."""
         if not isinstance(number, int) or not 0 <= number < len(rows or []):
-            raise self._error(f"{what} {number} is no {'node' if what == 'joint' else 'such'}, of {len(rows or [])}")
+            kind = "node" if what == "joint" else "such"
+            raise self._error(f"{what} {number!r:.20} is no {kind}, of {len(rows or [])}")
         return rows[number]
 
     def _subtree(self, node: int) -> list[int]:
         """A node and all its descendants, parents first."""
         out = [node]
         for parent in out:
-            out += self.gltf.nodes[parent].children or []
+            out += self.nodes[parent].get("children") or ()
         return out
 
     def _path_to_root(self, node: int) -> list[int]:
@@ -103,54 +117,63 @@ class Document:
         return self._arrays[number]
 
     def _read_values(self, number: int) -> Float:
-        accessor = self._row(self.gltf.accessors, number, "accessor")
-        if accessor.sparse is not None or accessor.bufferView is None:
+        accessor = self._row(self.json.get("accessors"), number, "accessor")
+        if accessor.get("sparse") is not None or accessor.get("bufferView") is None:
             raise self._error(f"accessor {number} is sparse or empty, which is not read")
-        view = self._row(self.gltf.bufferViews, accessor.bufferView, "bufferView")
-        kind, width = np.dtype(_COMPONENTS[accessor.componentType]), _WIDTHS[accessor.type]
-        data = self._buffer(view.buffer)
-        start = (view.byteOffset or 0) + (accessor.byteOffset or 0)
-        stride = view.byteStride or width * kind.itemsize
-        end = start + (accessor.count - 1) * stride + width * kind.itemsize
-        limit = (view.byteOffset or 0) + view.byteLength
-        if accessor.count * width > MAX_VALUES:
-            raise self._error(f"accessor {number} holds {accessor.count} rows, more than a clip may")
-        if accessor.count < 1 or start < 0 or stride < width * kind.itemsize or end > min(limit, len(data)):
+        view = self._row(self.json.get("bufferViews"), accessor["bufferView"], "bufferView")
+        kind, width = np.dtype(_COMPONENTS[accessor["componentType"]]), _WIDTHS[accessor["type"]]
+        data, count = self._buffer(view["buffer"]), accessor["count"]
+        first = view.get("byteOffset") or 0
+        start = first + (accessor.get("byteOffset") or 0)
+        stride = view.get("byteStride") or width * kind.itemsize
+        end = start + (count - 1) * stride + width * kind.itemsize
+        if count < 1 or start < 0 or stride < width * kind.itemsize or end > min(first + view["byteLength"], len(data)):
             raise self._error(f"accessor {number} reaches beyond its {len(data)} bytes")
-        rows = np.ndarray((accessor.count, width), kind.newbyteorder("<"), data, start, (stride, kind.itemsize))
+        self._array_bytes += 8 * count * width
+        self.limits.check_memory(f"accessors up to {number}", self._array_bytes, self.given_bytes, self.file)
+        rows = np.ndarray((count, width), kind.newbyteorder("<"), data, start, (stride, kind.itemsize))
         values = rows.astype(np.float64)
-        if accessor.normalized and kind.kind in "iu":
+        if accessor.get("normalized") and kind.kind in "iu":
             values = np.maximum(values / float(2 ** (8 * kind.itemsize - (kind.kind == "i")) - 1), -1.0)
         return values
 
     def _buffer(self, number: int) -> bytes:
         """The bytes of a buffer: the binary chunk, a data URI, or a file in the same folder."""
         if number not in self._buffers:
-            uri = self._row(self.gltf.buffers, number, "buffer").uri
+            uri = self._row(self.json.get("buffers"), number, "buffer").get("uri")
             if uri is None:
                 if number != 0:
                     raise self._error(f"buffer {number} has no data")
-                self._buffers[number] = self.blob
+                self._buffers[number] = self._blob
             elif uri.startswith("data:"):
                 try:
                     self._buffers[number] = base64.b64decode(uri.partition(",")[2], validate=True)
                 except binascii.Error as error:
                     raise self._error(f"buffer {number} is no base64 ({error})") from error
             else:
-                name = unquote(uri)
-                if self.folder is None:
-                    raise self._error(f"buffer {number} lies in another file, {uri!r}, expected all in one")
-                if not name or Path(name).name != name or "\\" in name or "\0" in name:
-                    raise self._error(f"buffer {number} lies at {uri!r}, expected a file in the same folder")
-                self._buffers[number] = read_bytes(self.folder / name)
+                self._buffers[number] = self._buffer_file(number, unquote(uri))
         return self._buffers[number]
+
+    def _buffer_file(self, number: int, name: str) -> bytes:
+        """The bytes of a file that lies in the document's own folder, and does not only seem to by a link."""
+        if self.folder is None:
+            raise self._error(f"buffer {number} lies in another file, {name!r:.80}, expected all in one")
+        if not name or Path(name).name != name or "\\" in name or "\0" in name:
+            raise self._error(f"buffer {number} lies at {name!r:.80}, expected a file in the same folder")
+        if name not in self._files:
+            path = (self.folder / name).resolve()
+            if path.parent != self.folder.resolve():
+                raise self._error(f"buffer {number} lies at {name!r}, a link out of the folder; copy the file there")
+            self._files[name] = read_bytes(path, self.limits.file_bytes - self.given_bytes)
+            self.given_bytes += len(self._files[name])
+        return self._files[name]
 
     def _error(self, what: str) -> FormatError:
         return FormatError(what, file=self.file)
 
 
-def _binary(file: str, content: bytes) -> tuple[GLTF2, bytes]:
-    """The document and the binary chunk of a .glb file."""
+def _chunks(file: str, content: bytes) -> tuple[bytes, bytes]:
+    """The JSON chunk and the binary chunk of a .glb file, which come first and second; any others are extensions."""
     if len(content) < 20:
         raise FormatError(f"{len(content)} bytes are no glTF file, expected 20 at least", file=file)
     version, length = struct.unpack_from("<II", content, 4)
@@ -158,17 +181,17 @@ def _binary(file: str, content: bytes) -> tuple[GLTF2, bytes]:
         raise FormatError(f"is glTF {version}, expected 2", file=file)
     if length > len(content):
         raise FormatError(f"has {len(content)} of its {length} bytes; it is cut short", file=file)
-    chunks: dict[bytes, bytes] = {}
+    found = {b"JSON": b"", b"BIN\0": b""}
     at = 12
-    while at + 8 <= length:
-        (size,), kind = struct.unpack_from("<I", content, at), content[at + 4 : at + 8]
+    for kind in found:
+        if at + 8 > length:
+            break
+        (size,), found_kind = struct.unpack_from("<I", content, at), content[at + 4 : at + 8]
         if at + 8 + size > length:
             raise FormatError(f"a chunk of {size} bytes at {at} reaches beyond the file's end", file=file)
-        chunks.setdefault(kind, content[at + 8 : at + 8 + size])
+        if found_kind == kind:
+            found[kind] = content[at + 8 : at + 8 + size]
+        elif kind == b"JSON":
+            raise FormatError("has no JSON chunk, expected one", file=file)
         at += 8 + size
-    if b"JSON" not in chunks:
-        raise FormatError("has no JSON chunk, expected one", file=file)
-    text = chunks[b"JSON"].decode("utf-8")
-    if not isinstance(json.loads(text), dict):
-        raise FormatError("its JSON is no object", file=file)
-    return GLTF2.from_json(text, infer_missing=True), chunks.get(b"BIN\0", b"")
+    return found[b"JSON"], found[b"BIN\0"]

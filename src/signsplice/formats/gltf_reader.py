@@ -8,8 +8,7 @@ densest keys.
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -17,10 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.errors import FormatError, InputError
-from signsplice.formats.atomic import read_bytes
-from signsplice.formats.gltf_document import FPS_EXTRA, MAX_VALUES, ROLES_EXTRA, VRM_ANIMATION, Document
+from signsplice.errors import LimitError
+from signsplice.formats.gltf_document import FPS_EXTRA, ROLES_EXTRA, VRM_ANIMATION, Document, Fields
 from signsplice.formats.gltf_keys import DRIFT, Keys, frame_rate, sample
+from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
+from signsplice.formats.reading import stem
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.roles import ROLES
@@ -33,50 +33,37 @@ _EVEN = 1e-3
 """Scales along three axes, or over time, that differ by less than this fraction are equal."""
 
 
-def read(path: str | Path, animation: str | None = None) -> Clip:
-    """The clip of a file's animation, by default the first; in metres, the unit of glTF.
+def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS, folder: Path | None = None) -> Clip:
+    """The clip of the first animation in the bytes of a file named ``file``; in metres, the unit of glTF.
 
-    Raises ``FormatError`` where the file is not valid glTF, has no animation (of that name) or scales joints unevenly;
-    ``InputError`` where it cannot be read.
+    ``folder``: where the buffer files that it names lie; where it is None, no other file is opened. Raises
+    ``FormatError`` where there is no animation or joints are scaled unevenly, and what its content causes where it is
+    not valid glTF.
     """
-    return _read(read_bytes(path), str(path), Path(path).parent, animation)
-
-
-def parse(content: bytes, file: str = "") -> Clip:
-    """The clip of the first animation in the bytes of a file named ``file``. Opens no other file: a document that
-    refers to one is refused. Raises ``FormatError``.
-    """
-    return _read(content, file, None, None)
-
-
-def _read(content: bytes, file: str, folder: Path | None, animation: str | None) -> Clip:
-    try:
-        return _AnimationReader(file, content, folder).clip(animation)
-    except FormatError:
-        raise
-    except InputError as error:
-        raise FormatError(f"holds no valid clip ({error})", file=file) from error
-    except (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError, RecursionError, MemoryError,
-            struct.error) as error:  # fmt: skip
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise FormatError(f"is no valid glTF file ({reason[:200]})", file=file) from error
+    return _AnimationReader(file, content, limits, folder).clip()
 
 
 class _AnimationReader(Document):
     """A document whose animation is being read."""
 
-    def __init__(self, file: str, content: bytes, folder: Path | None) -> None:
-        super().__init__(file, content, folder)
+    def __init__(self, file: str, content: bytes, limits: ReadLimits, folder: Path | None) -> None:
+        super().__init__(file, content, limits, folder)
         self.scales: dict[int, Float] = {}  # node -> scale (3,), where the animation sets it
 
-    def clip(self, name: str | None) -> Clip:
-        animation = self._animation(name)
+    def clip(self) -> Clip:
+        if not self.json.get("animations"):
+            raise self._error("holds no animation, expected an animated skeleton")
+        animation = self.json["animations"][0]
         targets = self._targets(animation)
         joints, roles = self._joints(targets)
-        order = self._order(joints, targets)
-        channels = self._channels(animation, {key: n for key, n in targets.items() if key[0] in order})
+        order = self._order(joints, {node for node, _ in targets})
+        if len(order) > self.limits.joints:
+            what = f"{len(order):,} joints, expected at most {self.limits.joints:,.0f}"
+            raise LimitError(what, file=self.file)
+        wanted = {*order}
+        channels = self._channels(animation, {key: n for key, n in targets.items() if key[0] in wanted})
         times, fps = self._times(channels, animation, len(order))
-        return self._sampled_clip(order, roles, channels, times, fps, animation.name)
+        return self._sampled_clip(order, roles, channels, times, fps, animation.get("name"))
 
     def _sampled_clip(
         self,
@@ -85,7 +72,7 @@ class _AnimationReader(Document):
         channels: Mapping[tuple[int, str], Keys],
         times: Float,
         fps: float,
-        name: str | None,
+        name: Any,
     ) -> Clip:
         """The clip of joint nodes ``order`` (J), parents first, at ``times`` (T,)."""
         rows = {node: k for k, node in enumerate(order)}
@@ -109,64 +96,54 @@ class _AnimationReader(Document):
         rest_quats[0] = rotation.multiply(world_quat, rest_quats[0])
         bound = self._bind_rotations(order, parents, rest_quats)
         parent_bound = np.where((parents >= 0)[:, None], bound[parents], rotation.IDENTITY)
-        local_quats = rotation.multiply(rotation.multiply(parent_bound, local_quats), rotation.inverse(bound))
-        offsets, translations = rotation.rotate(parent_bound, offsets), rotation.rotate(parent_bound, translations)
+        offsets = rotation.rotate(parent_bound, offsets)
+        for k in range(len(order)):  # joint by joint and in place, to keep the memory of intermediate results small
+            quats = rotation.multiply(rotation.multiply(parent_bound[k], local_quats[:, k]), rotation.inverse(bound[k]))
+            local_quats[:, k] = rotation.continuous(rotation.normalize(quats))
+            translations[:, k] = rotation.rotate(parent_bound[k], translations[:, k])
+        translations[:, 0] = 0.0
         change = float(np.ptp(translations[:, 1:], axis=0).max()) if len(order) > 1 else 0.0
         stretches = change > _HELD * float(np.abs(offsets).max())
-        names = _unique([_printable(self.gltf.nodes[node].name, node) for node in order])
+        names = _unique([_printable(self.nodes[node].get("name"), f"node {node}") for node in order])
         named = {role: names[rows[node]] for role, node in roles.items() if node in rows} or self._stored_roles(names)
         return Clip(
             Skeleton(tuple(names), parents, np.concatenate([np.zeros((1, 3)), offsets[1:]]), roles=named or None),
-            rotation.continuous(rotation.normalize(local_quats)),
+            local_quats,
             roots,
             fps,
-            name=name or Path(self.file).stem,
-            translations=np.concatenate([np.zeros((len(times), 1, 3)), translations[:, 1:]], axis=1)
-            if stretches
-            else None,
+            name=_printable(name, stem(self.file)),
+            translations=translations if stretches else None,
         )
-
-    def _animation(self, name: str | None) -> Any:
-        """The animation of a name, or the first one."""
-        animations = self.gltf.animations or []
-        if not animations:
-            raise self._error("holds no animation, expected an animated skeleton")
-        if name is None:
-            return animations[0]
-        named = [animation for animation in animations if animation.name == name]
-        if not named:
-            names = ", ".join(repr(animation.name) for animation in animations[:8])
-            raise self._error(f"holds no animation {name!r}, expected one of {names}")
-        return named[0]
 
     def _stored_roles(self, names: Sequence[str]) -> dict[str, str]:
         """Role -> joint name from the extras of a file that we wrote, for joints that exist."""
-        stored = (self.gltf.extras or {}).get(ROLES_EXTRA) if isinstance(self.gltf.extras, dict) else None
+        extras = self.json.get("extras")
+        stored = extras.get(ROLES_EXTRA) if isinstance(extras, dict) else None
         pairs = stored.items() if isinstance(stored, dict) else ()
         return {role: name for role, name in pairs if role in ROLES and name in names}
 
-    def _targets(self, animation: Any) -> dict[tuple[int, str], int]:
+    def _targets(self, animation: Fields) -> dict[tuple[int, str], int]:
         """(node, "rotation", "translation" or "scale") -> number of the sampler that animates it."""
         found: dict[tuple[int, str], int] = {}
-        for channel in animation.channels:
-            node, path = channel.target.node, channel.target.path
+        for channel in animation["channels"]:
+            node, path = channel["target"].get("node"), channel["target"]["path"]
             if node is not None and path in ("rotation", "translation", "scale"):
-                self._row(self.gltf.nodes, node, "joint")
-                found.setdefault((node, path), channel.sampler)
+                self._row(self.nodes, node, "joint")
+                found.setdefault((node, path), channel["sampler"])
         if not any(path != "scale" for _, path in found):
             raise self._error("animates no node's rotation or position, expected an animated skeleton")
         return found
 
-    def _channels(self, animation: Any, targets: Mapping[tuple[int, str], int]) -> dict[tuple[int, str], Keys]:
+    def _channels(self, animation: Fields, targets: Mapping[tuple[int, str], int]) -> dict[tuple[int, str], Keys]:
         """The keys of rotations and translations. A scale that does not change over time goes to ``scales``."""
         found, total = {}, 0
         for (node, path), number in targets.items():
-            sampler = self._row(animation.samplers, number, "sampler")
-            times, values = self._values(sampler.input)[:, 0], self._values(sampler.output)
-            total += values.size
-            if total > MAX_VALUES:
-                raise self._error(f"more than {MAX_VALUES:,} numbers of keys are more than a clip may hold")
-            spline = sampler.interpolation == "CUBICSPLINE"
+            sampler = self._row(animation["samplers"], number, "sampler")
+            times, values = self._values(sampler["input"])[:, 0], self._values(sampler["output"])
+            total += values.nbytes  # counted for each channel, also where channels share them
+            self.limits.check_memory("keys", total, self.given_bytes, self.file)
+            interpolation = sampler.get("interpolation") or "LINEAR"
+            spline = interpolation == "CUBICSPLINE"
             expected = (3 if spline else 1) * len(times)
             if not len(times) or len(values) != expected or np.any(np.diff(times) <= 0.0):
                 raise self._error(f"{path} of node {node}: {len(values)} values for {len(times)} rising times")
@@ -181,78 +158,81 @@ class _AnimationReader(Document):
                     raise self._error(f"node {node} changes its size over time, expected rotations and positions only")
                 self.scales[node] = scales[0]
                 continue
-            found[node, path] = Keys(times, values, sampler.interpolation or "LINEAR")
+            found[node, path] = Keys(times, values, interpolation)
         if not found:
             raise self._error("animates none of its joints, expected an animated skeleton")
         return found
 
-    def _joints(self, targets: Mapping[tuple[int, str], int]) -> tuple[list[int], dict[str, int]]:
+    def _joints(self, targets: Mapping[tuple[int, str], int]) -> tuple[set[int], dict[str, int]]:
         """The nodes that are joints, and role -> node of a VRM humanoid.
 
         Joints are those of the skins, else of the humanoid, else all animated nodes with their descendants.
         """
-        extensions = {**(self.gltf.extensions or {})}
+        extensions = self.json.get("extensions") or {}
         vrm = extensions.get(VRM_ANIMATION) or extensions.get("VRMC_vrm") or {}
-        humanoid = vrm.get("humanoid", {}).get("humanBones", {})
-        named = {role: int(bone["node"]) for role, bone in humanoid.items() if role in ROLES}
-        if len(set(named.values())) < len(named):
+        humanoid = (vrm.get("humanoid") or {}).get("humanBones") or {}
+        roles = {role: int(bone["node"]) for role, bone in humanoid.items() if role in ROLES}
+        if len(set(roles.values())) < len(roles):
             raise self._error("its humanoid has one node in two roles")
-        roles = {role: node for role, node in named.items() if self._row(self.gltf.nodes, node, "joint")}
-        skinned = [int(joint) for skin in self.gltf.skins or [] for joint in skin.joints or []]
-        joints = skinned or [*roles.values()] or [node for animated, _ in targets for node in self._subtree(animated)]
-        joints = list(dict.fromkeys(joints))
-        for joint in joints:
-            self._row(self.gltf.nodes, joint, "joint")
+        skinned = {joint for skin in self.json.get("skins") or () for joint in skin["joints"]}
+        joints = skinned or {*roles.values()} or self._with_descendants({node for node, _ in targets})
+        for joint in (*joints, *roles.values()):
+            self._row(self.nodes, joint, "joint")
         return joints, {role: node for role, node in roles.items() if node in joints}
 
-    def _order(self, joints: list[int], targets: Mapping[tuple[int, str], int]) -> list[int]:
+    def _with_descendants(self, nodes: set[int]) -> set[int]:
+        found = set(nodes)
+        for node in self.order:
+            if self.parents.get(node) in found:
+                found.add(node)
+        return found
+
+    def _order(self, joints: set[int], animated: set[int]) -> list[int]:
         """The joints and the nodes between them, parents first.
 
         The root is the nearest common ancestor of all joints, or the highest animated node above it.
         """
-        paths = [self._path_to_root(joint) for joint in joints]
-        shared = set.intersection(*(set(path) for path in paths))
-        if not shared:
+        n_below = [int(node in joints) for node in range(len(self.nodes))]  # joints at or below each node
+        for node in reversed(self.order):
+            if node in self.parents:
+                n_below[self.parents[node]] += n_below[node]
+        above_all = [node for node in self.order if n_below[node] == len(joints)]  # a path from the root down
+        if not above_all:
             raise self._error("its joints hang from several roots, expected one skeleton")
-        nearest = max(shared, key=lambda node: len(self._path_to_root(node)))
-        animated = {node for node, _ in targets}
-        root = next((node for node in reversed(self._path_to_root(nearest)) if node in animated), nearest)
-        wanted = {node for path in paths for node in path[: path.index(root) + 1]}
-        return [node for node in self._subtree(root) if node in wanted]
+        root = next((node for node in above_all if node in animated), above_all[-1])
+        return [node for node in self._subtree(root) if n_below[node]]
 
-    def _times(self, channels: Mapping[tuple[int, str], Keys], animation: Any, n_joints: int) -> tuple[Float, float]:
+    def _times(self, channels: Mapping[tuple[int, str], Keys], animation: Fields, n_joints: int) -> tuple[Float, float]:
         """Times (T,) from the first to the last key, and the frame rate: that of our extras, else of the densest
         keys.
         """
         start = min(float(keys.times[0]) for keys in channels.values())
         end = max(float(keys.times[-1]) for keys in channels.values())
-        stored = (animation.extras or {}).get(FPS_EXTRA) if isinstance(animation.extras, dict) else None
+        extras = animation.get("extras")
+        stored = extras.get(FPS_EXTRA) if isinstance(extras, dict) else None
         if isinstance(stored, int | float) and 1.0 <= stored <= 1000.0:
             fps = float(stored)
         else:
             fps = frame_rate(max((keys.times for keys in channels.values()), key=len))
-        n_frames = (end - start) * fps
-        if not 4.0 * n_frames * n_joints <= MAX_VALUES:
-            raise self._error(
-                f"{end - start:g} s of {n_joints} joints at {fps:g} a second are more than a clip may hold"
-            )
-        return start + np.arange(int(n_frames + 1.01 * DRIFT) + 1) / fps, fps
+        steps = (end - start) * fps
+        self.limits.check_clip(steps, n_joints, fps, steps * n_joints * FRAME_BYTES, self.given_bytes, self.file)
+        return start + np.arange(int(steps + 1.01 * DRIFT) + 1) / fps, fps
 
     def _local_pose(self, node: int) -> tuple[Float, Float, float]:
         """A node's own position (3,), rotation (4,) and scale at rest, relative to its parent."""
-        fields = self.gltf.nodes[node]
-        if fields.matrix:
-            matrix = np.array(fields.matrix, np.float64).reshape(4, 4).T
+        fields = self.nodes[node]
+        if fields.get("matrix"):
+            matrix = np.array(fields["matrix"], np.float64).reshape(4, 4).T
             scale = np.linalg.norm(matrix[:3, :3], axis=0)
             position, quat = matrix[:3, 3], rotation.from_matrix(matrix[:3, :3] / np.where(scale == 0.0, 1.0, scale))
         else:
-            position = np.array(fields.translation or [0.0, 0.0, 0.0], np.float64)
-            quat = rotation.normalize(np.array(fields.rotation or [0.0, 0.0, 0.0, 1.0], np.float64))
-            scale = np.array(fields.scale or [1.0, 1.0, 1.0], np.float64)
+            position = np.array(fields.get("translation") or [0.0, 0.0, 0.0], np.float64).reshape(3)
+            quat = rotation.normalize(np.array(fields.get("rotation") or [0.0, 0.0, 0.0, 1.0], np.float64).reshape(4))
+            scale = np.array(fields.get("scale") or [1.0, 1.0, 1.0], np.float64).reshape(3)
         scale = self.scales.get(node, scale)
         if not (scale.min() > 0.0 and np.ptp(scale) <= _EVEN * scale.max()):
-            name = fields.name or node
-            raise self._error(f"node {name!r} is scaled by {scale.tolist()}, expected one positive number")
+            name = fields.get("name") or node
+            raise self._error(f"node {name!r:.80} is scaled by {scale.tolist()}, expected one positive number")
         return position, quat, float(scale.mean())
 
     def _world_pose(self, node: int | None) -> tuple[Float, Float, float]:
@@ -267,15 +247,18 @@ class _AnimationReader(Document):
     def _bind_rotations(self, order: Sequence[int], parents: NDArray[np.intp], rest_quats: Float) -> Float:
         """Global rotations (J, 4) of the pose in which the skin is bound; of the rest pose for joints without skin."""
         bound: dict[int, Float] = {}
-        for skin in self.gltf.skins or []:
-            if skin.inverseBindMatrices is None:
+        wanted = {*order}
+        for skin in self.json.get("skins") or ():
+            if skin.get("inverseBindMatrices") is None:
                 continue
-            matrices = self._values(skin.inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
-            if len(matrices) < len(skin.joints) or not np.isfinite(matrices).all():
-                raise self._error(f"a skin binds {len(skin.joints)} joints with {len(matrices)} valid matrices")
-            for joint, matrix in zip(skin.joints, matrices, strict=False):
-                u, _, vt = np.linalg.svd(np.linalg.inv(matrix)[:3, :3])
-                bound.setdefault(int(joint), rotation.from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt))
+            joints = skin["joints"]
+            matrices = self._values(skin["inverseBindMatrices"])[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1)
+            if len(matrices) < len(joints) or not np.isfinite(matrices).all():
+                raise self._error(f"a skin binds {len(joints)} joints with {len(matrices)} valid matrices")
+            for joint, matrix in zip(joints, matrices, strict=True):
+                if joint in wanted and joint not in bound:
+                    u, _, vt = np.linalg.svd(np.linalg.inv(matrix)[:3, :3])
+                    bound[joint] = rotation.from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
         out = np.empty_like(rest_quats)
         for k, node in enumerate(order):
             parent_quat = rotation.IDENTITY if parents[k] < 0 else out[parents[k]]
@@ -283,20 +266,22 @@ class _AnimationReader(Document):
         return out
 
 
-def _printable(name: Any, node: int) -> str:
-    """A node's name as text that can be written to any file."""
-    text = name.encode("utf-8", "replace").decode() if isinstance(name, str) else ""
-    return text or f"node {node}"
+def _printable(name: Any, otherwise: str) -> str:
+    """A name as text that can be written to any file."""
+    return (name.encode("utf-8", "replace").decode() if isinstance(name, str) else "") or otherwise
 
 
 def _unique(names: Sequence[str]) -> list[str]:
     """The names; one that is already taken gets a number."""
     out: list[str] = []
-    taken = set(names)
+    taken, used = set(names), set()
+    numbers: dict[str, Iterator[int]] = {}
     for name in names:
         unique = name
-        if name in out:
-            unique = next(numbered for n in count(2) if (numbered := f"{name} {n}") not in taken)
+        if name in used:
+            counter = numbers.setdefault(name, count(2))
+            unique = next(numbered for n in counter if (numbered := f"{name} {n}") not in taken)
             taken.add(unique)
+        used.add(unique)
         out.append(unique)
     return out

@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 import json
+import math
 import zipfile
+from collections.abc import Mapping
 from io import BytesIO
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from signsplice.errors import FormatError, InputError
-from signsplice.formats.atomic import read_bytes
+from signsplice.errors import InputError, LimitError
+from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.motion.clip import Clip, EndSite, Skeleton
-from signsplice.motion.euler_channels import Channels
+from signsplice.motion.euler_channels import POSITIONS, ROTATIONS, Channels
 
 VERSION = 1
-MAX_EXPANSION = 200
-"""An archive may unpack to this many times its own size (at least 64 MiB): clips stay far below, zip bombs do not."""
+_ENTRY = b"PK\x01\x02"
+"""Begins the entry of each member in an archive's directory."""
+_LEAST_ALLOWED = 64 << 20
+"""An archive may unpack to so many bytes, however small it is."""
+_HEAD, _INTEGERS = "head", "parents"
+_ARRAYS = {
+    "parents": 1, "offsets": 2, "end_offsets": 2, "local_rotations": 3, "root_positions": 2,
+    "translations": 3, "channel_values": 2, "channel_offsets": 2,
+}  # fmt: skip
+"""Names of arrays -> number of their dimensions."""
 
 
 def encode(clip: Clip) -> bytes:
@@ -49,50 +58,71 @@ def encode(clip: Clip) -> bytes:
     return archive.getvalue()
 
 
-def read(path: str | Path) -> Clip:
-    """The clip in an archive that ``encode`` made. Raises ``FormatError`` for any other, ``InputError`` if it cannot be
-    read.
+def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
+    """The clip in the bytes of an archive that ``encode`` made. Raises ``InputError``, or what numpy and zipfile raise,
+    for any other.
     """
-    content = read_bytes(path)
-    try:
-        with zipfile.ZipFile(BytesIO(content)) as archive:
-            unpacked = sum(member.file_size for member in archive.infolist())
-        if unpacked > max(64 << 20, MAX_EXPANSION * len(content)):
-            raise FormatError(f"unpacks to {unpacked >> 20} MiB, far more than a clip does; refused", file=str(path))
-        with np.load(BytesIO(content), allow_pickle=False) as stored:
-            arrays = {key: stored[key] for key in stored.files}
-        return _clip(arrays)
-    except FormatError:
-        raise
-    except InputError as error:
-        raise FormatError(f"holds no valid clip ({error})", file=str(path)) from error
-    except (zipfile.BadZipFile, ValueError, KeyError, TypeError, EOFError, OSError, IndexError, MemoryError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise FormatError(f"is not a clip that signsplice wrote ({reason})", file=str(path)) from error
+    if content.count(_ENTRY) > limits.members:  # before zipfile makes an object of each
+        raise LimitError(f"{content.count(_ENTRY):,} members, expected at most {limits.members:,.0f}", file=file)
+    with zipfile.ZipFile(BytesIO(content)) as archive:
+        unpacked = sum(member.file_size for member in archive.infolist())
+        most = min(limits.unpacked_bytes, max(_LEAST_ALLOWED, limits.expansion * len(content)))
+        if unpacked > most:
+            what = f"unpacks to {unpacked >> 20:,} MiB, far more than a clip does"
+            raise LimitError(f"{what}; expected at most {most / 2**20:,.0f} MiB", file=file)
+        names = [name for name in (_HEAD, *_ARRAYS) if f"{name}.npy" in archive.NameToInfo]
+        if _HEAD not in names:
+            raise InputError("it is no clip that signsplice wrote")
+        for name in names:
+            _check_member(archive, name)
+    with np.load(BytesIO(content), allow_pickle=False) as stored:
+        arrays = {name: stored[name] for name in names}
+    head = json.loads(str(arrays.pop(_HEAD)))
+    clip = _clip(head, arrays)
+    limits.check_clip(len(clip), len(clip.skeleton), clip.fps, clip.nbytes, unpacked, file)
+    return clip
 
 
-def _clip(arrays: dict[str, Any]) -> Clip:
-    head = json.loads(str(arrays["head"]))
-    if head["version"] != VERSION:
-        raise InputError(f"version {head['version']}, expected {VERSION}")
-    channels = None
-    if "channels" in head:
-        channels = Channels(
-            names=tuple(tuple(row) for row in head["channels"]),
-            values=arrays["channel_values"],
-            offsets=arrays["channel_offsets"],
-            frame_time=float(head["frame_time"]),
-            starts=tuple(head["starts"]),
-        )
+def _check_member(archive: zipfile.ZipFile, name: str) -> None:
+    """Raise ``InputError`` where an array is of another type, or larger than its bytes, before memory is taken."""
+    member = archive.getinfo(f"{name}.npy")
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise InputError(f"{name} is compressed by method {member.compress_type}, expected deflate or none")
+    with archive.open(member) as stored:
+        if np.lib.format.read_magic(stored) != (1, 0):
+            raise InputError(f"{name} is no array of version 1.0")
+        shape, _, dtype = np.lib.format.read_array_header_1_0(stored)
+        n_bytes = member.file_size - stored.tell()
+    expected = "U" if name == _HEAD else "i" if name == _INTEGERS else "f"
+    if dtype.kind != expected or (expected == "f" and dtype.itemsize not in (4, 8)):
+        raise InputError(f"{name} holds {dtype}, expected {_KINDS[expected]}")
+    if len(shape) != _ARRAYS.get(name, 0) or math.prod(shape) * dtype.itemsize != n_bytes:
+        raise InputError(f"{name} has shape {shape} in {n_bytes} bytes")
+
+
+_KINDS = {"U": "text", "i": "whole numbers", "f": "numbers of 32 or 64 bits"}
+
+
+def _clip(head: Any, arrays: Mapping[str, Any]) -> Clip:
+    """The clip of an archive's description and arrays. Raises ``InputError`` where they are not as ``encode`` makes."""
+    if not isinstance(head, dict) or head.get("version") != VERSION:
+        found = head.get("version") if isinstance(head, dict) else None
+        raise InputError(f"version {found!r:.40}, expected {VERSION}")
+    if not _are(head["names"], str) or not _are(head["end_joints"], int):
+        raise InputError("names, end_joints: expected lists of joint names and joint numbers")
+    if len(head["end_joints"]) != len(arrays["end_offsets"]):
+        raise InputError(f"{len(head['end_joints'])} end sites with {len(arrays['end_offsets'])} offsets")
     skeleton = Skeleton(
         names=tuple(head["names"]),
         parents=arrays["parents"],
         offsets=arrays["offsets"],
         end_sites=tuple(
-            EndSite(int(joint), offset) for joint, offset in zip(head["end_joints"], arrays["end_offsets"], strict=True)
+            EndSite(joint, tip) for joint, tip in zip(head["end_joints"], arrays["end_offsets"], strict=True)
         ),
         roles=head["roles"],
     )
+    if not _are([head["fps"]], int, float):
+        raise InputError(f"fps {head['fps']!r:.40}, expected a number")
     return Clip(
         skeleton=skeleton,
         local_rotations=arrays["local_rotations"],
@@ -100,5 +130,30 @@ def _clip(arrays: dict[str, Any]) -> Clip:
         fps=head["fps"],
         name=head["name"],
         translations=arrays.get("translations"),
-        channels=channels,
+        channels=_channels(head, arrays) if "channels" in head else None,
     )
+
+
+def _channels(head: Mapping[str, Any], arrays: Mapping[str, Any]) -> Channels:
+    names, known = head["channels"], {*POSITIONS, *ROTATIONS}
+    if not _are(names, list) or not all(len(set(row)) == len(row) and known.issuperset(row) for row in names):
+        raise InputError("channels: expected a list of different channel names for each joint")
+    values, starts = arrays["channel_values"], head["starts"]
+    if not _are(starts, int) or starts[:1] != [0] or starts != sorted(set(starts)) or starts[-1] >= len(values):
+        raise InputError("starts: expected 0 and rising numbers of frames")
+    if np.isinf(values).any():
+        raise InputError("channel_values: a number is infinite")
+    if not _are([head["frame_time"]], int, float):
+        raise InputError("frame_time: expected seconds")
+    return Channels(
+        names=tuple(tuple(row) for row in names),
+        values=values,
+        offsets=arrays["channel_offsets"],
+        frame_time=float(head["frame_time"]),
+        starts=tuple(starts),
+    )
+
+
+def _are(values: Any, *kinds: type) -> bool:
+    """Whether something is a list whose items are exactly of these types; True is no number."""
+    return isinstance(values, list) and all(type(value) in kinds for value in values)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from signsplice.errors import FormatError
-from signsplice.formats.atomic import read_bytes
+from signsplice.formats.json_files import read_json
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import ROLES, unknown_role
@@ -23,17 +23,12 @@ def read(path: str | Path) -> dict[str, str]:
     role or a joint name that is not a string.
     """
     file = str(path)
-    try:
-        loaded = json.loads(read_bytes(path).decode("utf-8-sig"))
-    except json.JSONDecodeError as error:
-        raise FormatError(f"not JSON ({error.msg}), expected {_SHAPE}", file=file, line=error.lineno) from error
-    except (UnicodeDecodeError, RecursionError) as error:
-        raise FormatError(f"not JSON, expected {_SHAPE}", file=file) from error
+    loaded = read_json(path, _SHAPE)
     if not isinstance(loaded, dict):
         raise FormatError(f"found {json.dumps(loaded)[:40]}, expected {_SHAPE}", file=file)
     for role, name in loaded.items():
         if role not in ROLES:
-            raise FormatError(unknown_role(role), file=file)
+            raise FormatError(unknown_role(role[:40]), file=file)
         if not isinstance(name, str):
             raise FormatError(f"{role}: found {json.dumps(name)[:40]}, expected a joint's name in quotes", file=file)
     return loaded

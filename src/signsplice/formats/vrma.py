@@ -12,13 +12,13 @@ from pygltflib import GLTF2
 
 from signsplice.errors import InputError
 from signsplice.formats.gltf_document import VRM_ANIMATION
-from signsplice.formats.gltf_reader import parse, read
+from signsplice.formats.gltf_reader import parse
 from signsplice.formats.gltf_writer import DocumentWriter, in_front, sole_depth
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.info import rig_info
 
-__all__ = ["document", "encode", "parse", "read"]
+__all__ = ["document", "encode", "parse"]
 
 _EYES = ("leftEye", "rightEye")
 """Roles that a VRM animation must not animate as bones."""

@@ -1,12 +1,9 @@
-"""Lexicons written word by word, whole or not at all: in a hidden temporary folder that is renamed at the end."""
+"""Lexicons written word by word, whole or not at all: in a hidden temporary folder that takes its place at the end."""
 
 from __future__ import annotations
 
 import hashlib
-import os
-import shutil
 import sqlite3
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -14,6 +11,7 @@ from pathlib import Path
 from weakref import WeakKeyDictionary
 
 from signsplice.errors import InputError
+from signsplice.formats.atomic import check_place, replacing_folder
 from signsplice.lexicon.entry import Entry, fold, gloss_of, kind_of
 from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, encode, fingerprint
 from signsplice.lexicon.index import (
@@ -113,13 +111,12 @@ class Builder:
         return self._skeletons[description]
 
     def finish(self) -> None:
-        """Write both heads and flush everything to disk."""
+        """Write both heads."""
         if not self.n_words:
             raise InputError("no word was added, expected at least one")
         self._frames.seek(0)
         self._frames.write(MAGIC + self._digest.digest())
         self._frames.flush()
-        os.fsync(self._frames.fileno())
         self._index.finish(Head(self.form, self.n_words, self._n_bytes, self._digest.hexdigest()))
 
     def close(self) -> None:
@@ -138,34 +135,24 @@ def building(path: str | Path, *, compact: bool = False) -> Iterator[Builder]:
     is at ``path``, or it cannot be written, e.g. because the disk is full.
     """
     check_target(path)
-    target = Path(path).resolve()
-    temporary: Path | None = None
-    try:
-        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
-        builder = Builder(temporary, "int16" if compact else "float32")
+    with replacing_folder(path) as temporary:
         try:
-            yield builder
-            builder.finish()
-        finally:
-            builder.close()
-        _publish(temporary, target)
-    except (OSError, sqlite3.Error) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{path}: cannot be written ({reason}); nothing was left there half-written") from error
-    finally:
-        if temporary is not None:
-            shutil.rmtree(temporary, ignore_errors=True)
+            builder = Builder(temporary, "int16" if compact else "float32")
+            try:
+                yield builder
+                builder.finish()
+            finally:
+                builder.close()
+        except sqlite3.Error as error:
+            raise OSError(str(error)) from error
 
 
 def check_target(path: str | Path) -> None:
-    """Raise ``InputError`` where no lexicon can be written to ``path``: its folder is missing or not writable, or
-    something that is not a lexicon would be lost.
+    """Raise ``InputError`` where no lexicon can be written to ``path``, as ``check_place`` does, or where something
+    that is not a lexicon would be lost.
     """
+    check_place(path)
     target = Path(path).resolve()
-    if not target.parent.is_dir():
-        raise InputError(f"{path}: folder {Path(path).parent} does not exist; make it first")
-    if not os.access(target.parent, os.W_OK):
-        raise InputError(f"{path}: folder {Path(path).parent} is not writable")
     if not target.exists():
         return
     if not target.is_dir() or application_id(target / INDEX) != APPLICATION_ID:
@@ -173,26 +160,6 @@ def check_target(path: str | Path) -> None:
     others = sorted(other.name for other in target.iterdir() if other.name not in (INDEX, FRAMES))
     if others:
         raise InputError(f"{path}: holds {others[0]} beside its lexicon, which would be lost; move it or choose a name")
-
-
-def _publish(temporary: Path, target: Path) -> None:
-    """Rename a finished folder to ``target``; a lexicon that was there is restored if that fails."""
-    umask = os.umask(0)  # mkdtemp makes a private folder
-    os.umask(umask)
-    temporary.chmod(0o777 & ~umask)
-    if not target.exists():
-        temporary.rename(target)
-        return
-    attic = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
-    try:
-        target.rename(attic / "old")
-        temporary.rename(target)
-    except BaseException:
-        if (attic / "old").exists() and not target.exists():
-            (attic / "old").rename(target)
-        raise
-    finally:
-        shutil.rmtree(attic, ignore_errors=True)
 
 
 def rest_frames(clip: Clip) -> tuple[int | None, int | None]:

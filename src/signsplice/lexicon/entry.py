@@ -54,7 +54,7 @@ def gloss_of(text: str) -> str:
     """
     words = "-".join(unicodedata.normalize("NFC", text).split())
     if not words.isprintable() or not words:
-        raise InputError(f"gloss {text!r}, expected printable characters")
+        raise InputError(f"gloss {text[:80]!r}, expected printable characters")
     upper = "".join(c.upper() if len(c.upper()) == 1 else c for c in words)  # a sharp s stays one letter
     return LETTER_MARK + upper[3:] if upper.startswith(LETTER_MARK.upper()) and len(upper) > 3 else upper
 
@@ -75,9 +75,9 @@ def kind_of(gloss: str, kind: str = "") -> str:
     Raises ``InputError`` for an unknown kind, or for a letter whose gloss is not ``fs-`` and one character.
     """
     if kind and kind not in KINDS:
-        raise InputError(f"kind {kind!r}, expected {' or '.join(KINDS)}")
+        raise InputError(f"kind {kind[:40]!r}, expected {' or '.join(KINDS)}")
     if kind == "letter" and not is_letter(gloss):
-        raise InputError(f"letter {gloss!r}, expected a gloss of {LETTER_MARK} and one character, such as fs-A")
+        raise InputError(f"letter {gloss[:40]!r}, expected a gloss of {LETTER_MARK} and one character, such as fs-A")
     return kind or ("letter" if is_letter(gloss) else "sign")
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.formats import READ_SUFFIXES, load
+from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.formats.roles import with_roles
 from signsplice.lexicon import glosses
 from signsplice.lexicon.builder import Builder, building, check_target
@@ -96,14 +97,19 @@ def build(
     roles: Mapping[str, str] | None = None,
     skip_broken: bool = False,
     progress: Progress | None = None,
+    limits: ReadLimits = DEFAULT_LIMITS,
 ) -> Built:
     """Build a lexicon at ``output`` from every clip below ``folder``, with one clip in memory at a time.
 
     compact: int16 rotations, half the size. signer: of clips for which the table names none. roles: role -> joint name,
     for rigs that are not recognised by joint names. skip_broken: leave out broken clips, with a warning each, rather
-    than stop at the first. Raises ``InputError``; then nothing has changed at ``output``.
+    than stop at the first. limits: of each clip. Raises ``InputError``, also where one of the folders lies in the
+    other; then nothing has changed at ``output``.
     """
     check_target(output)
+    read, made = Path(folder).resolve(), Path(output).resolve()
+    if made.is_relative_to(read) or read.is_relative_to(made):
+        raise InputError(f"{output}: lies in {folder}, which is read, or contains it; name another folder")
     sources, faults = find_sources(folder, signer)
     if faults:
         more = f" (and {len(faults) - 1} more: `signsplice lexicon check {folder}`)" if len(faults) > 1 else ""
@@ -113,7 +119,7 @@ def build(
     with building(output, compact=compact) as builder:
         for done, source in enumerate(sources, start=1):
             try:
-                entry = _add(builder, source, roles)
+                entry = _add(builder, source, roles, limits)
                 n_letters += entry.kind == "letter"
                 n_without_arms += entry.rest_before is None
             except InputError as error:
@@ -135,7 +141,10 @@ def build(
 
 
 def check(
-    folder: str | Path, roles: Mapping[str, str] | None = None, progress: Progress | None = None
+    folder: str | Path,
+    roles: Mapping[str, str] | None = None,
+    progress: Progress | None = None,
+    limits: ReadLimits = DEFAULT_LIMITS,
 ) -> tuple[int, list[str]]:
     """Number of clips below a folder, and everything that prevents a build, one line each. Raises ``InputError`` where
     there is no clip.
@@ -143,7 +152,7 @@ def check(
     sources, faults = find_sources(folder)
     for done, source in enumerate(sources, start=1):
         try:
-            clip = _read(source, roles)
+            clip = _read(source, roles, limits)
             with _prefixed_errors(source):
                 encode(clip, "float32")
         except InputError as error:
@@ -153,9 +162,9 @@ def check(
     return len(sources), faults
 
 
-def _add(builder: Builder, source: Source, roles: Mapping[str, str] | None) -> Entry:
+def _add(builder: Builder, source: Source, roles: Mapping[str, str] | None, limits: ReadLimits) -> Entry:
     """Read a source, add it and return its entry. Raises ``InputError`` that names its file."""
-    clip = _read(source, roles)
+    clip = _read(source, roles, limits)
     with _prefixed_errors(source):
         return builder.add(
             clip,
@@ -168,8 +177,8 @@ def _add(builder: Builder, source: Source, roles: Mapping[str, str] | None) -> E
         )
 
 
-def _read(source: Source, roles: Mapping[str, str] | None) -> Clip:
-    clip = load(source.path)
+def _read(source: Source, roles: Mapping[str, str] | None, limits: ReadLimits) -> Clip:
+    clip = load(source.path, limits)
     with _prefixed_errors(source):
         return clip if roles is None else with_roles(clip, roles)
 

@@ -37,6 +37,8 @@ HEAD_BYTES = len(MAGIC) + 32
 FORMS = ("float32", "int16")
 _UNIT = 32767.0
 _ALIGN = 8
+_FREE_BYTES, _GROWTH = 64 << 20, 10
+"""Memory that a clip may take: so much, and so many times the numbers that change."""
 _LENGTH_TOLERANCE = 2e-4
 """Rounding changes a quaternion's length by less than this; a larger change is damage."""
 
@@ -66,6 +68,7 @@ def encode(clip: Clip, form: str) -> bytes:
     if clip.translations is not None:
         tracks.append(_positions(clip.translations, clip.name))
     changing = [np.any(track != track[:1], axis=(0, 2)) for track in tracks]
+    _check_memory(len(clip), changing, 0)
     parts = [_padded(np.concatenate(changing).astype(np.uint8).tobytes())]
     for track, changes in zip(tracks, changing, strict=True):
         varying = track[:, changes]
@@ -83,6 +86,7 @@ def decode(block: Buffer, shape: Shape, skeleton: Skeleton, fps: float, name: st
     if np.any(marks > 1):
         raise InputError("its frames are not where the index says")
     changing = np.split(marks.astype(bool), np.cumsum(widths)[:-1])
+    _check_memory(shape.n_frames, changing, len(block))
     types = [np.dtype("<i2" if shape.form == "int16" else "<f4"), np.dtype("<f4"), np.dtype("<f4")]
     at = _aligned(sum(widths))
     tracks: list[Float] = []
@@ -105,6 +109,18 @@ def decode(block: Buffer, shape: Shape, skeleton: Skeleton, fps: float, name: st
     if _aligned(at) != len(block):
         raise InputError("its frames are not as many as the index says")
     return Clip(skeleton, tracks[0], tracks[1][:, 0], fps, name, tracks[2] if shape.has_translations else None)
+
+
+def _check_memory(n_frames: int, changing: list[NDArray[np.bool_]], n_bytes: int) -> None:
+    """Raise ``InputError`` where a clip would take far more memory than its numbers that change: what stands still
+    takes no bytes, whatever the number of frames.
+    """
+    needed, unpacked = 0, n_bytes
+    for changes, n_parts in zip(changing, (4, 3, 3), strict=False):
+        needed += 8 * n_parts * n_frames * len(changes)
+        unpacked += 2 * n_parts * n_frames * int(changes.sum())
+    if needed > _FREE_BYTES + _GROWTH * unpacked:
+        raise InputError(f"{n_frames} frames take {needed >> 20} MiB of memory, though few of its joints move")
 
 
 def _numbers(block: Buffer, dtype: np.dtype[Any], count: int, at: int) -> NDArray[Any]:

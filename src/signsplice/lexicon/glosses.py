@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from signsplice.errors import FormatError, InputError
-from signsplice.formats.atomic import read_bytes
+from signsplice.formats.reading import read_bytes
 from signsplice.lexicon.entry import gloss_of, kind_of
 
 TABLE = "glosses.csv"
@@ -63,7 +63,7 @@ def read(path: str | Path) -> tuple[dict[str, GlossRow], list[str]]:
                     raise InputError(f"{row.file} stands in line {rows[row.file].line} too, expected one row a file")
                 rows[row.file] = row
             except InputError as error:
-                faults.append(str(FormatError(str(error), file=file, line=reader.line_num)))
+                faults.append(str(FormatError(str(error)[:300], file=file, line=reader.line_num)))
     except csv.Error as error:
         faults.append(str(FormatError(f"is no table ({error})", file=file, line=reader.line_num)))
     return rows, faults
@@ -73,7 +73,7 @@ def _check_head(head: list[str], file: str) -> None:
     expected = f"expected {', '.join(COLUMNS)} parted by commas, of which only file must be there"
     unknown = [name for name in head if name not in COLUMNS]
     if unknown or "file" not in head:
-        what = f"column {unknown[0]!r}" if unknown else "no column 'file'"
+        what = f"column {unknown[0][:40]!r}" if unknown else "no column 'file'"
         raise FormatError(f"{what}, {expected}", file=file, line=1)
     twice = [name for name in head if head.count(name) > 1]
     if twice:

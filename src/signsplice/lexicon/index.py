@@ -7,17 +7,20 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import sqlite3
 import threading
 from collections.abc import Iterator
 from dataclasses import astuple, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.lexicon.entry import Entry, fold
+from signsplice.formats.json_files import check_type, parse_json
+from signsplice.formats.limits import DEFAULT_LIMITS
+from signsplice.lexicon.entry import KINDS, Entry, fold
 from signsplice.motion.clip import EndSite, Skeleton
 
 INDEX = "index.sqlite"
@@ -25,24 +28,31 @@ VERSION = 1
 APPLICATION_ID = 0x53_50_4C_58
 """SQLite's application id in the file's header, by which a lexicon's index is recognised."""
 
-_SCHEMA = f"""
-PRAGMA application_id = {APPLICATION_ID};
-PRAGMA user_version = {VERSION};
-CREATE TABLE lexicon (form TEXT NOT NULL, n_words INTEGER NOT NULL, n_bytes INTEGER NOT NULL, sha256 TEXT NOT NULL);
-CREATE TABLE skeleton (id INTEGER PRIMARY KEY, sha256 TEXT NOT NULL, described TEXT NOT NULL);
-CREATE TABLE word (
+_TABLES = (
+    "CREATE TABLE lexicon "
+    "(form TEXT NOT NULL, n_words INTEGER NOT NULL, n_bytes INTEGER NOT NULL, sha256 TEXT NOT NULL)",
+    "CREATE TABLE skeleton (id INTEGER PRIMARY KEY, sha256 TEXT NOT NULL, described TEXT NOT NULL)",
+    """CREATE TABLE word (
     id INTEGER PRIMARY KEY, gloss TEXT NOT NULL, kind TEXT NOT NULL, synonyms TEXT NOT NULL, fps REAL NOT NULL,
     n_frames INTEGER NOT NULL, signer TEXT NOT NULL, source TEXT NOT NULL, checked INTEGER NOT NULL,
     rest_before INTEGER, rest_after INTEGER, sha256 TEXT NOT NULL,
     skeleton INTEGER NOT NULL, start INTEGER NOT NULL, n_bytes INTEGER NOT NULL, has_translations INTEGER NOT NULL
-);
-CREATE TABLE name (folded TEXT PRIMARY KEY, shown TEXT NOT NULL, is_gloss INTEGER NOT NULL, word INTEGER NOT NULL)
-WITHOUT ROWID;
-"""
+)""",
+    "CREATE TABLE name "
+    "(folded TEXT PRIMARY KEY, shown TEXT NOT NULL, is_gloss INTEGER NOT NULL, word INTEGER NOT NULL)\nWITHOUT ROWID",
+)
+"""As SQLite keeps them: an index with other tables, or with views, is not read, since a view can run for ever."""
+_SCHEMA = f"PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {VERSION}; {'; '.join(_TABLES)};"
 _COLUMNS = (
     "gloss, kind, synonyms, fps, n_frames, signer, source, checked, rest_before, rest_after, sha256, "
     "skeleton, start, n_bytes, has_translations"
 )
+_STEPS_PER_BYTE = 20
+"""Steps of SQLite's machine that a query may take for each byte of the file: a whole table takes less than one, pages
+that lead to each other in circles take any number.
+"""
+_SHA256 = re.compile("[0-9a-f]{64}")
+_MOST_FRAMES, _MOST_FPS = 2**40, 1e6
 REBUILD = "build the lexicon again"
 
 
@@ -131,21 +141,34 @@ class Index:
             self._file = sqlite3.connect(
                 path.absolute().as_uri() + "?mode=ro&immutable=1", uri=True, check_same_thread=False
             )
+            self._n_bytes = path.stat().st_size
+            self._file.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(self._n_bytes, 1 << 20))
+            self._file.set_progress_handler(self._step, 1000)
             application, version = self._numbers("application_id"), self._numbers("user_version")
             if application != APPLICATION_ID:
                 raise InputError(f"{path}: is no index of a lexicon, expected one that signsplice wrote")
             if version != VERSION:
                 raise InputError(f"{path}: version {version}, expected {VERSION}; {REBUILD}, or update signsplice")
+            if {sql for (sql,) in self.ask("SELECT sql FROM sqlite_master")} != set(_TABLES):
+                raise InputError(f"{path}: has other tables than those of a lexicon; {REBUILD}")
             self.head = Head(*self.ask("SELECT form, n_words, n_bytes, sha256 FROM lexicon")[0])
+            _check_types(self.head)
+            if self.head.n_words < 1:
+                raise InputError(f"{path}: {self.head.n_words} words, expected at least one; {REBUILD}")
         except (IndexError, TypeError) as error:
             self.close()
             raise InputError(f"{path}: is damaged (no head); {REBUILD}") from error
-        except sqlite3.Error as error:
+        except (OSError, sqlite3.Error) as error:
             self.close()
             raise InputError(f"{path}: cannot be opened ({error}); {REBUILD}") from error
         except BaseException:
             self.close()
             raise
+
+    def _step(self) -> bool:
+        """Whether a query has gone on for too long; called every thousand steps."""
+        self._steps_left -= 1000
+        return self._steps_left < 0
 
     def _numbers(self, pragma: str) -> int:
         return int(self.ask(f"PRAGMA {pragma}")[0][0])
@@ -155,10 +178,12 @@ class Index:
         with self._lock:
             if self._file is None:
                 raise InputError(f"{self.path.parent}: the lexicon is closed")
+            self._steps_left = max(self._n_bytes, 1 << 14) * _STEPS_PER_BYTE
             try:
                 return self._file.execute(query, values).fetchall()
-            except sqlite3.Error as error:
-                raise InputError(f"{self.path}: cannot be read ({error}); {REBUILD}") from error
+            except Exception as error:  # UnicodeDecodeError too, where damage is in what SQLite wants to say
+                reason = " ".join(str(error).split())[:200]
+                raise InputError(f"{self.path}: cannot be read ({reason}); {REBUILD}") from error
 
     def find(self, name: str) -> tuple[Entry, ClipLocation] | None:
         """The word with this gloss or synonym and its location, None where there is none."""
@@ -185,31 +210,28 @@ class Index:
             if sha256(description) != digest:
                 raise InputError("its SHA-256 is another")
             return _skeleton(description), digest
-        except (InputError, IndexError, KeyError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(f"{self.path}: skeleton {number} is damaged ({error}); {REBUILD}") from error
+        except Exception as error:  # of whatever a crafted description makes of a skeleton
+            reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
+            raise InputError(f"{self.path}: skeleton {number} is damaged ({reason}); {REBUILD}") from error
 
     def _word(self, row: tuple[Any, ...]) -> tuple[Entry, ClipLocation]:
         try:
             gloss, kind, synonyms, fps, n_frames, signer, source, checked, before, after, digest, *location = row
-            entry = Entry(
-                gloss=gloss,
-                kind=kind,
-                synonyms=tuple(json.loads(synonyms)),
-                fps=float(fps),
-                n_frames=int(n_frames),
-                signer=signer,
-                source=source,
-                checked=bool(checked),
-                rest_before=before,
-                rest_after=after,
-                sha256=digest,
-            )
-            skeleton, start, n_bytes, has_translations = map(int, location)
-            if entry.n_frames < 1 or start < 0 or n_bytes < 0:
+            if {checked, location[3]} - {0, 1}:
+                raise ValueError("a mark is neither 0 nor 1")
+            names = json.loads(synonyms)
+            check_type(names, list[str], "synonyms")
+            given = (gloss, kind, tuple(names), fps, n_frames, signer, source, bool(checked), before, after, digest)
+            entry, at = Entry(*given), ClipLocation(location[0], location[1], location[2], bool(location[3]))
+            _check_types(entry)
+            _check_types(at)
+            _check_entry(entry)
+            if at.start < 0 or at.n_bytes < 0:
                 raise ValueError("negative sizes")
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{self.path}: word {row[0]!r} is damaged ({error}); {REBUILD}") from error
-        return entry, ClipLocation(skeleton, start, n_bytes, bool(has_translations))
+        except (TypeError, ValueError, RecursionError) as error:
+            reason = str(error).partition(";")[0][:200]
+            raise InputError(f"{self.path}: word {str(row[0])[:40]!r} is damaged ({reason}); {REBUILD}") from error
+        return entry, at
 
     def close(self) -> None:
         """Close the file."""
@@ -229,8 +251,32 @@ def application_id(path: Path) -> int | None:
     return int.from_bytes(head[68:72], "big") if head.startswith(b"SQLite format 3\0") and len(head) == 72 else None
 
 
+def _check_types(stored: Head | Entry | ClipLocation) -> None:
+    """Raise ``TypeError`` where a field has another type than its class says: SQLite keeps any in any column."""
+    for name, kind in _KINDS[type(stored)].items():
+        if name != "synonyms":  # checked as JSON
+            check_type(getattr(stored, name), kind, name)
+
+
+_KINDS = {kind: get_type_hints(kind) for kind in (Head, Entry, ClipLocation)}
+
+
+def _check_entry(entry: Entry) -> None:
+    """Raise ``ValueError`` for an entry that no builder writes."""
+    if not all(name and name.isprintable() for name in (entry.gloss, *entry.synonyms)) or entry.kind not in KINDS:
+        raise ValueError("its gloss, a synonym or its kind is none")
+    if not (1 <= entry.n_frames <= _MOST_FRAMES and 0.0 < entry.fps <= _MOST_FPS and entry.seconds < _MOST_FRAMES):
+        raise ValueError(f"{entry.n_frames} frames, frame rate {entry.fps:g}")
+    if not all(rest is None or 0 <= rest <= entry.n_frames for rest in (entry.rest_before, entry.rest_after)):
+        raise ValueError("its frames of rest are not within it")
+    if not _SHA256.fullmatch(entry.sha256):
+        raise ValueError("its SHA-256 is none")
+
+
 def describe(skeleton: Skeleton) -> str:
-    """A skeleton as JSON; numbers are read back unchanged."""
+    """A skeleton as JSON; numbers are read back unchanged. Raises ``InputError`` for more joints than are read."""
+    if len(skeleton) > DEFAULT_LIMITS.joints:
+        raise InputError(f"skeleton: {len(skeleton)} joints, expected at most {DEFAULT_LIMITS.joints:g} in a lexicon")
     return json.dumps(
         {
             "names": skeleton.names,
@@ -242,13 +288,27 @@ def describe(skeleton: Skeleton) -> str:
     )
 
 
+_DESCRIBED = {
+    "names": list[str],
+    "parents": list[int],
+    "offsets": list[tuple[float, float, float]],
+    "end_sites": list[tuple[int, tuple[float, float, float]]],
+    "roles": dict[str, str] | None,
+}
+
+
 def _skeleton(description: str) -> Skeleton:
-    fields = json.loads(description)
+    fields = parse_json(description.encode(), "", "a skeleton")
+    check_type(fields, dict[str, Any], "description")
+    for name, kind in _DESCRIBED.items():
+        check_type(fields[name], kind, name)
+    if len(fields["names"]) > DEFAULT_LIMITS.joints:
+        raise ValueError(f"{len(fields['names'])} joints, expected at most {DEFAULT_LIMITS.joints:g}")
     return Skeleton(
         names=tuple(fields["names"]),
         parents=np.array(fields["parents"], np.intp),
         offsets=np.array(fields["offsets"], np.float64).reshape(-1, 3),
-        end_sites=tuple(EndSite(int(joint), np.array(offset)) for joint, offset in fields["end_sites"]),
+        end_sites=tuple(EndSite(joint, np.array(offset, np.float64)) for joint, offset in fields["end_sites"]),
         roles=fields["roles"],
     )
 

@@ -39,7 +39,9 @@ class Lexicon:
         try:
             self._head = self._index.head
             if self._head.form not in FORMS:
-                raise InputError(f"{self._index.path}: form {self._head.form!r}, expected one of {', '.join(FORMS)}")
+                raise InputError(
+                    f"{self._index.path}: form {self._head.form[:40]!r}, expected one of {', '.join(FORMS)}"
+                )
             self._frames: mmap.mmap | None = self._map()
         except BaseException:
             self._index.close()
@@ -138,11 +140,11 @@ class Lexicon:
                 self._clip(entry, location)
                 block = self._block(location)
                 if fingerprint(block, self._skeleton(location.skeleton)[1], entry.fps, entry.n_frames) != entry.sha256:
-                    yield f"{self.path}: word {entry.gloss!r}: its SHA-256 is another than when it was written"
+                    yield f"{self.path}: word {entry.gloss[:40]!r}: its SHA-256 is another than when it was written"
                 for name in (entry.gloss, *entry.synonyms):
                     found = self._index.find(name)
                     if found is None or found[0].gloss != entry.gloss:
-                        yield f"{self.path}: word {entry.gloss!r}: is not found by {name!r}"
+                        yield f"{self.path}: word {entry.gloss[:40]!r}: is not found by {name[:40]!r}"
             except InputError as error:
                 yield str(error)
         if n_words != len(self):
@@ -164,8 +166,9 @@ class Lexicon:
             skeleton, _ = self._skeleton(location.skeleton)
             shape = Shape(self.form, entry.n_frames, len(skeleton), location.has_translations)
             return decode(block, shape, skeleton, entry.fps, entry.gloss)
-        except (InputError, MemoryError) as error:
-            raise InputError(f"{self.path}: word {entry.gloss!r} is damaged ({error}); {REBUILD}") from error
+        except Exception as error:  # of whatever damaged bytes make of a clip
+            reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
+            raise InputError(f"{self.path}: word {entry.gloss[:40]!r} is damaged ({reason}); {REBUILD}") from error
 
     def _block(self, location: ClipLocation) -> memoryview:
         frames = self._frames  # once, since another thread may close

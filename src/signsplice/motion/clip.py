@@ -20,6 +20,9 @@ Float = NDArray[np.float64]
 
 _UNIT_TOLERANCE = 1e-6
 _BLOCK = 32
+_FARTHEST = 1e12
+"""Lengths and positions beyond this are no motion, and their squares would overflow."""
+_LONGEST_NAME = 300
 SAME_FPS = 1e-6
 """Frame rates that differ by less than this fraction are one rate."""
 
@@ -29,6 +32,16 @@ def _frozen(array: Float) -> Float:
     view = np.asarray(array, np.float64).view()
     view.flags.writeable = False
     return view
+
+
+def _is_text(text: object) -> bool:
+    """Whether something is text that can be written; half characters of JSON or of a file name cannot."""
+    return isinstance(text, str) and not any("\ud800" <= character <= "\udfff" for character in text)
+
+
+def _are_near(lengths: Float) -> bool:
+    """Whether all are finite and of a size that can be worked with; False for NaN."""
+    return lengths.size == 0 or bool(lengths.min() > -_FARTHEST and lengths.max() < _FARTHEST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,13 +90,24 @@ class Skeleton:
                 f"skeleton: {n} names, parents {parents.shape} and offsets {self.offsets.shape} do not fit; "
                 "expected J names, (J,) and (J, 3) with J >= 1"
             )
+        if not all(_is_text(name) and len(name) <= _LONGEST_NAME for name in self.names):
+            raise InputError(f"skeleton: a joint name is no text of at most {_LONGEST_NAME} characters that UTF-8 has")
+        roles = {} if self.roles is None else self.roles
+        if not isinstance(roles, Mapping) or not all(isinstance(text, str) for text in (*roles, *roles.values())):
+            raise InputError("skeleton: roles, expected role -> joint name")
         if len(set(self.names)) != n:
-            twice = next(name for name in self.names if self.names.count(name) > 1)
+            twice = next(name for k, name in enumerate(self.names) if self.index[name] != k)
             raise InputError(f"skeleton: joint name {twice!r} appears twice, expected different names")
         if parents[0] != -1 or np.any(parents[1:] < 0) or np.any(parents >= np.arange(n)):
             raise InputError("skeleton: expected the root first (parent -1) and every other joint after its parent")
-        if not np.isfinite(self.offsets).all():
-            raise InputError("skeleton: an offset is not a finite number")
+        if not _are_near(self.offsets):
+            raise InputError(f"skeleton: an offset is not a finite number below {_FARTHEST:g}")
+        for site in self.end_sites:
+            if not 0 <= site.joint < n or site.offset.shape != (3,) or not _are_near(site.offset):
+                raise InputError(
+                    f"skeleton: end site of joint {site.joint} with offset {site.offset.shape}, expected one of {n} "
+                    f"joints and three finite numbers below {_FARTHEST:g}"
+                )
 
     def __len__(self) -> int:
         return len(self.names)
@@ -135,7 +159,9 @@ class Clip:
                 object.__setattr__(self, name, _frozen(value))
         object.__setattr__(self, "fps", float(self.fps))
         q, p, j = self.local_rotations, self.root_positions, len(self.skeleton)
-        label = f"clip {self.name!r}" if self.name else "clip"
+        if not _is_text(self.name):
+            raise InputError("clip: its name is no text that UTF-8 has")
+        label = f"clip {self.name[:80]!r}" if self.name else "clip"
         if q.ndim != 3 or q.shape[1:] != (j, 4) or p.shape != (len(q), 3):
             raise InputError(
                 f"{label}: rotations {q.shape} and root positions {p.shape} do not fit {j} joints; "
@@ -147,8 +173,8 @@ class Clip:
             raise InputError(f"{label}: translations {self.translations.shape}, expected {(len(q), j, 3)}")
         if not (np.isfinite(self.fps) and self.fps > 0.0):
             raise InputError(f"{label}: frame rate {self.fps}, expected a positive number")
-        if not np.isfinite(p).all() or (self.translations is not None and not np.isfinite(self.translations).all()):
-            raise InputError(f"{label}: a position is not a finite number")
+        if not _are_near(p) or (self.translations is not None and not _are_near(self.translations)):
+            raise InputError(f"{label}: a position is not a finite number below {_FARTHEST:g}")
         squared = np.einsum("tjc,tjc->tj", q, q)
         if not (np.abs(squared - 1.0) < 2.0 * _UNIT_TOLERANCE).all():  # False for NaN too
             t, joint = np.argwhere(~(np.abs(squared - 1.0) < 2.0 * _UNIT_TOLERANCE))[0]
@@ -158,6 +184,8 @@ class Clip:
             )
         if self.channels is not None and self.channels.values.shape[0] != len(q):
             raise InputError(f"{label}: {len(self.channels.values)} rows of channels for {len(q)} frames")
+        if self.channels is not None and not (len(self.channels.names) == len(self.channels.offsets) == j):
+            raise InputError(f"{label}: channels of {len(self.channels.names)} joints, expected {j}")
 
     def __len__(self) -> int:
         return len(self.local_rotations)

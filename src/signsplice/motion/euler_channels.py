@@ -19,6 +19,8 @@ from signsplice.motion import rotation
 Float = NDArray[np.float64]
 Names = tuple[tuple[str, ...], ...]
 
+_BLOCK = 4096
+"""Frames that are converted at a time, to keep the memory of intermediate results small."""
 POSITIONS = ("Xposition", "Yposition", "Zposition")
 ROTATIONS = ("Xrotation", "Yrotation", "Zrotation")
 
@@ -48,6 +50,8 @@ class Channels:
             view = np.asarray(getattr(self, field), np.float64).view()
             view.flags.writeable = False
             object.__setattr__(self, field, view)
+        if self.offsets.shape[1:] != (3,) or not 0.0 <= self.frame_time < np.inf:
+            raise InputError(f"channel offsets {self.offsets.shape} at {self.frame_time} s a frame, expected (J, 3)")
 
     def __getitem__(self, frames: slice) -> Channels:
         start, stop, _ = frames.indices(len(self.values))
@@ -133,7 +137,10 @@ def to_motion(names: Names, values: Float, offsets: Float) -> tuple[Float, Float
         first = np.array([starts[j] for j in joints])
         rotating = [i for i, name in enumerate(channels) if name.endswith("rotation")]
         cols = first[:, None] + np.array(rotating, np.intp)
-        rotations[:, joints] = rotation.from_euler(np.deg2rad(values[:, cols]), rotation_axes(channels))
+        for start in range(0, n_frames, _BLOCK):
+            rows = slice(start, start + _BLOCK)
+            angles = np.deg2rad(values[rows][:, cols])  # (B, K, A)
+            rotations[rows, joints] = rotation.from_euler(angles, rotation_axes(channels))
         for i, name in enumerate(channels):
             if name in POSITIONS:
                 translations[:, joints, POSITIONS.index(name)] = values[:, first + i]

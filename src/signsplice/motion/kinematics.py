@@ -105,11 +105,11 @@ def path_to_root(skeleton: Skeleton, joint: int) -> list[int]:
 
 def subtree(skeleton: Skeleton, joint: int) -> list[int]:
     """A joint and all below it."""
-    out = [joint]
-    for below in range(joint + 1, len(skeleton)):
-        if int(skeleton.parents[below]) in out:
-            out.append(below)
-    return out
+    below = {joint}
+    for child, parent in enumerate(skeleton.parents.tolist()):
+        if parent in below:
+            below.add(child)
+    return sorted(below)
 
 
 def common_ancestor(skeleton: Skeleton, joints: Sequence[int]) -> int:

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from signsplice.errors import InputError
-from signsplice.formats.atomic import read_bytes
+from signsplice.formats.reading import read_bytes
 from signsplice.paper import results
 from signsplice.paper.results import Curve, ResultRow
 from signsplice.splicing.bundle import BUNDLE_FILE, BundleConfig, bundle_sha256, config_of

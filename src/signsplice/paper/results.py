@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from signsplice.errors import InputError
-from signsplice.formats.atomic import read_bytes, replacing
+from signsplice.formats.atomic import replacing
+from signsplice.formats.reading import read_bytes
 from signsplice.paper import metrics
 
 VERSION = 1

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
-from signsplice.formats.atomic import read_bytes, replacing
+from signsplice.formats.atomic import replacing
+from signsplice.formats.reading import read_bytes
 from signsplice.paper import layout, order, published
 from signsplice.paper.layout import RULE, Table, number, short
 from signsplice.paper.protocol import SPLITS

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from signsplice.formats.atomic import replacing
 from signsplice.motion.clip import Clip
 from signsplice.render.page import INK, PAPER, TRANSITION, Progress, pillow, write_line
 from signsplice.render.picture import draw, draw_hand, make_scene
@@ -56,4 +57,5 @@ def write_strips(
                 pen.rectangle(box, outline=TRANSITION, width=2)
         if progress is not None:
             progress(n + 1, len(strips))
-    sheet.quantize(256, dither=image_.Dither.NONE).save(path, format="PNG", optimize=True)
+    with replacing(path) as temporary:
+        sheet.quantize(256, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)

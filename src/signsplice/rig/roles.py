@@ -15,8 +15,11 @@ from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
 
+import numpy as np
+
 from signsplice.errors import InputError
 from signsplice.motion.clip import Skeleton
+from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.fingers import find_fingers
 from signsplice.rig.joint_names import side_and_words, simplify, without_shared
 from signsplice.rig.naming import CONVENTIONS, EYE, HEAD, HIPS, JAW, NECK, NamingConvention
@@ -60,6 +63,8 @@ def _lines() -> dict[str, tuple[str, ...]]:
 _LINE = _lines()
 ROLES: tuple[str, ...] = tuple(_LINE)
 """Every role: the names of VRM 1.0's humanoid bones, each after those that it hangs from."""
+_LEAST_BONE = 1e-6
+"""Bones of an arm that are shorter than this fraction of the longest have no length."""
 _MIN_ROLES = 3
 """Fewer joints than this that fit a table are chance, not a rig."""
 
@@ -129,7 +134,22 @@ _MARKS = {
 # --- bodies ---------------------------------------------------------------------------------------------------------
 
 _Joints = dict[str, int]
-_Ancestors = tuple[frozenset[int], ...]
+
+
+class _Ancestors(dict[int, frozenset[int]]):
+    """All joints above each joint that is asked for; those of every joint would take the square of a chain's length."""
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        super().__init__()
+        self._parents: list[int] = skeleton.parents.tolist()
+
+    def __missing__(self, joint: int) -> frozenset[int]:
+        above, over = set(), self._parents[joint]
+        while over >= 0:
+            above.add(over)
+            over = self._parents[over]
+        self[joint] = frozenset(above)
+        return self[joint]
 
 
 def find_roles(skeleton: Skeleton, override: Mapping[str, str] | None = None) -> Humanoid:
@@ -144,7 +164,7 @@ def find_roles(skeleton: Skeleton, override: Mapping[str, str] | None = None) ->
 
 def arm_joints(skeleton: Skeleton, humanoid: Humanoid) -> list[int]:
     """Joints of left then right upper arm, lower arm and hand, then the hips. Raises ``InputError`` where one of an
-    arm's is missing.
+    arm's is missing, or lies where the one before it does.
     """
     names = [side + part for side in _SIDES for part in _ARM[1:]]
     missing = [name for name in names if name not in humanoid.joints]
@@ -153,12 +173,17 @@ def arm_joints(skeleton: Skeleton, humanoid: Humanoid) -> list[int]:
             f"no {' or '.join(missing[:2])} found among joints {', '.join(skeleton.names[:4])}, ...; "
             "expected both arms by name; name them with a roles file, or use a cutter that needs no arms (ends)"
         )
-    return [*(humanoid.joints[name] for name in names), humanoid.joints.get("hips", 0)]
+    arms = [humanoid.joints[name] for name in names]
+    chain = rest_positions(skeleton)[[*reversed(arms[:3]), *arms[3:]]]  # from hand to hand
+    bones = np.linalg.norm(np.diff(chain, axis=0), axis=1)
+    if not bones.min() > _LEAST_BONE * bones.max():
+        raise InputError("the arms have a bone without length, or one shoulder lies on the other; expected two arms")
+    return [*arms, humanoid.joints.get("hips", 0)]
 
 
 def _find(skeleton: Skeleton, override: Mapping[str, str]) -> Humanoid:
     given = _given(skeleton, override)
-    ancestors = _ancestors(skeleton)
+    ancestors = _Ancestors(skeleton)
     for names in (skeleton.names, without_shared(skeleton.names)):
         index = _index(names)
         found = {rig: _with_names(given, _NAMES[rig.name], index, ancestors) for rig in CONVENTIONS}
@@ -188,7 +213,7 @@ def _given(skeleton: Skeleton, override: Mapping[str, str]) -> _Joints:
             raise InputError(f"override: {unknown_role(role)}")
         if name not in skeleton.index:
             raise InputError(
-                f"override: {role}: the skeleton has no joint {name!r}{_nearest(name, skeleton.names)}; "
+                f"override: {role}: the skeleton has no joint {name[:80]!r}{_nearest(name[:80], skeleton.names)}; "
                 f"its {len(skeleton)} joints begin with {', '.join(skeleton.names[:3])}"
             )
         joint = skeleton.index[name]
@@ -197,14 +222,6 @@ def _given(skeleton: Skeleton, override: Mapping[str, str]) -> _Joints:
             raise InputError(f"override: joint {name!r} is both {other} and {role}, expected one role for a joint")
         joints[role] = joint
     return joints
-
-
-def _ancestors(skeleton: Skeleton) -> _Ancestors:
-    """For each joint, all joints above it."""
-    above: list[frozenset[int]] = [frozenset()]
-    for parent in skeleton.parents[1:].tolist():
-        above.append(above[parent] | {parent})
-    return tuple(above)
 
 
 def _index(names: tuple[str, ...]) -> dict[str, list[int]]:

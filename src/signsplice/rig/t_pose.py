@@ -127,8 +127,11 @@ def _hand_to_t_pose(side: str, rest: Float, joints: Mapping[str, int], above: Fl
         along = rotation.rotate(above, rest[knuckles[1]] - rest[wrist])
         return rotation.multiply(rotation.between_vectors(along, np.array([out, 0.0, 0.0])), above)
     along, across = rest[knuckles[1]] - rest[wrist], rest[knuckles[0]] - rest[knuckles[2]]
+    back = np.cross(across, along) * out
+    if not np.linalg.norm(back) > 1e-9 * np.linalg.norm(along) * np.linalg.norm(across):
+        return above  # the knuckles lie in one line with the wrist, or at it: they span no palm
     # Fingers along +-X, the index side forward (+Z): palms down.
-    return _frame(along * out, np.cross(across, along) * out)
+    return _frame(along * out, back)
 
 
 def _frame(x: Float, y: Float) -> Float:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Mapping, Sequence
-from contextlib import asynccontextmanager
+import base64
+import hashlib
+from collections import Counter
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from contextlib import ExitStack, asynccontextmanager
 from importlib.metadata import version
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from fastapi import FastAPI, File, Form, Query, Request, UploadFile, WebSocket
 from fastapi.exceptions import RequestValidationError
@@ -23,6 +26,7 @@ from signsplice.service.limits import Limits
 from signsplice.service.metrics import CountRequests, Metrics
 from signsplice.service.scene import safe_name
 from signsplice.service.settings import Settings
+from signsplice.service.shares import Shares
 from signsplice.service.streaming import TRY_AGAIN_LATER, StreamSession, failure, first_fault
 from signsplice.service.wire import (
     Failure,
@@ -35,14 +39,17 @@ from signsplice.service.wire import (
     SpliceRequest,
     WordList,
 )
-from signsplice.service.workers import BusyError, WorkerProcess, Workers
+from signsplice.service.worker_process import BusyError
+from signsplice.service.workers import Worker, Workers
 from signsplice.splicing.methods import all_methods
+
+ResultT = TypeVar("ResultT")
 
 _SPLICE_OPTIONS: TypeAdapter[SpliceRequest] = TypeAdapter(SpliceRequest)
 _FAILURES: dict[int | str, dict[str, Any]] = {
     status: {"model": Failure, "description": description}
     for status, description in (
-        (400, "The body cannot be parsed."),
+        (400, "The request or its body cannot be parsed, or it has two Host headers."),
         (403, "The request comes from a page of another origin."),
         (408, "The body arrives too slowly."),
         (413, "The body is too long."),
@@ -65,9 +72,11 @@ class Service:
         self.lexicon = work.open_lexicon(settings)
         self.request_workers: Workers
         self.stream_workers: Workers
-        self.n_streams: dict[WorkerProcess, int] = {}
+        self.requests = Shares("requests that wait", settings.max_waiting, settings.max_client_waiting)
+        self.streams = Shares("streams", settings.max_streams, settings.max_client_streams)
+        self.n_streams: Counter[Worker] = Counter()
         self.metrics = Metrics(
-            lambda: self.request_workers.waiting, lambda: self.request_workers.n_lost + self.stream_workers.n_lost
+            lambda: self.requests.n_held, lambda: self.request_workers.n_lost + self.stream_workers.n_lost
         )
 
     @asynccontextmanager
@@ -82,21 +91,26 @@ class Service:
             self.stream_workers.close()
             self.lexicon.close()
 
+    async def run(self, request: Request, job: Callable[..., ResultT], *args: object) -> ResultT:
+        """The result of a job for a request. Raises ``BusyError`` where too many wait, and as ``Workers.run``."""
+        with self.requests.hold(request):
+            return await self.request_workers.run(job, *args)
+
     async def stream(self, socket: WebSocket) -> None:
         """Serve one client's stream, on the worker that has the fewest."""
-        if sum(self.n_streams.values()) >= self.settings.max_streams:
-            await socket.accept()
-            await socket.send_json({"type": "error", "error": "too many streams; try again in a moment", "unknown": {}})
-            await socket.close(TRY_AGAIN_LATER)
-            return
-        worker = self.stream_workers.least_loaded(lambda one: self.n_streams.get(one, 0))
-        self.n_streams[worker] = self.n_streams.get(worker, 0) + 1
-        self.metrics.streams.inc()
-        try:
+        with ExitStack() as held:
+            try:
+                held.enter_context(self.streams.hold(socket))
+            except BusyError as error:
+                await socket.accept()
+                await socket.send_json({"type": "error", **failure(error)})
+                await socket.close(TRY_AGAIN_LATER)
+                return
+            worker = self.stream_workers.least_loaded(self.n_streams.__getitem__)
+            self.n_streams[worker] += 1
+            held.callback(self.n_streams.subtract, [worker])
+            held.enter_context(self.metrics.streams.track_inprogress())
             await StreamSession(socket, self.settings, worker, self.metrics).run()
-        finally:
-            self.n_streams[worker] -= 1
-            self.metrics.streams.dec()
 
 
 def create(settings: Settings, scenes: Sequence[Mapping[str, Any]] = ()) -> FastAPI:
@@ -113,6 +127,7 @@ def create(settings: Settings, scenes: Sequence[Mapping[str, Any]] = ()) -> Fast
         docs_url=None,
         redoc_url=None,
     )
+    app.state.service = service
     _add_state_routes(app, service)
     _add_work_routes(app, service)
     _add_docs(app)
@@ -132,13 +147,14 @@ def _add_state_routes(app: FastAPI, service: Service) -> None:
     @app.get("/", include_in_schema=False)
     async def viewer() -> Response:
         text = page.html(service.scenes, live=True)
-        return HTMLResponse(text, headers={"X-Frame-Options": "DENY", "Cache-Control": "no-cache"})
+        # The page itself names what it may load.
+        headers = {"Content-Security-Policy": "frame-ancestors 'none'", "X-Frame-Options": "DENY"}
+        return HTMLResponse(text, headers={**headers, "Cache-Control": "no-cache"})
 
     @app.get("/healthz", response_model=Health, responses=_failures(421))
     async def health() -> Health:
         """Whether the service runs, and how busy it is."""
-        n_streams = sum(service.n_streams.values())
-        return Health("ok", app.version, len(service.lexicon), service.request_workers.waiting, n_streams)
+        return Health("ok", app.version, len(service.lexicon), service.requests.n_held, service.streams.n_held)
 
     @app.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}, **_failures(421)})
     async def metrics() -> Response:
@@ -176,16 +192,18 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
 
     @app.post("/v1/sentence", response_model=Spliced, responses={**_SPLICED, **_FAILURES})
     async def sentence(
+        call: Request,
         request: SentenceRequest,
         file: Annotated[Format | None, Query(description="Answer with this one file instead of JSON.")] = None,
     ) -> Response:
         """Sign glosses: one animation, and the report of its seams."""
         if len(request.glosses) > settings.max_glosses:
             raise InputError(f"{len(request.glosses)} glosses, expected at most {settings.max_glosses}")
-        return _response(await service.request_workers.run(work.splice_glosses, request, file))
+        return _response(await service.run(call, work.splice_glosses, request, file))
 
     @app.post("/v1/splice", response_model=Spliced, responses={**_SPLICED, **_FAILURES})
     async def splice(
+        call: Request,
         files: Annotated[
             list[UploadFile], File(min_length=1, description=f"{listed(WIRE_SUFFIXES)}, in the order of signing.")
         ],
@@ -200,7 +218,7 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
         except ValidationError as error:
             raise InputError(f"options: {first_fault(error)}") from None
         clips = [(safe_name(upload.filename or "clip"), await upload.read()) for upload in files]
-        return _response(await service.request_workers.run(work.splice_files, clips, request, file))
+        return _response(await service.run(call, work.splice_files, clips, request, file))
 
     @app.websocket("/v1/stream")
     async def stream(socket: WebSocket) -> None:
@@ -226,16 +244,24 @@ def _add_docs(app: FastAPI) -> None:
         return
     app.mount("/docs/files", StaticFiles(directory=files), name="docs files")
 
+    path = "/docs/files/swagger-ui"
+    answer = get_swagger_ui_html(
+        openapi_url="/openapi.json",
+        title="signsplice",
+        swagger_js_url=f"{path}-bundle.js",
+        swagger_css_url=f"{path}.css",
+        swagger_favicon_url="data:,",
+    )
+    script = bytes(answer.body).partition(b"<script>")[2].partition(b"</script>")[0]
+    script_hash = base64.b64encode(hashlib.sha256(script).digest()).decode()
+    answer.headers["Content-Security-Policy"] = (
+        f"default-src 'none'; script-src 'self' 'sha256-{script_hash}'; style-src 'self' 'unsafe-inline'; "
+        "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+
     @app.get("/docs", include_in_schema=False)
     async def docs() -> Response:
-        path = "/docs/files/swagger-ui"
-        return get_swagger_ui_html(
-            openapi_url="/openapi.json",
-            title="signsplice",
-            swagger_js_url=f"{path}-bundle.js",
-            swagger_css_url=f"{path}.css",
-            swagger_favicon_url="data:,",
-        )
+        return answer
 
 
 def _add_error_handlers(app: FastAPI) -> None:
@@ -252,6 +278,10 @@ def _add_error_handlers(app: FastAPI) -> None:
         fault = error.errors()[0]
         where = ".".join(str(part) for part in fault["loc"])
         return JSONResponse({"error": f"{where}: {fault['msg']}", "unknown": {}}, 422)
+
+    @app.exception_handler(Exception)
+    async def fault(_: Request, error: Exception) -> Response:
+        return JSONResponse({"error": "the service failed at this; its log has the reason", "unknown": {}}, 500)
 
     @app.exception_handler(HTTPException)
     async def http_error(_: Request, error: HTTPException) -> Response:

@@ -4,16 +4,27 @@ from __future__ import annotations
 
 import asyncio
 import time
+from contextlib import ExitStack
 from urllib.parse import urlsplit
 
+from starlette.datastructures import MutableHeaders
 from starlette.exceptions import HTTPException
+from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from signsplice.service.settings import MIB, Settings
+from signsplice.service.shares import Shares
+from signsplice.service.worker_process import BusyError
 
 _SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 _CLOSE = {"Connection": "close"}
+_HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
+}
+"""Headers of every answer that does not set them itself."""
 
 
 class Limits:
@@ -21,7 +32,7 @@ class Limits:
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self.app, self.settings = app, settings
-        self.uploads = 0
+        self.uploads = Shares("uploads at one time", settings.max_uploads, settings.max_client_uploads)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:  # noqa: D102
         if scope["type"] not in ("http", "websocket"):
@@ -32,21 +43,28 @@ class Limits:
             status, reason = refusal
             if scope["type"] == "websocket":
                 await receive()
-                await send({"type": "websocket.close", "code": 1008, "reason": reason})
-            else:
-                await JSONResponse({"error": reason, "unknown": {}}, status, headers=_CLOSE)(scope, receive, send)
+            await _failure(status, reason)(scope, receive, send)
         elif scope["type"] == "websocket":
             await self.app(scope, receive, send)
         else:
-            body = _LimitedReceive(self, receive, self.max_bytes(scope))
+            await self._answer(scope, receive, send)
+
+    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
+        limited_send = _LimitedSend(send, self.settings.idle_seconds)
+        with ExitStack() as held:
+            body = _LimitedReceive(self, HTTPConnection(scope), receive, held)
             try:
-                await self.app(scope, body, _TimedSend(send, self.settings.idle_seconds))
-            finally:
-                body.close()
+                await self.app(scope, body, limited_send)
+            except asyncio.CancelledError:  # the service stops, and the time for what runs is over
+                if limited_send.has_begun:
+                    raise
+                await _failure(503, "the service stopped before this was done; send it again")(scope, receive, send)
 
     def _refusal(self, scope: Scope) -> tuple[int, str] | None:
         """Status and reason, None for a request whose head is allowed."""
         headers = {name: value.decode("latin-1") for name, value in scope["headers"]}
+        if sum(name == b"host" for name, _ in scope["headers"]) > 1:
+            return 400, "two Host headers, expected one"
         host = headers.get(b"host", "")
         if not self.settings.answers_to(_without_port(host)):
             names = ", ".join(self.settings.hosts)
@@ -88,11 +106,16 @@ def _without_port(host: str) -> str:
     return name if name and port.isdecimal() else host
 
 
-class _LimitedReceive:
-    """Receives the parts of a body, and counts and times them."""
+def _failure(status: int, reason: str) -> JSONResponse:
+    return JSONResponse({"error": reason, "unknown": {}}, status, headers={**_HEADERS, **_CLOSE})
 
-    def __init__(self, limits: Limits, receive: Receive, max_bytes: int) -> None:
-        self._limits, self._receive, self._max_bytes = limits, receive, max_bytes
+
+class _LimitedReceive:
+    """Receives the parts of a body, and counts and times them. ``held``: what the request holds until its end."""
+
+    def __init__(self, limits: Limits, connection: HTTPConnection, receive: Receive, held: ExitStack) -> None:
+        self._limits, self._connection, self._receive, self._held = limits, connection, receive, held
+        self._max_bytes = limits.max_bytes(connection.scope)
         self._n_bytes, self._start = 0, time.monotonic()
         self._is_complete = self._is_upload = False
 
@@ -102,7 +125,8 @@ class _LimitedReceive:
         settings = self._limits.settings
         remaining = self._start + settings.body_seconds - time.monotonic()
         try:
-            message = await asyncio.wait_for(self._receive(), max(0.0, min(settings.idle_seconds, remaining)))
+            async with asyncio.timeout(max(0.0, min(settings.idle_seconds, remaining))):
+                message = await self._receive()
         except TimeoutError:
             raise HTTPException(408, "the body came too slowly; send it again", _CLOSE) from None
         if message["type"] != "http.request":
@@ -112,24 +136,28 @@ class _LimitedReceive:
         if self._n_bytes > self._max_bytes:
             raise HTTPException(413, _too_long(self._max_bytes), _CLOSE)
         if self._n_bytes > MIB and not self._is_upload:
-            if self._limits.uploads >= settings.max_uploads:
-                raise HTTPException(
-                    503, "too many uploads at one time; try again in a moment", {**_CLOSE, "Retry-After": "2"}
-                )
             self._is_upload = True
-            self._limits.uploads += 1
+            try:
+                self._held.enter_context(self._limits.uploads.hold(self._connection))
+            except BusyError as error:
+                raise HTTPException(503, str(error), {**_CLOSE, "Retry-After": "2"}) from None
         return message
 
-    def close(self) -> None:
-        if self._is_upload:
-            self._limits.uploads -= 1
 
+class _LimitedSend:
+    """Sends the parts of an answer; a client that does not accept one in time loses the connection.
 
-class _TimedSend:
-    """Sends the parts of an answer; a client that does not accept one in time loses the connection."""
+    has_begun: whether a part was sent.
+    """
 
     def __init__(self, send: Send, seconds: float) -> None:
-        self._send, self._seconds = send, seconds
+        self._send, self._seconds, self.has_begun = send, seconds, False
 
     async def __call__(self, message: Message) -> None:
-        await asyncio.wait_for(self._send(message), self._seconds)
+        if message["type"] == "http.response.start":
+            self.has_begun = True
+            headers = MutableHeaders(scope=message)
+            for name, value in _HEADERS.items():
+                headers.setdefault(name, value)
+        async with asyncio.timeout(self._seconds):
+            await self._send(message)

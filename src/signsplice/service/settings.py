@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import socket
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from ipaddress import ip_address
 from pathlib import Path
 
 from signsplice.errors import InputError
+from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 
 MIB = 1 << 20
 LOOPBACK = ("127.0.0.1", "localhost", "::1", "[::1]")
@@ -29,9 +30,17 @@ class Settings:
     """Host names to answer to, besides loopback and the machine's; "*" for any."""
     allowed_origins: tuple[str, ...] = ()
     """Origins of other pages that may call, e.g. "https://signs.example"."""
+    proxies: tuple[str, ...] = ()
+    """Addresses of reverse proxies, whose X-Forwarded-For names the client."""
     n_workers: int = 0
     """Processes for requests, and as many again for streams; 0 for one per core."""
 
+    max_connections: int = 1000
+    """Open connections."""
+    max_client_connections: int = 500
+    """Open connections from one address; proxies have no such limit."""
+    max_head_bytes: int = 64 * 1024
+    """Size of a request's head; and of its trailer and the framing of its chunks, both together."""
     max_body_bytes: int = 64 * MIB
     """Size of a request's body; reading stops there."""
     max_json_bytes: int = 256 * 1024
@@ -43,22 +52,34 @@ class Settings:
     max_frames: int = 40_000
     """Frames at the output's rate: of a whole request, of one file, or of one word of a stream; the default is 22
     minutes at 30 fps."""
+    max_joints: int = int(DEFAULT_LIMITS.joints)
+    """Joints of a skeleton."""
     max_waiting: int = 64
     """Requests that run or wait for a worker; further ones are refused."""
+    max_client_waiting: int = 32
+    """Of these, requests from one address."""
     max_uploads: int = 8
     """Bodies over 1 MiB that are read at the same time."""
+    max_client_uploads: int = 4
+    """Of these, bodies from one address."""
     max_streams: int = 100
     """Open streams."""
+    max_client_streams: int = 50
+    """Of these, streams from one address."""
     max_stream_words: int = 64
     """Words of a stream that wait to be signed; until one is signed, no more messages are read."""
     max_message_bytes: int = 16 * 1024
     """Size of one message from a stream's client."""
+    max_idle_frames: int = 100
+    """WebSocket frames within 10 s that bring no message: pings, pongs, fragments."""
     head_seconds: float = 10.0
     """Time for a request's head to arrive, or for a stream's first message."""
     idle_seconds: float = 15.0
     """Time between two parts of a body, or for a client to accept a part of the answer."""
     body_seconds: float = 120.0
-    """Time for a whole body to arrive."""
+    """Time for a whole body and its trailer to arrive."""
+    drain_seconds: float = 8.0
+    """Time for requests that run to be answered when the service stops."""
     work_seconds: float = 60.0
     """Processor time of one job in a worker, all its threads together; then the worker is killed and replaced. Other
     processes that load the machine do not shorten it. Where a process's processor time is not known (macOS, Windows),
@@ -77,6 +98,9 @@ class Settings:
                 raise InputError(f"{name} is {value}, expected a positive number")
         if not 0 <= self.port < 65536:
             raise InputError(f"port {self.port}, expected 0 to 65535")
+        for proxy in self.proxies:
+            if not _is_address(proxy):
+                raise InputError(f"proxy {proxy!r}, expected an IP address")
         if self.n_workers < 0:
             raise InputError(f"{self.n_workers} workers, expected 0 (one per core) or more")
 
@@ -85,6 +109,17 @@ class Settings:
         """Number of processes that answer requests."""
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         return self.n_workers or cores
+
+    @property
+    def read_limits(self) -> ReadLimits:
+        """The limits of the files of a request."""
+        limits = {"file_bytes": self.max_body_bytes, "frames": self.max_frames, "joints": self.max_joints}
+        return replace(DEFAULT_LIMITS, **limits)
+
+    @property
+    def is_local(self) -> bool:
+        """Whether only this machine can call."""
+        return self.host in LOOPBACK or (_is_address(self.host) and ip_address(self.host).is_loopback)
 
     @cached_property
     def hosts(self) -> tuple[str, ...]:

@@ -22,7 +22,8 @@ from signsplice.service.metrics import Metrics
 from signsplice.service.scene import to_json
 from signsplice.service.settings import Settings
 from signsplice.service.wire import FRAMES_HEADER, FRAMES_MAGIC, ClientMessage, EndMessage, OpenMessage, WordMessage
-from signsplice.service.workers import WorkerProcess
+from signsplice.service.worker_process import WorkerLostError, WorkerProcess
+from signsplice.service.workers import Worker
 
 ResultT = TypeVar("ResultT")
 
@@ -37,7 +38,7 @@ class _RefusedError(Exception):
     """The client broke the protocol or a limit, so the stream ends."""
 
 
-def failure(error: Exception) -> dict[str, Any]:
+def failure(error: BaseException) -> dict[str, Any]:
     """An error as ``wire.Failure``."""
     if isinstance(error, UnknownGlossError):
         lines = (
@@ -57,9 +58,10 @@ def first_fault(error: ValidationError) -> str:
 class StreamSession:
     """The stream of one client."""
 
-    def __init__(self, socket: WebSocket, settings: Settings, worker: WorkerProcess, metrics: Metrics) -> None:
+    def __init__(self, socket: WebSocket, settings: Settings, worker: Worker, metrics: Metrics) -> None:
         self._socket, self._settings, self._worker, self._metrics = socket, settings, worker, metrics
-        self._key, self._generation = uuid4().hex, 0
+        self._key = uuid4().hex
+        self._process: WorkerProcess
         self._words: asyncio.Queue[tuple[str, float] | None] = asyncio.Queue(settings.max_stream_words)
         self._out: asyncio.Queue[tuple[dict[str, Any] | bytes, float] | None] = asyncio.Queue(_MAX_PREFETCHED)
         self._last_activity = time.monotonic()
@@ -69,29 +71,35 @@ class StreamSession:
         """Serve the client until the stream is done or the client disconnects."""
         await self._socket.accept()
         try:
-            opening = await self._receive_opening()
-            await self._run_job(work.open_stream, opening, opening.spell)
-            self._generation = self._worker.generation
-            async with asyncio.TaskGroup() as tasks:
-                reading = tasks.create_task(self._read())
-                making = tasks.create_task(self._make())
-                await self._send(opening.paced)
-                reading.cancel()
-                making.cancel()
+            await self._serve(await self._receive_opening())
             await self._socket.close()
         except* WebSocketDisconnect:
             pass
-        except* (_RefusedError, SignspliceError, TimeoutError, KeyError) as group:
+        except* (_RefusedError, SignspliceError, TimeoutError) as group:
             await self._fail(group)
+
+    async def _serve(self, opening: OpenMessage) -> None:
+        self._process, _ = await self._worker.begin(work.open_stream, self._key, opening, opening.spell)
+        self._last_activity = time.monotonic()
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                others = [tasks.create_task(task) for task in (self._read(), self._make(), self._watch())]
+                await self._send(opening.paced)
+                for task in others:
+                    task.cancel()
         finally:
-            with suppress(SignspliceError):
-                await self._worker.run(work.close_stream, self._key)
+            self._process.post(work.close_stream, self._key)  # not waited for: the process may be at work
+
+    async def _watch(self) -> None:
+        """Raise ``WorkerLostError`` when the process that holds this stream ends."""
+        await self._process.ended.wait()
+        raise WorkerLostError("the process that held this stream ended; open it again")
 
     async def _run_job(self, job: Callable[..., ResultT], *args: object) -> ResultT:
-        """The result of one of the worker's jobs on this stream; the client is not idle meanwhile."""
+        """The result of one of the process's jobs on this stream; the client is not idle meanwhile."""
         self._is_working = True
         try:
-            return await self._worker.run(job, self._key, *args)
+            return await self._process.run(job, self._key, *args)
         finally:
             self._is_working = False
             self._last_activity = time.monotonic()
@@ -100,10 +108,8 @@ class StreamSession:
         error: BaseException = group
         while isinstance(error, BaseExceptionGroup):
             error = error.exceptions[0]
-        message = failure(error) if isinstance(error, SignspliceError | _RefusedError) else {
-            "error": "the stream was lost; open it again" if isinstance(error, KeyError) else "the client is too slow",
-            "unknown": {},
-        }  # fmt: skip
+        is_slow = isinstance(error, TimeoutError)
+        message = {"error": "the client is too slow", "unknown": {}} if is_slow else failure(error)
         with suppress(WebSocketDisconnect, RuntimeError, TimeoutError):
             await self._deliver({"type": "error", **message})
             is_clients_fault = isinstance(error, _RefusedError | InputError)
@@ -111,7 +117,8 @@ class StreamSession:
 
     async def _receive(self, seconds: float) -> ClientMessage:
         """The client's next message. Raises ``_RefusedError``, ``WebSocketDisconnect`` and ``TimeoutError``."""
-        event = await asyncio.wait_for(self._socket.receive(), seconds)
+        async with asyncio.timeout(seconds):  # not wait_for, which in Python 3.11 can swallow a cancellation
+            event = await self._socket.receive()
         if event["type"] == "websocket.disconnect":
             raise WebSocketDisconnect(event.get("code", GOING_AWAY))
         self._last_activity = time.monotonic()
@@ -160,8 +167,6 @@ class StreamSession:
         """Turn words into messages, each with the time when the words for it were there."""
         while True:
             word = await self._words.get()
-            if self._worker.generation != self._generation:
-                raise KeyError(self._key)
             if word is None:
                 for message in await self._run_job(work.end_stream):
                     await self._out.put((message, time.monotonic()))
@@ -209,9 +214,9 @@ class StreamSession:
                 self._metrics.frames.inc()
 
     async def _deliver(self, message: dict[str, Any] | bytes) -> None:
-        if isinstance(message, bytes):
-            sending = self._socket.send_bytes(message)
-        else:
-            sending = self._socket.send_text(to_json(message).decode())
-        await asyncio.wait_for(sending, self._settings.idle_seconds)
+        async with asyncio.timeout(self._settings.idle_seconds):
+            if isinstance(message, bytes):
+                await self._socket.send_bytes(message)
+            else:
+                await self._socket.send_text(to_json(message).decode())
         self._last_activity = time.monotonic()

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
-import threading
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from multiprocessing import parent_process
-from multiprocessing.process import BaseProcess
 from typing import Any
 
+from signsplice.children import end_with_parent
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
 from signsplice.lexicon import Lexicon, shipped
@@ -74,8 +71,8 @@ class _WorkerState:
 
 
 _worker: _WorkerState
-"""The state of this process; only ``start_worker`` sets it, before the first job. A process pool can hand a job no
-object that stays in the process, so it is here."""
+"""The state of this process; only ``start_worker`` sets it, before the first job. Jobs are plain functions, which can
+be sent to the process; what stays there between them is here."""
 
 
 def open_lexicon(settings: Settings) -> Lexicon:
@@ -87,19 +84,12 @@ def start_worker(settings: Settings) -> None:
     """Make this process a worker: it ignores the terminal's interrupt, ends with its parent, and has bounded memory."""
     global _worker
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
-    if parent is not None:
-        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    end_with_parent()
     if sys.platform == "linux":
         import resource
 
         resource.setrlimit(resource.RLIMIT_DATA, (settings.worker_bytes, settings.worker_bytes))
     _worker = _WorkerState(settings)
-
-
-def _end_with(parent: BaseProcess) -> None:
-    parent.join()
-    os._exit(1)
 
 
 def warm_up(skin: bool) -> None:
@@ -108,11 +98,6 @@ def warm_up(skin: bool) -> None:
     result = splice([_worker.lexicon.clip(gloss) for gloss in words])
     if skin:
         scene.encode(result.clip, "glb")
-
-
-def process_id() -> int:
-    """The number of the worker process."""
-    return os.getpid()
 
 
 # --- requests ---
@@ -132,14 +117,8 @@ def splice_files(files: Sequence[tuple[str, bytes]], request: SpliceRequest, fil
 
     Raises ``InputError``.
     """
-    limit = _worker.settings.max_frames
-    clips = []
-    for name, content in files:
-        clip = parse_file(content, name)
-        if len(clip) > limit:
-            raise InputError(f"{name}: {len(clip)} frames, expected at most {limit}")
-        clips.append(clip)
-    return _answer(clips, request, file, ())
+    limits = _worker.settings.read_limits
+    return _answer([parse_file(content, name, limits) for name, content in files], request, file, ())
 
 
 def _answer(
@@ -167,6 +146,7 @@ def options(dials: Dials) -> SpliceOptions:
         sign_speed=dials.sign_speed,
         fps=dials.fps,
         avoid_collisions=dials.avoid_collisions,
+        limits=_worker.settings.read_limits,
     )
 
 

@@ -8,13 +8,18 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import shutil
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from pathlib import Path, PurePath
+from typing import Any, get_type_hints
 
 from signsplice.errors import InputError
-from signsplice.formats.atomic import read_bytes, replacing
+from signsplice.formats.atomic import replacing_folder
+from signsplice.formats.json_files import check_type, read_json
+from signsplice.formats.reading import read_bytes
 
 BUNDLE_FILE = "bundle.json"
 VERSION = 1
@@ -102,52 +107,98 @@ class BundleConfig:
 _PLAIN = ("system", "features", "precision", "scale", "optimiser", "split", "corpus", "seed", "steps", "fps", "fr")
 
 
-def write_bundle(folder: Path, values: Mapping[str, Any], files: Mapping[str, bytes]) -> None:
-    """Write files and bundle.json into a folder that exists; bundle.json comes last, so that a half-written bundle is
-    not a bundle.
+def write_bundle(
+    folder: Path, values: Mapping[str, Any], files: Mapping[str, bytes], unlisted: Mapping[str, bytes] | None = None
+) -> None:
+    """Write files and bundle.json into a folder, all in one step: its whole content is made beside it.
+
+    unlisted: files that bundle.json does not list. Other files in the folder stay, except those of an earlier bundle.
+    Raises ``InputError`` where the folder cannot be written.
     """
-    (folder / BUNDLE_FILE).unlink(missing_ok=True)
-    for name, content in files.items():
-        with replacing(folder / name) as temporary:
-            temporary.write_bytes(content)
     hashes = {name: hashlib.sha256(content).hexdigest() for name, content in sorted(files.items())}
-    text = json.dumps({"version": VERSION, **values, "files": hashes}, indent=1)
-    with replacing(folder / BUNDLE_FILE) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
+    text = json.dumps({"version": VERSION, **values, "files": hashes}, indent=1) + "\n"
+    written = {**files, **(unlisted or {}), BUNDLE_FILE: text.encode()}
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder.parent}: cannot be made ({error.strerror})") from error
+    with replacing_folder(folder) as made:
+        _keep_others(folder, made, written)
+        for name, content in written.items():
+            (made / name).write_bytes(content)
+
+
+def _keep_others(folder: Path, made: Path, written: Mapping[str, bytes]) -> None:
+    """Link what is in a folder, its earlier bundle and the files that will be ``written`` apart, into another one."""
+    if not folder.is_dir():
+        return
+    replaced = set(written)
+    with suppress(InputError):  # no bundle, or none that can be read: all of its files stay
+        replaced |= set(read_config(folder).files)
+
+    def at_top(parent: str, names: list[str]) -> set[str]:
+        return replaced & set(names) if Path(parent) == folder else set()
+
+    shutil.copytree(folder, made, symlinks=True, ignore=at_top, copy_function=_link, dirs_exist_ok=True)
+
+
+def _link(source: str, copy: str) -> None:
+    try:
+        os.link(source, copy, follow_symlinks=False)
+    except OSError:  # a file system without hard links
+        shutil.copy2(source, copy, follow_symlinks=False)
 
 
 def read_config(folder: Path) -> BundleConfig:
     """bundle.json of a folder. Raises ``InputError`` where it is missing, broken, or of another version."""
     path = Path(folder) / BUNDLE_FILE
-    try:
-        stored = json.loads(read_bytes(path))
-    except ValueError as error:
-        raise InputError(f"{path}: is no JSON ({error}), expected the description of a trained system") from error
+    stored = read_json(path, "the description of a trained system")
     version = stored.get("version") if isinstance(stored, dict) else None
     if version != VERSION:
-        raise InputError(f"{path}: version {version}, expected {VERSION}; export the system anew")
+        raise InputError(f"{path}: version {version!r:.40}, expected {VERSION}; export the system anew")
     return config_of(stored, path)
 
 
 def config_of(stored: Mapping[str, Any], path: Path) -> BundleConfig:
     """The configuration that JSON values hold. Raises ``InputError`` where one has the wrong form."""
     try:
-        runs = stored.get("runs")
+        runs, kinds = stored.get("runs"), get_type_hints(BundleConfig)
+        for name in (*_PLAIN, "n_parameters", "files"):
+            if name in stored:
+                check_type(stored[name], kinds[name], name)
+        if names := [
+            name
+            for name in stored.get("files", {})
+            if name != PurePath(name).name or "\\" in name or not name.isprintable()
+        ]:
+            raise ValueError(f"files: {names[0]!r} is not the name of a file in its folder")
         return BundleConfig(
             path=path,
             files=dict(stored.get("files", {})),
             networks={name: _network(entry) for name, entry in stored.get("networks", {}).items()},
             n_parameters=stored.get("n_parameters"),
-            runs=None if runs is None else RunConfig(**runs),
+            runs=None if runs is None else _run(runs),
             stored=stored,
             **{name: stored.get(name) for name in _PLAIN},
         )
     except (TypeError, AttributeError, ValueError) as error:
-        raise InputError(f"{path}: is no description of a trained system ({error}); export the system anew") from error
+        reason = str(error)[:200]
+        raise InputError(f"{path}: is no description of a trained system ({reason}); export the system anew") from error
 
 
 def _network(entry: Mapping[str, Any]) -> NetworkConfig:
-    return NetworkConfig(entry.get("recipe"), int(entry.get("n_parameters", 0)), entry.get("taught"), entry)
+    recipe, n_parameters, trained_on = entry.get("recipe"), entry.get("n_parameters", 0), entry.get("taught")
+    check_type(recipe, str | None, "recipe")
+    check_type(n_parameters, int, "n_parameters")
+    check_type(trained_on, Mapping[str, str] | None, "taught")
+    return NetworkConfig(recipe, n_parameters, trained_on, entry)
+
+
+def _run(runs: Mapping[str, Any]) -> RunConfig:
+    kinds = get_type_hints(RunConfig)
+    for name, value in runs.items():
+        check_type(value, kinds.get(name, Any), f"runs: {name}")
+    return RunConfig(**runs)
 
 
 def bundle_sha256(folder: Path) -> str:

@@ -17,7 +17,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
-from signsplice.errors import InputError
+from signsplice.errors import FormatError, InputError
+from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig.align import Reference, align, reference
 from signsplice.splicing import methods
@@ -42,6 +43,7 @@ class SpliceOptions:
     sign_speed: how many times as fast signs play.
     fps: output rate; None: the first clip's.
     avoid_collisions: whether hands are led around head, trunk and each other; None: where the transition is learned.
+    limits: how many frames a clip may have at the output rate.
 
     Raises ``InputError`` for a number out of range.
     """
@@ -54,6 +56,7 @@ class SpliceOptions:
     sign_speed: float = 1.0
     fps: float | None = None
     avoid_collisions: bool | None = None
+    limits: ReadLimits = DEFAULT_LIMITS
 
     def __post_init__(self) -> None:
         limits = (
@@ -127,7 +130,7 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Splic
     """Clips in order joined into one continuous clip.
 
     Raises ``InputError`` where there is no clip or an option is out of range, ``RigMismatchError`` where rigs have
-    nothing in common.
+    nothing in common, ``LimitError`` where a clip has too many frames at the output rate.
     """
     sentence = _SentenceBuilder(options or SpliceOptions())
     pieces = [*sentence.add(clips), *sentence.end()]
@@ -263,6 +266,8 @@ class _SentenceBuilder:
     def _word(self, clip: Clip, index: int) -> _SentenceWord:
         """A clip aligned to the first one."""
         with self.timed("harmonize"):
+            fps = self._reference.fps if self._reference else self.options.fps or clip.fps
+            self.options.limits.check_resampling(clip, fps, self.options.sign_speed)
             to = self._reference or reference(clip, self.options.fps)
             aligned = align(clip, to, self.options.sign_speed)
             self._reference = to
@@ -322,6 +327,8 @@ class _SentenceBuilder:
             return round(self.options.transition_time * before.fps), ()
         try:
             seconds = self.methods.duration.seconds(before, after, cut)
+        except FormatError:  # of a network that is damaged
+            raise
         except InputError:
             return max(1, round(HUMAN_MEDIAN_S * before.fps)), (
                 f"no arms known in {before.name}: the transition takes {HUMAN_MEDIAN_S:g} s, whatever the distance",

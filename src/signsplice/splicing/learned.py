@@ -18,6 +18,7 @@ from scipy.special import log_softmax
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motion
+from signsplice.rig.canonical_map import ROLES
 from signsplice.rig.info import rig_info
 from signsplice.splicing import features
 from signsplice.splicing.bundle import read_config
@@ -88,7 +89,8 @@ class LearnedCutter(Cutter):
     def scores(self, p: WordReading, q: WordReading) -> SeamScores:
         """Log-probabilities of leaving one word at a frame and entering the other at another, frames at 30 a second."""
         inputs = {"before": p.states, "leave": p.leave, "after": q.states, "enter": q.enter}
-        outputs = self.reader.sessions.run("cut", inputs)
+        lengths = {"left": (1, len(p.features)), "entered": (1, len(q.features))}
+        outputs = self.reader.sessions.run("cut", inputs, **lengths)
         left, entered = (
             log_softmax(outputs[name][0, slice(*word.active)].astype(np.float64))
             for name, word in (("left", p), ("entered", q))
@@ -131,7 +133,8 @@ class LearnedDuration(Duration):
         for name, word, frame, clip in (("leaving", p, cut.pre, before), ("entering", q, cut.post, after)):
             row = round(frame / clip.fps * FEATURE_FPS) - word.first
             inputs[name] = word.features[None, min(max(row, 0), len(word.features) - 1)]
-        seconds = float(self.reader.sessions.run("duration", inputs)["seconds"][0]) - 1.0 / before.fps
+        answer = self.reader.sessions.run("duration", inputs, seconds=(1,))["seconds"]
+        seconds = float(answer[0]) - 1.0 / before.fps
         if not self.unhurried:
             return seconds
         return max(seconds, HUMAN_MEDIAN_S, travel_law(_travel(inputs["leaving"][0], inputs["entering"][0], before)))
@@ -166,7 +169,8 @@ class LearnedTransition(GapTransition):
             return base
         seen = _gap_features(base, gap)
         inputs = {"tokens": single(seen.tokens), "mask": np.ones((1, len(seen.tokens)), bool)}
-        turns = self.sessions.run("bridge", inputs)["turns"][0]
+        shape = (1, seen.n_gap, len(ROLES), 3)
+        turns = self.sessions.run("bridge", inputs, turns=shape)["turns"][0]
         deltas = features.delta_rotvecs(turns[: seen.n_gap], seen, len(base))
         return replace(base, local_rotations=apply_deltas(base.skeleton, base.local_rotations, deltas))
 

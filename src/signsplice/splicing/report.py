@@ -7,12 +7,28 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
+from signsplice.errors import FormatError, InputError
 from signsplice.formats.atomic import replacing
-from signsplice.splicing.engine import SpliceResult
+from signsplice.formats.json_files import check_type, read_json
+from signsplice.splicing.engine import Span, SpliceResult
+from signsplice.splicing.seam import Seam
 
 VERSION = 1
+_KINDS = {
+    "version": int,
+    "fps": float,
+    "frames": int,
+    "cutter": str,
+    "transition": str,
+    "bundle": str | None,
+    "spans": list[dict[str, Any]],
+    "seams": list[dict[str, Any]],
+    "warnings": list[str],
+    "timing_ms": dict[str, float],
+}
+_DEFAULTS: Mapping[str, Any] = {"version": VERSION, "cutter": "", "transition": "", "bundle": None, "timing_ms": {}}
 
 
 def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None) -> dict[str, Any]:
@@ -42,6 +58,45 @@ def write(report: Mapping[str, Any], path: str | Path) -> None:
     """Write a report as JSON, whole or not at all."""
     with replacing(path) as temporary:
         temporary.write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def read(path: str | Path, n_frames: int) -> dict[str, Any]:
+    """A report from its file, checked against its clip of ``n_frames``. Keys that earlier versions of the program did
+    not write have their defaults; those of later ones stay.
+
+    Raises ``InputError`` where it is no report of version 1, or of another clip.
+    """
+    stored = read_json(path, "the report of a splice")
+    try:
+        report = {**_DEFAULTS, **stored}
+        for name, kind in _KINDS.items():
+            check_type(report[name], kind, name)
+        report["spans"] = [
+            _row(Span, row, "spans", {"clip": None, "name": None, "source": None}) for row in report["spans"]
+        ]
+        report["seams"] = [_row(Seam, row, "seams", {"warnings": [], "intrusion_mm": None}) for row in report["seams"]]
+        if report["version"] != VERSION:
+            raise ValueError(f"version {report['version']}, expected {VERSION}")
+        for start, stop in (row["output"] for row in report["spans"]):
+            if not 0 <= start <= stop:
+                raise ValueError(f"spans: output {start} to {stop}, expected frames in order")
+    except (ValueError, KeyError, TypeError) as error:
+        raise FormatError(f"is no report of a splice ({str(error)[:200]})", file=str(path)) from error
+    ends = [row["output"][1] for row in report["spans"]]
+    if ends and (ends[-1] != n_frames or max(ends) > n_frames):
+        raise InputError(
+            f"{path}: describes {max(ends)} frames, but the clip has {n_frames}; is it another clip's report?"
+        )
+    return report
+
+
+def _row(
+    kind: type[Span] | type[Seam], row: Mapping[str, Any], where: str, defaults: Mapping[str, Any]
+) -> dict[str, Any]:
+    filled = {**defaults, **row}
+    for name, annotation in get_type_hints(kind, include_extras=True).items():
+        check_type(filled[name], annotation, f"{where}: {name}")
+    return filled
 
 
 def plain(value: Any) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
+from signsplice.formats.reading import format_errors
 from signsplice.splicing.bundle import BundleConfig, read_file
 from signsplice.splicing.external_data import names_other_files
 
@@ -35,32 +36,49 @@ class Sessions:
         for name in self.config.files:
             read_file(self.folder, self.config, name)
 
-    def run(self, name: str, inputs: Mapping[str, Array]) -> dict[str, Array]:
-        """The outputs of a network by name; inputs that it does not have are left out."""
+    def run(self, name: str, inputs: Mapping[str, Array], **shapes: tuple[int | None, ...]) -> dict[str, Array]:
+        """The outputs of a network by name; inputs that it does not have are left out.
+
+        shapes: of outputs that the caller relies on, None for any length; their numbers must be finite. Raises
+        ``FormatError`` where the network cannot be opened or run, or an output is another.
+        """
         session, takes, gives = self._session(name)
         began = time.perf_counter()
-        outputs = session.run(gives, {key: inputs[key] for key in takes})
+        with format_errors(str(self.folder / f"{name}.onnx"), "network"):
+            outputs = dict(zip(gives, session.run(gives, {key: inputs[key] for key in takes}), strict=True))
+            for key, shape in shapes.items():
+                _check_output(key, outputs[key], shape)
         self.seconds += time.perf_counter() - began
-        return dict(zip(gives, outputs, strict=True))
+        return outputs
 
     def _session(self, name: str) -> tuple[Any, list[str], list[str]]:
         if name not in self._sessions:
             import onnxruntime
 
             content = read_file(self.folder, self.config, f"{name}.onnx")
-            if names_other_files(content):
-                raise InputError(
-                    f"{self.folder / name}.onnx: keeps weights in other files, which no hash of the bundle covers; "
-                    "export the system anew, each network in one file"
-                )
             onnxruntime.disable_telemetry_events()
             options = onnxruntime.SessionOptions()
             options.intra_op_num_threads = options.inter_op_num_threads = 1
             options.log_severity_level = 3
-            session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+            with format_errors(str(self.folder / f"{name}.onnx"), "network"):
+                if names_other_files(content):
+                    raise InputError(
+                        "keeps weights in other files, which no hash of the bundle covers; export the system anew, each "
+                        "network in one file"
+                    )
+                session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
             takes = [entry.name for entry in session.get_inputs()]
             self._sessions[name] = (session, takes, [entry.name for entry in session.get_outputs()])
         return self._sessions[name]
+
+
+def _check_output(name: str, output: Any, shape: tuple[int | None, ...]) -> None:
+    """Raise ``ValueError`` where an output is no array of finite numbers of this shape."""
+    found = np.shape(output) if isinstance(output, np.ndarray) and output.dtype.kind == "f" else None
+    if found is None or len(found) != len(shape) or any(n not in (None, m) for n, m in zip(shape, found, strict=True)):
+        raise ValueError(f"output {name} has shape {found}, expected {shape}")
+    if not np.isfinite(output).all():
+        raise ValueError(f"output {name} is not finite")
 
 
 def single(x: Array) -> Array:

@@ -112,7 +112,11 @@ class WordReader:
             tokens = features.word_tokens(features.mirrored(word.trajectory) if mirror else word.trajectory)
             first = len(tokens) - WORD_FRAMES if key[1] else 0
             tokens = tokens[first : first + WORD_FRAMES]
-            outputs = self.sessions.run("word", {"tokens": tokens[None]})
+            n, n_phases = len(tokens), len(features.PHASES)
+            outputs = self.sessions.run(
+                "word", {"tokens": tokens[None]}, states=(1, n, None), leave=(1, None), enter=(1, None),
+                phases=(1, n, n_phases),
+            )  # fmt: skip
             start, stop = (min(max(frame - first, 0), len(tokens)) for frame in word.active)
             movements = stroke_span(outputs["phases"][0, start:stop])
             word.readings[key] = WordReading(

@@ -26,10 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.formats.atomic import check_folder, put_folder
+from signsplice.formats.atomic import check_folder, put_file, replacing_folder, resumable_folder
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.synth import planner, pose, truth
+from signsplice.synth.parts import is_whole
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import Events, IsolatedWord
 from signsplice.synth.pool import Pool
@@ -113,28 +114,33 @@ def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, 
     """Make a corpus of all ordered pairs in ``folder`` and return the folder. Called again after an interruption, it
     continues.
 
-    Raises ``InputError`` where the folder holds something else or cannot be written.
+    Raises ``InputError`` where the folder holds something else or cannot be written, or another call makes the same.
     """
     folder = Path(folder)
     check_folder(folder, HEAD)
     target = folder.resolve()  # "." has no name of its own
     part = target.with_name(f".{target.name}-{recipe.hash}.part")
+    hint = f"finished rows stay in {part.name}, and the same call continues from there"
     try:
-        part.mkdir(exist_ok=True)
-        _make(recipe, part, progress, processes)
-        put_folder(part, folder)
+        with resumable_folder(part):
+            rows = _rows(recipe)
+            words = _write_rows(recipe, rows, part, progress, processes)
+            with replacing_folder(folder, hint) as made:
+                _write_words(made, words)
+                _write_new(made, part, rows, len(recipe.signs))
+                splits = _splits(recipe, [(row.signer, row.before, q) for row in rows for q in row.after])
+                head = _head(recipe, words, splits)
+                (made / HEAD).write_text(json.dumps(head, indent=1) + "\n", encoding="utf-8")
     except OSError as error:
-        raise InputError(
-            f"{folder}: cannot be written ({error.strerror or error}); finished rows stay in {part.name}, "
-            "and the same call continues from there"
-        ) from error
+        raise InputError(f"{folder}: cannot be written ({error.strerror or error}); {hint}") from error
     return folder
 
 
-def _make(recipe: Recipe, part: Path, progress: Progress | None, processes: int) -> None:
-    n = len(recipe.signs)
-    rows = _rows(recipe)
-    todo = [row for row in rows if not row.path(part).exists()]
+def _write_rows(
+    recipe: Recipe, rows: Sequence[_PairRow], part: Path, progress: Progress | None, processes: int
+) -> list[list[IsolatedWord]]:
+    """Write the rows' files, as far as they are not there whole; returns the words of both signers."""
+    todo = [row for row in rows if not is_whole(row.path(part))]
     total, done = sum(len(row.after) for row in rows), sum(len(row.after) for row in rows if row not in todo)
     with Pool(processes) as run:
         words = [list(run(_word, [(sign, signer, recipe.fps) for sign in recipe.signs])) for signer in recipe.signers()]
@@ -143,13 +149,7 @@ def _make(recipe: Recipe, part: Path, progress: Progress | None, processes: int)
             done += len(row.after)
             if progress is not None:
                 progress(done, total)
-    _write_words(part, words)
-    _write_new(part, rows, n)
-    splits = _splits(recipe, [(row.signer, row.before, q) for row in rows for q in row.after])
-    head = _head(recipe, words, splits)
-    (part / HEAD).write_text(json.dumps(head, indent=1) + "\n", encoding="utf-8")
-    for row in rows:
-        row.path(part).unlink()
+    return words
 
 
 def _rows(recipe: Recipe) -> list[_PairRow]:
@@ -184,7 +184,7 @@ def _write_row(job: tuple[Path, list[IsolatedWord], _PairRow]) -> _PairRow:
         roots=clip.root_positions.astype(np.float32),
         positions=scaled_positions(clip, p.signer.stature_cm).astype(np.float32),
     )
-    temporary.rename(path)
+    put_file(temporary, path)
     return row
 
 
@@ -196,7 +196,7 @@ def _write_words(part: Path, words: Sequence[Sequence[IsolatedWord]]) -> None:
     np.save(part / "word_positions.npy", np.concatenate(positions).astype(np.float32))
 
 
-def _write_new(part: Path, rows: Sequence[_PairRow], n: int) -> None:
+def _write_new(made: Path, part: Path, rows: Sequence[_PairRow], n: int) -> None:
     """Concatenate the rows' files into one array each, reading one row at a time."""
     table = []
     first = 0
@@ -206,17 +206,15 @@ def _write_new(part: Path, rows: Sequence[_PairRow], n: int) -> None:
         for q, (pre, post, count) in zip(row.after, index.tolist(), strict=True):
             table.append((row.signer * n + row.before, row.signer * n + q, pre, post, first, count))
             first += count
-    np.save(part / "pairs.npy", np.array(table, np.int32))
+    np.save(made / "pairs.npy", np.array(table, np.int32))
     shapes = {"rotations": (first, 53, 4), "roots": (first, 3), "positions": (first, 159)}
     for kind in _KINDS:
-        out = np.lib.format.open_memmap(part / f"new_{kind}.npy", "w+", np.float32, shapes[kind])
-        at = 0
-        for row in rows:
-            with np.load(row.path(part)) as arrays:
-                values = arrays[kind]
-            out[at : at + len(values)] = values
-            at += len(values)
-        out.flush()
+        with (made / f"new_{kind}.npy").open("wb") as out:  # not memory-mapped: a full disk would end the process
+            header = {"descr": np.lib.format.dtype_to_descr(np.dtype(np.float32)), "fortran_order": False}
+            np.lib.format.write_array_header_1_0(out, {**header, "shape": shapes[kind]})
+            for row in rows:
+                with np.load(row.path(part)) as arrays:
+                    out.write(arrays[kind].tobytes())
 
 
 def _splits(recipe: Recipe, pairs: Sequence[tuple[int, int, int]]) -> dict[str, dict[str, list[int]]]:

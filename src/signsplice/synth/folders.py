@@ -12,7 +12,7 @@ from typing import Any
 
 from signsplice.errors import InputError
 from signsplice.formats import save
-from signsplice.formats.atomic import replacing_folder
+from signsplice.formats.atomic import check_folder, replacing_folder
 from signsplice.synth import planner, running
 from signsplice.synth.corpus import VERSION, Recipe
 from signsplice.synth.phonology import Sign
@@ -38,7 +38,8 @@ def write_lexicon(
     table = io.StringIO()
     rows = csv.writer(table, lineterminator="\n")
     rows.writerow(("file", "gloss", "synonyms", "signer", "source", "checked", "kind"))
-    with replacing_folder(folder, GLOSSES) as made:
+    check_folder(folder, GLOSSES)
+    with replacing_folder(folder) as made:
         for n, sign in enumerate(signs, 1):
             name = f"{file_name(sign.gloss)}.bvh"
             save(planner.isolated(sign, signer, fps=fps).clip, made / name)
@@ -74,7 +75,8 @@ def write_sentences(
     _check_names(recipe.signs)
     signer = recipe.signers()[0]
     rng = stream("sentences", recipe.seed, count)
-    with replacing_folder(folder, TRUTH) as made:
+    check_folder(folder, TRUTH)
+    with replacing_folder(folder) as made:
         (made / "words").mkdir()
         words: dict[int, IsolatedWord] = {}
         sentences = []

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 
 from signsplice.errors import FormatError
-from signsplice.formats.atomic import read_bytes
+from signsplice.formats.reading import read_bytes
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.phonology import (
     DIRECTIONS,
@@ -59,7 +59,9 @@ class _Line:
     gloss: str = ""
 
     def error(self, message: str) -> FormatError:
-        return FormatError(f"{self.gloss}: {message}" if self.gloss else message, file=self.file, line=self.number)
+        what = f"{self.gloss}: {message}" if self.gloss else message
+        what = re.sub(r"\S{61,}", lambda word: word[0][:57] + "...", what)
+        return FormatError(what if len(what) <= 600 else what[:597] + "...", file=self.file, line=self.number)
 
 
 def read(path: str | FilePath) -> dict[str, Sign]:
@@ -95,7 +97,7 @@ def _blocks(text: str, name: str) -> Iterable[list[tuple[_Line, str]]]:
         if content[0].isspace():
             if not block:
                 raise line.error(
-                    f"{content.strip()!r} belongs to no sign, expected GLOSS hands=... at the margin first"
+                    f"{content.strip()[:80]!r} belongs to no sign, expected GLOSS hands=... at the margin first"
                 )
             block.append((line, content.strip()))
         else:
@@ -110,7 +112,7 @@ def _sign(block: list[tuple[_Line, str]]) -> Sign:
     first, header = block[0]
     match = _HEADER.fullmatch(header)
     if match is None:
-        raise first.error(f"{header!r}, expected GLOSS hands={'|'.join(HANDS)} [kind=sign|letter]")
+        raise first.error(f"{header[:80]!r}, expected GLOSS hands={'|'.join(HANDS)} [kind=sign|letter]")
     gloss, hands, kind = match["gloss"], match["hands"], match["kind"] or "sign"
     _one_of(first, "hands", hands, HANDS)
     _one_of(first, "kind", kind, ("sign", "letter", "pseudo"))

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from typing import Any
+
+from signsplice.children import end_with_parent
+from signsplice.errors import SignspliceError
 
 
 class Pool:
     """Runs jobs in worker processes, or in this one where ``processes`` is 1. A context manager: it returns a function
-    ``run(job, items)`` that yields the results in the order of the items, with at most nine jobs submitted ahead.
+    ``run(job, items)`` that yields the results in the order of the items, with at most nine jobs submitted ahead. The
+    processes end with this one, also when it is killed.
     """
 
     def __init__(self, processes: int) -> None:
-        self.pool = ProcessPoolExecutor(processes) if processes > 1 else None
+        self.pool = ProcessPoolExecutor(processes, initializer=end_with_parent) if processes > 1 else None
 
     def __enter__(self) -> Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[Any]]:
         return self._run
@@ -27,9 +32,12 @@ class Pool:
             yield from map(job, items)
             return
         waiting = []
-        for item in items:
-            waiting.append(self.pool.submit(job, item))
-            if len(waiting) > 8:
-                yield waiting.pop(0).result()
-        for future in waiting:
-            yield future.result()
+        try:
+            for item in items:
+                waiting.append(self.pool.submit(job, item))
+                if len(waiting) > 8:
+                    yield waiting.pop(0).result()
+            for future in waiting:
+                yield future.result()
+        except BrokenProcessPool as error:
+            raise SignspliceError("a worker process was ended from outside; the same call continues") from error

@@ -20,6 +20,7 @@ from signsplice.formats.atomic import replacing
 from signsplice.motion.clip import Clip
 from signsplice.rig.canonical import canonical_bones, canonical_motion
 from signsplice.synth import planner, pseudo, running, truth
+from signsplice.synth.parts import is_whole
 from signsplice.synth.planner import Events, IsolatedWord
 from signsplice.synth.pool import Pool
 from signsplice.synth.rng import stream
@@ -57,7 +58,7 @@ class TrainingDataPlan:
 
 
 def write(plan: TrainingDataPlan, folder: Path, progress: Progress | None = None, processes: int = 2) -> int:
-    """Make the parts that do not exist yet; return how many exist then.
+    """Make the parts that do not exist yet, or are damaged; return how many exist then.
 
     Raises ``InputError`` where a number is out of range or the folder cannot be written.
     """
@@ -68,7 +69,7 @@ def write(plan: TrainingDataPlan, folder: Path, progress: Progress | None = None
     except OSError as error:
         raise InputError(f"{folder}: cannot be made ({error.strerror})") from error
     jobs = [(plan, number, path_of(folder, plan, number)) for number in range(plan.n_signers)]
-    todo = [job for job in jobs if not job[2].exists()]
+    todo = [job for job in jobs if not is_whole(job[2])]
     with Pool(processes) as run:
         for done, _ in enumerate(run(_write_part, todo), len(jobs) - len(todo) + 1):
             if progress is not None:

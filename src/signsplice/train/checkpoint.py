@@ -5,7 +5,7 @@ No state of random generators is stored, because batches, noise and dropout are 
 
 from __future__ import annotations
 
-import pickle
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,8 +23,10 @@ NAME = "checkpoint.pt"
 def save(folder: Path, step: int, network: nn.Module, optimiser: torch.optim.Optimizer, recipe: str) -> None:
     """Write the state after ``step`` steps."""
     state = {"step": step, "recipe": recipe, "network": network.state_dict(), "optimiser": optimiser.state_dict()}
+    content = io.BytesIO()  # torch reports a full disk as a fault of its own
+    torch.save(state, content)
     with replacing(folder / NAME) as temporary:
-        torch.save(state, temporary)
+        temporary.write_bytes(content.getbuffer())
 
 
 def load(folder: Path, network: nn.Module, optimiser: torch.optim.Optimizer | None, recipe: str) -> int:
@@ -63,6 +65,6 @@ def load_weights(folder: Path, network: nn.Module) -> None:
 def _readable(path: Path) -> Iterator[None]:
     try:
         yield
-    except (RuntimeError, KeyError, ValueError, OSError, EOFError, pickle.UnpicklingError) as error:
-        reason = str(error).splitlines()[0]
+    except Exception as error:  # a damaged file may raise anything
+        reason = (str(error) or type(error).__name__).splitlines()[0]
         raise InputError(f"{path}: cannot be read ({reason}); remove it to start again from step 0") from error

@@ -16,6 +16,7 @@ from onnx import numpy_helper
 from torch import Tensor, nn
 
 from signsplice.errors import InputError, SignspliceError
+from signsplice.formats.atomic import check_place
 from signsplice.splicing.bundle import BUNDLE_FILE
 
 TOLERANCE = 1e-4
@@ -26,7 +27,11 @@ TRANSPOSED = ".T"
 
 
 def check_bundle_folder(out: Path) -> None:
-    """Raise ``InputError`` if ``out`` holds files but no bundle, so that nothing else is overwritten."""
+    """Raise ``InputError`` if ``out`` holds files but no bundle, so that nothing else is overwritten, or is a link or a
+    mount point.
+    """
+    if out.parent.is_dir():
+        check_place(out)
     if out.is_dir() and any(out.iterdir()) and not (out / BUNDLE_FILE).exists() and not any(out.glob("*.onnx")):
         raise InputError(f"{out}: is there already and is no bundle; choose a new name")
 

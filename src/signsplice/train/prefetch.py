@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from signsplice.children import end_with_parent
 from signsplice.errors import SignspliceError
 
 Rows = NDArray[np.int64]
@@ -74,6 +75,7 @@ class _BatchWorker:
 
 def _serve(dataset: Dataset, connection: Connection, parent_end: Connection) -> None:
     """Answer requests until the parent closes its end or dies."""
+    end_with_parent()
     parent_end.close()  # This process's copy; while it is open, the parent's death would go unnoticed.
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches both processes; the parent ends this one.
     torch.set_num_threads(1)

@@ -22,6 +22,7 @@ from signsplice.splicing.bundle import bundle_sha256, read_file, write_bundle
 from signsplice.splicing.learned import open_sessions
 from signsplice.splicing.sessions import Array
 from signsplice.train import provenance
+from signsplice.train.export import check_bundle_folder
 
 INT8 = "int8"
 _QUANTIZED_SUFFIX = "_quantized"
@@ -62,20 +63,21 @@ def quantize_bundle(source: Path, out: Path) -> tuple[int, int]:
     """Write a bundle with 8-bit weights into another folder; returns the graphs' bytes before and after.
 
     The new bundle.json names the command and the bundle it was made from. Raises ``InputError`` where the source is no
-    bundle of the product's networks, has 8-bit weights already, or is the folder to write.
+    bundle of the product's networks, has 8-bit weights already, or is the folder to write, and as
+    ``check_bundle_folder`` does.
     """
     graphs = open_sessions(source)
     if graphs.config.precision == INT8:
         raise InputError(f"{source}: has 8-bit weights already; name the bundle that it was made from")
-    if out.resolve() == source.resolve():
+    if out.exists() and out.samefile(source):
         raise InputError(f"{out}: is the bundle itself; name another folder")
+    check_bundle_folder(out)
     files = {name: read_file(source, graphs.config, name) for name in graphs.config.files}
     small = {name: quantized(content) if name in _QUANTIZED_FILES else content for name, content in files.items()}
     made_from = {
         "command": provenance.command(["export", provenance.portable(source)], {"int8": True}),
         "bundle": bundle_sha256(source),
     }
-    out.mkdir(parents=True, exist_ok=True)
     facts = {k: v for k, v in graphs.config.stored.items() if k not in ("version", "files")}
     write_bundle(out, facts | {"precision": INT8, "quantized": made_from}, small)
     return sum(map(len, files.values())), sum(map(len, small.values()))

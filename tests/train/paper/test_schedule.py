@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -92,7 +94,8 @@ class FakeProcess:
 def test_processes_divide_the_cores_and_a_failure_stops_all(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     made: list[FakeProcess] = []
 
-    def popen(call: list[str], env: dict[str, str]) -> FakeProcess:
+    def popen(call: list[str], env: dict[str, str], preexec_fn: Callable[[], None] | None) -> FakeProcess:
+        assert preexec_fn is not None or sys.platform != "linux", "it would outlive a killed parent"
         made.append(FakeProcess(call, env))
         return made[-1]
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from signsplice.children import killed_with_parent
 from signsplice.errors import SignspliceError
 from signsplice.paper.plan import Run
 from signsplice.synth.corpus import Pairs
@@ -67,10 +68,11 @@ def train_one_by_one(
 def train_side_by_side(schedule: Schedule, workers: int, started: Started) -> None:
     """Train every run by `signsplice train paper` in its own process, ``workers`` at once, with equal numbers of cores.
 
-    The first failure interrupts the other processes, which continue from their checkpoints on the next call, and raises
-    ``SignspliceError``.
+    They end when this process is killed. The first failure interrupts the others, which continue from their
+    checkpoints on the next call, and raises ``SignspliceError``.
     """
     environment = os.environ | {"OMP_NUM_THREADS": str(max(1, (os.cpu_count() or 1) // workers))}
+    bind = killed_with_parent()
     waiting = list(enumerate(schedule.runs, 1))
     running: dict[str, subprocess.Popen[bytes]] = {}
     try:
@@ -79,7 +81,7 @@ def train_side_by_side(schedule: Schedule, workers: int, started: Started) -> No
                 number, run = waiting.pop(0)
                 started(number, run)
                 call = [sys.executable, "-m", "signsplice", *arguments(schedule, run)]
-                running[run.name] = subprocess.Popen(call, env=environment)
+                running[run.name] = subprocess.Popen(call, env=environment, preexec_fn=bind)
             time.sleep(_POLL_S)
             for name, process in list(running.items()):
                 status = process.poll()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import shutil
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -16,7 +15,8 @@ import onnxruntime
 import torch
 
 from signsplice.errors import InputError
-from signsplice.formats.atomic import replacing
+from signsplice.formats.atomic import replacing_folder
+from signsplice.formats.reading import read_bytes
 from signsplice.splicing.bundle import write_bundle
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.signer import skeleton
@@ -34,6 +34,8 @@ from signsplice.train.task import Task
 
 _SHARED_TRAINING = {"unseen-signer": "random"}
 """Splits that have the training part of another split."""
+GRAPHS = "graphs"
+"""Folder of a part's graphs, next to its checkpoint."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ def make(
     """
     chosen = parts(training.system, training.scale, training.fr, training.steps, training.optimiser, training.split)
     check_bundle_folder(out)
-    out.mkdir(parents=True, exist_ok=True)
+    out.parent.mkdir(parents=True, exist_ok=True)
     tasks = []
     for part in chosen:
         folder = part_folder(shared, part, training, pairs)
@@ -155,9 +157,10 @@ def _write(
     contents = facts(training, pairs, chosen, tasks, folders) | _provenance(training, pairs, folders)
     if training.steps != 0:
         contents["runs"]["token_bias"] = token_bias(tasks[0], PairsData(pairs, training.split, "valid"))
-    write_bundle(out, contents, files)
-    for part, folder in zip(chosen, folders, strict=True):
-        shutil.copyfile(folder / logs.NAME, out / f"{part.name}.jsonl")
+    logged = {
+        f"{part.name}.jsonl": read_bytes(folder / logs.NAME) for part, folder in zip(chosen, folders, strict=True)
+    }
+    write_bundle(out, contents, files, logged)
 
 
 def _provenance(training: Training, pairs: Pairs, folders: list[Path]) -> dict[str, Any]:
@@ -177,16 +180,13 @@ def _provenance(training: Training, pairs: Pairs, folders: list[Path]) -> dict[s
 
 def _exported(part: SystemPart, made: Task, folder: Path) -> dict[str, bytes]:
     """A part's graphs; graphs next to its checkpoint are reused if they are newer."""
-    kept = sorted(folder.glob("*.onnx"))
-    trained_at = (folder / checkpoint.NAME).stat().st_mtime_ns
-    if kept and min(path.stat().st_mtime_ns for path in kept) > trained_at:
-        return {path.name: path.read_bytes() for path in kept}
+    kept = folder / GRAPHS
+    if kept.is_dir() and kept.stat().st_mtime_ns > (folder / checkpoint.NAME).stat().st_mtime_ns:
+        return {path.name: read_bytes(path) for path in sorted(kept.iterdir())}
     files = paper_graphs(made.network, part.fr)
-    for path in kept:
-        path.unlink()
-    for name, content in files.items():
-        with replacing(folder / name) as temporary:
-            temporary.write_bytes(content)
+    with replacing_folder(kept) as graphs:
+        for name, content in files.items():
+            (graphs / name).write_bytes(content)
     return files
 
 

@@ -23,6 +23,7 @@ import torch
 from torch import Tensor
 
 from signsplice.errors import InputError
+from signsplice.formats.atomic import replacing
 from signsplice.rig.canonical import FEATURE_FPS
 from signsplice.splicing import features
 from signsplice.splicing.bundle import write_bundle
@@ -181,7 +182,8 @@ def make(
     task, valid = _trained(training, train_paths, held_back, warm_starts, folder, recipe, processes, report_progress)
     if processes.first:
         for name, content in product_graphs(task, valid).items():
-            (folder / name).write_bytes(content)
+            with replacing(folder / name) as temporary:
+                temporary.write_bytes(content)
         facts = {
             **asdict(training),
             **made_of,
@@ -232,7 +234,6 @@ def _trained(
 
 def assemble(out: Path, folders: dict[str, Path]) -> None:
     """Put the networks in ``folders``, by name, into a bundle; its other networks stay."""
-    out.mkdir(parents=True, exist_ok=True)
     head = out / "bundle.json"
     networks: dict[str, Any] = json.loads(head.read_text())["networks"] if head.exists() else {}
     sources = {name: folders.get(name, out) for name in (*networks, *folders)}

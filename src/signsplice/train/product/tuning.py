@@ -124,11 +124,9 @@ def make(
     }
     files = {name: read_file(source, config, name) for name in config.files} | product_graphs(task, valid)
     trial = folder / "bundle"
-    trial.mkdir(exist_ok=True)
     _write(trial, facts, files, tuned)
     result = compare(held, source, trial, len(clips))
     if result.better:
-        out.mkdir(parents=True, exist_ok=True)
         scores = {"error": result.after, "error_before": result.before, "error_classical": result.classical}
         _write(out, facts, files, tuned | {"scores": scores})
     return result

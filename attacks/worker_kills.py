@@ -1,0 +1,214 @@
+"""Kills of stream workers, and a stop of the service, with clients connected: `python attacks/worker_kills.py [N]`.
+
+Each of N rounds (20) opens three streams, idle, paced and unpaced, and kills their worker with SIGKILL: once, or
+once more while the next one starts, or while clients wait for that start. It measures when each client is told,
+whether the slots are given back, and whether a new stream works. Linux only. Prints rows of a Markdown table.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from contextlib import suppress
+
+import httpx
+import psutil
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed
+
+from service_callers import serving, stream_address
+
+_PATIENCE_S = 30.0
+_MODES = ("once", "twice in a row", "while clients wait for the next one")
+
+
+def _workers(pid: int) -> list[psutil.Process]:
+    """The worker processes of a service, oldest first."""
+    workers = []
+    for child in psutil.Process(pid).children():
+        with suppress(psutil.Error):  # it has just ended
+            if any("spawn_main" in part for part in child.cmdline()):
+                workers.append((child.create_time(), child))
+    return [child for _, child in sorted(workers, key=lambda pair: pair[0])]
+
+
+async def _open(address: str, paced: bool, n_words: int) -> ClientConnection:
+    socket = await connect(stream_address(address), compression=None, max_size=None, ping_interval=None)
+    await socket.send(json.dumps({"type": "open", "paced": paced}))
+    for _ in range(n_words):
+        await socket.send('{"type": "word", "gloss": "THANK-YOU"}')
+    return socket
+
+
+async def _until_frames(socket: ClientConnection) -> None:
+    while not isinstance(await asyncio.wait_for(socket.recv(), 60.0), bytes):
+        pass
+
+
+async def _told_after(socket: ClientConnection, since: float) -> tuple[float, str]:
+    """Seconds until a client has an error and the stream is closed; and the error."""
+    error = "no word"
+    try:
+        while True:
+            message = await asyncio.wait_for(socket.recv(), _PATIENCE_S)
+            if isinstance(message, str) and json.loads(message)["type"] == "error":
+                error = json.loads(message)["error"]
+    except ConnectionClosed as closed:
+        code = closed.rcvd.code if closed.rcvd else "none"
+        return time.monotonic() - since, f"{error} (close {code})"
+    except TimeoutError:
+        return _PATIENCE_S, "nothing"
+
+
+async def _n_streams(client: httpx.AsyncClient) -> int:
+    return int((await client.get("/healthz")).json()["streams"])
+
+
+async def _kill_next(pid: int, known: set[int]) -> None:
+    """Kill the worker that replaces one, as soon as it is there."""
+    deadline = time.monotonic() + _PATIENCE_S
+    while time.monotonic() < deadline:
+        for worker in _workers(pid):
+            if worker.pid not in known:
+                worker.kill()
+                known.add(worker.pid)
+                return
+        await asyncio.sleep(0.02)
+
+
+async def _round(address: str, pid: int, request_pid: int, mode: str, client: httpx.AsyncClient) -> list[float]:
+    """Seconds until each client was told. Raises ``AssertionError`` where a new stream does not work."""
+    sockets = [await _open(address, False, 0), await _open(address, True, 8), await _open(address, False, 3)]
+    for socket in sockets[1:]:
+        await _until_frames(socket)
+    known = {worker.pid for worker in _workers(pid)}
+    since = time.monotonic()
+    for stream_pid in known - {request_pid}:
+        os.kill(stream_pid, signal.SIGKILL)
+    if mode != _MODES[0]:
+        killing = asyncio.create_task(_kill_next(pid, known))
+        if mode == _MODES[2]:  # a client for whose stream the killed process was to be started
+            sockets.append(await _open(address, False, 3))
+        await killing
+    told = await asyncio.gather(*(_told_after(socket, since) for socket in sockets[:3]))
+    for seconds, what in told:
+        print(f"  {mode}: told after {seconds:.2f} s: {what}", file=sys.stderr)
+    new = sockets[3] if len(sockets) > 3 else await _open(address, False, 3)
+    await _until_frames(new)
+    await new.close()
+    return [seconds for seconds, _ in told]
+
+
+async def _kills(address: str, process: subprocess.Popen[str], n: int) -> str:
+    seconds: list[float] = []
+    async with httpx.AsyncClient(base_url=address, timeout=60.0) as client:
+        await client.get("/healthz")  # answered once workers start
+        request_worker, _ = _workers(process.pid)
+        for k in range(n):
+            seconds += await _round(address, process.pid, request_worker.pid, _MODES[k % len(_MODES)], client)
+        deadline = time.monotonic() + 5.0
+        while (lost := await _n_streams(client)) and time.monotonic() < deadline:
+            await asyncio.sleep(0.1)
+        late = sum(value > 2.0 for value in seconds)
+        return (
+            f"{lost} slots lost; {len(seconds)} clients told after {max(seconds):.2f} s at most, "
+            f"{late} of them later than 2 s; a new stream worked after each"
+        )
+
+
+async def _idle_kills(address: str, process: subprocess.Popen[str], n: int) -> str:
+    answers: Counter[int] = Counter()
+    async with httpx.AsyncClient(base_url=address, timeout=60.0) as client:
+        for _ in range(n):
+            for worker in _workers(process.pid):
+                worker.kill()
+            answer = await client.post("/v1/sentence?file=bvh", json={"glosses": ["HELLO"]})
+            answers[answer.status_code] += 1
+            if answer.status_code != 200:
+                print(f"  {answer.text}", file=sys.stderr)
+    return f"answers to the next request: {dict(answers)}"
+
+
+async def _stop(address: str, process: subprocess.Popen[str]) -> str:
+    """What clients get when the service is stopped while it works for them."""
+    sockets = [await _open(address, False, 0), await _open(address, True, 8)]
+    await _until_frames(sockets[1])
+    async with httpx.AsyncClient(base_url=address, timeout=60.0) as client:
+        body = {"glosses": ["THANK-YOU"] * 60, "formats": ["bvh"], "sign_speed": 0.5}
+        requests = [asyncio.create_task(client.post("/v1/sentence", json=body)) for _ in range(6)]
+        await asyncio.sleep(1.0)
+        since = time.monotonic()
+        process.send_signal(signal.SIGTERM)
+        told = await asyncio.gather(*(_told_after(socket, since) for socket in sockets))
+        try:
+            await httpx.AsyncClient(base_url=address).get("/healthz")
+            new = "was answered"
+        except httpx.ConnectError:
+            new = "was refused"
+        answers: Counter[str] = Counter()
+        for answer in await asyncio.gather(*requests, return_exceptions=True):
+            if isinstance(answer, BaseException):
+                answers[type(answer).__name__] += 1
+            else:
+                kind = answer.headers.get("content-type", "").partition(";")[0]
+                error = f" {answer.json()['error']!r}" if answer.status_code != 200 and "json" in kind else ""
+                answers[f"{answer.status_code} {kind}{error}"] += 1
+        answered = time.monotonic() - since
+        await asyncio.to_thread(process.wait, 60.0)
+        ended = time.monotonic() - since
+    requests_got = ", ".join(f"{n} times {what}" for what, n in answers.items())
+    streams_got = ", ".join(f"{what} after {seconds:.2f} s" for seconds, what in told)
+    return (
+        f"requests: {requests_got}, after {answered:.1f} s at most; streams: {streams_got}; a new connection {new}; "
+        f"the service ended after {ended:.1f} s"
+    )
+
+
+def _orphans(address: str, process: subprocess.Popen[str]) -> str:
+    """Whether workers, one of them at work, end with a service that is killed."""
+
+    async def start_work() -> None:
+        socket = await _open(address, False, 3)
+        await _until_frames(socket)
+        body = {"glosses": ["THANK-YOU"] * 100, "formats": ["glb"]}
+        with suppress(httpx.ReadTimeout):
+            await httpx.AsyncClient(base_url=address, timeout=0.5).post("/v1/sentence", json=body)
+
+    asyncio.run(start_work())
+    workers = _workers(process.pid)
+    since = time.monotonic()
+    process.kill()
+    while (left := _n_alive(workers)) and time.monotonic() - since < 10.0:
+        time.sleep(0.02)
+    return f"{len(workers)} workers, {left} of them left after {time.monotonic() - since:.2f} s"
+
+
+def _n_alive(processes: list[psutil.Process]) -> int:
+    n = 0
+    for process in processes:
+        with suppress(psutil.NoSuchProcess):
+            n += process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    return n
+
+
+def main(n: int) -> None:
+    """Print a row for each attack."""
+    print("| row | attack | seen |\n| --- | --- | --- |")
+    with serving("--workers", "1") as (address, process):
+        print(f"| 2 | {n} rounds of kills of a worker with open streams | {asyncio.run(_kills(address, process, n))} |")
+        print(f"| 12 | {n // 2} kills of idle workers | {asyncio.run(_idle_kills(address, process, n // 2))} |")
+    with serving("--workers", "1") as (address, process):
+        print(f"| 9 | kill -9 of the service while it works | {_orphans(address, process)} |")
+    for limit in ("60", "2"):
+        with serving("--workers", "1", "--limit", f"drain_seconds={limit}") as (address, process):
+            print(f"| 12 | SIGTERM, drain_seconds={limit} | {asyncio.run(_stop(address, process))} |", flush=True)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20)

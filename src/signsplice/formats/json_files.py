@@ -1,0 +1,92 @@
+"""JSON that others wrote: read with one kind of error for whatever is wrong with it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from itertools import repeat
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from signsplice.errors import FormatError
+from signsplice.formats.reading import read_bytes
+
+MOST_BYTES = 16 << 20
+"""Size of the largest JSON file that is read: small values take up to 24 times their text in memory."""
+
+
+def read_json(path: str | Path, expected: str) -> Any:
+    """The values of a JSON file; ``expected`` says in messages what it should hold.
+
+    Raises ``InputError`` where it cannot be read or is too large, otherwise as ``parse_json`` does.
+    """
+    return parse_json(read_bytes(path, MOST_BYTES), str(path), expected)
+
+
+def parse_json(content: bytes, file: str, expected: str) -> Any:
+    """The values of a JSON text in UTF-8. Raises ``FormatError`` where it is none, where it nests too deeply, and where
+    it holds what no other program could read: NaN, infinity, whole numbers of thousands of digits, half characters.
+    """
+    try:
+        values = json.loads(content.decode("utf-8-sig"), parse_constant=_refused)
+        if b"\\ud" in content.lower():  # a lone surrogate can be neither printed nor written
+            json.dumps(values, ensure_ascii=False).encode()
+    except json.JSONDecodeError as error:
+        raise FormatError(f"is no JSON ({error.msg}), expected {expected}", file=file, line=error.lineno) from error
+    except RecursionError as error:
+        raise FormatError(f"is no JSON that can be read (nested too deeply), expected {expected}", file=file) from error
+    except UnicodeError as error:
+        raise FormatError(f"is no JSON (its text is no valid UTF-8), expected {expected}", file=file) from error
+    except ValueError as error:
+        reason = str(error).partition(";")[0]
+        raise FormatError(f"is no JSON that can be read ({reason}), expected {expected}", file=file) from error
+    return values
+
+
+def _refused(constant: str) -> None:
+    raise ValueError(f"{constant} is no number of JSON")
+
+
+def check_type(value: Any, kind: Any, where: str) -> None:
+    """Raise ``TypeError`` where a JSON value is not of a type: a plain one, a union, a ``Literal``, a list, a mapping
+    of names, or a tuple, which JSON holds as a list.
+
+    Numbers are finite, and whole numbers fit into 64 bits; true is no number. Null stands for NaN where a float is
+    ``Annotated``.
+    """
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        return check_type(value, inner[0] | None, where)
+    if origin in (UnionType, Union):
+        fits = any(_is_of(value, one, where) for one in inner)
+    elif origin is Literal:
+        fits = isinstance(value, str) and value in inner
+    elif origin is tuple and inner[-1] is not Ellipsis:
+        fits = isinstance(value, list) and len(value) == len(inner) and all(map(_is_of, value, inner, repeat(where)))
+    elif origin in (list, tuple):
+        fits = isinstance(value, list) and all(_is_of(one, inner[0], where) for one in value)
+    elif origin in (dict, Mapping):
+        fits = isinstance(value, dict) and all(_is_of(one, inner[1], where) for one in value.values())
+    elif kind in (int, float):
+        fits = isinstance(value, int if kind is int else (int, float)) and not isinstance(value, bool)
+        fits = fits and -(2**63) <= value < 2**63 if isinstance(value, int) else fits and math.isfinite(value)
+    else:
+        fits = (
+            kind is Any
+            or (value is None and kind in (None, NoneType))
+            or (isinstance(kind, type) and isinstance(value, kind))
+        )
+    if not fits:
+        name = kind.__name__ if isinstance(kind, type) and origin is None else str(kind).replace("typing.", "")
+        raise TypeError(f"{where}: found {json.dumps(value)[:40]}, expected {name}")
+    return None
+
+
+def _is_of(value: Any, kind: Any, where: str) -> bool:
+    try:
+        check_type(value, kind, where)
+    except TypeError:
+        return False
+    return True

@@ -1,0 +1,312 @@
+"""HTTP and WebSocket as uvicorn speaks them, with limits on what may come outside of bodies and messages.
+
+Bodies are limited where they are received (``limits``), messages by uvicorn. What is left is what a parser reads before
+the application hears of it: heads, trailers, the framing of chunks, pings, fragments.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from http import HTTPStatus
+from typing import Any
+
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.frames import Frame
+from websockets.http11 import Response
+from websockets.protocol import State
+from websockets.server import ServerProtocol
+
+from signsplice.service.settings import Settings
+from signsplice.service.shares import client_of
+
+_MAX_HEADERS = 100
+"""Fields of a head, and of a trailer. The WebSocket library reads no more than 128."""
+_MAX_PIPELINED = 16
+"""Requests on a connection that wait until the one before them is answered."""
+_FRAMING = 16
+"""Bytes of a body for which one byte of framing is free, so that chunks of 100 bytes and more are no flood."""
+_STEP_BYTES = 4096
+"""Data of a WebSocket that is parsed at one go: some milliseconds' worth, where it consists of empty frames."""
+_IDLE_FRAMES_SECONDS = 10.0
+"""Time in which a stream's client may send ``max_idle_frames``."""
+_POLICY_VIOLATION = 1008
+"""Close code of a WebSocket."""
+
+
+def _failure(text: str) -> bytes:
+    """``wire.Failure`` with this message, as JSON."""
+    return json.dumps({"error": text, "unknown": {}}).encode()
+
+
+class _ProtocolError(Exception):
+    """Ends the parsing of a request."""
+
+
+class LimitedHttpProtocol(HttpToolsProtocol):
+    """HTTP/1.1 in which everything but bodies has a limit in bytes, and everything has a clock.
+
+    A clock of ``head_seconds`` runs until the head of a request is there, then one of ``body_seconds`` until its body
+    and trailer are, whether or not the application reads them.
+    """
+
+    settings: Settings
+    client_name = ""
+    _timer: asyncio.TimerHandle | None = None
+    _n_bytes = 0
+    """Bytes of the request that came so far and are not body."""
+    _n_fields, _has_head = 0, False
+    _refusal = HTTPStatus.BAD_REQUEST, "the request is not valid HTTP/1.1"
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Start the clock, or refuse a connection too many."""
+        super().connection_made(transport)
+        self.client_name = client_of(self.client[0] if self.client else None)
+        self._start_clock(self.settings.head_seconds)
+        if len(self.connections) > self.settings.max_connections:
+            for other in list(self.connections):
+                if other.transport.is_closing():  # its client does not read the rest of an answer
+                    other.transport.abort()
+            self._answer(HTTPStatus.SERVICE_UNAVAILABLE, "too many connections; try again in a moment")
+        elif self._n_of_client() > self.settings.max_client_connections:
+            self._answer(HTTPStatus.SERVICE_UNAVAILABLE, "too many connections from this address")
+
+    def _n_of_client(self) -> int:
+        """Connections of this client; none is counted for a trusted proxy, which has many clients."""
+        if self.client and self.client[0] in self.settings.proxies:
+            return 0
+        return sum(self.client_name == getattr(other, "client_name", None) for other in self.connections)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Stop the clock."""
+        self._stop_clock()
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Parse data, and count what of it is not body."""
+        if self.transport.is_closing():
+            return
+        if self._timer is None:  # also for bytes that begin no request
+            self._start_clock(self.settings.head_seconds)
+        self._n_bytes = max(self._n_bytes, 0) + len(data)
+        super().data_received(data)
+        if self._n_bytes > self.settings.max_head_bytes and not self.transport.is_closing():
+            self._answer(*self._too_large())
+
+    def _too_large(self) -> tuple[HTTPStatus, str]:
+        limit = self.settings.max_head_bytes
+        return HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, (
+            f"the head or the trailer of the request, or the framing of its chunks, is longer than {limit} bytes"
+        )
+
+    # what the parser calls
+
+    def on_message_begin(self) -> None:
+        """Refuse requests that come faster than answers go out."""
+        if len(self.pipeline) >= _MAX_PIPELINED:
+            self._refuse(HTTPStatus.TOO_MANY_REQUESTS, "too many requests on one connection before the first answer")
+        super().on_message_begin()
+        self._has_head, self._n_fields = False, 0
+        self._start_clock(self.settings.head_seconds)
+
+    def on_header(self, name: bytes, value: bytes) -> None:
+        """Keep a field of the head; those of a trailer are not part of what was checked before, and are left out."""
+        self._n_fields += 1
+        if self._n_fields > _MAX_HEADERS:
+            reason = f"more than {_MAX_HEADERS} header fields"
+            self._refuse(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, reason)
+        if not self._has_head:
+            super().on_header(name, value)
+
+    def on_headers_complete(self) -> None:
+        """Go on to the clock of the body."""
+        self._has_head, self._n_fields = True, 0
+        self._start_clock(self.settings.body_seconds)
+        super().on_headers_complete()
+
+    def on_body(self, body: bytes) -> None:
+        """Count a part of the body as body."""
+        self._n_bytes -= len(body) + len(body) // _FRAMING
+        super().on_body(body)
+
+    def on_message_complete(self) -> None:
+        """Stop the clock."""
+        self._stop_clock()
+        self._n_bytes = 0
+        super().on_message_complete()
+
+    def _refuse(self, status: HTTPStatus, reason: str) -> None:
+        self._refusal = status, reason
+        raise _ProtocolError(reason)  # stops the parser; ``send_400_response`` follows
+
+    # clocks and answers
+
+    def _start_clock(self, seconds: float) -> None:
+        self._stop_clock()
+        self._timer = self.loop.call_later(seconds, self._run_out)
+
+    def _stop_clock(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _run_out(self) -> None:
+        self._timer = None
+        if not self._is_answering() or self.cycle.more_body:
+            self._answer(HTTPStatus.REQUEST_TIMEOUT, "the request came too slowly; send it again")
+
+    def _is_answering(self) -> bool:
+        return self.cycle is not None and not self.cycle.response_complete
+
+    def handle_websocket_upgrade(self) -> None:
+        """Hand the connection over; this protocol hears no more of it."""
+        self._stop_clock()
+        super().handle_websocket_upgrade()
+
+    def send_400_response(self, msg: str) -> None:
+        """Refuse what the parser could not read, or what a limit stopped."""
+        self._answer(*self._refusal)
+
+    def _answer(self, status: HTTPStatus, reason: str) -> None:
+        """Close the connection, with a reason where no answer has begun that the reason would be mixed with."""
+        if self.transport.is_closing():
+            return
+        if not (self._is_answering() and self.cycle.response_started):
+            body = _failure(reason)
+            head = (
+                f"HTTP/1.1 {status.value} {status.phrase}\r\nConnection: close\r\nContent-Type: application/json\r\n"
+                f"X-Content-Type-Options: nosniff\r\nContent-Length: {len(body)}\r\n\r\n"
+            )
+            self.transport.write(head.encode() + body)
+        self._stop_clock()
+        self.transport.close()
+
+
+class _JsonServerProtocol(ServerProtocol):
+    """The handshake of a WebSocket, refused with JSON."""
+
+    def reject(self, status: int, text: str) -> Response:
+        """The answer that refuses a handshake."""
+        response = super().reject(status, _failure(text.strip() or "no stream here").decode())
+        del response.headers["Content-Type"]
+        response.headers["Content-Type"] = "application/json"
+        return response
+
+
+class LimitedWebSocketProtocol(WebSocketsSansIOProtocol):
+    """WebSocket that is parsed in small steps, others' turns between them, and in which frames that bring no message
+    (pings, pongs, fragments, all after a close) have a rate.
+    """
+
+    settings: Settings
+    client_name = ""
+
+    def __init__(self, *args: Any, **keywords: Any) -> None:
+        super().__init__(*args, **keywords)
+        self.conn = _JsonServerProtocol(max_size=self.config.ws_max_size, logger=self.logger)
+        self._unparsed = bytearray()
+        self._step: asyncio.Handle | None = None
+        self._is_held = False
+        self._n_idle_frames, self._window_start = 0, 0.0
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Take a connection over from HTTP."""
+        super().connection_made(transport)
+        self.client_name = client_of(self.client[0] if self.client else None)
+
+    def data_received(self, data: bytes) -> None:
+        """Parse data: a step now, the others in later turns of the event loop."""
+        self._unparsed += data
+        if self._step is None:
+            self._parse_some()
+
+    def _parse_some(self) -> None:
+        self._step = None
+        if self.transport.is_closing():
+            self._unparsed.clear()
+        elif not self.read_paused:
+            piece = bytes(self._unparsed[:_STEP_BYTES])
+            del self._unparsed[:_STEP_BYTES]
+            super().data_received(piece)
+            if self.conn.handshake_exc is not None and not self.handshake_initiated:
+                self.transport.write(b"".join(self.conn.data_to_send()))
+                self.transport.close()
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """Parse what waits, unless the application has messages to read first; read no more meanwhile."""
+        if self.transport.is_closing() or self.read_paused:
+            return
+        if self._unparsed:
+            self._is_held = True
+            self.transport.pause_reading()  # uvicorn may have resumed it
+            if self._step is None:
+                self._step = self.loop.call_soon(self._parse_some)
+        elif self._is_held:
+            self._is_held = False
+            self.transport.resume_reading()
+
+    async def receive(self) -> Any:
+        """The next message; parsing goes on when none is left."""
+        event = await super().receive()
+        self._go_on()
+        return event
+
+    async def send(self, message: Any) -> None:
+        """Send a message; after a close, parsing goes on until the client's."""
+        await super().send(message)
+        self._go_on()
+
+    def handle_ping(self) -> None:
+        """Answer a ping."""
+        self._count_idle_frame()
+        super().handle_ping()
+
+    def handle_pong(self, event: Frame) -> None:
+        """Note a pong."""
+        self._count_idle_frame()
+        super().handle_pong(event)
+
+    def handle_cont(self, event: Frame) -> None:
+        """Take a fragment."""
+        self._count_idle_frame()
+        super().handle_cont(event)
+
+    def send_receive_event_to_app(self) -> None:
+        """Pass a message on; after the close it is dropped."""
+        if self.close_sent:
+            self._count_idle_frame()
+        super().send_receive_event_to_app()
+
+    def _count_idle_frame(self) -> None:
+        now = self.loop.time()
+        if now - self._window_start > _IDLE_FRAMES_SECONDS:
+            self._n_idle_frames, self._window_start = 0, now
+        self._n_idle_frames += 1
+        if self._n_idle_frames > self.settings.max_idle_frames and not self.transport.is_closing():
+            if self.conn.state is State.OPEN:
+                self._send_error("too many pings, pongs and fragments")
+                self.conn.fail(_POLICY_VIOLATION, "too many pings, pongs and fragments")
+                self.handle_parser_exception()
+            else:
+                self.transport.close()
+
+    def _send_error(self, reason: str) -> None:
+        self.conn.send_text(json.dumps({"type": "error", "error": reason, "unknown": {}}).encode())
+
+    def shutdown(self) -> None:
+        """Tell the client that the service stops, and close."""
+        if self.conn.state is State.CLOSING:
+            self.transport.close()
+            return
+        if self.conn.state is State.OPEN:
+            self._send_error("the service stops; open the stream again later")
+        super().shutdown()
+
+
+def protocols(settings: Settings) -> tuple[type[LimitedHttpProtocol], type[LimitedWebSocketProtocol]]:
+    """The two protocols with the limits of a service; uvicorn makes their objects itself."""
+    http = type("ServiceHttpProtocol", (LimitedHttpProtocol,), {"settings": settings})
+    websocket = type("ServiceWebSocketProtocol", (LimitedWebSocketProtocol,), {"settings": settings})
+    return http, websocket

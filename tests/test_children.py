@@ -1,0 +1,79 @@
+"""Processes end with the one that started them, also where that one is killed."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+POOL = """
+import os, sys, time
+from signsplice.synth.pool import Pool
+
+def sleep(file):
+    with open(file, "w") as made:
+        made.write(str(os.getpid()))
+    os.rename(file, file + ".ready")
+    time.sleep(600)
+
+with Pool(2) as run:
+    list(run(sleep, [sys.argv[1] + "/a", sys.argv[1] + "/b"]))
+"""
+SUBPROCESS = """
+import subprocess, sys
+from signsplice.children import killed_with_parent
+
+code = '''
+import os, sys, time
+open(sys.argv[1], "w").write(str(os.getpid()))
+os.rename(sys.argv[1], sys.argv[1] + ".ready")
+time.sleep(600)
+'''
+for name in "ab":
+    call = [sys.executable, "-c", code, f"{sys.argv[1]}/{name}"]
+    child = subprocess.Popen(call, preexec_fn=killed_with_parent())
+child.wait()
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs Linux")
+@pytest.mark.parametrize("code", [POOL, SUBPROCESS], ids=["pool", "subprocess"])
+def test_children_of_a_killed_process_end(code: str, tmp_path: Path) -> None:
+    parent = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.DEVNULL)
+    try:
+        ready = [tmp_path / "a.ready", tmp_path / "b.ready"]
+        wait_until(lambda: all(path.exists() for path in ready))
+        children = [int(path.read_text()) for path in ready]
+        assert all(map(is_running, children))
+    finally:
+        parent.kill()
+        parent.wait()
+    try:
+        wait_until(lambda: not any(map(is_running, children)))
+    finally:
+        for child in filter(is_running, children):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(child, 9)
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    """Wait until ``condition()`` is true, for a minute at most."""
+    deadline = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen"
+        time.sleep(0.02)
+
+
+def is_running(process: int) -> bool:
+    """Whether a process runs; one that has ended, but is not collected, does not."""
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return state not in "ZX"
