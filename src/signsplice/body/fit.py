@@ -74,9 +74,9 @@ class PosedBody:
 
     @property
     def hand_length(self) -> float:
-        """Median length of the palms' capsules."""
+        """Median length of the palms' capsules, m."""
         palms = [n for n, part in enumerate(self.body.parts) if part == "palm"]
-        return float(np.median(np.linalg.norm(self.body.ends[palms] - self.body.starts[palms], axis=-1)))
+        return float(np.median(np.linalg.norm(self.ends[0, palms] - self.starts[0, palms], axis=-1)))
 
 
 _ANCHORS = (
@@ -136,12 +136,19 @@ class Fit:
     def moves(self) -> Float:
         """The moves (T, 2, 3) of the wrists, m, with arms that follow as ``_shares`` says."""
         m = self._solve_linear()
+        self.out_of_reach = self._out_of_reach(m)
         self._near = _near_contacts(self, m)
         return self._touched(m, self.carried, np.zeros_like(m), _STEPS)
 
-    def again(self, moves: Float, moved: PosedBody) -> Float:
-        """The moves once more, where ``moved`` is the body with the arms as they really lie after ``moves``."""
-        return self._touched(moves, moved, moves, _STEPS_AGAIN)
+    def _out_of_reach(self, m: Float) -> Float:
+        """How far (2,) the places of each hand lie beyond its arm's reach where it signs, at most, m."""
+        away = np.linalg.norm(self.carried.wrists + m - self.carried.shoulders, axis=-1) - self.carried.arm_lengths
+        return np.asarray((away * (self.active > 0.5)).max(axis=0, initial=0.0))
+
+    def again(self, moved: PosedBody) -> Float:
+        """The moves once more, from ``moved``: the body with the arms as they lie after the moves so far."""
+        base = moved.wrists - self.carried.wrists
+        return self._touched(base, moved, base, _STEPS_AGAIN)
 
     def _touched(self, m: Float, posed: PosedBody, base: Float, steps: int) -> Float:
         contacts = _Contacts(self.pairs[1], self._near, posed, base)

@@ -28,8 +28,8 @@ Float = NDArray[np.float64]
 
 ALIKE = 0.005
 """Bodies whose arms, shoulders and hands differ by a smaller fraction than this are one body: rotations are enough."""
-MISSED_M = 0.02
-"""A hand that misses its place by more than this, m, because the arm is too short, is named in a warning."""
+BEYOND_M = 0.02
+"""A hand whose place lies farther than this, m, beyond its arm's reach is named in a warning."""
 _FADE_S = 0.15
 _HANGING, _RAISED = 0.95, 0.85
 """Height of a shoulder above its wrist, arm lengths, from which on an arm hangs, and up to which it does not."""
@@ -74,19 +74,19 @@ def fit_body(source: Clip, source_body: BodyCapsules, carried: Clip, body: BodyC
     """``carried``, the rotations of ``source`` on another skeleton, with arms moved to keep places and contacts."""
     metres, active = rig_info(carried.skeleton).sizes.unit.metres, signing(source)
     moves, swivels = np.zeros((len(source), 2, 3)), np.zeros((len(source), 2))
-    missed, contacts = np.zeros(2), []
+    beyond, contacts = np.zeros(2), []
     for start in range(0, max(len(source) - _OVERLAP, 1), _WINDOW - _OVERLAP):
         part = slice(start, start + _WINDOW)
         fit = Fit(posed_body(source[part], source_body), posed_body(carried[part], body), source.fps, active[part])
         moved, turned = _solved(fit, carried[part], metres)
         posed = posed_body(arm_ik.move_wrists(carried[part], moved / metres, turned), body)
-        missed = np.maximum(missed, _missed(fit, posed, moved))
+        beyond = np.maximum(beyond, fit.out_of_reach)
         contacts += _contacts(fit, posed, start)
         share = _fade_in(len(moved), start > 0)
         moves[part] += share[:, None, None] * (moved - moves[part])
         swivels[part] += share[:, None] * (turned - swivels[part])
     out = arm_ik.move_wrists(carried, moves / metres, swivels)
-    return Retargeted(out, _miss_warnings(missed, source.name), tuple(contacts))
+    return Retargeted(out, _reach_warnings(beyond, source.name), tuple(contacts))
 
 
 def _solved(fit: Fit, carried: Clip, metres: float) -> tuple[Float, Float]:
@@ -94,7 +94,7 @@ def _solved(fit: Fit, carried: Clip, metres: float) -> tuple[Float, Float]:
     moves = fit.moves()
     swivels = _swivels(fit, carried, moves / metres)
     moved = posed_body(arm_ik.move_wrists(carried, moves / metres, swivels), fit.carried.body)
-    return fit.again(moves, moved), swivels
+    return fit.again(moved), swivels
 
 
 def _fade_in(n_frames: int, is_later: bool) -> Float:
@@ -180,17 +180,12 @@ def _swivels(fit: Fit, carried: Clip, moves: Float) -> Float:
     return out
 
 
-def _missed(fit: Fit, posed: PosedBody, moves: Float) -> Float:
-    """How far (2,) each hand is from its place where it is farthest while it signs, m."""
-    away = np.linalg.norm(fit.carried.wrists + moves - posed.wrists, axis=-1)
-    return np.asarray((away * (fit.active > 0.5)).max(axis=0))
-
-
-def _miss_warnings(missed: Float, name: str) -> tuple[str, ...]:
+def _reach_warnings(beyond: Float, name: str) -> tuple[str, ...]:
+    """A line for each hand whose places lie beyond its arm's reach."""
     return tuple(
-        f"{name}: the {hand} hand misses its place by up to {100.0 * most:.0f} cm: the arm of this body is too short"
-        for hand, most in zip(("left", "right"), missed.tolist(), strict=True)
-        if most > MISSED_M
+        f"{name}: places of the {hand} hand lie up to {100.0 * most:.0f} cm beyond the reach of this body's arm"
+        for hand, most in zip(("left", "right"), beyond.tolist(), strict=True)
+        if most > BEYOND_M
     )
 
 
