@@ -6,6 +6,7 @@ nothing.
 
 TYPE_CHECKING = False  # typing's own costs an import, in which an interrupt would show a traceback
 if TYPE_CHECKING:
+    from signsplice.body.retarget import retarget
     from signsplice.errors import FormatError, InputError, RigMismatchError, SignspliceError
     from signsplice.formats import load, save
     from signsplice.lexicon.reader import Lexicon, open_lexicon
@@ -27,6 +28,7 @@ _HOMES = {
     "inbetween": "splicing.inbetween",
     "load": "formats",
     "open_lexicon": "lexicon.reader",
+    "retarget": "body.retarget",
     "save": "formats",
     "splice": "splicing.engine",
     "stream": "splicing.engine",
@@ -46,6 +48,7 @@ __all__ = [
     "inbetween",
     "load",
     "open_lexicon",
+    "retarget",
     "save",
     "splice",
     "stream",

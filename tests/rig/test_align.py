@@ -107,6 +107,26 @@ def test_rigs_with_other_joint_names_are_matched_by_roles(words: dict[str, Clip]
     assert np.allclose(positions(back), positions(other), atol=0.0005)
 
 
+def test_fingers_named_unlike_the_body_are_carried_over(words: dict[str, Clip]) -> None:
+    clip = words["SIGN"]
+    rename = {
+        f"mixamorig:{side}Hand{finger}{n}": f"{word}.0{n}.{side[0]}" if n < 3 else f"{word}0{n}.{side[0]}"
+        for side in ("Left", "Right")
+        for finger, word in (
+            ("Thumb", "thumb"),
+            ("Index", "fore"),
+            ("Middle", "mid"),
+            ("Ring", "ring"),
+            ("Pinky", "little"),
+        )
+        for n in (1, 2, 3)
+    }
+    assert rename.keys() <= set(clip.skeleton.names)
+    other = on_other_rig(clip, rotation.exp([0.0, 1.2, 0.0]), 1.0, rename)
+    out = align(clip, reference(other))
+    assert np.allclose(positions(out.clip), positions(other), atol=1e-3)
+
+
 def test_a_joint_above_the_hips_changes_nothing(words: dict[str, Clip]) -> None:
     """In some rigs the root stays on the floor, and the hips below it carry the signer's sway."""
     clip = words["DEAF"]

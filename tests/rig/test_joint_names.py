@@ -1,11 +1,11 @@
-"""rig.roles.simplify: the many spellings of one joint name have one form."""
+"""rig.joint_names.simplify: the many spellings of one joint name have one form."""
 
 from __future__ import annotations
 
 import pytest
 
 from known_rigs import RIGS, skeleton_of
-from signsplice.rig.roles import simplify
+from signsplice.rig.joint_names import simplify
 
 
 @pytest.mark.parametrize(

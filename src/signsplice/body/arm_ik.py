@@ -29,9 +29,11 @@ _HINGES = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
 _TINY = 1e-9
 
 
-def move_wrists(clip: Clip, moves: Float) -> Clip:
+def move_wrists(clip: Clip, moves: Float, swivels: Float | None = None) -> Clip:
     """The clip with left and right wrist moved by ``moves`` (T, 2, 3), world axes and clip units; a target beyond an
     arm's reach is approached as far as possible.
+
+    swivels: (T, 2) radians by which each elbow is then turned about the line from shoulder to wrist.
 
     Raises ``InputError`` where the rig's arms are not known by name.
     """
@@ -41,14 +43,20 @@ def move_wrists(clip: Clip, moves: Float) -> Clip:
     parents = [int(clip.skeleton.parents[joint]) for joint in joints[:6]]
     global_rotations, positions = kinematics.forward(clip, [*joints[:6], *parents])
     for side in (0, 1):
-        rows = np.flatnonzero(np.abs(moves[:, side]).max(axis=1) > 0.0)
+        changes = np.abs(moves[:, side]).max(axis=1) > 0.0
+        if swivels is not None:
+            changes |= swivels[:, side] != 0.0
+        rows = np.flatnonzero(changes)
         if not len(rows):
             continue
         arm = slice(3 * side, 3 * side + 3)
         above = rotation.from_matrix(global_rotations[rows, 6 + 3 * side : 9 + 3 * side])
         s, e, w = np.moveaxis(positions[rows, arm], 1, 0)
-        hinge = rotation.rotate(rotation.inverse(info.t_pose.rotations[joints[arm.start]]), _HINGES[side])
-        bend, aim = _solve_arm(s, e, w, w + moves[rows, side], global_rotations[rows, arm.start] @ hinge)
+        target = w + moves[rows, side]
+        bend, aim = _solve_arm(s, e, w, target, global_rotations[rows, arm.start] @ _hinge(clip, side))
+        if swivels is not None:
+            axis = (target - s) / (_length(target - s)[:, None] + _TINY)
+            aim = rotation.multiply(rotation.exp(swivels[rows, side, None] * axis), aim)
         both = rotation.multiply(aim, bend)
         steps = zip(joints[arm], np.moveaxis(above, 1, 0), (aim, bend, rotation.inverse(both)), strict=True)
         for joint, parent, turn in steps:
@@ -56,6 +64,29 @@ def move_wrists(clip: Clip, moves: Float) -> Clip:
             own = rotation.multiply(rotation.multiply(rotation.inverse(parent), turn), parent)
             local[rows, joint] = rotation.multiply(own, local[rows, joint])
     return replace(clip, local_rotations=local)
+
+
+def moved_elbows(clip: Clip, moves: Float) -> tuple[Float, Float, Float]:
+    """Shoulders, elbows and wrists (T, 2, 3) of ``move_wrists(clip, moves)``, world axes and clip units."""
+    joints = rig_info(clip.skeleton).arm_joints
+    global_rotations, positions = kinematics.forward(clip, joints[:6])
+    out = positions[:, :6].reshape(len(clip), 2, 3, 3).copy()
+    for side in (0, 1):
+        s, e, w = np.moveaxis(positions[:, 3 * side : 3 * side + 3], 1, 0)
+        hinge = global_rotations[:, 3 * side] @ _hinge(clip, side)
+        bend, aim = _solve_arm(s, e, w, w + moves[:, side], hinge)
+        elbow = rotation.rotate(aim, e - s)
+        out[:, side, 1] = s + elbow
+        out[:, side, 2] = s + elbow + rotation.rotate(rotation.multiply(aim, bend), w - e)
+    return out[:, :, 0], out[:, :, 1], out[:, :, 2]
+
+
+def _hinge(clip: Clip, side: int) -> Float:
+    """The axis (3,) about which a straight elbow bends, in the upper arm's own axes."""
+    info = rig_info(clip.skeleton)
+    return np.asarray(
+        rotation.rotate(rotation.inverse(info.t_pose.rotations[info.arm_joints[3 * side]]), _HINGES[side])
+    )
 
 
 def _solve_arm(s: Float, e: Float, w: Float, target: Float, hinge: Float) -> tuple[Float, Float]:

@@ -48,6 +48,24 @@ _HEAD = (
 
 
 @dataclass(frozen=True)
+class BodyShape:
+    """How a body differs from the usual proportions of its stature; 1 for each is the usual.
+
+    head: size of head and neck.
+    trunk_width: width of chest, waist and hips.
+    trunk_depth: thickness of chest, belly and hips.
+    limbs: thickness of arms and legs.
+    hands: thickness of palms and fingers.
+    """
+
+    head: float = 1.0
+    trunk_width: float = 1.0
+    trunk_depth: float = 1.0
+    limbs: float = 1.0
+    hands: float = 1.0
+
+
+@dataclass(frozen=True)
 class CapsuleGroups:
     """Indices of a body's capsules by what they are part of.
 
@@ -71,6 +89,7 @@ class BodyCapsules:
     radii: (C, 2) at start and end, clip units.
     parts: what each is ("face", "sleeve", "Index", ...).
     sides: "left", "right" or "".
+    keys: a name of each that the same capsule has on every body ("leftIndexProximal", "chest1", ...).
     """
 
     joints: NDArray[np.intp]
@@ -79,6 +98,7 @@ class BodyCapsules:
     radii: Float
     parts: tuple[str, ...]
     sides: tuple[str, ...]
+    keys: tuple[str, ...]
 
     @cached_property
     def groups(self) -> CapsuleGroups:
@@ -112,142 +132,161 @@ def capsule_ends(body: BodyCapsules, global_rotations: Float, global_positions: 
     return starts, positions + np.einsum("tcab,cb->tca", rotations, body.ends)
 
 
-def _build(skeleton: Skeleton) -> BodyCapsules:
+def shaped_capsules(skeleton: Skeleton, shape: BodyShape) -> BodyCapsules:
+    """The body of a skeleton whose arms are known, in a given shape."""
     info = rig_info(skeleton)
     joints, rest, height = info.roles.joints, rest_positions(skeleton), info.sizes.stature
-    if not any(role.endswith("UpperArm") for role in joints):
-        return _sticks(skeleton)
-    rows = _trunk(skeleton, height)
+    rows = _trunk(skeleton, height, shape)
     for side in ("left", "right"):
         for start, end, r0, r1, part in _LIMBS:
             if side + start in joints and side + end in joints:
                 a, b = joints[side + start], joints[side + end]
-                rows.append((a, np.zeros(3), rest[b] - rest[a], r0 * height, r1 * height, part, side))
-        rows += _hand(skeleton, joints, rest, side, height)
+                thick = height * shape.limbs
+                rows.append(
+                    _Capsule(side + start, a, np.zeros(3), rest[b] - rest[a], r0 * thick, r1 * thick, part, side)
+                )
+        rows += _hand(skeleton, joints, rest, side, height, shape.hands)
     return _body(rows)
 
 
-_Row = tuple[int, Float, Float, float, float, str, str]
-"""Joint, start, end, radius at the start and at the end, part, side."""
+def _build(skeleton: Skeleton) -> BodyCapsules:
+    if not any(role.endswith("UpperArm") for role in rig_info(skeleton).roles.joints):
+        return _sticks(skeleton)
+    return shaped_capsules(skeleton, BodyShape())
 
 
-def _body(rows: list[_Row]) -> BodyCapsules:
+@dataclass(frozen=True, eq=False)
+class _Capsule:
+    """One capsule: its key, joint, both ends (3,) in the joint's frame, the radii there, part and side."""
+
+    key: str
+    joint: int
+    start: Float
+    end: Float
+    start_radius: float
+    end_radius: float
+    part: str
+    side: str = ""
+
+
+def _body(rows: list[_Capsule]) -> BodyCapsules:
     return BodyCapsules(
-        joints=np.array([row[0] for row in rows], np.intp),
-        starts=np.array([row[1] for row in rows]),
-        ends=np.array([row[2] for row in rows]),
-        radii=np.array([row[3:5] for row in rows]),
-        parts=tuple(row[5] for row in rows),
-        sides=tuple(row[6] for row in rows),
+        joints=np.array([row.joint for row in rows], np.intp),
+        starts=np.array([row.start for row in rows]),
+        ends=np.array([row.end for row in rows]),
+        radii=np.array([(row.start_radius, row.end_radius) for row in rows]),
+        parts=tuple(row.part for row in rows),
+        sides=tuple(row.side for row in rows),
+        keys=tuple(row.key for row in rows),
     )
 
 
 def _sticks(skeleton: Skeleton) -> BodyCapsules:
     """A capsule for every bone, as thick as a tenth of its length; a ball for a skeleton of one joint."""
-    rows: list[_Row] = []
+    rows: list[_Capsule] = []
     for joint in range(1, len(skeleton)):
         length = float(np.linalg.norm(skeleton.offsets[joint]))
         if length > 0.0:
             parent = int(skeleton.parents[joint])
-            rows.append((parent, np.zeros(3), skeleton.offsets[joint], 0.1 * length, 0.07 * length, "sleeve", ""))
-    return _body(rows or [(0, np.zeros(3), np.zeros(3), 1.0, 1.0, "sleeve", "")])
+            name, bone = skeleton.names[joint], skeleton.offsets[joint]
+            rows.append(_Capsule(name, parent, np.zeros(3), bone, 0.1 * length, 0.07 * length, "sleeve"))
+    return _body(rows or [_Capsule(skeleton.names[0], 0, np.zeros(3), np.zeros(3), 1.0, 1.0, "sleeve")])
 
 
-def _trunk(skeleton: Skeleton, height: float) -> list[_Row]:
+def _trunk(skeleton: Skeleton, height: float, shape: BodyShape) -> list[_Capsule]:
     """Chest, belly, pelvis, shoulders, neck and head, measured in the T-pose (left +X, up +Y, forward +Z)."""
     info = rig_info(skeleton)
     joints, positions = info.roles.joints, info.t_pose.positions
     left, up, _ = np.eye(3) * height
-    rows: list[_Row] = []
+    rows: list[_Capsule] = []
+    big, wide, deep = shape.head, shape.trunk_width, shape.trunk_depth
 
-    def add(joint: int, start: Float, end: Float, r0: float, r1: float, part: str) -> None:
+    def add(key: str, joint: int, start: Float, end: Float, r0: float, r1: float, part: str) -> None:
         """Both ends relative to the joint, in the axes of the T-pose."""
         start, end = rotation.rotate(rotation.inverse(info.t_pose.rotations[joint]), np.stack([start, end]))
-        rows.append((joint, start, end, r0 * height, r1 * height, part, ""))
+        rows.append(_Capsule(key, joint, start, end, r0 * height, r1 * height, part))
 
     chest = next((joints[r] for r in ("upperChest", "chest", "spine", "hips") if r in joints), 0)
     low = next((joints[r] for r in ("spine", "chest", "hips") if r in joints), 0)
     hips = joints.get("hips", 0)
     if "head" in joints:
-        for part, a, b, r0, r1 in _HEAD:
-            add(joints["head"], height * np.array(a), height * np.array(b), r0, r1, part)
+        for n, (part, a, b, r0, r1) in enumerate(_HEAD):
+            ends = big * height * np.array(a), big * height * np.array(b)
+            add(f"head{n}", joints["head"], *ends, big * r0, big * r1, part)
     if "head" in joints and "neck" in joints:
         neck = joints["neck"]
-        add(neck, -0.02 * up, positions[joints["head"]] - positions[neck] + 0.02 * up, 0.030, 0.029, "neck")
-    rows += _shoulders(skeleton, height)
+        nape = positions[joints["head"]] - positions[neck] + 0.02 * up
+        add("neck", neck, -0.02 * up, nape, 0.030 * big, 0.029 * big, "neck")
+    rows += _shoulders(skeleton, height, shape)
     girdle = [
         positions[joints[s + "UpperArm"]] - positions[chest] for s in ("left", "right") if s + "UpperArm" in joints
     ]
     if len(girdle) == 2:
         middle, waist = np.mean(girdle, axis=0), positions[low] - positions[chest]
-        for x, r in _COLUMNS:
-            add(chest, middle - 0.045 * up + x * left, waist + 0.94 * x * left, r, 0.92 * r, "shirt")
+        for n, (x, r) in enumerate(_COLUMNS):
+            start, end = middle - 0.045 * up + wide * x * left, waist + 0.94 * wide * x * left
+            add(f"chest{n}", chest, start, end, r * deep, 0.92 * r * deep, "shirt")
         if "neck" in joints:
             nape = positions[joints["neck"]] - positions[chest]
-            add(chest, nape - 0.02 * up, waist, 0.044, 0.050, "shirt")
-            for shoulder in girdle:
-                add(chest, nape, 0.55 * shoulder + 0.45 * middle - 0.004 * up, 0.034, 0.033, "shirt")
+            add("back", chest, nape - 0.02 * up, waist, 0.044 * deep, 0.050 * deep, "shirt")
+            for n, shoulder in enumerate(girdle):
+                end = 0.55 * shoulder + 0.45 * middle - 0.004 * up
+                add(f"collar{n}", chest, nape, end, 0.034, 0.033, "shirt")
     hem = -0.035 * up
-    for x, r in _COLUMNS:
-        add(hips, positions[low] - positions[hips] + 0.94 * x * left, hem + 1.08 * x * left, 0.92 * r, 0.057, "shirt")
+    for n, (x, r) in enumerate(_COLUMNS):
+        start = positions[low] - positions[hips] + 0.94 * wide * x * left
+        end = hem + 1.08 * wide * x * left
+        add(f"belly{n}", hips, start, end, 0.92 * r * deep, 0.057 * deep, "shirt")
     sides = [positions[joints[s + "UpperLeg"]] - positions[hips] for s in ("left", "right") if s + "UpperLeg" in joints]
     if len(sides) == 2:
-        add(hips, hem + 0.95 * sides[0], hem + 0.95 * sides[1], 0.057, 0.057, "shirt")
+        add("hips", hips, hem + 0.95 * sides[0], hem + 0.95 * sides[1], 0.057 * deep, 0.057 * deep, "shirt")
     return rows
 
 
-def _shoulders(skeleton: Skeleton, height: float) -> list[_Row]:
+def _shoulders(skeleton: Skeleton, height: float, shape: BodyShape) -> list[_Capsule]:
     """What joins chest and arms: along the collar bones, which move, or straight across where a rig has none."""
     joints, rest = rig_info(skeleton).roles.joints, rest_positions(skeleton)
-    rows: list[_Row] = []
+    rows: list[_Capsule] = []
     for side in ("left", "right"):
         if f"{side}UpperArm" not in joints:
             continue
         arm = joints[f"{side}UpperArm"]
         collar = joints.get(f"{side}Shoulder", int(skeleton.parents[arm]))
-        bone = rest[arm] - rest[collar]
-        rows.append((collar, 0.2 * bone, 0.93 * bone, 0.035 * height, 0.0325 * height, "shirt", ""))
+        bone, thick = rest[arm] - rest[collar], height * shape.limbs
+        rows.append(
+            _Capsule(f"{side}Shoulder", collar, 0.2 * bone, 0.93 * bone, 0.035 * thick, 0.0325 * thick, "shirt")
+        )
     return rows
 
 
-def _hand(skeleton: Skeleton, joints: Mapping[str, int], rest: Float, side: str, height: float) -> list[_Row]:
+def _hand(
+    skeleton: Skeleton, joints: Mapping[str, int], rest: Float, side: str, height: float, thickness: float
+) -> list[_Capsule]:
     """The palm as capsules from the wrist to each knuckle, and every phalanx."""
     wrist = joints.get(f"{side}Hand")
     if wrist is None:
         return []
-    rows: list[_Row] = []
-    known = 0
+    rows: list[_Capsule] = []
     for finger in FINGERS:
-        chain = [joints[r] for s in _SEGMENTS if (r := f"{side}{finger}{s}") in joints]
+        chain = [(r, joints[r]) for s in _SEGMENTS if (r := f"{side}{finger}{s}") in joints]
         if not chain:
             continue
-        known += 1
-        thick = _THICKNESS[finger] * height
-        knuckle = rest[chain[0]] - rest[wrist]
-        palm_start = 0.12 * knuckle
-        if finger != "Thumb":
-            rows.append((wrist, palm_start, knuckle, 0.0095 * height, thick * 1.22, "palm", side))
-        else:
-            rows.append((wrist, palm_start, knuckle, 0.0095 * height, thick * 1.35, "palm", side))
-        for n, joint in enumerate(chain):
-            bone = rest[chain[n + 1]] - rest[joint] if n + 1 < len(chain) else _tip(skeleton, joint, chain, rest)
+        thick, palm = _THICKNESS[finger] * height * thickness, 0.0095 * height * thickness
+        knuckle, wider = rest[chain[0][1]] - rest[wrist], 1.35 if finger == "Thumb" else 1.22
+        rows.append(_Capsule(f"{side}{finger}Palm", wrist, 0.12 * knuckle, knuckle, palm, thick * wider, "palm", side))
+        for n, (role, joint) in enumerate(chain):
+            is_last = n + 1 == len(chain)
+            bone = (
+                _tip(skeleton, joint, [j for _, j in chain], rest) if is_last else rest[chain[n + 1][1]] - rest[joint]
+            )
             taper = 1.12 - 0.09 * n
-            part = finger if n + 1 < len(chain) else finger + "Tip"
-            rows.append((joint, np.zeros(3), bone, thick * taper, thick * (taper - 0.09), part, side))
-    if not known:  # no fingers: a mitten as long as a hand
+            part = finger + "Tip" if is_last else finger
+            rows.append(_Capsule(role, joint, np.zeros(3), bone, thick * taper, thick * (taper - 0.09), part, side))
+    if not rows:  # no fingers: a mitten as long as a hand
         elbow = joints.get(f"{side}LowerArm")
         bone = rest[wrist] - rest[elbow] if elbow is not None else np.array([0.0, -1.0, 0.0])
-        rows.append(
-            (
-                wrist,
-                np.zeros(3),
-                bone / np.linalg.norm(bone) * 0.08 * height,
-                0.02 * height,
-                0.018 * height,
-                "palm",
-                side,
-            )
-        )
+        bone, thick = bone / np.linalg.norm(bone) * 0.08 * height, height * thickness
+        rows.append(_Capsule(f"{side}Mitten", wrist, np.zeros(3), bone, 0.02 * thick, 0.018 * thick, "palm", side))
     return rows
 
 

@@ -5,13 +5,17 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from signsplice.cli.clips import Spans, check_outputs, load, reads_clips, write
+from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
+
+if TYPE_CHECKING:
+    from signsplice.body.retarget import Retargeted
 
 
 @click.command()
@@ -43,13 +47,32 @@ def inspect(file: str, as_json: bool, roles: str | None) -> None:
 @click.command()
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar="OUT")
+@click.option("--onto", metavar="RIG", help="Clip whose body the motion is brought to: places and contacts are kept.")
+@click.option("--report", metavar="R.json", help="With --onto: write what the hands touch, before and after.")
+@click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
 @reads_clips
-def convert(source: str, output: str) -> None:
-    """Turn one file into another, by suffix."""
-    check_outputs(output, inputs=[source])
-    clip = load(source)
+def convert(source: str, output: str, onto: str | None, report: str | None, roles: str | None) -> None:
+    """Turn one file into another, by suffix; with --onto, for another body."""
+    if report is not None and onto is None:
+        raise InputError("--report describes what --onto does, expected both")
+    check_outputs(output, report, inputs=[source, onto, roles])
+    clip = load(source, roles)
+    if onto is not None:
+        from signsplice.body.retarget import retarget
+        from signsplice.splicing import report as reports
+
+        done = retarget(clip, load(onto, roles))
+        clip = done.clip
+        warn(done.warnings)
     write(clip, output)
-    print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
+    if onto is not None and report is not None:
+        reports.write(reports.describe_retargeting(done, source, onto), report)
+    kept = "" if onto is None else f", {_count_kept(done)}"
+    print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s{kept}")
+
+
+def _count_kept(done: Retargeted) -> str:
+    return f"{sum(one.is_kept for one in done.contacts)} of {len(done.contacts)} contacts kept"
 
 
 @click.command()

@@ -66,20 +66,27 @@ def reference(first: Clip, fps: float | None = None) -> Reference:
 
 
 def align(clip: Clip, to: Reference, speed: float = 1.0) -> AlignedClip:
-    """``clip`` on the skeleton, frame rate, position and facing of a reference, played ``speed`` times as fast.
+    """``clip`` on the skeleton, frame rate, position and facing of a reference, played ``speed`` times as fast, with
+    its rotations copied: on another body, hands lose places and contacts (``body.retarget`` keeps them).
 
     What needs no change keeps its exact numbers. Joints of the reference without a counterpart hold their pose; one
     warning names them. Raises ``RigMismatchError`` where the two rigs have nothing in common.
     """
-    carried, warnings = _retarget_rotations(clip, to)
-    placed = place(carried, to.placement)
-    return AlignedClip(resample(placed, to.fps, speed), warnings)
+    carried, warnings = copy_rotations(clip, to)
+    return AlignedClip(settle(carried, to, speed), warnings)
 
 
-def _retarget_rotations(clip: Clip, to: Reference) -> tuple[Clip, tuple[str, ...]]:
-    """The clip on the reference's skeleton, and the warning about joints that hold their pose."""
+def settle(carried: Clip, to: Reference, speed: float = 1.0) -> Clip:
+    """A clip on the skeleton of a reference, at its position, facing and frame rate, ``speed`` times as fast."""
+    return resample(place(carried, to.placement), to.fps, speed)
+
+
+def copy_rotations(clip: Clip, to: Reference) -> tuple[Clip, tuple[str, ...]]:
+    """The clip on the reference's skeleton, and the warning about joints that hold their pose. Every bone points where
+    it pointed; the clip stays where it is. Raises as ``align`` does.
+    """
     source, target = clip.skeleton, to.skeleton
-    if source is target or _identical(source, target):
+    if source is target or is_same_skeleton(source, target):
         return (clip if source is target else replace(clip, skeleton=target)), ()
     counterpart = _by_name(source, target)
     if counterpart is not None:
@@ -107,7 +114,8 @@ def _retarget_rotations(clip: Clip, to: Reference) -> tuple[Clip, tuple[str, ...
     return carried, warnings
 
 
-def _identical(a: Skeleton, b: Skeleton) -> bool:
+def is_same_skeleton(a: Skeleton, b: Skeleton) -> bool:
+    """Whether two skeletons differ by no more than the rounding of their files."""
     return (
         a.names == b.names
         and np.array_equal(a.parents, b.parents)

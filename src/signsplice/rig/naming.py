@@ -1,7 +1,8 @@
 """The naming conventions of humanoid rigs, as tables: which word stands for which part of the body.
 
-Words are in the form that ``roles.simplify`` gives, without the side: ``LeftForeArm``, ``forearm.L`` and ``lForeArm``
-are all ``forearm``. A slash separates spellings of one joint, best first.
+Words are in the form that ``joint_names.simplify`` gives, without the side: ``LeftForeArm``, ``forearm.L`` and
+``lForeArm`` are all ``forearm``. A slash separates spellings of one joint, best first. Fingers have no tables, see
+``fingers``.
 """
 
 from __future__ import annotations
@@ -20,58 +21,44 @@ class NamingConvention:
     name: of the convention, as ``inspect`` shows it.
     arm: collar bone, upper arm, lower arm, hand.
     leg: upper leg, lower leg, foot, toes.
-    fingers: thumb, index, middle, ring and little finger.
-    thumb, segments: endings that follow a finger's word, from the metacarpal of the thumb and the knuckles of the other
-        fingers outwards.
     hips, neck, head: the convention's own words, tried before the usual ones.
     spine: spine, chest, upper chest, where the rig names them apart; elsewhere they are counted off between hips and
         neck.
-    marks: joints without a role that are typical of the rig.
+    marks: joints that are typical of the rig, beside those above.
+    first_of_thumb: number of the thumb's first joint.
     """
 
     name: str
     arm: str
     leg: str
-    fingers: str = "thumb index middle ring pinky"
-    thumb: tuple[str, ...] = ("1", "2", "3")
-    segments: tuple[str, ...] = ("1", "2", "3")
     hips: str = ""
     neck: str = ""
     head: str = ""
     spine: str = ""
     marks: str = ""
+    first_of_thumb: int = 1
 
 
 _HIK_ARM, _HIK_LEG = "shoulder arm forearm hand", "upleg leg foot toebase/toe"
-_HIK_FINGERS = "handthumb handindex handmiddle handring handpinky"
 _VRM_ARM, _VRM_LEG = "shoulder upperarm lowerarm hand", "upperleg lowerleg foot toes/toe"
-_VRM_FINGERS, _VRM_SPINE = "thumb index middle ring little", "spine chest upperchest"
-_PHALANGES = ("proximal", "intermediate", "distal")
-_NUMBERED = "finger1 finger2 finger3 finger4 finger5"
+_VRM_SPINE = "spine chest upperchest"
 
 # Where two rigs explain a skeleton equally well, the one that stands first here gives its name.
 CONVENTIONS = (
     # MotionBuilder's names: Mixamo, Vicon's and Rokoko's exports for it, Captury, LaFAN1.
-    NamingConvention("mixamo", _HIK_ARM, _HIK_LEG, _HIK_FINGERS),
-    NamingConvention(
-        "neuron", _HIK_ARM, _HIK_LEG, _HIK_FINGERS, marks="inhandthumb inhandindex inhandmiddle inhandring inhandpinky"
-    ),
-    NamingConvention("cmu", _HIK_ARM, _HIK_LEG, "thumb handindex", thumb=("",), marks="hipjoint lowerback fingerbase"),
+    NamingConvention("mixamo", _HIK_ARM, _HIK_LEG),
+    NamingConvention("neuron", _HIK_ARM, _HIK_LEG, marks="inhandthumb inhandindex inhandmiddle inhandring inhandpinky"),
+    NamingConvention("cmu", _HIK_ARM, _HIK_LEG, marks="hipjoint lowerback fingerbase"),
     # Vicon's short names, as in the Trinity and BEAT corpora.
-    NamingConvention("vicon", "shoulder arm arm1 hand", _HIK_LEG, "handt handi handm handr handp"),
-    NamingConvention(
-        "vrm", _VRM_ARM, _VRM_LEG, _VRM_FINGERS, ("metacarpal", "proximal", "distal"), _PHALANGES, spine=_VRM_SPINE
-    ),
+    NamingConvention("vicon", "shoulder arm arm1 hand", _HIK_LEG),
+    NamingConvention("vrm", _VRM_ARM, _VRM_LEG, spine=_VRM_SPINE, marks="thumbmetacarpal"),
     # Unity Humanoid and VRM 0.x: the thumb's joints bear the fingers' names.
-    NamingConvention("unity", _VRM_ARM, _VRM_LEG, _VRM_FINGERS, _PHALANGES, _PHALANGES, spine=_VRM_SPINE),
-    NamingConvention("vroid", _VRM_ARM, "upperleg lowerleg foot toebase", _VRM_FINGERS, spine=_VRM_SPINE),
+    NamingConvention("unity", _VRM_ARM, _VRM_LEG, spine=_VRM_SPINE, marks="thumbintermediate"),
+    NamingConvention("vroid", _VRM_ARM, "upperleg lowerleg foot toebase", spine=_VRM_SPINE),
     NamingConvention(
         "rigify",
         "shoulder upperarm forearm hand",
         "thigh shin foot toe",
-        "thumb findex fmiddle fring fpinky",
-        ("01", "02", "03"),
-        ("01", "02", "03"),
         hips="spine",
         neck="spine004",
         head="spine006/head/spine005",
@@ -90,48 +77,35 @@ CONVENTIONS = (
         "daz",
         "collar shldr/shldrbend/shoulder forearm/forearmbend hand",
         "thigh/thighbend shin foot toe",
-        "thumb index mid ring pinky",
         marks="abdomen abdomen2 abdomenlower carpal1 carpal2 carpal3 carpal4 buttock",
     ),
     NamingConvention(
         "biped",
         "clavicle upperarm forearm hand",
         "thigh calf foot toe0",
-        "finger0 finger1 finger2 finger3 finger4",
-        ("", "1", "2"),
-        ("", "1", "2"),
     ),
     # MakeHuman's game rig too.
     NamingConvention(
         "unreal",
         "clavicle upperarm lowerarm hand",
         "thigh calf foot ball",
-        thumb=("01", "02", "03"),
-        segments=("01", "02", "03"),
         marks="spine01 indexmetacarpal middlemetacarpal ringmetacarpal pinkymetacarpal",
     ),
     NamingConvention(
         "rokoko",  # Rokoko's own "Newton" skeleton
         "shoulder arm forearm hand",
         "thigh shin foot toe",
-        _NUMBERED,
-        ("metacarpal", "proximal", "distal"),
-        ("proximal", "medial", "distal"),
     ),
     NamingConvention(
         "xsens",
         "shoulder upperarm forearm/lowerarm hand",
         "upperleg lowerleg foot toe",
-        "first second third fourth fifth",
-        ("mc", "pp", "dp"),
-        ("pp", "mp", "dp"),
         marks="l5 l3 t12 t8 carpus",
     ),
     NamingConvention(
         "characterCreator",
         "clavicle upperarm forearm hand",
         "thigh calf foot toebase",
-        "thumb index mid ring pinky",
         neck="necktwist01",
         marks="waist",
     ),
@@ -140,8 +114,6 @@ CONVENTIONS = (
         "acclaim",  # ASF/AMC
         "clavicle humerus radius wrist/hand",
         "femur tibia foot toes",
-        "thumb",
-        thumb=("",),
         hips="root",
         marks="hipjoint lowerback upperback thorax",
     ),
@@ -149,14 +121,12 @@ CONVENTIONS = (
         "makehuman",
         "clavicle upperarm01 lowerarm01 wrist",
         "upperleg01 lowerleg01 foot toe11",
-        _NUMBERED,
         hips="root",
     ),
     NamingConvention(
         "autorig",
         "shoulder armstretch/arm forearmstretch/forearm hand",
         "thighstretch/thigh legstretch/leg foot toes01",
-        "cthumb cindex cmiddle cring cpinky",
         hips="rootx",
         neck="neckx",
         head="headx",
@@ -165,7 +135,6 @@ CONVENTIONS = (
         "advancedSkeleton",
         "scapula shoulder elbow wrist",
         "hip knee ankle toes",
-        "thumbfinger indexfinger middlefinger ringfinger pinkyfinger",
         hips="rootm",
         neck="neckm",
         head="headm",
@@ -174,8 +143,7 @@ CONVENTIONS = (
         "mmd",
         "shoulder arm elbow wrist",
         "leg knee ankle toe",
-        "thumb indexfinger middlefinger ringfinger littlefinger",
-        thumb=("0", "1", "2"),
         hips="waist/lowerbody/center",
+        first_of_thumb=0,
     ),
 )

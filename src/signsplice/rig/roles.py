@@ -3,12 +3,12 @@
 The roles are VRM 1.0's humanoid bones. The naming conventions are tables in ``naming``; the one that explains most
 joints of a skeleton is chosen, since a name may mean two things: "LeftShoulder" is the collar bone of one rig, the
 upper arm of another. No assignment may break the order of the body: a hand hangs below its arm, an arm below the hips.
+Fingers have one rule for all rigs, in ``fingers``.
 """
 
 from __future__ import annotations
 
 import difflib
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,6 +20,8 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.motion.clip import Skeleton
 from signsplice.motion.kinematics import rest_positions
+from signsplice.rig.fingers import find_fingers
+from signsplice.rig.joint_names import side_and_words, simplify, without_shared
 from signsplice.rig.naming import CONVENTIONS, EYE, HEAD, HIPS, JAW, NECK, NamingConvention
 
 _SIDES = ("left", "right")
@@ -61,7 +63,6 @@ def _lines() -> dict[str, tuple[str, ...]]:
 _LINE = _lines()
 ROLES: tuple[str, ...] = tuple(_LINE)
 """Every role: the names of VRM 1.0's humanoid bones, each after those that it hangs from."""
-_HANDS = frozenset({"leftHand", "rightHand"})
 _LEAST_BONE = 1e-6
 """Bones of an arm that are shorter than this fraction of the longest have no length."""
 _MIN_ROLES = 3
@@ -115,9 +116,6 @@ def _names(convention: NamingConvention) -> dict[str, tuple[str, ...]]:
     words |= zip(_SPINE, convention.spine.split(), strict=False)
     words |= zip(_ARM, convention.arm.split(), strict=True)
     words |= zip(_LEG, convention.leg.split(), strict=True)
-    for finger, word in zip(FINGERS, convention.fingers.split(), strict=False):
-        endings = convention.thumb if finger == "Thumb" else convention.segments
-        words |= {role: word + ending for role, ending in zip(finger_roles(finger), endings, strict=False)}
     names = {}
     for role in ROLES:
         side = next((side for side in _SIDES if role.startswith(side)), "")
@@ -131,50 +129,6 @@ _MARKS = {
     convention.name: [side + mark for mark in convention.marks.split() for side in ("", *_SIDES)]
     for convention in CONVENTIONS
 }
-# What may follow a side's letter without a gap, as in "lshldr" and "rthumb1".
-_LIMB_WORDS = frozenset(
-    name.removeprefix("left")
-    for convention in CONVENTIONS
-    for name in (*_MARKS[convention.name], *(name for names in _NAMES[convention.name].values() for name in names))
-    if name.startswith("left")
-)
-_SIDE_OF = {"l": "left", "left": "left", "r": "right", "right": "right"}
-_GAP = re.compile(r"[\W_]+|(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
-_PREFIX = re.compile(
-    r"(?:(?:mixamorig\d*|bip\d+)(?!\d)[\W_]*"
-    r"|(?:character\d*|valvebiped|cc[\W_]base|j[\W_](?:bip|adj)(?:[\W_]c(?=[\W_]))?|def|org|skel)[\W_]+)(?=.)",
-    re.IGNORECASE,
-)
-
-
-def simplify(name: str) -> str:
-    """A joint's name in comparable form: no namespace or rig prefix, no gaps, lower case, the side in full in front.
-
-    "mixamorig:LeftArm", "Character1_LeftArm" and "Arm.L" give "leftarm", "Bip01 L UpperArm" gives "leftupperarm".
-    Numbers stay as they are. A name of nothing but prefix or gaps is only put in lower case.
-    """
-    bare = re.split(r"[:|]", name)[-1] or name
-    while match := _PREFIX.match(bare):
-        bare = bare[match.end() :]
-    tokens = [token.lower() for token in _GAP.split(bare) if token]
-    at = next((n for n, token in enumerate(tokens) if token in _SIDE_OF), None)
-    if at is not None and len(tokens) > 1:
-        return _SIDE_OF[tokens.pop(at)] + "".join(tokens)
-    form = "".join(tokens) or name.lower()
-    return _SIDE_OF[form[0]] + form[1:] if form[1:] in _LIMB_WORDS and form[0] in "lr" else form
-
-
-def _without_shared(names: tuple[str, ...]) -> tuple[str, ...]:
-    """The names without what all but the root share: an actor's word in front, a word ("_JNT") or number at the end."""
-    patterns = [r"_\d+$"]
-    for pattern in (r"^([^\W_]+)[\W_]+", r"[\W_]+([^\W_]+)$"):
-        match = re.search(pattern, names[-1])
-        if match and match[1].lower() not in _SIDE_OF:
-            patterns.append(f"^{re.escape(match[0])}" if pattern[0] == "^" else f"{re.escape(match[0])}$")
-    for pattern in patterns:
-        if all(re.search(pattern, name) for name in names[1:]):
-            names = tuple(re.sub(pattern, "", name) or name for name in names)
-    return names
 
 
 # --- bodies ---------------------------------------------------------------------------------------------------------
@@ -230,30 +184,26 @@ def arm_joints(skeleton: Skeleton, humanoid: Humanoid) -> list[int]:
 def _find(skeleton: Skeleton, override: Mapping[str, str]) -> Humanoid:
     given = _given(skeleton, override)
     ancestors = _Ancestors(skeleton)
-    for names in (skeleton.names, _without_shared(skeleton.names)):
+    for names in (skeleton.names, without_shared(skeleton.names)):
         index = _index(names)
         found = {rig: _with_names(given, _NAMES[rig.name], index, ancestors) for rig in CONVENTIONS}
         best, *others = sorted(CONVENTIONS, key=lambda rig: _explained(rig, found[rig], index), reverse=True)
         if len(found[best]) >= len(given) + _MIN_ROLES:
             break
     else:
-        if not given:
+        if not given and len(_with_fingers(found[best], best, names, skeleton, ancestors)) < _MIN_ROLES:
             return Humanoid("unknown", {})
     joints = _with_spine(_with_hips(found[best], ancestors), ancestors)
-    for rig in others:  # roles that the best one left open, such as the fingers of another convention
-        names_but_hips = {role: names for role, names in _NAMES[rig.name].items() if role != "hips"}
+    for rig in others:  # roles that the best one left open
+        names_but_hips = {role: forms for role, forms in _NAMES[rig.name].items() if role != "hips"}
         joints = _with_names(joints, names_but_hips, index, ancestors)
+    joints = _with_fingers(joints, best, names, skeleton, ancestors)
     return Humanoid("custom" if given else best.name, joints)
 
 
-def _explained(convention: NamingConvention, joints: _Joints, index: Mapping[str, list[int]]) -> tuple[int, int]:
-    """How many joints of the body a convention explains, typical joints without a role included; then how many fingers.
-
-    Fingers come second: some bodies have the fingers of another convention, and two hands outnumber a body.
-    """
-    fingers = {joint for role, joint in joints.items() if not _HANDS.isdisjoint(_LINE[role])}
-    explained = set(joints.values()).union(*(index.get(mark, ()) for mark in _MARKS[convention.name]))
-    return len(explained - fingers), len(fingers)
+def _explained(convention: NamingConvention, joints: _Joints, index: Mapping[str, list[int]]) -> int:
+    """How many joints of the body a convention explains, typical joints without a role included."""
+    return len(set(joints.values()).union(*(index.get(mark, ()) for mark in _MARKS[convention.name])))
 
 
 def _given(skeleton: Skeleton, override: Mapping[str, str]) -> _Joints:
@@ -308,6 +258,21 @@ def _with_names(
         joint = next((joint for joint in some if _fits(role, joint, joints, ancestors)), None)
         if joint is not None:
             joints[role] = joint
+    return joints
+
+
+def _with_fingers(
+    joints: _Joints, convention: NamingConvention, names: tuple[str, ...], skeleton: Skeleton, ancestors: _Ancestors
+) -> _Joints:
+    """``joints`` and the fingers below the hands."""
+    joints = dict(joints)
+    parents, parts = skeleton.parents.tolist(), [side_and_words(name) for name in names]
+    for side in _SIDES:
+        fingers = find_fingers(parents, parts, side, joints.get(side + "Hand"), convention.first_of_thumb)
+        for (finger, segment), joint in fingers.items():
+            role = side + finger_roles(FINGERS[finger])[segment]
+            if _fits(role, joint, joints, ancestors):
+                joints[role] = joint
     return joints
 
 

@@ -10,17 +10,19 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
+from signsplice.body.contacts import Contact
+from signsplice.body.retarget import align
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.rig.align import Reference, align, reference
+from signsplice.rig.align import Reference, reference
 from signsplice.splicing import methods
 from signsplice.splicing.cut import Cut, Cutter
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
@@ -114,6 +116,7 @@ class SpliceResult:
     cutter, transition: names of the methods that were used.
     timing_ms: time spent in each part: "harmonize" (align), "cut", "transition", "join".
     bundle: sha256 of the bundle that a chosen method comes from; None where all are classical.
+    contacts: for each source clip that was brought to another body, by its index, what its hands touch there.
     """
 
     clip: Clip
@@ -124,6 +127,7 @@ class SpliceResult:
     transition: str
     timing_ms: dict[str, float]
     bundle: str | None = None
+    contacts: Mapping[int, tuple[Contact, ...]] = field(default_factory=dict)
 
 
 def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> SpliceResult:
@@ -148,6 +152,7 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Splic
         transition=sentence.transition.name,
         timing_ms={part: 1e3 * sentence.seconds[part] for part in ("harmonize", "cut", "transition", "join")},
         bundle=sentence.methods.bundle,
+        contacts=sentence.contacts,
     )
 
 
@@ -222,10 +227,12 @@ class _SentenceBuilder:
     """A sentence while words are added to it.
 
     seconds: time spent so far by part.
+    contacts: of each word that was brought to another body, by its index.
     """
 
     options: SpliceOptions
     seconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    contacts: dict[int, tuple[Contact, ...]] = field(default_factory=dict)
     _n_out: int = 0
     _n_words: int = 0
     _reference: Reference | None = None
@@ -271,6 +278,8 @@ class _SentenceBuilder:
             to = self._reference or reference(clip, self.options.fps)
             aligned = align(clip, to, self.options.sign_speed)
             self._reference = to
+        if aligned.contacts:
+            self.contacts[index] = aligned.contacts
         warnings = aligned.warnings if index else (*self.methods.warnings, *aligned.warnings)
         return _SentenceWord(index, aligned.clip, warnings)
 

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_type_hints
 
+from signsplice.body.retarget import Retargeted
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.atomic import replacing
 from signsplice.formats.json_files import check_type, read_json
@@ -35,7 +36,8 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
     """The report as JSON-ready values. ``timing_ms`` adds to the result's own (load, save). Unknown scores are null.
 
     Copying every sign span from its source (the clip aligned to the first one, at the output rate) and every
-    transition span from the output rebuilds the output exactly.
+    transition span from the output rebuilds the output exactly. ``contacts`` is there only where a clip was brought to
+    another body: what its hands touched, and whether they do there.
     """
     timing = {"load": 0.0, "cut": 0.0, "transition": 0.0, "join": 0.0, "save": 0.0}
     report = {
@@ -50,8 +52,25 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
         "warnings": list(result.warnings),
         "timing_ms": {part: round(ms, 3) for part, ms in (timing | result.timing_ms | dict(timing_ms or {})).items()},
     }
+    if result.contacts:
+        report["contacts"] = [
+            {"clip": index, **asdict(contact)} for index, found in result.contacts.items() for contact in found
+        ]
     rounded: dict[str, Any] = plain(report)
     return rounded
+
+
+def describe_retargeting(done: Retargeted, source: str, onto: str) -> dict[str, Any]:
+    """What became of a clip's contacts on another body, as JSON-ready values; ``source`` and ``onto``: file names."""
+    return {
+        "version": VERSION,
+        "source": source,
+        "onto": onto,
+        "fps": done.clip.fps,
+        "frames": len(done.clip),
+        "warnings": list(done.warnings),
+        "contacts": [plain(asdict(contact)) for contact in done.contacts],
+    }
 
 
 def write(report: Mapping[str, Any], path: str | Path) -> None:

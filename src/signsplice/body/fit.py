@@ -1,0 +1,364 @@
+"""Where wrists go on another body, so that hands keep their place on it and touch what they touched.
+
+The hands' rotations in the world stay as they are. What is sought are two moves a frame, m = (m_left, m_right), of the
+wrists from where copied rotations put them. First a linear least-squares problem, then a few Gauss-Newton steps on skin
+distances; both are banded, since frames are tied to their neighbours alone:
+
+    E(m) = sum w |a + m - P|^2                  hand anchors a at their places P on the other body
+         + sum w |(a_l + m_l) - (a_r + m_r) - D|^2   one hand's anchors at their places on the other hand
+         + w_0 |wrist + m - N|^2                the wrist at its place in signing space
+         + lambda sum_t |m_(t-1) - 2 m_t + m_(t+1)|^2
+         + sum w (gap(m) - gap*)^2              skin distances: what touches, and what must not
+         + sum w (reach(m))^2                   wrists within reach of their arms
+
+Places are relative to capsules: the share t along the axis, the direction from it, and the skin distance. Weights fall
+with that distance, w = 1 / (1 + gap / rho)^4, so that what is near decides (Ho, Komura and Tai 2010; Molla, Debarba and
+Boulic 2018).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+
+from signsplice.body.capsules import BodyCapsules
+from signsplice.body.touch import Near, SkinPairs, gaps, near_pairs, pair_gaps, skin_pairs
+
+Float = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+NEAR_M = 0.04
+"""rho: skin distance over which weights fall, m."""
+_FREE_M, _FAR_M = 0.06, 0.25
+"""Distances up to which a gap keeps its length, and from which on it is scaled as signing space is, m."""
+_SPACE_WEIGHT = 0.15
+_SMOOTHNESS = 100.0
+"""lambda at 30 frames a second."""
+_CONTACT_WEIGHT = 60.0
+_CONTACT_FADE_M = 0.006
+_TOUCH_M = 0.012
+"""Skin distance at the source up to which a pair is held at its distance, m."""
+_CLEAR_M = 0.010
+"""Pairs that are farther apart than this at the source may come as near, not nearer, m."""
+_PRESS_M = 0.002
+"""A touch may press this deep, m, however deep it is at the source."""
+_MARGIN_M = 0.035
+_STEPS, _STEPS_AGAIN = 4, 2
+_DAMPING = 10.0
+"""Weight that holds moves to those of the step before: contacts that come and go would make them swing."""
+_REACH, _REACH_WEIGHT = 0.985, 60.0
+
+
+@dataclass(frozen=True, eq=False)
+class PosedBody:
+    """A body over time, in metres.
+
+    body: its capsules.
+    starts, ends: (T, C, 3) of their axes in the world.
+    radii: (C, 2).
+    shoulders, wrists: (T, 2, 3) left and right.
+    arm_lengths: (2,) upper arm and forearm together.
+    """
+
+    body: BodyCapsules
+    starts: Float
+    ends: Float
+    radii: Float
+    shoulders: Float
+    wrists: Float
+    arm_lengths: Float
+
+    @property
+    def hand_length(self) -> float:
+        """Median length of the palms' capsules, m."""
+        palms = [n for n, part in enumerate(self.body.parts) if part == "palm"]
+        return float(np.median(np.linalg.norm(self.ends[0, palms] - self.starts[0, palms], axis=-1)))
+
+
+_ANCHORS = (
+    ("ThumbDistal", 1.0),
+    ("IndexDistal", 1.0),
+    ("MiddleDistal", 1.0),
+    ("RingDistal", 1.0),
+    ("LittleDistal", 1.0),
+    ("IndexPalm", 1.0),
+    ("LittlePalm", 1.0),
+    ("MiddlePalm", 0.6),
+    ("Mitten", 0.3),
+    ("Mitten", 1.0),
+)
+"""Points of a hand: key of a capsule without the side, and where along its axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Rows of the capsules that two bodies share, on either body.
+
+    source, target: (n,) rows.
+    at: (n,) where along the axes, for anchors.
+    """
+
+    source: Index
+    target: Index
+    at: Float
+
+
+class Fit:
+    """The problem of one clip: ``source`` as it was signed, ``carried`` with the same rotations on the other body.
+
+    fps: frame rate.
+    active: (T, 2) how much each arm signs in each frame: 0 where it hangs.
+    """
+
+    def __init__(self, source: PosedBody, carried: PosedBody, fps: float, active: Float) -> None:
+        self.source, self.carried, self.fps, self.active = source, carried, fps, active
+        self.n_frames = len(source.wrists)
+        self._arm_scale = float(np.mean(carried.arm_lengths) / np.mean(source.arm_lengths))
+        self._hand_scale = carried.hand_length / source.hand_length
+        self.shared = frozenset(source.body.keys) & frozenset(carried.body.keys)
+        self.pairs = skin_pairs(source.body, self.shared), skin_pairs(carried.body, self.shared)
+        self._anchors = [self._rows([(side + key, at) for key, at in _ANCHORS]) for side in ("left", "right")]
+        solid = [source.body.keys[n] for n in (*source.body.groups.head, *source.body.groups.trunk)]
+        self._solid = [
+            self._rows([*((key, 0.0) for key in solid), (f"{o}UpperArm", 0.0), (f"{o}LowerArm", 0.0)])
+            for o in ("right", "left")
+        ]
+
+    def _rows(self, wanted: list[tuple[str, float]]) -> _Rows:
+        found = [(key, at) for key, at in wanted if key in self.shared]
+        source, target = ([body.keys.index(key) for key, _ in found] for body in (self.source.body, self.carried.body))
+        return _Rows(np.array(source, np.intp), np.array(target, np.intp), np.array([at for _, at in found]))
+
+    def moves(self) -> Float:
+        """The moves (T, 2, 3) of the wrists, m, with arms that follow as ``_shares`` says."""
+        m = self._solve_linear()
+        self.out_of_reach = self._out_of_reach(m)
+        self._near = _near_contacts(self, m)
+        return self._touched(m, self.carried, np.zeros_like(m), _STEPS)
+
+    def _out_of_reach(self, m: Float) -> Float:
+        """How far (2,) the places of each hand lie beyond its arm's reach where it signs, at most, m."""
+        away = np.linalg.norm(self.carried.wrists + m - self.carried.shoulders, axis=-1) - self.carried.arm_lengths
+        return np.asarray((away * (self.active > 0.5)).max(axis=0, initial=0.0))
+
+    def again(self, moved: PosedBody) -> Float:
+        """The moves once more, from ``moved``: the body with the arms as they lie after the moves so far."""
+        base = moved.wrists - self.carried.wrists
+        return self._touched(base, moved, base, _STEPS_AGAIN)
+
+    def _touched(self, m: Float, posed: PosedBody, base: Float, steps: int) -> Float:
+        contacts = _Contacts(self.pairs[1], self._near, posed, base)
+        for _ in range(steps):
+            m = self._step(m, contacts)
+        return m
+
+    # --- the linear stage ---
+
+    @cached_property
+    def _linear(self) -> tuple[Float, Float, Float]:
+        """Per frame: the diagonal (T, 2) and off-diagonal (T,) of the 2 x 2 block, the right side (T, 2, 3)."""
+        diagonal = np.full((self.n_frames, 2), _SPACE_WEIGHT)
+        middle, wrists = self.carried.shoulders.mean(axis=1, keepdims=True), self.source.wrists
+        space = middle + self._arm_scale * (wrists - self.source.shoulders.mean(axis=1, keepdims=True))
+        right = _SPACE_WEIGHT * (space - self.carried.wrists)
+        for side in (0, 1):
+            weight, pull = self._body_places(side)
+            diagonal[:, side] += weight
+            right[:, side] += pull
+        weight, pull = self._hand_places()
+        diagonal += weight[:, None]
+        right[:, 0] += pull
+        right[:, 1] -= pull
+        return diagonal, -weight, right
+
+    def _body_places(self, side: int) -> tuple[Float, Float]:
+        """Sums over anchors and capsules of weights (T,), and of weights times the way to the place (T, 3)."""
+        anchors, solid = self._anchors[side], self._solid[side]
+        s, c = self.source, self.carried
+        a, ra = _points(s, anchors.source, anchors.at)
+        start, axis = s.starts[:, None, solid.source], (s.ends - s.starts)[:, None, solid.source]
+        since = a[:, :, None] - start
+        along = np.einsum("tasx,tasx->tas", since, np.broadcast_to(axis, since.shape))
+        t = np.clip(along / (np.einsum("tasx,tasx->tas", axis, axis) + 1e-12), 0.0, 1.0)
+        out = since - t[..., None] * axis
+        away = np.sqrt(np.einsum("tasx,tasx->tas", out, out)) + 1e-9
+        radius = s.radii[solid.source]
+        gap = away - (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) - ra[:, None]
+        weight = _weight(gap) * self.active[:, side, None, None]
+        b, rb = _points(c, anchors.target, anchors.at)
+        start, axis = c.starts[:, None, solid.target], (c.ends - c.starts)[:, None, solid.target]
+        radius = c.radii[solid.target]
+        wanted = (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) + rb[:, None] + self._scaled(gap)
+        way = start + t[..., None] * axis + out * (wanted / away)[..., None] - b[:, :, None]
+        return weight.sum(axis=(1, 2)), np.einsum("tas,tasx->tx", weight, way)
+
+    def _hand_places(self) -> tuple[Float, Float]:
+        """Sum over pairs of anchors of weights (T,), and of weights times the way of the left to its place (T, 3)."""
+        left, right = self._anchors
+        (a, ra), (b, rb) = (_points(self.source, rows.source, rows.at) for rows in (left, right))
+        d = a[:, :, None] - b[:, None]
+        away = np.sqrt(np.einsum("tabx,tabx->tab", d, d)) + 1e-9
+        gap = away - ra[:, None] - rb
+        weight = _weight(gap) * self.active.min(axis=1)[:, None, None]
+        (a, ra), (b, rb) = (_points(self.carried, rows.target, rows.at) for rows in (left, right))
+        wanted = d * ((ra[:, None] + rb + self._scaled(gap)) / away)[..., None]
+        way = wanted - (a[:, :, None] - b[:, None])
+        return weight.sum(axis=(1, 2)), np.einsum("tab,tabx->tx", weight, way)
+
+    def _scaled(self, gap: Float) -> Float:
+        """A skin distance on the other body: as it is where it is small, scaled as signing space where it is large."""
+        share = np.clip((gap - _FREE_M) / (_FAR_M - _FREE_M), 0.0, 1.0)
+        share = share * share * (3.0 - 2.0 * share)
+        return gap * (self._hand_scale + (self._arm_scale - self._hand_scale) * share)
+
+    @property
+    def _smooth(self) -> float:
+        return _SMOOTHNESS * (self.fps / 30.0) ** 4
+
+    def _solve_linear(self) -> Float:
+        n, (diagonal, off, right) = self.n_frames, self._linear
+        band = np.zeros((5, 2 * n))  # lower form: band[k, i] = A[i + k, i]
+        d0, d1, d2 = _second_differences(n)
+        band[0] = (diagonal + self._smooth * d0[:, None]).ravel()
+        band[1, 0::2] = off
+        band[2, : 2 * (n - 1)] = np.repeat(self._smooth * d1, 2)
+        band[4, : 2 * max(n - 2, 0)] = np.repeat(self._smooth * d2, 2)
+        return np.asarray(solveh_banded(band, right.reshape(2 * n, 3), lower=True, check_finite=False)).reshape(n, 2, 3)
+
+    # --- the contact stage ---
+
+    def _step(self, m: Float, contacts: _Contacts) -> Float:
+        n, (diagonal, off, right) = self.n_frames, self._linear
+        block = np.zeros((n, 6, 6))
+        for axis in range(3):
+            block[:, axis, axis], block[:, 3 + axis, 3 + axis] = diagonal[:, 0], diagonal[:, 1]
+            block[:, 3 + axis, axis] = block[:, axis, 3 + axis] = off
+        rhs = right.reshape(n, 6) + _DAMPING * m.reshape(n, 6)
+        block[:, range(6), range(6)] += _DAMPING
+        contacts.add(m, block, rhs)
+        self._add_reach(m, block, rhs)
+        band = np.zeros((18, 6 * n))
+        for k in range(6):
+            for i in range(6 - k):
+                band[k, i::6] = block[:, i + k, i]
+        d0, d1, d2 = _second_differences(n)
+        band[0] += np.repeat(self._smooth * d0, 6)
+        band[6, : 6 * (n - 1)] += np.repeat(self._smooth * d1, 6)
+        band[12, : 6 * max(n - 2, 0)] += np.repeat(self._smooth * d2, 6)
+        solved = solveh_banded(band, rhs.ravel(), lower=True, check_finite=False)
+        return np.asarray(solved).reshape(n, 2, 3)
+
+    def _add_reach(self, m: Float, block: Float, rhs: Float) -> None:
+        """Keep wrists within reach: the plane at right angles to the arm, where they are beyond."""
+        for side in (0, 1):
+            arm = self.carried.wrists[:, side] + m[:, side] - self.carried.shoulders[:, side]
+            length = np.linalg.norm(arm, axis=-1)
+            most = _REACH * self.carried.arm_lengths[side]
+            rows = np.flatnonzero(length > most)
+            if not len(rows):
+                continue
+            n = arm[rows] / length[rows, None]
+            goal = most - length[rows] + np.einsum("nx,nx->n", n, m[rows, side])
+            own = slice(3 * side, 3 * side + 3)
+            block[rows, own, own] += _REACH_WEIGHT * n[:, :, None] * n[:, None]
+            rhs[rows, own] += _REACH_WEIGHT * goal[:, None] * n
+
+
+def _near_contacts(fit: Fit, m: Float) -> Near:
+    """The pairs that are near at the source, or on the other body with its wrists moved by ``m``."""
+    source, posed, (theirs, ours) = fit.source, fit.carried, fit.pairs
+    first, last, sides = _shares(posed.body)
+    shift = m[:, sides]  # (T, C, 3)
+    starts, ends = posed.starts + first[:, None] * shift, posed.ends + last[:, None] * shift
+    touching = near_pairs(source.starts, source.ends, source.radii, theirs, _TOUCH_M)
+    near = near_pairs(starts, ends, posed.radii, ours, _MARGIN_M)
+    n = len(ours.own)
+    frames, k = np.divmod(np.union1d(touching[0] * n + touching[1], near[0] * n + near[1]), n)
+    return Near(frames, k, pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance)
+
+
+class _Contacts:
+    """The near pairs on a body whose wrists are moved by ``base`` in ``posed``."""
+
+    def __init__(self, ours: SkinPairs, near: Near, posed: PosedBody, base: Float) -> None:
+        self.frames, k, self.then = near.frames, near.k, near.distance
+        first, last, _ = _shares(posed.body)
+        own, other = ours.own[k], ours.other[k]
+        self._p, self._q = posed.starts[self.frames, own], posed.starts[self.frames, other]
+        self._u, self._v = posed.ends[self.frames, own] - self._p, posed.ends[self.frames, other] - self._q
+        self._radii = posed.radii[own], posed.radii[other]
+        self._sides = ours.own_side[k], np.maximum(ours.other_side[k], 0)
+        moves = ours.other_side[k] >= 0
+        self._first = first[own], np.where(moves, first[other], 0.0)
+        self._more = (last - first)[own], np.where(moves, (last - first)[other], 0.0)
+        self._base = base[self.frames]
+        touching = self.then < _TOUCH_M
+        self._wanted = np.where(touching, np.maximum(self.then, -_PRESS_M), np.minimum(self.then, _CLEAR_M))
+        self._held = np.where(touching, _CONTACT_WEIGHT * np.exp(-np.maximum(self.then, 0.0) / _CONTACT_FADE_M), 0.0)
+        self._allowed = np.minimum(np.maximum(self.then, -_PRESS_M), _CLEAR_M)
+
+    def add(self, m: Float, block: Float, rhs: Float) -> None:
+        """Add this step's residuals to the blocks (T, 6, 6) and right sides (T, 6)."""
+        if not len(self.frames):
+            return
+        rows, since = np.arange(len(self.frames)), m[self.frames] - self._base
+        own, other = since[rows, self._sides[0]], since[rows, self._sides[1]]
+        now = gaps(
+            self._p + self._first[0][:, None] * own,
+            self._u + self._more[0][:, None] * own,
+            self._q + self._first[1][:, None] * other,
+            self._v + self._more[1][:, None] * other,
+            *self._radii,
+        )
+        weight = np.where(now.distance < self._allowed, _CONTACT_WEIGHT, self._held)
+        rows = np.flatnonzero(weight > 1e-3)
+        if not len(rows):
+            return
+        share, at = np.zeros((len(rows), 2)), np.arange(len(rows))
+        share[at, self._sides[0][rows]] = (self._first[0] + now.own_at * self._more[0])[rows]
+        share[at, self._sides[1][rows]] -= (self._first[1] + now.other_at * self._more[1])[rows]
+        jacobian = (share[:, :, None] * now.normals[rows, None]).reshape(-1, 6)
+        frames = self.frames[rows]
+        goal = (self._wanted - now.distance)[rows] + np.einsum("ni,ni->n", jacobian, m[frames].reshape(-1, 6))
+        weighted = weight[rows, None] * jacobian
+        starts = np.flatnonzero(np.r_[True, frames[1:] > frames[:-1]])
+        block[frames[starts]] += np.add.reduceat(weighted[:, :, None] * jacobian[:, None], starts)
+        rhs[frames[starts]] += np.add.reduceat(weighted * goal[:, None], starts)
+
+
+def _shares(body: BodyCapsules) -> tuple[Float, Float, Index]:
+    """How far both ends of each capsule (C,) move with a wrist, and whose (C,): hands wholly, an elbow half-way."""
+    first, last = np.zeros(len(body.parts)), np.zeros(len(body.parts))
+    for n, (part, side) in enumerate(zip(body.parts, body.sides, strict=True)):
+        if side and part not in ("leg", "shoe"):
+            first[n], last[n] = {"sleeve": (0.0, 0.5), "cuff": (0.5, 1.0)}.get(part, (1.0, 1.0))
+    return first, last, np.array([int(side == "right") for side in body.sides], np.intp)
+
+
+def _points(body: PosedBody, rows: Index, at: Float) -> tuple[Float, Float]:
+    """Points (T, n, 3) along capsules, and the radii (n,) there."""
+    start = body.starts[:, rows]
+    radius = body.radii[rows]
+    return start + at[:, None] * (body.ends[:, rows] - start), radius[:, 0] + at * (radius[:, 1] - radius[:, 0])
+
+
+def _weight(gap: Float) -> Float:
+    near = 1.0 + np.maximum(gap, 0.0) / NEAR_M
+    return 1.0 / (near * near * near * near)
+
+
+def _second_differences(n: int) -> tuple[Float, Float, Float]:
+    """The three diagonals of D'D, D the second differences of n values."""
+    if n < 3:
+        return np.zeros(n), np.zeros(max(n - 1, 0)), np.zeros(max(n - 2, 0))
+    d0, d1, d2 = np.zeros(n), np.zeros(n - 1), np.ones(n - 2)
+    d0[:-2] += 1.0
+    d0[1:-1] += 4.0
+    d0[2:] += 1.0
+    d1[:-1] -= 2.0
+    d1[1:] -= 2.0
+    return d0, d1, d2

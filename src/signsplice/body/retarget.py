@@ -1,0 +1,204 @@
+"""A clip on another body: rotations first, then wrists and elbows moved so that hands keep places and contacts.
+
+Rotations alone carry no places: on a body with shorter arms or wider shoulders, a hand that touched the temple lies at
+the mouth or in the head. ``fit`` says where the wrists go, ``swivel`` the elbows, ``arm_ik`` bends the arms. Hands
+keep their rotations in the world, so that palms and fingers face as they did.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.body import arm_ik, swivel
+from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
+from signsplice.body.contacts import PART_M, Contact, find_contacts
+from signsplice.body.fit import Fit, PosedBody
+from signsplice.body.touch import Near, forearm_pairs, near_pairs, pair_gaps
+from signsplice.motion import kinematics
+from signsplice.motion.clip import Clip, Skeleton
+from signsplice.rig.align import Reference, copy_rotations, is_same_skeleton, settle
+from signsplice.rig.arms import active_span, arms
+from signsplice.rig.info import rig_info
+from signsplice.rig.placement import placement
+
+Float = NDArray[np.float64]
+
+ALIKE = 0.005
+"""Bodies whose arms, shoulders and hands differ by a smaller fraction than this are one body: rotations are enough."""
+BEYOND_M = 0.02
+"""A hand whose place lies farther than this, m, beyond its arm's reach is named in a warning."""
+_FADE_S = 0.15
+_HANGING, _RAISED = 0.95, 0.85
+"""Height of a shoulder above its wrist, arm lengths, from which on an arm hangs, and up to which it does not."""
+_FOREARM_MARGIN_M = 0.03
+_WINDOW, _OVERLAP = 1500, 90
+"""Frames that are fitted at a time, and how many of them twice, to keep memory small for long takes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Retargeted:
+    """A clip brought to another body.
+
+    clip: the clip on the other skeleton.
+    warnings: what a user should know about it, one line each.
+    contacts: what the hands touch at the source, and what became of it; empty where nothing was moved.
+    """
+
+    clip: Clip
+    warnings: tuple[str, ...] = ()
+    contacts: tuple[Contact, ...] = ()
+
+
+def retarget(clip: Clip, onto: Clip | Skeleton) -> Retargeted:
+    """``clip`` on the body of another clip or skeleton, where it stands and at its own rate: hands keep their places on
+    the body and touch what they touched.
+
+    Raises ``RigMismatchError`` where the two rigs have nothing in common.
+    """
+    skeleton = onto if isinstance(onto, Skeleton) else onto.skeleton
+    held = np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), 1)) if isinstance(onto, Skeleton) else onto.local_rotations[0]
+    name = "the skeleton" if isinstance(onto, Skeleton) else onto.name
+    return _fitted(clip, Reference(skeleton, clip.fps, placement(clip), held, name))
+
+
+def align(clip: Clip, to: Reference, speed: float = 1.0) -> Retargeted:
+    """As ``rig.align.align``, with places and contacts kept where the bodies differ; else the same bit for bit."""
+    fitted = _fitted(clip, to)
+    return Retargeted(settle(fitted.clip, to, speed), fitted.warnings, fitted.contacts)
+
+
+def fit_body(source: Clip, source_body: BodyCapsules, carried: Clip, body: BodyCapsules) -> Retargeted:
+    """``carried``, the rotations of ``source`` on another skeleton, with arms moved to keep places and contacts."""
+    metres, active = rig_info(carried.skeleton).sizes.unit.metres, signing(source)
+    moves, swivels = np.zeros((len(source), 2, 3)), np.zeros((len(source), 2))
+    beyond, contacts = np.zeros(2), []
+    for start in range(0, max(len(source) - _OVERLAP, 1), _WINDOW - _OVERLAP):
+        part = slice(start, start + _WINDOW)
+        fit = Fit(posed_body(source[part], source_body), posed_body(carried[part], body), source.fps, active[part])
+        moved, turned = _solved(fit, carried[part], metres)
+        posed = posed_body(arm_ik.move_wrists(carried[part], moved / metres, turned), body)
+        beyond = np.maximum(beyond, fit.out_of_reach)
+        contacts += _contacts(fit, posed, start)
+        share = _fade_in(len(moved), start > 0)
+        moves[part] += share[:, None, None] * (moved - moves[part])
+        swivels[part] += share[:, None] * (turned - swivels[part])
+    out = arm_ik.move_wrists(carried, moves / metres, swivels)
+    return Retargeted(out, _reach_warnings(beyond, source.name), tuple(contacts))
+
+
+def _solved(fit: Fit, carried: Clip, metres: float) -> tuple[Float, Float]:
+    """Moves (T, 2, 3) of the wrists, m, and turns (T, 2) of the elbows."""
+    moves = fit.moves()
+    swivels = _swivels(fit, carried, moves / metres)
+    moved = posed_body(arm_ik.move_wrists(carried, moves / metres, swivels), fit.carried.body)
+    return fit.again(moved), swivels
+
+
+def _fade_in(n_frames: int, is_later: bool) -> Float:
+    """The share (T,) of a window in what it gives together with the one before."""
+    share = np.ones(n_frames)
+    if is_later:
+        share[:_OVERLAP] = np.linspace(0.0, 1.0, _OVERLAP + 2)[1 : 1 + min(_OVERLAP, n_frames)]
+    return share
+
+
+def _fitted(clip: Clip, to: Reference) -> Retargeted:
+    carried, warnings = copy_rotations(clip, to)
+    source, target = clip.skeleton, to.skeleton
+    has_arms = rig_info(source).has_arms and rig_info(target).has_arms
+    if is_same_skeleton(source, target) or not has_arms or _is_alike(source, target):
+        return Retargeted(carried, warnings)
+    fitted = fit_body(clip, body_capsules(source), carried, body_capsules(target))
+    return Retargeted(fitted.clip, (*warnings, *fitted.warnings), fitted.contacts)
+
+
+def _is_alike(a: Skeleton, b: Skeleton) -> bool:
+    """Whether two bodies have the same proportions and size where it counts for hands."""
+    sizes = []
+    for skeleton in (a, b):
+        info, body = rig_info(skeleton), body_capsules(skeleton)
+        lengths = dict(zip(body.keys, np.linalg.norm(body.ends - body.starts, axis=-1), strict=True))
+        kept = {key: info.sizes.unit.metres * float(length) for key, length in lengths.items()}
+        sizes.append({**kept, "shoulders": info.sizes.unit.metres * info.sizes.shoulder_width})
+    one, two = sizes
+    longest = max(one.values())
+    return one.keys() == two.keys() and all(
+        abs(one[key] - two[key]) <= ALIKE * max(one[key], 0.1 * longest) for key in one
+    )
+
+
+def posed_body(clip: Clip, body: BodyCapsules) -> PosedBody:
+    """A clip's body over time, in metres."""
+    info = rig_info(clip.skeleton)
+    metres = info.sizes.unit.metres
+    rotations, positions = kinematics.forward(clip)
+    starts, ends = capsule_ends(body, rotations, positions)
+    joints = info.arm_joints
+    shoulders, elbows, wrists = (metres * positions[:, [joints[k], joints[3 + k]]] for k in range(3))
+    lengths = np.linalg.norm(elbows[0] - shoulders[0], axis=-1) + np.linalg.norm(wrists[0] - elbows[0], axis=-1)
+    return PosedBody(body, metres * starts, metres * ends, metres * body.radii, shoulders, wrists, lengths)
+
+
+def signing(clip: Clip) -> Float:
+    """How much each arm signs in each frame (T, 2): 1 while it is raised and the arms are away from rest, else 0."""
+    seen = arms(clip)
+    start, stop = active_span(seen)
+    frames = np.arange(len(clip))
+    outside = np.maximum(np.maximum(start - frames, frames - (stop - 1)), 0) / clip.fps
+    drop = (seen.shoulders - seen.wrists) @ seen.up / seen.length
+    raised = np.clip((_HANGING - drop) / (_HANGING - _RAISED), 0.0, 1.0)
+    return np.asarray(raised * np.clip(1.0 - outside / _FADE_S, 0.0, 1.0)[:, None])
+
+
+def _swivels(fit: Fit, carried: Clip, moves: Float) -> Float:
+    """Turns (T, 2) of both elbows that keep forearms as clear of head and trunk as at the source."""
+    metres = rig_info(carried.skeleton).sizes.unit.metres
+    shoulders, elbows, wrists = (metres * part for part in arm_ik.moved_elbows(carried, moves))
+    source, target = fit.source, fit.carried
+    theirs, ours = (forearm_pairs(body, fit.shared) for body in (source.body, target.body))
+    n, out = len(moves), np.zeros((len(moves), 2))
+    for side in (0, 1):
+        (columns,) = np.nonzero(ours.own_side == side)
+        if not len(columns):
+            continue
+        own = ours.own[columns[0]]
+        starts, ends = target.starts.copy(), target.ends.copy()
+        starts[:, own], ends[:, own] = elbows[:, side], wrists[:, side]
+        _, k = near_pairs(starts, ends, target.radii, ours, _FOREARM_MARGIN_M)
+        solids = np.intersect1d(k, columns)
+        if not len(solids):
+            continue
+        frames, k = np.repeat(np.arange(n), len(solids)), np.tile(solids, n)
+        then = pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance
+        rows = ours.other[solids]
+        solid = swivel.Solid(target.starts[:, rows], target.ends[:, rows], target.radii[rows])
+        arm = swivel.BentArm(shoulders[:, side], elbows[:, side], wrists[:, side], target.radii[own])
+        out[:, side] = swivel.choose(arm, solid, np.maximum(-then.reshape(n, -1), 0.0), fit.fps)
+    return out
+
+
+def _reach_warnings(beyond: Float, name: str) -> tuple[str, ...]:
+    """A line for each hand whose places lie beyond its arm's reach."""
+    return tuple(
+        f"{name}: places of the {hand} hand lie up to {100.0 * most:.0f} cm beyond the reach of this body's arm"
+        for hand, most in zip(("left", "right"), beyond.tolist(), strict=True)
+        if most > BEYOND_M
+    )
+
+
+def _contacts(fit: Fit, posed: PosedBody, start: int) -> list[Contact]:
+    """The contacts of a window of the source while it signs, from frame ``start`` on, and what became of them."""
+    source, (theirs, ours) = fit.source, fit.pairs
+    frames, k = near_pairs(source.starts, source.ends, source.radii, theirs, PART_M)
+    signs = fit.active[frames, theirs.own_side[k]] > 0.5
+    frames, k = frames[signs], k[signs]
+    near = Near(frames, k, pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance)
+    after = pair_gaps(posed.starts, posed.ends, posed.radii, ours, frames, k).distance
+    found = find_contacts(source.body, theirs, near, after, len(source.wrists))
+    first = _OVERLAP if start else 0  # those before were found in the window before
+    return [
+        replace(one, frames=(one.frames[0] + start, one.frames[1] + start)) for one in found if one.frames[0] >= first
+    ]

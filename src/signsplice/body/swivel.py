@@ -1,0 +1,101 @@
+"""Where elbows go: turned about the line from shoulder to wrist, so that forearms keep out of the trunk.
+
+For each arm the turns of all frames are chosen together (Viterbi 1967): as little depth beyond the source's as
+possible, as little turning, and smoothly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.body.touch import gaps
+
+Float = NDArray[np.float64]
+
+_GRID = np.deg2rad(np.arange(-60.0, 61.0, 15.0))
+_TURN_WEIGHT = 0.15
+"""Cost of a turn of 30 degrees, in squared centimetres of depth."""
+_CHANGE_WEIGHT = 0.5
+"""Cost of a change by one step of the grid from frame to frame, likewise."""
+_WIDTH_S = 0.06
+"""Width of the bell that smooths the chosen turns."""
+
+
+@dataclass(frozen=True, eq=False)
+class BentArm:
+    """An arm over time, m.
+
+    shoulder, elbow, wrist: (T, 3).
+    radii: (2,) of the forearm at elbow and wrist.
+    """
+
+    shoulder: Float
+    elbow: Float
+    wrist: Float
+    radii: Float
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """Capsules that the forearm must keep out of, m: starts and ends (T, S, 3), radii (S, 2)."""
+
+    starts: Float
+    ends: Float
+    radii: Float
+
+
+def choose(arm: BentArm, solid: Solid, allowed: Float, fps: float) -> Float:
+    """Turns (T,) of the elbow, radians, that keep the forearm from lying deeper in a solid than ``allowed`` (T, S)."""
+    cost = _depth_cost(arm.elbow[None], arm, solid, allowed, slice(None))[0]
+    rows = np.flatnonzero(cost > 1e-4)
+    turns = np.zeros(len(arm.wrist))
+    if not len(rows):
+        return turns
+    reach = int(np.ceil(0.3 * fps))
+    span = slice(max(rows[0] - reach, 0), rows[-1] + reach + 1)
+    s, e, w = arm.shoulder[span], arm.elbow[span], arm.wrist[span]
+    axis = (w - s) / (np.linalg.norm(w - s, axis=-1, keepdims=True) + 1e-9)
+    along = np.einsum("tx,tx->t", e - s, axis)[:, None] * axis
+    out = e - s - along
+    cos, sin = np.cos(_GRID)[:, None, None], np.sin(_GRID)[:, None, None]
+    turned = s + along + cos * out + sin * np.cross(axis, out)  # (K, T, 3)
+    costs = _depth_cost(turned, arm, solid, allowed, span).T
+    costs += _TURN_WEIGHT * (_GRID / np.deg2rad(30.0)) ** 2
+    chosen = _GRID[_smoothest(costs)]
+    width = max(_WIDTH_S * fps, 0.5)
+    side = int(np.ceil(3.0 * width))
+    bell = np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2)
+    padded = np.pad(chosen, side, mode="edge")
+    turns[span] = np.convolve(padded, bell / bell.sum(), mode="valid")
+    return turns
+
+
+def _depth_cost(elbow: Float, arm: BentArm, solid: Solid, allowed: Float, span: slice) -> Float:
+    """Squared depth (K, T) of the forearm beyond what is allowed, summed over the solids, cm^2, for elbows (K, T, 3)
+    in a span of frames.
+    """
+    starts, ends, allowed = solid.starts[span], solid.ends[span], allowed[span]
+    shape = (*elbow.shape[:2], allowed.shape[1])
+    p, u = (np.broadcast_to(x[:, :, None], (*shape, 3)).reshape(-1, 3) for x in (elbow, arm.wrist[span] - elbow))
+    q, v = (np.broadcast_to(x, (*shape, 3)).reshape(-1, 3) for x in (starts, ends - starts))
+    own, other = (np.broadcast_to(x, (*shape, 2)).reshape(-1, 2) for x in (arm.radii, solid.radii))
+    depth = np.maximum(-gaps(p, u, q, v, own, other).distance.reshape(shape) - allowed, 0.0)
+    return np.asarray((1e4 * depth * depth).sum(axis=-1))
+
+
+def _smoothest(costs: Float) -> NDArray[np.intp]:
+    """The row of choices (T,) with the least cost (T, K), changes included."""
+    steps = np.arange(costs.shape[1])
+    change = _CHANGE_WEIGHT * (steps[:, None] - steps) ** 2
+    best, back = costs[0], []
+    for row in costs[1:]:
+        total = best[:, None] + change
+        back.append(total.argmin(axis=0))
+        best = total.min(axis=0) + row
+    chosen = [int(best.argmin())]
+    for came in reversed(back):
+        chosen.append(int(came[chosen[-1]]))
+    return np.array(chosen[::-1])
