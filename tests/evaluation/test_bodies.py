@@ -76,9 +76,19 @@ def test_a_head_that_shrinks_or_grows_away_from_the_hand_is_seen() -> None:
     assert large.n_made > 0
     assert small.worst is not None
     assert small.worst.word == CLIP.name
-    assert small.worst.error == pytest.approx(small.pair_errors.max())
+    assert small.worst.error == pytest.approx(small.pair_errors[small.clear].max())
     assert small.worst.before < 0.005 < small.worst.after
     assert np.median(small.place_errors) > 0.05
+
+
+def test_what_lies_deep_at_the_source_is_told_apart() -> None:
+    night = word("NIGHT").clip
+    seen = SourceClip(night).measure(night, shaped_capsules(night.skeleton, BodyShape()))
+    assert 0.0 < np.mean(seen.clear) < 1.0, "a hand of this word lies in the other forearm"
+    assert seen.pair_errors[seen.clear].max() < 1e-9
+    assert seen.pair_errors[~seen.clear].min() > 0.0
+    assert seen.worst is not None
+    assert seen.worst.error == seen.pair_errors[seen.clear].max()
 
 
 def test_a_motion_that_trembles_or_hurries_is_seen() -> None:
@@ -138,7 +148,7 @@ def test_the_command_prints_rows(monkeypatch: pytest.MonkeyPatch) -> None:
     assert printed["rows"][0]["time_ratio"] is None, "rotations need no copying where skeletons are the same"
     lines = CliRunner().invoke(app, ["evaluate", "--bodies", "3"], catch_exceptions=False).stdout
     assert "| youth | fitted |" in lines
-    assert "1 words, kept aside as the bodies are" in lines
+    assert "Bodies kept aside: 1 clips that are kept aside too" in lines
 
 
 def test_the_command_takes_captures_for_words(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -54,6 +54,8 @@ class BodyRow:
     held_out: whether body and words are kept aside.
     n_words, n_touching: words, and frames of them with a touch.
     kept_frames, kept_pairs: fraction of touching frames (nearest pair) and of touching pairs that are kept.
+    kept_clear, clear: fraction that is kept of the pairs that do not lie deep in the body at the source already, and
+        fraction of touching pairs that do not.
     error_p95: 95th percentile of the change of touching pairs' distance, m.
     made: fraction of the signing frames with a contact that was not there.
     hand_depth, forearm_depth: greatest depth beyond the source's own, m.
@@ -75,6 +77,8 @@ class BodyRow:
     n_touching: int
     kept_frames: float | None
     kept_pairs: float | None
+    kept_clear: float | None
+    clear: float | None
     error_p95: float | None
     made: float | None
     hand_depth: float
@@ -196,6 +200,7 @@ def _both(source: SourceClip, skeleton: Skeleton, shape: BodyShape) -> tuple[_Ma
 def _row(name: str, method: str, held_out: bool, words: Sequence[_Made], ratios: Float) -> BodyRow:
     seen = [word.measured for word in words]
     pairs, frames = (np.concatenate([getattr(m, f"{part}_errors") for m in seen]) for part in ("pair", "frame"))
+    clear = np.concatenate([m.clear for m in seen])
     places = np.concatenate([m.place_errors for m in seen])
     peak, jerk, arm = (np.array([getattr(m, f"{part}_ratio") for m in seen]) for part in ("peak", "jerk", "arm"))
     lost = [m.worst for m in seen if m.worst is not None]
@@ -208,6 +213,8 @@ def _row(name: str, method: str, held_out: bool, words: Sequence[_Made], ratios:
         n_touching=len(frames),
         kept_frames=_mean(frames < TOUCH_M),
         kept_pairs=_mean(pairs < TOUCH_M),
+        kept_clear=_mean(pairs[clear] < TOUCH_M),
+        clear=_mean(clear),
         error_p95=_quantile(pairs, 0.95),
         made=sum(m.n_made for m in seen) / n_signing if n_signing else None,
         hand_depth=max(m.hand_depth for m in seen),
@@ -240,7 +247,17 @@ def _quantile(values: Float, share: float) -> float | None:
 
 
 _HEAD = (
-    *("body", "method", "frames kept", "pairs kept", "p95, mm", "made", "hand deeper, mm", "forearm deeper, mm"),
+    *(
+        "body",
+        "method",
+        "frames kept",
+        "pairs kept",
+        "clear pairs kept",
+        "p95, mm",
+        "made",
+        "hand deeper, mm",
+        "forearm deeper, mm",
+    ),
     *("place, % of head", "palm, °", "index, °", "peak", "jerk", "short, cm", "ms", "times"),
 )
 
@@ -251,8 +268,10 @@ def table(rows: Sequence[BodyRow], n_words: int | None = None) -> list[str]:
     for held_out in (False, True):
         part = [row for row in rows if row.held_out == held_out]
         if part:
-            counted = f"{part[0].n_words} words{', kept aside as the bodies are' if held_out else ''}; "
-            out += ["", *markdown(_HEAD, map(_cells, part)), "", f"{counted}{part[0].n_touching} touching frames."]
+            what = "Bodies kept aside" if held_out else "Other bodies"
+            which = "" if n_words is None else " that are kept aside too" if held_out else " that are not kept aside"
+            counted = f"{what}: {part[0].n_words} clips{which}, {part[0].n_touching} touching frames."
+            out += ["", *markdown(_HEAD, map(_cells, part)), "", counted]
     return out
 
 
@@ -265,6 +284,7 @@ def _cells(row: BodyRow) -> tuple[str, ...]:
         row.method,
         shown(row.kept_frames, 100.0, ".1f"),
         shown(row.kept_pairs, 100.0, ".1f"),
+        shown(row.kept_clear, 100.0, ".1f"),
         shown(row.error_p95, 1e3, ".1f"),
         shown(row.made, 100.0, ".1f"),
         shown(row.hand_depth, 1e3, ".1f"),

@@ -31,6 +31,7 @@ HEAD_HEIGHT = 0.13
 """Height of a head of the usual size, fraction of stature."""
 SIGNATURE = (
     f"touch:source<{1e3 * TOUCH_M:g}mm|kept:|after-max(source,-{1e3 * PRESS_M:g}mm)|<{1e3 * TOUCH_M:g}mm"
+    f"|clear:source>-{1e3 * PRESS_M:g}mm"
     f"|made:source>{1e3 * APART_M:g}mm,after<{1e3 * MADE_M:g}mm|depth:beyond-source|frames:signing>{SIGNS:g}"
     f"|place:nearest-anchor<{1e3 * NEAR_M:g}mm-of-head-and-trunk,/{HEAD_HEIGHT:g}-stature-x-head"
     "|directions:palm-normal,index,degrees|smooth:wrists,peak-speed,rms-third-difference,/source"
@@ -42,7 +43,8 @@ _ANCHORS = (*_ANCHORS, "IndexPalm", "LittlePalm", "Mitten")
 
 @dataclass(frozen=True, eq=False)
 class LostContact:
-    """The touching pair of a clip that is farthest from its distance at the source.
+    """The touching pair of a clip that is farthest from its distance at the source; where there are clear ones, of
+    those.
 
     word: name of the clip.
     frame: its frame there.
@@ -65,7 +67,8 @@ class BodyMeasurement:
 
     word: name of the clip.
     pair_errors: (K,) change of distance of every pair of capsules that touches at the source, m.
-    frame_errors: (F,) the same of the nearest pair of each frame with a touch.
+    clear: (K,) whether that pair lies no deeper than ``PRESS_M`` at the source: deeper ones are the source's own fault.
+    frame_errors: (F,) the error of the nearest pair of each frame with a touch.
     n_signing: frames in which an arm signs.
     n_made: those with a contact that was not there.
     hand_depth, forearm_depth: greatest depth beyond the source's own, m.
@@ -78,6 +81,7 @@ class BodyMeasurement:
 
     word: str
     pair_errors: Float
+    clear: Mask
     frame_errors: Float
     n_signing: int
     n_made: int
@@ -126,6 +130,7 @@ class SourceClip:
         return BodyMeasurement(
             word=self.clip.name,
             pair_errors=errors[touches],
+            clear=before[touches] >= -PRESS_M,
             frame_errors=errors[touches][_first_of_each(frames[touches], before[touches])],
             n_signing=int(self._signs.any(axis=1).sum()),
             n_made=len(np.unique(frames[new])),
@@ -145,7 +150,9 @@ class SourceClip:
     ) -> LostContact | None:
         if not len(touches):
             return None
-        n = int(touches[errors[touches].argmax()])
+        clear = touches[before[touches] >= -PRESS_M]
+        rows = clear if len(clear) else touches
+        n = int(rows[errors[rows].argmax()])
         pair = f"{self.body.keys[self._pairs.own[k[n]]]} - {self.body.keys[self._pairs.other[k[n]]]}"
         return LostContact(self.clip.name, int(frames[n]), pair, float(before[n]), float(after[n]), float(errors[n]))
 
