@@ -1,4 +1,4 @@
-"""The command ``evaluate``: every method measured on hidden frames, at seams, or for collisions."""
+"""The command ``evaluate``: every method measured on hidden frames, at seams, for collisions, or on bodies."""
 
 from __future__ import annotations
 
@@ -14,21 +14,28 @@ from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError
 
 if TYPE_CHECKING:
+    from signsplice.motion.clip import Clip
     from signsplice.splicing.transition import Transition
 
 Measured = tuple[str, Sequence[Any], list[str]]
 """Signature, rows, and the rows as lines of Markdown."""
 
+N_WORDS = 40
+"""Words that ``--bodies`` draws where no number follows it."""
+
 
 @click.command(context_settings=former_names({"joins": "seams"}))
 @click.argument("bundle", required=False, metavar="[BUNDLE]")
-@click.option("--clips", "files", multiple=True, metavar="FILE", help="Clip to hide frames of; may be repeated.")
+@click.option("--clips", "files", multiple=True, metavar="FILE", help="Clip to hide frames of, or to bring to other "
+              "bodies with --bodies; may be repeated.")  # fmt: skip
 @click.option("--fps", type=float, metavar="N", help="With --clips: resample the clips to this rate first.")
 @click.option("--seams", "n_seams", type=int, metavar="N", help="Join N pairs of words that ship, measure the seams.")
 @click.option("--rest", metavar="NAME", help="With --seams: how the signer's arms rest: hanging [default], folded, "
               "bent or low.")  # fmt: skip
 @click.option("--pairs", metavar="DIR", help="Corpus of pairs: measure how deep hands get into the body.")
 @click.option("--limit", type=int, metavar="N", help="With --pairs: only the first N pairs.")
+@click.option("--bodies", "n_bodies_words", type=int, is_flag=False, flag_value=N_WORDS, metavar="N_WORDS",
+              help="Bring N words that ship, or with --clips these clips, to other bodies.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 @reads_clips
 def evaluate(
@@ -39,19 +46,24 @@ def evaluate(
     rest: str | None,
     pairs: str | None,
     limit: int | None,
+    n_bodies_words: int | None,
     as_json: bool,
 ) -> None:
     """Measure every method: on frames hidden from clips (--clips), at the seams of words that were recorded apart
-    (--seams), or for collisions of the hands with the body (--pairs). BUNDLE: networks in place of those that ship.
+    (--seams), or for collisions of the hands with the body (--pairs); or what words keep on other bodies (--bodies).
+    BUNDLE: networks in place of those that ship.
     """
     from signsplice.evaluation.tables import to_json
 
-    if sum((bool(files), n_seams is not None, pairs is not None)) != 1:
-        raise InputError("expected exactly one of --clips FILE, --seams N and --pairs DIR")
+    on_bodies = n_bodies_words is not None
+    if sum((bool(files) and not on_bodies, n_seams is not None, pairs is not None, on_bodies)) != 1:
+        raise InputError("expected exactly one of --clips FILE, --seams N, --pairs DIR and --bodies [N]")
     if rest is not None and n_seams is None:
         raise InputError("--rest sets how the signer of --seams rests; expected --seams N too")
     if n_seams is not None:
         signature, rows, lines = _seams(n_seams, rest or "hanging", bundle)
+    elif n_bodies_words is not None:
+        signature, rows, lines = _bodies(n_bodies_words, files, fps)
     elif pairs is not None:
         signature, rows, lines = _collisions(pairs, limit, bundle)
     else:
@@ -64,18 +76,24 @@ def evaluate(
 
 def _hidden_frames(files: tuple[str, ...], fps: float | None, bundle: str | None) -> Measured:
     from signsplice.evaluation.hidden_frames import SIGNATURE, hidden_frames, table
-    from signsplice.motion.clip import resample
     from signsplice.splicing.transition import TRANSITIONS
 
     transitions = [*TRANSITIONS.values(), *_learned_transition(bundle)]
-    clips = [load(file) for file in files]
-    if fps is not None:
-        for clip in clips:
-            limits().check_resampling(clip, fps)
-        clips = [resample(clip, fps) for clip in clips]
     with progress("evaluate") as advance:
-        rows = hidden_frames(clips, transitions, progress=advance)
+        rows = hidden_frames(_loaded(files, fps), transitions, progress=advance)
     return SIGNATURE, rows, table(rows)
+
+
+def _loaded(files: tuple[str, ...], fps: float | None) -> list[Clip]:
+    """The clips, at another rate where one is given."""
+    from signsplice.motion.clip import resample
+
+    clips = [load(file) for file in files]
+    if fps is None:
+        return clips
+    for clip in clips:
+        limits().check_resampling(clip, fps)
+    return [resample(clip, fps) for clip in clips]
 
 
 def _learned_transition(bundle: str | None) -> list[Transition]:
@@ -109,6 +127,19 @@ def _seams(n_pairs: int, rest: str, bundle: str | None) -> Measured:
     with progress("seams") as advance:
         rows = seams.compare(seams.word_pairs(n_pairs, rest=rest), seams.compared_methods(bundle), advance)
     return seams.signature(rest), rows, seams.table(rows, rest)
+
+
+def _bodies(n_words: int, files: tuple[str, ...], fps: float | None) -> Measured:
+    from signsplice.evaluation import bodies
+
+    if files:
+        words = aside = _loaded(files, fps)
+    else:
+        words, aside = bodies.draw_words(n_words)
+    drawn = None if files else n_words
+    with progress("bodies") as advance:
+        rows = bodies.compare(words, aside, progress=advance)
+    return bodies.signature(drawn), rows, bodies.table(rows, drawn)
 
 
 COMMANDS = (evaluate,)
