@@ -129,7 +129,7 @@ def test_help_shows_options_by_their_present_names_only(command: str, signsplice
 BAD_CALLS = [
     (("splice",), "Missing argument"),
     (("splice", "HELLO.bvh"), "Missing option '-o'"),
-    (("splice", "nowhere.bvh", "-o", "out.bvh"), "nowhere.bvh: no such file"),
+    (("splice", "nowhere.bvh", "HELLO.bvh", "-o", "out.bvh"), "nowhere.bvh: no such file"),
     (("splice", "HELLO.bvh", "-o", "no/out.bvh"), "folder no does not exist"),
     (("splice", "HELLO.bvh", "-o", "out.fbx"), "suffix .fbx cannot be written"),
     (("splice", "HELLO.bvh", "-o", "out.pose"), "landmark files cannot be written yet"),
@@ -226,7 +226,7 @@ def test_an_input_may_be_a_link(folder: Path, signsplice: Call) -> None:
 
 
 def test_the_program_exits_with_status_2_after_a_bad_call(folder: Path) -> None:
-    run = run_program("-m", "signsplice", "splice", "nowhere.bvh", "-o", "out.bvh", cwd=folder)
+    run = run_program("-m", "signsplice", "splice", "nowhere.bvh", "HELLO.bvh", "-o", "out.bvh", cwd=folder)
     assert (run.returncode, run.stdout) == (2, "")
     assert run.stderr.startswith("error: nowhere.bvh: no such file")
 

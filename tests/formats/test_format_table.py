@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
+import numpy as np
 import pytest
 
 from conftest import random_clip
 from signsplice import formats
-from signsplice.errors import InputError
-from signsplice.formats import FORMATS, READ_SUFFIXES, WIRE_SUFFIXES, WRITE_SUFFIXES, encode, load, parse, save
+from signsplice.errors import FormatError, InputError
+from signsplice.formats import (
+    FORMATS,
+    READ_SUFFIXES,
+    WIRE_SUFFIXES,
+    WRITE_SUFFIXES,
+    FileFormat,
+    encode,
+    load,
+    parse,
+    save,
+)
+from signsplice.motion.clip import Clip
 
 
 @pytest.mark.parametrize("suffix", READ_SUFFIXES)
@@ -80,3 +94,22 @@ def test_a_clip_that_a_format_cannot_hold_is_refused_by_path(tmp_path: Path) -> 
     with pytest.raises(InputError, match=r"a\.bvh: joint name 'my hips'"):
         save(replace(clip, skeleton=spaced), tmp_path / "a.bvh")
     assert not list(tmp_path.iterdir())
+
+
+def test_the_format_in_the_guide_for_contributors_works(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, words: dict[str, Clip]
+) -> None:
+    guide = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text()
+    code = guide.split("# src/signsplice/formats/json_clip.py\n")[1].split("```")[0]
+    module = ModuleType("signsplice.formats.json_clip")
+    exec(code, module.__dict__)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setitem(formats.FORMATS, ".jclip", FileFormat(".jclip", "json_clip"))
+    for name in ("READ_SUFFIXES", "WRITE_SUFFIXES"):
+        monkeypatch.setattr(formats, name, (*getattr(formats, name), ".jclip"))
+    formats.save(words["SIGN"], tmp_path / "SIGN.jclip")
+    read = formats.load(tmp_path / "SIGN.jclip")
+    assert np.array_equal(read.local_rotations, words["SIGN"].local_rotations)
+    (tmp_path / "broken.jclip").write_text("[1, 2]")
+    with pytest.raises(FormatError, match=r"broken\.jclip: "):
+        formats.load(tmp_path / "broken.jclip")

@@ -84,6 +84,8 @@ def splice(clips: tuple[str, ...], output: str, report: str | None, roles: str |
     """Join clips in order into one continuous animation."""
     from signsplice.splicing import engine
 
+    if len(clips) < 2:
+        raise InputError(f"one clip, {clips[0]}, expected two or more: signsplice splice A.bvh B.bvh -o OUT.bvh")
     check_outputs(output, report, [*clips, roles, *_networks(**method_options)])
     options = _splice_options(**method_options)
     began = time.perf_counter()
