@@ -34,7 +34,7 @@ class Contact:
     region: one of ``REGIONS``.
     frames: first frame and end, half-open, of the clip before it was placed or resampled.
     before_mm, after_mm: median skin distance at the source and on the other body, mm; negative inside.
-    is_kept: whether that is the same within ``KEPT_M``, or less deep than ``PRESS_M``.
+    is_kept: whether that is the same within ``KEPT_M``; where it lies deep at the source, it may lie less deep.
     """
 
     hand: str
@@ -61,7 +61,7 @@ def find_contacts(body: BodyCapsules, pairs: SkinPairs, near: Near, after: Float
         for n, name in enumerate(REGIONS):
             for start, stop in _events(tables[0, :, n_hand, n]):
                 then, now = (_median(table[start:stop, n_hand, n]) for table in tables)
-                is_kept = abs(now - max(then, -PRESS_M)) < KEPT_M
+                is_kept = then - KEPT_M < now < max(then, -PRESS_M) + KEPT_M
                 found.append(Contact(hand, name, (start, stop), round(1e3 * then, 1), round(1e3 * now, 1), is_kept))
     return tuple(sorted(found, key=lambda one: one.frames))
 

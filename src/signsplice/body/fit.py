@@ -45,7 +45,7 @@ _TOUCH_M = 0.012
 _CLEAR_M = 0.010
 """Pairs that are farther apart than this at the source may come as near, not nearer, m."""
 _PRESS_M = 0.002
-"""A touch may press this deep, m, however deep it is at the source."""
+"""Up to this depth at the source, m, a touch is one of skin on skin."""
 _MARGIN_M = 0.035
 _STEPS, _STEPS_AGAIN = 4, 2
 _DAMPING = 10.0
@@ -297,9 +297,10 @@ class _Contacts:
         self._more = (last - first)[own], np.where(moves, (last - first)[other], 0.0)
         self._base = base[self.frames]
         touching = self.then < _TOUCH_M
-        self._wanted = np.where(touching, np.maximum(self.then, -_PRESS_M), np.minimum(self.then, _CLEAR_M))
-        self._held = np.where(touching, _CONTACT_WEIGHT * np.exp(-np.maximum(self.then, 0.0) / _CONTACT_FADE_M), 0.0)
-        self._allowed = np.minimum(np.maximum(self.then, -_PRESS_M), _CLEAR_M)
+        # A pair that lies deep at the source has no skin to touch: it may lie as deep, and is held the less.
+        off = np.maximum(np.abs(self.then + 0.5 * _PRESS_M) - 0.5 * _PRESS_M, 0.0)
+        self._wanted = self._allowed = np.minimum(self.then, _CLEAR_M)
+        self._held = np.where(touching, _CONTACT_WEIGHT * np.exp(-off / _CONTACT_FADE_M), 0.0)
 
     def add(self, m: Float, block: Float, rhs: Float) -> None:
         """Add this step's residuals to the blocks (T, 6, 6) and right sides (T, 6)."""
