@@ -18,7 +18,8 @@ from signsplice.body import retarget as module
 from signsplice.body.capsules import body_capsules
 from signsplice.body.collision import overlap
 from signsplice.body.contacts import Contact
-from signsplice.body.retarget import posed_body, retarget, signing
+from signsplice.body.posed import posed_body
+from signsplice.body.retarget import retarget, signing
 from signsplice.body.touch import near_pairs, pair_gaps, skin_pairs
 from signsplice.cli.commands import app
 from signsplice.formats import load, save

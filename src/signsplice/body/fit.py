@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from signsplice.body.capsules import BodyCapsules
+from signsplice.body.posed import PosedBody
 from signsplice.body.touch import Near, SkinPairs, gaps, near_pairs, pair_gaps, skin_pairs
 
 Float = NDArray[np.float64]
@@ -51,32 +52,6 @@ _STEPS, _STEPS_AGAIN = 4, 2
 _DAMPING = 10.0
 """Weight that holds moves to those of the step before: contacts that come and go would make them swing."""
 _REACH, _REACH_WEIGHT = 0.985, 60.0
-
-
-@dataclass(frozen=True, eq=False)
-class PosedBody:
-    """A body over time, in metres.
-
-    body: its capsules.
-    starts, ends: (T, C, 3) of their axes in the world.
-    radii: (C, 2).
-    shoulders, wrists: (T, 2, 3) left and right.
-    arm_lengths: (2,) upper arm and forearm together.
-    """
-
-    body: BodyCapsules
-    starts: Float
-    ends: Float
-    radii: Float
-    shoulders: Float
-    wrists: Float
-    arm_lengths: Float
-
-    @property
-    def hand_length(self) -> float:
-        """Median length of the palms' capsules, m."""
-        palms = [n for n, part in enumerate(self.body.parts) if part == "palm"]
-        return float(np.median(np.linalg.norm(self.ends[0, palms] - self.starts[0, palms], axis=-1)))
 
 
 _ANCHORS = (

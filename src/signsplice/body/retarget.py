@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body import arm_ik, swivel
-from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
+from signsplice.body.capsules import BodyCapsules, body_capsules
 from signsplice.body.contacts import PART_M, Contact, find_contacts
-from signsplice.body.fit import Fit, PosedBody
+from signsplice.body.fit import Fit
+from signsplice.body.posed import PosedBody, posed_body
 from signsplice.body.touch import Near, forearm_pairs, near_pairs, pair_gaps
-from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.align import Reference, copy_rotations, is_same_skeleton, settle
 from signsplice.rig.arms import active_span, arms
@@ -128,18 +128,6 @@ def _is_alike(a: Skeleton, b: Skeleton) -> bool:
     return one.keys() == two.keys() and all(
         abs(one[key] - two[key]) <= ALIKE * max(one[key], 0.1 * longest) for key in one
     )
-
-
-def posed_body(clip: Clip, body: BodyCapsules) -> PosedBody:
-    """A clip's body over time, in metres."""
-    info = rig_info(clip.skeleton)
-    metres = info.sizes.unit.metres
-    rotations, positions = kinematics.forward(clip)
-    starts, ends = capsule_ends(body, rotations, positions)
-    joints = info.arm_joints
-    shoulders, elbows, wrists = (metres * positions[:, [joints[k], joints[3 + k]]] for k in range(3))
-    lengths = np.linalg.norm(elbows[0] - shoulders[0], axis=-1) + np.linalg.norm(wrists[0] - elbows[0], axis=-1)
-    return PosedBody(body, metres * starts, metres * ends, metres * body.radii, shoulders, wrists, lengths)
 
 
 def signing(clip: Clip) -> Float:

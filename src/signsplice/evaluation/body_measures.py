@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules, BodyShape, shaped_capsules
-from signsplice.body.fit import NEAR_M, PosedBody
-from signsplice.body.retarget import posed_body, signing
+from signsplice.body.fit import NEAR_M
+from signsplice.body.posed import PosedBody, posed_body
+from signsplice.body.retarget import signing
 from signsplice.body.touch import SkinPairs, forearm_pairs, near_pairs, pair_gaps, skin_pairs
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info

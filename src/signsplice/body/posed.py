@@ -1,0 +1,53 @@
+"""A body over time: where its capsules and arms are in every frame of a clip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.body.capsules import BodyCapsules, capsule_ends
+from signsplice.motion import kinematics
+from signsplice.motion.clip import Clip
+from signsplice.rig.info import rig_info
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PosedBody:
+    """A body over time, in metres.
+
+    body: its capsules.
+    starts, ends: (T, C, 3) of their axes in the world.
+    radii: (C, 2).
+    shoulders, wrists: (T, 2, 3) left and right.
+    arm_lengths: (2,) upper arm and forearm together.
+    """
+
+    body: BodyCapsules
+    starts: Float
+    ends: Float
+    radii: Float
+    shoulders: Float
+    wrists: Float
+    arm_lengths: Float
+
+    @property
+    def hand_length(self) -> float:
+        """Median length of the palms' capsules, m."""
+        palms = [n for n, part in enumerate(self.body.parts) if part == "palm"]
+        return float(np.median(np.linalg.norm(self.ends[0, palms] - self.starts[0, palms], axis=-1)))
+
+
+def posed_body(clip: Clip, body: BodyCapsules) -> PosedBody:
+    """A clip's body over time, in metres."""
+    info = rig_info(clip.skeleton)
+    metres = info.sizes.unit.metres
+    rotations, positions = kinematics.forward(clip)
+    starts, ends = capsule_ends(body, rotations, positions)
+    joints = info.arm_joints
+    shoulders, elbows, wrists = (metres * positions[:, [joints[k], joints[3 + k]]] for k in range(3))
+    lengths = np.linalg.norm(elbows[0] - shoulders[0], axis=-1) + np.linalg.norm(wrists[0] - elbows[0], axis=-1)
+    return PosedBody(body, metres * starts, metres * ends, metres * body.radii, shoulders, wrists, lengths)
