@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import re
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -185,7 +186,11 @@ def test_only_allowed_host_names_are_answered(host: str, allowed: tuple[str, ...
         (["--port", "70000"], "0 to 65535"),
         (["--lexicon", "no/such/folder"], "no such folder"),
         (["--proxy", "proxy.example"], "expected an IP address"),
-        (["--host", "203.0.113.7"], "cannot listen"),
+        (["--host", "203.0.113.7"], "cannot listen: --host 203.0.113.7 is no address of this machine"),
+        (["--host", "256.1.1.1"], "cannot listen: --host 256.1.1.1 is no address of this machine"),
+        (["--allow-origin", "foo"], "expected scheme://host"),
+        (["--allow-origin", "https://signs.example/page"], "expected scheme://host"),
+        (["--limit", "worker_bytes=1"], "worker_bytes is 1, expected at least"),
     ],
 )
 def test_impossible_settings_are_refused(
@@ -206,3 +211,18 @@ def test_a_service_that_others_can_reach_warns(
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == is_open
     assert all("no accounts and no encryption" in line for line in lines)
+
+
+def test_bad_requests_are_not_logged_but_faults_are(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(uvicorn.Server, "run", lambda *_, **__: None)
+    app(["serve", "--port", "0"], standalone_mode=False)
+    try:
+        logger = logging.getLogger("uvicorn.error")
+        logger.warning("Invalid HTTP request received.")
+        assert "Invalid" not in capsys.readouterr().err
+        logger.error("Exception in ASGI application")
+        assert "Exception in ASGI application" in capsys.readouterr().err
+    finally:
+        logging.getLogger("uvicorn").handlers.clear()

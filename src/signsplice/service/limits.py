@@ -19,7 +19,7 @@ from signsplice.service.worker_process import BusyError
 
 _SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 _CLOSE = {"Connection": "close"}
-_HEADERS = {
+HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
@@ -107,7 +107,7 @@ def _without_port(host: str) -> str:
 
 
 def _failure(status: int, reason: str) -> JSONResponse:
-    return JSONResponse({"error": reason, "unknown": {}}, status, headers={**_HEADERS, **_CLOSE})
+    return JSONResponse({"error": reason, "unknown": {}}, status, headers={**HEADERS, **_CLOSE})
 
 
 class _LimitedReceive:
@@ -157,7 +157,7 @@ class _LimitedSend:
         if message["type"] == "http.response.start":
             self.has_begun = True
             headers = MutableHeaders(scope=message)
-            for name, value in _HEADERS.items():
+            for name, value in HEADERS.items():
                 headers.setdefault(name, value)
         async with asyncio.timeout(self._seconds):
             await self._send(message)

@@ -18,6 +18,7 @@ from websockets.http11 import Response
 from websockets.protocol import State
 from websockets.server import ServerProtocol
 
+from signsplice.service.limits import HEADERS
 from signsplice.service.settings import Settings
 from signsplice.service.shares import client_of
 
@@ -27,6 +28,8 @@ _MAX_PIPELINED = 16
 """Requests on a connection that wait until the one before them is answered."""
 _FRAMING = 16
 """Bytes of a body for which one byte of framing is free, so that chunks of 100 bytes and more are no flood."""
+_PIECE_BYTES, _LEAST_PIECE_BYTES = 16 * 1024, 1024
+"""Data of a request that is parsed at one go; behind a head, which is where a body is, not less than the second."""
 _STEP_BYTES = 4096
 """Data of a WebSocket that is parsed at one go: some milliseconds' worth, where it consists of empty frames."""
 _IDLE_FRAMES_SECONDS = 10.0
@@ -84,15 +87,23 @@ class LimitedHttpProtocol(HttpToolsProtocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Parse data, and count what of it is not body."""
-        if self.transport.is_closing():
-            return
-        if self._timer is None:  # also for bytes that begin no request
-            self._start_clock(self.settings.head_seconds)
-        self._n_bytes = max(self._n_bytes, 0) + len(data)
-        super().data_received(data)
-        if self._n_bytes > self.settings.max_head_bytes and not self.transport.is_closing():
-            self._answer(*self._too_large())
+        """Parse data, and count what of it is not body.
+
+        It is parsed in pieces, so that what one read brings complete has the limit too: a head goes on for one byte
+        beyond it, a trailer for 1 KiB, and one behind another request in the same read for 16 KiB.
+        """
+        limit, start = self.settings.max_head_bytes, 0
+        while start < len(data) and not self.transport.is_closing() and self in self.connections:  # else handed over
+            if self._timer is None:  # also for bytes that begin no request
+                self._start_clock(self.settings.head_seconds)
+            self._n_bytes = max(self._n_bytes, 0)
+            least = _LEAST_PIECE_BYTES if self._has_head else 1
+            piece = data[start : start + min(_PIECE_BYTES, max(least, limit + 1 - self._n_bytes))]
+            start += len(piece)
+            self._n_bytes += len(piece)
+            super().data_received(piece)
+            if self._n_bytes > limit:
+                self._answer(*self._too_large())
 
     def _too_large(self) -> tuple[HTTPStatus, str]:
         limit = self.settings.max_head_bytes
@@ -174,11 +185,14 @@ class LimitedHttpProtocol(HttpToolsProtocol):
             return
         if not (self._is_answering() and self.cycle.response_started):
             body = _failure(reason)
-            head = (
-                f"HTTP/1.1 {status.value} {status.phrase}\r\nConnection: close\r\nContent-Type: application/json\r\n"
-                f"X-Content-Type-Options: nosniff\r\nContent-Length: {len(body)}\r\n\r\n"
-            )
-            self.transport.write(head.encode() + body)
+            headers = {
+                "Connection": "close",
+                "Content-Type": "application/json",
+                "Content-Length": len(body),
+                **HEADERS,
+            }
+            lines = [f"HTTP/1.1 {status.value} {status.phrase}", *(f"{name}: {headers[name]}" for name in headers)]
+            self.transport.write("\r\n".join([*lines, "", ""]).encode() + body)
         self._stop_clock()
         self.transport.close()
 
@@ -190,7 +204,7 @@ class _JsonServerProtocol(ServerProtocol):
         """The answer that refuses a handshake."""
         response = super().reject(status, _failure(text.strip() or "no stream here").decode())
         del response.headers["Content-Type"]
-        response.headers["Content-Type"] = "application/json"
+        response.headers.update({"Content-Type": "application/json", **HEADERS})
         return response
 
 

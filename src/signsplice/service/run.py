@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import socket
 from collections.abc import Callable, Mapping, Sequence
 from math import ceil
@@ -33,7 +35,7 @@ def serve(
         proxy_headers=bool(settings.proxies),
         forwarded_allow_ips=list(settings.proxies),
         timeout_graceful_shutdown=ceil(settings.drain_seconds),
-        log_level="warning",
+        log_level="error",  # uvicorn writes a warning for every bad request: a flood would fill the log
         access_log=False,
         server_header=False,
     )
@@ -49,6 +51,11 @@ def _listen(settings: Settings) -> socket.socket:
     try:
         return socket.create_server((settings.host, settings.port), family=family, backlog=512)
     except OSError as error:
-        raise InputError(
-            f"cannot listen on {settings.host}:{settings.port} ({error.strerror or error}); try another --port"
-        ) from error
+        number = error.errno or 0
+        if number < 0 or number == errno.EADDRNOTAVAIL:  # below zero: the name was not found
+            advice = "name one, e.g. 127.0.0.1 or 0.0.0.0"
+            raise InputError(
+                f"cannot listen: --host {settings.host} is no address of this machine; {advice}"
+            ) from error
+        reason = os.strerror(number)  # the error's own repeats the address
+        raise InputError(f"cannot listen on {settings.host}:{settings.port} ({reason}); try another --port") from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -13,12 +14,15 @@ from signsplice.errors import InputError
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 
 MIB = 1 << 20
+_LEAST_WORKER_BYTES = 256 * MIB
+"""What a worker needs at least."""
+_ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://([^\s/?#@:*\[\]]+|\[[0-9a-f:.]+\])(:\d{1,5})?", re.IGNORECASE)
 LOOPBACK = ("127.0.0.1", "localhost", "::1", "[::1]")
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How a service runs. Raises ``InputError`` for a limit that is not positive."""
+    """How a service runs. Raises ``InputError`` for a limit that is not positive, or an address that is none."""
 
     host: str = "127.0.0.1"
     """Address to listen on."""
@@ -101,6 +105,11 @@ class Settings:
         for proxy in self.proxies:
             if not _is_address(proxy):
                 raise InputError(f"proxy {proxy!r}, expected an IP address")
+        for origin in self.allowed_origins:
+            if not _ORIGIN.fullmatch(origin):
+                raise InputError(f"origin {origin!r}, expected scheme://host or scheme://host:port")
+        if self.worker_bytes < _LEAST_WORKER_BYTES:
+            raise InputError(f"worker_bytes is {self.worker_bytes}, expected at least {_LEAST_WORKER_BYTES} (256 MiB)")
         if self.n_workers < 0:
             raise InputError(f"{self.n_workers} workers, expected 0 (one per core) or more")
 
