@@ -291,9 +291,8 @@ class Pairs:
             self.words = {k: mapped_array(self.folder / f"word_{k}.npy") for k in _KINDS}
             self.new = {k: mapped_array(self.folder / f"new_{k}.npy") for k in _KINDS}
         except (OSError, TypeError, ValueError, InputError) as error:
-            raise InputError(
-                f"{self.folder}: is no corpus of pairs ({error}); make one with `signsplice synth pairs`"
-            ) from error
+            hint = "make one with `signsplice synth pairs`"
+            raise InputError(f"{self.folder}: is no corpus of pairs ({error}); {hint}") from error
         if self.head.get("version") != VERSION:
             raise InputError(f"{self.folder}: version {self.head.get('version')}, expected {VERSION}; make it again")
 
