@@ -149,6 +149,10 @@ BAD_CALLS = [
     (("lexicon", "-o", "no/out", "--signs", "own.signs"), "folder no does not exist; make it first"),
     (("lexicon", "-o", ".", "--signs", "own.signs"), "would overwrite what is read from own.signs"),
     (("lexicon", "-o", ".", "--words", "1"), "is there already and has no glosses.csv"),
+    (
+        ("lexicon", "-o", "mine", "--words", "1"),
+        "has other columns than a table of `synth lexicon`; the folder is not replaced",
+    ),
     (("sentences", "-o", "out", "--count", "0"), "--count 0, expected at least 1"),
     (("sentences", "-o", "out", "--words", "1"), "1 words chosen, expected at least 2"),
     (("sentences", "-o", "own.signs", "--words", "2"), "own.signs: is there already and has no truth.json"),
@@ -159,7 +163,10 @@ BAD_CALLS = [
     (("pairs", "-o", "own.signs", "--words", "2"), "own.signs: is there already and has no corpus.json"),
     (("pairs", "-o", ".", "--words", "2"), "is there already and has no corpus.json"),
     (("pairs", "-o", "out", "--seed", "x"), "'x' is not a valid integer"),
-    (("study", "nowhere", "--page", "p.md", "--images", "."), "nowhere: is no corpus of pairs"),
+    (
+        ("study", "nowhere", "--page", "p.md", "--images", "."),
+        "nowhere: has no corpus.json, expected a corpus of pairs",
+    ),
     (("study", "nowhere", "--page", "p.md", "--images", "none"), "none: no such folder; make it first"),
     (("study", "nowhere", "--page", "p.md", "--images", ".", "--real", "none"), "none: no such folder"),
     (("dance",), "No such command 'dance'"),
@@ -180,7 +187,10 @@ def test_a_bad_call_gives_one_line_and_writes_nothing(
     texts = {"own": NOTATION, "broken": BROKEN, "unlawful": UNLAWFUL, "empty": "# nothing\n"}
     for name, text in texts.items():
         (tmp_path / f"{name}.signs").write_text(text, encoding="utf-8")
-    before = sorted(path.name for path in tmp_path.iterdir())
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "HELLO.bvh").write_text("my recording", encoding="utf-8")
+    (tmp_path / "mine" / "glosses.csv").write_text("file,gloss\nHELLO.bvh,HELLO\n", encoding="utf-8")
+    before = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*"))
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["signsplice", "synth", *call])
     with pytest.raises(SystemExit) as left:
@@ -191,4 +201,4 @@ def test_a_bad_call_gives_one_line_and_writes_nothing(
     assert err.count("\n") == 1
     assert message in err
     assert out == ""
-    assert sorted(path.name for path in tmp_path.iterdir()) == before
+    assert sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*")) == before

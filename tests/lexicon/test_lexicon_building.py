@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import sqlite3
 import subprocess
 import sys
@@ -134,6 +135,13 @@ def test_a_file_size_limit_changes_nothing(tmp_path: Path) -> None:
     assert run.returncode == 1
     assert "lex: cannot be written (" in run.stderr.splitlines()[-1]
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
+def test_a_pipe_in_the_place_of_an_index_is_no_lexicon(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "index.sqlite")
+    with pytest.raises(InputError, match="is there already and is no lexicon"):
+        write(tmp_path, "A")
 
 
 def test_paths_with_other_files_are_refused(tmp_path: Path) -> None:

@@ -120,7 +120,9 @@ def test_tables_need_only_results(tmp_path: Path) -> None:
 def test_the_command_refuses_bad_inputs(tmp_path: Path) -> None:
     out = ("--out", str(tmp_path / "out"))
     assert run("table1", *out)[1].endswith("`signsplice paper evaluate` or `all` makes it")
-    assert "is no corpus of pairs" in run("evaluate", "--pairs", str(tmp_path / "none"), *out)[1]
+    assert (
+        "has no corpus.json, expected a corpus of pairs" in run("evaluate", "--pairs", str(tmp_path / "none"), *out)[1]
+    )
     assert "no system 'gpt'" in run("evaluate", "--system", "gpt", *out)[1]
     assert "--limit 0" in run("evaluate", "--limit", "0", *out)[1]
     assert commands.app.commands["paper"] is command.paper

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import os
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -290,6 +291,14 @@ def test_a_folder_of_something_else_is_not_replaced(tmp_path: Path) -> None:
         write_pairs(SMALL, Path("/"), processes=1)
 
 
+def test_a_file_beside_a_corpus_is_not_lost(whole: dict[str, bytes], tmp_path: Path) -> None:
+    for name, content in (whole | {"notes.txt": b"mine"}).items():
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=r"holds notes\.txt beside its corpus\.json, which would be lost"):
+        write_pairs(SMALL, tmp_path, processes=1)
+    assert read_all(tmp_path) == whole | {"notes.txt": b"mine"}
+
+
 def test_an_empty_folder_becomes_the_corpus(whole: dict[str, bytes], tmp_path: Path) -> None:
     (tmp_path / "c").mkdir()
     write_pairs(SMALL, tmp_path / "c", processes=1)
@@ -297,7 +306,9 @@ def test_an_empty_folder_becomes_the_corpus(whole: dict[str, bytes], tmp_path: P
 
 
 def test_reading_refuses_what_is_no_corpus(pairs: Pairs, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"is no corpus of pairs .*make one with `signsplice synth pairs`"):
+    with pytest.raises(
+        InputError, match=r"has no corpus\.json, expected a corpus of pairs \(`signsplice synth pairs`\)"
+    ):
         Pairs(tmp_path)
     copy = tmp_path / "copy"
     copy.mkdir()
@@ -308,9 +319,21 @@ def test_reading_refuses_what_is_no_corpus(pairs: Pairs, tmp_path: Path) -> None
     (copy / "corpus.json").write_text(json.dumps(head | {"version": 99}))
     with pytest.raises(InputError, match="version 99, expected 1; make it again"):
         Pairs(copy)
-    (copy / "corpus.json").write_text("{")
-    with pytest.raises(InputError, match="is no corpus of pairs"):
-        Pairs(copy)
+    for damaged in ("{", "[]"):
+        (copy / "corpus.json").write_text(damaged)
+        with pytest.raises(InputError, match=r"is no corpus of pairs .*make one with `signsplice synth pairs`"):
+            Pairs(copy)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
+@pytest.mark.parametrize("name", ["corpus.json", "pairs.npy", "word_roots.npy", "new_roots.npy"])
+def test_a_pipe_in_a_corpus_is_refused_at_once(name: str, pairs: Pairs, tmp_path: Path) -> None:
+    for path in pairs.folder.iterdir():
+        (tmp_path / path.name).symlink_to(path)
+    (tmp_path / name).unlink()
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(InputError, match=f"{name}: is a pipe, expected a regular file"):
+        Pairs(tmp_path)
 
 
 def test_pseudo_signs_make_a_corpus_too(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -121,6 +122,68 @@ def test_a_folder_of_something_else_stays_as_it_is(tmp_path: Path) -> None:
     assert [path.name for path in mine.iterdir()] == ["notes.txt"]
 
 
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_own_output_is_replaced(lexicon: Path, tmp_path: Path) -> None:
+    for signer in (draw_signer(3), STANDARD):
+        folders.write_lexicon(SIGNS[:2], signer, tmp_path / "l")
+    folders.write_lexicon(SIGNS, STANDARD, tmp_path / "l")
+    assert contents(tmp_path / "l") == contents(lexicon)
+    for count in (2, 1):
+        folders.write_sentences(RECIPE, count, tmp_path / "s")
+    assert len(list((tmp_path / "s").glob("sentence-*.bvh"))) == 1
+
+
+COLUMNS = "file,gloss,synonyms,signer,source,checked,kind\n"
+RECORDED = {
+    "only names": ("file,gloss\nHELLO.bvh,HELLO\n", "HELLO.bvh", "has other columns than a table of `synth lexicon`"),
+    "empty": ("", "HELLO.bvh", "has other columns"),
+    "a signer": (COLUMNS + "HELLO.bvh,HELLO,,Anna,,no,sign\n", "HELLO.bvh", "csv:2: is no word of `synth lexicon`"),
+    "checked": (COLUMNS + "HELLO.bvh,HELLO,,standard,,yes,sign\n", "HELLO.bvh", "csv:2: is no word of"),
+    "few cells": (COLUMNS + "HELLO.bvh,HELLO\n", "HELLO.bvh", "csv:2: is no word of"),
+    "no table": (COLUMNS + '"HELLO', "HELLO.bvh", r"glosses\.csv: is no valid table of `synth lexicon`"),
+    "another skeleton": (COLUMNS + "HELLO.bvh,HELLO,,standard,,no,sign\n", "HELLO.bvh", "is on another skeleton than"),
+    "another file": (
+        COLUMNS + "I.bvh,I,,standard,,no,sign\n",
+        "notes.txt",
+        r"holds notes\.txt beside its glosses\.csv",
+    ),
+    "a folder": (COLUMNS + "I.bvh,I,,standard,,no,sign\n", "more/HELLO.bvh", r"holds more beside its glosses\.csv"),
+}
+
+
+@pytest.mark.parametrize(("table", "file", "message"), RECORDED.values(), ids=RECORDED)
+def test_own_recordings_beside_a_table_stay(table: str, file: str, message: str, tmp_path: Path) -> None:
+    mine = tmp_path / "mine"
+    (mine / file).parent.mkdir(parents=True)
+    (mine / file).write_text("HIERARCHY\nROOT mixamorig:Hips\n")
+    (mine / "glosses.csv").write_text(table)
+    before = contents(mine)
+    with pytest.raises(InputError, match=message):
+        folders.write_lexicon(SIGNS[:1], STANDARD, mine)
+    assert contents(mine) == before
+
+
+def test_a_recording_in_the_place_of_a_synthetic_word_stays(lexicon: Path, tmp_path: Path) -> None:
+    mine = tmp_path / "mine"
+    shutil.copytree(lexicon, mine)
+    (mine / "BOOK.bvh").write_text("HIERARCHY\nROOT Hips\n")
+    before = contents(mine)
+    with pytest.raises(InputError, match=r"BOOK\.bvh: is on another skeleton than signer standard"):
+        folders.write_lexicon(SIGNS, STANDARD, mine)
+    assert contents(mine) == before
+
+
+@pytest.mark.parametrize("truth", ["[]", "{}", '{"sentences": [{"file": 1, "glosses": []}]}', '{"sentences": [3]}'])
+def test_another_truth_stays(truth: str, tmp_path: Path) -> None:
+    (tmp_path / "truth.json").write_text(truth)
+    with pytest.raises(InputError, match=r"truth\.json: is no truth of `synth sentences`"):
+        folders.write_sentences(RECIPE, 1, tmp_path)
+    assert contents(tmp_path) == {"truth.json": truth.encode()}
+
+
 # --- sentences
 
 
@@ -129,6 +192,15 @@ def sentences(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("folders") / "sentences"
     folders.write_sentences(RECIPE, 4, folder)
     return folder
+
+
+def test_notes_beside_sentences_stay(sentences: Path, tmp_path: Path) -> None:
+    shutil.copytree(sentences, tmp_path / "s")
+    (tmp_path / "s" / "words" / "notes.txt").write_text("mine")
+    before = contents(tmp_path / "s")
+    with pytest.raises(InputError, match=r"holds words.notes\.txt beside its truth\.json, which would be lost"):
+        folders.write_sentences(RECIPE, 1, tmp_path / "s")
+    assert contents(tmp_path / "s") == before
 
 
 def truth_of(folder: Path) -> dict[str, Any]:

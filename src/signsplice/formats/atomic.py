@@ -14,7 +14,7 @@ import shutil
 import stat
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -117,14 +117,32 @@ def replacing_folder(path: str | Path, hint: str = "nothing was left there half-
         raise InputError(f"{path}: cannot be written ({error.strerror or error}); {hint}") from error
 
 
-def check_folder(path: str | Path, mark: str) -> None:
+def check_folder(path: str | Path, mark: str, written: Callable[[Path], Collection[str]]) -> None:
     """Raise ``InputError`` where ``check_place`` does, or where something is at ``path`` that is neither an empty
-    folder nor one with the file ``mark``, by which earlier output is recognised.
+    folder nor earlier output alone: with the file ``mark``, and no other file or folder than ``written`` names.
+
+    written: paths of the files, relative to the folder, that earlier output holds; raises ``InputError`` where the
+    folder is none.
     """
     path = Path(path)
     check_place(path)
-    if path.exists() and not (path.is_dir() and ((path / mark).exists() or not any(path.iterdir()))):
+    if not path.exists() or (path.is_dir() and not any(path.iterdir())):
+        return
+    if not (path.is_dir() and (path / mark).exists()):
         raise InputError(f"{path}: is there already and has no {mark}; choose a new name")
+    check_nothing_else(path, written(path), mark)
+
+
+def check_nothing_else(folder: Path, files: Collection[str], what: str) -> None:
+    """Raise ``InputError`` where ``folder`` holds something beside ``files``, relative paths, and their folders."""
+    known = {Path(file) for file in files}
+    folders = {parent for file in known for parent in file.parents}
+    found = {path.relative_to(folder): path.is_dir() and not path.is_symlink() for path in folder.rglob("*")}
+    others = sorted(path for path, is_dir in found.items() if path not in (folders if is_dir else known))
+    if others:
+        raise InputError(
+            f"{folder}: holds {others[0]} beside its {what}, which would be lost; move it or choose a name"
+        )
 
 
 def check_place(path: str | Path) -> None:

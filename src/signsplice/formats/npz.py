@@ -1,4 +1,4 @@
-"""NumPy archives (``.npz``): the arrays of a clip unchanged, quick to open."""
+"""NumPy archives (``.npz``): the arrays of a clip unchanged, quick to open. Arrays of other files, mapped."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ import math
 import zipfile
 from collections.abc import Mapping
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signsplice.errors import InputError, LimitError
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
+from signsplice.formats.reading import opened
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 from signsplice.motion.euler_channels import POSITIONS, ROTATIONS, Channels
 
@@ -157,3 +160,10 @@ def _channels(head: Mapping[str, Any], arrays: Mapping[str, Any]) -> Channels:
 def _are(values: Any, *kinds: type) -> bool:
     """Whether something is a list whose items are exactly of these types; True is no number."""
     return isinstance(values, list) and all(type(value) in kinds for value in values)
+
+
+def mapped_array(path: str | Path) -> NDArray[Any]:
+    """The array of a ``.npy`` file, memory-mapped. Raises ``InputError`` where ``opened`` does, or it is none."""
+    with opened(path):  # a pipe is refused here: numpy would wait for a writer
+        array: NDArray[Any] = np.load(path, mmap_mode="r")
+    return array

@@ -7,6 +7,7 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 from signsplice.errors import FormatError, InputError, LimitError
 from signsplice.formats.limits import DEFAULT_LIMITS
@@ -27,6 +28,22 @@ def read_bytes(path: str | Path, most_bytes: float = DEFAULT_LIMITS.file_bytes) 
     Raises ``InputError`` with one line where it is missing, a folder, a pipe, a device, or not readable, and
     ``LimitError`` where it is larger than ``most_bytes``.
     """
+    with opened(path) as (file, size):
+        if size > most_bytes:
+            raise LimitError(f"{size:,} bytes, expected at most {most_bytes:,.0f}", file=str(path))
+        content = file.read(size + 1)
+    if len(content) > size:
+        raise InputError(f"{path}: grows while it is read; try again when it is complete")
+    return content
+
+
+@contextmanager
+def opened(path: str | Path) -> Iterator[tuple[BinaryIO, int]]:
+    """A regular file, or one that a link leads to, open for reading, and its size in bytes.
+
+    Raises ``InputError`` with one line where it is missing, a folder, a pipe, a device, or not readable, in the block
+    too.
+    """
     path = Path(path)
     try:
         if path.is_dir():
@@ -36,18 +53,13 @@ def read_bytes(path: str | Path, most_bytes: float = DEFAULT_LIMITS.file_bytes) 
             if not stat.S_ISREG(status.st_mode):
                 kind = _KINDS.get(stat.S_IFMT(status.st_mode), "no file")
                 raise InputError(f"{path}: is {kind}, expected a regular file; save what it holds to one first")
-            if status.st_size > most_bytes:
-                raise LimitError(f"{status.st_size:,} bytes, expected at most {most_bytes:,.0f}", file=str(path))
-            content = file.read(status.st_size + 1)
+            yield file, status.st_size
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except ValueError as error:  # a zero byte in the name
         raise InputError(f"{str(path)!r}: cannot be read ({error})") from error
-    if len(content) > status.st_size:
-        raise InputError(f"{path}: grows while it is read; try again when it is complete")
-    return content
 
 
 @contextmanager

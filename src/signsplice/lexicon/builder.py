@@ -11,7 +11,7 @@ from pathlib import Path
 from weakref import WeakKeyDictionary
 
 from signsplice.errors import InputError
-from signsplice.formats.atomic import check_place, replacing_folder
+from signsplice.formats.atomic import check_nothing_else, check_place, replacing_folder
 from signsplice.lexicon.entry import Entry, fold, gloss_of, kind_of
 from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, encode, fingerprint
 from signsplice.lexicon.index import (
@@ -157,9 +157,7 @@ def check_target(path: str | Path) -> None:
         return
     if not target.is_dir() or application_id(target / INDEX) != APPLICATION_ID:
         raise InputError(f"{path}: is there already and is no lexicon, expected a new name or a lexicon to replace")
-    others = sorted(other.name for other in target.iterdir() if other.name not in (INDEX, FRAMES))
-    if others:
-        raise InputError(f"{path}: holds {others[0]} beside its lexicon, which would be lost; move it or choose a name")
+    check_nothing_else(Path(path), (INDEX, FRAMES), "lexicon")
 
 
 def rest_frames(clip: Clip) -> tuple[int | None, int | None]:

@@ -20,6 +20,7 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.formats.json_files import check_type, parse_json
 from signsplice.formats.limits import DEFAULT_LIMITS
+from signsplice.formats.reading import opened
 from signsplice.lexicon.entry import KINDS, Entry, fold
 from signsplice.motion.clip import EndSite, Skeleton
 
@@ -244,9 +245,9 @@ class Index:
 def application_id(path: Path) -> int | None:
     """The application id in a SQLite file's header, None for other files and files that cannot be read."""
     try:
-        with path.open("rb") as file:
+        with opened(path) as (file, _):
             head = file.read(72)
-    except OSError:
+    except InputError:
         return None
     return int.from_bytes(head[68:72], "big") if head.startswith(b"SQLite format 3\0") and len(head) == 72 else None
 

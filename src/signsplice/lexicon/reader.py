@@ -12,6 +12,7 @@ from pathlib import Path
 from types import TracebackType
 
 from signsplice.errors import InputError, UnknownGlossError
+from signsplice.formats.reading import opened
 from signsplice.lexicon.entry import Entry, fold
 from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, decode, fingerprint
 from signsplice.lexicon.index import INDEX, REBUILD, ClipLocation, Index
@@ -50,8 +51,7 @@ class Lexicon:
     def _map(self) -> mmap.mmap:
         path = self.path / FRAMES
         try:
-            with path.open("rb") as file:
-                size = file.seek(0, 2)
+            with opened(path) as (file, size):
                 if size != self._head.n_bytes or size < HEAD_BYTES:
                     raise InputError(f"{path}: {size} bytes, expected {self._head.n_bytes}; {REBUILD}")
                 frames = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)

@@ -27,6 +27,9 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import check_folder, put_file, replacing_folder, resumable_folder
+from signsplice.formats.json_files import check_type, parse_json
+from signsplice.formats.npz import mapped_array
+from signsplice.formats.reading import read_bytes
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.synth import planner, pose, truth
@@ -51,6 +54,7 @@ HEAD = "corpus.json"
 _HASHED = {"direction": "way", "revolutions": "turns", "location": "place"}
 """Fields of ``phonology.Path`` and ``Posture`` that are hashed under an older name, so that hashes stay the same."""
 _KINDS = ("rotations", "roots", "positions")
+_FILES = (HEAD, "pairs.npy", *(f"{part}_{kind}.npy" for part in ("word", "new") for kind in _KINDS))
 
 
 @dataclass(frozen=True)
@@ -117,7 +121,7 @@ def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, 
     Raises ``InputError`` where the folder holds something else or cannot be written, or another call makes the same.
     """
     folder = Path(folder)
-    check_folder(folder, HEAD)
+    check_folder(folder, HEAD, lambda _: _FILES)
     target = folder.resolve()  # "." has no name of its own
     part = target.with_name(f".{target.name}-{recipe.hash}.part")
     hint = f"finished rows stay in {part.name}, and the same call continues from there"
@@ -277,15 +281,18 @@ class Pairs:
 
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
+        head = self.folder / HEAD
+        if not head.exists():
+            raise InputError(f"{self.folder}: has no {HEAD}, expected a corpus of pairs (`signsplice synth pairs`)")
         try:
-            self.head: dict[str, Any] = json.loads((self.folder / HEAD).read_text(encoding="utf-8"))
-            self.index: Array = np.load(self.folder / "pairs.npy", mmap_mode="r")
-            self.words = {k: np.load(self.folder / f"word_{k}.npy", mmap_mode="r") for k in _KINDS}
-            self.new = {k: np.load(self.folder / f"new_{k}.npy", mmap_mode="r") for k in _KINDS}
-        except (OSError, ValueError) as error:
-            raise InputError(
-                f"{self.folder}: is no corpus of pairs ({error}); make one with `signsplice synth pairs`"
-            ) from error
+            self.head: dict[str, Any] = parse_json(read_bytes(head), str(head), "a corpus of pairs")
+            check_type(self.head, dict[str, Any], HEAD)
+            self.index = mapped_array(self.folder / "pairs.npy")
+            self.words = {k: mapped_array(self.folder / f"word_{k}.npy") for k in _KINDS}
+            self.new = {k: mapped_array(self.folder / f"new_{k}.npy") for k in _KINDS}
+        except (OSError, TypeError, ValueError, InputError) as error:
+            hint = "make one with `signsplice synth pairs`"
+            raise InputError(f"{self.folder}: is no corpus of pairs ({error}); {hint}") from error
         if self.head.get("version") != VERSION:
             raise InputError(f"{self.folder}: version {self.head.get('version')}, expected {VERSION}; make it again")
 
