@@ -33,6 +33,7 @@ class SkinPairs:
     own, other: (K,) of each pair; ``own`` is of a hand or forearm.
     own_side: (K,) 0 where ``own`` is of the left arm, 1 of the right.
     other_side: (K,) likewise of ``other``; -1 where it is of head or trunk, which do not move with a wrist.
+    blocks: the same pairs as products: all of one hand, or one forearm, with all that it may meet.
     """
 
     own: Index
