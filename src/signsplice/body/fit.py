@@ -112,7 +112,7 @@ class Fit:
         """The moves (T, 2, 3) of the wrists, m, with arms that follow as ``_shares`` says."""
         m = self._solve_linear()
         self.out_of_reach = self._out_of_reach(m)
-        self._near = _near_contacts(self, m)
+        self.near = _near_contacts(self, m)
         return self._touched(m, self.carried, np.zeros_like(m), _STEPS)
 
     def _out_of_reach(self, m: Float) -> Float:
@@ -126,7 +126,7 @@ class Fit:
         return self._touched(base, moved, base, _STEPS_AGAIN)
 
     def _touched(self, m: Float, posed: PosedBody, base: Float, steps: int) -> Float:
-        contacts = _Contacts(self.pairs[1], self._near, posed, base)
+        contacts = _Contacts(self.pairs[1], self.near, posed, base)
         for _ in range(steps):
             m = self._step(m, contacts)
         return m

@@ -86,8 +86,12 @@ class MeshPart:
 
 
 def body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
-    """The mesh of a skeleton, part by part, kept as long as the skeleton lives."""
+    """The mesh of a skeleton in usual proportions, part by part, kept as long as the skeleton lives."""
     return CACHE.of(skeleton, _body_mesh)
+
+
+def _body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
+    return capsule_mesh(skeleton, body_capsules(skeleton))
 
 
 def colour(part: str, side: str) -> tuple[float, float, float]:
@@ -130,8 +134,8 @@ class _MeshCapsules:
     bundles: NDArray[np.intp]
 
 
-def _body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
-    shape = body_capsules(skeleton)
+def capsule_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...]:
+    """The mesh of a skeleton whose body has the given capsules, part by part."""
     rotations, positions = bind_pose(skeleton)
     starts, ends = (p[0] for p in capsule_ends(shape, rotation.to_matrix(rotations)[None], positions[None]))
     height = rig_info(skeleton).sizes.stature or float(np.ptp(np.concatenate([starts, ends]), axis=0).max()) or 1.0
