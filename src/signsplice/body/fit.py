@@ -253,7 +253,10 @@ def _near_contacts(fit: Fit, m: Float) -> Near:
     near = near_pairs(starts, ends, posed.radii, ours, _MARGIN_M)
     n = len(ours.own)
     frames, k = np.divmod(np.union1d(touching[0] * n + touching[1], near[0] * n + near[1]), n)
-    return Near(frames, k, pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance)
+    then = pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance
+    now = pair_gaps(starts, ends, posed.radii, ours, frames, k).distance
+    kept = (then < _TOUCH_M) | (now < _MARGIN_M)
+    return Near(frames[kept], k[kept], then[kept])
 
 
 class _Contacts:
