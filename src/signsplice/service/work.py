@@ -105,7 +105,7 @@ def warm_up(skin: bool) -> None:
 
 def splice_glosses(request: SentenceRequest, file: Format | None) -> Answer:
     """The answer to a sentence: one ``file`` of it, or all as JSON. Raises ``InputError``."""
-    units = _units(request.glosses, request.spell)
+    units = _units(request.glosses, request.spell, request.compounds)
     glosses = [gloss for unit in units for gloss in unit.glosses]
     if len(glosses) > _worker.settings.max_glosses:
         raise InputError(f"{len(glosses)} words and letters, expected at most {_worker.settings.max_glosses}")
@@ -150,9 +150,9 @@ def options(dials: Dials) -> SpliceOptions:
     )
 
 
-def _units(tokens: Sequence[str], spell: bool) -> list[SentenceToken]:
+def _units(tokens: Sequence[str], spell: bool, compounds: bool = False) -> list[SentenceToken]:
     try:
-        return parse(" ".join(tokens), _worker.lexicon, spell)
+        return parse(" ".join(tokens), _worker.lexicon, spell, compounds)
     except UnknownGlossError:
         raise
     except InputError as error:  # callers need not know the lexicon's folder
