@@ -127,12 +127,14 @@ class Lexicon:
         return self._clip(*self._find(gloss))
 
     def nearest(self, gloss: str, n: int = 3, similarity: float = _MIN_SIMILARITY) -> tuple[str, ...]:
-        """Up to ``n`` glosses and synonyms most similar to ``gloss``, best first, of at least that ``similarity``
-        (difflib's ratio); letters only for what begins as they do.
+        """Up to ``n`` glosses and synonyms most like ``gloss``: those that have it between hyphens, then those of at
+        least that ``similarity`` (difflib's ratio), best first. Letters only for what begins as they do.
         """
         word = fold(gloss)
         names = [name for name in self._shown if not name.startswith(LETTER_MARK) or word.startswith(LETTER_MARK)]
-        return tuple(self._shown[name] for name in difflib.get_close_matches(word, names, n, similarity))
+        wholes = [name for name in names if "-" in name and word.replace("'", "") in name.split("-")]
+        found = dict.fromkeys([*wholes, *difflib.get_close_matches(word, names, n, similarity)])
+        return tuple(self._shown[name] for name in list(found)[:n])
 
     def hyphenated(self, word: str) -> str | None:
         """The gloss that ``word`` is without its hyphens (THANKYOU: THANK-YOU), None where there is none."""
