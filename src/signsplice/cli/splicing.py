@@ -114,7 +114,7 @@ def sentence(
     **method_options: Any,
 ) -> None:
     """Sign a line of glosses with the words of a lexicon."""
-    from signsplice.lexicon.sentence import parse
+    from signsplice.lexicon.sentence import parse, starts
     from signsplice.splicing import engine
 
     check_outputs(output, report, [roles, *_networks(**method_options)])
@@ -130,7 +130,7 @@ def sentence(
     load_ms = 1e3 * (time.perf_counter() - began)
     note(unit.note for unit in units if unit.note)
     warn(unit.warning for unit in units if unit.warning)
-    result = engine.splice([clips[gloss] for gloss in line], options)
+    result = engine.splice([clips[gloss] for gloss in line], options, starts(units))
     deliver(result, output, report, load_ms, {"units": [asdict(unit) for unit in units]})
 
 

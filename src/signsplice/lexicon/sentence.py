@@ -10,6 +10,7 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon.entry import LETTER_MARK, letter_gloss
@@ -74,6 +75,11 @@ def parse(text: str, lexicon: Lexicon, spell: bool = True, compounds: bool = Tru
     if unknown:
         raise UnknownGlossError(unknown, str(lexicon.path))
     return readings
+
+
+def starts(tokens: Sequence[SentenceToken]) -> list[int]:
+    """For each token the place of its first gloss among those of all tokens: where another spelled word may begin."""
+    return [0, *accumulate(len(token.glosses) for token in tokens)][:-1]
 
 
 def _parts(word: TypedWord, lexicon: Lexicon) -> Iterator[TypedWord]:

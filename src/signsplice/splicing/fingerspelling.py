@@ -3,7 +3,8 @@
 Cutters and durations are made for signs, whose hands travel: between letters the fingers change and the hand stays.
 
 **Tempo.** People spell 2 to 6 letters a second (Reed, Delhorne, Durlach and Fischer 1990); 4 is called fluent (Wolfe et
-al. 2004), and viewers of avatars prefer slower than human (Al-khazraji et al. 2021). The times below give 3.0 on average (1.9 to 3.8).
+al. 2004), and viewers of avatars prefer slower than human (Al-khazraji et al. 2021). The times below give 3.0 on the
+average of twenty words (1.9 to 3.8).
 
 **Doubled letters.** A slide to the side, relaxing and forming the letter again, and a bounce of less than half an inch
 are all in use in American Sign Language (Vicars, lifeprint.com). Here the hand bounces and the fingers relax a little:
@@ -44,7 +45,7 @@ _STILL_M_S, _STILL_RAD_S = 0.15, 1.5
 _SAME_RAD, _SAME_M = 0.25, 0.03
 """Largest turn of a joint, and travel of a wrist, between two letters that look the same."""
 _BOUNCE_M = 0.0127
-_RELAXED = 0.3
+_RELAXED = 0.4
 """How far the fingers go towards their pose at rest."""
 
 
