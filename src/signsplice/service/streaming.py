@@ -177,10 +177,8 @@ class StreamSession:
                 words, warnings = await self._run_job(work.read_token, token)
                 for warning in warnings:
                     await self._out.put(({"type": "warning", "warning": warning}, arrival))
-                for (
-                    gloss,
-                    starts,
-                ) in words:  # a job each, so that other streams are served between the letters of a long name
+                # A job for each, so that other streams are served between the letters of a long name.
+                for gloss, starts in words:
                     for message in await self._run_job(work.add_word, gloss, starts):
                         await self._out.put((message, arrival))
                     self._metrics.words.inc()
