@@ -90,7 +90,7 @@ def splice(clips: tuple[str, ...], output: str, report: str | None, roles: str |
     check_outputs(output, report, [*clips, roles, *_networks(**method_options)])
     options = _splice_options(**method_options)
     began = time.perf_counter()
-    loaded = [load(path, roles) for path in clips]
+    loaded = [load(path, roles, warns=False) for path in clips]
     load_ms = 1e3 * (time.perf_counter() - began)
     result = engine.splice(loaded, options)
     deliver(result, output, report, load_ms)
@@ -223,7 +223,7 @@ def inbetween(
     check_outputs(output, report, [clip, roles, *_networks(bundle, transition=transition)])
     ranges = [_gap(text) for text in gaps]
     began = time.perf_counter()
-    loaded = load(clip, roles)
+    loaded = load(clip, roles, warns=False)
     load_ms = 1e3 * (time.perf_counter() - began)
     result = fill_gaps(loaded, ranges, _method(transition), avoid_collisions, bundle)
     deliver(result, output, report, load_ms)

@@ -21,9 +21,10 @@ from signsplice.body.contacts import Contact
 from signsplice.body.retarget import align
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion.clip import Clip, concatenate, left_out_warnings
 from signsplice.rig.align import Reference, reference
 from signsplice.splicing import fingerspelling, methods
+from signsplice.splicing.arguments import check_clip, check_clips, check_options
 from signsplice.splicing.cut import Cut, Cutter
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
 from signsplice.splicing.filling import FilledGap, fill
@@ -138,7 +139,8 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None, starts: 
     with which another one begins.
 
     Raises ``InputError`` where there is no clip or an option is out of range, ``RigMismatchError`` where rigs have
-    nothing in common, ``LimitError`` where a clip has too many frames at the output rate.
+    nothing in common, ``LimitError`` where a clip has too many frames at the output rate, ``TypeError`` for what is no
+    clip.
     """
     sentence = _SentenceBuilder(options or SpliceOptions())
     pieces = [*sentence.add(clips, starts), *sentence.end()]
@@ -168,6 +170,7 @@ def stream(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Itera
     Reads ``clips`` one ahead; without any, nothing comes. Raises as ``splice`` does, at the clip that is wrong.
     """
     growing = Stream(options)
+    check_clips(clips)
     for clip in clips:
         yield from growing.push(clip)
     yield from growing.end()
@@ -251,6 +254,7 @@ class _SentenceBuilder:
 
     def __post_init__(self) -> None:
         options = self.options
+        check_options(options, SpliceOptions)
         self.methods = methods.choose(options.cutter, options.transition, options.duration, options.bundle)
         self.cutter, self.transition = self.methods.cutter, self.methods.transition
 
@@ -262,6 +266,7 @@ class _SentenceBuilder:
 
     def add(self, clips: Iterable[Clip], starts: Collection[int] = ()) -> Iterator[Piece]:
         """The pieces that are final once these words are known too; their seams are chosen together."""
+        check_clips(clips)
         new = [replace(self._word(clip, self._n_words + k), starts=k in starts) for k, clip in enumerate(clips)]
         words = new if self._last is None else [self._last, *new]
         seams = self._plan(words)
@@ -283,6 +288,7 @@ class _SentenceBuilder:
 
     def _word(self, clip: Clip, index: int) -> _SentenceWord:
         """A clip aligned to the first one."""
+        check_clip(clip, index)
         with self.timed("harmonize"):
             fps = self._reference.fps if self._reference else self.options.fps or clip.fps
             self.options.limits.check_resampling(clip, fps, self.options.sign_speed)
@@ -291,7 +297,8 @@ class _SentenceBuilder:
             self._reference = to
         if aligned.contacts:
             self.contacts[index] = aligned.contacts
-        warnings = aligned.warnings if index else (*self.methods.warnings, *aligned.warnings)
+        warnings = (*left_out_warnings(clip), *aligned.warnings)
+        warnings = warnings if index else (*self.methods.warnings, *warnings)
         return _SentenceWord(index, aligned.clip, warnings)
 
     def _plan(self, words: Sequence[_SentenceWord]) -> list[_PlannedSeam]:
