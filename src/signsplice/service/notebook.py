@@ -35,6 +35,7 @@ def _page(clip: Clip) -> str:
     try:
         from signsplice.service import page, scene
 
+        page.html([], live=False)  # a missing viewer is found before any file is made
         return page.html([scene.from_clip(clip, None, ("glb",))], live=False)
     except (ImportError, MissingExtraError):
         return ""
