@@ -78,6 +78,11 @@ def test_a_letter_with_a_movement_is_kept_whole_and_not_bounced(lexicon: Lexicon
     assert first.source[1] - second.source[0] >= 25
 
 
+def test_the_speed_of_signs_is_that_of_letters_too(lexicon: Lexicon) -> None:
+    frames = [len(splice(letters("MARIA", lexicon), SpliceOptions(sign_speed=speed)).clip) for speed in (1.0, 0.5)]
+    assert frames[1] == pytest.approx(2 * frames[0], abs=8)
+
+
 def test_spelled_words_are_parted(lexicon: Lexicon) -> None:
     tokens = parse("fs-AN fs-NA HELLO", lexicon)
     clips = [lexicon.clip(gloss) for token in tokens for gloss in token.glosses]

@@ -314,7 +314,10 @@ class _SentenceBuilder:
             if letters is not None:
                 chosen = letters.cut
             elif before.way_s:
-                chosen = Cut(max(chosen.pre, fingerspelling.held_until(before.clip, before.entry)), chosen.post)
+                chosen = Cut(
+                    max(chosen.pre, fingerspelling.held_until(before.clip, before.entry, self.options.sign_speed)),
+                    chosen.post,
+                )
             # Never before the frame at which the word itself was entered.
             cut = Cut(max(chosen.pre, before.entry), chosen.post)
             after.entry = cut.post
@@ -336,7 +339,9 @@ class _SentenceBuilder:
         if after.starts or not is_free or not fingerspelling.are_letters(before.clip, after.clip):
             return None
         with self.timed("cut"):
-            return fingerspelling.letter_seam(before.clip, after.clip, before.entry, before.way_s)
+            return fingerspelling.letter_seam(
+                before.clip, after.clip, before.entry, before.way_s, self.options.sign_speed
+            )
 
     def _cuts(self, clips: Sequence[Clip]) -> list[Cut]:
         """The cutter's choice for every two neighbours."""

@@ -70,13 +70,13 @@ def are_letters(before: Clip, after: Clip) -> bool:
     return is_letter(before.name.lower()) and is_letter(after.name.lower())
 
 
-def letter_seam(before: Clip, after: Clip, entry: int, way_s: float) -> LetterSeam | None:
+def letter_seam(before: Clip, after: Clip, entry: int, way_s: float, speed: float = 1.0) -> LetterSeam | None:
     """The seam of two aligned letters, the first of which was entered at frame ``entry`` after a way of ``way_s``
     seconds (0 where it begins the word); None where the arms are not known or a hand is never still.
 
     A letter that is still is kept as long as the way to it took, at least ``LEAST_HOLD_S``; one with a movement (J, Z)
     is kept whole. The way takes as long as the fingers and the hand need for it, but no longer than both letters can be
-    held.
+    held. ``speed``: how many times as fast both play; all times are shorter by it.
     """
     try:
         p, q = arms(before), arms(after)
@@ -85,26 +85,26 @@ def letter_seam(before: Clip, after: Clip, entry: int, way_s: float) -> LetterSe
     first, second = _still_frames(before, p), _still_frames(after, q)
     if not (len(first) and len(second)):
         return None
-    held = way_s if way_s else END_HOLD_S
+    held = max(way_s, LEAST_HOLD_S / speed) if way_s else END_HOLD_S / speed
     pre = min(max(_held_until(first, entry, held, before.fps), entry), len(before) - 1)
     post = int(second[0])
     turn, travel = _way(before, p, pre, after, q, post)
     is_doubled = turn < _SAME_RAD and travel < _SAME_M
-    seconds = BOUNCE_S if is_doubled else max(turn / TURN_RAD_S, travel / TRAVEL_M_S, LEAST_WAY_S)
+    needed = BOUNCE_S if is_doubled else max(turn / TURN_RAD_S, travel / TRAVEL_M_S, LEAST_WAY_S)
     can_hold = (_held_until(second, post, np.inf, after.fps) - post) / after.fps
     warnings: tuple[str, ...] = ()
-    if can_hold < LEAST_WAY_S:
+    if can_hold < LEAST_WAY_S / speed:
         warnings = (f"{after.name} is still for {can_hold:.2f} s only, less than the way to it takes",)
-    return LetterSeam(Cut(pre, post), max(min(seconds, can_hold), LEAST_WAY_S), is_doubled, warnings)
+    return LetterSeam(Cut(pre, post), max(min(needed / speed, can_hold), LEAST_WAY_S / speed), is_doubled, warnings)
 
 
-def held_until(clip: Clip, entry: int) -> int:
+def held_until(clip: Clip, entry: int, speed: float = 1.0) -> int:
     """The frame up to which the last letter of a word is kept at least; ``entry`` where that is not known."""
     try:
         still = _still_frames(clip, arms(clip))
     except InputError:
         return entry
-    return _held_until(still, entry, END_HOLD_S, clip.fps) if len(still) else entry
+    return _held_until(still, entry, END_HOLD_S / speed, clip.fps) if len(still) else entry
 
 
 def _held_until(still: NDArray[np.intp], entry: int, seconds: float, fps: float) -> int:
@@ -112,7 +112,7 @@ def _held_until(still: NDArray[np.intp], entry: int, seconds: float, fps: float)
     begin, end = max(entry, int(still[0])), int(still[-1])
     if len(still) <= end - int(still[0]):  # it moves in between
         return end
-    return min(begin + int(np.ceil(min(max(seconds, LEAST_HOLD_S), end / fps) * fps - 1e-6)), end)
+    return min(begin + int(np.ceil(min(seconds, end / fps) * fps - 1e-6)), end)
 
 
 def bounce(new: Clip, before: Clip) -> Clip:
