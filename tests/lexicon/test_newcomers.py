@@ -6,12 +6,15 @@ import re
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from signsplice.errors import InputError
 from signsplice.lexicon import shipped
 from signsplice.lexicon.sentence import SentenceToken, parse
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "lexicon.md"
+PARTS = ("fs-", "#", "-", "'", ".", ",", "/", " ", "I", "LOVE", "you", "THANK", "3", "é", "👋", "\u0301", "\x1b")
 HEAD = "| typed | signed | said |"
 
 
@@ -54,3 +57,11 @@ def test_the_table_is_long_enough() -> None:
 @pytest.mark.parametrize(("typed", "signed", "said"), rows())
 def test_what_newcomers_type(typed: str, signed: str, said: str) -> None:
     assert outcome(typed) == (signed, said)
+
+
+@settings(max_examples=15)
+@given(st.text(max_size=40) | st.lists(st.sampled_from(PARTS)).map("".join))
+def test_any_text_is_signed_or_refused_in_one_line(typed: str) -> None:
+    signed, said = outcome(typed)
+    assert (signed == "nothing") == said.startswith("error: ")
+    assert len(said.splitlines()) <= 1

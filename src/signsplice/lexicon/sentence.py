@@ -112,7 +112,8 @@ def _token(word: TypedWord, lexicon: Lexicon, spell: bool, compounds: bool) -> S
     read = _read(word.text, lexicon, spell, compounds) if word.text else SentenceToken(word.typed, ())
     if read is None:
         return None
-    left_out = f"{word.typed!r}: {word.left_out} is no gloss and no letter, and is left out" if word.left_out else ""
+    where = "" if word.left_out == word.typed else f" in {word.typed!r}"
+    left_out = f"{word.left_out!r}{where} is no gloss and no letter, and is left out" if word.left_out else ""
     return replace(read, warning="; ".join(filter(None, (read.warning, left_out))), note=read.note or word.note)
 
 
