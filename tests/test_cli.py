@@ -231,6 +231,16 @@ def test_the_program_exits_with_status_2_after_a_bad_call(folder: Path) -> None:
     assert run.stderr.startswith("error: nowhere.bvh: no such file")
 
 
+@pytest.mark.parametrize(("call", "line"), [((), "  splice "), (("lexicon",), "  build ")])
+def test_without_a_command_there_is_the_help(call: tuple[str, ...], line: str, signsplice: Call) -> None:
+    run = signsplice(*call)
+    assert (run.returncode, run.stdout) == (2, "")
+    lines = run.stderr.splitlines()
+    assert lines[0].startswith("Usage: ")
+    assert any(text.startswith(line) for text in lines)
+    assert "error:" not in run.stderr
+
+
 def test_inbetween_changes_no_other_frame(folder: Path, signsplice: Call) -> None:
     run = signsplice("inbetween", "SIGN.bvh", "--gap", "30:38", "--gap", "50:55", "-o", "out.bvh")
     assert run.returncode == 0, run.stderr

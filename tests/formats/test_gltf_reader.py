@@ -16,6 +16,7 @@ from signsplice.errors import FormatError, InputError
 from signsplice.lexicon import shipped
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.rig.inspection import inspect
 
 BOOK = shipped().clip("BOOK")
 
@@ -279,3 +280,54 @@ def test_randomly_changed_files_are_read_or_refused(tmp_path: Path) -> None:
         else:
             assert np.isfinite(kinematics.forward(clip)[1]).all()
     assert 10 < refused < 150
+
+
+def test_what_is_animated_besides_joints_is_named(tmp_path: Path) -> None:
+    nodes: list[dict[str, Any]] = [
+        *ARM,
+        {"name": "happy"},
+        {"name": "my wink"},
+        {"name": "still"},
+        {"name": "gaze"},
+        {"mesh": 0},
+    ]
+    moved = {"path": "translation", "times": [0, 1], "values": [[0.0, 0, 0], [1.0, 0, 0]]}
+    channels = [rotating(), {**moved, "node": 2}, {**moved, "node": 3}, {**rotating(), "node": 5}]
+    channels.append({**moved, "node": 6, "path": "weights"})
+    vrm = {
+        "specVersion": "1.0",
+        "humanoid": {"humanBones": {"hips": {"node": 0}, "spine": {"node": 1}}},
+        "expressions": {"preset": {"happy": {"node": 2}, "sad": {"node": 4}}, "custom": {"wink": {"node": 3}}},
+        "lookAt": {"node": 5},
+    }
+    content = document(
+        nodes,
+        channels,
+        extensions={"VRMC_vrm_animation": vrm},
+        meshes=[{"primitives": [], "extras": {"targetNames": ["smile", "frown"]}}],
+    )
+    clip = load_document(tmp_path, content)
+    names = ("expression happy", "expression wink", "look-at", "morph target smile", "morph target frown")
+    assert clip.left_out == names
+    assert any("expression wink" in text for text in inspect(clip)["warnings"])
+    result = ss.splice([clip, clip], ss.SpliceOptions(cutter="ends", transition="slerp"))
+    assert [text for text in result.warnings if "left out" in text] == [
+        f"{clip.name}: {', '.join(names)} left out: a clip holds the motion of joints alone"
+    ]
+    assert ss.inbetween(clip, [(1, len(clip) - 1)], "slerp").warnings == result.warnings[:1]
+    assert load_document(tmp_path, document(ARM, [rotating()])).left_out == ()
+
+
+@pytest.mark.parametrize(
+    "broken", [3, [], {"preset": 3}, {"preset": {"happy": 7}}, {"preset": {"happy": {"node": []}}}]
+)
+def test_broken_expressions_keep_no_clip_from_being_read(broken: Any, tmp_path: Path) -> None:
+    extension = {"VRMC_vrm_animation": {"expressions": broken, "lookAt": broken}}
+    assert load_document(tmp_path, document(ARM, [rotating()], extensions=extension)).left_out == ()
+
+
+def test_a_figure_without_animation_is_told_from_a_clip(tmp_path: Path) -> None:
+    content = document(ARM, [rotating()])
+    del content["animations"]
+    with pytest.raises(FormatError, match=r"holds no animation, expected an animated skeleton; .* --avatar FIGURE"):
+        load_document(tmp_path, content)

@@ -18,7 +18,22 @@ def lex(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lexicon]:
     path = tmp_path_factory.mktemp("lexicon") / "lex"
     clip = random_clip(0, n_frames=2, n_joints=2)
     with lexicon.building(path) as builder:
-        for gloss in ("HELLO", "I", "THANK-YOU", "BANANA", "fs-OK", "#JOB", "fs-A", "fs-B", "fs-N", "fs-É", "fs-7"):
+        for gloss in (
+            "HELLO",
+            "I",
+            "THANK-YOU",
+            "BANANA",
+            "I-LOVE",
+            "I-LOVE-YOU",
+            "DONT-KNOW",
+            "fs-OK",
+            "#JOB",
+            "fs-A",
+            "fs-B",
+            "fs-N",
+            "fs-É",
+            "fs-7",
+        ):
             builder.add(clip, gloss, synonyms=["HI"] if gloss == "HELLO" else [])
         builder.add(clip, "fs-X", kind="sign")
     with lexicon.open(path) as opened:
@@ -38,6 +53,15 @@ def lex(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lexicon]:
         ("fs-e\u0301a", ["fs-É", "fs-A"]),
         ("A", ["fs-A"]),
         ("anna", ["fs-A", "fs-N", "fs-N", "fs-A"]),
+        ("A-B", ["fs-A", "fs-B"]),
+        ("Hello, I!", ["HELLO", "I"]),
+        ("i love you banana", ["I-LOVE-YOU", "BANANA"]),
+        ("I LOVE BANANA", ["I-LOVE", "BANANA"]),
+        ("don\u2019t know", ["DONT-KNOW"]),
+        ("thankyou", ["THANK-YOU"]),
+        ("HELLO-BANANA", ["HELLO", "BANANA"]),
+        ("fs-ba\u0301n", ["fs-B", "fs-A", "fs-N"]),
+        ("A\x07", ["fs-A"]),
     ],
 )
 def test_a_line_is_parsed_into_glosses(text: str, glosses: list[str], lex: Lexicon) -> None:
@@ -49,14 +73,34 @@ def test_an_unknown_word_is_fingerspelled_with_a_warning(lex: Lexicon) -> None:
     assert (hello.spelled, asked.spelled, unasked.spelled) == (False, True, True)
     assert (hello.warning, asked.warning) == ("", "")
     assert unasked.token == "BANNA"
-    assert unasked.warning == ("no gloss 'BANNA' (nearest: BANANA), so it is spelled; write fs-BANNA to mean that")
+    assert unasked.warning == "no gloss 'BANNA': did you mean BANANA? It is spelled; write fs-BANNA to mean that"
+    assert unasked.suggestions == ("BANANA",)
+
+
+def test_compounds_are_named_and_can_be_undone(lex: Lexicon) -> None:
+    (joined,) = parse("I love you.", lex)
+    assert (joined.token, joined.note) == ("I love you", "'I love you' is read as one gloss, I-LOVE-YOU")
+    for text in ("I LOVE YOU", "THANKYOU"):
+        with pytest.raises(UnknownGlossError):
+            parse(text, lex, compounds=False)
+    assert parse("HELLO-I", lex, compounds=False)[0].note == "'HELLO-I' is no gloss, and read as HELLO I"
+    with pytest.raises(UnknownGlossError, match=r"'love' \(nearest: I-LOVE, I-LOVE-YOU\)"):
+        parse("I, love you", lex)
+
+
+def test_what_is_left_out_is_said(lex: Lexicon) -> None:
+    wave, hello = parse("\N{WAVING HAND SIGN} hello\N{GRINNING FACE}", lex)
+    assert (wave.glosses, hello.glosses) == ((), ("HELLO",))
+    assert all("is left out" in token.warning for token in (wave, hello))
+    assert not parse("hello...", lex)[0].warning
+    assert "spelled as BAN, without accents" in parse("b\u00e1n", lex)[0].warning
 
 
 def test_all_unknown_words_are_named_in_one_error(lex: Lexicon) -> None:
     with pytest.raises(UnknownGlossError) as caught:
-        parse("HALLO I banana2 THANKYOU A-B X", lex)
-    assert set(caught.value.unknown) == {"HALLO", "banana2", "THANKYOU", "A-B", "X"}
-    assert caught.value.unknown["THANKYOU"] == ("THANK-YOU",)
+        parse("HALLO, I banana2 THANK-YUO A-C X", lex)
+    assert set(caught.value.unknown) == {"HALLO", "banana2", "THANK-YUO", "A-C", "X"}
+    assert caught.value.unknown["THANK-YUO"] == ("THANK-YOU",)
     with pytest.raises(UnknownGlossError, match=r"'BANNA' .*nearest: BANANA"):
         parse("I BANNA", lex, spell=False)
     assert len(parse("fs-ANNA", lex, spell=False)[0].glosses) == 4, "marked for spelling, it is spelled all the same"
@@ -68,13 +112,14 @@ def test_all_unknown_words_are_named_in_one_error(lex: Lexicon) -> None:
         ("", "no gloss in the sentence"),
         (" \n ", "no gloss in the sentence"),
         ("fs-ANTON", "'fs-ANTON' cannot be spelled, there is no letter 'T'"),
-        ("#-", "cannot be spelled"),
+        ("#-", "no gloss in the sentence"),
+        ("\N{WAVING HAND SIGN}", "no gloss in the sentence"),
+        ("3.5", "no gloss '3.5'"),
         ("fs-X", None),
         ("fs-AX", "no letter 'X'"),
-        ("fs-", "no gloss 'fs-'"),
-        ("#", "no gloss '#'"),
+        ("fs-", "no gloss 'fs'"),
+        ("#", "no gloss in the sentence"),
         ("你好", "no gloss '你好' \\(nothing is near it\\)"),
-        ("A\x07", "no gloss"),
     ],
 )
 def test_lines_that_cannot_be_signed_are_refused(text: str, message: str | None, lex: Lexicon) -> None:

@@ -101,3 +101,10 @@ def test_a_clip_may_have_one_frame() -> None:
     clip = random_clip(9, n_frames=1)
     assert len(resample(clip, 60.0)) == 1
     assert isinstance(clip[:1], Clip)
+
+
+def test_a_clip_is_shown_in_one_line() -> None:
+    clip = random_clip(3, n_frames=41, fps=25.0, n_joints=7)
+    assert repr(clip) == f"<Clip {clip.name!r}: 41 frames, 1.64 s at 25 fps, 7 joints>"
+    assert repr(clip[:1]).startswith(f"<Clip {clip.name!r}: 1 frame, 0.04 s")
+    assert repr(clip.skeleton) == "<Skeleton: 7 joints below joint0>"

@@ -43,6 +43,10 @@ def test_jerk_ratio_compares_the_transition_with_its_surroundings() -> None:
     bent[15:] += 100.0
     assert metrics.jerk_ratio(bent, 12, 18) > 10.0
     assert np.isnan(metrics.jerk_ratio(points([1.0] * 30), 12, 18)), "no jerk around"
+    held = points([1.0] * 12 + [1.0, 1.1, 1.3, 1.6, 1.8, 1.9] + [2.0] * 12)
+    assert 1.0 < metrics.jerk_ratio(held, 12, 18, least=0.01) < 100.0, "after a dead hold"
+    assert metrics.jerk_ratio(bent, 12, 18, least=0.01) == metrics.jerk_ratio(bent, 12, 18)
+    assert np.isnan(metrics.jerk_ratio(held[11:20], 1, 8, least=0.01)), "no frames around"
 
 
 def test_position_error_and_motion_ratio_of_a_still_pose(words: dict[str, Clip]) -> None:

@@ -129,6 +129,27 @@ def test_units_list_letters_and_warnings(service: httpx.Client) -> None:
     assert answer["files"] == {"bvh": None, "glb": None, "vrma": None}
 
 
+def test_compounds_and_suggestions_are_in_the_units(service: httpx.Client) -> None:
+    typed = {"glosses": ["i", "love", "you,", "frend!"], "formats": []}
+    compound, typo = service.post("/v1/sentence", json=typed).json()["units"]
+    assert (compound["glosses"], compound["note"]) == (
+        ["I-LOVE-YOU"],
+        "'i love you' is read as one gloss, I-LOVE-YOU",
+    )
+    assert typo["spelled"]
+    assert typo["suggestions"][0] == "FRIEND"
+    apart = service.post("/v1/sentence", json={**typed, "compounds": False}).json()["units"]
+    assert [unit["token"] for unit in apart] == ["i", "love", "you", "frend"]
+
+
+def test_spelled_words_that_follow_one_another_are_parted(service: httpx.Client) -> None:
+    answer = service.post("/v1/sentence", json={"glosses": ["fs-AN", "fs-NA"], "formats": []}).json()
+    spelled = [seam["seconds"] for seam in answer["report"]["seams"]]
+    assert spelled[1] >= 0.25 > max(spelled[0], spelled[2])
+    messages = streamed(service, ["fs-AN", "fs-NA"])
+    assert [m["seam"]["seconds"] for m in messages if isinstance(m, dict) and m["type"] == "seam"] == spelled
+
+
 def test_unknown_glosses_are_answered_with_the_nearest(service: httpx.Client) -> None:
     answer = service.post("/v1/sentence", json={"glosses": ["HELO", "FREIND"], "spell": False})
     assert answer.status_code == 422

@@ -103,7 +103,7 @@ def test_a_typed_sentence_is_completed_and_plays(seen: dict[str, Any]) -> None:
 
 
 def test_an_unknown_gloss_is_reported_and_the_scene_stays(seen: dict[str, Any]) -> None:
-    assert "ÅÄÖ§" in seen["unknown"]
+    assert "你好" in seen["unknown"]
     assert seen["keptSigns"] == seen["typedSigns"]
     assert all("422" in line for line in seen["expectedFaults"])
 
@@ -193,3 +193,17 @@ def test_the_docs_page_needs_no_other_host(seen: dict[str, Any]) -> None:
     assert seen["docs"]["routes"] == 6
     assert seen["docs"]["hosts"] == seen["hosts"]
     assert seen["docs"]["faults"] == []
+
+
+def test_what_may_have_been_meant_is_offered_beside_the_sentence() -> None:
+    with serving("serve") as address:
+        meant = drive("meant.mjs", address)
+    assert meant["spelled"] == ["HELLO", *(f"fs-{letter}" for letter in "FREND"), "I-LOVE-YOU"]
+    assert meant["offered"] == ["frend: did you mean", "FRIEND", "RED"]
+    assert any("read as one gloss, I-LOVE-YOU" in warning for warning in meant["warnings"])
+    assert meant["overflow"] <= 0, "the page is wider than the phone"
+    assert meant["line"] == "HELLO FRIEND, i love you"
+    assert meant["signs"] == ["HELLO", "FRIEND", "I-LOVE-YOU"]
+    assert meant["isHidden"]
+    assert meant["besideError"][0].endswith("did you mean")
+    assert meant["faults"] == []

@@ -44,7 +44,7 @@ class SlowProcess:
 
     async def run(self, job: Callable[..., Any], *args: object) -> Any:
         if job is work.read_token:
-            return ["HELLO"], []
+            return [("HELLO", True)], []
         await asyncio.sleep(1.0)
         return [{"type": "skeleton"}]
 
@@ -83,7 +83,7 @@ class EndlessProcess(SlowProcess):
 
     async def run(self, job: Callable[..., Any], *args: object) -> Any:
         if job is work.read_token:
-            return ["HELLO"], []
+            return [("HELLO", True)], []
         return [FRAMES_HEADER.pack(FRAMES_MAGIC, k, 1, 0) + bytes(12) for k in range(1000)]
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -241,3 +242,27 @@ def test_no_public_function_edits_its_input(words: dict[str, Clip]) -> None:
     after = (clip.local_rotations, clip.root_positions, clip.skeleton.offsets)
     assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
     assert not any(array.flags.writeable for array in after)
+
+
+def streamed(clips: Any) -> list[Any]:
+    return list(stream(clips))
+
+
+@pytest.mark.parametrize(
+    ("function", "given", "message"),
+    [
+        (splice, lambda a, b: (a, b), "clips go into one list"),
+        (splice, lambda a, b: (a,), "clips is one Clip, expected a list of them"),
+        (splice, lambda a, b: ("HELLO I",), r"clips is the text 'HELLO I', .* open_lexicon\(path\)\.clip\(gloss\)"),
+        (splice, lambda a, b: ([a, "HELLO"],), "clip 1 is 'HELLO', expected a Clip"),
+        (streamed, lambda a, b: ([a, None],), "clip 1 is a NoneType, expected a Clip"),
+        (streamed, lambda a, b: (a,), "clips is one Clip"),
+        (splice, lambda a, b: ([a, b], "learned"), "options is a str, expected SpliceOptions"),
+        (Stream, lambda a, b: (a,), "options is a Clip"),
+    ],
+)
+def test_what_is_no_clip_is_said(
+    function: Callable[..., object], given: Callable[..., tuple[Any, ...]], message: str, sentence: list[Clip]
+) -> None:
+    with pytest.raises(TypeError, match=message):
+        function(*given(*sentence[:2]))

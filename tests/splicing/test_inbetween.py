@@ -47,3 +47,15 @@ def test_the_frames_to_be_replaced_have_no_influence(words: dict[str, Clip]) -> 
 def test_gaps_without_a_frame_before_or_after_are_refused(gaps: list[tuple[int, int]], words: dict[str, Clip]) -> None:
     with pytest.raises(InputError, match=r"gap \d+:\d+ in \d+ frames, expected"):
         inbetween(words["SIGN"], gaps)
+
+
+def test_feet_and_speed_of_one_clip_are_not_those_of_two(words: dict[str, Clip]) -> None:
+    clip = words["SIGN"]
+    roots = np.array(clip.root_positions)
+    roots[40:] += np.array([0.0, 0.0, 50.0])
+    (seam,) = inbetween(replace(clip, root_positions=roots, channels=None), [(38, 42)], "slerp").seams
+    assert [line for line in seam.warnings if "foot slides" in line] == [
+        "a foot slides by 50 cm: it stands elsewhere after the gap"
+    ]
+    assert any("a longer gap would help" in line for line in seam.warnings)
+    assert "two clips" not in " ".join(seam.warnings)

@@ -41,7 +41,7 @@ result.caption = await page.locator('.caption').first().textContent();
 result.letter = await texts('.caption b');
 
 // An unknown gloss gives an error, and the sentence before stays.
-await page.fill('#glosses', 'HELLO ÅÄÖ§');
+await page.fill('#glosses', 'HELLO 你好');
 await page.keyboard.press('Enter');
 await page.waitForSelector('#alert:not([hidden])');
 result.unknown = await page.locator('#alert').textContent();

@@ -95,9 +95,12 @@ class App {
       );
       this.source = source;
       this.alert('');
+      this.box.offer(scenes[0]!.units.map(({ token, suggestions }) => [token, suggestions]));
       await this.show(scenes);
     } catch (error) {
-      if (!request.signal.aborted) this.alert(messageOf(error));
+      if (request.signal.aborted) return;
+      this.alert(messageOf(error));
+      this.box.offer(error instanceof service.ServiceError ? Object.entries(error.failure.unknown) : []);
     } finally {
       if (this.request === request) this.busy(false);
     }

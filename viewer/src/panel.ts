@@ -35,7 +35,7 @@ export function show(scenes: Spliced[], loop: (seam: number) => void): void {
     }),
   );
   const warnings = new Set([
-    ...scene.units.map((unit) => unit.warning).filter(Boolean),
+    ...scene.units.flatMap(({ note, warning }) => [note, warning]).filter(Boolean),
     ...scene.report.warnings,
     ...all.flatMap((seam, k) => seam.warnings.map((warning) => `${names[k]}: ${warning}`)),
   ]);

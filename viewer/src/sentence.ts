@@ -1,5 +1,6 @@
 /** The sentence box: a combobox (ARIA 1.2) that completes the gloss at the caret. */
 
+import { translate } from './languages.js';
 import * as service from './service.js';
 
 const MAX_SUGGESTIONS = 8;
@@ -8,6 +9,7 @@ const PAUSE_MS = 120;
 export class SentenceBox {
   private readonly input: HTMLInputElement;
   private readonly list: HTMLUListElement;
+  private readonly meant: HTMLParagraphElement;
   private chosen = -1;
   private timer = 0;
   private request: AbortController | null = null;
@@ -15,10 +17,10 @@ export class SentenceBox {
   constructor(form: HTMLFormElement, private readonly submitted: (glosses: string[]) => void) {
     this.input = form.querySelector('input')!;
     this.list = form.querySelector('ul')!;
+    this.meant = document.querySelector('#meant')!;
     form.addEventListener('submit', (event) => {
       event.preventDefault();
-      this.close();
-      if (this.glosses.length) this.submitted(this.glosses);
+      this.sign();
     });
     this.input.addEventListener('input', () => {
       clearTimeout(this.timer);
@@ -32,6 +34,31 @@ export class SentenceBox {
       event.preventDefault(); // the caret stays in the box
       this.complete(item.dataset['gloss']!);
     });
+  }
+
+  private sign(): void {
+    this.close();
+    if (this.glosses.length) this.submitted(this.glosses);
+  }
+
+  /** Offer glosses that may have been meant by words of the line, each as a button that signs it instead. */
+  offer(words: [typed: string, glosses: string[]][]): void {
+    const offered = words.filter(([, glosses]) => glosses.length);
+    this.meant.hidden = !offered.length;
+    this.meant.replaceChildren(
+      ...offered.flatMap(([typed, glosses]) => [
+        Object.assign(document.createElement('span'), { textContent: translate('meant', { typed }) }),
+        ...glosses.map((gloss) => {
+          const button = Object.assign(document.createElement('button'), { type: 'button', textContent: gloss });
+          button.addEventListener('click', () => {
+            this.input.value = replaced(this.input.value, typed, gloss);
+            this.input.focus();
+            this.sign();
+          });
+          return button;
+        }),
+      ]),
+    );
   }
 
   get glosses(): string[] {
@@ -118,4 +145,10 @@ export class SentenceBox {
     this.input.ariaExpanded = 'false';
     this.input.removeAttribute('aria-activedescendant');
   }
+}
+
+/** A line with a word of it replaced by a gloss, where it stands alone. */
+function replaced(line: string, word: string, gloss: string): string {
+  const literal = word.replace(/[.*+?^${}()|[\]\\]/g, '\\$&').replaceAll("'", "['\u2018\u2019]");
+  return line.replace(new RegExp(`(?<![\\p{L}\\p{N}])${literal}(?![\\p{L}\\p{N}])`, 'u'), () => gloss);
 }

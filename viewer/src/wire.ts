@@ -14,6 +14,8 @@ export interface SentenceToken {
   glosses: string[];
   spelled: boolean;
   warning: string;
+  note: string;
+  suggestions: string[];
 }
 
 /** Where a stretch of the output comes from; frame ranges are half-open. */
@@ -67,6 +69,7 @@ export interface SentenceRequest {
   body_sense?: boolean | null;
   glosses: string[];
   spell?: boolean;
+  compounds?: boolean;
   formats?: ("bvh" | "glb" | "vrma")[];
 }
 

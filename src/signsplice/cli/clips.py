@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from signsplice import formats
-from signsplice.cli.terminal import progress
+from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError, LimitError
 from signsplice.formats.atomic import check_writable
 from signsplice.formats.limits import DEFAULT_LIMITS, NO_LIMITS, ReadLimits
@@ -49,9 +49,15 @@ def limits() -> ReadLimits:
     return NO_LIMITS if click.get_current_context().meta.get(_LIFTED) else DEFAULT_LIMITS
 
 
-def load(path: str, roles: str | None = None) -> Clip:
-    """The clip in a file; ``roles``: a file of role -> joint name, for rigs that are not recognised by joint names."""
+def load(path: str, roles: str | None = None, warns: bool = True) -> Clip:
+    """The clip in a file; ``roles``: a file of role -> joint name, for rigs that are not recognised by joint names.
+    ``warns``: whether to print here what of the file is left out.
+    """
     clip = formats.load(path, limits())
+    if warns and clip.left_out:
+        from signsplice.motion.clip import left_out_warnings
+
+        warn(left_out_warnings(clip))
     return clip if roles is None else with_roles([clip], roles)[0]
 
 

@@ -30,6 +30,9 @@ def run() -> tuple[str, int]:
         return "", stop.exit_code
     except click.Abort:
         raise KeyboardInterrupt from None
+    except click.exceptions.NoArgsIsHelpError as error:  # no command was named
+        print(error.format_message(), file=sys.stderr)
+        return "", 2
     except click.ClickException as error:
         return " ".join(error.format_message().split()), 2
     except InputError as error:

@@ -27,7 +27,7 @@ def inspect(file: str, as_json: bool, roles: str | None) -> None:
     """Show a clip's rig, roles found, rate, frames, units, rest spans and warnings."""
     from signsplice.rig.inspection import inspect as inspect_clip
 
-    facts = inspect_clip(load(file, roles), file)
+    facts = inspect_clip(load(file, roles, warns=False), file)
     if as_json:
         print(json.dumps(facts, indent=2, ensure_ascii=False))
         return

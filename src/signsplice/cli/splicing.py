@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -13,7 +14,7 @@ import click
 from signsplice.cli.aliases import former_names
 from signsplice.cli.clips import OUTPUT_SUFFIXES, check_outputs, limits, load, reads_clips, with_roles, write
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.terminal import warn
+from signsplice.cli.terminal import note, warn
 from signsplice.errors import InputError
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ def splice(clips: tuple[str, ...], output: str, report: str | None, roles: str |
     check_outputs(output, report, [*clips, roles, *_networks(**method_options)])
     options = _splice_options(**method_options)
     began = time.perf_counter()
-    loaded = [load(path, roles) for path in clips]
+    loaded = [load(path, roles, warns=False) for path in clips]
     load_ms = 1e3 * (time.perf_counter() - began)
     result = engine.splice(loaded, options)
     deliver(result, output, report, load_ms)
@@ -99,19 +100,21 @@ def splice(clips: tuple[str, ...], output: str, report: str | None, roles: str |
 @click.argument("glosses", nargs=-1, required=True, metavar='"GLOSS GLOSS ..."')
 @click.option("--lexicon", metavar="DIR", help="Lexicon of the words.  [default: the one that ships]")
 @click.option("--no-spell", is_flag=True, help="Refuse words that are not in the lexicon instead of spelling them.")
+@click.option("--no-compounds", is_flag=True, help="Read I LOVE YOU as three words where the lexicon has I-LOVE-YOU.")
 @splicing_options
 @reads_clips
 def sentence(
     glosses: tuple[str, ...],
     lexicon: str | None,
     no_spell: bool,
+    no_compounds: bool,
     output: str,
     report: str | None,
     roles: str | None,
     **method_options: Any,
 ) -> None:
     """Sign a line of glosses with the words of a lexicon."""
-    from signsplice.lexicon.sentence import parse
+    from signsplice.lexicon.sentence import parse, starts
     from signsplice.splicing import engine
 
     check_outputs(output, report, [roles, *_networks(**method_options)])
@@ -119,14 +122,16 @@ def sentence(
     began = time.perf_counter()
     with open_words(lexicon) as words:
         check_outputs(output, report, [words.path])
-        units = parse(" ".join(glosses), words, spell=not no_spell)
+        units = parse(" ".join(glosses), words, spell=not no_spell, compounds=not no_compounds)
         line = [gloss for unit in units for gloss in unit.glosses]
         clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(line)}
     if roles is not None:
         clips = dict(zip(clips, with_roles(list(clips.values()), roles), strict=True))
     load_ms = 1e3 * (time.perf_counter() - began)
+    note(unit.note for unit in units if unit.note)
     warn(unit.warning for unit in units if unit.warning)
-    deliver(engine.splice([clips[gloss] for gloss in line], options), output, report, load_ms)
+    result = engine.splice([clips[gloss] for gloss in line], options, starts(units))
+    deliver(result, output, report, load_ms, {"units": [asdict(unit) for unit in units]})
 
 
 def _splice_options(transition_time: str, cutter: str | None, transition: str | None, **others: Any) -> SpliceOptions:
@@ -173,15 +178,17 @@ def _method(name: str | None) -> Any:
     return open_clip_splicer(name)
 
 
-def deliver(result: SpliceResult, output: str, report: str | None, load_ms: float) -> None:
-    """Write the clip and the report, and print the warnings and a line about the clip."""
+def deliver(
+    result: SpliceResult, output: str, report: str | None, load_ms: float, more: Mapping[str, Any] | None = None
+) -> None:
+    """Write the clip and the report, with ``more`` keys, and print the warnings and a line about the clip."""
     from signsplice.splicing import report as reports
 
     began = time.perf_counter()
     write(result.clip, output, [(span.kind, span.name or "", *span.output) for span in result.spans])
     save_ms = 1e3 * (time.perf_counter() - began)
     if report is not None:
-        reports.write(reports.describe(result, {"load": load_ms, "save": save_ms}), report)
+        reports.write(reports.describe(result, {"load": load_ms, "save": save_ms}) | dict(more or {}), report)
     warn(result.warnings)
     for seam in result.seams:
         warn(f"{seam.before} -> {seam.after}: {line}" for line in seam.warnings)
@@ -216,7 +223,7 @@ def inbetween(
     check_outputs(output, report, [clip, roles, *_networks(bundle, transition=transition)])
     ranges = [_gap(text) for text in gaps]
     began = time.perf_counter()
-    loaded = load(clip, roles)
+    loaded = load(clip, roles, warns=False)
     load_ms = 1e3 * (time.perf_counter() - began)
     result = fill_gaps(loaded, ranges, _method(transition), avoid_collisions, bundle)
     deliver(result, output, report, load_ms)

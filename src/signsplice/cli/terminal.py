@@ -13,6 +13,12 @@ def warn(lines: Iterable[str]) -> None:
         print(f"warning: {line}", file=sys.stderr)
 
 
+def note(lines: Iterable[str]) -> None:
+    """Write each line as a note to standard error."""
+    for line in lines:
+        print(f"note: {line}", file=sys.stderr)
+
+
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
     """A progress bar on standard error where that is a terminal."""

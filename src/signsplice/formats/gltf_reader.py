@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from signsplice.errors import LimitError
 from signsplice.formats.gltf_document import FPS_EXTRA, ROLES_EXTRA, VRM_ANIMATION, Document, Fields
 from signsplice.formats.gltf_keys import DRIFT, Keys, frame_rate, sample
+from signsplice.formats.gltf_left_out import left_out
 from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
 from signsplice.formats.reading import stem
 from signsplice.motion import rotation
@@ -27,6 +28,7 @@ from signsplice.rig.roles import ROLES
 
 Float = NDArray[np.float64]
 
+_AVATAR = "a figure to put signing on is no clip: signsplice convert CLIP OUT --avatar FIGURE"
 _HELD = 1e-5
 """Translations that change by less than this fraction of the longest bone are constant."""
 _EVEN = 1e-3
@@ -52,7 +54,7 @@ class _AnimationReader(Document):
 
     def clip(self) -> Clip:
         if not self.json.get("animations"):
-            raise self._error("holds no animation, expected an animated skeleton")
+            raise self._error(f"holds no animation, expected an animated skeleton; {_AVATAR}")
         animation = self.json["animations"][0]
         targets = self._targets(animation)
         joints, roles = self._joints(targets)
@@ -113,6 +115,7 @@ class _AnimationReader(Document):
             fps,
             name=_printable(name, stem(self.file)),
             translations=translations if stretches else None,
+            left_out=left_out(self.json, self.json["animations"][0]),
         )
 
     def _stored_roles(self, names: Sequence[str]) -> dict[str, str]:
@@ -131,7 +134,7 @@ class _AnimationReader(Document):
                 self._row(self.nodes, node, "joint")
                 found.setdefault((node, path), channel["sampler"])
         if not any(path != "scale" for _, path in found):
-            raise self._error("animates no node's rotation or position, expected an animated skeleton")
+            raise self._error(f"animates no node's rotation or position, expected an animated skeleton; {_AVATAR}")
         return found
 
     def _channels(self, animation: Fields, targets: Mapping[tuple[int, str], int]) -> dict[tuple[int, str], Keys]:

@@ -18,7 +18,7 @@ from signsplice.lexicon.builder import Builder, building, check_target
 from signsplice.lexicon.entry import Entry, fold, gloss_of
 from signsplice.lexicon.frames import encode
 from signsplice.lexicon.glosses import TABLE, GlossRow
-from signsplice.motion.clip import Clip
+from signsplice.motion.clip import Clip, left_out_warnings
 
 Progress = Callable[[int, int], None]
 
@@ -119,7 +119,7 @@ def build(
     with building(output, compact=compact) as builder:
         for done, source in enumerate(sources, start=1):
             try:
-                entry = _add(builder, source, roles, limits)
+                entry = _add(builder, source, roles, limits, warnings)
                 n_letters += entry.kind == "letter"
                 n_without_arms += entry.rest_before is None
             except InputError as error:
@@ -162,9 +162,12 @@ def check(
     return len(sources), faults
 
 
-def _add(builder: Builder, source: Source, roles: Mapping[str, str] | None, limits: ReadLimits) -> Entry:
-    """Read a source, add it and return its entry. Raises ``InputError`` that names its file."""
+def _add(
+    builder: Builder, source: Source, roles: Mapping[str, str] | None, limits: ReadLimits, warnings: list[str]
+) -> Entry:
+    """Read a source, add it and return its entry; add to ``warnings``. Raises ``InputError`` that names its file."""
     clip = _read(source, roles, limits)
+    warnings += left_out_warnings(clip)
     with _prefixed_errors(source):
         return builder.add(
             clip,

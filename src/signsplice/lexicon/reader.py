@@ -13,7 +13,7 @@ from types import TracebackType
 
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats.reading import opened
-from signsplice.lexicon.entry import Entry, fold
+from signsplice.lexicon.entry import LETTER_MARK, Entry, fold
 from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, decode, fingerprint
 from signsplice.lexicon.index import INDEX, REBUILD, ClipLocation, Index
 from signsplice.motion.clip import Clip, Skeleton
@@ -126,10 +126,19 @@ class Lexicon:
         """
         return self._clip(*self._find(gloss))
 
-    def nearest(self, gloss: str, n: int = 3) -> tuple[str, ...]:
-        """Up to ``n`` glosses and synonyms most similar to ``gloss``, best first (difflib's ratio)."""
-        found = difflib.get_close_matches(fold(gloss), self._shown, n, _MIN_SIMILARITY)
-        return tuple(self._shown[folded] for folded in found)
+    def nearest(self, gloss: str, n: int = 3, similarity: float = _MIN_SIMILARITY) -> tuple[str, ...]:
+        """Up to ``n`` glosses and synonyms most like ``gloss``: those that have it between hyphens, then those of at
+        least that ``similarity`` (difflib's ratio), best first. Letters only for what begins as they do.
+        """
+        word = fold(gloss)
+        names = [name for name in self._shown if not name.startswith(LETTER_MARK) or word.startswith(LETTER_MARK)]
+        wholes = [name for name in names if "-" in name and word.replace("'", "") in name.split("-")]
+        found = dict.fromkeys([*wholes, *difflib.get_close_matches(word, names, n, similarity)])
+        return tuple(self._shown[name] for name in list(found)[:n])
+
+    def hyphenated(self, word: str) -> str | None:
+        """The gloss that ``word`` is without its hyphens (THANKYOU: THANK-YOU), None where there is none."""
+        return self._without_hyphens.get(fold(word))
 
     def faults(self) -> Iterator[str]:
         """Faults of the words, one line each: checks bytes, hashes and names against the index. Reads every frame."""
@@ -153,6 +162,14 @@ class Lexicon:
     @cached_property
     def _shown(self) -> dict[str, str]:
         return {folded: shown for folded, shown, _ in self._index.names()}
+
+    @cached_property
+    def _without_hyphens(self) -> dict[str, str]:
+        return {
+            folded.replace("-", ""): self.entry(shown).gloss
+            for folded, shown in self._shown.items()
+            if "-" in folded and not folded.startswith(LETTER_MARK)
+        }
 
     def _find(self, gloss: str) -> tuple[Entry, ClipLocation]:
         found = self._index.find(gloss)

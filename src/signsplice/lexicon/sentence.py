@@ -1,71 +1,153 @@
-"""A line of glosses parsed into the words and letters that sign it.
+"""A line of glosses, typed as people type, parsed into the words and letters that sign it.
 
-Glosses are labels in the order of signing; a line of glosses is not a translation of a spoken sentence.
+Glosses are labels in the order of signing; a line of glosses is not a translation of a spoken sentence. What is read
+otherwise than it was typed is said in a note, what is spelled because it is no gloss in a warning; no word is replaced
+by one that is merely like it.
 """
 
 from __future__ import annotations
 
 import unicodedata
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import accumulate
 
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon.entry import LETTER_MARK, letter_gloss
 from signsplice.lexicon.reader import Lexicon
+from signsplice.lexicon.typed import TypedWord, typed_words
 
 SPELLED_MARKS = (LETTER_MARK, "#")
 """Prefixes of tokens to fingerspell."""
-_HYPHEN = "-"
+_HYPHEN, _APOSTROPHE = "-'"
+_TYPO = 0.75
+"""Least similarity (difflib's ratio) of the glosses that may have been meant by a word that can be spelled."""
+_LONGEST_COMPOUND = 6
+"""Most words of a compound that is looked up."""
 
 
 @dataclass(frozen=True)
 class SentenceToken:
     """A token of a line of glosses, and how it is signed.
 
-    token: the token as written.
-    glosses: of the entries that sign it: the word's, or one for each letter.
+    token: the words as they were looked up: several where they are one gloss.
+    glosses: of the entries that sign it: the word's, or one for each letter; none where it was left out.
     spelled: whether it is fingerspelled.
     warning: what a user should know about it, or empty.
+    note: how it was read, where it is not read as typed, or empty.
+    suggestions: glosses that may have been meant, where it is no gloss.
     """
 
     token: str
     glosses: tuple[str, ...]
     spelled: bool = False
     warning: str = ""
+    note: str = ""
+    suggestions: tuple[str, ...] = ()
 
 
-def parse(text: str, lexicon: Lexicon, spell: bool = True) -> list[SentenceToken]:
-    """The tokens of a line of glosses, split at white space, and how each is signed.
+def parse(text: str, lexicon: Lexicon, spell: bool = True, compounds: bool = True) -> list[SentenceToken]:
+    """The tokens of a line of glosses, split at white space and punctuation, and how each is signed.
 
-    A token that the lexicon has is that word. ``fs-ANNA`` and ``#ANNA`` are fingerspelled; hyphens between letters are
-    ignored. Any other token is fingerspelled with a warning if the lexicon has all its letters and ``spell`` is True.
+    A token that the lexicon has, in any case, is that word. With ``compounds`` the longest run of words that is one
+    gloss is that gloss (I LOVE YOU: I-LOVE-YOU), unless punctuation parts them, and so is a word written without the
+    gloss's hyphens. ``fs-ANNA`` and ``#ANNA`` are fingerspelled; hyphens between letters are ignored. Words with a
+    hyphen that are all glosses are those glosses. Any other token is fingerspelled if the lexicon has all its letters
+    and ``spell`` is True, with a warning and ``suggestions``. Emoji and other symbols are left out with a warning.
+
     Raises ``UnknownGlossError`` that names every token left and similar glosses; ``InputError`` for a line without
     glosses, or a letter that the lexicon lacks.
     """
-    tokens = text.split()
-    if not tokens:
+    words = [part for word in typed_words(text, lexicon.__contains__) for part in _parts(word, lexicon)]
+    if not any(word.text for word in words):
         raise InputError("no gloss in the sentence, expected at least one")
     readings: list[SentenceToken] = []
     unknown: dict[str, tuple[str, ...]] = {}
-    for token in tokens:
-        if token in lexicon:
-            readings.append(SentenceToken(token, (lexicon.entry(token).gloss,)))
-        elif any(token.lower().startswith(mark) and len(token) > len(mark) for mark in SPELLED_MARKS):
-            readings.append(_spelled(token, lexicon))
+    at = 0
+    while at < len(words):
+        token = _compound(words[at:], lexicon) if compounds else None
+        token = token or _token(words[at], lexicon, spell, compounds)
+        if token is None:
+            unknown[words[at].text] = lexicon.nearest(words[at].text)
         else:
-            letters = _letters(token, lexicon) if spell else ()
-            if letters and None not in letters:
-                readings.append(SentenceToken(token, tuple(filter(None, letters)), True, _warning(token, lexicon)))
-            else:
-                unknown[token] = lexicon.nearest(token)
+            readings.append(token)
+        at += 1 if token is None else max(1, len(token.token.split()))
     if unknown:
         raise UnknownGlossError(unknown, str(lexicon.path))
     return readings
 
 
+def starts(tokens: Sequence[SentenceToken]) -> list[int]:
+    """For each token the place of its first gloss among those of all tokens: where another spelled word may begin."""
+    return [0, *accumulate(len(token.glosses) for token in tokens)][:-1]
+
+
+def _parts(word: TypedWord, lexicon: Lexicon) -> Iterator[TypedWord]:
+    """The word, or the glosses that it joins by hyphens without being a gloss itself."""
+    parts = word.text.split(_HYPHEN)
+    if len(parts) < 2 or word.text in lexicon or _mark(word.text) or not all(part in lexicon for part in parts):
+        yield word
+        return
+    note = f"{word.text!r} is no gloss, and read as {' '.join(parts)}"
+    yield TypedWord(parts[0], word.typed, word.left_out, True, note)
+    yield from (TypedWord(part, word.typed, "", True) for part in parts[1:-1])
+    yield TypedWord(parts[-1], word.typed, "", word.ends_phrase)
+
+
+def _compound(words: Sequence[TypedWord], lexicon: Lexicon) -> SentenceToken | None:
+    """The longest gloss that the first of ``words`` and those after it make, None where there is none."""
+    phrase = words[:_LONGEST_COMPOUND]
+    n_words = next((k + 1 for k, word in enumerate(phrase) if word.ends_phrase or word.left_out), len(phrase))
+    for n in range(n_words, 1, -1):
+        texts = [word.text for word in phrase[:n]]
+        joined = _HYPHEN.join(texts)
+        found = next((name for name in (joined, joined.replace(_APOSTROPHE, "")) if name in lexicon), None)
+        if found is not None:
+            return _joined(" ".join(texts), lexicon.entry(found).gloss)
+    return None
+
+
+def _token(word: TypedWord, lexicon: Lexicon, spell: bool, compounds: bool) -> SentenceToken | None:
+    """How one word is signed; None where it is unknown."""
+    read = _read(word.text, lexicon, spell, compounds) if word.text else SentenceToken(word.typed, ())
+    if read is None:
+        return None
+    where = "" if word.left_out == word.typed else f" in {word.typed!r}"
+    left_out = f"{word.left_out!r}{where} is no gloss and no letter, and is left out" if word.left_out else ""
+    return replace(read, warning="; ".join(filter(None, (read.warning, left_out))), note=read.note or word.note)
+
+
+def _read(text: str, lexicon: Lexicon, spell: bool, compounds: bool) -> SentenceToken | None:
+    if text in lexicon:
+        return SentenceToken(text, (lexicon.entry(text).gloss,))
+    if _mark(text):
+        return _spelled(text, lexicon)
+    hyphenated = lexicon.hyphenated(text) if compounds else None
+    if hyphenated is not None:
+        return _joined(text, hyphenated)
+    bare = text.replace(_HYPHEN, "").replace(_APOSTROPHE, "")
+    letters = _letters(bare, lexicon) if spell else ()
+    if not letters or None in letters:
+        return None
+    meant = lexicon.nearest(text, similarity=_TYPO)
+    so = f": did you mean {' or '.join(meant)}? It" if meant else ", so it"
+    so += f" is spelled{_by_other_letters(bare, letters)}"
+    warning = f"no gloss {text!r}{so}; write {LETTER_MARK}{bare} to mean that"
+    return SentenceToken(text, tuple(filter(None, letters)), True, warning, suggestions=meant)
+
+
+def _joined(token: str, gloss: str) -> SentenceToken:
+    return SentenceToken(token, (gloss,), note=f"{token!r} is read as one gloss, {gloss}")
+
+
+def _mark(text: str) -> str:
+    """The one of ``SPELLED_MARKS`` that a text begins with, empty where it has none or nothing follows."""
+    return next((mark for mark in SPELLED_MARKS if text.lower().startswith(mark) and len(text) > len(mark)), "")
+
+
 def _spelled(token: str, lexicon: Lexicon) -> SentenceToken:
     """The letters of a token with one of ``SPELLED_MARKS``."""
-    mark = next(mark for mark in SPELLED_MARKS if token.lower().startswith(mark))
-    word = token[len(mark) :].replace(_HYPHEN, "")
+    word = token[len(_mark(token)) :].replace(_HYPHEN, "").replace(_APOSTROPHE, "")
     letters = _letters(word, lexicon)
     missing = [c for c, letter in zip(unicodedata.normalize("NFC", word), letters, strict=True) if letter is None]
     if missing or not letters:
@@ -74,20 +156,29 @@ def _spelled(token: str, lexicon: Lexicon) -> SentenceToken:
             f"{lexicon.path}: {token!r} cannot be spelled, there is no letter {letter!r}; "
             f"`signsplice lexicon list --search {LETTER_MARK}` shows the letters that there are"
         )
-    return SentenceToken(token, tuple(filter(None, letters)), True)
+    others = _by_other_letters(word, letters)
+    return SentenceToken(token, tuple(filter(None, letters)), True, f"{token!r} is spelled{others}" if others else "")
 
 
 def _letters(word: str, lexicon: Lexicon) -> tuple[str | None, ...]:
-    """For each character of a word the gloss of its letter, None where the lexicon has none."""
+    """For each character of a word the gloss of its letter, or of the letter without its accent; None where the lexicon
+    has neither.
+    """
     found: list[str | None] = []
     for character in unicodedata.normalize("NFC", word):
-        gloss = letter_gloss(character) if character.isprintable() else ""
-        entry = lexicon.entry(gloss) if gloss in lexicon else None
-        found.append(entry.gloss if entry is not None and entry.kind == "letter" else None)
+        glosses = [letter_gloss(c) for c in (character, _without_accent(character)) if c.isprintable()]
+        entries = [lexicon.entry(gloss) for gloss in glosses if gloss in lexicon]
+        found.append(next((entry.gloss for entry in entries if entry.kind == "letter"), None))
     return tuple(found)
 
 
-def _warning(token: str, lexicon: Lexicon) -> str:
-    nearest = lexicon.nearest(token)
-    near = f"nearest: {', '.join(nearest)}" if nearest else "nothing is near it"
-    return f"no gloss {token!r} ({near}), so it is spelled; write {LETTER_MARK}{token} to mean that"
+def _without_accent(letter: str) -> str:
+    return unicodedata.normalize("NFD", letter)[0]
+
+
+def _by_other_letters(word: str, letters: Sequence[str | None]) -> str:
+    """What to say where a word is spelled without its accents (JOSE), else empty."""
+    characters = unicodedata.normalize("NFC", word)
+    if all(letter in (letter_gloss(c), None) for c, letter in zip(characters, letters, strict=True)):
+        return ""
+    return f" as {''.join((letter or '')[len(LETTER_MARK) :] for letter in letters)}, without accents"

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,8 @@ _BLOCK = 32
 _FARTHEST = 1e12
 """Lengths and positions beyond this are no motion, and their squares would overflow."""
 _LONGEST_NAME = 300
+_NAMED = 12
+"""Most names in a warning."""
 SAME_FPS = 1e-6
 """Frame rates that differ by less than this fraction are one rate."""
 
@@ -59,7 +62,7 @@ class EndSite:
         object.__setattr__(self, "offset", _frozen(self.offset))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Skeleton:
     """Joints, parents before children.
 
@@ -109,6 +112,9 @@ class Skeleton:
                     f"joints and three finite numbers below {_FARTHEST:g}"
                 )
 
+    def __repr__(self) -> str:
+        return f"<Skeleton: {len(self)} joints below {self.names[0]}>"
+
     def __len__(self) -> int:
         return len(self.names)
 
@@ -126,7 +132,7 @@ class Skeleton:
         return tuple(tuple(row) for row in rows)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Clip:
     """A motion of one skeleton at an even frame rate; T frames, J joints.
 
@@ -137,6 +143,7 @@ class Clip:
     name: the gloss or file name.
     translations: (T, J, 3) offset from the parent per frame, for files that animate bone lengths; None: the skeleton's.
     channels: the numbers of the file, kept so that they can be written back exactly; None where there is no file.
+    left_out: names of what its file animates besides joints (expressions, morph targets, look-at), which is not here.
     source_clip: the clip that this one was placed from as one rigid whole (``rig.placement.place``), else None.
 
     Arrays are taken as they are, without a copy: do not write to them afterwards. Raises ``InputError`` where shapes do
@@ -150,6 +157,7 @@ class Clip:
     name: str = ""
     translations: Float | None = None
     channels: Channels | None = None
+    left_out: tuple[str, ...] = ()
     source_clip: Clip | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
@@ -187,6 +195,16 @@ class Clip:
         if self.channels is not None and not (len(self.channels.names) == len(self.channels.offsets) == j):
             raise InputError(f"{label}: channels of {len(self.channels.names)} joints, expected {j}")
 
+    def __repr__(self) -> str:
+        frames = f"{len(self)} frame{'s' * (len(self) != 1)}, {self.seconds:.2f} s at {self.fps:g} fps"
+        return f"<Clip {self.name!r}: {frames}, {len(self.skeleton)} joints>"
+
+    def _repr_html_(self) -> str:
+        """The viewer with this clip, for notebooks."""
+        # By name: what shows clips lies above them, and needs an extra.
+        shown: str = import_module("signsplice.service.notebook").html(self)
+        return shown
+
     def __len__(self) -> int:
         return len(self.local_rotations)
 
@@ -218,6 +236,15 @@ class Clip:
         if self.translations is not None:
             total += self.translations.nbytes
         return total + (self.channels.values.nbytes if self.channels is not None else 0)
+
+
+def left_out_warnings(clip: Clip) -> tuple[str, ...]:
+    """A line about what a clip's file holds and the clip does not; none where there is nothing."""
+    if not clip.left_out:
+        return ()
+    some, n_more = clip.left_out[:_NAMED], len(clip.left_out) - _NAMED
+    more = f" and {n_more} more" if n_more > 0 else ""
+    return (f"{clip.name}: {', '.join(some)}{more} left out: a clip holds the motion of joints alone",)
 
 
 def same_fps(a: float, b: float) -> bool:

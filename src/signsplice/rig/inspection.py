@@ -8,7 +8,7 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion.clip import Clip, left_out_warnings
 from signsplice.rig.arms import active_span, arms
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import placement
@@ -48,6 +48,7 @@ def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
         facts["rest"] = []
         warnings.append(str(error))
     facts["roles"] = {role: skeleton.names[joint] for role, joint in humanoid.joints.items()}
+    warnings += left_out_warnings(clip)
     facts["warnings"] = warnings + _motion_warnings(clip) + _rig_warnings(clip, len(humanoid.joints), unit)
     return facts
 

@@ -106,16 +106,17 @@ def peak_speed(positions: Float, first: int, stop: int, fps: float) -> float:
     return float(np.linalg.norm(np.diff(path, axis=0), axis=-1).max() * fps)
 
 
-def jerk_ratio(positions: Float, first: int, stop: int) -> float:
+def jerk_ratio(positions: Float, first: int, stop: int, least: float = 0.0) -> float:
     """Root mean square jerk of frames [first - 1, stop + 1) over that of the frames around them; 1 is as smooth as the
     signs.
 
-    positions: (T, K, 3). Jerk is the third difference. NaN where the frames around hold none (too few, or at rest).
+    positions: (T, K, 3). Jerk is the third difference. least: jerk that the frames around are taken to have at least,
+    in units of positions. NaN where there are none, or they are at rest and ``least`` is 0.
     """
     jerk = np.linalg.norm(np.diff(positions, n=3, axis=0), axis=-1)  # [i] spans frames i .. i + 3
     inside = np.zeros(len(jerk), bool)
     inside[max(first - 4, 0) : stop + 1] = True
-    around = float(np.sqrt(np.mean(jerk[~inside] ** 2))) if (~inside).any() else 0.0
+    around = max(float(np.sqrt(np.mean(jerk[~inside] ** 2))), least) if (~inside).any() else 0.0
     if around < 1e-12 or not inside.any():
         return float("nan")
     return float(np.sqrt(np.mean(jerk[inside] ** 2)) / around)

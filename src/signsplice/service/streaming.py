@@ -174,11 +174,12 @@ class StreamSession:
                 return
             token, arrival = word
             try:
-                glosses, warnings = await self._run_job(work.read_token, token)
+                words, warnings = await self._run_job(work.read_token, token)
                 for warning in warnings:
                     await self._out.put(({"type": "warning", "warning": warning}, arrival))
-                for gloss in glosses:  # a job each, so that other streams are served between the letters of a long name
-                    for message in await self._run_job(work.add_word, gloss):
+                # A job for each, so that other streams are served between the letters of a long name.
+                for gloss, starts in words:
+                    for message in await self._run_job(work.add_word, gloss, starts):
                         await self._out.put((message, arrival))
                     self._metrics.words.inc()
             except InputError as error:

@@ -89,11 +89,13 @@ class SentenceRequest(Dials):
 
     glosses: words in the order of signing.
     spell: whether words that the lexicon lacks are fingerspelled.
+    compounds: whether words that are one gloss together are that gloss: I LOVE YOU is I-LOVE-YOU.
     formats: of the files to answer with.
     """
 
     glosses: Annotated[list[Gloss], Field(min_length=1, max_length=1000, fail_fast=True)]
     spell: bool = True
+    compounds: bool = True
     formats: Formats = field(default_factory=lambda: ["bvh"])
 
 

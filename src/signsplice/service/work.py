@@ -13,7 +13,7 @@ from signsplice.children import end_with_parent
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
 from signsplice.lexicon import Lexicon, shipped
-from signsplice.lexicon.sentence import SentenceToken, parse
+from signsplice.lexicon.sentence import SentenceToken, parse, starts
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
@@ -105,7 +105,7 @@ def warm_up(skin: bool) -> None:
 
 def splice_glosses(request: SentenceRequest, file: Format | None) -> Answer:
     """The answer to a sentence: one ``file`` of it, or all as JSON. Raises ``InputError``."""
-    units = _units(request.glosses, request.spell)
+    units = _units(request.glosses, request.spell, request.compounds)
     glosses = [gloss for unit in units for gloss in unit.glosses]
     if len(glosses) > _worker.settings.max_glosses:
         raise InputError(f"{len(glosses)} words and letters, expected at most {_worker.settings.max_glosses}")
@@ -122,13 +122,13 @@ def splice_files(files: Sequence[tuple[str, bytes]], request: SpliceRequest, fil
 
 
 def _answer(
-    clips: list[Clip], request: SentenceRequest | SpliceRequest, file: Format | None, units: Iterable[SentenceToken]
+    clips: list[Clip], request: SentenceRequest | SpliceRequest, file: Format | None, units: Sequence[SentenceToken]
 ) -> Answer:
     limit, fps = _worker.settings.max_frames, request.fps or clips[0].fps
     seconds = sum(clip.seconds for clip in clips) / request.sign_speed
     if seconds * fps > limit:
         raise InputError(f"{seconds:.0f} s at {fps:g} fps are {seconds * fps:.0f} frames, expected at most {limit}")
-    result = splice(clips, options(request))
+    result = splice(clips, options(request), starts(units))
     if file is not None:
         name = scene.safe_name(result.clip.name.replace(" ", "-")) + "." + file
         return Answer(scene.encode(result.clip, file), scene.media_type(file), name)
@@ -150,9 +150,9 @@ def options(dials: Dials) -> SpliceOptions:
     )
 
 
-def _units(tokens: Sequence[str], spell: bool) -> list[SentenceToken]:
+def _units(tokens: Sequence[str], spell: bool, compounds: bool = False) -> list[SentenceToken]:
     try:
-        return parse(" ".join(tokens), _worker.lexicon, spell)
+        return parse(" ".join(tokens), _worker.lexicon, spell, compounds)
     except UnknownGlossError:
         raise
     except InputError as error:  # callers need not know the lexicon's folder
@@ -168,14 +168,18 @@ def open_stream(key: str, dials: Dials, spell: bool) -> None:
     _worker.streams[key] = _OpenStream(Stream(chosen), chosen, spell)
 
 
-def read_token(key: str, token: str) -> tuple[list[str], list[str]]:
-    """The glosses of the words and letters that sign a stream's token, and warnings. Raises ``InputError``."""
+def read_token(key: str, token: str) -> tuple[list[tuple[str, bool]], list[str]]:
+    """The glosses of the words and letters that sign a stream's token, each with whether another word begins with it,
+    and warnings. Raises ``InputError``.
+    """
     units = _units([token], _worker.streams[key].spell)
-    return [gloss for unit in units for gloss in unit.glosses], [unit.warning for unit in units if unit.warning]
+    words = [(gloss, k == 0) for unit in units for k, gloss in enumerate(unit.glosses)]
+    return words, [unit.warning for unit in units if unit.warning]
 
 
-def add_word(key: str, gloss: str) -> list[dict[str, Any] | bytes]:
-    """The messages that are final once a stream has one more word or letter.
+def add_word(key: str, gloss: str, starts: bool) -> list[dict[str, Any] | bytes]:
+    """The messages that are final once a stream has one more word, or letter with which a spelled word begins or goes
+    on.
 
     Raises ``InputError`` for a word that does not become part of the sentence.
     """
@@ -184,7 +188,7 @@ def add_word(key: str, gloss: str) -> list[dict[str, Any] | bytes]:
     n_frames = clip.seconds / options.sign_speed * (options.fps or clip.fps)
     if n_frames > limit:
         raise InputError(f"{gloss} has {n_frames:.0f} frames at this speed and rate, expected at most {limit}")
-    return _messages(opened, opened.stream.push(clip))
+    return _messages(opened, opened.stream.push(clip, starts))
 
 
 def end_stream(key: str) -> list[dict[str, Any] | bytes]:

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Literal
@@ -21,12 +21,14 @@ from signsplice.body.contacts import Contact
 from signsplice.body.retarget import align
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion.clip import Clip, concatenate, left_out_warnings
 from signsplice.rig.align import Reference, reference
-from signsplice.splicing import methods
+from signsplice.splicing import fingerspelling, methods
+from signsplice.splicing.arguments import check_clip, check_clips, check_options
 from signsplice.splicing.cut import Cut, Cutter
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
 from signsplice.splicing.filling import FilledGap, fill
+from signsplice.splicing.fingerspelling import LetterSeam
 from signsplice.splicing.gap import Gap, gap_at
 from signsplice.splicing.seam import Seam, score
 from signsplice.splicing.transition import Transition
@@ -130,14 +132,18 @@ class SpliceResult:
     contacts: Mapping[int, tuple[Contact, ...]] = field(default_factory=dict)
 
 
-def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> SpliceResult:
+def splice(clips: Iterable[Clip], options: SpliceOptions | None = None, starts: Collection[int] = ()) -> SpliceResult:
     """Clips in order joined into one continuous clip.
 
+    Neighbouring letters (clips named fs-A) are one spelled word (``fingerspelling``); ``starts``: indices of letters
+    with which another one begins.
+
     Raises ``InputError`` where there is no clip or an option is out of range, ``RigMismatchError`` where rigs have
-    nothing in common, ``LimitError`` where a clip has too many frames at the output rate.
+    nothing in common, ``LimitError`` where a clip has too many frames at the output rate, ``TypeError`` for what is no
+    clip.
     """
     sentence = _SentenceBuilder(options or SpliceOptions())
-    pieces = [*sentence.add(clips), *sentence.end()]
+    pieces = [*sentence.add(clips, starts), *sentence.end()]
     if not pieces:
         raise InputError("nothing to splice, expected at least one clip")
     with sentence.timed("join"):
@@ -164,6 +170,7 @@ def stream(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Itera
     Reads ``clips`` one ahead; without any, nothing comes. Raises as ``splice`` does, at the clip that is wrong.
     """
     growing = Stream(options)
+    check_clips(clips)
     for clip in clips:
         yield from growing.push(clip)
     yield from growing.end()
@@ -182,11 +189,11 @@ class Stream:
         self._sentence = _SentenceBuilder(options or SpliceOptions())
         self.cutter, self.transition = self._sentence.cutter.name, self._sentence.transition.name
 
-    def push(self, clip: Clip) -> list[Piece]:
-        """The pieces that are final now that one more word is known: none for the first. Raises as ``splice`` does;
-        a word that raises is not part of the sentence.
+    def push(self, clip: Clip, starts: bool = False) -> list[Piece]:
+        """The pieces that are final now that one more word is known: none for the first. ``starts``: whether a letter
+        begins another spelled word. Raises as ``splice`` does; a word that raises is not part of the sentence.
         """
-        return list(self._sentence.add([clip]))
+        return list(self._sentence.add([clip], (0,) if starts else ()))
 
     def end(self) -> list[Piece]:
         """The rest of the last word; nothing where there was none, or where it was taken already."""
@@ -200,6 +207,8 @@ class _SentenceWord:
     index: its number in the sentence.
     clip: its aligned clip.
     warnings: about the clip, one line each.
+    starts: whether it is no letter that goes on with the spelled word before it.
+    way_s: how long the way from the letter before took, 0 where there is none.
     entry: the frame at which it is entered.
     seam: the seam by which it is entered.
     """
@@ -207,19 +216,24 @@ class _SentenceWord:
     index: int
     clip: Clip
     warnings: tuple[str, ...]
+    starts: bool = False
+    way_s: float = 0.0
     entry: int = 0
     seam: Seam | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class _PlannedSeam:
-    """Two words, where the first is left and the second entered, the gap between them, and warnings about it."""
+    """Two words, where the first is left and the second entered, the gap between them, warnings about it, and whether
+    they are one letter twice.
+    """
 
     before: _SentenceWord
     after: _SentenceWord
     cut: Cut
     gap: Gap
     warnings: tuple[str, ...]
+    is_doubled: bool = False
 
 
 @dataclass
@@ -240,6 +254,7 @@ class _SentenceBuilder:
 
     def __post_init__(self) -> None:
         options = self.options
+        check_options(options, SpliceOptions)
         self.methods = methods.choose(options.cutter, options.transition, options.duration, options.bundle)
         self.cutter, self.transition = self.methods.cutter, self.methods.transition
 
@@ -249,9 +264,10 @@ class _SentenceBuilder:
         yield
         self.seconds[part] += time.perf_counter() - start
 
-    def add(self, clips: Iterable[Clip]) -> Iterator[Piece]:
+    def add(self, clips: Iterable[Clip], starts: Collection[int] = ()) -> Iterator[Piece]:
         """The pieces that are final once these words are known too; their seams are chosen together."""
-        new = [self._word(clip, self._n_words + k) for k, clip in enumerate(clips)]
+        check_clips(clips)
+        new = [replace(self._word(clip, self._n_words + k), starts=k in starts) for k, clip in enumerate(clips)]
         words = new if self._last is None else [self._last, *new]
         seams = self._plan(words)
         filled = self._fill(seams)
@@ -272,6 +288,7 @@ class _SentenceBuilder:
 
     def _word(self, clip: Clip, index: int) -> _SentenceWord:
         """A clip aligned to the first one."""
+        check_clip(clip, index)
         with self.timed("harmonize"):
             fps = self._reference.fps if self._reference else self.options.fps or clip.fps
             self.options.limits.check_resampling(clip, fps, self.options.sign_speed)
@@ -280,7 +297,8 @@ class _SentenceBuilder:
             self._reference = to
         if aligned.contacts:
             self.contacts[index] = aligned.contacts
-        warnings = aligned.warnings if index else (*self.methods.warnings, *aligned.warnings)
+        warnings = (*left_out_warnings(clip), *aligned.warnings)
+        warnings = warnings if index else (*self.methods.warnings, *warnings)
         return _SentenceWord(index, aligned.clip, warnings)
 
     def _plan(self, words: Sequence[_SentenceWord]) -> list[_PlannedSeam]:
@@ -292,19 +310,38 @@ class _SentenceBuilder:
                 raise InputError(
                     f"cutter {self.cutter.name} chose {chosen} for clips of {n_before} and {n_after} frames"
                 )
+            letters = self._letters(before, after)
+            if letters is not None:
+                chosen = letters.cut
+            elif before.way_s:
+                chosen = Cut(
+                    max(chosen.pre, fingerspelling.held_until(before.clip, before.entry, self.options.sign_speed)),
+                    chosen.post,
+                )
             # Never before the frame at which the word itself was entered.
             cut = Cut(max(chosen.pre, before.entry), chosen.post)
             after.entry = cut.post
             with self.timed("transition"):
-                n_frames, warnings = self._n_frames(before.clip, after.clip, cut)
+                n_frames, warnings = self._n_frames(before.clip, after.clip, cut, letters)
+            after.way_s = (n_frames + 1) / after.clip.fps if letters is not None else 0.0
             if cut.pre <= before.entry and before.entry > 0:
                 line = (
                     f"{before.clip.name} is left at frame {before.entry}, where it was entered: only that frame is kept"
                 )
                 warnings = (*warnings, line)
             gap = gap_at(before.clip, after.clip, cut, n_frames, before.entry)
-            seams.append(_PlannedSeam(before, after, cut, gap, warnings))
+            seams.append(_PlannedSeam(before, after, cut, gap, warnings, letters is not None and letters.is_doubled))
         return seams
+
+    def _letters(self, before: _SentenceWord, after: _SentenceWord) -> LetterSeam | None:
+        """The seam of two letters of one spelled word, None for other words and where the user chose a cutter."""
+        is_free = self.options.cutter is None or self.cutter.learned
+        if after.starts or not is_free or not fingerspelling.are_letters(before.clip, after.clip):
+            return None
+        with self.timed("cut"):
+            return fingerspelling.letter_seam(
+                before.clip, after.clip, before.entry, before.way_s, self.options.sign_speed
+            )
 
     def _cuts(self, clips: Sequence[Clip]) -> list[Cut]:
         """The cutter's choice for every two neighbours."""
@@ -321,19 +358,27 @@ class _SentenceBuilder:
         with self.timed("transition"):
             gaps = [planned.gap for planned in seams if planned.gap.n_frames]
             filled = iter(fill(self.transition, gaps, self.options.avoid_collisions))
-            return [next(filled) if planned.gap.n_frames else None for planned in seams]
+            made = [next(filled) if planned.gap.n_frames else None for planned in seams]
+            return [
+                replace(one, clip=fingerspelling.bounce(one.clip, planned.before.clip))
+                if one is not None and planned.is_doubled
+                else one
+                for one, planned in zip(made, seams, strict=True)
+            ]
 
     def _score(self, planned: _PlannedSeam, filled: FilledGap | None) -> Seam:
         with self.timed("join"):
             names = planned.before.clip.name, planned.after.clip.name
             return score(planned.gap, filled, *names, planned.cut, planned.warnings)
 
-    def _n_frames(self, before: Clip, after: Clip, cut: Cut) -> tuple[int, tuple[str, ...]]:
-        """Number of transition frames: by the user's time, or by the duration; the human median where the rig has no
-        known arms.
+    def _n_frames(self, before: Clip, after: Clip, cut: Cut, letters: LetterSeam | None) -> tuple[int, tuple[str, ...]]:
+        """Number of transition frames: by the user's time, by the way between letters, or by the duration; the human
+        median where the rig has no known arms.
         """
         if self.options.transition_time is not None:
             return round(self.options.transition_time * before.fps), ()
+        if letters is not None and self.options.duration in (None, methods.AUTO):
+            return max(1, round(letters.seconds * before.fps) - 1), letters.warnings
         try:
             seconds = self.methods.duration.seconds(before, after, cut)
         except FormatError:  # of a network that is damaged

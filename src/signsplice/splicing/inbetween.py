@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion.clip import Clip, concatenate, left_out_warnings
 from signsplice.splicing import methods
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.engine import Span, SpliceResult
@@ -48,7 +48,7 @@ def inbetween(
         kept = entries[k], start
         pieces += [clip[kept[0] : kept[1]], new.clip]
         spans += [Span("sign", 0, clip.name, kept, kept), Span("transition", None, None, None, (start, stop))]
-        seams.append(score(gap, new, clip.name, clip.name, Cut(start - 1, stop)))
+        seams.append(score(gap, new, clip.name, clip.name, Cut(start - 1, stop), of_one_clip=True))
     kept = entries[-1], len(clip)
     pieces.append(clip[kept[0] :])
     spans.append(Span("sign", 0, clip.name, kept, kept))
@@ -59,7 +59,7 @@ def inbetween(
         clip=joined,
         spans=tuple(spans),
         seams=tuple(seams),
-        warnings=chosen.warnings,
+        warnings=(*chosen.warnings, *left_out_warnings(clip)),
         cutter="none",
         transition=chosen.transition.name,
         timing_ms={part: 1e3 * seconds for part, seconds in timing.items()},

@@ -17,6 +17,11 @@ from signsplice.splicing.gap import Gap
 Score = Annotated[float, "NaN where unknown, null in JSON"]
 FAST_M_S = 2.5
 """Peaks of isolated words reach 1.7 to 2.5 m/s; a transition beyond that is faster than any sign."""
+LEAST_JERK_M_S3 = 10.0
+"""Jerk that the frames around a transition are taken to have at least: below that of any seam of the words that ship
+(13 m/s3 and more), above that of people who stand idle (1 to 2 m/s3). After a dead hold any motion would count as
+thousands of times rougher.
+"""
 _FOOT_SLIDE_M = 0.05
 DEEP_M = 0.005
 """From this depth on a viewer sees a hand in the body."""
@@ -53,9 +58,17 @@ class Seam:
 
 
 def score(
-    gap: Gap, filled: FilledGap | None, before: str, after: str, cut: Cut, warnings: tuple[str, ...] = ()
+    gap: Gap,
+    filled: FilledGap | None,
+    before: str,
+    after: str,
+    cut: Cut,
+    warnings: tuple[str, ...] = (),
+    of_one_clip: bool = False,
 ) -> Seam:
-    """The seam of a gap and its new frames, None where there are none, between the signs of these names."""
+    """The seam of a gap and its new frames, None where there are none, between the signs of these names; or within one
+    clip, where no transition time was chosen and the feet are the same signer's.
+    """
     window, first = gap.window(None if filled is None else filled.clip)
     info = rig_info(window.skeleton)
     joints, metres = info.roles.joints, info.sizes.unit.metres
@@ -70,15 +83,18 @@ def score(
         wrists = positions[:, : len(hands)]
         jump = metrics.velocity_jump(wrists, first, stop, window.fps)
         speed = metrics.peak_speed(wrists, first, stop, window.fps)
-        jerk = metrics.jerk_ratio(wrists, first, stop)
+        jerk = metrics.jerk_ratio(wrists, first, stop, LEAST_JERK_M_S3 / window.fps**3)
         if speed > FAST_M_S:
-            lines.append(f"a hand moves at {speed:.1f} m/s, faster than signs do; a longer transition time would help")
+            longer = "gap" if of_one_clip else "transition time"
+            lines.append(f"a hand moves at {speed:.1f} m/s, faster than signs do; a longer {longer} would help")
     if feet:
         slide = float(np.linalg.norm(positions[stop, len(hands) :] - positions[first - 1, len(hands) :], axis=-1).max())
         if slide > _FOOT_SLIDE_M:
-            lines.append(f"a foot slides by {100.0 * slide:.0f} cm: the two clips stand differently")
+            why = "it stands elsewhere after the gap" if of_one_clip else "the two clips stand differently"
+            lines.append(f"a foot slides by {100.0 * slide:.0f} cm: {why}")
     if depth is not None and depth > DEEP_M:
-        lines.append(f"a hand passes {1e3 * depth:.0f} mm deep through the body; another transition time may help")
+        other = "gap" if of_one_clip else "transition time"
+        lines.append(f"a hand passes {1e3 * depth:.0f} mm deep through the body; another {other} may help")
     return Seam(
         before=before,
         after=after,
