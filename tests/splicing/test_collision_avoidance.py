@@ -14,6 +14,7 @@ from other_rigs import mirror, on_other_rig, with_rest_pose, without
 from signing import word
 from signsplice.body import collision
 from signsplice.body.arm_ik import move_wrists
+from signsplice.body.capsules import body_capsules, capsule_ends
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig.info import rig_info
@@ -132,6 +133,38 @@ def test_a_transition_may_be_as_deep_as_its_ends() -> None:
     cleared = avoid_collisions(straight, before, after)
     assert cleared.depth == 0.0
     assert np.abs(wrists(cleared.clip) - wrists(straight)).max() < 0.5
+
+
+def hand_gap(clip: Clip) -> np.ndarray:
+    """Skin distance (T,) of the two hands, cm; negative inside."""
+    body = body_capsules(clip.skeleton)
+    starts, ends = capsule_ends(body, *kinematics.forward(clip))
+    depth, _ = collision.overlap(starts, ends, body.radii, body.groups.left, body.groups.right)
+    return np.asarray(-depth.max(axis=(1, 2)))
+
+
+def bent(clip: Clip, amount: float) -> Clip:
+    """The clip with the hands moved toward one another by ``amount`` cm each in its middle, away from its ends."""
+    share = np.sin(np.linspace(0.0, np.pi, len(clip) + 2)[1:-1]) ** 2
+    left, right = wrists(clip).swapaxes(0, 1)
+    across = (right - left) / np.linalg.norm(right - left, axis=-1, keepdims=True)
+    return move_wrists(clip, amount * share[:, None, None] * np.stack([across, -across], axis=1))
+
+
+@pytest.mark.parametrize("amount", [0.8, 1.5])
+def test_hands_that_touch_at_both_ends_stay_together(amount: float) -> None:
+    apart = held((12.0, -15.0, 30.0), (-12.0, -15.0, 30.0))
+    closer = 0.5 * float(hand_gap(apart)[0])
+    before, after = (held((12.0 - closer, up, 30.0), (closer - 12.0, up, 30.0)) for up in (-15.0, -11.0))
+    at_ends = hand_gap(concatenate([before[-1:], after[:1]]))
+    assert np.abs(at_ends).max() < 0.2, "the hands touch at both ends"
+    pressed = bent(find_transition("slerp").between(Gap(before, after, 10)), amount)
+    assert hand_gap(pressed).min() < -0.5, "between them one hand is in the other"
+    cleared = avoid_collisions(pressed, before, after)
+    assert cleared.depth == 0.0
+    found = hand_gap(cleared.clip)
+    assert found.min() >= -100.0 * TOLERANCE_M - 1e-6
+    assert found.max() <= at_ends.max() + 0.05, "and no frame parts them"
 
 
 @pytest.mark.parametrize("missing", [("Thumb", "Index", "Middle", "Ring", "Pinky"), ("Head",), ("Shoulder",)])

@@ -101,6 +101,7 @@ class PosedCapsules:
         return NearPairs(
             n_frames=len(starts),
             frames=frames,
+            pairs=i * len(radii) + j,
             hands=np.column_stack([left, np.where(meeting, -1.0, ~left)]),
             meeting=meeting,
             gaps=starts[frames, i] - starts[frames, j],
@@ -147,6 +148,7 @@ class NearPairs:
 
     n_frames: T, of the clip.
     frames: (K,) the frame of each pair.
+    pairs: (K,) a number for the two capsules of each.
     hands: (K, 2) how a pair's gap follows the left and the right hand; 1 and -1 where both hands meet.
     meeting: (K,) whether it is a pair of two hands.
     gaps: (K, 3) from the start of the other capsule to that of the hand's.
@@ -157,6 +159,7 @@ class NearPairs:
 
     n_frames: int
     frames: NDArray[np.intp]
+    pairs: NDArray[np.intp]
     hands: Float
     meeting: NDArray[np.bool_]
     gaps: Float
@@ -189,6 +192,19 @@ class NearPairs:
             depth[self.frames[own], side] = depths[own]
             exits[self.frames[own], side] = directions[own] * self.hands[own, side, None]
         return depth, exits
+
+    def held_distance(self) -> float:
+        """The least skin distance that a pair of the two hands has at both ends of the clip, clip units, negative
+        inside; infinite where no pair is near at both.
+        """
+        ends = [np.flatnonzero(self.meeting & (self.frames == frame)) for frame in (0, self.n_frames - 1)]
+        _, *found = np.intersect1d(self.pairs[ends[0]], self.pairs[ends[1]], assume_unique=True, return_indices=True)
+        depths = []
+        for end, both in zip(ends, found, strict=True):
+            at = end[both]
+            axes, radii = ([part[at] for part in parts] for parts in (self.axes, self.radii))
+            depths.append(_penetration(self.gaps[at], *axes, *radii)[0])
+        return float(-np.minimum(*depths).max(initial=-np.inf))
 
 
 def _weighted_rows(weights: Float, rows: Float) -> Float:

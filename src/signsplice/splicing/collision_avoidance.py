@@ -5,6 +5,9 @@ for each stretch of frames inside, it is pushed out in one direction. The pushes
 frames, and fade to nothing, with their slope, at both signs. The frames of the signs are never changed. A sign may
 itself press a hand into the capsules (the chin that it touches is not exactly where ours is): a transition may then be
 as deep as a straight line between its two ends is.
+
+Hands that touch one another the same way at both ends stay so: before any push they are moved to where one hand lay on
+the other, each half of the way. Two hands that meet elsewhere are pushed apart each half of the depth.
 """
 
 from __future__ import annotations
@@ -34,7 +37,12 @@ _LEAST_GAIN = 0.05
 _LEAST_COSINE = 0.35
 """Least cosine between a stretch's direction and the exit direction of a frame by which a push is lengthened."""
 _FORWARD_WEIGHT = 0.3
-"""How much the chest's forward direction counts beside the exit directions."""
+"""How much the chest's forward direction counts beside the exit directions; not where two hands meet, since it would
+push both alike."""
+_TOUCH_M = 0.006
+"""Skin distance of two hands, m, over which a touch at both ends counts for less."""
+_SAME_PLACE_M = 0.025
+"""How much one hand's place on the other may differ between the ends, m, until a touch counts for less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,16 +83,18 @@ def depths(filled: Clip, before: Clip, after: Clip) -> Float:
 class _PosedWindow:
     """A transition with the frames on either side, posed.
 
+    rotations: (T, J, 3, 3) of the joints in the world.
     positions: (T, J, 3) of the joints in the world, clip units.
     capsules: the body's.
     """
 
     skeleton: Skeleton
+    rotations: Float
     positions: Float
     capsules: collision.PosedCapsules
 
     def __getitem__(self, frames: slice) -> _PosedWindow:
-        return _PosedWindow(self.skeleton, self.positions[frames], self.capsules[frames])
+        return _PosedWindow(self.skeleton, self.rotations[frames], self.positions[frames], self.capsules[frames])
 
     @property
     def forward(self) -> Float:
@@ -101,7 +111,8 @@ def _window(filled: Clip, before: Clip, after: Clip) -> Clip:
 
 def _pose(window: Clip) -> _PosedWindow:
     rotations, positions = kinematics.forward(window)
-    return _PosedWindow(window.skeleton, positions, collision.posed_capsules(window.skeleton, rotations, positions))
+    capsules = collision.posed_capsules(window.skeleton, rotations, positions)
+    return _PosedWindow(window.skeleton, rotations, positions, capsules)
 
 
 def _lead_around(filled: Clip, before: Clip, after: Clip, posed: _PosedWindow) -> ClearedTransition:
@@ -120,17 +131,41 @@ def _lead_around(filled: Clip, before: Clip, after: Clip, posed: _PosedWindow) -
             best, least = filled, worst
         if worst == 0.0 or gained < _LEAST_GAIN * worst or n == _MAX_TRIES:
             break
-        filled = arm_ik.move_wrists(filled, _avoiding_moves(posed, near, metres))
+        start = _holding_moves(posed, near, metres) if n == 0 else np.zeros((len(posed.positions), 2, 3))
+        filled = arm_ik.move_wrists(filled, _avoiding_moves(posed, near, metres, start))
     return ClearedTransition(best, first, least)
 
 
-def _avoiding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: float) -> Float:
-    """Moves (n, 2, 3) of the hands, if arms were long enough, that lead the frames between around the body;
-    ``near``: pairs of capsules within ``_SLACK_M``.
+def _holding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: float) -> Float:
+    """Moves (n + 2, 2, 3) that keep hands on one another which touch the same way at both ends; near 0 for others.
+
+    The middle of each hand has a place in the other hand's axes; between the ends it goes straight from one to the
+    other. How much that counts falls smoothly with the skin distance of the pair of capsules that touches at both ends
+    and with how far those places are from one another: hands that part and meet anew, or turn on one another, go their
+    own way.
+    """
+    groups, starts = posed.capsules.body.groups, posed.capsules.starts
+    distance = near.held_distance() * metres
+    if not np.isfinite(distance):
+        return np.zeros((len(starts), 2, 3))
+    apart = starts[:, groups.left].mean(axis=1) - starts[:, groups.right].mean(axis=1)
+    arm_joints = rig_info(posed.skeleton).arm_joints
+    hands = posed.rotations[:, [arm_joints[2], arm_joints[5]]]
+    first, last = (hands[k].swapaxes(1, 2) @ apart[k] for k in (0, -1))  # (2, 3) in each hand's axes
+    change = float(np.linalg.norm(last - first, axis=-1).max()) * metres
+    weight = np.exp(-max(distance, 0.0) / _TOUCH_M - (change / _SAME_PLACE_M) ** 2)
+    places = first + np.linspace(0.0, 1.0, len(apart))[:, None, None] * (last - first)
+    closer = weight * (np.einsum("thij,thj->thi", hands, places).mean(axis=1) - apart)
+    return np.stack([0.5 * closer, -0.5 * closer], axis=1)
+
+
+def _avoiding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: float, moves: Float) -> Float:
+    """Moves (n, 2, 3) of the hands, if arms were long enough, that lead the frames between around the body, begun at
+    ``moves`` (n + 2, 2, 3); ``near``: pairs of capsules within ``_SLACK_M``.
     """
     n_between, forward = len(posed.positions) - 2, posed.forward
     fade, kernel = smoothing.fade_window(n_between)[:, None, None], _kernel(n_between)
-    moves, slack = np.zeros((n_between + 2, 2, 3)), _SLACK_M / metres
+    moves, slack = moves.copy(), _SLACK_M / metres
     for _ in range(_MAX_ROUNDS):
         farthest = 2.0 * float(np.linalg.norm(moves, axis=-1).max())  # two hands may move apart
         if farthest > slack:
@@ -168,16 +203,18 @@ def _pushes(excess: Float, exits: Float, forward: Float) -> Float:
     """Pushes (n, 2, 3) out of the body where a hand is deeper than allowed by ``excess`` (n, 2).
 
     Every stretch is pushed in one direction: the mean of its frames' exit directions ``exits`` (n, 2, 3) and, where
-    those disagree, forward.
+    those disagree, forward. Where the two hands are in one another, each goes half of the way.
     """
     push = np.zeros_like(exits)
+    meeting = (exits[:, 0] == -exits[:, 1]).all(axis=-1) & (excess > 0.0).all(axis=-1)
+    forward, way = np.where(meeting[:, None], 0.0, _FORWARD_WEIGHT * forward), np.where(meeting[:, None], 0.5, 1.0)
     for side in (0, 1):
         for stretch in _stretches(excess[:, side] > 0.0):
             deep = excess[stretch, side, None]
-            along = (deep * exits[stretch, side]).sum(axis=0) + _FORWARD_WEIGHT * (deep * forward[stretch]).sum(axis=0)
+            along = (deep * (exits[stretch, side] + forward[stretch])).sum(axis=0)
             along /= np.linalg.norm(along) + 1e-12
             cosine = np.maximum(exits[stretch, side] @ along, _LEAST_COSINE)
-            push[stretch, side] = deep / cosine[:, None] * along
+            push[stretch, side] = way[stretch] * deep / cosine[:, None] * along
     return push
 
 
