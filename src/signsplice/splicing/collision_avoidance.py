@@ -4,7 +4,7 @@ The body is the capsules of ``body.capsules``. Where a transition would lead a h
 for each stretch of frames inside, it is pushed out in one direction. The pushes are spread smoothly over neighbouring
 frames, and fade to nothing, with their slope, at both signs. The frames of the signs are never changed. A sign may
 itself press a hand into the capsules (the chin that it touches is not exactly where ours is): a transition may then be
-as deep as a straight line between its two ends is.
+twice as deep as a straight line between its two ends is.
 
 Hands that touch one another the same way at both ends stay so: before any push they are moved to where one hand lay on
 the other, each half of the way. Two hands that meet elsewhere are pushed apart each half of the depth.
@@ -41,6 +41,9 @@ _FORWARD_WEIGHT = 0.3
 push both alike."""
 _TOUCH_M = 0.006
 """Skin distance of two hands, m, over which a touch at both ends counts for less."""
+_DEEPER = 2.0
+"""How much deeper than a straight line between its two ends a hand may lie: where ends lie deep, the capsules are too
+thick for the signer, and what lies between is deeper by as much again."""
 _SAME_PLACE_M = 0.025
 """How much one hand's place on the other may differ between the ends, m, until a touch counts for less."""
 
@@ -190,7 +193,7 @@ def _excess_depth(depth: Float) -> Float:
     both ends.
     """
     t = np.linspace(0.0, 1.0, len(depth))[1:-1, None]
-    ends = np.maximum(depth[[0, -1]] - TOLERANCE_M, 0.0)
+    ends = _DEEPER * np.maximum(depth[[0, -1]] - TOLERANCE_M, 0.0)
     return np.asarray(depth[1:-1] - (TOLERANCE_M + (1.0 - t) * ends[0] + t * ends[1]))
 
 
