@@ -28,9 +28,9 @@ from signsplice.rig.canonical import canonical_motion
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.learned import LearnedCutter, LearnedDuration, LearnedTransition, open_sessions
+from signsplice.splicing.methods import WEIGHTS
 from signsplice.splicing.sessions import Array, Sessions
 from signsplice.splicing.transition import find_transition
-from signsplice.splicing.methods import WEIGHTS
 from signsplice.splicing.word_reader import REST_FRAMES, WordReader
 from signsplice.synth import planner
 from signsplice.synth.signer import RESTS, STANDARD

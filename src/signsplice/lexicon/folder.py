@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import unicodedata
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from signsplice.lexicon.entry import Entry, fold, gloss_of
 from signsplice.lexicon.frames import encode
 from signsplice.lexicon.glosses import TABLE, GlossRow
 from signsplice.motion.clip import Clip
+from signsplice.rig.stray_frames import stray_frames
 
 Progress = Callable[[int, int], None]
 
@@ -58,6 +59,20 @@ class Built:
     n_bytes: int
     form: str
     warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What is found in the clips of a folder.
+
+    n_clips: number of clips.
+    faults: everything that prevents a build, one line each.
+    warnings: what a user should know besides, one line each.
+    """
+
+    n_clips: int
+    faults: list[str]
+    warnings: list[str]
 
 
 def find_sources(folder: str | Path, signer: str = "") -> tuple[list[Source], list[str]]:
@@ -119,7 +134,8 @@ def build(
     with building(output, compact=compact) as builder:
         for done, source in enumerate(sources, start=1):
             try:
-                entry = _add(builder, source, roles, limits)
+                entry, clip_warnings = _add(builder, source, roles, limits)
+                warnings += clip_warnings
                 n_letters += entry.kind == "letter"
                 n_without_arms += entry.rest_before is None
             except InputError as error:
@@ -145,28 +161,30 @@ def check(
     roles: Mapping[str, str] | None = None,
     progress: Progress | None = None,
     limits: ReadLimits = DEFAULT_LIMITS,
-) -> tuple[int, list[str]]:
-    """Number of clips below a folder, and everything that prevents a build, one line each. Raises ``InputError`` where
-    there is no clip.
-    """
+) -> Checked:
+    """What is found in the clips below a folder. Raises ``InputError`` where there is no clip."""
     sources, faults = find_sources(folder)
+    warnings: list[str] = []
     for done, source in enumerate(sources, start=1):
         try:
             clip = _read(source, roles, limits)
             with _prefixed_errors(source):
                 encode(clip, "float32")
+                warnings += _stray_warnings(clip, source)
         except InputError as error:
             faults.append(str(error))
         if progress is not None:
             progress(done, len(sources))
-    return len(sources), faults
+    return Checked(len(sources), faults, warnings)
 
 
-def _add(builder: Builder, source: Source, roles: Mapping[str, str] | None, limits: ReadLimits) -> Entry:
-    """Read a source, add it and return its entry. Raises ``InputError`` that names its file."""
+def _add(
+    builder: Builder, source: Source, roles: Mapping[str, str] | None, limits: ReadLimits
+) -> tuple[Entry, list[str]]:
+    """Read a source and add it: its entry, and warnings. Raises ``InputError`` that names its file."""
     clip = _read(source, roles, limits)
     with _prefixed_errors(source):
-        return builder.add(
+        entry = builder.add(
             clip,
             source.gloss,
             kind=source.kind,
@@ -175,6 +193,14 @@ def _add(builder: Builder, source: Source, roles: Mapping[str, str] | None, limi
             source=source.source,
             checked=source.checked,
         )
+        return entry, _stray_warnings(clip, source)
+
+
+def _stray_warnings(clip: Clip, source: Source) -> list[str]:
+    """Lines about frames that do not belong to a clip; none where its roles do not fit, which ``splice`` says."""
+    with suppress(InputError):
+        return [f"{source.path}: {line}" for line in stray_frames(clip).warnings]
+    return []
 
 
 def _read(source: Source, roles: Mapping[str, str] | None, limits: ReadLimits) -> Clip:

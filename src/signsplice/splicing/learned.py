@@ -104,7 +104,7 @@ class LearnedCutter(Cutter):
         return _seam_scores(p, q, *self._log_probabilities(p, q))
 
     def _log_probabilities(self, p: WordReading, q: WordReading) -> tuple[Float, Float]:
-        """Log-probabilities of leaving ``p`` (P,) and of entering ``q`` (Q,), which follows it, at their active frames."""
+        """Log-probabilities of leaving ``p`` (P,) and of entering ``q`` (Q,) after it, at their active frames."""
         inputs = {"before": p.states, "leave": p.leave, "after": q.states, "enter": q.enter}
         lengths = {"left": (1, len(p.features)), "entered": (1, len(q.features))}
         outputs = self.reader.sessions.run("cut", inputs, **lengths)
