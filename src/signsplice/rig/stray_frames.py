@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from signsplice.motion import kinematics, rotation
@@ -27,8 +28,8 @@ Mask = NDArray[np.bool_]
 
 JUMP_DEG, JUMP_M_S = 60.0, 4.0
 """A joint that turns by more in a frame, or a hand or root that moves faster, jumps; words that ship reach 3 m/s."""
-_ABOVE_NEIGHBOUR = 3.0
-"""Times the step before it or after it that a jump is at least: fast motion gathers speed and loses it again."""
+_ABOVE_NEIGHBOURS = 3.0
+"""Times the median of two steps before and two after it that a jump is at least: fast motion gathers speed."""
 _END_S, _END_FRACTION = 0.5, 1.0 / 3.0
 """What lies beyond a jump is left out where it takes no longer, and no larger fraction of the clip."""
 _NEAR_DEG, _EXACT_DEG = (12.0, 20.0), (5.0, 8.0)
@@ -66,8 +67,8 @@ def stray_frames(clip: Clip) -> StrayFrames:
     """Which frames of a clip belong to its motion, kept as long as the clip lives.
 
     At either end these do not: frames of a T-pose, an A-pose or the file's own rest pose with raised arms, with the way
-    out of it; and up to half a second beyond a jump (``JUMP_DEG``, ``JUMP_M_S``). All are kept where fewer than two
-    would remain.
+    out of it; and up to half a second beyond a jump (``JUMP_DEG``, ``JUMP_M_S``), unless that leads to a few wrong
+    frames only. All are kept where fewer than two would remain.
     """
     return CACHE.of(clip, _stray_frames)
 
@@ -135,9 +136,10 @@ def _steps(clip: Clip) -> tuple[Float, Float]:
 
 def _jumps(steps: Float, least: float) -> Mask:
     """Which steps (T - 1,) are jumps."""
-    padded = np.concatenate([[np.inf], steps, [np.inf]])
-    neighbour = np.minimum(padded[:-2], padded[2:])
-    return np.asarray((steps > least) & (steps > _ABOVE_NEIGHBOUR * neighbour))
+    if len(steps) < 3 or not (steps > least).any():
+        return np.zeros(len(steps), bool)
+    windows = sliding_window_view(np.pad(steps, 2, "reflect"), 5)
+    return np.asarray((steps > least) & (steps > _ABOVE_NEIGHBOURS * np.median(windows[:, [0, 1, 3, 4]], axis=1)))
 
 
 def _stray_at_start(clip: Clip, jumps: Mask) -> tuple[int, str]:
@@ -147,10 +149,25 @@ def _stray_at_start(clip: Clip, jumps: Mask) -> tuple[int, str]:
     if not is_exact and not jumps[:n_stray].any():
         n_stray, shown = 0, ""
     reach = n_stray + int(min(_END_S * clip.fps, _END_FRACTION * (len(clip) - n_stray)))
-    inner = np.flatnonzero(jumps[n_stray:reach])
-    if len(inner):
-        n_stray, shown = n_stray + int(inner[-1]) + 1, shown or "what is apart by a jump"
+    apart = [step for step in np.flatnonzero(jumps[:reach]) if step >= n_stray and not _is_spike(clip, jumps, step)]
+    if apart:
+        n_stray, shown = int(apart[-1]) + 1, shown or "what is apart by a jump"
     return n_stray, shown
+
+
+def _is_spike(clip: Clip, jumps: Mask, step: int) -> bool:
+    """Whether the motion goes on behind a few wrong frames: of the jump at ``step`` and one of those within half a
+    second, one leads away and the other back.
+    """
+    fps, metres = clip.fps, rig_info(clip.skeleton).sizes.unit.metres
+    near = np.flatnonzero(jumps[: step + int(_END_S * fps) + 1])
+    for other in near[(near != step) & (near >= step - int(_END_S * fps))]:
+        first, last = min(step, other), max(step, other) + 1  # the frames around the wrong ones
+        turned = rotation.angle_between(clip.local_rotations[first], clip.local_rotations[last]).max()
+        moved = metres * np.linalg.norm(clip.root_positions[last] - clip.root_positions[first])
+        if np.rad2deg(turned) < JUMP_DEG and moved < JUMP_M_S / fps:
+            return True
+    return False
 
 
 # --- reference poses ---
@@ -205,7 +222,7 @@ def _lowered_deg(bones: Float) -> float:
 
 
 def _is_straight(bones: Float, arm_deg: float, finger_deg: float) -> bool:
-    """Whether both arms of bones (2, 15, 3) are straight, in the frontal plane and equally low, and fingers straight."""
+    """Whether both arms of bones (2, 15, 3) are straight, in the frontal plane, equally low, and fingers straight."""
     lowered = np.deg2rad(_lowered_deg(bones))
     mean = np.array([np.cos(lowered), -np.sin(lowered), 0.0])
     cosines = bones @ mean
