@@ -149,9 +149,10 @@ def _stray_at_start(clip: Clip, jumps: Mask) -> tuple[int, str]:
     if not is_exact and not jumps[:n_stray].any():
         n_stray, shown = 0, ""
     reach = n_stray + int(min(_END_S * clip.fps, _END_FRACTION * (len(clip) - n_stray)))
-    apart = [step for step in np.flatnonzero(jumps[:reach]) if step >= n_stray and not _is_spike(clip, jumps, step)]
+    steps = [n_stray + int(step) for step in np.flatnonzero(jumps[n_stray:reach])]
+    apart = [step for step in steps if not _is_spike(clip, jumps, step)]
     if apart:
-        n_stray, shown = int(apart[-1]) + 1, shown or "what is apart by a jump"
+        n_stray, shown = apart[-1] + 1, shown or "what is apart by a jump"
     return n_stray, shown
 
 
