@@ -12,12 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reference_poses import arms_out, with_pose
 from signsplice import demo, lexicon
 from signsplice.cli import main
 from signsplice.evaluation import speed_learned, speed_parts
 from signsplice.formats import load, save
 from signsplice.motion.clip import Clip
 from signsplice.render import film
+from signsplice.rig.arms import active_span, arms
 from signsplice.rig.info import rig_info
 
 Run = subprocess.CompletedProcess[str]
@@ -382,3 +384,31 @@ def test_interrupted_work_leaves_no_file_and_no_traceback(folder: Path) -> None:
     assert run.returncode == 130
     assert run.stderr.strip() == "error: interrupted; no file was left half-written"
     assert sorted(path.name for path in folder.iterdir()) == before
+
+
+def test_frames_that_do_not_belong_are_named_by_every_command_that_reads_words(
+    signsplice: Call, folder: Path, words: dict[str, Clip]
+) -> None:
+    clip = words["SIGN"]
+    (folder / "clips").mkdir()
+    for gloss in ("HELLO", "I"):
+        save(words[gloss], folder / "clips" / f"{gloss}.npz")
+    save(with_pose(clip, arms_out(clip.skeleton), 4), folder / "clips" / "SIGN.npz")
+    line = "frames 0 to 3: a T-pose that does not belong to the motion; left out of splices"
+    inspected = json.loads(signsplice("inspect", "clips/SIGN.npz", "--json").stdout)
+    assert inspected["warnings"] == [line]
+    runs = {
+        f"SIGN: {line}": ("splice", "clips/HELLO.npz", "clips/SIGN.npz", "-o", "a.bvh", "--report", "a.json"),
+        f"clips/SIGN.npz: {line}": ("lexicon", "check", "clips"),
+        f" clips/SIGN.npz: {line}": ("lexicon", "build", "clips", "-o", "lex"),
+        f"lex: word 'SIGN': {line}": ("lexicon", "check", "lex"),
+        f" SIGN: {line}": ("sentence", "HELLO SIGN I", "-o", "b.bvh", "--lexicon", "lex"),
+    }
+    for expected, arguments in runs.items():
+        run = signsplice(*arguments)
+        assert (run.returncode, run.stderr) == (0, f"warning: {expected.strip()}\n"), arguments
+    assert json.loads((folder / "a.json").read_text())["warnings"] == [f"SIGN: {line}"]
+    listed = json.loads(signsplice("lexicon", "list", "lex", "--json").stdout)["words"]
+    (entry,) = [row for row in listed if row["gloss"] == "SIGN"]
+    start, stop = active_span(arms(clip))
+    assert (entry["frames"], entry["rest_before"], entry["rest_after"]) == (len(clip) + 4, start + 4, len(clip) - stop)

@@ -37,7 +37,7 @@ def table(folder: Path, *lines: str) -> None:
 
 
 def faults(folder: Path) -> list[str]:
-    return folders.check(folder)[1]
+    return folders.check(folder).faults
 
 
 def test_file_names_become_glosses(clips: Path, tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ import pytest
 from pydantic import TypeAdapter
 from websockets.sync.client import ClientConnection
 
+from reference_poses import arms_out, with_pose
 from serving import PATIENCE_S, stream_client
 from signsplice.cli.commands import app
 from signsplice.errors import MissingExtraError
@@ -336,3 +337,13 @@ def test_view_writes_a_page_that_holds_the_clip(tmp_path: Path, words: dict[str,
     assert content["live"] is False
     assert base64.b64decode(content["scenes"][0]["files"]["bvh"]) == bvh.encode(words["DEAF"])
     assert content["scenes"][0]["report"]["spans"][0]["output"] == [0, len(words["DEAF"])]
+
+
+def test_the_service_names_frames_that_do_not_belong(service: httpx.Client, words: dict[str, Clip]) -> None:
+    posed = with_pose(words["SIGN"], arms_out(words["SIGN"].skeleton), 4)
+    files = [("files", ("DEAF.bvh", bvh.encode(words["DEAF"]))), ("files", ("SIGN.bvh", bvh.encode(posed)))]
+    report = service.post("/v1/splice", files=files).json()["report"]
+    assert report["warnings"] == [
+        "SIGN: frames 0 to 3: a T-pose that does not belong to the motion; left out of splices"
+    ]
+    assert report["spans"][-1]["source"][0] > 4

@@ -11,6 +11,8 @@ import pytest
 
 import signsplice as ss
 from conftest import random_clip, rooted
+from other_rigs import without
+from reference_poses import arms_out, with_pose
 from signsplice.errors import InputError
 from signsplice.formats import bvh
 from signsplice.motion import kinematics, rotation
@@ -18,12 +20,24 @@ from signsplice.motion.clip import Clip, resample
 from signsplice.motion.euler_channels import Channels
 from signsplice.rig.align import align, reference
 from signsplice.rig.arms import active_span, arms
-from signsplice.splicing.cut import CUTTERS
+from signsplice.splicing.cut import CUTTERS, Cut, PairCutter
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
 from signsplice.splicing.inbetween import inbetween
 from signsplice.splicing.transition import TRANSITIONS
 
 CLASSICAL = SpliceOptions("pose-velocity", "hermite", "tempo")
+
+
+class FixedCutter(PairCutter):
+    """Cuts every pair at the same frames."""
+
+    name, summary = "fixed", "the same frames"
+
+    def __init__(self, pre: int, post: int) -> None:
+        self.at = Cut(pre, post)
+
+    def cut(self, before: Clip, after: Clip) -> Cut:
+        return self.at
 
 
 def rebuilt(result: SpliceResult, clips: list[Clip]) -> rotation.Float:
@@ -266,3 +280,59 @@ def test_what_is_no_clip_is_said(
 ) -> None:
     with pytest.raises(TypeError, match=message):
         function(*given(*sentence[:2]))
+
+
+@pytest.mark.parametrize("options", [CLASSICAL, SpliceOptions()], ids=["classical", "learned"])
+@pytest.mark.parametrize("fps", [None, 25.0])
+def test_reference_poses_at_the_ends_of_words_are_left_out(
+    options: SpliceOptions, fps: float | None, sentence: list[Clip]
+) -> None:
+    """The first word begins in a T-pose, the second is between two, with a blend of three frames each."""
+    options = replace(options, fps=fps)
+    pose = arms_out(sentence[0].skeleton)
+    first, second, *others = sentence
+    posed = [
+        with_pose(first, pose, 6),
+        with_pose(with_pose(second, pose, 3, 3), pose, 2, 3, at_end=True),
+        *others,
+    ]
+    clean, result = splice([first, second, *others], options), splice(posed, options)
+    # Six frames before a word are five at 25 a second.
+    shift = 6 if fps is None else 5
+    np.testing.assert_allclose(result.clip.local_rotations, clean.clip.local_rotations, atol=1e-4)
+    assert [span.source for span in result.spans if span.clip in (0, 1)] == [
+        (span.source[0] + shift, span.source[1] + shift) for span in clean.spans if span.clip in (0, 1) and span.source
+    ]
+    assert [(seam.pre_frame, seam.post_frame) for seam in result.seams[:1]] == [
+        (seam.pre_frame + shift, seam.post_frame + shift) for seam in clean.seams[:1]
+    ]
+    n = len(second)
+    assert [line for line in result.warnings if "left out" in line] == [
+        f"{first.name}: frames 0 to 5: a T-pose that does not belong to the motion; left out of splices",
+        f"{second.name}: frames 0 to 5: a T-pose that does not belong to the motion; left out of splices",
+        f"{second.name}: frames {n + 6} to {n + 10}: a T-pose that does not belong to the motion; left out of splices",
+    ]
+    pieces = list(stream(posed, options))
+    assert [line for piece in pieces for line in piece.warnings] == list(result.warnings)
+
+
+def test_joints_without_a_counterpart_do_not_hold_a_t_pose(sentence: list[Clip]) -> None:
+    first, second = sentence[:2]
+    fingers = tuple(f"{side}Hand{finger}" for side in ("Left", "Right") for finger in ("Index", "Middle", "Ring"))
+    posed = with_pose(first, arms_out(first.skeleton), 4)
+    plain, made = (splice([clip, without(second, *fingers)], CLASSICAL).clip for clip in (first, posed))
+    np.testing.assert_allclose(made.local_rotations, plain.local_rotations, atol=1e-4)
+
+
+def test_a_longer_transition_is_no_remedy_for_a_jump_within_a_sign(sentence: list[Clip]) -> None:
+    first, second = sentence[:2]
+    options = replace(CLASSICAL, cutter=FixedCutter(40, 12), transition_time=0.04)
+    local = np.array(second.local_rotations)
+    local[12] = arms_out(second.skeleton)
+    jumping = replace(second, local_rotations=local, channels=None)
+    (seam,) = splice([first, jumping], options).seams
+    (line,) = [line for line in seam.warnings if "faster than signs do" in line]
+    assert "longer" not in line
+    assert "a hand jumps in the signs beside it" in line
+    (seam,) = splice([first, second], options).seams
+    assert "a longer transition time would help" in seam.warnings[0]

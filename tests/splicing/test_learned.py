@@ -28,6 +28,7 @@ from signsplice.rig.canonical import canonical_motion
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.learned import LearnedCutter, LearnedDuration, LearnedTransition, open_sessions
+from signsplice.splicing.methods import WEIGHTS
 from signsplice.splicing.sessions import Array, Sessions
 from signsplice.splicing.transition import find_transition
 from signsplice.splicing.word_reader import REST_FRAMES, WordReader
@@ -134,8 +135,25 @@ def test_a_word_is_read_once_for_all_its_seams() -> None:
     words = [P[:], Q[:], word("SEE").clip[:]]
     ss.splice([*words, *words], ss.SpliceOptions(cutter=LearnedCutter(reader), duration=LearnedDuration(reader)))
     runs = [name for name, _ in sessions.runs]
-    assert runs.count("cut") == runs.count("duration") == 5
+    assert runs.count("duration") == 5
+    assert runs.count("cut") == 6, "once a word"
     assert runs.count("word") <= 6, "each of three words, as it is and at most once more in the mirror"
+
+
+def test_a_word_is_cut_alike_whatever_stands_beside_it() -> None:
+    """The neighbours sign with the right hand, with the left, with both, and one goes on for longer than the word."""
+    cutter = LearnedCutter(WordReader(open_sessions(WEIGHTS)))
+    neighbours = [Q, mirror(Q), mirror(P), word("SEE").clip, concatenate([mirror(P)] * 3)]
+    for clip in (P, Q, mirror(P)):
+        cuts = [cutter.cut_all([before, clip, after]) for before in neighbours for after in neighbours]
+        assert len({(entering.post, leaving.pre) for entering, leaving in cuts}) == 1
+
+
+def test_a_word_is_read_by_its_own_busier_hand() -> None:
+    for clip in (P, Q):
+        for own, seen in zip(READER.alone(clip), READER.alone(mirror(clip)), strict=True):
+            np.testing.assert_allclose(own.features, seen.features, atol=1e-5)
+            assert (own.stroke, own.active) == (seen.stroke, seen.active)
 
 
 def test_all_cuts_of_a_sentence_are_chosen_together() -> None:
@@ -267,12 +285,12 @@ def test_the_default_cutter_keeps_movements_whole() -> None:
     reader = WordReader(TruePhases(SESSIONS.folder, SESSIONS.config))
     fluent, whole = LearnedCutter(reader, whole=False), LearnedCutter(reader)
     assert (fluent.name, whole.name) == ("learned-fluent", "learned")
-    p, q = reader.pair(P, Q)
+    p, q = (reader.alone(clip)[0] for clip in (P, Q))
     assert p.stroke is not None
     assert q.stroke is not None
-    free, cut = fluent.cut_all([P, Q])[0], whole.cut_all([P, Q])[0]
-    assert cut.pre == max(free.pre, p.stroke[1])
-    assert cut.post == min(free.post, q.stroke[0])
+    cut = whole.cut_all([P, Q])[0]
+    assert cut.pre == max(fluent.cut_all([P, P])[0].pre, p.stroke[1])
+    assert cut.post == min(fluent.cut_all([Q, Q])[0].post, q.stroke[0])
     joined = ss.splice([P, Q, P], ss.SpliceOptions(whole, "hermite", "fixed"))
     middle = next(span for span in joined.spans if span.clip == 1)
     assert middle.source is not None

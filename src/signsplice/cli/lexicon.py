@@ -107,7 +107,7 @@ def _count(n_words: int, n_letters: int) -> str:
 def check(path: str, roles: str | None) -> None:
     """Name every fault of a folder of clips, or of a lexicon.
 
-    The exit status is 1 where there is one.
+    The exit status is 1 where there is one; frames that do not belong to a clip are warned of.
     """
     from signsplice.lexicon import folder
     from signsplice.lexicon.index import INDEX
@@ -115,11 +115,13 @@ def check(path: str, roles: str | None) -> None:
     joint_of = _read_roles(roles)
     if (Path(path) / INDEX).exists():
         with open_words(path) as words:
-            found, faults = _count(len(words), 0), list(words.faults())
+            found, faults, warnings = _count(len(words), 0), list(words.faults()), list(words.warnings())
     else:
         with progress(f"checking {Path(path).name}") as advance:
-            n_clips, faults = folder.check(path, joint_of, advance, limits())
-        found = f"{n_clips} clip{'s' if n_clips != 1 else ''}"
+            checked = folder.check(path, joint_of, advance, limits())
+        faults, warnings = checked.faults, checked.warnings
+        found = f"{checked.n_clips} clip{'s' if checked.n_clips != 1 else ''}"
+    warn(warnings)
     for fault in faults:
         print(" ".join(fault.splitlines()))
     print(f"{path}: {found}, {len(faults) or 'no'} fault{'s' if len(faults) != 1 else ''}")

@@ -26,6 +26,7 @@ from signsplice.lexicon.index import (
 )
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.arms import active_span, arms
+from signsplice.rig.stray_frames import stray_frames
 
 
 class Builder:
@@ -161,9 +162,12 @@ def check_target(path: str | Path) -> None:
 
 
 def rest_frames(clip: Clip) -> tuple[int | None, int | None]:
-    """Numbers of frames of rest before and after the sign; None where the rig's arms are not known."""
+    """Numbers of frames before and after the sign, of rest or left out by splices; None where the rig's arms are not
+    known.
+    """
     try:
-        start, stop = active_span(arms(clip))
+        stray = stray_frames(clip)
+        start, stop = active_span(arms(clip[stray.start : stray.stop]))
     except InputError:
         return None, None
-    return start, len(clip) - stop
+    return stray.start + start, len(clip) - stray.start - stop

@@ -24,8 +24,8 @@ class Entry:
     signer: who signs.
     source: where the sign's description or recording comes from.
     checked: whether a signer has confirmed that the clip shows this sign.
-    rest_before: frames of rest before the sign, None where the rig's arms are not known.
-    rest_after: frames of rest after the sign, likewise.
+    rest_before: frames before the sign, of rest or left out by splices; None where the rig's arms are not known.
+    rest_after: frames after the sign, likewise.
     sha256: hash of the motion and its skeleton.
     """
 

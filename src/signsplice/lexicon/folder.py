@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import unicodedata
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from signsplice.lexicon.entry import Entry, fold, gloss_of
 from signsplice.lexicon.frames import encode
 from signsplice.lexicon.glosses import TABLE, GlossRow
 from signsplice.motion.clip import Clip, left_out_warnings
+from signsplice.rig.stray_frames import stray_frames
 
 Progress = Callable[[int, int], None]
 
@@ -58,6 +59,20 @@ class Built:
     n_bytes: int
     form: str
     warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What is found in the clips of a folder.
+
+    n_clips: number of clips.
+    faults: everything that prevents a build, one line each.
+    warnings: what a user should know besides, one line each.
+    """
+
+    n_clips: int
+    faults: list[str]
+    warnings: list[str]
 
 
 def find_sources(folder: str | Path, signer: str = "") -> tuple[list[Source], list[str]]:
@@ -145,21 +160,21 @@ def check(
     roles: Mapping[str, str] | None = None,
     progress: Progress | None = None,
     limits: ReadLimits = DEFAULT_LIMITS,
-) -> tuple[int, list[str]]:
-    """Number of clips below a folder, and everything that prevents a build, one line each. Raises ``InputError`` where
-    there is no clip.
-    """
+) -> Checked:
+    """What is found in the clips below a folder. Raises ``InputError`` where there is no clip."""
     sources, faults = find_sources(folder)
+    warnings: list[str] = []
     for done, source in enumerate(sources, start=1):
         try:
             clip = _read(source, roles, limits)
             with _prefixed_errors(source):
                 encode(clip, "float32")
+                warnings += _stray_warnings(clip, source)
         except InputError as error:
             faults.append(str(error))
         if progress is not None:
             progress(done, len(sources))
-    return len(sources), faults
+    return Checked(len(sources), faults, warnings)
 
 
 def _add(
@@ -169,6 +184,7 @@ def _add(
     clip = _read(source, roles, limits)
     warnings += left_out_warnings(clip)
     with _prefixed_errors(source):
+        warnings += _stray_warnings(clip, source)
         return builder.add(
             clip,
             source.gloss,
@@ -178,6 +194,13 @@ def _add(
             source=source.source,
             checked=source.checked,
         )
+
+
+def _stray_warnings(clip: Clip, source: Source) -> list[str]:
+    """Lines about frames that do not belong to a clip; none where its roles do not fit, which ``splice`` says."""
+    with suppress(InputError):
+        return [f"{source.path}: {line}" for line in stray_frames(clip).warnings]
+    return []
 
 
 def _read(source: Source, roles: Mapping[str, str] | None, limits: ReadLimits) -> Clip:

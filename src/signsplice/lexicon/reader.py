@@ -17,6 +17,7 @@ from signsplice.lexicon.entry import LETTER_MARK, Entry, fold
 from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, decode, fingerprint
 from signsplice.lexicon.index import INDEX, REBUILD, ClipLocation, Index
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.rig.stray_frames import stray_frames
 
 SHIPPED = Path(__file__).parent / "words"
 _MIN_SIMILARITY = 0.55
@@ -158,6 +159,13 @@ class Lexicon:
                 yield str(error)
         if n_words != len(self):
             yield f"{self.path}: {n_words} words, expected {len(self)}"
+
+    def warnings(self) -> Iterator[str]:
+        """What a user should know about words that can be read, one line each: frames that do not belong to them."""
+        for entry, location in self._index.words():
+            with suppress(InputError):  # ``faults`` names it
+                for line in stray_frames(self._clip(entry, location)).warnings:
+                    yield f"{self.path}: word {entry.gloss[:40]!r}: {line}"
 
     @cached_property
     def _shown(self) -> dict[str, str]:

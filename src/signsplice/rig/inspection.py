@@ -13,8 +13,7 @@ from signsplice.rig.arms import active_span, arms
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import placement
 from signsplice.rig.proportions import LengthUnit
-
-_STEP_DEG = 60.0
+from signsplice.rig.stray_frames import stray_frames
 
 
 def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
@@ -39,8 +38,9 @@ def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
         "memory kB": clip.nbytes // 1024,
     }
     try:
-        start, stop = active_span(arms(clip))
-        spans = [(0, start), (stop, len(clip))]
+        stray = stray_frames(clip)
+        start, stop = (stray.start + frame for frame in active_span(arms(clip[stray.start : stray.stop])))
+        spans = [(stray.start, start), (stop, stray.stop)]
         facts["rest"] = [f"frames {a} to {b - 1}" for a, b in spans if b > a]
         if all(a == b for a, b in spans):
             warnings.append("no rest found at either end: the arms neither rise at the start nor sink at the end")
@@ -59,19 +59,13 @@ def _axis(direction: np.ndarray[Any, np.dtype[np.float64]]) -> str:
 
 
 def _motion_warnings(clip: Clip) -> list[str]:
-    """Steps too wide for a body, and clips that do not move."""
+    """Clips that do not move, frames that do not belong, and steps too wide for a body."""
     if len(clip) < 2:
-        return ["a single frame: it has no velocity, so transitions into and out of it start from rest"]
+        single = "a single frame: it has no velocity, so transitions into and out of it start from rest"
+        return [single, *stray_frames(clip).warnings]
     steps = np.rad2deg(rotation.angle_between(clip.local_rotations[:-1], clip.local_rotations[1:]))
-    warnings = []
-    if steps.max() < 0.01:
-        warnings.append("nothing turns: every frame is the same pose")
-    for frame, joint in np.argwhere(steps > _STEP_DEG)[:5]:
-        warnings.append(
-            f"{clip.skeleton.names[joint]} turns by {steps[frame, joint]:.0f} degrees "
-            f"from frame {frame} to {frame + 1}: a fault of the capture?"
-        )
-    return warnings
+    still = ["nothing turns: every frame is the same pose"] if steps.max() < 0.01 else []
+    return [*still, *stray_frames(clip).warnings]
 
 
 def _rig_warnings(clip: Clip, n_roles: int, unit: LengthUnit) -> list[str]:

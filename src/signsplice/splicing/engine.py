@@ -23,6 +23,7 @@ from signsplice.errors import FormatError, InputError
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.motion.clip import Clip, concatenate, left_out_warnings
 from signsplice.rig.align import Reference, reference
+from signsplice.rig.stray_frames import stray_frames, with_ends_held
 from signsplice.splicing import fingerspelling, methods
 from signsplice.splicing.arguments import check_clip, check_clips, check_options
 from signsplice.splicing.cut import Cut, Cutter
@@ -205,12 +206,13 @@ class _SentenceWord:
     """A word of a sentence, aligned to the first one.
 
     index: its number in the sentence.
-    clip: its aligned clip.
+    clip: its aligned clip, without the frames at its ends that do not belong to it.
     warnings: about the clip, one line each.
     starts: whether it is no letter that goes on with the spelled word before it.
     way_s: how long the way from the letter before took, 0 where there is none.
     entry: the frame at which it is entered.
     seam: the seam by which it is entered.
+    n_left_out: how many frames are left out at its beginning.
     """
 
     index: int
@@ -220,6 +222,7 @@ class _SentenceWord:
     way_s: float = 0.0
     entry: int = 0
     seam: Seam | None = None
+    n_left_out: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,14 +295,17 @@ class _SentenceBuilder:
         with self.timed("harmonize"):
             fps = self._reference.fps if self._reference else self.options.fps or clip.fps
             self.options.limits.check_resampling(clip, fps, self.options.sign_speed)
-            to = self._reference or reference(clip, self.options.fps)
-            aligned = align(clip, to, self.options.sign_speed)
+            stray, held = stray_frames(clip), with_ends_held(clip)
+            to = self._reference or reference(held, self.options.fps)
+            aligned = align(held, to, self.options.sign_speed)
             self._reference = to
+            kept = stray.resampled(clip.fps * self.options.sign_speed / fps, len(aligned.clip))
         if aligned.contacts:
             self.contacts[index] = aligned.contacts
-        warnings = (*left_out_warnings(clip), *aligned.warnings)
+        warnings = (*left_out_warnings(clip), *aligned.warnings, *(f"{clip.name}: {line}" for line in stray.warnings))
         warnings = warnings if index else (*self.methods.warnings, *warnings)
-        return _SentenceWord(index, aligned.clip, warnings)
+        own = aligned.clip if held is clip else aligned.clip[kept]
+        return _SentenceWord(index, own, warnings, n_left_out=kept.start)
 
     def _plan(self, words: Sequence[_SentenceWord]) -> list[_PlannedSeam]:
         """The seams of words in order; sets the frame at which each word is entered."""
@@ -325,9 +331,8 @@ class _SentenceBuilder:
                 n_frames, warnings = self._n_frames(before.clip, after.clip, cut, letters)
             after.way_s = (n_frames + 1) / after.clip.fps if letters is not None else 0.0
             if cut.pre <= before.entry and before.entry > 0:
-                line = (
-                    f"{before.clip.name} is left at frame {before.entry}, where it was entered: only that frame is kept"
-                )
+                frame = before.n_left_out + before.entry
+                line = f"{before.clip.name} is left at frame {frame}, where it was entered: only that frame is kept"
                 warnings = (*warnings, line)
             gap = gap_at(before.clip, after.clip, cut, n_frames, before.entry)
             seams.append(_PlannedSeam(before, after, cut, gap, warnings, letters is not None and letters.is_doubled))
@@ -368,8 +373,9 @@ class _SentenceBuilder:
 
     def _score(self, planned: _PlannedSeam, filled: FilledGap | None) -> Seam:
         with self.timed("join"):
-            names = planned.before.clip.name, planned.after.clip.name
-            return score(planned.gap, filled, *names, planned.cut, planned.warnings)
+            before, after, cut = planned.before, planned.after, planned.cut
+            own = Cut(cut.pre + before.n_left_out, cut.post + after.n_left_out)
+            return score(planned.gap, filled, before.clip.name, after.clip.name, own, planned.warnings)
 
     def _n_frames(self, before: Clip, after: Clip, cut: Cut, letters: LetterSeam | None) -> tuple[int, tuple[str, ...]]:
         """Number of transition frames: by the user's time, by the way between letters, or by the duration; the human
@@ -391,7 +397,8 @@ class _SentenceBuilder:
 
     def _sign(self, word: _SentenceWord, stop: int) -> Piece:
         with self.timed("join"):
-            span = self._span("sign", word.index, word.clip.name, (word.entry, stop), stop - word.entry)
+            source = word.n_left_out + word.entry, word.n_left_out + stop
+            span = self._span("sign", word.index, word.clip.name, source, stop - word.entry)
             return Piece(word.clip[word.entry : stop], span, word.seam, word.warnings)
 
     def _span(

@@ -54,10 +54,12 @@ def open_sessions(folder: str | Path) -> Sessions:
 
 
 class LearnedCutter(Cutter):
-    """Scores the two frames of a seam jointly, and chooses all seams of a sentence together.
+    """Scores the frames at which words are left and entered, and chooses all seams of a sentence together.
 
     whole: no movement is cut into; a word is left after its last movement and entered before its first, as far as they
-        lie between rests. The motion that the network learned from shortens signs as running signing does: repetitions
+        lie between rests. Every word is read by its own busier hand and scored as if it stood before and after itself,
+        so that it is cut alike whatever stands beside it. Otherwise, words are read and scored in pairs: the motion
+        that the network learned from shortens signs as running signing does, by where the hands go next; repetitions
         go, and the outer part of movements.
 
     Words are left and entered while their arms are away from rest, where the height of the hands shows rest
@@ -69,16 +71,25 @@ class LearnedCutter(Cutter):
     def __init__(self, reader: WordReader, whole: bool = True) -> None:
         self.reader, self.whole = reader, whole
         self.name = NAME if whole else FLUENT
-        self.summary = "a network that reads both words, and all seams together; " + (
-            "movements stay whole" if whole else "signs are shortened as in running signing"
+        self.summary = "a network that reads " + (
+            "every word by itself; movements stay whole"
+            if whole
+            else "both words, and all seams together; signs are shortened as in running signing"
         )
 
     def cut_all(self, clips: Sequence[Clip]) -> list[Cut]:
         """The splice positions of a sentence, chosen together (``viterbi``)."""
         self.reader.prepare(clips)
         pairs = list(pairwise(clips))
-        readings = [self.reader.pair(*pair) for pair in pairs]
-        chosen = best_path([self.scores(*pair) for pair in readings])
+        if self.whole:
+            words = [self.reader.alone(clip) for clip in clips]
+            scored = [self._log_probabilities(*word) for word in words]
+            readings = [(p, q) for (p, _), (_, q) in pairwise(words)]
+            seams = [(left, entered) for (left, _), (_, entered) in pairwise(scored)]
+        else:
+            readings = [self.reader.pair(*pair) for pair in pairs]
+            seams = [self._log_probabilities(*pair) for pair in readings]
+        chosen = best_path([_seam_scores(*pair, *seam) for pair, seam in zip(readings, seams, strict=True)])
         if self.whole:
             chosen = [_outside_strokes(cut, *pair) for cut, pair in zip(chosen, readings, strict=True)]
         return [
@@ -87,7 +98,13 @@ class LearnedCutter(Cutter):
         ]
 
     def scores(self, p: WordReading, q: WordReading) -> SeamScores:
-        """Log-probabilities of leaving one word at a frame and entering the other at another, frames at 30 a second."""
+        """Log-probabilities of leaving one word at a frame and entering the other, which follows it, at another, frames
+        at 30 a second.
+        """
+        return _seam_scores(p, q, *self._log_probabilities(p, q))
+
+    def _log_probabilities(self, p: WordReading, q: WordReading) -> tuple[Float, Float]:
+        """Log-probabilities of leaving ``p`` (P,) and of entering ``q`` (Q,) after it, at their active frames."""
         inputs = {"before": p.states, "leave": p.leave, "after": q.states, "enter": q.enter}
         lengths = {"left": (1, len(p.features)), "entered": (1, len(q.features))}
         outputs = self.reader.sessions.run("cut", inputs, **lengths)
@@ -95,7 +112,11 @@ class LearnedCutter(Cutter):
             log_softmax(outputs[name][0, slice(*word.active)].astype(np.float64))
             for name, word in (("left", p), ("entered", q))
         )
-        return SeamScores(left[:, None] + entered, p.first + p.active[0], q.first + q.active[0])
+        return left, entered
+
+
+def _seam_scores(p: WordReading, q: WordReading, left: Float, entered: Float) -> SeamScores:
+    return SeamScores(left[:, None] + entered, p.first + p.active[0], q.first + q.active[0])
 
 
 def _outside_strokes(cut: tuple[int, int], p: WordReading, q: WordReading) -> tuple[int, int]:

@@ -10,6 +10,7 @@ import numpy as np
 from signsplice.motion import kinematics
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
+from signsplice.rig.stray_frames import JUMP_M_S
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.filling import FilledGap
 from signsplice.splicing.gap import Gap
@@ -85,8 +86,13 @@ def score(
         speed = metrics.peak_speed(wrists, first, stop, window.fps)
         jerk = metrics.jerk_ratio(wrists, first, stop, LEAST_JERK_M_S3 / window.fps**3)
         if speed > FAST_M_S:
-            longer = "gap" if of_one_clip else "transition time"
-            lines.append(f"a hand moves at {speed:.1f} m/s, faster than signs do; a longer {longer} would help")
+            beside = max(metrics.peak_speed(part, 0, len(part), window.fps) for part in (wrists[:first], wrists[stop:]))
+            advice = (
+                f"a longer {'gap' if of_one_clip else 'transition time'} would help"
+                if beside <= JUMP_M_S
+                else f"a hand jumps in the signs beside it, at {beside:.1f} m/s: a fault of the capture?"
+            )
+            lines.append(f"a hand moves at {speed:.1f} m/s, faster than signs do; {advice}")
     if feet:
         slide = float(np.linalg.norm(positions[stop, len(hands) :] - positions[first - 1, len(hands) :], axis=-1).max())
         if slide > _FOOT_SLIDE_M:

@@ -87,8 +87,18 @@ class WordReader:
         self.sessions = sessions
         self._words: WeakKeyDictionary[Clip, _Word] = WeakKeyDictionary()
 
+    def alone(self, clip: Clip) -> tuple[WordReading, WordReading]:
+        """A word seen with its own busier hand at the right: its end and its beginning, one and the same unless it is
+        long. Neither depends on the words beside it.
+        """
+        (word,) = self.prepare([clip])
+        mirror = features.left_hand_busier(word.trajectory)
+        return self._reading(word, mirror, end=True), self._reading(word, mirror, end=False)
+
     def pair(self, before: Clip, after: Clip) -> tuple[WordReading, WordReading]:
-        """Two words, both seen with the busier hand at the right; of long ones the end and the beginning."""
+        """Two words, both seen with the busier hand of the pair at the right, so that each hand of the one is that hand
+        of the other; of long ones the end and the beginning.
+        """
         p, q = self.prepare([before, after])
         mirror = features.left_hand_busier(p.trajectory, q.trajectory)
         return self._reading(p, mirror, end=True), self._reading(q, mirror, end=False)

@@ -23,6 +23,7 @@ from signsplice.lexicon.reader import open_lexicon
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, resample
 from signsplice.rig.canonical import FEATURE_FPS, canonical_bones, canonical_motion
+from signsplice.rig.stray_frames import stray_frames
 from signsplice.splicing import features
 from signsplice.splicing.bundle import BUNDLE_FILE, read_file, write_bundle
 from signsplice.splicing.learned import LearnedTransition, open_sessions
@@ -154,7 +155,7 @@ def split(lexicon: Path) -> tuple[list[Clip], list[Clip]]:
     what the network sees on either side. Raises ``InputError`` where fewer than ten are left.
     """
     with open_lexicon(lexicon) as words:
-        clips = [words.clip(gloss) for gloss in words]
+        clips = [_without_stray_frames(words.clip(gloss)) for gloss in words]
     usable = [resample(clip, FEATURE_FPS) for clip in clips if _is_usable(clip)]
     if len(usable) < 2 * HELD_BACK_EVERY:
         raise InputError(
@@ -162,6 +163,11 @@ def split(lexicon: Path) -> tuple[list[Clip], list[Clip]]:
             f"{FEATURE_FPS:g} a second), expected at least {2 * HELD_BACK_EVERY}"
         )
     return [clip for k, clip in enumerate(usable) if k % HELD_BACK_EVERY], usable[::HELD_BACK_EVERY]
+
+
+def _without_stray_frames(clip: Clip) -> Clip:
+    found = stray_frames(clip)
+    return clip[found.start : found.stop]
 
 
 def _is_usable(clip: Clip) -> bool:
