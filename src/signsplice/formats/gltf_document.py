@@ -150,7 +150,12 @@ class Document:
         start = first + (place.get("byteOffset") or 0)
         stride = view.get("byteStride") or width * dtype.itemsize
         end = start + (count - 1) * stride + width * dtype.itemsize
-        if count < 1 or start < 0 or stride < width * dtype.itemsize or end > min(first + view["byteLength"], len(data)):
+        if (
+            count < 1
+            or start < 0
+            or stride < width * dtype.itemsize
+            or end > min(first + view["byteLength"], len(data))
+        ):
             raise self._error(f"{what} reaches beyond its {len(data)} bytes")
         return np.ndarray((count, width), dtype.newbyteorder("<"), data, start, (stride, dtype.itemsize))
 

@@ -48,7 +48,10 @@ class _AnimationReader(SkeletonDocument):
 
     def clip(self) -> Clip:
         if not self.json.get("animations"):
-            raise self._error("holds no animation, expected an animated skeleton")
+            avatar = (
+                "; for an avatar, convert CLIP OUT --avatar FILE puts a clip onto it" if self.json.get("skins") else ""
+            )
+            raise self._error(f"holds no animation, expected an animated skeleton{avatar}")
         animation = self.json["animations"][0]
         targets = self._targets(animation)
         joints, roles = self._joints(targets)
