@@ -117,7 +117,7 @@ def write(
     hair: bool = True,
     sparse: bool = False,
 ) -> Path:
-    """Write an avatar that stands as ``avatar`` rests: VRM ``version`` "1.0", "0.x" (facing -Z), or "" for a plain .glb.
+    """Write an avatar in the rest pose: VRM ``version`` "1.0", "0.x" (facing -Z), or "" for a plain .glb.
 
     weights: how they are stored. axes: whether joints are turned at rest. hair: whether a mesh of hair hangs on the
     head, in front of the trunk, from a chain of joints that a spring moves, and a skirt on the hips without a spring.

@@ -91,10 +91,9 @@ class _Fitting:
 
     def limbs(self) -> None:
         """Arms, legs and neck; those with too few vertices get the median factor of the others."""
-        rows = [n for n, part in enumerate(self.usual.parts) if part in ("sleeve", "cuff", "leg", "neck")]
-        feet = [n for n, part in enumerate(self.usual.parts) if part == "shoe"]
-        self._scale_others(rows, [n for n in rows if self._sleeve(n, halves=True)])
-        self._scale_others(feet, [])
+        for what, parts in (("arms", ("sleeve", "cuff")), ("legs", ("leg",)), ("neck", ("neck",))):
+            rows = [n for n, part in enumerate(self.usual.parts) if part in parts]
+            self._scale_others(what, rows, [n for n in rows if self._sleeve(n, halves=True)])
         for side in _SIDES:
             shoulder, arm = self.row.get(f"{side}Shoulder"), self.row.get(f"{side}UpperArm")
             if shoulder is not None and arm is not None:
@@ -106,8 +105,10 @@ class _Fitting:
             rows = [n for n, s in enumerate(self.usual.sides) if s == side]
             palms = [n for n in rows if self.usual.parts[n] == "palm"]
             fingers = [n for n in rows if n not in palms and self.usual.keys[n].startswith(side + self._finger(n))]
-            self._scale_others(palms, [n for n in palms if "Thumb" not in self.usual.keys[n] and self._palm(n, side)])
-            self._scale_others(fingers, [n for n in fingers if self._sleeve(n, halves=False)])
+            fitted = [n for n in palms if "Thumb" not in self.usual.keys[n] and self._palm(n, side)]
+            self._scale_others(f"{side} palm", palms, fitted)
+            fitted = [n for n in fingers if self._sleeve(n, halves=False)]
+            self._scale_others(f"{side} fingers", fingers, fitted)
 
     def _finger(self, row: int) -> str:
         part = self.usual.parts[row].removesuffix("Tip")
@@ -188,15 +189,12 @@ class _Fitting:
         self.ends[row] = end + 0.5 * (t1 + b1) * up
         return True
 
-    def _scale_others(self, rows: Sequence[int], fitted: Sequence[int]) -> None:
+    def _scale_others(self, what: str, rows: Sequence[int], fitted: Sequence[int]) -> None:
         """Give the rows that were not fitted the median factor of those that were."""
         others = [n for n in rows if n not in fitted]
-        self.missed += [
-            self.usual.keys[n]
-            for n in others
-            if self.usual.parts[n] != "shoe" and "ThumbPalm" not in self.usual.keys[n]
-        ]
-        if fitted and others:
+        if rows and not fitted:
+            self.missed.append(what)
+        elif others:
             factors = self.radii[list(fitted)].mean(axis=1) / self.usual.radii[list(fitted)].mean(axis=1)
             self.radii[others] *= quantile(factors, 0.5)
 

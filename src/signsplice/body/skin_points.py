@@ -12,8 +12,8 @@ Float = NDArray[np.float64]
 
 MIN_POINTS = 6
 """Fewer vertices than this are too few to measure."""
-_OWN = 0.5
-"""A vertex belongs to the joints that carry at least this much of it."""
+_OWN = 0.49
+"""A vertex belongs to the joints that carry at least this much of it: half, and the rounding of bytes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,8 @@ class SkinPoints:
 
     def of(self, joints: int | Sequence[int]) -> Float:
         """Positions (N, 3) of the vertices that these joints carry together, by half or more."""
-        return self.positions[(self.weights * np.isin(self.joints, joints)).sum(axis=1) >= _OWN - 0.01]
+        share = (self.weights * np.isin(self.joints, joints)).sum(axis=1)
+        return np.asarray(self.positions[share >= _OWN])
 
 
 def quantile(values: Float, share: float) -> float:
@@ -46,5 +47,5 @@ def window(points: Float, at: tuple[float, float], half: float) -> Float | None:
     for wider in (1.0, 2.0, 4.0):
         near = points[away < wider * half]
         if len(near) >= MIN_POINTS:
-            return near
+            return np.asarray(near)
     return None

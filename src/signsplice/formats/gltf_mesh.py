@@ -22,15 +22,17 @@ Float = NDArray[np.float64]
 _TRIANGLES = 4
 _VERTEX_BYTES = 400
 """Memory that a vertex takes while it is read."""
-_LOOSE = frozenset(
-    "hair ahoge bangs ponytail twintail braid wig skirt cape cloak coat scarf ribbon bow necktie tail wing horn hat cap hood "
-    "helmet glasses goggles mask earring earrings necklace accessory accessories acc weapon bag backpack outline "
-    "eyelash eyelashes lash lashes".split()
-)
+_LOOSE = {
+    *("hair", "ahoge", "bangs", "ponytail", "twintail", "braid", "wig", "eyelash", "eyelashes", "lash", "lashes"),
+    *("skirt", "cape", "cloak", "coat", "scarf", "ribbon", "bow", "necktie", "tail", "wing", "horn", "outline"),
+    *("hat", "cap", "hood", "helmet", "glasses", "goggles", "mask", "earring", "earrings", "necklace", "accessory"),
+    *("accessories", "acc", "weapon", "bag", "backpack"),
+}
 """Words in the names of what is no skin: of joints without a role, meshes, nodes and materials."""
-_SOFT = frozenset(
-    "bust breast breasts boob boobs oppai mune chichi butt hip hips belly twist roll muscle helper".split()
-)
+_SOFT = {
+    *("bust", "breast", "breasts", "boob", "boobs", "oppai", "mune", "chichi", "butt", "hip", "hips", "belly"),
+    *("twist", "roll", "muscle", "helper"),
+}
 """Words in the names of joints without a role that carry skin, though a spring may move them."""
 _LOOSE_SIGNS, _SOFT_SIGNS = ("髪", "スカート", "リボン", "帽", "眼鏡"), ("胸", "乳")
 _WORD = re.compile("[A-Z]?[a-z]+|[A-Z]+")
