@@ -112,7 +112,7 @@ class Fit:
         """The moves (T, 2, 3) of the wrists, m, with arms that follow as ``_shares`` says."""
         m = self._solve_linear()
         self.out_of_reach = self._out_of_reach(m)
-        self._near = _near_contacts(self, m)
+        self.near = _near_contacts(self, m)
         return self._touched(m, self.carried, np.zeros_like(m), _STEPS)
 
     def _out_of_reach(self, m: Float) -> Float:
@@ -126,7 +126,7 @@ class Fit:
         return self._touched(base, moved, base, _STEPS_AGAIN)
 
     def _touched(self, m: Float, posed: PosedBody, base: Float, steps: int) -> Float:
-        contacts = _Contacts(self.pairs[1], self._near, posed, base)
+        contacts = _Contacts(self.pairs[1], self.near, posed, base)
         for _ in range(steps):
             m = self._step(m, contacts)
         return m
@@ -253,7 +253,10 @@ def _near_contacts(fit: Fit, m: Float) -> Near:
     near = near_pairs(starts, ends, posed.radii, ours, _MARGIN_M)
     n = len(ours.own)
     frames, k = np.divmod(np.union1d(touching[0] * n + touching[1], near[0] * n + near[1]), n)
-    return Near(frames, k, pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance)
+    then = pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance
+    now = pair_gaps(starts, ends, posed.radii, ours, frames, k).distance
+    kept = (then < _TOUCH_M) | (now < _MARGIN_M)
+    return Near(frames[kept], k[kept], then[kept])
 
 
 class _Contacts:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 
 Float = NDArray[np.float64]
+
+_LEG, _SIDES = ("leg", "shoe"), ("left", "right")
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +41,22 @@ class PosedBody:
         """Median length of the palms' capsules, m."""
         palms = [n for n, part in enumerate(self.body.parts) if part == "palm"]
         return float(np.median(np.linalg.norm(self.ends[0, palms] - self.starts[0, palms], axis=-1)))
+
+    def with_arms(self, elbows: Float, wrists: Float) -> PosedBody:
+        """The same body with elbows and wrists (T, 2, 3) elsewhere; hands keep their rotations."""
+        starts, ends, moves = self.starts.copy(), self.ends.copy(), wrists - self.wrists
+        for n, (part, side) in enumerate(zip(self.body.parts, self.body.sides, strict=True)):
+            if not side or part in _LEG:
+                continue
+            arm = _SIDES.index(side)
+            if part == "sleeve":
+                ends[:, n] = elbows[:, arm]
+            elif part == "cuff":
+                starts[:, n], ends[:, n] = elbows[:, arm], wrists[:, arm]
+            else:
+                starts[:, n] += moves[:, arm]
+                ends[:, n] += moves[:, arm]
+        return replace(self, starts=starts, ends=ends, wrists=wrists)
 
 
 def posed_body(clip: Clip, body: BodyCapsules) -> PosedBody:
