@@ -91,7 +91,8 @@ def body(name: str, gloss: str = "NAME") -> Avatar:
 
 def mannequin_parts(avatar: Avatar) -> tuple[MeshPart, ...]:
     """The mannequin of an avatar's capsules, in the avatar's rest pose."""
-    made = mannequin._body_mesh(replace(avatar, mesh=()))
+    assert avatar.body is not None
+    made = mannequin.capsule_mesh(replace(avatar, mesh=()), avatar.body)
     bind, at = mannequin.bind_pose(replace(avatar, mesh=()))
     rest = kinematics.rest_positions(avatar)
     parts = []
