@@ -123,10 +123,11 @@ class Fit:
     def again(self, moved: PosedBody) -> Float:
         """The moves once more, from ``moved``: the body with the arms as they lie after the moves so far."""
         base = moved.wrists - self.carried.wrists
-        return self._touched(base, moved, base, _STEPS_AGAIN)
+        heights = moved.heights(self.pairs[1], self.near)
+        return self._touched(base, moved, base, _STEPS_AGAIN if moved.body.relief is None else _STEPS, heights)
 
-    def _touched(self, m: Float, posed: PosedBody, base: Float, steps: int) -> Float:
-        contacts = _Contacts(self.pairs[1], self.near, posed, base)
+    def _touched(self, m: Float, posed: PosedBody, base: Float, steps: int, heights: Float | float = 0.0) -> Float:
+        contacts = _Contacts(self.pairs[1], self.near, posed, base, heights)
         for _ in range(steps):
             m = self._step(m, contacts)
         return m
@@ -260,9 +261,12 @@ def _near_contacts(fit: Fit, m: Float) -> Near:
 
 
 class _Contacts:
-    """The near pairs on a body whose wrists are moved by ``base`` in ``posed``."""
+    """The near pairs on a body whose wrists are moved by ``base`` in ``posed``.
 
-    def __init__(self, ours: SkinPairs, near: Near, posed: PosedBody, base: Float) -> None:
+    heights: (N,) of its skin above the other capsule of each.
+    """
+
+    def __init__(self, ours: SkinPairs, near: Near, posed: PosedBody, base: Float, heights: Float | float) -> None:
         self.frames, k, self.then = near.frames, near.k, near.distance
         first, last, _ = _shares(posed.body)
         own, other = ours.own[k], ours.other[k]
@@ -277,7 +281,7 @@ class _Contacts:
         touching = self.then < _TOUCH_M
         # A pair that lies deep at the source has no skin to touch: it may lie as deep, and is held the less.
         off = np.maximum(np.abs(self.then + 0.5 * _PRESS_M) - 0.5 * _PRESS_M, 0.0)
-        self._wanted = self._allowed = np.minimum(self.then, _CLEAR_M)
+        self._wanted = self._allowed = np.minimum(self.then, _CLEAR_M) + heights
         self._held = np.where(touching, _CONTACT_WEIGHT * np.exp(-off / _CONTACT_FADE_M), 0.0)
 
     def add(self, m: Float, block: Float, rhs: Float) -> None:

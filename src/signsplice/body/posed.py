@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules, capsule_ends
+from signsplice.body.touch import Near, SkinPairs, pair_gaps
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
@@ -26,6 +27,7 @@ class PosedBody:
     radii: (C, 2).
     shoulders, wrists: (T, 2, 3) left and right.
     arm_lengths: (2,) upper arm and forearm together.
+    turns: (T, K, 3, 3) rotations of the K capsules under the body's relief; None where it has none.
     """
 
     body: BodyCapsules
@@ -35,12 +37,30 @@ class PosedBody:
     shoulders: Float
     wrists: Float
     arm_lengths: Float
+    turns: Float | None = None
 
     @property
     def hand_length(self) -> float:
         """Median length of the palms' capsules, m."""
         palms = [n for n, part in enumerate(self.body.parts) if part == "palm"]
         return float(np.median(np.linalg.norm(self.ends[0, palms] - self.starts[0, palms], axis=-1)))
+
+    def heights(self, pairs: SkinPairs, near: Near) -> Float:
+        """How far (N,) the skin of head or trunk lies above the other capsule of near pairs, where they are nearest, m;
+        0 where the capsules are the skin.
+        """
+        relief, body, out = self.body.relief, self.body, np.zeros(len(near.k))
+        if relief is None or self.turns is None:
+            return out
+        own = np.flatnonzero(np.isin(pairs.other[near.k], relief.rows))
+        frames, k = near.frames[own], near.k[own]
+        rows, now = pairs.other[k], pair_gaps(self.starts, self.ends, self.radii, pairs, frames, k)
+        outward = np.einsum("nba,nb->na", self.turns[frames, np.searchsorted(relief.rows, rows)], now.normals)
+        radius = body.radii[rows, 0] + now.other_at * (body.radii[rows, 1] - body.radii[rows, 0])
+        along = now.other_at[:, None] * (body.ends - body.starts)[rows]
+        places = body.starts[rows] + along + radius[:, None] * outward
+        out[own] = relief.heights(rows, places, outward) * (self.radii[0, 0] / body.radii[0, 0])
+        return out
 
     def with_arms(self, elbows: Float, wrists: Float) -> PosedBody:
         """The same body with elbows and wrists (T, 2, 3) elsewhere; hands keep their rotations."""
@@ -68,4 +88,5 @@ def posed_body(clip: Clip, body: BodyCapsules) -> PosedBody:
     joints = info.arm_joints
     shoulders, elbows, wrists = (metres * positions[:, [joints[k], joints[3 + k]]] for k in range(3))
     lengths = np.linalg.norm(elbows[0] - shoulders[0], axis=-1) + np.linalg.norm(wrists[0] - elbows[0], axis=-1)
-    return PosedBody(body, metres * starts, metres * ends, metres * body.radii, shoulders, wrists, lengths)
+    turns = None if body.relief is None else rotations[:, body.joints[body.relief.rows]]
+    return PosedBody(body, metres * starts, metres * ends, metres * body.radii, shoulders, wrists, lengths, turns)
