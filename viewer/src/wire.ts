@@ -23,6 +23,7 @@ export interface Span {
   name: string | null;
   source: [number, number] | null;
   output: [number, number];
+  warp: [number, number][] | null;
 }
 
 /** The join of two signs. */
@@ -40,6 +41,13 @@ export interface Seam {
   intrusion_mm: number | null;
 }
 
+/** The tempo of a sentence. */
+export interface ReachedTempo {
+  mode: "citation" | "natural" | "seconds";
+  asked_seconds: number | null;
+  seconds: number | null;
+}
+
 /** Files in base64; null for a format that was not requested or cannot hold the clip. */
 export interface Files {
   bvh: string | null;
@@ -53,6 +61,7 @@ export interface Dials {
   transition?: string | null;
   transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
   sign_speed?: number;
+  tempo?: "citation" | "natural" | number;
   fps?: number | null;
   body_sense?: boolean | null;
 }
@@ -63,6 +72,7 @@ export interface SentenceRequest {
   transition?: string | null;
   transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
   sign_speed?: number;
+  tempo?: "citation" | "natural" | number;
   fps?: number | null;
   body_sense?: boolean | null;
   glosses: string[];
@@ -76,6 +86,7 @@ export interface SpliceRequest {
   transition?: string | null;
   transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
   sign_speed?: number;
+  tempo?: "citation" | "natural" | number;
   fps?: number | null;
   body_sense?: boolean | null;
   formats?: ("bvh" | "glb" | "vrma")[];
@@ -92,6 +103,7 @@ export interface Report {
   spans: Span[];
   seams: Seam[];
   warnings: string[];
+  tempo: ReachedTempo;
   timing_ms: Record<string, number>;
 }
 
@@ -149,6 +161,7 @@ export interface OpenMessage {
   transition?: string | null;
   transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
   sign_speed?: number;
+  tempo?: "citation" | "natural" | number;
   fps?: number | null;
   body_sense?: boolean | null;
   type: "open";

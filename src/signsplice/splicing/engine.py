@@ -12,7 +12,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Literal
@@ -29,6 +29,7 @@ from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
 from signsplice.splicing.filling import FilledGap, fill
 from signsplice.splicing.gap import Gap, gap_at
 from signsplice.splicing.seam import Seam, score
+from signsplice.splicing.tempo import CITATION, Played, ReachedTempo, RunningDuration, play, reached, seconds_a_sign
 from signsplice.splicing.transition import Transition
 
 MAX_TRANSITION_S = 10.0
@@ -43,6 +44,8 @@ class SpliceOptions:
     bundle: folder of the networks; None: those that ship.
     transition_time: length of every transition, seconds, in place of the duration.
     sign_speed: how many times as fast signs play.
+    tempo: "citation": as recorded; "natural": as in running signing; or how many seconds a sign takes with its
+        transition. Holds and slow parts are shortened until it does, as far as human speeds allow.
     fps: output rate; None: the first clip's.
     avoid_collisions: whether hands are led around head, trunk and each other; None: where the transition is learned.
     limits: how many frames a clip may have at the output rate.
@@ -56,6 +59,7 @@ class SpliceOptions:
     bundle: str | Path | None = None
     transition_time: float | None = None
     sign_speed: float = 1.0
+    tempo: str | float = CITATION
     fps: float | None = None
     avoid_collisions: bool | None = None
     limits: ReadLimits = DEFAULT_LIMITS
@@ -69,6 +73,7 @@ class SpliceOptions:
         for what, value, least, most, unit in limits:
             if value is not None and not least <= value <= most:
                 raise InputError(f"{what} {value:g}{unit}, expected {least:g} to {most:g}{unit}")
+        seconds_a_sign(self.tempo)
 
 
 @dataclass(frozen=True)
@@ -80,6 +85,7 @@ class Span:
     name: name of the source clip; None for a transition.
     source: frames of that clip, counted at the output rate; None for a transition.
     output: frames of the output.
+    warp: each output frame with the frame of the clip that it shows, where a tempo changed when frames come; else None.
     """
 
     kind: Literal["sign", "transition"]
@@ -87,6 +93,7 @@ class Span:
     name: str | None
     source: tuple[int, int] | None
     output: tuple[int, int]
+    warp: tuple[tuple[int, float], ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +124,7 @@ class SpliceResult:
     timing_ms: time spent in each part: "harmonize" (align), "cut", "transition", "join".
     bundle: sha256 of the bundle that a chosen method comes from; None where all are classical.
     contacts: for each source clip that was brought to another body, by its index, what its hands touch there.
+    tempo: the tempo asked for, and how long signs take.
     """
 
     clip: Clip
@@ -128,6 +136,7 @@ class SpliceResult:
     timing_ms: dict[str, float]
     bundle: str | None = None
     contacts: Mapping[int, tuple[Contact, ...]] = field(default_factory=dict)
+    tempo: ReachedTempo = field(default_factory=ReachedTempo)
 
 
 def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> SpliceResult:
@@ -137,6 +146,7 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Splic
     nothing in common, ``LimitError`` where a clip has too many frames at the output rate.
     """
     sentence = _SentenceBuilder(options or SpliceOptions())
+    tempo = sentence.options.tempo
     pieces = [*sentence.add(clips), *sentence.end()]
     if not pieces:
         raise InputError("nothing to splice, expected at least one clip")
@@ -153,6 +163,7 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Splic
         timing_ms={part: 1e3 * sentence.seconds[part] for part in ("harmonize", "cut", "transition", "join")},
         bundle=sentence.methods.bundle,
         contacts=sentence.contacts,
+        tempo=reached([piece.span.output for piece in pieces if piece.span.kind == "sign"], clip.fps, tempo),
     )
 
 
@@ -199,6 +210,7 @@ class _SentenceWord:
 
     index: its number in the sentence.
     clip: its aligned clip.
+    played: the same as it is played.
     warnings: about the clip, one line each.
     entry: the frame at which it is entered.
     seam: the seam by which it is entered.
@@ -206,6 +218,7 @@ class _SentenceWord:
 
     index: int
     clip: Clip
+    played: Played
     warnings: tuple[str, ...]
     entry: int = 0
     seam: Seam | None = None
@@ -242,6 +255,11 @@ class _SentenceBuilder:
         options = self.options
         self.methods = methods.choose(options.cutter, options.transition, options.duration, options.bundle)
         self.cutter, self.transition = self.methods.cutter, self.methods.transition
+        self.seconds_a_sign = seconds_a_sign(options.tempo)
+        is_own = options.duration not in (None, methods.AUTO)
+        self.duration: Duration = self.methods.duration
+        if self.seconds_a_sign is not None and not is_own:
+            self.duration = RunningDuration(self.seconds_a_sign)
 
     @contextmanager
     def timed(self, part: str) -> Iterator[None]:
@@ -258,7 +276,7 @@ class _SentenceBuilder:
         self._n_words += len(new)
         self._last = words[-1] if words else None
         for planned, transition in zip(seams, filled, strict=True):
-            yield self._sign(planned.before, planned.cut.pre + 1)
+            yield self._sign(planned.before, planned.before.played.last(planned.cut.pre) + 1)
             planned.after.seam = self._score(planned, transition)
             if transition is not None:
                 span = self._span("transition", None, None, None, len(transition.clip))
@@ -268,7 +286,7 @@ class _SentenceBuilder:
         """The rest of the last word."""
         last, self._last = self._last, None
         if last is not None:
-            yield self._sign(last, len(last.clip))
+            yield self._sign(last, len(last.played.clip))
 
     def _word(self, clip: Clip, index: int) -> _SentenceWord:
         """A clip aligned to the first one."""
@@ -281,7 +299,10 @@ class _SentenceBuilder:
         if aligned.contacts:
             self.contacts[index] = aligned.contacts
         warnings = aligned.warnings if index else (*self.methods.warnings, *aligned.warnings)
-        return _SentenceWord(index, aligned.clip, warnings)
+        with self.timed("cut"):
+            seconds = self.seconds_a_sign
+            played = Played(aligned.clip) if seconds is None else play(aligned.clip, self.cutter, seconds)
+        return _SentenceWord(index, aligned.clip, played, (*warnings, *played.warnings))
 
     def _plan(self, words: Sequence[_SentenceWord]) -> list[_PlannedSeam]:
         """The seams of words in order; sets the frame at which each word is entered."""
@@ -302,7 +323,8 @@ class _SentenceBuilder:
                     f"{before.clip.name} is left at frame {before.entry}, where it was entered: only that frame is kept"
                 )
                 warnings = (*warnings, line)
-            gap = gap_at(before.clip, after.clip, cut, n_frames, before.entry)
+            p, q = before.played, after.played
+            gap = gap_at(p.clip, q.clip, p.cut(cut, q), n_frames, p.first(before.entry))
             seams.append(_PlannedSeam(before, after, cut, gap, warnings))
         return seams
 
@@ -335,7 +357,7 @@ class _SentenceBuilder:
         if self.options.transition_time is not None:
             return round(self.options.transition_time * before.fps), ()
         try:
-            seconds = self.methods.duration.seconds(before, after, cut)
+            seconds = self.duration.seconds(before, after, cut)
         except FormatError:  # of a network that is damaged
             raise
         except InputError:
@@ -345,9 +367,12 @@ class _SentenceBuilder:
         return max(1, round(min(seconds, MAX_TRANSITION_S) * before.fps)), ()
 
     def _sign(self, word: _SentenceWord, stop: int) -> Piece:
+        """A word from where it is entered to frame ``stop`` as it is played."""
         with self.timed("join"):
-            span = self._span("sign", word.index, word.clip.name, (word.entry, stop), stop - word.entry)
-            return Piece(word.clip[word.entry : stop], span, word.seam, word.warnings)
+            played, start = word.played, word.played.first(word.entry)
+            span = self._span("sign", word.index, word.clip.name, played.source(start, stop), stop - start)
+            span = replace(span, warp=played.warp(start, stop, span.output[0]))
+            return Piece(played.clip[start:stop], span, word.seam, word.warnings)
 
     def _span(
         self,
