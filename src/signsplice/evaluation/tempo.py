@@ -6,10 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from signsplice.errors import InputError
 from signsplice.evaluation.seams import keeps_stroke
 from signsplice.evaluation.tables import markdown
 from signsplice.evaluation.wrists import wrist_positions
@@ -51,8 +53,9 @@ class TempoRow:
     jerk_ratio: jerk of the faster wrist over the recorded sign's, both scaled to one duration; median: 1 where the
         movement keeps its shape.
     velocity_jump: at the ends of transitions, m/s, median.
+    transition_peak: highest speed of a wrist in 95 % of the transitions, m/s.
     whole: fraction of the signs of which all movements are kept.
-    repetitions: fraction of the signs whose hands turn back no less often than recorded.
+    repetitions: fraction of the signs whose hands turn back no less often than recorded in their movements.
     shortest_pass: shortest pass of a movement that was not as short as recorded, s; None where there is none.
     contacts: fraction of the contacts that are seen in two frames or more.
     """
@@ -69,6 +72,7 @@ class TempoRow:
     peak_ratio: float
     jerk_ratio: float
     velocity_jump: float
+    transition_peak: float
     whole: float
     repetitions: float
     shortest_pass: float | None
@@ -91,8 +95,9 @@ class _SignMeasurement:
 
 
 def lexicons(n_words: int) -> dict[str, list[IsolatedWord]]:
-    """Words that ship, drawn by seed, by the standard signer, and other ones by three others: one drawn, one with folded
-    hands at rest, one who signs slowly.
+    """Words that ship, drawn by seed, by the standard signer, and as many others by each of three other signers: one
+    drawn by seed, one who rests with folded hands, one who signs slowly. No word is in two of them. Raises
+    ``InputError`` where there are not so many words.
     """
     signs = list(notation.everyday().values())
     order = stream("tempo", len(signs)).permutation(len(signs)).tolist()
@@ -102,7 +107,10 @@ def lexicons(n_words: int) -> dict[str, list[IsolatedWord]]:
         "signer 102, folded": replace(draw_signer(102), rest="folded"),
         "signer 103, slow": replace(draw_signer(103), tempo=SLOW),
     }
-    rows = [order[n * n_words : (n + 1) * n_words] or order[:n_words] for n in range(len(signers))]
+    most = len(signs) // len(signers)
+    if not LENGTH <= n_words <= most:
+        raise InputError(f"{n_words} words of each signer, expected {LENGTH} to {most}")
+    rows = [order[n * n_words : (n + 1) * n_words] for n in range(len(signers))]
     return {
         name: [planner.isolated(signs[k], signer) for k in row]
         for (name, signer), row in zip(signers.items(), rows, strict=True)
@@ -112,24 +120,25 @@ def lexicons(n_words: int) -> dict[str, list[IsolatedWord]]:
 def compare(
     words: dict[str, list[IsolatedWord]],
     tempos: Sequence[str | float] = (CITATION, NATURAL),
+    bundle: str | Path | None = None,
     progress: Progress | None = None,
 ) -> list[TempoRow]:
     """One row for each lexicon and tempo; every word is measured once."""
     rows = []
     for name, own in words.items():
         for tempo in tempos:
-            rows.append(_row(name, own, tempo))
+            rows.append(_row(name, own, SpliceOptions(tempo=tempo, bundle=bundle)))
             if progress is not None:
                 progress(len(rows), len(words) * len(tempos))
     return rows
 
 
-def _row(name: str, words: Sequence[IsolatedWord], tempo: str | float) -> TempoRow:
-    measured, jumps = [], []
+def _row(name: str, words: Sequence[IsolatedWord], options: SpliceOptions) -> TempoRow:
+    measured, seams = [], []
     for part in _sentences(words):
-        result = splice([word.clip for word in part], SpliceOptions(tempo=tempo))
+        result = splice([word.clip for word in part], options)
         measured += list(_signs(result, part))
-        jumps += [seam.velocity_jump for seam in result.seams]
+        seams += result.seams
 
     def median(field: str) -> float:
         return float(np.nanmedian([getattr(sign, field) for sign in measured]))
@@ -138,7 +147,7 @@ def _row(name: str, words: Sequence[IsolatedWord], tempo: str | float) -> TempoR
     there, seen = np.sum([sign.contacts for sign in measured], axis=0).tolist()
     return TempoRow(
         words=name,
-        tempo=str(tempo),
+        tempo=str(options.tempo),
         n_signs=len(measured),
         ratio=float(np.mean([sign.seconds + sign.transition for sign in measured])) / RUNNING_S,
         sign_seconds=median("seconds"),
@@ -148,7 +157,8 @@ def _row(name: str, words: Sequence[IsolatedWord], tempo: str | float) -> TempoR
         fastest=max(sign.peak for sign in measured),
         peak_ratio=median("peak_ratio"),
         jerk_ratio=median("jerk_ratio"),
-        velocity_jump=float(np.median(jumps)),
+        velocity_jump=float(np.median([seam.velocity_jump for seam in seams])),
+        transition_peak=float(np.quantile([seam.peak_speed_m_s for seam in seams], 0.95)),
         whole=float(np.mean([sign.whole for sign in measured])),
         repetitions=float(np.mean([sign.repeats for sign in measured])),
         shortest_pass=min(passes, default=None),
@@ -173,7 +183,6 @@ def _signs(result: SpliceResult, words: Sequence[IsolatedWord]) -> Iterator[_Sig
             continue
         word, played = words[span.clip], wrists[slice(*span.output)]
         recorded = wrist_positions(word.clip)[slice(*span.source)]
-        axes = [np.linalg.svd(path - path.mean(axis=0), full_matrices=False)[2][0] for path in recorded.swapaxes(0, 1)]
         peaks = [_peak(path, fps) for path in (played, recorded)]
         jerks = [_shape(path) for path in (played, recorded)]
         yield _SignMeasurement(
@@ -183,10 +192,7 @@ def _signs(result: SpliceResult, words: Sequence[IsolatedWord]) -> Iterator[_Sig
             peak_ratio=peaks[0] / peaks[1] if peaks[1] > 0.0 else float("nan"),
             jerk_ratio=jerks[0] / jerks[1] if jerks[1] > 0.0 else float("nan"),
             whole=keeps_stroke(word, *span.source),
-            repeats=all(
-                _turns(played[:, k], axis, _SEEN_TURN_M) >= _turns(recorded[:, k], axis, _TURN_M)
-                for k, axis in enumerate(axes)
-            ),
+            repeats=_repeats(span, word, wrists),
             passes=tuple(_passes(span, word, fps)),
             contacts=_contacts(span, word.clip, touching),
         )
@@ -206,6 +212,21 @@ def _passes(span: Span, word: IsolatedWord, fps: float) -> Iterator[float]:
         seconds = (_output_at(span, end) - _output_at(span, begin)) / fps
         if seconds < (end - begin) / fps - 1e-3:
             yield seconds
+
+
+def _repeats(span: Span, word: IsolatedWord, wrists: Float) -> bool:
+    """Whether the hands (T, W, 3) of a sentence turn back no less often than recorded in a sign's movements."""
+    events = word.events
+    if events.first is None or not events.passes:
+        return True
+    first, last = events.first[0], events.passes[-1][1]
+    recorded = wrist_positions(word.clip)[first : last + 1]
+    start, stop = int(np.floor(_output_at(span, first))), int(np.ceil(_output_at(span, last))) + 1
+    for path, played in zip(recorded.swapaxes(0, 1), wrists[start:stop].swapaxes(0, 1), strict=True):
+        axis = np.linalg.svd(path - path.mean(axis=0), full_matrices=False)[2][0]
+        if _turns(played, axis, _SEEN_TURN_M) < _turns(path, axis, _TURN_M):
+            return False
+    return True
 
 
 def _contacts(span: Span, clip: Clip, touching: Sequence[tuple[int, int]]) -> tuple[int, int]:
@@ -251,15 +272,8 @@ def _turns(path: Float, axis: Float, least: float) -> int:
 
 _HEAD = (
     *("words", "tempo", "signs", "of running tempo", "sign, s", "95 %", "transition, s", "peak, m/s", "fastest"),
-    *(
-        "peak ratio",
-        "jerk ratio",
-        "velocity jump, m/s",
-        "strokes whole",
-        "turns kept",
-        "shortest pass, s",
-        "contacts kept",
-    ),
+    *("peak ratio", "jerk ratio", "velocity jump, m/s", "transition peak", "strokes whole", "turns kept"),
+    *("shortest pass, s", "contacts kept"),
 )
 
 
@@ -278,11 +292,12 @@ def table(rows: Sequence[TempoRow], n_words: int) -> list[str]:
 
 def _cells(row: TempoRow) -> tuple[str, ...]:
     times = row.ratio, row.sign_seconds, row.longest, row.transition_seconds
+    ratios = row.peak_ratio, row.jerk_ratio, row.velocity_jump, row.transition_peak
     return (
         row.words,
         row.tempo,
         str(row.n_signs),
-        *(f"{x:.2f}" for x in (*times, row.peak, row.fastest, row.peak_ratio, row.jerk_ratio, row.velocity_jump)),
+        *(f"{x:.2f}" for x in (*times, row.peak, row.fastest, *ratios)),
         *(f"{100 * x:.0f} %" for x in (row.whole, row.repetitions)),
         "-" if row.shortest_pass is None else f"{row.shortest_pass:.2f}",
         "-" if row.contacts is None else f"{100 * row.contacts:.0f} %",

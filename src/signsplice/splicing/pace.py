@@ -77,17 +77,19 @@ class Pace:
         """
         if (last - first) / self.fps <= seconds:
             return np.ones_like(self.most)
+        most = np.ones_like(self.most)
+        most[first + 1 : last] = self.most[first + 1 : last]
         slow, fast = -8.0, 8.0  # log2 of the intensity that slow moments are brought towards
         for _ in range(40):
             middle = 0.5 * (slow + fast)
-            if self.seconds(self._rates(2.0**middle), first, last) > seconds:
+            if self.seconds(self._rates(2.0**middle, most), first, last) > seconds:
                 slow = middle
             else:
                 fast = middle
-        return self._rates(2.0**fast)
+        return self._rates(2.0**fast, most)
 
-    def _rates(self, level: float) -> Float:
-        wanted = np.clip((level / self.intensity) ** FLATTENING, 1.0, self.most)
+    def _rates(self, level: float, most: Float) -> Float:
+        wanted = np.clip((level / self.intensity) ** FLATTENING, 1.0, most)
         return np.asarray(np.exp(_smooth(np.log(wanted), self.fps)))
 
 
