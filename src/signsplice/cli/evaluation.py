@@ -1,4 +1,4 @@
-"""The command ``evaluate``: every method measured on hidden frames, at seams, for collisions, on bodies, or in tempo."""
+"""The command ``evaluate``: every method measured on hidden frames, at seams, for collisions, on bodies, in tempo."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ N_WORDS = 40
 @click.option("--bodies", "n_bodies_words", type=int, is_flag=False, flag_value=N_WORDS, metavar="N_WORDS",
               help="Bring N words that ship, or with --clips these clips, to other bodies.")  # fmt: skip
 @click.option("--tempo", "n_tempo_words", type=int, metavar="N_WORDS",
-              help="Sign N words that ship, and as many by each of three other signers, at the tempo of running signing.")  # fmt: skip
+              help="Bring N words that ship, and as many by three other signers, to running tempo.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 @reads_clips
 def evaluate(

@@ -18,6 +18,7 @@ from signsplice.evaluation.wrists import wrist_positions
 from signsplice.motion.clip import Clip
 from signsplice.splicing.engine import Span, SpliceOptions, SpliceResult, splice
 from signsplice.splicing.pace import contact_frames
+from signsplice.splicing.seam import Seam
 from signsplice.splicing.tempo import CITATION, NATURAL, RUNNING_S
 from signsplice.synth import notation, planner
 from signsplice.synth.planner import IsolatedWord
@@ -103,9 +104,9 @@ def lexicons(n_words: int) -> dict[str, list[IsolatedWord]]:
     order = stream("tempo", len(signs)).permutation(len(signs)).tolist()
     signers: dict[str, Signer] = {
         "words that ship": STANDARD,
-        "signer 101": draw_signer(101),
-        "signer 102, folded": replace(draw_signer(102), rest="folded"),
-        "signer 103, slow": replace(draw_signer(103), tempo=SLOW),
+        "signer 201": draw_signer(201),
+        "signer 202, folded": replace(draw_signer(202), rest="folded"),
+        "signer 203, slow": replace(draw_signer(203), tempo=SLOW),
     }
     most = len(signs) // len(signers)
     if not LENGTH <= n_words <= most:
@@ -134,7 +135,8 @@ def compare(
 
 
 def _row(name: str, words: Sequence[IsolatedWord], options: SpliceOptions) -> TempoRow:
-    measured, seams = [], []
+    measured: list[_SignMeasurement] = []
+    seams: list[Seam] = []
     for part in _sentences(words):
         result = splice([word.clip for word in part], options)
         measured += list(_signs(result, part))

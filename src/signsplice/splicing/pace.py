@@ -37,7 +37,7 @@ MOST = 6.0
 """Highest rate, that of a hold."""
 CONTACT_S = 0.08
 """A contact is held at least this long, where it was: two frames at 25 or 30 a second."""
-STROKE_S = 0.12
+STROKE_S = 0.1
 """One movement of a hand or its fingers takes at least this long, where it did: hands repeat a movement to and fro no
 faster than about five times a second.
 """
@@ -45,6 +45,7 @@ FLATTENING = 0.5
 """How much slow moments are preferred: 0 plays all moments at one rate, 1 brings all to one intensity, which would take
 from movements how they start and stop.
 """
+OUTSIDE = 0.35
 _LEAST_INTENSITY = 0.02
 _STEP_S = 1.0 / 30.0
 """Step of the differences that speeds and accelerations are taken by."""
@@ -77,7 +78,7 @@ class Pace:
         """
         if (last - first) / self.fps <= seconds:
             return np.ones_like(self.most)
-        most = np.ones_like(self.most)
+        most = np.minimum(self.most, np.maximum(OUTSIDE / self.intensity, 1.0))
         most[first + 1 : last] = self.most[first + 1 : last]
         slow, fast = -8.0, 8.0  # log2 of the intensity that slow moments are brought towards
         for _ in range(40):
