@@ -112,9 +112,10 @@ def _pace(clip: Clip) -> Pace:
     intensity = np.maximum(speed / speeds, np.sqrt(acceleration / accelerations)).max(axis=1)
     width = 2 * max(1, round(_SMOOTH_S * clip.fps)) + 1
     most = np.clip(1.0 / np.maximum(intensity, 1.0 / MOST), 1.0, MOST)
-    for start, stop, least in (*_movements(clip), *_contacts(clip)):
-        seconds = (stop - start) / clip.fps
-        most[start:stop] = np.minimum(most[start:stop], max(1.0, seconds / least))
+    spans = [(*frames, STROKE_S) for frames in _movements(clip)]
+    spans += [(start, stop - 1, CONTACT_S) for start, stop in contact_frames(clip)]  # from first to last touch
+    for start, stop, least in spans:
+        most[start : stop + 1] = np.minimum(most[start : stop + 1], max(1.0, (stop - start) / clip.fps / least))
     most = minimum_filter1d(most, width, mode="nearest")
     start, stop = active_span(arms(clip))
     most[:start], most[stop:] = 1.0, 1.0
@@ -139,37 +140,33 @@ def _points(clip: Clip) -> tuple[Float, Float, Float]:
     return positions[:, 1:] - positions[:, :1], speeds, accelerations
 
 
-def _movements(clip: Clip) -> list[tuple[int, int, float]]:
-    """Single movements of each wrist, and of its fingers about it, from one minimum of speed to the next: first frame,
-    end, and the least seconds.
+def _movements(clip: Clip) -> list[tuple[int, int]]:
+    """First and last frame of each single movement of a wrist, and of its fingers about it, from one minimum of speed
+    to the next.
     """
     info = rig_info(clip.skeleton)
-    joints, found = info.roles.joints, []
+    joints = info.roles.joints
+    found: list[tuple[int, int]] = []
     for side in ("left", "right"):
         tips = [joint for role, joint in joints.items() if role.startswith(side) and role.endswith("Distal")]
         positions = kinematics.forward(clip, [0, joints[f"{side}Hand"], *tips])[1] * info.sizes.unit.metres
         for path in (positions[:, 1:2] - positions[:, :1], positions[:, 2:] - positions[:, 1:2]):
             speed = np.linalg.norm(np.gradient(path, axis=0), axis=-1).max(axis=1, initial=0.0) * clip.fps
-            found += [(start, stop, STROKE_S) for start, stop in _humps(speed)]
+            found += _humps(speed)
     return found
 
 
 def _humps(speed: Float) -> list[tuple[int, int]]:
-    """Half-open ranges of frames around each clear maximum of ``speed`` (T,), between the minima or the stillness on
-    either side.
+    """First and last frame around each clear maximum of ``speed`` (T,), between the minima or the stillness on either
+    side.
     """
     peaks = (find_peaks(np.r_[0.0, speed, 0.0], prominence=_LEAST_PEAK_M_S)[0] - 1).tolist()
     lows = [a + int(np.argmin(speed[a : b + 1])) for a, b in pairwise(peaks)]
     ranges = []
-    for peak, low, high in zip(peaks, [0, *lows], [*lows, len(speed)], strict=False):
+    for peak, low, high in zip(peaks, [0, *lows], [*lows, len(speed) - 1], strict=len(peaks) > 0):
         before, after = (np.flatnonzero(speed[part] < _STILL_M_S) for part in (slice(low, peak), slice(peak, high)))
-        ranges.append((low + int(before[-1]) if len(before) else low, peak + int(after[0]) + 1 if len(after) else high))
+        ranges.append((low + int(before[-1]) if len(before) else low, peak + int(after[0]) if len(after) else high))
     return ranges
-
-
-def _contacts(clip: Clip) -> list[tuple[int, int, float]]:
-    """Contacts of the hands: first frame, end, and the least seconds."""
-    return [(*frames, CONTACT_S) for frames in contact_frames(clip)]
 
 
 def contact_frames(clip: Clip) -> list[tuple[int, int]]:
