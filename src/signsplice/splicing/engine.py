@@ -29,7 +29,17 @@ from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
 from signsplice.splicing.filling import FilledGap, fill
 from signsplice.splicing.gap import Gap, gap_at
 from signsplice.splicing.seam import Seam, score
-from signsplice.splicing.tempo import CITATION, Played, ReachedTempo, RunningDuration, play, reached, seconds_a_sign
+from signsplice.splicing.tempo import (
+    CITATION,
+    Played,
+    ReachedTempo,
+    RunningDuration,
+    is_too_fast,
+    longer_gaps,
+    play,
+    reached,
+    seconds_a_sign,
+)
 from signsplice.splicing.transition import Transition
 
 MAX_TRANSITION_S = 10.0
@@ -342,13 +352,29 @@ class _SentenceBuilder:
         """The transition of every seam, None where it has no frames."""
         with self.timed("transition"):
             gaps = [planned.gap for planned in seams if planned.gap.n_frames]
-            filled = iter(fill(self.transition, gaps, self.options.avoid_collisions))
+            filled = iter(self._made(gaps))
             return [next(filled) if planned.gap.n_frames else None for planned in seams]
+
+    def _made(self, gaps: Sequence[Gap]) -> list[FilledGap]:
+        made = fill(self.transition, gaps, self.options.avoid_collisions)
+        if not isinstance(self.duration, RunningDuration) or self.options.transition_time is not None:
+            return made
+        return [self._unhurried(gap, one) for gap, one in zip(gaps, made, strict=True)]
+
+    def _unhurried(self, gap: Gap, made: FilledGap) -> FilledGap:
+        """A transition at a tempo, with more frames where a hand would be faster than signs are."""
+        for longer in longer_gaps(gap):
+            if not is_too_fast(gap, made.clip):
+                break
+            gap = longer
+            (made,) = fill(self.transition, [gap], self.options.avoid_collisions)
+        return made
 
     def _score(self, planned: _PlannedSeam, filled: FilledGap | None) -> Seam:
         with self.timed("join"):
             names = planned.before.clip.name, planned.after.clip.name
-            return score(planned.gap, filled, *names, planned.cut, planned.warnings)
+            gap = planned.gap if filled is None else replace(planned.gap, n_frames=len(filled.clip))
+            return score(gap, filled, *names, planned.cut, planned.warnings)
 
     def _n_frames(self, before: Clip, after: Clip, cut: Cut) -> tuple[int, tuple[str, ...]]:
         """Number of transition frames: by the user's time, or by the duration; the human median where the rig has no

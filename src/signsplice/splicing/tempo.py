@@ -7,8 +7,9 @@ where the sign will be left.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -16,12 +17,15 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip, sampled
+from signsplice.motion.clip import Clip, concatenate, sampled
+from signsplice.rig import metrics
 from signsplice.rig.arms import active_span, arms
 from signsplice.rig.info import rig_info
 from signsplice.splicing.cut import Cut, Cutter
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
+from signsplice.splicing.gap import Gap
 from signsplice.splicing.pace import pace
+from signsplice.splicing.seam import FAST_M_S
 
 Float = NDArray[np.float64]
 
@@ -35,6 +39,8 @@ HAND_M_S = 2.2
 """Speed that a hand does not pass in a transition."""
 _PEAK_OVER_MEAN = 1.875
 """Of a minimum-jerk movement from rest to rest."""
+_LONGER = (1.25, 1.5, 2.0)
+"""Lengths that are tried for a transition, over the first one."""
 _DECIMALS = 4
 
 
@@ -181,3 +187,19 @@ class RunningDuration(Duration):
         p, q = arms(before), arms(after)
         travel = float(np.linalg.norm(q.wrists[cut.post] - p.wrists[cut.pre], axis=-1).max()) * p.metres
         return max(self.least, _PEAK_OVER_MEAN * travel / HAND_M_S - 1.0 / before.fps)
+
+
+def longer_gaps(gap: Gap) -> Iterator[Gap]:
+    """The same gap with more and more frames, to try in turn where a hand is too fast."""
+    for factor in _LONGER:
+        yield replace(gap, n_frames=math.ceil(factor * gap.n_frames))
+
+
+def is_too_fast(gap: Gap, new: Clip) -> bool:
+    """Whether a wrist passes ``FAST_M_S`` in the new frames of a gap."""
+    info = rig_info(new.skeleton)
+    if not info.has_arms:
+        return False
+    window = concatenate([gap.before[-1:], new, gap.after[:1]])
+    wrists = arms(window).wrists * info.sizes.unit.metres
+    return metrics.peak_speed(wrists, 1, len(window) - 1, window.fps) > FAST_M_S
