@@ -11,7 +11,7 @@ import pytest
 from conftest import random_clip
 from signing import word
 from signsplice.errors import InputError
-from signsplice.evaluation.tempo import compare, lexicons, table
+from signsplice.evaluation.tempo import compare, draw_words, table
 from signsplice.evaluation.wrists import wrist_positions
 from signsplice.motion.clip import Clip, resample, sampled
 from signsplice.rig.align import align, reference
@@ -120,11 +120,11 @@ def test_a_contact_is_seen_in_two_frames_at_least() -> None:
 
 
 def test_movements_are_neither_lost_nor_passed_over() -> None:
-    (row,) = compare({"these": [word(g) for g in ("BIRD", "WRITE", "DOG", "BOY", "STAR", "LAZY", "TEA")]}, ["natural"])
+    (row,) = compare({"these": [word(g) for g in ("BIRD", "WRITE", "DOG", "BOY", "LAZY")]}, ["natural"])
     assert row.whole == row.repetitions == 1.0
     assert row.shortest_pass is not None
     assert row.shortest_pass > 0.07
-    assert "| these | natural | 7 |" in table([row], 7)[-1]
+    assert "| these | natural | 5 |" in table([row], 5)[-1]
 
 
 def test_speed_does_not_step_where_a_transition_begins_and_ends(natural: SpliceResult) -> None:
@@ -192,12 +192,12 @@ def test_the_report_says_what_was_asked_and_reached(natural: SpliceResult, tmp_p
 
 
 def test_lexicons_share_no_word_and_have_enough() -> None:
-    drawn = lexicons(7)
-    glosses = [one.sign.gloss for own in drawn.values() for one in own]
+    drawn = draw_words(7)
+    glosses = [one.gloss for _, signs in drawn.values() for one in signs]
     assert len(set(glosses)) == len(glosses) == 7 * len(drawn)
-    assert all(p[0].signer != q[0].signer for p, q in pairwise(drawn.values()))
+    assert all(p[0] != q[0] for p, q in pairwise(drawn.values()))
     with pytest.raises(InputError, match="500 words of each signer, expected 7 to"):
-        lexicons(500)
+        draw_words(500)
 
 
 def _peak(clip: Clip) -> float:

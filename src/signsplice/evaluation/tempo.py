@@ -21,6 +21,7 @@ from signsplice.splicing.pace import contact_frames
 from signsplice.splicing.seam import Seam
 from signsplice.splicing.tempo import CITATION, NATURAL, RUNNING_S
 from signsplice.synth import notation, planner
+from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, Signer, draw_signer
@@ -95,7 +96,7 @@ class _SignMeasurement:
     contacts: tuple[int, int]
 
 
-def lexicons(n_words: int) -> dict[str, list[IsolatedWord]]:
+def draw_words(n_words: int) -> dict[str, tuple[Signer, list[Sign]]]:
     """Words that ship, drawn by seed, by the standard signer, and as many others by each of three other signers: one
     drawn by seed, one who rests with folded hands, one who signs slowly. No word is in two of them. Raises
     ``InputError`` where there are not so many words.
@@ -112,9 +113,13 @@ def lexicons(n_words: int) -> dict[str, list[IsolatedWord]]:
     if not LENGTH <= n_words <= most:
         raise InputError(f"{n_words} words of each signer, expected {LENGTH} to {most}")
     rows = [order[n * n_words : (n + 1) * n_words] for n in range(len(signers))]
+    return {name: (signer, [signs[k] for k in row]) for (name, signer), row in zip(signers.items(), rows, strict=True)}
+
+
+def lexicons(n_words: int) -> dict[str, list[IsolatedWord]]:
+    """The words of ``draw_words``, signed. Raises as it does."""
     return {
-        name: [planner.isolated(signs[k], signer) for k in row]
-        for (name, signer), row in zip(signers.items(), rows, strict=True)
+        name: [planner.isolated(one, signer) for one in signs] for name, (signer, signs) in draw_words(n_words).items()
     }
 
 

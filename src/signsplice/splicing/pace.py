@@ -34,7 +34,7 @@ roles' names: 99 % of the frames of a public captured take (``long_take_metres``
 than that (2.75): the highest of isolated words.
 """
 MOST = 6.0
-"""Highest rate, that of a hold."""
+"""Highest rate: what is left of a long hold."""
 CONTACT_S = 0.08
 """A contact is held at least this long, where it was: two frames at 25 or 30 a second."""
 STROKE_S = 0.1
@@ -46,6 +46,9 @@ FLATTENING = 0.5
 from movements how they start and stop.
 """
 OUTSIDE = 0.35
+"""Intensity that what lies before and after a sign is brought to at most: neighbours keep a little of it, and a hand
+that is led away fast there swings out in the transition.
+"""
 _LEAST_INTENSITY = 0.02
 _STEP_S = 1.0 / 30.0
 """Step of the differences that speeds and accelerations are taken by."""
@@ -73,7 +76,7 @@ class Pace:
         return float((0.5 * (slowness[1:] + slowness[:-1])).sum()) / self.fps
 
     def rates(self, first: int, last: int, seconds: float) -> Float:
-        """Rates (T,) at which frames ``first`` to ``last`` take ``seconds``, or as near as the limits allow; 1
+        """Rates (T,) at which frames ``first`` to ``last``, a sign, take ``seconds``, or as near as the limits allow; 1
         throughout where they take no longer as recorded.
         """
         if (last - first) / self.fps <= seconds:
