@@ -30,7 +30,14 @@ def test_the_report_describes_the_result(sentence: list[Clip]) -> None:
     first, second = described["spans"][:2]
     frames = {"source": first["source"], "output": first["output"], "warp": None}
     assert first == {"kind": "sign", "clip": 0, "name": "HELLO", **frames}
-    assert second == {"kind": "transition", "clip": None, "name": None, "source": None, "output": second["output"]}
+    assert second == {
+        "kind": "transition",
+        "clip": None,
+        "name": None,
+        "source": None,
+        "output": second["output"],
+        "warp": None,
+    }
     seam = described["seams"][0]
     assert seam["pre_frame"] == first["source"][1] - 1
     assert seam["post_frame"] == described["spans"][2]["source"][0]

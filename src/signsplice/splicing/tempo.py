@@ -33,13 +33,11 @@ CITATION, NATURAL = "citation", "natural"
 RUNNING_S = 0.70
 """Seconds a sign takes in running signing, the transition to it included."""
 FASTEST_S, SLOWEST_S = 0.4, 3.0
-SIGN_FRACTION = 0.43
+SIGN_FRACTION = 0.4
 """How much of that time a sign aims at between the frames that two neighbours like itself would leave of it. The rest
 goes to transitions, to what other neighbours leave beyond that, and to signs that people cannot sign so fast: chosen on
 words kept apart, so that all together take the time that was asked for.
 """
-HAND_M_S = 2.2
-"""Speed that a hand does not pass in a transition."""
 _PEAK_OVER_MEAN = 1.875
 """Of a minimum-jerk movement from rest to rest."""
 _LONGER = (1.25, 1.5, 2.0)
@@ -176,7 +174,7 @@ def _source_frames(rates: Float) -> Float:
 
 class RunningDuration(Duration):
     """How long a transition takes at a tempo: the human median of 0.25 s, in proportion where the tempo is slower than
-    running signing, and longer where a hand would pass ``HAND_M_S``.
+    running signing, and longer where a hand would pass ``FAST_M_S``.
     """
 
     name = "running"
@@ -189,7 +187,7 @@ class RunningDuration(Duration):
         """Seconds that the new frames take."""
         p, q = arms(before), arms(after)
         travel = float(np.linalg.norm(q.wrists[cut.post] - p.wrists[cut.pre], axis=-1).max()) * p.metres
-        return max(self.least, _PEAK_OVER_MEAN * travel / HAND_M_S - 1.0 / before.fps)
+        return max(self.least, _PEAK_OVER_MEAN * travel / FAST_M_S - 1.0 / before.fps)
 
 
 def longer_gaps(gap: Gap) -> Iterator[Gap]:
