@@ -7,9 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from conftest import random_clip
 from signing import word
+from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.evaluation.tempo import compare, draw_words, table
 from signsplice.evaluation.wrists import wrist_positions
@@ -198,6 +200,12 @@ def test_lexicons_share_no_word_and_have_enough() -> None:
     assert all(p[0] != q[0] for p, q in pairwise(drawn.values()))
     with pytest.raises(InputError, match="500 words of each signer, expected 7 to"):
         draw_words(500)
+
+
+def test_evaluate_refuses_more_words_than_there_are() -> None:
+    run = CliRunner().invoke(app, ["evaluate", "--tempo", "500"])
+    assert isinstance(run.exception, InputError)
+    assert "500 words of each signer, expected 7 to 55" in str(run.exception)
 
 
 def _peak(clip: Clip) -> float:
