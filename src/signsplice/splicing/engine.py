@@ -34,8 +34,7 @@ from signsplice.splicing.tempo import (
     Played,
     ReachedTempo,
     RunningDuration,
-    is_too_fast,
-    longer_gaps,
+    fill_unhurried,
     play,
     reached,
     seconds_a_sign,
@@ -352,23 +351,10 @@ class _SentenceBuilder:
         """The transition of every seam, None where it has no frames."""
         with self.timed("transition"):
             gaps = [planned.gap for planned in seams if planned.gap.n_frames]
-            filled = iter(self._made(gaps))
+            is_running = isinstance(self.duration, RunningDuration) and self.options.transition_time is None
+            fill_all = fill_unhurried if is_running else fill
+            filled = iter(fill_all(self.transition, gaps, self.options.avoid_collisions))
             return [next(filled) if planned.gap.n_frames else None for planned in seams]
-
-    def _made(self, gaps: Sequence[Gap]) -> list[FilledGap]:
-        made = fill(self.transition, gaps, self.options.avoid_collisions)
-        if not isinstance(self.duration, RunningDuration) or self.options.transition_time is not None:
-            return made
-        return [self._unhurried(gap, one) for gap, one in zip(gaps, made, strict=True)]
-
-    def _unhurried(self, gap: Gap, made: FilledGap) -> FilledGap:
-        """A transition at a tempo, with more frames where a hand would be faster than signs are."""
-        for longer in longer_gaps(gap):
-            if not is_too_fast(gap, made.clip):
-                break
-            gap = longer
-            (made,) = fill(self.transition, [gap], self.options.avoid_collisions)
-        return made
 
     def _score(self, planned: _PlannedSeam, filled: FilledGap | None) -> Seam:
         with self.timed("join"):

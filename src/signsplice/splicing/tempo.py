@@ -8,7 +8,7 @@ where the sign will be left.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -23,9 +23,11 @@ from signsplice.rig.arms import active_span, arms
 from signsplice.rig.info import rig_info
 from signsplice.splicing.cut import Cut, Cutter
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
+from signsplice.splicing.filling import FilledGap, fill
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.pace import pace
 from signsplice.splicing.seam import FAST_M_S
+from signsplice.splicing.transition import Transition
 
 Float = NDArray[np.float64]
 
@@ -190,13 +192,23 @@ class RunningDuration(Duration):
         return max(self.least, _PEAK_OVER_MEAN * travel / FAST_M_S - 1.0 / before.fps)
 
 
-def longer_gaps(gap: Gap) -> Iterator[Gap]:
-    """The same gap with more and more frames, to try in turn where a hand is too fast."""
+def fill_unhurried(transition: Transition, gaps: Sequence[Gap], avoid_collisions: bool | None) -> list[FilledGap]:
+    """As ``filling.fill``, with more frames in the gaps in which a hand would be faster than signs are."""
+    return [
+        _unhurried(transition, gap, made, avoid_collisions)
+        for gap, made in zip(gaps, fill(transition, gaps, avoid_collisions), strict=True)
+    ]
+
+
+def _unhurried(transition: Transition, gap: Gap, made: FilledGap, avoid_collisions: bool | None) -> FilledGap:
     for factor in _LONGER:
-        yield replace(gap, n_frames=math.ceil(factor * gap.n_frames))
+        if not _is_too_fast(gap, made.clip):
+            break
+        (made,) = fill(transition, [replace(gap, n_frames=math.ceil(factor * gap.n_frames))], avoid_collisions)
+    return made
 
 
-def is_too_fast(gap: Gap, new: Clip) -> bool:
+def _is_too_fast(gap: Gap, new: Clip) -> bool:
     """Whether a wrist passes ``FAST_M_S`` in the new frames of a gap."""
     info = rig_info(new.skeleton)
     if not info.has_arms:
