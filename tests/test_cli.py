@@ -92,6 +92,8 @@ def test_splicing_options_change_the_result(folder: Path, signsplice: Call) -> N
         (("--cutter", "ends", "--transition", "slerp"), lambda r: (r["cutter"], r["transition"]) == ("ends", "slerp")),
         (("--fps", "60"), lambda r: r["fps"] == 60.0),
         (("--sign-speed", "2", "--cutter", "ends"), lambda r: r["frames"] < 90),
+        (("--tempo", "natural"), lambda r: r["tempo"]["mode"] == "natural" and r["spans"][0]["warp"]),
+        (("--tempo", "0.9"), lambda r: r["tempo"]["asked_seconds"] == 0.9),
     ):
         run = signsplice(*common, *extra)
         assert run.returncode == 0, run.stderr

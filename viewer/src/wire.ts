@@ -25,6 +25,7 @@ export interface Span {
   name: string | null;
   source: [number, number] | null;
   output: [number, number];
+  warp: [number, number][] | null;
 }
 
 /** The join of two signs. */
@@ -42,6 +43,13 @@ export interface Seam {
   intrusion_mm: number | null;
 }
 
+/** The tempo of a sentence. */
+export interface ReachedTempo {
+  mode: "citation" | "natural" | "seconds";
+  asked_seconds: number | null;
+  seconds: number | null;
+}
+
 /** Files in base64; null for a format that was not requested or cannot hold the clip. */
 export interface Files {
   bvh: string | null;
@@ -55,6 +63,7 @@ export interface Dials {
   transition?: string | null;
   transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
   sign_speed?: number;
+  tempo?: "citation" | "natural" | number;
   fps?: number | null;
   body_sense?: boolean | null;
 }
@@ -65,6 +74,7 @@ export interface SentenceRequest {
   transition?: string | null;
   transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
   sign_speed?: number;
+  tempo?: "citation" | "natural" | number;
   fps?: number | null;
   body_sense?: boolean | null;
   glosses: string[];
@@ -79,6 +89,7 @@ export interface SpliceRequest {
   transition?: string | null;
   transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
   sign_speed?: number;
+  tempo?: "citation" | "natural" | number;
   fps?: number | null;
   body_sense?: boolean | null;
   formats?: ("bvh" | "glb" | "vrma")[];
@@ -95,6 +106,7 @@ export interface Report {
   spans: Span[];
   seams: Seam[];
   warnings: string[];
+  tempo: ReachedTempo;
   timing_ms: Record<string, number>;
 }
 
@@ -152,6 +164,7 @@ export interface OpenMessage {
   transition?: string | null;
   transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
   sign_speed?: number;
+  tempo?: "citation" | "natural" | number;
   fps?: number | null;
   body_sense?: boolean | null;
   type: "open";

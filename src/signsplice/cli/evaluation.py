@@ -1,4 +1,4 @@
-"""The command ``evaluate``: every method measured on hidden frames, at seams, for collisions, or on bodies."""
+"""The command ``evaluate``: every method measured on hidden frames, at seams, for collisions, on bodies, in tempo."""
 
 from __future__ import annotations
 
@@ -38,6 +38,8 @@ N_WORDS = 40
 @click.option("--bodies", "n_bodies_words", type=int, is_flag=False, flag_value=N_WORDS, metavar="N_WORDS",
               help="Bring N words that ship, or with --clips these clips, to other bodies.")  # fmt: skip
 @click.option("--picture", metavar="FILE.png", help="With --bodies: also draw eight words on five bodies.")
+@click.option("--tempo", "n_tempo_words", type=int, metavar="N_WORDS",
+              help="Bring N words that ship, and as many by three other signers, to running tempo.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 @reads_clips
 def evaluate(
@@ -50,17 +52,19 @@ def evaluate(
     limit: int | None,
     n_bodies_words: int | None,
     picture: str | None,
+    n_tempo_words: int | None,
     as_json: bool,
 ) -> None:
     """Measure every method: on frames hidden from clips (--clips), at the seams of words that were recorded apart
-    (--seams), or for collisions of the hands with the body (--pairs); or what words keep on other bodies (--bodies).
-    BUNDLE: networks in place of those that ship.
+    (--seams), or for collisions of the hands with the body (--pairs); or what words keep on other bodies (--bodies)
+    or at the tempo of running signing (--tempo). BUNDLE: networks in place of those that ship.
     """
     from signsplice.evaluation.tables import to_json
 
     on_bodies = n_bodies_words is not None
-    if sum((bool(files) and not on_bodies, n_seams is not None, pairs is not None, on_bodies)) != 1:
-        raise InputError("expected exactly one of --clips FILE, --seams N, --pairs DIR and --bodies [N]")
+    in_tempo = n_tempo_words is not None
+    if sum((bool(files) and not on_bodies, n_seams is not None, pairs is not None, on_bodies, in_tempo)) != 1:
+        raise InputError("expected exactly one of --clips FILE, --seams N, --pairs DIR, --bodies [N] and --tempo N")
     if rest is not None and n_seams is None:
         raise InputError("--rest sets how the signer of --seams rests; expected --seams N too")
     if picture is not None:
@@ -69,6 +73,8 @@ def evaluate(
         signature, rows, lines = _seams(n_seams, rest or "hanging", bundle)
     elif n_bodies_words is not None:
         signature, rows, lines = _bodies(n_bodies_words, files, fps)
+    elif n_tempo_words is not None:
+        signature, rows, lines = _tempo(n_tempo_words, bundle)
     elif pairs is not None:
         signature, rows, lines = _collisions(pairs, limit, bundle)
     else:
@@ -163,6 +169,14 @@ def _draw_bodies(picture: str) -> None:
     words = shipped()
     with progress("picture") as advance:
         write_pictures([words.clip(word) for word in WORDS], Path(picture), advance)
+
+
+def _tempo(n_words: int, bundle: str | None) -> Measured:
+    from signsplice.evaluation import tempo
+
+    with progress("tempo") as advance:
+        rows = tempo.compare(tempo.lexicons(n_words), bundle=bundle, progress=advance)
+    return tempo.signature(n_words), rows, tempo.table(rows, n_words)
 
 
 COMMANDS = (evaluate,)

@@ -65,6 +65,13 @@ def splicing_options(command: Command) -> Command:
                 "--sign-speed", type=float, default=1.0, show_default=True, metavar="X", help="Speed of the signs."
             ),
             click.option(
+                "--tempo",
+                default="citation",
+                show_default=True,
+                metavar="citation|natural|SECONDS",
+                help="Signs as recorded, as fast as in running signing, or SECONDS a sign with its transition.",
+            ),
+            click.option(
                 "--fps", type=float, metavar="N", help="Output frame rate.  [default: that of the first clip]"
             ),
             _BUNDLE,

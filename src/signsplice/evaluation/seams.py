@@ -201,12 +201,12 @@ def _measure(
         peak_speed=metrics.peak_speed(window, first_new, end_new, fps),
         jerk_ratio=metrics.jerk_ratio(window, first_new, end_new),
         arms_down=_n_frames_down(before, after, kept),
-        whole=_keeps_stroke(before, *kept[0]) and _keeps_stroke(after, *kept[1]),
+        whole=keeps_stroke(before, *kept[0]) and keeps_stroke(after, *kept[1]),
         depth=depth,
     )
 
 
-def _keeps_stroke(word: IsolatedWord, first: int, stop: int) -> bool:
+def keeps_stroke(word: IsolatedWord, first: int, stop: int) -> bool:
     """Whether frames [first, stop) hold all movements of the sign, or a frame of its only posture."""
     events = word.events
     if events.first is None or not events.passes:

@@ -312,14 +312,18 @@ def resample(clip: Clip, fps: float, speed: float = 1.0) -> Clip:
         return clip
     step = clip.fps * speed / fps  # source frames an output frame
     n_frames = int(np.floor((len(clip) - 1) / step + 1e-9)) + 1
-    at = np.minimum(np.arange(n_frames) * step, len(clip) - 1)
+    return replace(sampled(clip, np.minimum(np.arange(n_frames) * step, len(clip) - 1)), fps=fps)
+
+
+def sampled(clip: Clip, at: Float) -> Clip:
+    """The frames of a clip at ``at`` (N,), counted in its frames, 0 to T - 1; slerp between neighbouring ones."""
     low = np.minimum(np.floor(at + 1e-9).astype(np.intp), len(clip) - 1)
     high = np.minimum(low + 1, len(clip) - 1)
     weight = np.clip(at - low, 0.0, 1.0)
     q = clip.local_rotations
 
-    rotations = np.empty((n_frames, *q.shape[1:]))
-    for start in range(0, n_frames, _BLOCK):  # in blocks, to keep the memory of slerp small
+    rotations = np.empty((len(at), *q.shape[1:]))
+    for start in range(0, len(at), _BLOCK):  # in blocks, to keep the memory of slerp small
         part = slice(start, start + _BLOCK)
         rotations[part] = rotation.slerp(q[low[part]], q[high[part]], weight[part, None])
 
@@ -331,7 +335,6 @@ def resample(clip: Clip, fps: float, speed: float = 1.0) -> Clip:
         clip,
         local_rotations=rotations,
         root_positions=between(clip.root_positions),
-        fps=fps,
         translations=None if clip.translations is None else between(clip.translations),
-        channels=None if clip.channels is None else clip.channels.forgotten(n_frames),
+        channels=None if clip.channels is None else clip.channels.forgotten(len(at)),
     )

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import fields, make_dataclass
+from functools import reduce
+from operator import or_
+from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from signsplice.splicing.seam import Score
@@ -24,4 +27,6 @@ def _json_hint(hint: Any) -> Any:
     if hint == Score:
         return float | None
     inner = get_args(hint)
-    return list[inner[0]] if get_origin(hint) is tuple and inner[-1] is Ellipsis else hint  # type: ignore[valid-type]
+    if get_origin(hint) is UnionType:
+        return reduce(or_, map(_json_hint, inner))
+    return list[_json_hint(inner[0])] if get_origin(hint) is tuple and inner[-1] is Ellipsis else hint  # type: ignore[misc]

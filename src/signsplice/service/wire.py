@@ -14,9 +14,10 @@ from pydantic import ConfigDict, Field
 from signsplice.formats import WIRE_SUFFIXES
 from signsplice.lexicon import sentence
 from signsplice.service.json_types import json_type
-from signsplice.splicing import engine, seam
+from signsplice.splicing import engine, seam, tempo
 from signsplice.splicing.duration import DURATIONS
 from signsplice.splicing.methods import AUTO
+from signsplice.splicing.tempo import FASTEST_S, SLOWEST_S
 
 FORMAT_NAMES = tuple(suffix.removeprefix(".") for suffix in WIRE_SUFFIXES)
 """Names of the file formats that the service accepts and sends."""
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from signsplice.lexicon.sentence import SentenceToken
     from signsplice.splicing.engine import Span
     from signsplice.splicing.seam import Seam
+    from signsplice.splicing.tempo import ReachedTempo
 
     Format = str
     DurationRule = str
@@ -33,6 +35,7 @@ else:
     SentenceToken = json_type(sentence.SentenceToken)
     Span = json_type(engine.Span)
     Seam = json_type(seam.Seam)
+    ReachedTempo = json_type(tempo.ReachedTempo)
     Format = Literal[FORMAT_NAMES]
     DurationRule = Literal[(AUTO, *DURATIONS)]
     Files = make_dataclass(
@@ -47,6 +50,7 @@ else:
 
 Formats = Annotated[list[Format], Field(max_length=len(FORMAT_NAMES), fail_fast=True)]
 Seconds = Annotated[float, Field(ge=0.0, le=10.0, allow_inf_nan=False)]
+SecondsASign = Annotated[float, Field(ge=FASTEST_S, le=SLOWEST_S, allow_inf_nan=False)]
 Gloss = Annotated[str, Field(min_length=1, max_length=200)]
 MethodName = Annotated[str, Field(min_length=1, max_length=60)]
 
@@ -69,6 +73,7 @@ class Dials:
     transition: name of a transition, see /v1/methods.
     transition_time: duration of every transition in seconds, or the name of a duration rule.
     sign_speed: playback speed of the signs; 1 is as recorded.
+    tempo: signs as recorded, at the tempo of running signing, or the seconds that a sign takes with its transition.
     fps: frame rate of the output; null for that of the first clip.
     avoid_collisions (in JSON: body_sense): lead hands around the body; null: if the transition is learned.
     """
@@ -79,6 +84,7 @@ class Dials:
     transition: MethodName | None = None
     transition_time: DurationRule | Seconds = "auto"
     sign_speed: Annotated[float, Field(ge=0.1, le=10.0, allow_inf_nan=False)] = 1.0
+    tempo: Literal["citation", "natural"] | SecondsASign = "citation"
     fps: Annotated[float, Field(ge=1.0, le=240.0, allow_inf_nan=False)] | None = None
     avoid_collisions: Annotated[bool | None, Field(alias="body_sense")] = None
 
@@ -116,6 +122,7 @@ class Report:
     fps, frames: of the output.
     cutter, transition: names of the methods used.
     bundle: SHA-256 of the networks used, null where none was.
+    tempo: the tempo asked for, and how long signs take.
     timing_ms: time spent, by step.
     """
 
@@ -128,6 +135,7 @@ class Report:
     spans: list[Span]
     seams: list[Seam]
     warnings: list[str]
+    tempo: ReachedTempo
     timing_ms: dict[str, float]
 
 

@@ -144,6 +144,7 @@ def options(dials: Dials) -> SpliceOptions:
         duration=time if isinstance(time, str) else methods.AUTO,
         transition_time=None if isinstance(time, str) else time,
         sign_speed=dials.sign_speed,
+        tempo=dials.tempo,
         fps=dials.fps,
         avoid_collisions=dials.avoid_collisions,
         limits=_worker.settings.read_limits,

@@ -21,6 +21,7 @@ from signsplice.body.contacts import Contact
 from signsplice.body.retarget import align
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
+from signsplice.lexicon.entry import is_letter
 from signsplice.motion.clip import Clip, concatenate, left_out_warnings
 from signsplice.rig.align import Reference, reference
 from signsplice.rig.stray_frames import stray_frames, with_ends_held
@@ -32,6 +33,16 @@ from signsplice.splicing.filling import FilledGap, fill
 from signsplice.splicing.fingerspelling import LetterSeam
 from signsplice.splicing.gap import Gap, gap_at
 from signsplice.splicing.seam import Seam, score
+from signsplice.splicing.tempo import (
+    CITATION,
+    Played,
+    ReachedTempo,
+    RunningDuration,
+    fill_unhurried,
+    play,
+    reached,
+    seconds_a_sign,
+)
 from signsplice.splicing.transition import Transition
 
 MAX_TRANSITION_S = 10.0
@@ -46,6 +57,8 @@ class SpliceOptions:
     bundle: folder of the networks; None: those that ship.
     transition_time: length of every transition, seconds, in place of the duration.
     sign_speed: how many times as fast signs play.
+    tempo: "citation": as recorded; "natural": as in running signing; or how many seconds a sign takes with its
+        transition. Holds and slow parts are shortened until it does, as far as human speeds allow.
     fps: output rate; None: the first clip's.
     avoid_collisions: whether hands are led around head, trunk and each other; None: where the transition is learned.
     limits: how many frames a clip may have at the output rate.
@@ -59,6 +72,7 @@ class SpliceOptions:
     bundle: str | Path | None = None
     transition_time: float | None = None
     sign_speed: float = 1.0
+    tempo: str | float = CITATION
     fps: float | None = None
     avoid_collisions: bool | None = None
     limits: ReadLimits = DEFAULT_LIMITS
@@ -72,6 +86,7 @@ class SpliceOptions:
         for what, value, least, most, unit in limits:
             if value is not None and not least <= value <= most:
                 raise InputError(f"{what} {value:g}{unit}, expected {least:g} to {most:g}{unit}")
+        seconds_a_sign(self.tempo)
 
 
 @dataclass(frozen=True)
@@ -83,6 +98,7 @@ class Span:
     name: name of the source clip; None for a transition.
     source: frames of that clip, counted at the output rate; None for a transition.
     output: frames of the output.
+    warp: each output frame with the frame of the clip that it shows, where a tempo changed when frames come; else None.
     """
 
     kind: Literal["sign", "transition"]
@@ -90,6 +106,7 @@ class Span:
     name: str | None
     source: tuple[int, int] | None
     output: tuple[int, int]
+    warp: tuple[tuple[int, float], ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +137,7 @@ class SpliceResult:
     timing_ms: time spent in each part: "harmonize" (align), "cut", "transition", "join".
     bundle: sha256 of the bundle that a chosen method comes from; None where all are classical.
     contacts: for each source clip that was brought to another body, by its index, what its hands touch there.
+    tempo: the tempo asked for, and how long signs take.
     """
 
     clip: Clip
@@ -131,6 +149,7 @@ class SpliceResult:
     timing_ms: dict[str, float]
     bundle: str | None = None
     contacts: Mapping[int, tuple[Contact, ...]] = field(default_factory=dict)
+    tempo: ReachedTempo = field(default_factory=ReachedTempo)
 
 
 def splice(clips: Iterable[Clip], options: SpliceOptions | None = None, starts: Collection[int] = ()) -> SpliceResult:
@@ -144,6 +163,7 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None, starts: 
     clip.
     """
     sentence = _SentenceBuilder(options or SpliceOptions())
+    tempo = sentence.options.tempo
     pieces = [*sentence.add(clips, starts), *sentence.end()]
     if not pieces:
         raise InputError("nothing to splice, expected at least one clip")
@@ -160,6 +180,7 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None, starts: 
         timing_ms={part: 1e3 * sentence.seconds[part] for part in ("harmonize", "cut", "transition", "join")},
         bundle=sentence.methods.bundle,
         contacts=sentence.contacts,
+        tempo=reached([piece.span.output for piece in pieces if piece.span.kind == "sign"], clip.fps, tempo),
     )
 
 
@@ -207,6 +228,7 @@ class _SentenceWord:
 
     index: its number in the sentence.
     clip: its aligned clip, without the frames at its ends that do not belong to it.
+    played: the same as it is played.
     warnings: about the clip, one line each.
     starts: whether it is no letter that goes on with the spelled word before it.
     way_s: how long the way from the letter before took, 0 where there is none.
@@ -217,6 +239,7 @@ class _SentenceWord:
 
     index: int
     clip: Clip
+    played: Played
     warnings: tuple[str, ...]
     starts: bool = False
     way_s: float = 0.0
@@ -260,6 +283,11 @@ class _SentenceBuilder:
         check_options(options, SpliceOptions)
         self.methods = methods.choose(options.cutter, options.transition, options.duration, options.bundle)
         self.cutter, self.transition = self.methods.cutter, self.methods.transition
+        self.seconds_a_sign = seconds_a_sign(options.tempo)
+        is_own = options.duration not in (None, methods.AUTO)
+        self.duration: Duration = self.methods.duration
+        if self.seconds_a_sign is not None and not is_own:
+            self.duration = RunningDuration(self.seconds_a_sign)
 
     @contextmanager
     def timed(self, part: str) -> Iterator[None]:
@@ -277,7 +305,7 @@ class _SentenceBuilder:
         self._n_words += len(new)
         self._last = words[-1] if words else None
         for planned, transition in zip(seams, filled, strict=True):
-            yield self._sign(planned.before, planned.cut.pre + 1)
+            yield self._sign(planned.before, planned.before.played.last(planned.cut.pre) + 1)
             planned.after.seam = self._score(planned, transition)
             if transition is not None:
                 span = self._span("transition", None, None, None, len(transition.clip))
@@ -287,7 +315,7 @@ class _SentenceBuilder:
         """The rest of the last word."""
         last, self._last = self._last, None
         if last is not None:
-            yield self._sign(last, len(last.clip))
+            yield self._sign(last, len(last.played.clip))
 
     def _word(self, clip: Clip, index: int) -> _SentenceWord:
         """A clip aligned to the first one."""
@@ -302,10 +330,18 @@ class _SentenceBuilder:
             kept = stray.resampled(clip.fps * self.options.sign_speed / fps, len(aligned.clip))
         if aligned.contacts:
             self.contacts[index] = aligned.contacts
-        warnings = (*left_out_warnings(clip), *aligned.warnings, *(f"{clip.name}: {line}" for line in stray.warnings))
-        warnings = warnings if index else (*self.methods.warnings, *warnings)
         own = aligned.clip if held is clip else aligned.clip[kept]
-        return _SentenceWord(index, own, warnings, n_left_out=kept.start)
+        played = self._played(own)
+        warnings = (*left_out_warnings(clip), *aligned.warnings, *(f"{clip.name}: {line}" for line in stray.warnings))
+        warnings = (*(() if index else self.methods.warnings), *warnings, *played.warnings)
+        return _SentenceWord(index, own, played, warnings, n_left_out=kept.start)
+
+    def _played(self, clip: Clip) -> Played:
+        """A word at the tempo asked for; letters have a tempo of their own."""
+        if self.seconds_a_sign is None or is_letter(clip.name.lower()):
+            return Played(clip)
+        with self.timed("cut"):
+            return play(clip, self.cutter, self.seconds_a_sign)
 
     def _plan(self, words: Sequence[_SentenceWord]) -> list[_PlannedSeam]:
         """The seams of words in order; sets the frame at which each word is entered."""
@@ -334,7 +370,8 @@ class _SentenceBuilder:
                 frame = before.n_left_out + before.entry
                 line = f"{before.clip.name} is left at frame {frame}, where it was entered: only that frame is kept"
                 warnings = (*warnings, line)
-            gap = gap_at(before.clip, after.clip, cut, n_frames, before.entry)
+            p, q = before.played, after.played
+            gap = gap_at(p.clip, q.clip, p.cut(cut, q), n_frames, p.first(before.entry))
             seams.append(_PlannedSeam(before, after, cut, gap, warnings, letters is not None and letters.is_doubled))
         return seams
 
@@ -362,7 +399,9 @@ class _SentenceBuilder:
         """The transition of every seam, None where it has no frames."""
         with self.timed("transition"):
             gaps = [planned.gap for planned in seams if planned.gap.n_frames]
-            filled = iter(fill(self.transition, gaps, self.options.avoid_collisions))
+            is_running = isinstance(self.duration, RunningDuration) and self.options.transition_time is None
+            fill_all = fill_unhurried if is_running else fill
+            filled = iter(fill_all(self.transition, gaps, self.options.avoid_collisions))
             made = [next(filled) if planned.gap.n_frames else None for planned in seams]
             return [
                 replace(one, clip=fingerspelling.bounce(one.clip, planned.before.clip))
@@ -375,7 +414,8 @@ class _SentenceBuilder:
         with self.timed("join"):
             before, after, cut = planned.before, planned.after, planned.cut
             own = Cut(cut.pre + before.n_left_out, cut.post + after.n_left_out)
-            return score(planned.gap, filled, before.clip.name, after.clip.name, own, planned.warnings)
+            gap = planned.gap if filled is None else replace(planned.gap, n_frames=len(filled.clip))
+            return score(gap, filled, before.clip.name, after.clip.name, own, planned.warnings)
 
     def _n_frames(self, before: Clip, after: Clip, cut: Cut, letters: LetterSeam | None) -> tuple[int, tuple[str, ...]]:
         """Number of transition frames: by the user's time, by the way between letters, or by the duration; the human
@@ -386,7 +426,7 @@ class _SentenceBuilder:
         if letters is not None and self.options.duration in (None, methods.AUTO):
             return max(1, round(letters.seconds * before.fps) - 1), letters.warnings
         try:
-            seconds = self.methods.duration.seconds(before, after, cut)
+            seconds = self.duration.seconds(before, after, cut)
         except FormatError:  # of a network that is damaged
             raise
         except InputError:
@@ -396,10 +436,14 @@ class _SentenceBuilder:
         return max(1, round(min(seconds, MAX_TRANSITION_S) * before.fps)), ()
 
     def _sign(self, word: _SentenceWord, stop: int) -> Piece:
+        """A word from where it is entered to frame ``stop`` as it is played."""
         with self.timed("join"):
-            source = word.n_left_out + word.entry, word.n_left_out + stop
-            span = self._span("sign", word.index, word.clip.name, source, stop - word.entry)
-            return Piece(word.clip[word.entry : stop], span, word.seam, word.warnings)
+            played, first = word.played, word.n_left_out
+            start = played.first(word.entry)
+            source = played.source(start, stop)
+            span = self._span("sign", word.index, word.clip.name, (first + source[0], first + source[1]), stop - start)
+            span = replace(span, warp=played.warp(start, stop, span.output[0], first))
+            return Piece(played.clip[start:stop], span, word.seam, word.warnings)
 
     def _span(
         self,

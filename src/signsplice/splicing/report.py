@@ -15,6 +15,7 @@ from signsplice.formats.atomic import replacing
 from signsplice.formats.json_files import check_type, read_json
 from signsplice.splicing.engine import Span, SpliceResult
 from signsplice.splicing.seam import Seam
+from signsplice.splicing.tempo import ReachedTempo
 
 VERSION = 1
 _KINDS = {
@@ -27,17 +28,26 @@ _KINDS = {
     "spans": list[dict[str, Any]],
     "seams": list[dict[str, Any]],
     "warnings": list[str],
+    "tempo": dict[str, Any],
     "timing_ms": dict[str, float],
 }
-_DEFAULTS: Mapping[str, Any] = {"version": VERSION, "cutter": "", "transition": "", "bundle": None, "timing_ms": {}}
+_DEFAULTS: Mapping[str, Any] = {
+    "version": VERSION,
+    "cutter": "",
+    "transition": "",
+    "bundle": None,
+    "tempo": asdict(ReachedTempo()),
+    "timing_ms": {},
+}
 
 
 def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None) -> dict[str, Any]:
     """The report as JSON-ready values. ``timing_ms`` adds to the result's own (load, save). Unknown scores are null.
 
     Copying every sign span from its source (the clip aligned to the first one, at the output rate) and every
-    transition span from the output rebuilds the output exactly. ``contacts`` is there only where a clip was brought to
-    another body: what its hands touched, and whether they do there.
+    transition span from the output rebuilds the output exactly; the frames of a span with a ``warp`` are those of the
+    source at the frames that it lists, by slerp between neighbours. ``contacts`` is there only where a clip was brought
+    to another body: what its hands touched, and whether they do there.
     """
     timing = {"load": 0.0, "cut": 0.0, "transition": 0.0, "join": 0.0, "save": 0.0}
     report = {
@@ -50,6 +60,7 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
         "spans": [asdict(span) for span in result.spans],
         "seams": [asdict(seam) for seam in result.seams],
         "warnings": list(result.warnings),
+        "tempo": asdict(result.tempo),
         "timing_ms": {part: round(ms, 3) for part, ms in (timing | result.timing_ms | dict(timing_ms or {})).items()},
     }
     if result.contacts:
@@ -90,9 +101,8 @@ def read(path: str | Path, n_frames: int) -> dict[str, Any]:
         report = {**_DEFAULTS, **stored}
         for name, kind in _KINDS.items():
             check_type(report[name], kind, name)
-        report["spans"] = [
-            _row(Span, row, "spans", {"clip": None, "name": None, "source": None}) for row in report["spans"]
-        ]
+        absent = dict.fromkeys(("clip", "name", "source", "warp"))
+        report["spans"] = [_row(Span, row, "spans", absent) for row in report["spans"]]
         report["seams"] = [_row(Seam, row, "seams", {"warnings": [], "intrusion_mm": None}) for row in report["seams"]]
         if report["version"] != VERSION:
             raise ValueError(f"version {report['version']}, expected {VERSION}")

@@ -1,0 +1,218 @@
+"""Signs brought to the tempo of running signing: each is played through a monotone warp of its own time.
+
+Dictionary forms are signed slowly, with holds. The warp changes when each posture comes and no posture itself: paths,
+repetitions and contacts stay. It depends on the sign alone, so that a stream can send a sign's frames before it knows
+where the sign will be left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from signsplice.errors import InputError
+from signsplice.motion.clip import Clip, concatenate, sampled
+from signsplice.rig import metrics
+from signsplice.rig.arms import active_span, arms
+from signsplice.rig.info import rig_info
+from signsplice.splicing.cut import Cut, Cutter
+from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
+from signsplice.splicing.filling import FilledGap, fill
+from signsplice.splicing.gap import Gap
+from signsplice.splicing.pace import pace
+from signsplice.splicing.seam import FAST_M_S
+from signsplice.splicing.transition import Transition
+
+Float = NDArray[np.float64]
+
+CITATION, NATURAL = "citation", "natural"
+RUNNING_S = 0.70
+"""Seconds a sign takes in running signing, the transition to it included."""
+FASTEST_S, SLOWEST_S = 0.4, 3.0
+SIGN_FRACTION = 0.4
+"""How much of that time a sign aims at between the frames that two neighbours like itself would leave of it. The rest
+goes to transitions, to what other neighbours leave beyond that, and to signs that people cannot sign so fast: chosen on
+words kept apart, so that all together take the time that was asked for.
+"""
+_PEAK_OVER_MEAN = 1.875
+"""Of a minimum-jerk movement from rest to rest."""
+_LONGER = (1.25, 1.5, 2.0)
+"""Lengths that are tried for a transition, over the first one."""
+_DECIMALS = 4
+
+
+def seconds_a_sign(tempo: str | float) -> float | None:
+    """Seconds that a sign takes with its transition at a tempo: "natural", or the seconds themselves; None for
+    "citation". Raises ``InputError`` for anything else.
+    """
+    if tempo == CITATION:
+        return None
+    try:
+        seconds = RUNNING_S if tempo == NATURAL else float(tempo)
+    except (TypeError, ValueError):
+        seconds = float("nan")
+    if isinstance(tempo, bool) or not FASTEST_S <= seconds <= SLOWEST_S:
+        raise InputError(
+            f"tempo {tempo!r}, expected {CITATION}, {NATURAL} or {FASTEST_S:g} to {SLOWEST_S:g} seconds a sign"
+        )
+    return seconds
+
+
+@dataclass(frozen=True)
+class ReachedTempo:
+    """The tempo of a sentence.
+
+    mode: "citation", "natural", or "seconds" where they were given.
+    asked_seconds: seconds that a sign was to take with its transition; None for "citation".
+    seconds: seconds that a sign takes with the transition to it, the mean of all signs but the first and the last,
+        which begin and end at rest; None where there is no other.
+    """
+
+    mode: Literal["citation", "natural", "seconds"] = "citation"
+    asked_seconds: float | None = None
+    seconds: float | None = None
+
+
+def reached(signs: Sequence[tuple[int, int]], fps: float, tempo: str | float) -> ReachedTempo:
+    """The tempo of a sentence whose ``signs`` have these output frames, half-open, in order."""
+    asked = seconds_a_sign(tempo)
+    mode: Literal["citation", "natural", "seconds"] = "seconds"
+    if asked is None:
+        mode = "citation"
+    elif tempo == NATURAL:
+        mode = "natural"
+    inner = len(signs) - 2
+    seconds = round((signs[-2][1] - signs[0][1]) / fps / inner, 3) if inner > 0 else None
+    return ReachedTempo(mode, asked, seconds)
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """A sign as it is played.
+
+    clip: the frames.
+    sources: (T,) the frame of the recorded clip that each shows, rising; between two frames it is their slerp. None
+        where all are played as recorded.
+    warnings: what a user should know, one line each.
+    """
+
+    clip: Clip
+    sources: Float | None = None
+    warnings: tuple[str, ...] = ()
+
+    def first(self, frame: int) -> int:
+        """The frame with which to begin so that the recorded ``frame`` and all after it are played."""
+        return frame if self.sources is None else int(np.searchsorted(self.sources, frame, side="right")) - 1
+
+    def last(self, frame: int) -> int:
+        """The frame with which to end so that the recorded ``frame`` and all before it are played."""
+        return frame if self.sources is None else int(np.searchsorted(self.sources, frame, side="left"))
+
+    def cut(self, cut: Cut, after: Played) -> Cut:
+        """A cut of the recorded clips, this and the one ``after``, in frames as they are played."""
+        return Cut(self.last(cut.pre), after.first(cut.post))
+
+    def source(self, start: int, stop: int) -> tuple[int, int]:
+        """The recorded frames from which the frames [start, stop) are made, half-open."""
+        if self.sources is None:
+            return start, stop
+        return int(np.floor(self.sources[start])), int(np.ceil(self.sources[stop - 1])) + 1
+
+    def warp(self, start: int, stop: int, output: int, offset: int = 0) -> tuple[tuple[int, float], ...] | None:
+        """For each of the frames [start, stop), the first of which is frame ``output`` of a sentence, that frame and
+        the recorded one that it shows, counted from ``offset``.
+        """
+        if self.sources is None:
+            return None
+        return tuple((output + n, offset + float(source)) for n, source in enumerate(self.sources[start:stop]))
+
+
+def play(clip: Clip, cutter: Cutter, seconds: float) -> Played:
+    """An aligned clip brought to a tempo of ``seconds`` a sign, as far as human peaks allow; as recorded where the sign
+    is no longer than that, or the rig's arms are not known by name.
+
+    What counts as the sign is what the cutter keeps of it between two signs like itself.
+    """
+    if not rig_info(clip.skeleton).has_arms:
+        return Played(clip, warnings=(f"no arms known in {clip.name}: it is played as recorded, whatever the tempo",))
+    if len(clip) < 2:
+        return Played(clip)
+    first, last = _sign(clip, cutter)
+    limits = pace(clip)
+    rates = limits.rates(first, last, SIGN_FRACTION * seconds - 1.0 / clip.fps)
+    if np.all(rates == 1.0):
+        return Played(clip)
+    sources = _source_frames(rates)
+    return Played(sampled(clip, sources), sources)
+
+
+def _sign(clip: Clip, cutter: Cutter) -> tuple[int, int]:
+    """First and last frame of the sign in a clip: as the cutter cuts it, at most while the arms are away from rest."""
+    (cut,) = cutter.cut_all([clip, clip])
+    start, stop = active_span(arms(clip))
+    first, last = max(cut.post, start), min(cut.pre, stop - 1)
+    return (first, last) if first < last else (start, stop - 1)
+
+
+def _source_frames(rates: Float) -> Float:
+    """The recorded frame that each played one shows, from the rate at each recorded frame (T,). The first and the last
+    frame are played as they are: the whole is slower by less than a frame for that.
+    """
+    slowness = 1.0 / rates
+    times = np.r_[0.0, np.cumsum(0.5 * (slowness[1:] + slowness[:-1]))]  # played frames
+    n_frames = int(np.ceil(times[-1] - 1e-9))
+    times *= n_frames / times[-1]
+    sources = PchipInterpolator(times, np.arange(len(rates), dtype=np.float64))(np.arange(n_frames + 1))
+    sources = np.round(sources, _DECIMALS)
+    sources[0], sources[-1] = 0.0, len(rates) - 1.0
+    return np.asarray(sources)
+
+
+class RunningDuration(Duration):
+    """How long a transition takes at a tempo: the human median of 0.25 s, in proportion where the tempo is slower than
+    running signing, and longer where a hand would pass ``FAST_M_S``.
+    """
+
+    name = "running"
+    summary = "0.25 s, longer where a hand has far to go"
+
+    def __init__(self, seconds: float) -> None:
+        self.least = HUMAN_MEDIAN_S * max(1.0, seconds / RUNNING_S)
+
+    def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
+        """Seconds that the new frames take."""
+        p, q = arms(before), arms(after)
+        travel = float(np.linalg.norm(q.wrists[cut.post] - p.wrists[cut.pre], axis=-1).max()) * p.metres
+        return max(self.least, _PEAK_OVER_MEAN * travel / FAST_M_S - 1.0 / before.fps)
+
+
+def fill_unhurried(transition: Transition, gaps: Sequence[Gap], avoid_collisions: bool | None) -> list[FilledGap]:
+    """As ``filling.fill``, with more frames in the gaps in which a hand would be faster than signs are."""
+    return [
+        _unhurried(transition, gap, made, avoid_collisions)
+        for gap, made in zip(gaps, fill(transition, gaps, avoid_collisions), strict=True)
+    ]
+
+
+def _unhurried(transition: Transition, gap: Gap, made: FilledGap, avoid_collisions: bool | None) -> FilledGap:
+    for factor in _LONGER:
+        if not _is_too_fast(gap, made.clip):
+            break
+        (made,) = fill(transition, [replace(gap, n_frames=math.ceil(factor * gap.n_frames))], avoid_collisions)
+    return made
+
+
+def _is_too_fast(gap: Gap, new: Clip) -> bool:
+    """Whether a wrist passes ``FAST_M_S`` in the new frames of a gap."""
+    info = rig_info(new.skeleton)
+    if not info.has_arms:
+        return False
+    window = concatenate([gap.before[-1:], new, gap.after[:1]])
+    wrists = arms(window).wrists * info.sizes.unit.metres
+    return metrics.peak_speed(wrists, 1, len(window) - 1, window.fps) > FAST_M_S
