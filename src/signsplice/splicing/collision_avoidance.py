@@ -52,15 +52,19 @@ class ClearedTransition:
     depth: float | None
 
 
-def avoid_collisions(filled: Clip, before: Clip, after: Clip) -> ClearedTransition:
+def avoid_collisions(filled: Clip, before: Clip, after: Clip, fixed: int | None = None) -> ClearedTransition:
     """A transition between the last frame of ``before`` and the first of ``after``, led around the body; unchanged on a
     rig whose arms are not known by name.
+
+    fixed: side of a hand that is neither moved nor looked at, 0 left or 1 right.
     """
     if not rig_info(filled.skeleton).has_arms:
         return ClearedTransition(filled, None, None)
     posed = _pose(_window(filled, before, after))
-    depth = posed.capsules.penetration()[0] * rig_info(filled.skeleton).sizes.unit.metres
-    return _lead_around(filled, before, after, posed) if _worst(depth) > 0.0 else ClearedTransition(filled, 0.0, 0.0)
+    depth = _depths_of(posed.capsules.penetration()[0], fixed) * rig_info(filled.skeleton).sizes.unit.metres
+    if _worst(depth) == 0.0:
+        return ClearedTransition(filled, 0.0, 0.0)
+    return _lead_around(filled, before, after, posed, fixed)
 
 
 def depths(filled: Clip, before: Clip, after: Clip) -> Float:
@@ -104,7 +108,12 @@ def _pose(window: Clip) -> _PosedWindow:
     return _PosedWindow(window.skeleton, positions, collision.posed_capsules(window.skeleton, rotations, positions))
 
 
-def _lead_around(filled: Clip, before: Clip, after: Clip, posed: _PosedWindow) -> ClearedTransition:
+def _depths_of(depth: Float, fixed: int | None) -> Float:
+    """Depths (T, 2) in which that of a hand that stays as it is counts for nothing."""
+    return depth if fixed is None else np.where(np.arange(2) == fixed, -np.inf, depth)
+
+
+def _lead_around(filled: Clip, before: Clip, after: Clip, posed: _PosedWindow, fixed: int | None) -> ClearedTransition:
     """``avoid_collisions`` of a transition that is posed already."""
     metres = rig_info(filled.skeleton).sizes.unit.metres
     best, first, least = filled, 0.0, np.inf
@@ -112,7 +121,7 @@ def _lead_around(filled: Clip, before: Clip, after: Clip, posed: _PosedWindow) -
         if n > 0:
             posed = _pose(_window(filled, before, after))
         near = posed.capsules.near_pairs(_SLACK_M / metres)
-        worst = _worst(near.penetration()[0] * metres)
+        worst = _worst(_depths_of(near.penetration()[0], fixed) * metres)
         if n == 0:
             first = worst
         gained = least - worst
@@ -120,13 +129,13 @@ def _lead_around(filled: Clip, before: Clip, after: Clip, posed: _PosedWindow) -
             best, least = filled, worst
         if worst == 0.0 or gained < _LEAST_GAIN * worst or n == _MAX_TRIES:
             break
-        filled = arm_ik.move_wrists(filled, _avoiding_moves(posed, near, metres))
+        filled = arm_ik.move_wrists(filled, _avoiding_moves(posed, near, metres, fixed))
     return ClearedTransition(best, first, least)
 
 
-def _avoiding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: float) -> Float:
+def _avoiding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: float, fixed: int | None) -> Float:
     """Moves (n, 2, 3) of the hands, if arms were long enough, that lead the frames between around the body;
-    ``near``: pairs of capsules within ``_SLACK_M``.
+    ``near``: pairs of capsules within ``_SLACK_M``; ``fixed``: side of a hand that does not move.
     """
     n_between, forward = len(posed.positions) - 2, posed.forward
     fade, kernel = smoothing.fade_window(n_between)[:, None, None], _kernel(n_between)
@@ -137,7 +146,7 @@ def _avoiding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: floa
             slack = farthest + _SLACK_M / metres
             near = posed.capsules.near_pairs(slack)
         depth, exits = near.penetration(moves)
-        excess = _excess_depth(depth * metres) / metres
+        excess = _excess_depth(_depths_of(depth, fixed) * metres) / metres
         if excess.max() <= 0.0:
             break
         push = _pushes(excess + 0.3 * TOLERANCE_M / metres, exits[1:-1], forward[1:-1])

@@ -3,7 +3,8 @@
     Y = [P_1 .. P_pre, O, Q_post .. Q_M]: frames of the first word up to pre, new frames O, the second word from post
 
 A piece that has been put out never changes: a word is settled as soon as the next word is known. Frames of a sign are
-those of its aligned clip, bit for bit; only transition frames are new.
+those of its aligned clip, bit for bit; only transition frames are new, and the arm of a hand that is idle, where it is
+given more time (``free_hand``).
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Literal
@@ -23,11 +24,13 @@ from signsplice.errors import FormatError, InputError
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig.align import Reference, reference
-from signsplice.splicing import methods
+from signsplice.splicing import free_hand, methods
 from signsplice.splicing.cut import Cut, Cutter
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
 from signsplice.splicing.filling import FilledGap, fill
+from signsplice.splicing.free_hand import Remade, ArmStretch
 from signsplice.splicing.gap import Gap, gap_at
+from signsplice.splicing.learned import NAME
 from signsplice.splicing.seam import Seam, score
 from signsplice.splicing.transition import Transition
 
@@ -45,6 +48,9 @@ class SpliceOptions:
     sign_speed: how many times as fast signs play.
     fps: output rate; None: the first clip's.
     avoid_collisions: whether hands are led around head, trunk and each other; None: where the transition is learned.
+    free_hand: how much time a hand has that only goes to rest at a seam, or comes from it. "transition": that of the
+        transition, which is lengthened where the hand would pass 2.2 m/s, unless the call names a transition or a time;
+        "natural": frames of the signs too, as long as the hand rests in them.
     limits: how many frames a clip may have at the output rate.
 
     Raises ``InputError`` for a number out of range.
@@ -58,6 +64,7 @@ class SpliceOptions:
     sign_speed: float = 1.0
     fps: float | None = None
     avoid_collisions: bool | None = None
+    free_hand: str = free_hand.TRANSITION
     limits: ReadLimits = DEFAULT_LIMITS
 
     def __post_init__(self) -> None:
@@ -69,6 +76,14 @@ class SpliceOptions:
         for what, value, least, most, unit in limits:
             if value is not None and not least <= value <= most:
                 raise InputError(f"{what} {value:g}{unit}, expected {least:g} to {most:g}{unit}")
+        if self.free_hand not in free_hand.FREE_HANDS:
+            raise InputError(f"free hand {self.free_hand!r}, expected one of {', '.join(free_hand.FREE_HANDS)}")
+
+    @property
+    def lengthens(self) -> bool:
+        """Whether transitions are lengthened for an idle hand: the call names neither them nor their time."""
+        chosen = (self.transition, None if self.duration == methods.AUTO else self.duration)
+        return self.transition_time is None and all(name in (None, NAME) for name in chosen)
 
 
 @dataclass(frozen=True)
@@ -80,6 +95,7 @@ class Span:
     name: name of the source clip; None for a transition.
     source: frames of that clip, counted at the output rate; None for a transition.
     output: frames of the output.
+    remade: an idle arm whose frames are not those of the clip; None, and left out of reports, where all are.
     """
 
     kind: Literal["sign", "transition"]
@@ -87,6 +103,7 @@ class Span:
     name: str | None
     source: tuple[int, int] | None
     output: tuple[int, int]
+    remade: Remade | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,16 +216,20 @@ class _SentenceWord:
 
     index: its number in the sentence.
     clip: its aligned clip.
+    shown: the same as it is put out.
     warnings: about the clip, one line each.
     entry: the frame at which it is entered.
     seam: the seam by which it is entered.
+    remade: where idle arms were made anew in it.
     """
 
     index: int
     clip: Clip
+    shown: Clip
     warnings: tuple[str, ...]
     entry: int = 0
     seam: Seam | None = None
+    remade: list[ArmStretch] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,7 +278,7 @@ class _SentenceBuilder:
         filled = self._fill(seams)
         self._n_words += len(new)
         self._last = words[-1] if words else None
-        for planned, transition in zip(seams, filled, strict=True):
+        for planned, transition in filled:
             yield self._sign(planned.before, planned.cut.pre + 1)
             planned.after.seam = self._score(planned, transition)
             if transition is not None:
@@ -281,7 +302,7 @@ class _SentenceBuilder:
         if aligned.contacts:
             self.contacts[index] = aligned.contacts
         warnings = aligned.warnings if index else (*self.methods.warnings, *aligned.warnings)
-        return _SentenceWord(index, aligned.clip, warnings)
+        return _SentenceWord(index, aligned.clip, aligned.clip, warnings)
 
     def _plan(self, words: Sequence[_SentenceWord]) -> list[_PlannedSeam]:
         """The seams of words in order; sets the frame at which each word is entered."""
@@ -316,12 +337,34 @@ class _SentenceBuilder:
             raise InputError(f"cutter {self.cutter.name} chose {len(cuts)} cuts for {len(clips)} clips")
         return cuts
 
-    def _fill(self, seams: Sequence[_PlannedSeam]) -> list[FilledGap | None]:
-        """The transition of every seam, None where it has no frames."""
+    def _fill(self, seams: Sequence[_PlannedSeam]) -> list[tuple[_PlannedSeam, FilledGap | None]]:
+        """Every seam with its transition, None where it has no frames."""
         with self.timed("transition"):
             gaps = [planned.gap for planned in seams if planned.gap.n_frames]
             filled = iter(fill(self.transition, gaps, self.options.avoid_collisions))
-            return [next(filled) if planned.gap.n_frames else None for planned in seams]
+            return [self._free(one, next(filled)) if one.gap.n_frames else (one, None) for one in seams]
+
+    def _free(self, planned: _PlannedSeam, filled: FilledGap) -> tuple[_PlannedSeam, FilledGap]:
+        """A seam whose idle hands have the time that they need."""
+        before, after, options = planned.before, planned.after, self.options
+
+        def refill(gap: Gap) -> FilledGap:
+            return fill(self.transition, [gap], options.avoid_collisions)[0]
+
+        rules = free_hand.Rules(
+            natural=options.free_hand == free_hand.NATURAL,
+            lengthens=options.lengthens,
+            avoids=options.avoid_collisions is not False,
+            longest=round(MAX_TRANSITION_S * before.clip.fps),
+        )
+        seam = free_hand.SeamFrames(before.shown, after.shown, planned.cut, before.entry, planned.gap, filled)
+        if before.shown is not before.clip:
+            seam = seam.refilled(planned.gap.n_frames, refill)
+        done = free_hand.finish(seam, rules, refill)
+        before.shown, after.shown = done.before, done.after
+        before.remade += done.remade[0]
+        after.remade += done.remade[1]
+        return replace(planned, gap=done.gap), done.filled
 
     def _score(self, planned: _PlannedSeam, filled: FilledGap | None) -> Seam:
         with self.timed("join"):
@@ -346,8 +389,11 @@ class _SentenceBuilder:
 
     def _sign(self, word: _SentenceWord, stop: int) -> Piece:
         with self.timed("join"):
-            span = self._span("sign", word.index, word.clip.name, (word.entry, stop), stop - word.entry)
-            return Piece(word.clip[word.entry : stop], span, word.seam, word.warnings)
+            frames = (word.entry, stop)
+            span = self._span("sign", word.index, word.clip.name, frames, stop - word.entry)
+            if word.remade:
+                span = replace(span, remade=free_hand.remade(word.remade, word.clip, frames, span.output[0]))
+            return Piece(word.shown[word.entry : stop], span, word.seam, word.warnings)
 
     def _span(
         self,
