@@ -28,8 +28,14 @@ def test_the_report_describes_the_result(sentence: list[Clip]) -> None:
     assert described["timing_ms"]["load"] == 1.5
     assert set(described["timing_ms"]) >= {"load", "cut", "transition", "join", "save"}
     first, second = described["spans"][:2]
-    assert first == {"kind": "sign", "clip": 0, "name": "HELLO", "source": first["source"], "output": first["output"]}
-    assert second == {"kind": "transition", "clip": None, "name": None, "source": None, "output": second["output"]}
+    assert first == {
+        **{"kind": "sign", "clip": 0, "name": "HELLO", "source": first["source"], "output": first["output"]},
+        "remade": None,
+    }
+    assert second == {
+        **{"kind": "transition", "clip": None, "name": None, "source": None, "output": second["output"]},
+        "remade": None,
+    }
     seam = described["seams"][0]
     assert seam["pre_frame"] == first["source"][1] - 1
     assert seam["post_frame"] == described["spans"][2]["source"][0]

@@ -16,6 +16,12 @@ export interface SentenceToken {
   warning: string;
 }
 
+/** Joints of a sign's span that do not show its clip: an idle arm that was given more time. */
+export interface Remade {
+  joints: string[];
+  frames: [number, number];
+}
+
 /** Where a stretch of the output comes from; frame ranges are half-open. */
 export interface Span {
   kind: "sign" | "transition";
@@ -23,6 +29,7 @@ export interface Span {
   name: string | null;
   source: [number, number] | null;
   output: [number, number];
+  remade: Remade | null;
 }
 
 /** The join of two signs. */
@@ -55,6 +62,7 @@ export interface Dials {
   sign_speed?: number;
   fps?: number | null;
   body_sense?: boolean | null;
+  free_hand?: "transition" | "natural";
 }
 
 /** Glosses to sign, and how. */
@@ -65,6 +73,7 @@ export interface SentenceRequest {
   sign_speed?: number;
   fps?: number | null;
   body_sense?: boolean | null;
+  free_hand?: "transition" | "natural";
   glosses: string[];
   spell?: boolean;
   formats?: ("bvh" | "glb" | "vrma")[];
@@ -78,6 +87,7 @@ export interface SpliceRequest {
   sign_speed?: number;
   fps?: number | null;
   body_sense?: boolean | null;
+  free_hand?: "transition" | "natural";
   formats?: ("bvh" | "glb" | "vrma")[];
 }
 
@@ -151,6 +161,7 @@ export interface OpenMessage {
   sign_speed?: number;
   fps?: number | null;
   body_sense?: boolean | null;
+  free_hand?: "transition" | "natural";
   type: "open";
   paced?: boolean;
   spell?: boolean;

@@ -146,6 +146,7 @@ def options(dials: Dials) -> SpliceOptions:
         sign_speed=dials.sign_speed,
         fps=dials.fps,
         avoid_collisions=dials.avoid_collisions,
+        free_hand=dials.free_hand,
         limits=_worker.settings.read_limits,
     )
 

@@ -28,7 +28,7 @@ from signsplice.splicing import free_hand, methods
 from signsplice.splicing.cut import Cut, Cutter
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
 from signsplice.splicing.filling import FilledGap, fill
-from signsplice.splicing.free_hand import Remade, ArmStretch
+from signsplice.splicing.free_hand import ArmStretch, Remade
 from signsplice.splicing.gap import Gap, gap_at
 from signsplice.splicing.learned import NAME
 from signsplice.splicing.seam import Seam, score
@@ -95,7 +95,7 @@ class Span:
     name: name of the source clip; None for a transition.
     source: frames of that clip, counted at the output rate; None for a transition.
     output: frames of the output.
-    remade: an idle arm whose frames are not those of the clip; None, and left out of reports, where all are.
+    remade: an idle arm whose frames are not those of the clip; None where all are.
     """
 
     kind: Literal["sign", "transition"]

@@ -19,15 +19,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body import collision
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip, bone_translations, concatenate, unchecked_copy
-from signsplice.rig.arms import Arms, arms
 from signsplice.rig.info import rig_info
-from signsplice.splicing.collision_avoidance import TOLERANCE_M, avoid_collisions, depths
+from signsplice.splicing.collision_avoidance import TOLERANCE_M, avoid_collisions, depths, turn_elbow
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.filling import FilledGap
 from signsplice.splicing.gap import Gap, gap_at
+from signsplice.splicing.idle_hand import IdleHand, arm_joints, idle_hands, is_approached
 from signsplice.splicing.transition import find_transition
 
 Float = NDArray[np.float64]
@@ -40,15 +39,6 @@ _UNHURRIED_M_S = 1.4
 """Nor, under ``natural``, than 9 of 10 hands that people let sink in running signing (15 movements of 0.15 to 0.4 m in
 16 sentences of the DGS Corpus: median 0.8 m/s, 1.8 at most).
 """
-_NEAR_REST = 0.1
-"""A hand this near to where it rests, in arm lengths, is at rest: arms that hang sway."""
-_HANGING, _LOW = 0.25, 0.6
-"""Height, in arm lengths above a hanging wrist, up to which an arm hangs; up to which both hands rest where both are
-still (folded before the belly, held before the waist).
-"""
-_STILL_M_S = 0.15
-_CLEAR_M = 0.03
-"""A signing hand this near to the other arm may be about to touch it: that arm keeps its frames from there on."""
 _ROUNDS = 8
 
 
@@ -117,62 +107,19 @@ class SeamFrames:
         return replace(self, gap=gap, filled=refill(gap))
 
 
-@dataclass(frozen=True)
-class IdleHand:
-    """A hand that is at rest on one side of a seam and away from it on the other.
-
-    side: 0 left, 1 right.
-    arrives: it goes to rest; else it comes from it.
-    n_rest: frames next to the seam in which it rests.
-    """
-
-    side: int
-    arrives: bool
-    n_rest: int
-
-
-def idle_hands(before: Clip, after: Clip, cut: Cut) -> list[IdleHand]:
-    """The idle hands of a seam; none on a rig whose arms are not known by name."""
-    if not rig_info(before.skeleton).has_arms:
-        return []
-    p, q = arms(before), arms(after)
-    found = []
-    for side in (0, 1):
-        left = _frames_at_rest(p, side, cut.pre, -1)
-        entered = _frames_at_rest(q, side, cut.post, 1)
-        if bool(left) != bool(entered):
-            found.append(IdleHand(side, entered > 0, left or entered))
-    return found
-
-
-def _frames_at_rest(motion: Arms, side: int, frame: int, step: int) -> int:
-    """Frames from one on, forwards or backwards, in which a hand is where it rests at that end of the clip (step 1: the
-    beginning); 0 where it does not rest there.
-    """
-    end = 0 if step > 0 else -1
-    places = motion.wrists - motion.shoulders  # (T, 2, 3)
-    edge = places[:4] if step > 0 else places[-4:]
-    speeds = np.linalg.norm(np.diff(edge, axis=0), axis=-1).max(axis=0, initial=0.0) * motion.fps * motion.metres
-    heights, is_still = motion.lift[end], speeds < _STILL_M_S
-    hangs = heights[side] < _HANGING and is_still[side]
-    if not (hangs or (heights.max() < _LOW and is_still.all())):
-        return 0
-    near = np.linalg.norm(places[:, side] - places[end, side], axis=-1) < _NEAR_REST * motion.length
-    run = near[frame::step]
-    return len(run) if run.all() else int(np.argmin(run))
-
-
 def finish(seam: SeamFrames, rules: Rules, refill: Callable[[Gap], FilledGap]) -> SeamFrames:
     """The seam with the time that its idle hands need; itself where they have it. ``refill`` makes the new frames of
     another gap.
     """
+    done, least = seam, _UNHURRIED_M_S if rules.natural else FASTEST_M_S
+    if not (rules.natural or rules.lengthens) or not _is_faster(seam, least):
+        return seam
     hands = idle_hands(seam.before, seam.after, seam.cut)
-    done = seam
     for _ in range(_ROUNDS if hands else 0):
         done = seam
         for hand in hands if rules.natural else ():
             done = _let_free(done, hand, rules.avoids)
-        peak = max(_peak(_window(done.gap, done.filled.clip), hand.side) for hand in hands)
+        peak = max(_peak_with_rest(done, hand) for hand in hands)
         n_frames = seam.gap.n_frames
         if not rules.lengthens or peak <= FASTEST_M_S or n_frames >= rules.longest:
             break
@@ -212,27 +159,13 @@ def _frames_free(seam: SeamFrames, hand: IdleHand) -> int:
         rest = seam.before[cut.pre + 1 - most : cut.pre + 1] if most > 0 else None
     if rest is None:
         return 0
-    touched = _is_approached(rest, hand.side)
+    touched = is_approached(rest, hand.side)
     return _first(touched if hand.arrives else touched[::-1])
 
 
 def _first(flags: NDArray[np.bool_]) -> int:
     """Number of flags before the first that is set."""
     return int(np.argmax(flags)) if flags.any() else len(flags)
-
-
-def _is_approached(clip: Clip, side: int) -> NDArray[np.bool_]:
-    """For every frame (T,) whether the hand of the other side is near the arm of this one."""
-    posed = collision.posed_capsules(clip.skeleton, *kinematics.forward(clip))
-    body = posed.body
-    own = [
-        n for n, of in enumerate(body.sides) if of == ("left", "right")[side] and body.parts[n] not in ("leg", "shoe")
-    ]
-    other = body.groups.right if side == 0 else body.groups.left
-    if not own or not other:
-        return np.zeros(len(clip), bool)
-    overlap, _ = collision.overlap(posed.starts, posed.ends, body.radii, other, own)
-    return np.asarray(-overlap.max(axis=(1, 2)) * rig_info(clip.skeleton).sizes.unit.metres < _CLEAR_M)
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,7 +197,8 @@ def _remake(seam: SeamFrames, hand: IdleHand, n_more: int, avoids: bool) -> _Rem
     depth = 0.0
     if avoids:
         cleared = avoid_collisions(made, gap.before, gap.after, fixed=1 - hand.side)
-        made, depth = cleared.clip, cleared.depth or 0.0
+        depth = cleared.depth or 0.0
+        made = turn_elbow(cleared.clip, gap.before, gap.after, hand.side)
     return _RemadeArm(made, n_more, _peak(_window(gap, made), hand.side), depth)
 
 
@@ -287,16 +221,9 @@ def _put_in(seam: SeamFrames, hand: IdleHand, made: _RemadeArm) -> SeamFrames:
     return replace(seam, before=before, after=after, gap=gap, filled=filled, remade=(leaving, entering))
 
 
-def arm_joints(clip: Clip, side: int) -> tuple[int, ...]:
-    """Every joint of an arm, from the collarbone to the fingertips, where the rig's arms are known."""
-    info = rig_info(clip.skeleton)
-    collarbone = info.roles.joints.get(f"{('left', 'right')[side]}Shoulder", info.arm_joints[3 * side])
-    return tuple(kinematics.subtree(clip.skeleton, collarbone))
-
-
 def _with_joints(clip: Clip, new: Clip, start: int, joints: tuple[int, ...]) -> Clip:
     """The clip with some joints as in ``new``, whose frames begin at frame ``start``."""
-    rows, columns = np.ix_(np.arange(start, start + len(new)), joints)
+    rows, columns = np.ix_(np.arange(start, start + len(new)), np.array(joints))
     local = np.array(clip.local_rotations)
     local[rows, columns] = new.local_rotations[:, joints]
     bones = None
@@ -309,6 +236,23 @@ def _with_joints(clip: Clip, new: Clip, start: int, joints: tuple[int, ...]) -> 
 def _window(gap: Gap, new: Clip) -> Clip:
     """New frames with those on either side."""
     return concatenate([gap.before[-1:], new, gap.after[:1]])
+
+
+def _is_faster(seam: SeamFrames, speed: float) -> bool:
+    """Whether a hand of known arms passes a speed in the transition, m/s."""
+    window = _window(seam.gap, seam.filled.clip)
+    return rig_info(window.skeleton).has_arms and max(_peak(window, side) for side in (0, 1)) > speed
+
+
+def _peak_with_rest(seam: SeamFrames, hand: IdleHand) -> float:
+    """Highest speed of an idle hand in the transition and while it rests, m/s."""
+    cut, parts = seam.cut, [seam.filled.clip]
+    if hand.arrives:
+        parts = [seam.before[cut.pre : cut.pre + 1], *parts, seam.after[cut.post : cut.post + hand.n_rest]]
+    else:
+        start = max(seam.entry, cut.pre + 1 - hand.n_rest)
+        parts = [seam.before[start : cut.pre + 1], *parts, seam.after[cut.post : cut.post + 1]]
+    return _peak(concatenate(parts), hand.side)
 
 
 def _peak(clip: Clip, side: int) -> float:
