@@ -15,13 +15,16 @@ from signsplice.rig.info import rig_info
 from signsplice.splicing.collision_avoidance import SIDES
 from signsplice.splicing.cut import Cut
 
-_NEAR_REST = 0.1
-"""A hand this near to where it rests, in arm lengths, is at rest: arms that hang sway."""
+_NEAR_REST, _TURNED_RAD = 0.13, np.deg2rad(20.0)
+"""A hand is at rest where it is this near to where it rests, in arm lengths, and turned by no more than this. While the
+other hand signs, that of the synthetic signer stays within 0.11 and 12 degrees, however it rests; a hand that signs too
+has 0.16 at least, and 60 degrees where it is nearer than 0.2.
+"""
 _HANGING, _LOW = 0.25, 0.6
 """Height, in arm lengths above a hanging wrist, up to which an arm hangs; up to which both hands rest where both are
 still (folded before the belly, held before the waist).
 """
-_STILL_M_S = 0.15
+_STILL_M_S = 0.3
 _CLEAR_M = 0.03
 """A signing hand this near to the other arm may be about to touch it: that arm keeps its frames from there on."""
 
@@ -66,8 +69,10 @@ def _frames_at_rest(motion: Arms, side: int, frame: int, step: int) -> int:
     hangs = heights[side] < _HANGING and is_still[side]
     if not (hangs or (heights.max() < _LOW and is_still.all())):
         return 0
-    near = np.linalg.norm(places[:, side] - places[end, side], axis=-1) < _NEAR_REST * motion.length
-    run = near[frame::step]
+    here, there = slice(frame, None, step), motion.hand_rotations[end, side]
+    near = np.linalg.norm(places[here, side] - places[end, side], axis=-1) < _NEAR_REST * motion.length
+    cosines = 0.5 * (np.einsum("tab,ab->t", motion.hand_rotations[here, side], there) - 1.0)
+    run = near & (cosines > np.cos(_TURNED_RAD))
     return len(run) if run.all() else int(np.argmin(run))
 
 
