@@ -97,6 +97,7 @@ def test_sentence_equals_the_engines_splice(service: httpx.Client) -> None:
         ({"transition_time": 0.5, "sign_speed": 1.5}, SpliceOptions(transition_time=0.5, sign_speed=1.5)),
         ({"transition_time": "travel", "fps": 24}, SpliceOptions(duration="travel", fps=24.0)),
         ({"body_sense": False}, SpliceOptions(avoid_collisions=False)),
+        ({"free_hand": "natural"}, SpliceOptions(free_hand="natural")),
     ],
 )
 def test_dials_are_the_engines_options(service: httpx.Client, dials: dict[str, Any], options: SpliceOptions) -> None:
