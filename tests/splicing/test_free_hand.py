@@ -130,14 +130,21 @@ def test_a_hand_goes_to_rest_after_the_seam_and_leaves_it_before() -> None:
     assert "mixamorig:LeftHand" in i.remade.joints
 
 
+def test_an_arm_that_cannot_be_led_around_more_slowly_is_left_as_it_is() -> None:
+    """The left arm comes from under the right elbow; more time would make its way around longer, and it no slower."""
+    usual, natural = (spliced("DAY DREAM", choice) for choice in ("transition", NATURAL))
+    assert [span.output for span in natural.spans] == [span.output for span in usual.spans]
+    assert speeds(natural.clip)[:, LEFT].max() <= speeds(usual.clip)[:, LEFT].max() + 1e-9
+
+
 def test_the_right_hand_is_as_free_as_the_left() -> None:
     flipped = ss.splice(
         [mirror(clip) for clip in clips("BOOK I")], ss.SpliceOptions("ends", "hermite", free_hand=NATURAL)
     )
     plain = ss.splice(clips("BOOK I"), ss.SpliceOptions("ends", "hermite", free_hand=NATURAL))
     assert [span.output for span in flipped.spans] == [span.output for span in plain.spans]
-    cut = Cut(40, 25)
-    (hand,), (other,) = (idle_hands(*pair, cut) for pair in (clips("BOOK I"), [mirror(c) for c in clips("BOOK I")]))
+    book, i, cut = word("BOOK").clip, word("I").clip, Cut(40, 25)
+    (hand,), (other,) = idle_hands(book, i, cut), idle_hands(mirror(book), mirror(i), cut)
     assert (hand.side, other.side) == (LEFT, RIGHT)
     assert (hand.arrives, hand.n_rest) == (other.arrives, other.n_rest)
 

@@ -131,7 +131,7 @@ def finish(seam: SeamFrames, rules: Rules, refill: Callable[[Gap], FilledGap]) -
 def _let_free(seam: SeamFrames, hand: IdleHand, avoids: bool) -> SeamFrames:
     """The seam with one idle hand given as many frames of the sign as it needs, where it has them."""
     n_frames = seam.gap.n_frames
-    peak = _peak(_window(seam.gap, seam.filled.clip), hand.side)
+    peak = least = _peak(_window(seam.gap, seam.filled.clip), hand.side)
     most = _frames_free(seam, hand)
     best: _RemadeArm | None = None
     n_more = 0
@@ -139,12 +139,11 @@ def _let_free(seam: SeamFrames, hand: IdleHand, avoids: bool) -> SeamFrames:
         wanted = math.ceil((n_frames + n_more + 1) * peak / _UNHURRIED_M_S) - 1 - n_frames
         n_more = min(max(wanted, n_more + 1), most)
         made = _remake(seam, hand, n_more, avoids)
-        if made.depth <= TOLERANCE_M or best is None:
-            best = made
         peak = made.peak
-    if best is None or best.depth > max(TOLERANCE_M, seam.filled.depth or 0.0):
-        return seam
-    return _put_in(seam, hand, best)
+        # A way around the body may be longer, and faster, than the transition's own.
+        if peak < least and made.depth <= max(TOLERANCE_M, seam.filled.depth or 0.0):
+            best, least = made, peak
+    return seam if best is None else _put_in(seam, hand, best)
 
 
 def _frames_free(seam: SeamFrames, hand: IdleHand) -> int:
