@@ -45,7 +45,7 @@ def spliced(line: str, free_hand: str = NATURAL) -> ss.SpliceResult:
 
 def speeds(clip: Clip) -> np.ndarray:
     """Speeds (T - 1, 2) of the wrists, m/s."""
-    return np.linalg.norm(np.diff(wrist_positions(clip), axis=0), axis=-1) * clip.fps
+    return np.asarray(np.linalg.norm(np.diff(wrist_positions(clip), axis=0), axis=-1) * clip.fps)
 
 
 @pytest.mark.parametrize("line", LINES)
