@@ -42,6 +42,16 @@ def test_whole_clips_lower_the_arms_and_keep_the_strokes() -> None:
     assert ends.whole == trimmed.whole == 1.0
 
 
+def test_an_idle_hand_with_frames_of_the_sign_is_slower() -> None:
+    usual, natural = (row(SpliceOptions(free_hand=choice)) for choice in ("transition", "natural"))
+    assert usual.idle_peak is not None
+    assert natural.idle_peak is not None
+    assert natural.idle_fastest is not None
+    assert natural.idle_peak < usual.idle_peak
+    assert natural.idle_fastest < 1.45
+    assert (natural.whole, natural.arms_down) == (usual.whole, usual.arms_down)
+
+
 class IntoTheStroke(PairCutter):
     """Leaves every word two frames before its last movement ends."""
 

@@ -1,5 +1,6 @@
 """rig.metrics: scores compared with values computed by hand."""
 
+from dataclasses import asdict, replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +11,7 @@ from signsplice.evaluation.hidden_frames import hidden_frames, table
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.rig import metrics
+from signsplice.rig.info import rig_info
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.transition import find_transition
 
@@ -84,3 +86,24 @@ def test_hidden_frames_counts_gaps_interpolated_between_keys() -> None:
     rows = [hidden_frames([clip], [find_transition("hermite")], [5])[0] for clip in (interpolated, signed)]
     assert [row.keyframed for row in rows] == [1.0, 0.0]
     assert ["100 % of 5 frames" in "\n".join(table([row])) for row in rows] == [True, False]
+
+
+def test_errors_by_group_tell_which_joints_are_wrong() -> None:
+    """A finger, the wrist and the neck bent by 10 degrees: each is an error of its own group alone."""
+    clip = word("MOTHER").clip
+    joints = rig_info(clip.skeleton).roles.joints
+    wrong = {}
+    for role in ("leftIndexProximal", "rightHand", "rightLowerArm", "neck"):
+        local = np.array(clip.local_rotations)
+        local[:, joints[role]] = rotation.multiply(local[:, joints[role]], rotation.exp([0.0, 0.0, np.deg2rad(10.0)]))
+        errors = metrics.group_errors(replace(clip, local_rotations=local), clip)
+        wrong[role] = {name for name, error in asdict(errors).items() if error > 0.1}
+    assert wrong == {
+        "leftIndexProximal": {"fingers"},
+        "rightHand": set(),
+        "rightLowerArm": {"hands"},
+        "neck": {"trunk"},
+    }
+    rows = hidden_frames([clip], [find_transition("hermite")], [5])
+    assert rows[0].hand_error > rows[0].trunk_error > 0.0
+    assert "error of the fingers" in "\n".join(table(rows))

@@ -100,6 +100,7 @@ def test_sentence_equals_the_engines_splice(service: httpx.Client) -> None:
         ({"body_sense": False}, SpliceOptions(avoid_collisions=False)),
         ({"tempo": "natural"}, SpliceOptions(tempo="natural")),
         ({"tempo": 1.0}, SpliceOptions(tempo=1.0)),
+        ({"free_hand": "natural"}, SpliceOptions(free_hand="natural")),
     ],
 )
 def test_dials_are_the_engines_options(service: httpx.Client, dials: dict[str, Any], options: SpliceOptions) -> None:

@@ -18,7 +18,7 @@ from signsplice.body.capsules import body_capsules, capsule_ends
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig.info import rig_info
-from signsplice.splicing.collision_avoidance import TOLERANCE_M, avoid_collisions
+from signsplice.splicing.collision_avoidance import TOLERANCE_M, avoid_collisions, turn_elbow
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.transition import find_transition
 
@@ -105,6 +105,46 @@ def test_only_arms_change_and_hands_keep_their_rotation() -> None:
     hand = rig_info(cleared.skeleton).arm_joints[2]
     rotations, expected = (kinematics.forward(clip, [hand])[0] for clip in (cleared, straight))
     np.testing.assert_allclose(rotations, expected, atol=1e-9)
+
+
+def test_with_one_arm_fixed_the_other_hand_alone_is_led_around_all_of_it() -> None:
+    """The left hand goes down through the right forearm, which lies across."""
+    right = (4.0, -22.0, 24.0)
+    before, after = held((14.0, -6.0, 24.0), right), held((6.0, -42.0, 20.0), right)
+    straight = find_transition("minimum-jerk").between(Gap(before, after, 16))
+    cleared = avoid_collisions(straight, before, after, fixed=1)
+    assert cleared.depth_before is not None
+    assert cleared.depth_before > 0.01
+    assert cleared.depth == 0.0
+    moved = np.abs(wrists(cleared.clip) - wrists(straight)).max(axis=(0, 2))
+    assert moved[0] > 1.0
+    assert moved[1] == 0.0
+
+
+def test_an_elbow_turns_out_of_the_trunk_and_the_hands_stay() -> None:
+    before, after = held((10.0, -30.0, 22.0), ASIDE), held((12.0, -32.0, 22.0), ASIDE)
+    straight = find_transition("minimum-jerk").between(Gap(before, after, 20))
+    joint = rig_info(straight.skeleton).arm_joints[0]
+    inwards = np.zeros((20, 2))
+    inwards[:, 0] = 0.6 * np.sin(np.linspace(0.0, np.pi, 20))
+    turned = max(
+        (move_wrists(straight, np.zeros((20, 2, 3)), side * inwards) for side in (1.0, -1.0)),
+        key=lambda clip: _forearm_depth(clip),
+    )
+    cleared = turn_elbow(turned, before, after, 0)
+    assert _forearm_depth(turned) > 1.0
+    assert _forearm_depth(cleared) < 0.5 * _forearm_depth(turned)
+    np.testing.assert_allclose(wrists(cleared), wrists(turned), atol=1e-6)
+    assert joint in np.flatnonzero(np.abs(cleared.local_rotations - turned.local_rotations).max(axis=(0, 2)) > 1e-6)
+
+
+def _forearm_depth(clip: Clip) -> float:
+    """Depth of the left forearm in the trunk beyond that of the first and the last frame, cm."""
+    posed = collision.posed_capsules(clip.skeleton, *kinematics.forward(clip))
+    body = posed.body
+    own = [n for n, part in enumerate(body.parts) if part == "cuff" and body.sides[n] == "left"]
+    depth = collision.overlap(posed.starts, posed.ends, body.radii, own, body.groups.trunk)[0].max(axis=(1, 2))
+    return float(depth.max() - max(depth[0], depth[-1], 0.0))
 
 
 def test_next_to_both_signs_the_path_hardly_changes() -> None:

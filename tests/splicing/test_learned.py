@@ -25,6 +25,8 @@ from signsplice.lexicon import shipped
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
 from signsplice.rig.canonical import canonical_motion
+from signsplice.rig.canonical_map import ARM
+from signsplice.rig.info import rig_info
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.learned import LearnedCutter, LearnedDuration, LearnedTransition, open_sessions
@@ -186,6 +188,20 @@ def test_a_learned_transition_changes_the_curve_but_not_its_ends() -> None:
     np.testing.assert_array_equal(made.root_positions, base.root_positions)
     bones = np.linalg.norm(np.diff(kinematics.forward(made)[1][:, [8, 9]], axis=1), axis=-1)
     assert np.ptp(bones) < 1e-6
+
+
+def test_the_network_corrects_the_arms_alone() -> None:
+    """Fingers, trunk, neck and head follow the curve; the wrists do not jump."""
+    gap = Gap(P[:40], Q[22:], 20)
+    base, made = find_transition("hermite").between(gap), TRANSITION.fill([gap])[0]
+    change = rotation.angle_between(made.local_rotations, base.local_rotations).max(axis=0)
+    joints = rig_info(made.skeleton).roles.joints
+    arms = [joint for role, joint in joints.items() if role.endswith(ARM)]
+    assert change[arms].min() > 1e-3
+    assert np.delete(change, arms).max() < 1e-6
+    wrists = [joints["leftHand"], joints["rightHand"]]
+    away = np.linalg.norm(np.subtract(*(kinematics.forward(clip, wrists)[1] for clip in (made, base))), axis=-1)
+    assert away[[0, -1]].max() < 0.06 * away.max(), "next to both signs the wrists are where the curve has them"
 
 
 def test_gaps_filled_together_are_filled_as_each_alone() -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from conftest import random_clip
+from signing import word
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.splicing import report
@@ -28,7 +29,7 @@ def test_the_report_describes_the_result(sentence: list[Clip]) -> None:
     assert described["timing_ms"]["load"] == 1.5
     assert set(described["timing_ms"]) >= {"load", "cut", "transition", "join", "save"}
     first, second = described["spans"][:2]
-    frames = {"source": first["source"], "output": first["output"], "warp": None}
+    frames = {"source": first["source"], "output": first["output"], "warp": None, "remade": None}
     assert first == {"kind": "sign", "clip": 0, "name": "HELLO", **frames}
     assert second == {
         "kind": "transition",
@@ -37,6 +38,7 @@ def test_the_report_describes_the_result(sentence: list[Clip]) -> None:
         "source": None,
         "output": second["output"],
         "warp": None,
+        "remade": None,
     }
     seam = described["seams"][0]
     assert seam["pre_frame"] == first["source"][1] - 1
@@ -77,11 +79,20 @@ def test_a_report_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert report.read(path, written["frames"]) == written
 
 
+def test_an_arm_that_was_remade_is_reported_with_its_joints_and_frames(tmp_path: Path) -> None:
+    horse, teach = word("HORSE").clip, word("TEACH").clip
+    result = splice([horse, teach], SpliceOptions(free_hand="natural"))
+    report.write(report.describe(result), tmp_path / "r.json")
+    row = report.read(tmp_path / "r.json", len(result.clip))["spans"][0]
+    assert row["output"][0] < row["remade"]["frames"][0] < row["remade"]["frames"][1] == row["output"][1]
+    assert set(row["remade"]["joints"]) < set(result.clip.skeleton.names)
+
+
 def test_a_report_of_an_earlier_or_later_version_of_the_program_is_read(tmp_path: Path) -> None:
     written, path = stored(), tmp_path / "r.json"
     for span in written["spans"]:
         if span["kind"] == "transition":
-            del span["name"]
+            del span["name"], span["remade"]
     for seam in written["seams"]:
         del seam["intrusion_mm"]
     del written["timing_ms"]
@@ -102,6 +113,8 @@ WRONG: dict[str, tuple[tuple[str | int, ...], Any]] = {
     "three frames": (("spans", 0, "output"), [0, 5, 9]),
     "frames backwards": (("spans", 0, "output"), [5, 2]),
     "frames before the first": (("spans", 0, "output"), [-3, 2]),
+    "an arm of text": (("spans", 0, "remade"), "left"),
+    "an arm without frames": (("spans", 0, "remade"), {"joints": ["a"]}),
     "half a source": (("spans", 0, "source"), [1]),
     "a seam of text": (("seams", 0), "a"),
     "a score of text": (("seams", 0, "peak_speed_m_s"), "fast"),

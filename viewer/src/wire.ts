@@ -18,6 +18,12 @@ export interface SentenceToken {
   suggestions: string[];
 }
 
+/** Joints of a sign's span that do not show its clip: an idle arm that was given more time. */
+export interface Remade {
+  joints: string[];
+  frames: [number, number];
+}
+
 /** Where a stretch of the output comes from; frame ranges are half-open. */
 export interface Span {
   kind: "sign" | "transition";
@@ -26,6 +32,7 @@ export interface Span {
   source: [number, number] | null;
   output: [number, number];
   warp: [number, number][] | null;
+  remade: Remade | null;
 }
 
 /** The join of two signs. */
@@ -66,6 +73,7 @@ export interface Dials {
   tempo?: "citation" | "natural" | number;
   fps?: number | null;
   body_sense?: boolean | null;
+  free_hand?: "transition" | "natural";
 }
 
 /** Glosses to sign, and how. */
@@ -77,6 +85,7 @@ export interface SentenceRequest {
   tempo?: "citation" | "natural" | number;
   fps?: number | null;
   body_sense?: boolean | null;
+  free_hand?: "transition" | "natural";
   glosses: string[];
   spell?: boolean;
   compounds?: boolean;
@@ -92,6 +101,7 @@ export interface SpliceRequest {
   tempo?: "citation" | "natural" | number;
   fps?: number | null;
   body_sense?: boolean | null;
+  free_hand?: "transition" | "natural";
   formats?: ("bvh" | "glb" | "vrma")[];
 }
 
@@ -167,6 +177,7 @@ export interface OpenMessage {
   tempo?: "citation" | "natural" | number;
   fps?: number | null;
   body_sense?: boolean | null;
+  free_hand?: "transition" | "natural";
   type: "open";
   paced?: boolean;
   spell?: boolean;

@@ -32,6 +32,13 @@ _AVOID_COLLISIONS = click.option(
     default=None,
     help="Keep hands out of head, trunk and each other in transitions.  [default: only if the transition is learned]",
 )
+_FREE_HAND = click.option(
+    "--free-hand",
+    default="transition",
+    show_default=True,
+    metavar="transition|natural",
+    help="Time of a hand that only goes to rest or comes from it: the transition's, or frames of the sign too.",
+)
 _ROLES = click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
 _REPORT = click.option("--report", metavar="R.json", help="Write spans, seams and timing to this JSON file.")
 _OUTPUT = click.option(
@@ -76,6 +83,7 @@ def splicing_options(command: Command) -> Command:
             ),
             _BUNDLE,
             _AVOID_COLLISIONS,
+            _FREE_HAND,
             _ROLES,
             _REPORT,
         )

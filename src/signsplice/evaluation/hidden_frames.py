@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.evaluation.tables import markdown
@@ -19,6 +20,8 @@ from signsplice.splicing.gap import Gap
 from signsplice.splicing.seam import DEEP_M
 from signsplice.splicing.transition import Transition
 
+Float = NDArray[np.float64]
+
 CONTEXT = 8
 """Frames shown to a transition on either side of the gap."""
 
@@ -28,7 +31,7 @@ LENGTHS = (5, 8, 12, 18, 24)
 STRIDE = 6
 """Frames from the start of one gap to the start of the next."""
 
-SIGNATURE = f"hidden-frames|context:{CONTEXT}|stride:{STRIDE}|{metrics.POSITION_ERROR}"
+SIGNATURE = f"hidden-frames|context:{CONTEXT}|stride:{STRIDE}|{metrics.POSITION_ERROR}|{metrics.GROUP_ERRORS}"
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,7 @@ class HiddenFrames:
     n_frames: hidden frames per gap.
     n_gaps: gaps filled.
     position_error: mean joint position error, arm length / 1000 (``rig.metrics.position_error``).
+    hand_error, finger_error, trunk_error: the same by group of joints (``rig.metrics.GroupErrors``).
     motion_ratio: path of the fingertips over that of the real motion.
     velocity_jump: largest change of wrist velocity at the ends of the gap, m/s.
     true_velocity_jump: the same in the real motion, m/s.
@@ -53,6 +57,9 @@ class HiddenFrames:
     n_frames: int
     n_gaps: int
     position_error: float
+    hand_error: float
+    finger_error: float
+    trunk_error: float
     motion_ratio: float
     velocity_jump: float
     true_velocity_jump: float
@@ -89,17 +96,20 @@ def hidden_frames(
         true_jump = float(np.median([_velocity_jump(window, n_frames) for window in windows]))
         keyframed = float(np.mean([_is_keyframed(window) for window in windows]))
         for transition in transitions:
-            scores = np.array([_score(window, transition, n_frames) for window in windows])  # (n_gaps, 4)
-            error, ratio = np.nanmean(scores[:, :2], axis=0)
-            depth = scores[:, 3]
+            scores = np.array([_score(window, transition, n_frames) for window in windows])  # (n_gaps, 7)
+            error, hands, fingers, trunk, ratio = _means(scores[:, :5])
+            jumps, depth = scores[:, 5:].T
             rows.append(
                 HiddenFrames(
                     transition=transition.name,
                     n_frames=n_frames,
                     n_gaps=len(windows),
-                    position_error=float(error),
-                    motion_ratio=float(ratio),
-                    velocity_jump=float(np.median(scores[:, 2])),
+                    position_error=error,
+                    hand_error=hands,
+                    finger_error=fingers,
+                    trunk_error=trunk,
+                    motion_ratio=ratio,
+                    velocity_jump=float(np.median(jumps)),
                     true_velocity_jump=true_jump,
                     deep=float(np.mean(depth > DEEP_M)) if np.isfinite(depth).all() else float("nan"),
                     deepest=float(depth.max()),
@@ -120,6 +130,9 @@ def table(rows: Sequence[HiddenFrames]) -> list[str]:
     lines: list[str] = [f"`{SIGNATURE}`"]
     for title, field, digits in (
         ("error, arm/1000", "position_error", 1),
+        ("error of the hands", "hand_error", 1),
+        ("error of the fingers", "finger_error", 2),
+        ("error of trunk and head", "trunk_error", 1),
         ("motion ratio", "motion_ratio", 2),
         ("velocity jump, m/s", "velocity_jump", 2),
         ("deepest in the body, mm", "deepest", 1),
@@ -143,15 +156,23 @@ def _is_keyframed(window: Clip) -> bool:
     return bool(np.nansum(evenly) > 0.5 * len(evenly))
 
 
-def _score(window: Clip, transition: Transition, n_frames: int) -> tuple[float, float, float, float]:
-    """Position error, motion ratio, velocity jump (m/s) and depth (m) of a transition on one gap."""
+def _means(scores: Float) -> list[float]:
+    """Means of columns of scores (N, S) over the gaps that have one; NaN where none has."""
+    return [float(column[known].mean()) if (known := ~np.isnan(column)).any() else float("nan") for column in scores.T]
+
+
+def _score(window: Clip, transition: Transition, n_frames: int) -> tuple[float, ...]:
+    """Position error, those of hands, fingers and trunk, motion ratio, velocity jump (m/s) and depth (m) of a
+    transition on one gap.
+    """
     before, true, after = window[:CONTEXT], window[CONTEXT:-CONTEXT], window[-CONTEXT:]
     filled = fill(transition, [Gap(before, after, n_frames)], None)[0].clip
     whole = concatenate([before, filled, after])
     # Motion is counted from the last frame before to the first after, so that a held pose counts its jumps too.
     ratio = metrics.motion_ratio(whole[CONTEXT - 1 : 1 - CONTEXT], window[CONTEXT - 1 : 1 - CONTEXT])
     depth = float(depths(filled, before, after).max()) if rig_info(window.skeleton).has_arms else float("nan")
-    return metrics.position_error(filled, true), ratio, _velocity_jump(whole, n_frames), depth
+    groups = astuple(metrics.group_errors(filled, true))
+    return metrics.position_error(filled, true), *groups, ratio, _velocity_jump(whole, n_frames), depth
 
 
 def _velocity_jump(window: Clip, n_frames: int) -> float:

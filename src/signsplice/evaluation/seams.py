@@ -24,9 +24,11 @@ from signsplice.motion import kinematics
 from signsplice.rig import metrics
 from signsplice.rig.arms import Arms, arms
 from signsplice.rig.info import rig_info
-from signsplice.splicing.cut import CLASSICAL_CUTTER, CUTTERS
+from signsplice.splicing.cut import CLASSICAL_CUTTER, CUTTERS, Cut
 from signsplice.splicing.duration import CLASSICAL_DURATION
 from signsplice.splicing.engine import SpliceOptions, splice
+from signsplice.splicing.free_hand import NATURAL
+from signsplice.splicing.idle_hand import IdleHand, idle_hands
 from signsplice.splicing.learned import FLUENT, NAME
 from signsplice.splicing.methods import choose
 from signsplice.splicing.seam import DEEP_M
@@ -59,6 +61,8 @@ class SeamMeasurement:
     arms_down: frames kept between the two strokes in which both arms are down.
     whole: whether both strokes are kept whole.
     depth: greatest depth of a hand in the body in the transition, m; None for a method that makes points only.
+    idle_peak: highest speed of a hand that only goes to rest or comes from it, in the transition and while it rests,
+        m/s; None where no hand does, and for a method that makes points only.
     """
 
     seconds: float
@@ -68,6 +72,7 @@ class SeamMeasurement:
     arms_down: int
     whole: bool
     depth: float | None
+    idle_peak: float | None = None
 
 
 @dataclass(frozen=True)
@@ -81,6 +86,8 @@ class SeamRow:
     whole: fraction of the seams that keep both strokes whole.
     deep: fraction of the seams in which a hand lies more than ``DEEP_M`` in the body; None without a body.
     deepest: greatest depth, m; None without a body.
+    idle_peak, idle_fastest: of the seams with a hand that only goes to rest or comes from it, its highest speed, m/s:
+        the median and the greatest; None without a body, or where no seam has one.
     """
 
     method: str
@@ -93,6 +100,8 @@ class SeamRow:
     whole: float
     deep: float | None
     deepest: float | None
+    idle_peak: float | None
+    idle_fastest: float | None
 
 
 def signature(rest: str = HANGING) -> str:
@@ -101,6 +110,7 @@ def signature(rest: str = HANGING) -> str:
     return (
         f"joins|words:everyday,{signer},drawn:once|around:{AROUND}|{metrics.VELOCITY_JUMP}|{metrics.JERK_RATIO}"
         f"|arms-down:{DOWN_FRACTION:g}-of-rise,between-strokes|whole:first-to-last-movement|deep:{1e3 * DEEP_M:g}mm"
+        "|idle-hand:wrist,transition+rest,max"
     )
 
 
@@ -141,6 +151,7 @@ def compared_methods(bundle: str | Path | None = None) -> dict[str, SpliceOption
         out[f"{FLUENT} + {NAME}"] = replace(learned, cutter=FLUENT)
         out[f"{NAME} + {NAME}"] = learned
         out[f"{NAME} + {NAME}, collision avoidance"] = default
+        out[f"{NAME} + {NAME}, collision avoidance, natural free hand"] = replace(default, free_hand=NATURAL)
     return out
 
 
@@ -168,7 +179,20 @@ def measure_spliced(before: IsolatedWord, after: IsolatedWord, options: SpliceOp
     inside = depth[1:-1] if len(depth) > 2 else depth
     deepest = max(0.0, float(inside.max()) * rig_info(result.clip.skeleton).sizes.unit.metres)
     kept = (0, seam.pre_frame + 1), (seam.post_frame, len(after))
-    return _measure(wrist_positions(result.clip), (first, stop), before, after, kept, deepest)
+    wrists = wrist_positions(result.clip)
+    measured = _measure(wrists, (first, stop), before, after, kept, deepest)
+    hands = idle_hands(before.clip, after.clip, Cut(seam.pre_frame, seam.post_frame))
+    return replace(measured, idle_peak=_idle_peak(wrists, (first, stop), hands, result.clip.fps))
+
+
+def _idle_peak(wrists: Float, gap: FrameRange, hands: Sequence[IdleHand], fps: float) -> float | None:
+    """Highest speed (m/s) of the idle hands, of wrists (T, 2, 3), in the gap and while they rest; None without any."""
+    first, stop = gap
+    peaks = []
+    for hand in hands:
+        start, end = (first, stop + hand.n_rest) if hand.arrives else (first - hand.n_rest, stop)
+        peaks.append(metrics.peak_speed(wrists[:, [hand.side]], max(start, 0), min(end, len(wrists) - 1), fps))
+    return max(peaks, default=None)
 
 
 def measure_stitched(before: IsolatedWord, after: IsolatedWord) -> SeamMeasurement:
@@ -231,6 +255,7 @@ def _are_down(motion: Arms) -> NDArray[np.bool_]:
 
 def _row(name: str, seams: Sequence[SeamMeasurement]) -> SeamRow:
     depths = [seam.depth for seam in seams if seam.depth is not None]
+    idle_peaks = [seam.idle_peak for seam in seams if seam.idle_peak is not None]
 
     def median(field: str) -> float:
         return float(np.nanmedian([getattr(seam, field) for seam in seams]))
@@ -246,6 +271,8 @@ def _row(name: str, seams: Sequence[SeamMeasurement]) -> SeamRow:
         whole=float(np.mean([seam.whole for seam in seams])),
         deep=float(np.mean(np.array(depths) > DEEP_M)) if depths else None,
         deepest=max(depths) if depths else None,
+        idle_peak=float(np.median(idle_peaks)) if idle_peaks else None,
+        idle_fastest=max(idle_peaks, default=None),
     )
 
 
@@ -254,6 +281,7 @@ def table(rows: Sequence[SeamRow], rest: str = HANGING) -> list[str]:
     head = (
         *("method", "seconds", "velocity jump, m/s", "peak, m/s", "jerk ratio"),
         *("arms down, frames", "strokes whole", "deep in the body", "deepest, mm"),
+        *("idle hand, m/s", "its fastest, m/s"),
     )
     counted = f"{rows[0].n_seams} seams each." if rows else ""
     return [f"`{signature(rest)}`", "", *markdown(head, map(_cells, rows)), "", counted]
@@ -264,4 +292,5 @@ def _cells(row: SeamRow) -> tuple[str, ...]:
     if row.deep is not None and row.deepest is not None:
         depth = f"{100 * row.deep:.1f} %", f"{1e3 * row.deepest:.0f}"
     scores = (row.seconds, row.velocity_jump, row.peak_speed, row.jerk_ratio)
-    return row.method, *(f"{x:.2f}" for x in scores), f"{row.arms_down:.1f}", f"{100 * row.whole:.0f} %", *depth
+    idle = ("-" if x is None else f"{x:.2f}" for x in (row.idle_peak, row.idle_fastest))
+    return row.method, *(f"{x:.2f}" for x in scores), f"{row.arms_down:.1f}", f"{100 * row.whole:.0f} %", *depth, *idle

@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import is_dataclass
 from itertools import repeat
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from signsplice.errors import FormatError
 from signsplice.formats.reading import read_bytes
@@ -51,7 +52,7 @@ def _refused(constant: str) -> None:
 
 def check_type(value: Any, kind: Any, where: str) -> None:
     """Raise ``TypeError`` where a JSON value is not of a type: a plain one, a union, a ``Literal``, a list, a mapping
-    of names, or a tuple, which JSON holds as a list.
+    of names, a tuple, which JSON holds as a list, or a dataclass, which it holds as an object with all its fields.
 
     Numbers are finite, and whole numbers fit into 64 bits; true is no number. Null stands for NaN where a float is
     ``Annotated``.
@@ -69,6 +70,11 @@ def check_type(value: Any, kind: Any, where: str) -> None:
         fits = isinstance(value, list) and all(_is_of(one, inner[0], where) for one in value)
     elif origin in (dict, Mapping):
         fits = isinstance(value, dict) and all(_is_of(one, inner[1], where) for one in value.values())
+    elif isinstance(kind, type) and is_dataclass(kind):
+        hints = get_type_hints(kind, include_extras=True)
+        fits = isinstance(value, dict) and all(
+            name in value and _is_of(value[name], hints[name], name) for name in hints
+        )
     elif kind in (int, float):
         fits = isinstance(value, int if kind is int else (int, float)) and not isinstance(value, bool)
         fits = fits and -(2**63) <= value < 2**63 if isinstance(value, int) else fits and math.isfinite(value)

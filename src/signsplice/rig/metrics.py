@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip
+from signsplice.rig.canonical_map import TRUNK
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
 
 Float = NDArray[np.float64]
 
 POSITION_ERROR = "position-error|joints:arms+fingers|frame:root|unit:arm/1000|mean"
+GROUP_ERRORS = "group-errors|hands:wrists,root|fingers:wrist|trunk:trunk+neck+head,root|unit:arm/1000|mean"
 MOTION_RATIO = "motion-ratio|joints:fingertips|path-length|predicted/true"
 VELOCITY_JUMP = "velocity-jump|joints:wrists|step:1-frame|unit:m/s|max"
 PEAK_SPEED = "peak-speed|joints:wrists|step:1-frame|unit:m/s|max"
@@ -24,11 +27,7 @@ JERK_RATIO = "jerk-ratio|joints:wrists|third-difference|rms|transition+-1/signs"
 def arm_and_finger_joints(clip: Clip) -> list[int]:
     """Indices of the elbow, wrist and every finger joint of both arms."""
     joints = rig_info(clip.skeleton).roles.joints
-    return [
-        joint
-        for role, joint in joints.items()
-        if role.endswith(("LowerArm", "Hand")) or any(finger in role for finger in FINGERS)
-    ]
+    return [joint for role, joint in joints.items() if role.endswith(("LowerArm", "Hand")) or _is_finger(role)]
 
 
 def fingertip_joints(clip: Clip) -> list[int]:
@@ -41,7 +40,7 @@ def fingertip_joints(clip: Clip) -> list[int]:
 def relative_positions(clip: Clip, joints: Sequence[int]) -> Float:
     """Positions (T, K, 3) of joints in the axes of the root."""
     rotations, positions = kinematics.forward(clip, [0, *joints])
-    return np.asarray(np.einsum("tba,tkb->tka", rotations[:, 0], positions[:, 1:] - positions[:, :1]))
+    return _seen_from(0, rotations, positions, list(range(1, len(joints) + 1)))
 
 
 def position_error(predicted: Clip, true: Clip) -> float:
@@ -49,6 +48,56 @@ def position_error(predicted: Clip, true: Clip) -> float:
     joints = arm_and_finger_joints(true)
     difference = relative_positions(predicted, joints) - relative_positions(true, joints)
     return float(1000.0 * np.linalg.norm(difference, axis=-1).mean() / rig_info(true.skeleton).sizes.arm_length)
+
+
+@dataclass(frozen=True)
+class GroupErrors:
+    """Mean distance of joints from the truth by group, thousandths of the arm's length; NaN where the rig has none.
+
+    hands: both wrists, seen from the root.
+    fingers: every finger joint, seen from its wrist and in its axes.
+    trunk: trunk, neck and head, seen from the root.
+    """
+
+    hands: float
+    fingers: float
+    trunk: float
+
+
+def group_errors(predicted: Clip, true: Clip) -> GroupErrors:
+    """The errors of a clip by group of joints: what one group gains does not hide what another loses."""
+    info = rig_info(true.skeleton)
+    joints = info.roles.joints
+    wrists = {side: joints[f"{side}Hand"] for side in ("left", "right") if f"{side}Hand" in joints}
+    groups: dict[str, list[tuple[int, list[int]]]] = {
+        "hands": [(0, list(wrists.values()))],
+        "fingers": [
+            (wrist, [joint for role, joint in joints.items() if role.startswith(side) and _is_finger(role)])
+            for side, wrist in wrists.items()
+        ],
+        "trunk": [(0, [joints[role] for role in TRUNK if role in joints])],
+    }
+    posed = [kinematics.forward(clip) for clip in (predicted, true)]
+
+    def error(parts: list[tuple[int, list[int]]]) -> float:
+        seen = [
+            np.concatenate([_seen_from(origin, *clip, of) for origin, of in parts] or [np.empty((len(true), 0, 3))], 1)
+            for clip in posed
+        ]
+        distances = np.linalg.norm(seen[0] - seen[1], axis=-1)
+        return float(1000.0 * distances.mean() / info.sizes.arm_length) if distances.size else float("nan")
+
+    return GroupErrors(**{name: error(parts) for name, parts in groups.items()})
+
+
+def _is_finger(role: str) -> bool:
+    return any(finger in role for finger in FINGERS)
+
+
+def _seen_from(origin: int, rotations: Float, positions: Float, joints: list[int]) -> Float:
+    """Positions (T, K, 3) of joints in the axes of one joint, of global rotations and positions of all."""
+    relative = positions[:, joints] - positions[:, origin, None]
+    return np.asarray(np.einsum("tba,tkb->tka", rotations[:, origin], relative))
 
 
 EVEN_FRACTION = 0.02

@@ -14,8 +14,9 @@ from pydantic import ConfigDict, Field
 from signsplice.formats import WIRE_SUFFIXES
 from signsplice.lexicon import sentence
 from signsplice.service.json_types import json_type
-from signsplice.splicing import engine, seam, tempo
+from signsplice.splicing import engine, free_hand, seam, tempo
 from signsplice.splicing.duration import DURATIONS
+from signsplice.splicing.free_hand import FREE_HANDS, TRANSITION
 from signsplice.splicing.methods import AUTO
 from signsplice.splicing.tempo import FASTEST_S, SLOWEST_S
 
@@ -25,19 +26,23 @@ FORMAT_NAMES = tuple(suffix.removeprefix(".") for suffix in WIRE_SUFFIXES)
 if TYPE_CHECKING:
     from signsplice.lexicon.sentence import SentenceToken
     from signsplice.splicing.engine import Span
+    from signsplice.splicing.free_hand import Remade
     from signsplice.splicing.seam import Seam
     from signsplice.splicing.tempo import ReachedTempo
 
     Format = str
     DurationRule = str
+    FreeHand = str
     Files = dict[str, str | None]
 else:
     SentenceToken = json_type(sentence.SentenceToken)
+    Remade = json_type(free_hand.Remade)
     Span = json_type(engine.Span)
     Seam = json_type(seam.Seam)
     ReachedTempo = json_type(tempo.ReachedTempo)
     Format = Literal[FORMAT_NAMES]
     DurationRule = Literal[(AUTO, *DURATIONS)]
+    FreeHand = Literal[FREE_HANDS]
     Files = make_dataclass(
         "Files",
         [(form, str | None, None) for form in FORMAT_NAMES],
@@ -76,6 +81,7 @@ class Dials:
     tempo: signs as recorded, at the tempo of running signing, or the seconds that a sign takes with its transition.
     fps: frame rate of the output; null for that of the first clip.
     avoid_collisions (in JSON: body_sense): lead hands around the body; null: if the transition is learned.
+    free_hand: what time a hand has that only goes to rest, or comes from it: the transition's, or as much as it needs.
     """
 
     __pydantic_config__ = _STRICT
@@ -87,6 +93,7 @@ class Dials:
     tempo: Literal["citation", "natural"] | SecondsASign = "citation"
     fps: Annotated[float, Field(ge=1.0, le=240.0, allow_inf_nan=False)] | None = None
     avoid_collisions: Annotated[bool | None, Field(alias="body_sense")] = None
+    free_hand: FreeHand = TRANSITION
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -147,6 +147,7 @@ def options(dials: Dials) -> SpliceOptions:
         tempo=dials.tempo,
         fps=dials.fps,
         avoid_collisions=dials.avoid_collisions,
+        free_hand=dials.free_hand,
         limits=_worker.settings.read_limits,
     )
 

@@ -12,18 +12,20 @@ the other, each half of the way. Two hands that meet elsewhere are pushed apart 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body import arm_ik, collision, smoothing
+from signsplice.body import arm_ik, collision, smoothing, swivel
+from signsplice.body.capsules import BodyCapsules
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.rig.info import rig_info
 
 Float = NDArray[np.float64]
 
+SIDES = ("left", "right")
 TOLERANCE_M = 0.003
 """A touch may press this deep, m."""
 _MAX_ROUNDS = 30
@@ -63,15 +65,20 @@ class ClearedTransition:
     depth: float | None
 
 
-def avoid_collisions(filled: Clip, before: Clip, after: Clip) -> ClearedTransition:
+def avoid_collisions(filled: Clip, before: Clip, after: Clip, fixed: int | None = None) -> ClearedTransition:
     """A transition between the last frame of ``before`` and the first of ``after``, led around the body; unchanged on a
     rig whose arms are not known by name.
+
+    fixed: side of an arm that stays as it is, 0 left or 1 right: where its hand lies is not looked at, and the other
+        hand is led around that whole arm too.
     """
     if not rig_info(filled.skeleton).has_arms:
         return ClearedTransition(filled, None, None)
-    posed = _pose(_window(filled, before, after))
-    depth = posed.capsules.penetration()[0] * rig_info(filled.skeleton).sizes.unit.metres
-    return _lead_around(filled, before, after, posed) if _worst(depth) > 0.0 else ClearedTransition(filled, 0.0, 0.0)
+    posed = _pose(_window(filled, before, after), fixed)
+    depth = _depths_of(posed.capsules.penetration()[0], fixed) * rig_info(filled.skeleton).sizes.unit.metres
+    if _worst(depth) == 0.0:
+        return ClearedTransition(filled, 0.0, 0.0)
+    return _lead_around(filled, before, after, posed, fixed)
 
 
 def depths(filled: Clip, before: Clip, after: Clip) -> Float:
@@ -112,21 +119,62 @@ def _window(filled: Clip, before: Clip, after: Clip) -> Clip:
     return concatenate([before[-1:], filled, after[:1]])
 
 
-def _pose(window: Clip) -> _PosedWindow:
+def _pose(window: Clip, fixed: int | None = None) -> _PosedWindow:
     rotations, positions = kinematics.forward(window)
     capsules = collision.posed_capsules(window.skeleton, rotations, positions)
+    if fixed is not None:
+        capsules = replace(capsules, body=_with_solid_arm(capsules.body, fixed))
     return _PosedWindow(window.skeleton, rotations, positions, capsules)
 
 
-def _lead_around(filled: Clip, before: Clip, after: Clip, posed: _PosedWindow) -> ClearedTransition:
+def _with_solid_arm(body: BodyCapsules, side: int) -> BodyCapsules:
+    """The same capsules, with the arm of one side counted as trunk."""
+    solid = [part in ("sleeve", "cuff") and of == SIDES[side] for part, of in zip(body.parts, body.sides, strict=True)]
+    parts = ("shirt" if more else part for part, more in zip(body.parts, solid, strict=True))
+    return replace(body, parts=tuple(parts))
+
+
+def turn_elbow(filled: Clip, before: Clip, after: Clip, side: int) -> Clip:
+    """The transition with one elbow turned about the line from shoulder to wrist, so that the forearm keeps out of head
+    and trunk as far as at both ends; hands stay where they are. On a rig whose arms are known.
+    """
+    info = rig_info(filled.skeleton)
+    metres = info.sizes.unit.metres
+    posed = _pose(_window(filled, before, after))
+    body, starts, ends = posed.capsules.body, posed.capsules.starts, posed.capsules.ends
+    own = [n for n, part in enumerate(body.parts) if part == "cuff" and body.sides[n] == SIDES[side]]
+    solid = [*body.groups.head, *body.groups.trunk]
+    if not own or not solid:
+        return filled
+    depth = metres * collision.overlap(starts, ends, body.radii, own, solid)[0][:, 0]  # (n + 2, S)
+    t = np.linspace(0.0, 1.0, len(depth))[:, None]
+    allowed = TOLERANCE_M + np.maximum((1.0 - t) * depth[0] + t * depth[-1], 0.0)
+    shoulder, elbow, wrist = (metres * posed.positions[:, info.arm_joints[3 * side + k]] for k in range(3))
+    turns = swivel.choose(
+        swivel.BentArm(shoulder, elbow, wrist, metres * body.radii[own[0]]),
+        swivel.Solid(metres * starts[:, solid], metres * ends[:, solid], metres * body.radii[solid]),
+        allowed,
+        filled.fps,
+    )
+    swivels = np.zeros((len(filled), 2))
+    swivels[:, side] = turns[1:-1] * smoothing.fade_window(len(filled))
+    return arm_ik.move_wrists(filled, np.zeros((len(filled), 2, 3)), swivels)
+
+
+def _depths_of(depth: Float, fixed: int | None) -> Float:
+    """Depths (T, 2) in which that of a hand that stays as it is counts for nothing."""
+    return depth if fixed is None else np.where(np.arange(2) == fixed, -np.inf, depth)
+
+
+def _lead_around(filled: Clip, before: Clip, after: Clip, posed: _PosedWindow, fixed: int | None) -> ClearedTransition:
     """``avoid_collisions`` of a transition that is posed already."""
     metres = rig_info(filled.skeleton).sizes.unit.metres
     best, first, least = filled, 0.0, np.inf
     for n in range(_MAX_TRIES + 1):
         if n > 0:
-            posed = _pose(_window(filled, before, after))
+            posed = _pose(_window(filled, before, after), fixed)
         near = posed.capsules.near_pairs(_SLACK_M / metres)
-        worst = _worst(near.penetration()[0] * metres)
+        worst = _worst(_depths_of(near.penetration()[0], fixed) * metres)
         if n == 0:
             first = worst
         gained = least - worst
@@ -134,8 +182,9 @@ def _lead_around(filled: Clip, before: Clip, after: Clip, posed: _PosedWindow) -
             best, least = filled, worst
         if worst == 0.0 or gained < _LEAST_GAIN * worst or n == _MAX_TRIES:
             break
-        start = _holding_moves(posed, near, metres) if n == 0 else np.zeros((len(posed.positions), 2, 3))
-        filled = arm_ik.move_wrists(filled, _avoiding_moves(posed, near, metres, start))
+        holds = n == 0 and fixed is None
+        start = _holding_moves(posed, near, metres) if holds else np.zeros((len(posed.positions), 2, 3))
+        filled = arm_ik.move_wrists(filled, _avoiding_moves(posed, near, metres, start, fixed))
     return ClearedTransition(best, first, least)
 
 
@@ -162,9 +211,11 @@ def _holding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: float
     return np.stack([0.5 * closer, -0.5 * closer], axis=1)
 
 
-def _avoiding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: float, moves: Float) -> Float:
+def _avoiding_moves(
+    posed: _PosedWindow, near: collision.NearPairs, metres: float, moves: Float, fixed: int | None
+) -> Float:
     """Moves (n, 2, 3) of the hands, if arms were long enough, that lead the frames between around the body, begun at
-    ``moves`` (n + 2, 2, 3); ``near``: pairs of capsules within ``_SLACK_M``.
+    ``moves`` (n + 2, 2, 3); ``near``: pairs of capsules within ``_SLACK_M``; ``fixed``: side of a hand that stays.
     """
     n_between, forward = len(posed.positions) - 2, posed.forward
     fade, kernel = smoothing.fade_window(n_between)[:, None, None], _kernel(n_between)
@@ -175,7 +226,7 @@ def _avoiding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: floa
             slack = farthest + _SLACK_M / metres
             near = posed.capsules.near_pairs(slack)
         depth, exits = near.penetration(moves)
-        excess = _excess_depth(depth * metres) / metres
+        excess = _excess_depth(_depths_of(depth, fixed) * metres) / metres
         if excess.max() <= 0.0:
             break
         push = _pushes(excess + 0.3 * TOLERANCE_M / metres, exits[1:-1], forward[1:-1])

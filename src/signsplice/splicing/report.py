@@ -45,9 +45,10 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
     """The report as JSON-ready values. ``timing_ms`` adds to the result's own (load, save). Unknown scores are null.
 
     Copying every sign span from its source (the clip aligned to the first one, at the output rate) and every
-    transition span from the output rebuilds the output exactly; the frames of a span with a ``warp`` are those of the
-    source at the frames that it lists, by slerp between neighbours. ``contacts`` is there only where a clip was brought
-    to another body: what its hands touched, and whether they do there.
+    transition span from the output rebuilds the output exactly, save the joints of a span's ``remade`` in its frames:
+    an idle arm, which is in the output alone. The frames of a span with a ``warp`` are those of the source at the
+    frames that it lists, by slerp between neighbours. ``contacts`` is there only where a clip was brought to another
+    body: what its hands touched, and whether they do there.
     """
     timing = {"load": 0.0, "cut": 0.0, "transition": 0.0, "join": 0.0, "save": 0.0}
     report = {
@@ -101,7 +102,7 @@ def read(path: str | Path, n_frames: int) -> dict[str, Any]:
         report = {**_DEFAULTS, **stored}
         for name, kind in _KINDS.items():
             check_type(report[name], kind, name)
-        absent = dict.fromkeys(("clip", "name", "source", "warp"))
+        absent = dict.fromkeys(("clip", "name", "source", "warp", "remade"))
         report["spans"] = [_row(Span, row, "spans", absent) for row in report["spans"]]
         report["seams"] = [_row(Seam, row, "seams", {"warnings": [], "intrusion_mm": None}) for row in report["seams"]]
         if report["version"] != VERSION:

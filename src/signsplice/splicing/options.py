@@ -1,0 +1,70 @@
+"""What one call of the engine wants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from signsplice.errors import InputError
+from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
+from signsplice.splicing import free_hand, methods
+from signsplice.splicing.cut import Cutter
+from signsplice.splicing.duration import Duration
+from signsplice.splicing.learned import NAME
+from signsplice.splicing.tempo import CITATION, seconds_a_sign
+from signsplice.splicing.transition import Transition
+
+MAX_TRANSITION_S = 10.0
+
+
+@dataclass(frozen=True)
+class SpliceOptions:
+    """What one call wants.
+
+    cutter, transition, duration: a name, or an object of that class; None: the learned one, or the classical default
+        where the networks cannot be read (``methods.choose``).
+    bundle: folder of the networks; None: those that ship.
+    transition_time: length of every transition, seconds, in place of the duration.
+    sign_speed: how many times as fast signs play.
+    tempo: "citation": as recorded; "natural": as in running signing; or how many seconds a sign takes with its
+        transition. Holds and slow parts are shortened until it does, as far as human speeds allow.
+    fps: output rate; None: the first clip's.
+    avoid_collisions: whether hands are led around head, trunk and each other; None: where the transition is learned.
+    free_hand: how much time a hand has that only goes to rest at a seam, or comes from it. "transition": that of the
+        transition, which is lengthened where the hand would pass 2.2 m/s, unless the call names a transition or a time;
+        "natural": frames of the signs too, as long as the hand rests in them.
+    limits: how many frames a clip may have at the output rate.
+
+    Raises ``InputError`` for a number out of range.
+    """
+
+    cutter: str | Cutter | None = None
+    transition: str | Transition | None = None
+    duration: str | Duration | None = None
+    bundle: str | Path | None = None
+    transition_time: float | None = None
+    sign_speed: float = 1.0
+    tempo: str | float = CITATION
+    fps: float | None = None
+    avoid_collisions: bool | None = None
+    free_hand: str = free_hand.TRANSITION
+    limits: ReadLimits = DEFAULT_LIMITS
+
+    def __post_init__(self) -> None:
+        limits = (
+            ("transition time", self.transition_time, 0.0, MAX_TRANSITION_S, "s"),
+            ("sign speed", self.sign_speed, 0.1, 10.0, ""),
+            ("fps", self.fps, 1.0, 1000.0, ""),
+        )
+        for what, value, least, most, unit in limits:
+            if value is not None and not least <= value <= most:
+                raise InputError(f"{what} {value:g}{unit}, expected {least:g} to {most:g}{unit}")
+        seconds_a_sign(self.tempo)
+        if self.free_hand not in free_hand.FREE_HANDS:
+            raise InputError(f"free hand {self.free_hand!r}, expected one of {', '.join(free_hand.FREE_HANDS)}")
+
+    @property
+    def lengthens(self) -> bool:
+        """Whether transitions are lengthened for an idle hand: the call names neither them nor their time."""
+        chosen = (self.transition, None if self.duration == methods.AUTO else self.duration)
+        return self.transition_time is None and all(name in (None, NAME) for name in chosen)

@@ -1,0 +1,78 @@
+"""What the engine gives: pieces of a sentence, and a sentence whole, with where each frame comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from signsplice.body.contacts import Contact
+from signsplice.motion.clip import Clip
+from signsplice.splicing.free_hand import Remade
+from signsplice.splicing.seam import Seam
+from signsplice.splicing.tempo import ReachedTempo
+
+
+@dataclass(frozen=True)
+class Span:
+    """Where a stretch of the output comes from; frame ranges are half-open.
+
+    kind: "sign" or "transition".
+    clip: index of the source clip; None for a transition.
+    name: name of the source clip; None for a transition.
+    source: frames of that clip, counted at the output rate; None for a transition.
+    output: frames of the output.
+    warp: each output frame with the frame of the clip that it shows, where a tempo changed when frames come; else None.
+    remade: an idle arm whose frames are not those of the clip; None where all are.
+    """
+
+    kind: Literal["sign", "transition"]
+    clip: int | None
+    name: str | None
+    source: tuple[int, int] | None
+    output: tuple[int, int]
+    warp: tuple[tuple[int, float], ...] | None = None
+    remade: Remade | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A stretch of finished frames.
+
+    clip: the frames.
+    span: where they come from.
+    seam: the seam by which a sign is entered; None for transitions and for the first sign.
+    warnings: what a user should know about the sign's clip, one line each.
+    """
+
+    clip: Clip
+    span: Span
+    seam: Seam | None = None
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class SpliceResult:
+    """A spliced sentence.
+
+    clip: the animation.
+    spans: where each frame comes from, in order.
+    seams: how good each seam is, in order.
+    warnings: what a user should know, one line each.
+    cutter, transition: names of the methods that were used.
+    timing_ms: time spent in each part: "harmonize" (align), "cut", "transition", "join".
+    bundle: sha256 of the bundle that a chosen method comes from; None where all are classical.
+    contacts: for each source clip that was brought to another body, by its index, what its hands touch there.
+    tempo: the tempo asked for, and how long signs take.
+    """
+
+    clip: Clip
+    spans: tuple[Span, ...]
+    seams: tuple[Seam, ...]
+    warnings: tuple[str, ...]
+    cutter: str
+    transition: str
+    timing_ms: dict[str, float]
+    bundle: str | None = None
+    contacts: Mapping[int, tuple[Contact, ...]] = field(default_factory=dict)
+    tempo: ReachedTempo = field(default_factory=ReachedTempo)

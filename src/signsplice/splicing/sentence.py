@@ -1,0 +1,300 @@
+"""A sentence that grows: words are aligned, seams planned, transitions made and finished, pieces put out.
+
+For every two neighbours: where to leave the one and enter the other (the cutter, or ``fingerspelling``), how long the
+new frames take (the duration), the frames (the transition, led around the body), and what an idle hand needs more
+(``free_hand``). Cuts are chosen on clips as they were recorded, frames made on clips as they are played (``tempo``).
+"""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Literal
+
+from signsplice.body.contacts import Contact
+from signsplice.body.retarget import align
+from signsplice.errors import FormatError, InputError
+from signsplice.lexicon.entry import is_letter
+from signsplice.motion.clip import Clip, left_out_warnings
+from signsplice.rig.align import Reference, reference
+from signsplice.rig.stray_frames import stray_frames, with_ends_held
+from signsplice.splicing import fingerspelling, free_hand, methods
+from signsplice.splicing.arguments import check_clip, check_clips, check_options
+from signsplice.splicing.cut import Cut
+from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
+from signsplice.splicing.filling import FilledGap, fill
+from signsplice.splicing.fingerspelling import LetterSeam
+from signsplice.splicing.free_hand import ArmStretch
+from signsplice.splicing.gap import Gap, gap_at
+from signsplice.splicing.options import MAX_TRANSITION_S, SpliceOptions
+from signsplice.splicing.result import Piece, Span
+from signsplice.splicing.seam import Seam, score
+from signsplice.splicing.tempo import Played, RunningDuration, fill_unhurried, play, seconds_a_sign
+
+
+@dataclass(eq=False)
+class _SentenceWord:
+    """A word of a sentence, aligned to the first one.
+
+    index: its number in the sentence.
+    clip: its aligned clip, without the frames at its ends that do not belong to it.
+    played: the same as it is played.
+    shown: the same as it is put out, with idle arms that were made anew.
+    warnings: about the clip, one line each.
+    starts: whether it is no letter that goes on with the spelled word before it.
+    way_s: how long the way from the letter before took, 0 where there is none.
+    entry: the frame at which it is entered.
+    seam: the seam by which it is entered.
+    n_left_out: how many frames are left out at its beginning.
+    remade: where idle arms were made anew in it.
+    """
+
+    index: int
+    clip: Clip
+    played: Played
+    shown: Clip
+    warnings: tuple[str, ...]
+    starts: bool = False
+    way_s: float = 0.0
+    entry: int = 0
+    seam: Seam | None = None
+    n_left_out: int = 0
+    remade: list[ArmStretch] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class _PlannedSeam:
+    """Two words, where the first is left and the second entered, the gap between them, warnings about it, and whether
+    they are one letter twice.
+    """
+
+    before: _SentenceWord
+    after: _SentenceWord
+    cut: Cut
+    gap: Gap
+    warnings: tuple[str, ...]
+    is_doubled: bool = False
+
+
+@dataclass
+class SentenceBuilder:
+    """A sentence while words are added to it.
+
+    seconds: time spent so far by part.
+    contacts: of each word that was brought to another body, by its index.
+    """
+
+    options: SpliceOptions
+    seconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    contacts: dict[int, tuple[Contact, ...]] = field(default_factory=dict)
+    _n_out: int = 0
+    _n_words: int = 0
+    _reference: Reference | None = None
+    _last: _SentenceWord | None = None
+
+    def __post_init__(self) -> None:
+        options = self.options
+        check_options(options, SpliceOptions)
+        self.methods = methods.choose(options.cutter, options.transition, options.duration, options.bundle)
+        self.cutter, self.transition = self.methods.cutter, self.methods.transition
+        self.seconds_a_sign = seconds_a_sign(options.tempo)
+        is_own = options.duration not in (None, methods.AUTO)
+        self.duration: Duration = self.methods.duration
+        if self.seconds_a_sign is not None and not is_own:
+            self.duration = RunningDuration(self.seconds_a_sign)
+
+    @contextmanager
+    def timed(self, part: str) -> Iterator[None]:
+        """Count the time of the block to a part of the work."""
+        start = time.perf_counter()
+        yield
+        self.seconds[part] += time.perf_counter() - start
+
+    def add(self, clips: Iterable[Clip], starts: Collection[int] = ()) -> Iterator[Piece]:
+        """The pieces that are final once these words are known too; their seams are chosen together."""
+        check_clips(clips)
+        new = [replace(self._word(clip, self._n_words + k), starts=k in starts) for k, clip in enumerate(clips)]
+        words = new if self._last is None else [self._last, *new]
+        seams = self._plan(words)
+        filled = self._fill(seams)
+        self._n_words += len(new)
+        self._last = words[-1] if words else None
+        for planned, transition in filled:
+            yield self._sign(planned.before, planned.before.played.last(planned.cut.pre) + 1)
+            planned.after.seam = self._score(planned, transition)
+            if transition is not None:
+                span = self._span("transition", None, None, None, len(transition.clip))
+                yield Piece(transition.clip, span)
+
+    def end(self) -> Iterator[Piece]:
+        """The rest of the last word."""
+        last, self._last = self._last, None
+        if last is not None:
+            yield self._sign(last, len(last.played.clip))
+
+    def _word(self, clip: Clip, index: int) -> _SentenceWord:
+        """A clip aligned to the first one."""
+        check_clip(clip, index)
+        with self.timed("harmonize"):
+            fps = self._reference.fps if self._reference else self.options.fps or clip.fps
+            self.options.limits.check_resampling(clip, fps, self.options.sign_speed)
+            stray, held = stray_frames(clip), with_ends_held(clip)
+            to = self._reference or reference(held, self.options.fps)
+            aligned = align(held, to, self.options.sign_speed)
+            self._reference = to
+            kept = stray.resampled(clip.fps * self.options.sign_speed / fps, len(aligned.clip))
+        if aligned.contacts:
+            self.contacts[index] = aligned.contacts
+        own = aligned.clip if held is clip else aligned.clip[kept]
+        played = self._played(own)
+        warnings = (*left_out_warnings(clip), *aligned.warnings, *(f"{clip.name}: {line}" for line in stray.warnings))
+        warnings = (*(() if index else self.methods.warnings), *warnings, *played.warnings)
+        return _SentenceWord(index, own, played, played.clip, warnings, n_left_out=kept.start)
+
+    def _played(self, clip: Clip) -> Played:
+        """A word at the tempo asked for; letters have a tempo of their own."""
+        if self.seconds_a_sign is None or is_letter(clip.name.lower()):
+            return Played(clip)
+        with self.timed("cut"):
+            return play(clip, self.cutter, self.seconds_a_sign)
+
+    def _plan(self, words: Sequence[_SentenceWord]) -> list[_PlannedSeam]:
+        """The seams of words in order; sets the frame at which each word is entered."""
+        seams = []
+        for (before, after), chosen in zip(pairwise(words), self._cuts([word.clip for word in words]), strict=True):
+            n_before, n_after = len(before.clip), len(after.clip)
+            if not (0 <= chosen.pre < n_before and 0 <= chosen.post < n_after):
+                raise InputError(
+                    f"cutter {self.cutter.name} chose {chosen} for clips of {n_before} and {n_after} frames"
+                )
+            letters = self._letters(before, after)
+            if letters is not None:
+                chosen = letters.cut
+            elif before.way_s:
+                chosen = Cut(
+                    max(chosen.pre, fingerspelling.held_until(before.clip, before.entry, self.options.sign_speed)),
+                    chosen.post,
+                )
+            # Never before the frame at which the word itself was entered.
+            cut = Cut(max(chosen.pre, before.entry), chosen.post)
+            after.entry = cut.post
+            with self.timed("transition"):
+                n_frames, warnings = self._n_frames(before.clip, after.clip, cut, letters)
+            after.way_s = (n_frames + 1) / after.clip.fps if letters is not None else 0.0
+            if cut.pre <= before.entry and before.entry > 0:
+                frame = before.n_left_out + before.entry
+                line = f"{before.clip.name} is left at frame {frame}, where it was entered: only that frame is kept"
+                warnings = (*warnings, line)
+            p, q = before.played, after.played
+            gap = gap_at(p.clip, q.clip, p.cut(cut, q), n_frames, p.first(before.entry))
+            seams.append(_PlannedSeam(before, after, cut, gap, warnings, letters is not None and letters.is_doubled))
+        return seams
+
+    def _letters(self, before: _SentenceWord, after: _SentenceWord) -> LetterSeam | None:
+        """The seam of two letters of one spelled word, None for other words and where the user chose a cutter."""
+        is_free = self.options.cutter is None or self.cutter.learned
+        if after.starts or not is_free or not fingerspelling.are_letters(before.clip, after.clip):
+            return None
+        with self.timed("cut"):
+            return fingerspelling.letter_seam(
+                before.clip, after.clip, before.entry, before.way_s, self.options.sign_speed
+            )
+
+    def _cuts(self, clips: Sequence[Clip]) -> list[Cut]:
+        """The cutter's choice for every two neighbours."""
+        if len(clips) < 2:
+            return []
+        with self.timed("cut"):
+            cuts = self.cutter.cut_all(clips)
+        if len(cuts) != len(clips) - 1:
+            raise InputError(f"cutter {self.cutter.name} chose {len(cuts)} cuts for {len(clips)} clips")
+        return cuts
+
+    def _fill(self, seams: Sequence[_PlannedSeam]) -> list[tuple[_PlannedSeam, FilledGap | None]]:
+        """Every seam with its transition, None where it has no frames."""
+        with self.timed("transition"):
+            gaps = [planned.gap for planned in seams if planned.gap.n_frames]
+            is_running = isinstance(self.duration, RunningDuration) and self.options.transition_time is None
+            fill_all = fill_unhurried if is_running else fill
+            filled = iter(fill_all(self.transition, gaps, self.options.avoid_collisions))
+            return [self._finished(one, next(filled)) if one.gap.n_frames else (one, None) for one in seams]
+
+    def _finished(self, planned: _PlannedSeam, filled: FilledGap) -> tuple[_PlannedSeam, FilledGap]:
+        """A seam whose idle hands have the time that they need, and whose doubled letters can be told apart."""
+        before, after, options = planned.before, planned.after, self.options
+        gap = replace(planned.gap, n_frames=len(filled.clip))
+
+        def refill(gap: Gap) -> FilledGap:
+            return fill(self.transition, [gap], options.avoid_collisions)[0]
+
+        rules = free_hand.Rules(
+            natural=options.free_hand == free_hand.NATURAL,
+            lengthens=options.lengthens,
+            avoids=options.avoid_collisions is not False,
+            longest=round(MAX_TRANSITION_S * before.clip.fps),
+        )
+        p, q = before.played, after.played
+        cut, entry = p.cut(planned.cut, q), p.first(before.entry)
+        seam = free_hand.SeamFrames(before.shown, after.shown, cut, entry, gap, filled)
+        if before.shown is not p.clip:
+            seam = seam.refilled(gap.n_frames, refill)
+        done = free_hand.finish(seam, rules, refill)
+        before.shown, after.shown = done.before, done.after
+        before.remade += done.remade[0]
+        after.remade += done.remade[1]
+        made = done.filled
+        if planned.is_doubled:
+            made = replace(made, clip=fingerspelling.bounce(made.clip, before.clip))
+        return replace(planned, gap=done.gap), made
+
+    def _score(self, planned: _PlannedSeam, filled: FilledGap | None) -> Seam:
+        with self.timed("join"):
+            before, after, cut = planned.before, planned.after, planned.cut
+            own = Cut(cut.pre + before.n_left_out, cut.post + after.n_left_out)
+            gap = planned.gap if filled is None else replace(planned.gap, n_frames=len(filled.clip))
+            return score(gap, filled, before.clip.name, after.clip.name, own, planned.warnings)
+
+    def _n_frames(self, before: Clip, after: Clip, cut: Cut, letters: LetterSeam | None) -> tuple[int, tuple[str, ...]]:
+        """Number of transition frames: by the user's time, by the way between letters, or by the duration; the human
+        median where the rig has no known arms.
+        """
+        if self.options.transition_time is not None:
+            return round(self.options.transition_time * before.fps), ()
+        if letters is not None and self.options.duration in (None, methods.AUTO):
+            return max(1, round(letters.seconds * before.fps) - 1), letters.warnings
+        try:
+            seconds = self.duration.seconds(before, after, cut)
+        except FormatError:  # of a network that is damaged
+            raise
+        except InputError:
+            return max(1, round(HUMAN_MEDIAN_S * before.fps)), (
+                f"no arms known in {before.name}: the transition takes {HUMAN_MEDIAN_S:g} s, whatever the distance",
+            )
+        return max(1, round(min(seconds, MAX_TRANSITION_S) * before.fps)), ()
+
+    def _sign(self, word: _SentenceWord, stop: int) -> Piece:
+        """A word from where it is entered to frame ``stop`` as it is played."""
+        with self.timed("join"):
+            played, first = word.played, word.n_left_out
+            start = played.first(word.entry)
+            source = played.source(start, stop)
+            span = self._span("sign", word.index, word.clip.name, (first + source[0], first + source[1]), stop - start)
+            span = replace(span, warp=played.warp(start, stop, span.output[0], first))
+            if word.remade:
+                span = replace(span, remade=free_hand.remade(word.remade, word.shown, (start, stop), span.output[0]))
+            return Piece(word.shown[start:stop], span, word.seam, word.warnings)
+
+    def _span(
+        self,
+        kind: Literal["sign", "transition"],
+        clip: int | None,
+        name: str | None,
+        source: tuple[int, int] | None,
+        n_frames: int,
+    ) -> Span:
+        start, self._n_out = self._n_out, self._n_out + n_frames
+        return Span(kind, clip, name, source, (start, self._n_out))
