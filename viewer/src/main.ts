@@ -125,7 +125,7 @@ class App {
 
   private async person(scene: Spliced): Promise<Person> {
     const { glb, vrma } = scene.files;
-    if (this.avatar && vrma) return Person.avatar(this.avatar.bytes, decode(vrma));
+    if (this.avatar && vrma) return Person.avatar(this.avatar.bytes, decode(vrma), scene.fit);
     if (!glb) throw new Error(translate('noFile', { file: 'GLB' }));
     return Person.mannequin(decode(glb));
   }
