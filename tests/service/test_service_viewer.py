@@ -7,19 +7,17 @@ import json
 import os
 import shutil
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from avatars import write_avatar
 from serving import PATIENCE_S, serving
-from signsplice.formats import glb, load, save
+from signsplice.formats import load, save
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
-from signsplice.motion.rotation import inverse, multiply
-from signsplice.rig.info import rig_info
 from signsplice.service import page
 
 VIEWER = Path(__file__).resolve().parents[2] / "viewer"
@@ -46,23 +44,6 @@ def drive(script: str, *arguments: str | Path) -> dict[str, Any]:
     assert done.returncode == 0, done.stderr[-3000:]
     result: dict[str, Any] = json.loads(done.stdout)
     return result
-
-
-def write_avatar(clip: Clip, path: Path) -> None:
-    """Write a VRM 1.0 avatar: the clip's mannequin in the T-pose, with its bones named."""
-    global_quats = rig_info(clip.skeleton).t_pose.rotations  # (J, 4)
-    local_quats = np.array([
-        quat if parent < 0 else multiply(inverse(global_quats[parent]), quat)
-        for quat, parent in zip(global_quats, clip.skeleton.parents, strict=True)
-    ])  # fmt: skip
-    document = glb.document(replace(clip[:2], local_rotations=np.stack([local_quats, local_quats]), channels=None))
-    nodes = {node.name: number for number, node in enumerate(document.nodes)}
-    joints = rig_info(clip.skeleton).roles.joints
-    bones = {role: {"node": nodes[clip.skeleton.names[joint]]} for role, joint in joints.items()}
-    meta = {"name": "toy", "authors": ["signsplice"], "licenseUrl": "https://vrm.dev/licenses/1.0/"}
-    document.extensionsUsed.append("VRMC_vrm")
-    document.extensions["VRMC_vrm"] = {"specVersion": "1.0", "meta": meta, "humanoid": {"humanBones": bones}}
-    path.write_bytes(b"".join(document.save_to_bytes()))
 
 
 @pytest.fixture(scope="module")

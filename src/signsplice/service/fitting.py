@@ -1,6 +1,6 @@
 """What a page needs to fit a clip to an avatar by itself: the signer's body, and when each arm signs.
 
-The motion is in the clip's ``.vrma``. Both use the humanoid's bones at rest in the T-pose, axes parallel to the world's.
+The motion is in the clip's ``.vrma``. Both use the humanoid at rest in the T-pose, with axes parallel to the world's.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ def _capsules(skeleton: Skeleton) -> list[dict[str, Any]]:
         joint = int(body.joints[row])
         bone = next((k for k in kinematics.path_to_root(skeleton, joint) if k in role_of), info.roles.joints["hips"])
         ends = rotation.rotate(rest.rotations[joint], np.stack([body.starts[row], body.ends[row]]))
-        start, end = np.round(metres * (ends + rest.positions[joint] - rest.positions[bone]), 5).tolist()
+        start, end = np.round(metres * (ends + rest.positions[joint] - rest.positions[bone]), 6).tolist()
         found.append({
             "key": body.keys[row], "bone": role_of[bone], "region": region, "side": body.sides[row],
-            "start": start, "end": end, "radii": np.round(metres * body.radii[row], 5).tolist(),
+            "start": start, "end": end, "radii": np.round(metres * body.radii[row], 6).tolist(),
         })  # fmt: skip
     return found
 
