@@ -3,7 +3,7 @@
 import { VRMLoaderPlugin, VRMUtils, type VRM } from '@pixiv/three-vrm';
 import { VRMAnimationLoaderPlugin, createVRMAnimationClip, type VRMAnimation } from '@pixiv/three-vrm-animation';
 import { AnimationMixer, Group, type AnimationClip, type Object3D, Vector3 } from 'three';
-import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
+import { type GLTF, GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { bodyOf, motionOf, tracksOf } from './fit/avatar.js';
 import { type Fitted, fitMotion, inSlices, type Motion } from './fit/fit.js';
 import type { FitSource } from './wire.js';
@@ -53,19 +53,19 @@ export class Person {
 
   /** Throws if a file is not an avatar that can be shown. */
   static async checkAvatar(vrm: Uint8Array<ArrayBuffer>): Promise<void> {
-    VRMUtils.deepDispose((await readAvatar(vrm)).scene);
+    VRMUtils.deepDispose((await readAvatar(vrm))[1].scene);
   }
 
   /** An avatar (.vrm) with the motion of a .vrma, fitted to its body where that of the signer is known. */
   static async avatar(vrm: Uint8Array<ArrayBuffer>, vrma: Uint8Array<ArrayBuffer>, source: FitSource | null): Promise<Person> {
-    const avatar = await readAvatar(vrm);
+    const [file, avatar] = await readAvatar(vrm);
     const motion = await new GLTFLoader()
       .register((parser) => new VRMAnimationLoaderPlugin(parser))
       .parseAsync(vrma.slice().buffer, '');
     const animation = (motion.userData['vrmAnimations'] as VRMAnimation[] | undefined)?.[0];
     if (!animation) throw new Error('the clip has no VRM animation');
     const clip = createVRMAnimationClip(animation, avatar);
-    const fitted = source && (await fitClip(clip, avatar, await motionOf(motion, animation, source)));
+    const fitted = source && (await fitClip(clip, file, avatar, await motionOf(motion, animation, source)));
     VRMUtils.rotateVRM0(avatar);
     const bones = (['leftHand', 'rightHand'] as const).map((name) => avatar.humanoid.getNormalizedBoneNode(name));
     const hands = bones.filter((bone): bone is Object3D => bone !== null);
@@ -96,8 +96,8 @@ export class Person {
 }
 
 /** Give a clip that an avatar plays the rotations that are fitted to the avatar's body. */
-async function fitClip(clip: AnimationClip, avatar: VRM, motion: Motion): Promise<Fitted> {
-  const body = bodyOf(avatar);
+async function fitClip(clip: AnimationClip, file: GLTF, avatar: VRM, motion: Motion): Promise<Fitted> {
+  const body = bodyOf(file, avatar);
   const fitted = await inSlices(fitMotion(motion, body));
   const tracks = tracksOf(avatar, body, fitted.rotations, motion.times);
   const names = new Set(tracks.map(({ name }) => name));
@@ -105,9 +105,9 @@ async function fitClip(clip: AnimationClip, avatar: VRM, motion: Motion): Promis
   return fitted;
 }
 
-async function readAvatar(vrm: Uint8Array<ArrayBuffer>): Promise<VRM> {
+async function readAvatar(vrm: Uint8Array<ArrayBuffer>): Promise<[GLTF, VRM]> {
   const file = await new GLTFLoader().register((parser) => new VRMLoaderPlugin(parser)).parseAsync(vrm.slice().buffer, '');
   const avatar = file.userData['vrm'] as VRM | undefined;
   if (!avatar) throw new Error('it has no VRM part');
-  return avatar;
+  return [file, avatar];
 }

@@ -9,6 +9,9 @@ import type { FitSource } from '../wire.js';
 import { type Body, type Bone, makeBody, type Rotations } from './body.js';
 import { usualCapsules } from './capsules.js';
 import type { Motion } from './fit.js';
+import { skinOf } from './mesh.js';
+import { fitSkin } from './skin.js';
+import { toTPose as turnsToTPose } from './t_pose.js';
 
 /** The motion of a .vrma with the body of its signer. */
 export async function motionOf(file: GLTF, animation: VRMAnimation, source: FitSource): Promise<Motion> {
@@ -44,33 +47,59 @@ export async function motionOf(file: GLTF, animation: VRMAnimation, source: FitS
   return { body: makeBody(bones, source.capsules), rotations, frames, fps, times: Float32Array.from(times), signing };
 }
 
-/** The body of an avatar that stands as it was loaded. */
-export function bodyOf(avatar: VRM): Body {
+/** An avatar's body in the T-pose, and the rotations that bring its bones there from where they are at rest, world axes. */
+export interface AvatarBody extends Body {
+  toTPose: Quaternion[];
+}
+
+/** The body of an avatar that stands as it was loaded, fitted to its mesh. */
+export function bodyOf(file: GLTF, avatar: VRM): AvatarBody {
   const flip = facesBack(avatar) ? -1 : 1;
+  const place = (point: Vector3) => point.set(flip * point.x, point.y, flip * point.z);
   const joints = new Map<VRMHumanBoneName, Vector3>();
-  avatar.humanoid.normalizedHumanBonesRoot.updateMatrixWorld(true);
   for (const name of VRMHumanBoneList) {
     const rest = avatar.humanoid.normalizedRestPose[name]?.position;
     const over = parentOf(name, joints);
     if (!rest) continue;
-    const joint = new Vector3(flip * rest[0], rest[1], flip * rest[2]);
+    const joint = place(new Vector3(...rest));
     joints.set(name, over ? joint.add(joints.get(over)!) : joint);
   }
-  const bones = bonesAt(joints);
-  return makeBody(bones, usualCapsules(bones));
+  const standing = bonesAt(joints);
+  const names = standing.map(({ name }) => name);
+  const toTPose = turnsToTPose(names, standing.map(({ parent }) => parent), joints);
+  const bones = standing.map(({ name, parent, offset }) => ({
+    name, parent, offset: parent < 0 ? offset : offset.clone().applyQuaternion(toTPose[parent]!),
+  }));
+  const tips = new Map(names.flatMap((name, k) => (name.endsWith('Distal') ? [[name, tipsOf(avatar, name, joints, place).map((tip) => tip.applyQuaternion(toTPose[k]!))]] : [])));
+  const usual = usualCapsules(bones, tips);
+  // Measured as it stands, upright.
+  const upright = toTPose[0]!;
+  const hips = joints.get('hips')!;
+  const points = skinOf(file, avatar, names, (point) => place(point).sub(hips).applyQuaternion(upright));
+  const stood = {
+    bones: standing.map(({ name, parent, offset }) => ({ name, parent, offset: offset.clone().applyQuaternion(upright) })),
+    toTPose: toTPose.map((turn) => turn.clone().multiply(upright.clone().invert())),
+  };
+  return { ...makeBody(bones, fitSkin(stood, usual, points)), toTPose };
 }
 
-/** Tracks of the avatar's bones that play these rotations. */
-export function tracksOf(avatar: VRM, { bones }: Body, rotations: Rotations, times: Float32Array): QuaternionKeyframeTrack[] {
+/** Nodes below the last joint of a finger, from that joint. */
+function tipsOf(avatar: VRM, name: string, joints: ReadonlyMap<string, Vector3>, place: (point: Vector3) => Vector3): Vector3[] {
+  const node = avatar.humanoid.getRawBoneNode(name as VRMHumanBoneName);
+  return (node?.children ?? []).map((child) => place(child.getWorldPosition(new Vector3())).sub(joints.get(name)!));
+}
+
+/** Tracks of the avatar's bones that play these rotations from the T-pose. */
+export function tracksOf(avatar: VRM, { bones, toTPose }: AvatarBody, rotations: Rotations, times: Float32Array): QuaternionKeyframeTrack[] {
   const flip = facesBack(avatar) ? -1 : 1;
   const [own, above] = [new Quaternion(), new Quaternion()];
-  return bones.map(({ name, parent }) => {
+  return bones.map(({ name, parent }, bone) => {
     const values = rotations.get(name)!;
     const over = parent < 0 ? null : rotations.get(bones[parent]!.name)!;
     const local = new Float32Array(values.length);
     for (let k = 0; k < values.length; k += 4) {
-      own.fromArray(values, k);
-      if (over) own.premultiply(above.fromArray(over, k).invert());
+      own.fromArray(values, k).multiply(toTPose[bone]!);
+      if (over) own.premultiply(above.fromArray(over, k).multiply(toTPose[parent]!).invert());
       own.set(flip * own.x, own.y, flip * own.z, own.w).toArray(local, k);
     }
     const node = avatar.humanoid.getNormalizedBoneNode(name as VRMHumanBoneName)!;

@@ -5,22 +5,47 @@ import type { FitCapsule } from '../wire.js';
 import { type Bone, median, restPositions, SIDES } from './body.js';
 import { capsules as USUAL, proportions } from './constants.js';
 
-const REGIONS: Record<string, FitCapsule['region']> = { face: 'head', nose: 'head', hair: 'head', sleeve: 'upperArm', cuff: 'lowerArm' };
+/** A capsule of the usual proportions; legs serve to measure a body. */
+export interface UsualCapsule extends Omit<FitCapsule, 'region'> {
+  region: FitCapsule['region'] | 'leg';
+  /** Whether it is the last of a finger. */
+  isTip: boolean;
+}
 
-/** Capsules of head, trunk, arms and hands in the usual proportions. */
-export function usualCapsules(bones: Bone[]): FitCapsule[] {
-  return new Usual(bones).capsules;
+const REGIONS: Record<string, UsualCapsule['region']> = {
+  face: 'head', nose: 'head', hair: 'head', sleeve: 'upperArm', cuff: 'lowerArm', leg: 'leg',
+};
+
+/**
+ * Capsules of head, trunk, arms, hands and legs in the usual proportions, of bones in the T-pose. ``tips``: where fingers may end,
+ * from their last joints, by the names of these bones.
+ */
+export function usualCapsules(bones: Bone[], tips: ReadonlyMap<string, Vector3[]>): UsualCapsule[] {
+  return new Usual(bones, tips).capsules;
+}
+
+/** Body height from the lengths of arms and legs, m. */
+export function statureOf(bones: Bone[]): number {
+  const rest = restPositions(bones);
+  const joints = new Map(bones.map(({ name }, k) => [name, rest[k]!]));
+  const { ARMS, LEGS, ARM_FRACTION, LEG_FRACTION } = proportions;
+  const chains = [...ARMS.map((chain) => [chain, ARM_FRACTION] as const), ...LEGS.map((chain) => [chain, LEG_FRACTION] as const)];
+  const heights = chains.flatMap(([chain, fraction]) => {
+    const [from, middle, to] = chain.map((name) => joints.get(name));
+    return from && middle && to ? [(from.distanceTo(middle) + middle.distanceTo(to)) / fraction] : [];
+  });
+  return median(heights);
 }
 
 class Usual {
-  readonly capsules: FitCapsule[] = [];
+  readonly capsules: UsualCapsule[] = [];
   private readonly joints: Map<string, Vector3>;
   private readonly height: number;
 
-  constructor(bones: Bone[]) {
+  constructor(bones: Bone[], private readonly tips: ReadonlyMap<string, Vector3[]>) {
     const rest = restPositions(bones);
     this.joints = new Map(bones.map(({ name }, k) => [name, rest[k]!]));
-    this.height = this.stature();
+    this.height = statureOf(bones);
     this.addHead();
     this.addTrunk();
     for (const side of SIDES) {
@@ -29,24 +54,13 @@ class Usual {
     }
   }
 
-  /** Body height from the lengths of arms and legs. */
-  private stature(): number {
-    const { ARMS, LEGS, ARM_FRACTION, LEG_FRACTION } = proportions;
-    const chains = [...ARMS.map((chain) => [chain, ARM_FRACTION] as const), ...LEGS.map((chain) => [chain, LEG_FRACTION] as const)];
-    const heights = chains.flatMap(([[a, b, c], fraction]) => {
-      const [from, middle, to] = [a, b, c].map((name) => this.joints.get(name));
-      return from && middle && to ? [(from.distanceTo(middle) + middle.distanceTo(to)) / fraction] : [];
-    });
-    return median(heights);
-  }
-
   /** Add a capsule with ends relative to its bone's joint; ``radii`` are fractions of stature. */
   private add(
-    key: string, bone: string, region: FitCapsule['region'], start: Vector3, end: Vector3, radii: readonly number[],
-    side: FitCapsule['side'] = '',
+    key: string, bone: string, region: UsualCapsule['region'], start: Vector3, end: Vector3, radii: readonly number[],
+    side: FitCapsule['side'] = '', isTip = false,
   ): void {
     const [r0, r1] = radii.map((radius) => radius * this.height) as [number, number];
-    this.capsules.push({ key, bone, region, side, start: start.toArray(), end: end.toArray(), radii: [r0, r1] });
+    this.capsules.push({ key, bone, region, side, start: start.toArray(), end: end.toArray(), radii: [r0, r1], isTip });
   }
 
   /** A point that is left, up and forward by fractions of stature. */
@@ -110,7 +124,9 @@ class Usual {
   private addArm(side: 'left' | 'right'): void {
     for (const [from, to, r0, r1, part] of USUAL.LIMBS) {
       const region = REGIONS[part];
-      if (region) this.add(side + from, side + from, region, new Vector3(), this.bone(side + from, side + to), [r0, r1], side);
+      const joints = [this.joints.get(side + from), this.joints.get(side + to)];
+      if (!region || !joints.every(Boolean)) continue;
+      this.add(side + from, side + from, region, new Vector3(), this.bone(side + from, side + to), [r0, r1], side);
     }
   }
 
@@ -126,13 +142,21 @@ class Usual {
       const palm = [0.0095, thick * (finger === 'Thumb' ? 1.35 : 1.22)];
       this.add(`${side}${finger}Palm`, wrist, 'hand', knuckle.clone().multiplyScalar(0.12), knuckle, palm, side);
       chain.forEach((name, n) => {
-        const bone = n + 1 < chain.length ? this.bone(name, chain[n + 1]!) : this.bone(n ? chain[n - 1]! : wrist, name).multiplyScalar(0.8);
+        const isTip = n + 1 === chain.length;
+        const bone = isTip ? this.tip(name, this.bone(n ? chain[n - 1]! : wrist, name)) : this.bone(name, chain[n + 1]!);
         const taper = 1.12 - 0.09 * n;
-        this.add(name, name, 'hand', new Vector3(), bone, [thick * taper, thick * (taper - 0.09)], side);
+        this.add(name, name, 'hand', new Vector3(), bone, [thick * taper, thick * (taper - 0.09)], side, isTip);
       });
     }
     if (this.capsules.length > before) return;
     const mitten = this.bone(`${side}LowerArm`, wrist).normalize().multiplyScalar(0.08 * this.height);
     this.add(`${side}Mitten`, wrist, 'hand', new Vector3(), mitten, [0.02, 0.018], side);
+  }
+
+  /** Where a finger ends beyond its last joint: at a node there, else 0.8 of the phalanx before, straight on. */
+  private tip(name: string, before: Vector3): Vector3 {
+    const usual = before.length();
+    const found = this.tips.get(name)?.find((bone) => bone.length() > 0.2 * usual && bone.length() < 2 * usual);
+    return found?.clone() ?? before.clone().multiplyScalar(0.8);
   }
 }
