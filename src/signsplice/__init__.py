@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from signsplice.body.retarget import retarget
     from signsplice.errors import FormatError, InputError, RigMismatchError, SignspliceError
     from signsplice.formats import load, save
+    from signsplice.formats.avatar import read_avatar
     from signsplice.lexicon.reader import Lexicon, open_lexicon
     from signsplice.motion.clip import Clip, Skeleton
     from signsplice.splicing.engine import Piece, SpliceOptions, SpliceResult, splice, stream
@@ -28,6 +29,7 @@ _HOMES = {
     "inbetween": "splicing.inbetween",
     "load": "formats",
     "open_lexicon": "lexicon.reader",
+    "read_avatar": "formats.avatar",
     "retarget": "body.retarget",
     "save": "formats",
     "splice": "splicing.engine",
@@ -48,6 +50,7 @@ __all__ = [
     "inbetween",
     "load",
     "open_lexicon",
+    "read_avatar",
     "retarget",
     "save",
     "splice",

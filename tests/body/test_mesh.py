@@ -7,7 +7,8 @@ import pytest
 
 from signing import word
 from signsplice.body import capsules, collision
-from signsplice.body.mesh import MeshPart, bind_pose, body_mesh
+from signsplice.body.mesh import bind_pose, body_mesh
+from signsplice.body.mesh_part import MeshPart
 from signsplice.body.surface_nets import surface
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton

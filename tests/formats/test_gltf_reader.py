@@ -221,8 +221,10 @@ INVALID: dict[str, tuple[Any, str]] = {
     "a file elsewhere": (lambda d: d["buffers"][0].update(uri="../secret.bin"), "expected a file in the same folder"),
     "a missing file": (lambda d: d["buffers"][0].update(uri="gone.bin"), "no such file"),
     "no base64": (lambda d: d["buffers"][0].update(uri="data:x;base64,$$"), "is no base64"),
-    "sparse": (lambda d: d["accessors"][1].update(sparse={
-        "count": 1, "indices": {"bufferView": 0, "componentType": 5125}, "values": {"bufferView": 0}}), "is sparse"),
+    "sparse beyond": (lambda d: d["accessors"][1].update(sparse={
+        "count": 1, "indices": {"bufferView": 0, "componentType": 5125, "byteOffset": 4}, "values": {"bufferView": 1}}),
+        "the sparse part of accessor 1 names rows beyond"),
+    "empty": (lambda d: d["accessors"][1].pop("bufferView"), "accessor 1 is empty"),
     "more than memory": (lambda d: d["accessors"][0].update(count=10**9), "reaches beyond"),
     "glTF 1": (lambda d: d["asset"].update(version="1.0"), "is glTF 1.0, expected 2.0"),
     "compressed": (lambda d: d.update(extensionsRequired=["EXT_meshopt_compression"]), "which is not read"),

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from avatars import write_avatar
+import avatars
 from serving import PATIENCE_S, serving
 from signsplice.formats import load, save
 from signsplice.motion import kinematics
@@ -52,7 +52,8 @@ def seen(tmp_path_factory: pytest.TempPathFactory, words: dict[str, Clip]) -> di
     out = tmp_path_factory.mktemp("viewer")
     for gloss in ("DEAF", "SIGN"):
         save(words[gloss], out / f"{gloss}.bvh")
-    write_avatar(words["DEAF"], out / "toy.vrm")
+    narrow = avatars.body("narrow")
+    avatars.write(out / "toy.vrm", narrow, avatars.mannequin_parts(narrow), axes=False, hair=False)
     save(words["DEAF"][30:33], out / "short.bvh")
     with serving("serve") as address:
         return drive(

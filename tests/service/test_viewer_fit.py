@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+import avatars
 import signsplice as ss
-from avatars import write_bones
 from signsplice.body.retarget import retarget
-from signsplice.evaluation.stretched_bodies import BODIES, stretched
+from signsplice.formats.avatar import read_avatar
 from signsplice.formats.gltf_writer import in_front
 from signsplice.lexicon import shipped
 from signsplice.motion import kinematics, rotation
@@ -28,9 +28,9 @@ from signsplice.service import scene
 from signsplice.service.fitting import fit_source
 
 VIEWER = Path(__file__).resolve().parents[2] / "viewer"
-CASES = [(gloss, body) for body in ("narrow", "child", "broad") for gloss in ("NAME", "MOTHER")]
-SENTENCE = ("HELLO MY NAME", "chibi")
-FAR = ("HAT", "far too short")
+CASES = [(gloss, body) for body in ("narrow", "broad", "big head") for gloss in ("NAME", "MOTHER")]
+SENTENCE = ("HELLO MY NAME", "big head")
+FAR = ("HAT", "too short")
 
 pytestmark = pytest.mark.skipif(
     shutil.which("node") is None or not (VIEWER / "node_modules").is_dir(),
@@ -47,14 +47,22 @@ def signed(line: str) -> Clip:
     return in_front(ss.splice(words, ss.SpliceOptions(cutter="ends", transition="hermite")).clip)
 
 
-def other_body(skeleton: Skeleton, name: str) -> Skeleton:
-    """A body of ``BODIES``, fingers without end sites, which avatars do not have."""
-    if name == "far too short":
-        offsets = np.array(skeleton.offsets)
-        for role in ("LowerArm", "Hand"):
-            offsets[[rig_info(skeleton).roles.joints[side + role] for side in ("left", "right")]] *= 0.45
-        return replace(skeleton, offsets=offsets, end_sites=())
-    return replace(stretched(skeleton, BODIES[name]), end_sites=())
+def made(folder: Path, name: str) -> Path:
+    """The file of a body of ``avatars.BODIES``, one of them as VRM 0.x; "too short": with arms that reach no face."""
+    path = folder / f"{name}.vrm"
+    if not path.exists():
+        avatar = avatars.body("narrow" if name == "too short" else name)
+        # Joints of other names: those of one rig are matched by name, and their rest poses are taken for the same.
+        names = tuple(joint.replace("mixamorig:", "J_") for joint in avatar.names)
+        roles = {role: joint.replace("mixamorig:", "J_") for role, joint in (avatar.roles or {}).items()}
+        avatar = replace(avatar, names=names, roles=roles)
+        if name == "too short":
+            offsets = np.array(avatar.offsets)
+            for role in ("LowerArm", "Hand"):
+                offsets[[rig_info(avatar).roles.joints[side + role] for side in ("left", "right")]] *= 0.45
+            avatar = replace(avatar, offsets=offsets, body=None)
+        avatars.write(path, avatar, avatars.capsule_parts(avatar), "0.x" if name == "broad" else "1.0")
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -63,65 +71,56 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Mapping[tuple[str, str], d
     out = tmp_path_factory.mktemp("avatars")
     cases = []
     for line, body in (*CASES, SENTENCE, FAR):
-        clip = signed(line)
-        avatar = out / f"{body}.vrm"
-        if not avatar.exists():
-            write_bones(other_body(clip.skeleton, body), avatar)
-        cases.append({"avatar": str(avatar), "scene": scene.from_clip(clip, None, ["vrma"])})
+        cases.append({"avatar": str(made(out, body)), "scene": scene.from_clip(signed(line), None, ["vrma"])})
     (out / "cases.json").write_text(json.dumps(cases))
     command = ["node", str(VIEWER / "checks" / "fit.mjs"), str(out / "cases.json")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr[-3000:]
-    found = map(json.loads, done.stdout.splitlines())
-    return dict(zip((*CASES, SENTENCE, FAR), found, strict=True))
+    cases = zip((*CASES, SENTENCE, FAR), map(json.loads, done.stdout.splitlines()), strict=True)
+    return {(line, body): {**found, "avatar": read_avatar(made(out, body))} for (line, body), found in cases}
 
 
 def hands(clip: Clip, points: list[str]) -> rotation.Float:
-    """Wrists and fingertips (T, P, 3) from the middle of the shoulders, m."""
-    info, parents = rig_info(clip.skeleton), clip.skeleton.parents
-    joints, rest = info.roles.joints, info.t_pose
+    """Wrists and fingertips (T, P, 3) of an avatar from the middle of its shoulders, m."""
+    joints, offsets = rig_info(clip.skeleton).roles.joints, clip.skeleton.offsets
     global_rotations, positions = kinematics.forward(clip)
     out = positions[:, [joints[name] for name in points]]
     for k, name in enumerate(points):
         if name.endswith("Distal"):  # a fingertip lies 0.8 of the phalanx before beyond its last joint
-            joint = joints[name]
-            bone = rotation.rotate(rotation.inverse(rest.rotations[joint]), rest.positions[joint] - rest.positions[parents[joint]])
-            out[:, k] += 0.8 * global_rotations[:, joint] @ bone
-    middle = positions[:, [joints["leftUpperArm"], joints["rightUpperArm"]]].mean(axis=1, keepdims=True)
-    return np.asarray(info.sizes.unit.metres * (out - middle))
+            out[:, k] += 0.8 * global_rotations[:, joints[name]] @ offsets[joints[name]]
+    return np.asarray(out - positions[:, [joints["leftUpperArm"], joints["rightUpperArm"]]].mean(axis=1, keepdims=True))
 
 
 @pytest.mark.parametrize(("line", "body"), [*CASES, SENTENCE])
-def test_hands_are_where_python_puts_them(
-    page: Mapping[tuple[str, str], dict[str, Any]], line: str, body: str
-) -> None:
+def test_hands_are_where_python_puts_them(page: Mapping[tuple[str, str], dict[str, Any]], line: str, body: str) -> None:
     clip, seen = signed(line), page[line, body]
-    onto = other_body(clip.skeleton, body)
-    fitted = hands(retarget(clip, onto).clip, seen["points"])
-    away = np.linalg.norm(np.array(seen["fitted"]) - fitted, axis=-1)
+    fitted = hands(retarget(clip, seen["avatar"]).clip, seen["points"])
+    away = np.linalg.norm(np.array(seen["hands"]) - fitted, axis=-1)
     assert away.max() < 0.005, "5 mm"
-    copied = copy_rotations(clip, reference(replace(clip, skeleton=onto, channels=None)))[0]
-    alone = np.array(seen["rotations"])
-    np.testing.assert_allclose(alone, hands(copied, seen["points"]), atol=1e-4)
-    assert np.linalg.norm(alone - fitted, axis=-1).max() > 0.02, "the fit moves hands by centimetres"
+    copied = hands(copy_rotations(clip, reference(still(seen["avatar"])))[0], seen["points"])
+    assert np.linalg.norm(copied - fitted, axis=-1).max() > 0.02, "the fit moves hands by centimetres"
 
 
 def test_places_beyond_reach_are_told_as_python_tells_them(page: Mapping[tuple[str, str], dict[str, Any]]) -> None:
-    clip = signed(FAR[0])
-    (warning,) = retarget(clip, other_body(clip.skeleton, FAR[1])).warnings
+    (warning,) = retarget(signed(FAR[0]), page[FAR]["avatar"]).warnings
     left, right = page[FAR]["beyond"]
     assert left == 0.0
     assert f"right hand lie up to {100.0 * right:.0f} cm beyond" in warning
     assert page[CASES[0]]["beyond"] == [0.0, 0.0]
 
 
-def test_the_page_builds_the_usual_body(page: Mapping[tuple[str, str], dict[str, Any]]) -> None:
-    skeleton = other_body(signed("NAME").skeleton, "narrow")
-    still = replace(signed("NAME")[:2], skeleton=skeleton, channels=None)
-    ours = {one["key"]: one for one in fit_source(still)["capsules"]}  # type: ignore[index]
-    theirs = {one["key"]: one for one in page["NAME", "narrow"]["capsules"]}
+@pytest.mark.parametrize("case", [CASES[0], CASES[2], CASES[4]])
+def test_the_page_finds_the_same_body_in_a_mesh(
+    page: Mapping[tuple[str, str], dict[str, Any]], case: tuple[str, str]
+) -> None:
+    ours = {one["key"]: one for one in fit_source(still(page[case]["avatar"]))["capsules"]}  # type: ignore[index]
+    theirs = {one["key"]: one for one in page[case]["capsules"]}
     assert theirs.keys() == ours.keys()
     for key, one in ours.items():
         assert [theirs[key][name] for name in ("bone", "region", "side")] == [one["bone"], one["region"], one["side"]]
         for name in ("start", "end", "radii"):
-            np.testing.assert_allclose(theirs[key][name], one[name], atol=1e-5, err_msg=f"{key} {name}")
+            np.testing.assert_allclose(theirs[key][name], one[name], atol=1e-3, err_msg=f"{key} {name}")
+
+
+def still(skeleton: Skeleton) -> Clip:
+    return Clip(skeleton, np.tile(rotation.IDENTITY, (2, len(skeleton), 1)), np.zeros((2, 3)), 30.0)

@@ -1,9 +1,10 @@
 // How the page's own code fits motion to avatars. `node fit.mjs [--time] [--chromium] CASES.json` reads a list of
-// {avatar: FILE.vrm, scene: a wire.Spliced} and prints a line of JSON for each: wrists and fingertips in every frame, fitted
-// and with rotations alone (m, from the middle of the shoulders), what the page would warn of, the avatar's capsules, and
-// with --time how long the solver takes for all frames, ms: the least of five runs. It runs in Node, or in Chromium.
+// {avatar: FILE.vrm, scene: a wire.Spliced} and prints a line of JSON for each: wrists and fingertips in every frame (m, from
+// the middle of the shoulders), what the page would warn of, the avatar's capsules, and with --time how long the solver takes
+// for all frames, ms: the least of five runs. It runs in Node, or in Chromium.
 
-import { readFileSync } from 'node:fs';
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
 import { dirname, join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { build } from 'esbuild';
@@ -17,6 +18,7 @@ const bundle = await build({
   format: inChromium ? 'iife' : 'esm',
   globalName: inChromium ? 'checks' : undefined,
   target: 'es2022',
+  charset: 'utf8',
   logLevel: 'error',
 });
 const code = bundle.outputFiles[0];
@@ -30,7 +32,10 @@ if (inChromium) {
   await browser.close();
 } else {
   globalThis.self ??= globalThis; // three's loaders need a browser's global object
-  const { fitted } = await import(`data:text/javascript;base64,${Buffer.from(code.contents).toString('base64')}`);
+  const folder = mkdtempSync(join(tmpdir(), 'fit-'));
+  process.on('exit', () => rmSync(folder, { recursive: true }));
+  writeFileSync(join(folder, 'fit.mjs'), code.contents);
+  const { fitted } = await import(join(folder, 'fit.mjs'));
   for (const one of cases) print(await fitted(...one));
 }
 

@@ -12,22 +12,18 @@ import { Person } from '../src/person.ts';
 const FINGERS = ['Thumb', 'Index', 'Middle', 'Ring', 'Little'];
 const POINTS = ['left', 'right'].flatMap((side) => [`${side}Hand`, ...FINGERS.map((finger) => `${side}${finger}Distal`)]);
 
-/** Wrists and fingertips in every frame, fitted and with rotations alone, and what else fit.mjs prints. */
+/** What fit.mjs prints of a .vrm in base64 and a scene. */
 export async function fitted(avatar, scene, timed) {
-  const [vrm, vrma] = [decode(avatar), decode(scene.files.vrma)];
-  const alone = await Person.avatar(vrm, vrma, null);
-  const person = await Person.avatar(vrm, vrma, scene.fit);
-  return {
-    points: POINTS,
-    fitted: positions(person, scene.report),
-    rotations: positions(alone, scene.report),
-    beyond: person.fitted.beyond,
-    ...(await solved(vrm, vrma, scene.fit, timed)),
-  };
+  const vrma = decode(scene.files.vrma);
+  const person = await Person.avatar(decode(avatar), vrma, scene.fit);
+  const { frames, fps } = scene.report;
+  const body = await bodyIn(avatar);
+  const ms = timed ? await time(body, vrma, scene.fit) : null;
+  return { points: POINTS, hands: positions(person, frames, fps), beyond: person.fitted.beyond, capsules: body.capsules, ms };
 }
 
 /** Wrists and fingertips in every frame, from the middle of the shoulders. */
-function positions(person, { frames, fps }) {
+function positions(person, frames, fps) {
   const { humanoid } = person.vrm;
   const at = (name) => humanoid.getRawBoneNode(name)?.getWorldPosition(new Vector3());
   return Array.from({ length: frames }, (_, frame) => {
@@ -46,17 +42,26 @@ function positions(person, { frames, fps }) {
   });
 }
 
-/** The avatar's capsules as the solver sees them, and its time. */
-async function solved(vrm, vrma, source, timed) {
-  const loader = new GLTFLoader().register((parser) => new VRMLoaderPlugin(parser)).register((parser) => new VRMAnimationLoaderPlugin(parser));
-  const body = bodyOf((await loader.parseAsync(vrm.slice().buffer, '')).userData.vrm);
-  if (!timed) return { capsules: body.capsules };
-  const file = await loader.parseAsync(vrma.slice().buffer, '');
+const loader = new GLTFLoader().register((parser) => new VRMLoaderPlugin(parser)).register((parser) => new VRMAnimationLoaderPlugin(parser));
+const bodies = new Map();
+
+/** The body of the avatar in a .vrm, as the solver sees it. */
+async function bodyIn(avatar) {
+  if (!bodies.has(avatar)) {
+    const file = await loader.parseAsync(decode(avatar).buffer, '');
+    bodies.set(avatar, bodyOf(file, file.userData.vrm));
+  }
+  return bodies.get(avatar);
+}
+
+/** How long the solver takes for all frames, ms. */
+async function time(body, vrma, source) {
+  const file = await loader.parseAsync(vrma.buffer, '');
   const motion = await motionOf(file, file.userData.vrmAnimations[0], source);
   const times = Array.from({ length: 5 }, () => {
     const started = performance.now();
     for (const _ of fitMotion(motion, body));
     return performance.now() - started;
   });
-  return { capsules: body.capsules, ms: Math.min(...times) };
+  return Math.min(...times);
 }

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from signsplice.body.mesh_part import MeshPart
 from signsplice.motion import rotation
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Skeleton
@@ -116,10 +117,30 @@ class BodyCapsules:
         )
 
 
-def body_capsules(skeleton: Skeleton) -> BodyCapsules:
-    """The body of a skeleton, from its roles and size, kept as long as the skeleton lives; a thin capsule for every
-    bone where no arm is known.
+@dataclass(frozen=True, eq=False)
+class Avatar(Skeleton):
+    """The skeleton of an avatar, in metres, with its own skin; at rest it stands as its file has it.
+
+    label: the file's name without folder and suffix.
+    body: its capsules, fitted to its mesh; None: those of the usual proportions.
+    mesh: its mesh in the rest pose; empty where the file holds none.
+    is_vrm: whether its rest pose is the T-pose from which VRM animations rotate its bones.
+    warnings: what a user should know about it, one line each.
     """
+
+    label: str = "the avatar"
+    body: BodyCapsules | None = None
+    mesh: tuple[MeshPart, ...] = ()
+    is_vrm: bool = False
+    warnings: tuple[str, ...] = ()
+
+
+def body_capsules(skeleton: Skeleton) -> BodyCapsules:
+    """The body of a skeleton: that of an avatar's skin, else from roles and size, kept as long as the skeleton lives; a
+    thin capsule for every bone where no arm is known.
+    """
+    if isinstance(skeleton, Avatar) and skeleton.body is not None:
+        return skeleton.body
     return CACHE.of(skeleton, _build)
 
 

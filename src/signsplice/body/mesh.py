@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
+from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules, capsule_ends
+from signsplice.body.mesh_part import N_JOINTS, MeshPart
 from signsplice.body.surface_nets import surface
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.cache import CACHE
@@ -38,8 +39,6 @@ CLOTHES = {
     "mouth": (0.66, 0.36, 0.34),
 }
 
-N_JOINTS = 4
-"""Joints, at most, that carry a vertex."""
 _STEP = {"face": 0.0036, "hair": 0.0060, "shirt": 0.0062, "leg": 0.0100, "shoe": 0.0070, "hand": 0.0020}
 """Distance of a part's vertices as a fraction of stature: 6 mm in the face of a body of 1.70 m; 3.4 mm by default."""
 _COARSEST = 0.06
@@ -65,28 +64,10 @@ _GROWN = {"mouth": 0.0020, "eye": 0.0010}
 """Added to the radii of parts on the face, as a fraction of stature, because blending makes the face fuller."""
 
 
-@dataclass(frozen=True, eq=False)
-class MeshPart:
-    """A part of the mesh in one colour.
-
-    name: what it is, with its side.
-    colour: sRGB, 0 to 1.
-    vertices, normals: (V, 3) in the bind pose, clip units, the root at the origin.
-    triangles: (F, 3) indices of vertices.
-    joints, weights: (V, 4) which joints carry each vertex, and how much; unused ones have weight 0.
-    """
-
-    name: str
-    colour: tuple[float, float, float]
-    vertices: Float
-    normals: Float
-    triangles: NDArray[np.int64]
-    joints: NDArray[np.int64]
-    weights: Float
-
-
 def body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
-    """The mesh of a skeleton, part by part, kept as long as the skeleton lives."""
+    """The mesh of a skeleton, part by part, kept as long as the skeleton lives; an avatar's own where it has one."""
+    if isinstance(skeleton, Avatar) and skeleton.mesh:
+        return skeleton.mesh
     return CACHE.of(skeleton, _body_mesh)
 
 
@@ -98,9 +79,11 @@ def colour(part: str, side: str) -> tuple[float, float, float]:
 
 
 def bind_pose(skeleton: Skeleton) -> tuple[Float, Float]:
-    """The bind pose, the T-pose with fingers spread: global rotations (J, 4) and positions (J, 3), clip units, the root
-    at the origin.
+    """The bind pose: global rotations (J, 4) and positions (J, 3), clip units, the root at the origin. It is the T-pose
+    with fingers spread; the rest pose of an avatar with a mesh of its own.
     """
+    if isinstance(skeleton, Avatar) and skeleton.mesh:
+        return np.tile(rotation.IDENTITY, (len(skeleton), 1)), kinematics.rest_positions(skeleton)
     info = rig_info(skeleton)
     joints, rotations = info.roles.joints, info.t_pose.rotations.copy()
     for side, sign in (("left", 1.0), ("right", -1.0)):

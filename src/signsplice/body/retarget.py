@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body import arm_ik, swivel
-from signsplice.body.capsules import BodyCapsules, body_capsules
+from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules
 from signsplice.body.contacts import PART_M, Contact, find_contacts
 from signsplice.body.fit import Fit
 from signsplice.body.posed import PosedBody, posed_body
@@ -53,15 +53,16 @@ class Retargeted:
 
 
 def retarget(clip: Clip, onto: Clip | Skeleton) -> Retargeted:
-    """``clip`` on the body of another clip or skeleton, where it stands and at its own rate: hands keep their places on
-    the body and touch what they touched.
+    """``clip`` on the body of another clip, skeleton or avatar (``ss.read_avatar``), where it stands and at its own
+    rate: hands keep their places on the body and touch what they touched.
 
     Raises ``RigMismatchError`` where the two rigs have nothing in common.
     """
     skeleton = onto if isinstance(onto, Skeleton) else onto.skeleton
     held = np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), 1)) if isinstance(onto, Skeleton) else onto.local_rotations[0]
-    name = "the skeleton" if isinstance(onto, Skeleton) else onto.name
-    return _fitted(clip, Reference(skeleton, clip.fps, placement(clip), held, name))
+    name = onto.name if isinstance(onto, Clip) else onto.label if isinstance(onto, Avatar) else "the skeleton"
+    done = _fitted(clip, Reference(skeleton, clip.fps, placement(clip), held, name))
+    return replace(done, warnings=(*onto.warnings, *done.warnings)) if isinstance(onto, Avatar) else done
 
 
 def align(clip: Clip, to: Reference, speed: float = 1.0) -> Retargeted:
@@ -109,7 +110,11 @@ def _fitted(clip: Clip, to: Reference) -> Retargeted:
     carried, warnings = copy_rotations(clip, to)
     source, target = clip.skeleton, to.skeleton
     has_arms = rig_info(source).has_arms and rig_info(target).has_arms
-    if is_same_skeleton(source, target) or not has_arms or _is_alike(source, target):
+    if (
+        (is_same_skeleton(source, target) and not isinstance(target, Avatar))
+        or not has_arms
+        or _is_alike(source, target)
+    ):
         return Retargeted(carried, warnings)
     fitted = fit_body(clip, body_capsules(source), carried, body_capsules(target))
     return Retargeted(fitted.clip, (*warnings, *fitted.warnings), fitted.contacts)
@@ -122,6 +127,9 @@ def _is_alike(a: Skeleton, b: Skeleton) -> bool:
         info, body = rig_info(skeleton), body_capsules(skeleton)
         lengths = dict(zip(body.keys, np.linalg.norm(body.ends - body.starts, axis=-1), strict=True))
         kept = {key: info.sizes.unit.metres * float(length) for key, length in lengths.items()}
+        if isinstance(a, Avatar) or isinstance(b, Avatar):  # their skin is their own; that of others follows from bones
+            kept |= {f"{key} {k}": 2.0 * info.sizes.unit.metres * float(body.radii[n, k])
+                     for n, key in enumerate(body.keys) for k in (0, 1)}  # fmt: skip
         sizes.append({**kept, "shoulders": info.sizes.unit.metres * info.sizes.shoulder_width})
     one, two = sizes
     longest = max(one.values())

@@ -18,6 +18,7 @@ from signsplice.formats.limits import DEFAULT_LIMITS, NO_LIMITS, ReadLimits
 from signsplice.render import PICTURE_SUFFIXES
 
 if TYPE_CHECKING:
+    from signsplice.body.capsules import Avatar
     from signsplice.motion.clip import Clip
 
 OUTPUT_SUFFIXES = (*formats.WRITE_SUFFIXES, *PICTURE_SUFFIXES)
@@ -53,6 +54,14 @@ def load(path: str, roles: str | None = None) -> Clip:
     """The clip in a file; ``roles``: a file of role -> joint name, for rigs that are not recognised by joint names."""
     clip = formats.load(path, limits())
     return clip if roles is None else with_roles([clip], roles)[0]
+
+
+def load_avatar(path: str, roles: str | None = None) -> Avatar:
+    """The avatar in a file; ``roles`` as in ``load``."""
+    from signsplice.formats import roles as roles_file
+    from signsplice.formats.avatar import read_avatar
+
+    return read_avatar(path, None if roles is None else roles_file.read(roles), limits())
 
 
 def with_roles(clips: Sequence[Clip], roles: str) -> list[Clip]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import Spans, check_outputs, load, reads_clips, write
+from signsplice.cli.clips import Spans, check_outputs, load, load_avatar, reads_clips, write
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
@@ -48,27 +48,36 @@ def inspect(file: str, as_json: bool, roles: str | None) -> None:
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar="OUT")
 @click.option("--onto", metavar="RIG", help="Clip whose body the motion is brought to: places and contacts are kept.")
-@click.option("--report", metavar="R.json", help="With --onto: write what the hands touch, before and after.")
+@click.option("--avatar", metavar="A.vrm", help="Avatar (.vrm, .glb) whose body the motion is brought to, by its mesh.")
+@click.option(
+    "--report", metavar="R.json", help="With --onto or --avatar: write what the hands touch, before and after."
+)
 @click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
 @reads_clips
-def convert(source: str, output: str, onto: str | None, report: str | None, roles: str | None) -> None:
-    """Turn one file into another, by suffix; with --onto, for another body."""
-    if report is not None and onto is None:
-        raise InputError("--report describes what --onto does, expected both")
-    check_outputs(output, report, inputs=[source, onto, roles])
+def convert(
+    source: str, output: str, onto: str | None, avatar: str | None, report: str | None, roles: str | None
+) -> None:
+    """Turn one file into another, by suffix; with --onto or --avatar, for another body."""
+    if onto is not None and avatar is not None:
+        raise InputError("--onto and --avatar each name a body, expected one of them")
+    body = onto if avatar is None else avatar
+    if report is not None and body is None:
+        raise InputError("--report describes what --onto does, or --avatar, expected one of them too")
+    check_outputs(output, report, inputs=[source, body, roles])
     clip = load(source, roles)
-    if onto is not None:
-        from signsplice.body.retarget import retarget
-        from signsplice.splicing import report as reports
+    if body is None:
+        write(clip, output)
+        print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
+        return
+    from signsplice.body.retarget import retarget
+    from signsplice.splicing import report as reports
 
-        done = retarget(clip, load(onto, roles))
-        clip = done.clip
-        warn(done.warnings)
-    write(clip, output)
-    if onto is not None and report is not None:
-        reports.write(reports.describe_retargeting(done, source, onto), report)
-    kept = "" if onto is None else f", {_count_kept(done)}"
-    print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s{kept}")
+    done = retarget(clip, load(body, roles) if avatar is None else load_avatar(body, roles))
+    warn(done.warnings)
+    write(done.clip, output)
+    if report is not None:
+        reports.write(reports.describe_retargeting(done, source, body), report)
+    print(f"{output}: {len(done.clip)} frames, {done.clip.seconds:.2f} s, {_count_kept(done)}")
 
 
 def _count_kept(done: Retargeted) -> str:

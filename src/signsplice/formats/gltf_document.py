@@ -118,24 +118,46 @@ class Document:
 
     def _read_values(self, number: int) -> Float:
         accessor = self._row(self.json.get("accessors"), number, "accessor")
-        if accessor.get("sparse") is not None or accessor.get("bufferView") is None:
-            raise self._error(f"accessor {number} is sparse or empty, which is not read")
-        view = self._row(self.json.get("bufferViews"), accessor["bufferView"], "bufferView")
-        kind, width = np.dtype(_COMPONENTS[accessor["componentType"]]), _WIDTHS[accessor["type"]]
-        data, count = self._buffer(view["buffer"]), accessor["count"]
-        first = view.get("byteOffset") or 0
-        start = first + (accessor.get("byteOffset") or 0)
-        stride = view.get("byteStride") or width * kind.itemsize
-        end = start + (count - 1) * stride + width * kind.itemsize
-        if count < 1 or start < 0 or stride < width * kind.itemsize or end > min(first + view["byteLength"], len(data)):
-            raise self._error(f"accessor {number} reaches beyond its {len(data)} bytes")
-        self._array_bytes += 8 * count * width
+        kind, width, count = _COMPONENTS[accessor["componentType"]], _WIDTHS[accessor["type"]], accessor["count"]
+        stored = accessor.get("bufferView") is not None
+        if not stored and accessor.get("sparse") is None:
+            raise self._error(f"accessor {number} is empty, expected values")
+        rows = self._rows(accessor, kind, width, count, f"accessor {number}") if stored else None
+        self._array_bytes += 8 * max(count, 0) * width
         self.limits.check_memory(f"accessors up to {number}", self._array_bytes, self.given_bytes, self.file)
-        rows = np.ndarray((count, width), kind.newbyteorder("<"), data, start, (stride, kind.itemsize))
-        values = rows.astype(np.float64)
-        if accessor.get("normalized") and kind.kind in "iu":
-            values = np.maximum(values / float(2 ** (8 * kind.itemsize - (kind.kind == "i")) - 1), -1.0)
+        values = np.zeros((count, width)) if rows is None else rows.astype(np.float64)
+        if accessor.get("sparse") is not None:
+            self._replace_sparse(values, accessor["sparse"], kind, number)
+        if accessor.get("normalized") and np.dtype(kind).kind in "iu":
+            bits = 8 * np.dtype(kind).itemsize - (np.dtype(kind).kind == "i")
+            values = np.maximum(values / float(2**bits - 1), -1.0)
         return values
+
+    def _replace_sparse(self, values: Float, sparse: Fields, kind: type[np.generic], number: int) -> None:
+        """Write the rows that a sparse accessor replaces into its ``values`` (N, width)."""
+        count, what = sparse["count"], f"the sparse part of accessor {number}"
+        index = sparse["indices"]
+        self.limits.check_memory(what, 8 * max(count, 0) * (values.shape[1] + 1), self.given_bytes, self.file)
+        rows = self._rows(index, _COMPONENTS[index["componentType"]], 1, count, what)[:, 0]
+        if rows.dtype.kind != "u" or rows.max() >= len(values):
+            raise self._error(f"{what} names rows beyond its {len(values)}")
+        values[rows] = self._rows(sparse["values"], kind, values.shape[1], count, what)
+
+    def _rows(self, place: Fields, kind: type[np.generic], width: int, count: int, what: str) -> NDArray[Any]:
+        """Rows (count, width) of numbers as they lie in a buffer, at the view and offset that ``place`` names."""
+        view, dtype = self._row(self.json.get("bufferViews"), place["bufferView"], "bufferView"), np.dtype(kind)
+        data, first = self._buffer(view["buffer"]), view.get("byteOffset") or 0
+        start = first + (place.get("byteOffset") or 0)
+        stride = view.get("byteStride") or width * dtype.itemsize
+        end = start + (count - 1) * stride + width * dtype.itemsize
+        if (
+            count < 1
+            or start < 0
+            or stride < width * dtype.itemsize
+            or end > min(first + view["byteLength"], len(data))
+        ):
+            raise self._error(f"{what} reaches beyond its {len(data)} bytes")
+        return np.ndarray((count, width), dtype.newbyteorder("<"), data, start, (stride, dtype.itemsize))
 
     def _buffer(self, number: int) -> bytes:
         """The bytes of a buffer: the binary chunk, a data URI, or a file in the same folder."""

@@ -8,8 +8,7 @@ densest keys.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import count
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import LimitError
-from signsplice.formats.gltf_document import FPS_EXTRA, ROLES_EXTRA, VRM_ANIMATION, Document, Fields
+from signsplice.formats.gltf_document import FPS_EXTRA, ROLES_EXTRA, Fields
 from signsplice.formats.gltf_keys import DRIFT, Keys, frame_rate, sample
+from signsplice.formats.gltf_skeleton import SkeletonDocument, printable, unique
 from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
 from signsplice.formats.reading import stem
 from signsplice.motion import rotation
@@ -43,20 +43,19 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS, f
     return _AnimationReader(file, content, limits, folder).clip()
 
 
-class _AnimationReader(Document):
+class _AnimationReader(SkeletonDocument):
     """A document whose animation is being read."""
-
-    def __init__(self, file: str, content: bytes, limits: ReadLimits, folder: Path | None) -> None:
-        super().__init__(file, content, limits, folder)
-        self.scales: dict[int, Float] = {}  # node -> scale (3,), where the animation sets it
 
     def clip(self) -> Clip:
         if not self.json.get("animations"):
-            raise self._error("holds no animation, expected an animated skeleton")
+            avatar = (
+                "; for an avatar, convert CLIP OUT --avatar FILE puts a clip onto it" if self.json.get("skins") else ""
+            )
+            raise self._error(f"holds no animation, expected an animated skeleton{avatar}")
         animation = self.json["animations"][0]
         targets = self._targets(animation)
         joints, roles = self._joints(targets)
-        order = self._order(joints, {node for node, _ in targets})
+        order = self._joint_order(joints, {node for node, _ in targets})
         if len(order) > self.limits.joints:
             what = f"{len(order):,} joints, expected at most {self.limits.joints:,.0f}"
             raise LimitError(what, file=self.file)
@@ -104,14 +103,14 @@ class _AnimationReader(Document):
         translations[:, 0] = 0.0
         change = float(np.ptp(translations[:, 1:], axis=0).max()) if len(order) > 1 else 0.0
         stretches = change > _HELD * float(np.abs(offsets).max())
-        names = _unique([_printable(self.nodes[node].get("name"), f"node {node}") for node in order])
+        names = unique([printable(self.nodes[node].get("name"), f"node {node}") for node in order])
         named = {role: names[rows[node]] for role, node in roles.items() if node in rows} or self._stored_roles(names)
         return Clip(
             Skeleton(tuple(names), parents, np.concatenate([np.zeros((1, 3)), offsets[1:]]), roles=named or None),
             local_quats,
             roots,
             fps,
-            name=_printable(name, stem(self.file)),
+            name=printable(name, stem(self.file)),
             translations=translations if stretches else None,
         )
 
@@ -168,12 +167,7 @@ class _AnimationReader(Document):
 
         Joints are those of the skins, else of the humanoid, else all animated nodes with their descendants.
         """
-        extensions = self.json.get("extensions") or {}
-        vrm = extensions.get(VRM_ANIMATION) or extensions.get("VRMC_vrm") or {}
-        humanoid = (vrm.get("humanoid") or {}).get("humanBones") or {}
-        roles = {role: int(bone["node"]) for role, bone in humanoid.items() if role in ROLES}
-        if len(set(roles.values())) < len(roles):
-            raise self._error("its humanoid has one node in two roles")
+        roles = self._humanoid()
         skinned = {joint for skin in self.json.get("skins") or () for joint in skin["joints"]}
         joints = skinned or {*roles.values()} or self._with_descendants({node for node, _ in targets})
         for joint in (*joints, *roles.values()):
@@ -186,21 +180,6 @@ class _AnimationReader(Document):
             if self.parents.get(node) in found:
                 found.add(node)
         return found
-
-    def _order(self, joints: set[int], animated: set[int]) -> list[int]:
-        """The joints and the nodes between them, parents first.
-
-        The root is the nearest common ancestor of all joints, or the highest animated node above it.
-        """
-        n_below = [int(node in joints) for node in range(len(self.nodes))]  # joints at or below each node
-        for node in reversed(self.order):
-            if node in self.parents:
-                n_below[self.parents[node]] += n_below[node]
-        above_all = [node for node in self.order if n_below[node] == len(joints)]  # a path from the root down
-        if not above_all:
-            raise self._error("its joints hang from several roots, expected one skeleton")
-        root = next((node for node in above_all if node in animated), above_all[-1])
-        return [node for node in self._subtree(root) if n_below[node]]
 
     def _times(self, channels: Mapping[tuple[int, str], Keys], animation: Fields, n_joints: int) -> tuple[Float, float]:
         """Times (T,) from the first to the last key, and the frame rate: that of our extras, else of the densest
@@ -217,32 +196,6 @@ class _AnimationReader(Document):
         steps = (end - start) * fps
         self.limits.check_clip(steps, n_joints, fps, steps * n_joints * FRAME_BYTES, self.given_bytes, self.file)
         return start + np.arange(int(steps + 1.01 * DRIFT) + 1) / fps, fps
-
-    def _local_pose(self, node: int) -> tuple[Float, Float, float]:
-        """A node's own position (3,), rotation (4,) and scale at rest, relative to its parent."""
-        fields = self.nodes[node]
-        if fields.get("matrix"):
-            matrix = np.array(fields["matrix"], np.float64).reshape(4, 4).T
-            scale = np.linalg.norm(matrix[:3, :3], axis=0)
-            position, quat = matrix[:3, 3], rotation.from_matrix(matrix[:3, :3] / np.where(scale == 0.0, 1.0, scale))
-        else:
-            position = np.array(fields.get("translation") or [0.0, 0.0, 0.0], np.float64).reshape(3)
-            quat = rotation.normalize(np.array(fields.get("rotation") or [0.0, 0.0, 0.0, 1.0], np.float64).reshape(4))
-            scale = np.array(fields.get("scale") or [1.0, 1.0, 1.0], np.float64).reshape(3)
-        scale = self.scales.get(node, scale)
-        if not (scale.min() > 0.0 and np.ptp(scale) <= _EVEN * scale.max()):
-            name = fields.get("name") or node
-            raise self._error(f"node {name!r:.80} is scaled by {scale.tolist()}, expected one positive number")
-        return position, quat, float(scale.mean())
-
-    def _world_pose(self, node: int | None) -> tuple[Float, Float, float]:
-        """Position (3,), rotation (4,) and scale of a node in the world at rest; the identity for None."""
-        position, quat, scale = np.zeros(3), rotation.IDENTITY, 1.0
-        for ancestor in reversed([] if node is None else self._path_to_root(node)):
-            local_position, local_quat, local_scale = self._local_pose(ancestor)
-            position = position + rotation.rotate(quat, scale * local_position)
-            quat, scale = rotation.multiply(quat, local_quat), scale * local_scale
-        return position, quat, scale
 
     def _bind_rotations(self, order: Sequence[int], parents: NDArray[np.intp], rest_quats: Float) -> Float:
         """Global rotations (J, 4) of the pose in which the skin is bound; of the rest pose for joints without skin."""
@@ -264,24 +217,3 @@ class _AnimationReader(Document):
             parent_quat = rotation.IDENTITY if parents[k] < 0 else out[parents[k]]
             out[k] = bound[node] if node in bound else rotation.multiply(parent_quat, rest_quats[k])
         return out
-
-
-def _printable(name: Any, otherwise: str) -> str:
-    """A name as text that can be written to any file."""
-    return (name.encode("utf-8", "replace").decode() if isinstance(name, str) else "") or otherwise
-
-
-def _unique(names: Sequence[str]) -> list[str]:
-    """The names; one that is already taken gets a number."""
-    out: list[str] = []
-    taken, used = set(names), set()
-    numbers: dict[str, Iterator[int]] = {}
-    for name in names:
-        unique = name
-        if name in used:
-            counter = numbers.setdefault(name, count(2))
-            unique = next(numbered for n in counter if (numbered := f"{name} {n}") not in taken)
-            taken.add(unique)
-        used.add(unique)
-        out.append(unique)
-    return out

@@ -32,7 +32,8 @@ from pygltflib import (
 )
 
 from signsplice.body.capsules import body_capsules, capsule_ends
-from signsplice.body.mesh import MeshPart, bind_pose
+from signsplice.body.mesh import bind_pose
+from signsplice.body.mesh_part import MeshPart
 from signsplice.formats.gltf_document import FPS_EXTRA
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from pygltflib import GLTF2
 
+from signsplice.body.capsules import Avatar
 from signsplice.errors import InputError
 from signsplice.formats.gltf_document import VRM_ANIMATION
 from signsplice.formats.gltf_reader import parse
@@ -34,7 +35,8 @@ def encode(clip: Clip) -> bytes:
 def document(clip: Clip) -> GLTF2:
     """A clip as a VRM animation: the humanoid's bones alone, at rest in a T-pose with axes parallel to the world's.
 
-    With G a joint's global rotation and C that of the T-pose, K = G C^-1, and a bone's rotation is K_parent^-1 K.
+    With G a joint's global rotation and C that of the T-pose, K = G C^-1, and a bone's rotation is K_parent^-1 K. Of a
+    VRM avatar, the T-pose is the pose in which its file has it, since players rotate its bones from there.
     Raises ``InputError`` where the rig has no known hips.
     """
     rig = rig_info(clip.skeleton)
@@ -47,10 +49,12 @@ def document(clip: Clip) -> GLTF2:
              if role not in _EYES and hips in kinematics.path_to_root(clip.skeleton, joint)}  # fmt: skip
     joints = list(bones.values())
     global_rotations, positions = kinematics.forward(clip, joints)  # (T, K, 3, 3), (T, K, 3)
+    t_pose, rest = rig.t_pose.rotations, rig.t_pose.positions
+    if isinstance(clip.skeleton, Avatar) and clip.skeleton.is_vrm:
+        t_pose, rest = np.tile(rotation.IDENTITY, (len(rest), 1)), kinematics.rest_positions(clip.skeleton)
     from_t_pose = rotation.multiply(
-        rotation.from_matrix(global_rotations), rotation.inverse(rig.t_pose.rotations[joints])
+        rotation.from_matrix(global_rotations), rotation.inverse(t_pose[joints])
     )  # (T, K, 4)
-    rest = rig.t_pose.positions
     writer = DocumentWriter()
     nodes = {role: writer.node(role) for role in bones}
     writer.scene(nodes["hips"])

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
-from signsplice.body.mesh import CLOTHES, SKIN, TIPS, MeshPart, bind_pose, body_mesh
+from signsplice.body.mesh import CLOTHES, SKIN, TIPS, bind_pose, body_mesh
+from signsplice.body.mesh_part import MeshPart
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.cache import CACHE

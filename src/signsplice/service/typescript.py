@@ -15,12 +15,12 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import numpy as np
 from pydantic.fields import FieldInfo
 
-from signsplice.body import arm_ik, capsules, fit, retarget, swivel
-from signsplice.formats import FORMATS
-from signsplice.rig import proportions
+from signsplice.body import arm_ik, capsules, fit, retarget, skin, skin_head, swivel
+from signsplice.formats import FORMATS, gltf_mesh
+from signsplice.rig import proportions, t_pose
 from signsplice.service import wire
 
-_BODIES = (proportions, capsules, fit, swivel, arm_ik, retarget)
+_BODIES = (proportions, t_pose, capsules, gltf_mesh, skin, skin_head, fit, swivel, arm_ik, retarget)
 _PLAIN = {str: "string", float: "number", int: "number", bool: "boolean", type(None): "null"}
 
 
@@ -34,14 +34,18 @@ def constants() -> str:
     parts = ["// Generated from the Python modules of the same names; do not edit."]
     for module in _BODIES:
         found = {
-            name.lstrip("_"): value.tolist() if isinstance(value, np.ndarray) else value
+            name.lstrip("_"): json.dumps(value, ensure_ascii=False, default=_plain)
             for name, value in vars(module).items()
-            if name.lstrip("_").isupper() and isinstance(value, (int, float, tuple, dict, np.ndarray))
+            if name.lstrip("_").isupper() and isinstance(value, (int, float, tuple, dict, frozenset, np.ndarray))
         }
-        rows = [f"  {name}: {json.dumps(value)}," for name, value in found.items()]
+        rows = [f"  {name}: {value}," for name, value in found.items()]
         name = module.__name__.rpartition(".")[2]
         parts.append("\n".join([f"export const {name} = {{", *rows, "} as const;"]))
     return "\n\n".join(parts) + "\n"
+
+
+def _plain(value: np.ndarray | frozenset[str]) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else sorted(value)
 
 
 def render() -> str:

@@ -10,6 +10,11 @@ export const proportions = {
   SHOULDER_FRACTION: 0.259,
 } as const;
 
+export const t_pose = {
+  T_POSE_BONES: {"leftShoulder": ["leftUpperArm", [1.0, 0.0, 0.0]], "leftUpperArm": ["leftLowerArm", [1.0, 0.0, 0.0]], "leftLowerArm": ["leftHand", [1.0, 0.0, 0.0]], "leftIndexProximal": ["leftIndexIntermediate", [1.0, 0.0, 0.0]], "leftIndexIntermediate": ["leftIndexDistal", [1.0, 0.0, 0.0]], "leftMiddleProximal": ["leftMiddleIntermediate", [1.0, 0.0, 0.0]], "leftMiddleIntermediate": ["leftMiddleDistal", [1.0, 0.0, 0.0]], "leftRingProximal": ["leftRingIntermediate", [1.0, 0.0, 0.0]], "leftRingIntermediate": ["leftRingDistal", [1.0, 0.0, 0.0]], "leftLittleProximal": ["leftLittleIntermediate", [1.0, 0.0, 0.0]], "leftLittleIntermediate": ["leftLittleDistal", [1.0, 0.0, 0.0]], "leftThumbMetacarpal": ["leftThumbProximal", [0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "leftThumbProximal": ["leftThumbDistal", [0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "leftUpperLeg": ["leftLowerLeg", [0.0, -1.0, 0.0]], "leftLowerLeg": ["leftFoot", [0.0, -1.0, 0.0]], "rightShoulder": ["rightUpperArm", [-1.0, 0.0, 0.0]], "rightUpperArm": ["rightLowerArm", [-1.0, 0.0, 0.0]], "rightLowerArm": ["rightHand", [-1.0, 0.0, 0.0]], "rightIndexProximal": ["rightIndexIntermediate", [-1.0, 0.0, 0.0]], "rightIndexIntermediate": ["rightIndexDistal", [-1.0, 0.0, 0.0]], "rightMiddleProximal": ["rightMiddleIntermediate", [-1.0, 0.0, 0.0]], "rightMiddleIntermediate": ["rightMiddleDistal", [-1.0, 0.0, 0.0]], "rightRingProximal": ["rightRingIntermediate", [-1.0, 0.0, 0.0]], "rightRingIntermediate": ["rightRingDistal", [-1.0, 0.0, 0.0]], "rightLittleProximal": ["rightLittleIntermediate", [-1.0, 0.0, 0.0]], "rightLittleIntermediate": ["rightLittleDistal", [-1.0, 0.0, 0.0]], "rightThumbMetacarpal": ["rightThumbProximal", [-0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "rightThumbProximal": ["rightThumbDistal", [-0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "rightUpperLeg": ["rightLowerLeg", [0.0, -1.0, 0.0]], "rightLowerLeg": ["rightFoot", [0.0, -1.0, 0.0]]},
+  UPRIGHT: ["hips", "spine", "chest", "upperChest", "neck", "head", "jaw", "leftEye", "rightEye", "leftFoot", "rightFoot"],
+} as const;
+
 export const capsules = {
   FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
   SEGMENTS: ["Metacarpal", "Proximal", "Intermediate", "Distal"],
@@ -17,6 +22,36 @@ export const capsules = {
   LIMBS: [["UpperArm", "LowerArm", 0.031, 0.024, "sleeve"], ["LowerArm", "Hand", 0.024, 0.0165, "cuff"], ["UpperLeg", "LowerLeg", 0.052, 0.036, "leg"], ["LowerLeg", "Foot", 0.036, 0.024, "leg"], ["Foot", "Toes", 0.024, 0.02, "shoe"]],
   COLUMNS: [[0.058, 0.053], [0.0, 0.06], [-0.058, 0.053]],
   HEAD: [["face", [0.0, 0.03, 0.018], [0.0, 0.07, 0.016], 0.04, 0.051], ["face", [0.0, 0.006, 0.032], [0.0, 0.03, 0.026], 0.024, 0.04], ["nose", [0.0, 0.052, 0.068], [0.0, 0.038, 0.073], 0.0055, 0.0085], ["hair", [0.0, 0.08, -0.004], [0.0, 0.048, -0.016], 0.054, 0.051], ["eye", [0.0195, 0.061, 0.0585], [0.0195, 0.061, 0.0585], 0.0065, 0.0065], ["eye", [-0.0195, 0.061, 0.0585], [-0.0195, 0.061, 0.0585], 0.0065, 0.0065], ["mouth", [0.0125, 0.0178, 0.057], [0.0, 0.017, 0.06], 0.0036, 0.0046], ["mouth", [-0.0125, 0.0178, 0.057], [0.0, 0.017, 0.06], 0.0036, 0.0046]],
+} as const;
+
+export const gltf_mesh = {
+  N_JOINTS: 4,
+  TRIANGLES: 4,
+  VERTEX_BYTES: 400,
+  LOOSE: ["acc", "accessories", "accessory", "ahoge", "backpack", "bag", "bangs", "bow", "braid", "cap", "cape", "cloak", "coat", "earring", "earrings", "eyelash", "eyelashes", "glasses", "goggles", "hair", "hat", "helmet", "hood", "horn", "lash", "lashes", "mask", "necklace", "necktie", "outline", "ponytail", "ribbon", "scarf", "skirt", "tail", "twintail", "weapon", "wig", "wing"],
+  SOFT: ["belly", "boob", "boobs", "breast", "breasts", "bust", "butt", "chichi", "helper", "hip", "hips", "mune", "muscle", "oppai", "roll", "twist"],
+  LOOSE_SIGNS: ["髪", "スカート", "リボン", "帽", "眼鏡"],
+  SOFT_SIGNS: ["胸", "乳"],
+} as const;
+
+export const skin = {
+  MIN_POINTS: 6,
+  TRUNK: ["hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder"],
+  HEAD: ["head", "jaw", "leftEye", "rightEye"],
+  SIDES: ["left", "right"],
+  BINS: 6,
+  HEIGHTS: 7,
+  ACROSS: 0.55,
+  HEM: 0.035,
+} as const;
+
+export const skin_head = {
+  MIN_POINTS: 6,
+  CHIN: -0.018,
+  TOP: 0.134,
+  WIDTH: 0.048,
+  BALLS: {"face": 0, "chin": 1, "nose": 2, "skull": 3},
+  CELL: 0.006,
 } as const;
 
 export const fit = {

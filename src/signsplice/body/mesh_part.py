@@ -1,0 +1,33 @@
+"""A part of a body's mesh: triangles in one colour that joints carry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+
+N_JOINTS = 4
+"""Joints, at most, that carry a vertex."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """A part of the mesh in one colour.
+
+    name: what it is, with its side.
+    colour: sRGB, 0 to 1.
+    vertices, normals: (V, 3) in the bind pose, clip units, the root at the origin.
+    triangles: (F, 3) indices of vertices.
+    joints, weights: (V, 4) which joints carry each vertex, and how much; unused ones have weight 0.
+    """
+
+    name: str
+    colour: tuple[float, float, float]
+    vertices: Float
+    normals: Float
+    triangles: NDArray[np.int64]
+    joints: NDArray[np.int64]
+    weights: Float

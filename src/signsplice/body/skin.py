@@ -1,0 +1,300 @@
+"""The body of an avatar: the capsules of the usual proportions, moved and resized to fit its mesh.
+
+Every capsule keeps its key, its joint and its place along the bone, so that what touches on one body has its
+counterpart on the other. What is measured, all in the rest pose with left +X, up +Y, forward +Z:
+
+- limbs, neck and fingers: the middle and the radius of the vertices around the bone, in both halves of it;
+- palms: the surfaces on the back and on the palm's side along each line from wrist to knuckle;
+- trunk: front and back surface and width at several heights, with a line through each;
+- head: chin, top, width, nose, and balls that touch the face in front and the skull behind.
+
+A capsule with too few vertices keeps its usual proportions, scaled as its neighbours are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.body.capsules import BodyCapsules, BodyShape, shaped_capsules
+from signsplice.body.skin_head import fit_head
+from signsplice.body.skin_points import MIN_POINTS, SkinPoints, quantile, window
+from signsplice.motion import rotation
+from signsplice.motion.clip import Skeleton
+from signsplice.motion.kinematics import rest_positions
+from signsplice.rig.info import rig_info
+
+Float = NDArray[np.float64]
+
+_TRUNK = ("hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder")
+_HEAD = ("head", "jaw", "leftEye", "rightEye")
+_SIDES = ("left", "right")
+_BINS = 6
+"""Slices of a bone in which limbs are measured."""
+_HEIGHTS = 7
+"""Heights at which a column of the trunk is measured."""
+_ACROSS = 0.55
+"""Where the depth of an outer column is measured, as a fraction of the trunk's half width."""
+_HEM = 0.035
+"""How far below the hips the trunk ends, as a fraction of stature."""
+
+
+def fit_skin(skeleton: Skeleton, points: SkinPoints) -> tuple[BodyCapsules, tuple[str, ...]]:
+    """The capsules of a skeleton whose arms are known, fitted to the vertices of its skin, and the parts that had too
+    few vertices and keep the usual proportions.
+    """
+    fitting = _Fitting(skeleton, points)
+    fitting.limbs()
+    fitting.hands()
+    fitting.trunk()
+    fitting.head()
+    return fitting.body(), tuple(fitting.missed)
+
+
+class _Fitting:
+    """The capsules while they are fitted. World: the rest pose, root at the origin, left +X, up +Y, forward +Z."""
+
+    def __init__(self, skeleton: Skeleton, points: SkinPoints) -> None:
+        info = rig_info(skeleton)
+        self.usual, self.height = shaped_capsules(skeleton, BodyShape()), info.sizes.stature
+        self.roles = info.roles.joints
+        upright = info.t_pose.rotations[self.roles.get("hips", 0)]
+        self._turn = rotation.to_matrix(upright)
+        self.rest = rest_positions(skeleton) @ self._turn.T
+        self.points = replace(points, positions=points.positions @ self._turn.T)
+        self.hand_up = {
+            side: self._turn @ rotation.rotate(rotation.inverse(info.t_pose.rotations[self.roles[f"{side}Hand"]]), up)
+            for side in _SIDES
+            for up in [np.array([0.0, 1.0, 0.0])]
+            if f"{side}Hand" in self.roles
+        }
+        at = self.rest[self.usual.joints]
+        self.starts, self.ends = at + self.usual.starts @ self._turn.T, at + self.usual.ends @ self._turn.T
+        self.radii = self.usual.radii.copy()
+        self.row = {key: n for n, key in enumerate(self.usual.keys)}
+        self.missed: list[str] = []
+
+    def body(self) -> BodyCapsules:
+        """The capsules as they are now."""
+        at = self.rest[self.usual.joints]
+        return replace(
+            self.usual,
+            starts=(self.starts - at) @ self._turn,
+            ends=(self.ends - at) @ self._turn,
+            radii=self.radii,
+        )
+
+    # --- limbs, neck, fingers ---
+
+    def limbs(self) -> None:
+        """Arms, legs and neck; those with too few vertices get the median factor of the others."""
+        rows = [n for n, part in enumerate(self.usual.parts) if part in ("sleeve", "cuff", "leg", "neck")]
+        feet = [n for n, part in enumerate(self.usual.parts) if part == "shoe"]
+        self._scale_others(rows, [n for n in rows if self._sleeve(n, halves=True)])
+        self._scale_others(feet, [])
+        for side in _SIDES:
+            shoulder, arm = self.row.get(f"{side}Shoulder"), self.row.get(f"{side}UpperArm")
+            if shoulder is not None and arm is not None:
+                self.radii[shoulder] *= self.radii[arm, 0] / self.usual.radii[arm, 0]
+
+    def hands(self) -> None:
+        """Palms and phalanges; those with too few vertices get the median factor of the others."""
+        for side in _SIDES:
+            rows = [n for n, s in enumerate(self.usual.sides) if s == side]
+            palms = [n for n in rows if self.usual.parts[n] == "palm"]
+            fingers = [n for n in rows if n not in palms and self.usual.keys[n].startswith(side + self._finger(n))]
+            self._scale_others(palms, [n for n in palms if "Thumb" not in self.usual.keys[n] and self._palm(n, side)])
+            self._scale_others(fingers, [n for n in fingers if self._sleeve(n, halves=False)])
+
+    def _finger(self, row: int) -> str:
+        part = self.usual.parts[row].removesuffix("Tip")
+        return part if part in ("Thumb", "Index", "Middle", "Ring", "Little") else "-"
+
+    def _sleeve(self, row: int, halves: bool) -> bool:
+        """Fit one capsule to the vertices around its bone; False where there are too few."""
+        start, end = self.starts[row].copy(), self.ends[row].copy()
+        near = self.points.of(int(self.usual.joints[row]))
+        axis = end - start
+        length = float(np.linalg.norm(axis))
+        if len(near) < MIN_POINTS or not length > 0.0:
+            return False
+        axis /= length
+        side = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+        side /= np.linalg.norm(side)
+        frame = np.stack([side, np.cross(axis, side)])  # (2, 3) at right angles to the bone
+        along, across = (near - start) @ axis / length, (near - start) @ frame.T
+        if not halves:
+            return self._finger_sleeve(row, start, axis, along, across, frame)
+        seen = []
+        for t in (np.arange(_BINS) + 0.5) / _BINS:
+            ring = _ring(across[np.abs(along - t) < 0.5 / _BINS])
+            if ring is not None:
+                seen.append((t, *ring[0], ring[1]))
+        if not seen:
+            return False
+        table = np.array(seen)
+        low, high = 0.7 * table[:, 3].min(), 1.2 * table[:, 3].max()
+        for ends, t, k in ((self.starts, 0.0, 0), (self.ends, 1.0, 1)):
+            x, y, radius = (_line(table[:, 0], table[:, column], t) for column in (1, 2, 3))
+            ends[row] += np.array([x, y]) @ frame
+            self.radii[row, k] = np.clip(radius, low, high)
+        return True
+
+    def _finger_sleeve(self, row: int, start: Float, axis: Float, along: Float, across: Float, frame: Float) -> bool:
+        """One middle and one radius for a phalanx; the last one ends where its vertices do."""
+        is_last = self.usual.parts[row].endswith("Tip")
+        inside = (along > -0.1) & ((along < 1.1) | is_last)
+        found = _ring(across[inside])
+        if found is None:
+            return False
+        middle, radius = found
+        usual = self.usual.radii[row]
+        self.radii[row] = radius * usual / usual.mean()
+        length = float(np.linalg.norm(self.ends[row] - start))
+        if is_last:
+            length = max(float(along.max()) * length - self.radii[row, 1], 0.3 * length)
+        self.starts[row] = start + middle @ frame
+        self.ends[row] = start + length * axis + middle @ frame
+        return True
+
+    def _palm(self, row: int, side: str) -> bool:
+        """Fit one capsule from wrist to knuckle between the surfaces of the palm; False with too few vertices."""
+        knuckles = [self.roles.get(f"{side}{finger}Proximal") for finger in ("Index", "Little")]
+        if None in knuckles:
+            return False
+        spacing = float(np.linalg.norm(self.rest[knuckles[0]] - self.rest[knuckles[1]])) / 3.0
+        start, end, up = self.starts[row].copy(), self.ends[row].copy(), self.hand_up[side]
+        axis = end - start
+        length = float(np.linalg.norm(axis))
+        if not length > 0.0:
+            return False
+        axis /= length
+        up = up - (up @ axis) * axis
+        up /= np.linalg.norm(up)
+        since = self.points.of(self.roles[f"{side}Hand"]) - start
+        along, height, beside = since @ axis / length, since @ up, np.abs(since @ np.cross(axis, up))
+        found = []
+        for low in (0.2, 0.6):
+            inside = height[(beside < 0.6 * spacing) & (along >= low) & (along < low + 0.45)]
+            if len(inside) < MIN_POINTS:
+                return False
+            found.append((quantile(inside, 0.05), quantile(inside, 0.95)))
+        (b0, t0), (b1, t1) = found
+        self.radii[row] = 0.5 * (t0 - b0), 0.5 * (t1 - b1)
+        self.starts[row] = start + 0.5 * (t0 + b0) * up
+        self.ends[row] = end + 0.5 * (t1 + b1) * up
+        return True
+
+    def _scale_others(self, rows: Sequence[int], fitted: Sequence[int]) -> None:
+        """Give the rows that were not fitted the median factor of those that were."""
+        others = [n for n in rows if n not in fitted]
+        self.missed += [
+            self.usual.keys[n]
+            for n in others
+            if self.usual.parts[n] != "shoe" and "ThumbPalm" not in self.usual.keys[n]
+        ]
+        if fitted and others:
+            factors = self.radii[list(fitted)].mean(axis=1) / self.usual.radii[list(fitted)].mean(axis=1)
+            self.radii[others] *= quantile(factors, 0.5)
+
+    # --- trunk ---
+
+    def trunk(self) -> None:
+        """Chest and belly as three columns each, hips, back and collar."""
+        low = self.rest[self.roles.get("hips", 0)][1] - (_HEM + 0.01) * self.height
+        legs = [self.roles[role] for role in ("leftUpperLeg", "rightUpperLeg") if role in self.roles]
+        trunk = [self.roles[role] for role in _TRUNK if role in self.roles]
+        points = np.concatenate([self.points.of(trunk), (p := self.points.of(legs))[p[:, 1] > low]])
+        if len(points) < MIN_POINTS:
+            self.missed.append("trunk")
+            return
+        for name in ("chest", "belly"):
+            rows = [self.row[f"{name}{n}"] for n in range(3) if f"{name}{n}" in self.row]
+            if rows and not all(self._column(name, row, n, points) for n, row in enumerate(rows)):
+                self.missed.append(name)
+        factor = 1.0
+        if "chest1" in self.row:
+            chest = self.row["chest1"]
+            factor = float(self.radii[chest].mean() / self.usual.radii[chest].mean())
+        for key in ("back", "collar0", "collar1"):
+            if key in self.row:
+                self._behind(self.row[key], factor, points)
+        if "hips" in self.row:
+            row = self.row["hips"]
+            for ends, k in ((self.starts, 0), (self.ends, 1)):
+                depth = self._depth(points, ends[row][0], ends[row][1])
+                if depth is not None:
+                    ends[row][2], self.radii[row, k] = 0.5 * (depth[0] + depth[1]), 0.5 * (depth[1] - depth[0])
+
+    def _depth(self, points: Float, x: float, y: float) -> tuple[float, float] | None:
+        """Back and front (z) of the skin at a place seen from in front; None where there is none."""
+        near = window(points, (x, y), 0.010 * self.height)
+        return None if near is None else (float(near[:, 2].min()), float(near[:, 2].max()))
+
+    def _column(self, name: str, row: int, n: int, points: Float) -> bool:
+        """Fit one of three columns (0 on the left, 1 in the middle) with lines through front, back and side."""
+        start, end, seen = self.starts[row], self.ends[row], []
+        middle = 0.5 * (self.rest[self.roles["leftUpperArm"]][0] + self.rest[self.roles["rightUpperArm"]][0])
+        side = (1.0, 0.0, -1.0)[n]
+        for t in np.linspace(0.0, 1.0, _HEIGHTS):
+            y = start[1] + t * (end[1] - start[1])
+            level = points[np.abs(points[:, 1] - y) < 0.015 * self.height]
+            if len(level) < MIN_POINTS:
+                continue
+            wide = quantile(np.abs(level[:, 0] - middle), 0.98)
+            depth = self._depth(points, middle + side * _ACROSS * wide, y)
+            if depth is None:
+                continue
+            back, front = depth
+            out = float(np.clip(wide - 0.5 * (front - back), 0.3 * wide, 0.75 * wide))
+            seen.append((t, middle + side * out, back, front))
+        if len(seen) < 3:
+            return False
+        table = np.array(seen)
+        for ends, t, k in ((self.starts, 0.0, 0), (self.ends, 1.0, 1)):
+            weight = np.where(table[:, 0] < 0.55, 1.0, 0.25) if name == "chest" else None
+            x, back, front = (_line(table[:, 0], table[:, column], t, weight) for column in (1, 2, 3))
+            ends[row][0], ends[row][2] = x, 0.5 * (back + front)
+            self.radii[row, k] = 0.5 * (front - back)
+        return True
+
+    def _behind(self, row: int, factor: float, points: Float) -> None:
+        """A capsule under the skin of the back: as thick as the chest is, relative to the usual, and as far back."""
+        self.radii[row] *= factor
+        for ends, k in ((self.starts, 0), (self.ends, 1)):
+            depth = self._depth(points, ends[row][0], ends[row][1])
+            if depth is not None:
+                ends[row][2] = max(depth[0] + self.radii[row, k], min(ends[row][2], depth[1] - self.radii[row, k]))
+
+    def head(self) -> None:
+        """The head's capsules, about its joint."""
+        rows = [n for n, key in enumerate(self.usual.keys) if key.startswith("head")]
+        if not rows:
+            return
+        joint = self.rest[self.roles["head"]]
+        points = self.points.of([self.roles[role] for role in _HEAD if role in self.roles]) - joint
+        starts, ends, radii = self.starts[rows] - joint, self.ends[rows] - joint, self.radii[rows]
+        if fit_head(starts, ends, radii, points, self.height):
+            self.starts[rows], self.ends[rows], self.radii[rows] = starts + joint, ends + joint, radii
+        else:
+            self.missed.append("head")
+
+
+def _ring(across: Float) -> tuple[Float, float] | None:
+    """Middle (2,) and radius of the vertices (N, 2) around a bone; None where they are too few, or not all around."""
+    if len(across) < MIN_POINTS or len({(x > 0.0, y > 0.0) for x, y in across.tolist()}) < 4:
+        return None
+    middle = np.array([0.5 * (quantile(across[:, k], 0.05) + quantile(across[:, k], 0.95)) for k in (0, 1)])
+    return middle, quantile(np.linalg.norm(across - middle, axis=1), 0.5)
+
+
+def _line(t: Float, values: Float, at: float, weight: Float | None = None) -> float:
+    """The least-squares line through ``values`` (N,) at ``t`` (N,), with a weight for each, at one place."""
+    w = np.full(len(t), 1.0 / len(t)) if weight is None else weight / weight.sum()
+    middle, mean = float(w @ t), float(w @ values)
+    spread = float(w @ (t - middle) ** 2)
+    slope = float(w @ ((t - middle) * (values - mean))) / spread if spread > 0.0 else 0.0
+    return mean + slope * (at - middle)

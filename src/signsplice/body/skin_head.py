@@ -1,0 +1,121 @@
+"""The capsules of an avatar's head, fitted to the vertices of its face and skull."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.body.skin_points import MIN_POINTS, quantile
+
+Float = NDArray[np.float64]
+
+_CHIN, _TOP, _WIDTH = -0.018, 0.134, 0.048
+"""Of the usual head about its joint: heights of chin and top, half width of the face; fractions of stature."""
+_BALLS = {"face": 0, "chin": 1, "nose": 2, "skull": 3}
+"""Rows of the capsules that are placed by rules of their own."""
+_CELL = 0.006
+"""Cell of the maps of front and back, as a fraction of stature."""
+
+
+def fit_head(starts: Float, ends: Float, radii: Float, points: Float, height: float) -> bool:
+    """Fit the head's capsules in place: ``starts`` and ``ends`` (8, 3) and ``radii`` (8, 2) of the usual proportions,
+    to vertices (N, 3) of the head, all about its joint. False where there are too few vertices.
+    """
+    if len(points) < 10 * MIN_POINTS:
+        return False
+    nose = quantile(points[:, 2], 0.99)
+    face = points[points[:, 2] > 0.4 * nose]
+    wide = quantile(np.abs(face[:, 0]), 0.98) if len(face) else 0.0
+    jaw = face[(face[:, 2] > 0.6 * nose) & (np.abs(face[:, 0]) < 0.4 * wide)]
+    if len(jaw) < MIN_POINTS:
+        return False
+    chin, top = quantile(jaw[:, 1], 0.01), quantile(points[:, 1], 0.995)
+    x_scale = wide / (_WIDTH * height)
+    y_scale = float(np.clip((top - chin) / ((_TOP - _CHIN) * height), 0.8 * x_scale, 1.3 * x_scale))
+    top = chin + y_scale * (_TOP - _CHIN) * height
+    radii *= x_scale
+    for part in (starts, ends):
+        part[:, 0] *= x_scale
+        part[:, 1] = chin + y_scale * (part[:, 1] - _CHIN * height)
+        part[:, 2] *= x_scale
+    starts[_BALLS["chin"], 1] = chin + radii[_BALLS["chin"], 0]
+    starts[_BALLS["skull"], 1] = top - radii[_BALLS["skull"], 0]
+    front, back = (_map(points, sign, _CELL * height) for sign in (1.0, -1.0))
+    face, chin_row, skull = (_BALLS[name] for name in ("face", "chin", "skull"))
+    balls = [
+        (part[row].copy(), float(radii[row, k])) for row in (face, chin_row) for part, k in ((starts, 0), (ends, 1))
+    ]
+    template = _between(balls[:2]) + _between(balls[2:])
+    for part, row, half in (
+        (starts, chin_row, 0.012),
+        (ends, chin_row, 0.012),
+        (starts, face, 0.012),
+        (ends, face, 0.02),
+    ):
+        near = (np.abs(front[:, 1] - part[row, 1]) < half * y_scale * height) & (np.abs(front[:, 0]) < 0.6 * wide)
+        part[row, 2] += _offset(front[near], template, 1.0) or 0.0
+    usual_middle, middle = (
+        0.5 * (a + b) for a, b in ((balls[0][0][2], balls[1][0][2]), (starts[face, 2], ends[face, 2]))
+    )
+    balls = [(part[skull].copy(), float(radii[skull, k])) for k, part in enumerate((starts, ends))]
+    found = _offset(back[np.abs(back[:, 0]) < 0.6 * wide], _between(balls), -1.0)
+    # A head that is open behind, under hair that does not count, has only the inside of its face there.
+    is_open = found is None or found > middle - usual_middle + 0.25 * radii[skull, 0]
+    for part in (starts, ends):
+        part[skull, 2] += middle - usual_middle if is_open or found is None else found
+    _place_nose(starts, ends, radii, front, (chin, top, wide))
+    for row in range(_BALLS["skull"] + 1, len(starts)):  # eyes and mouth, drawn on the face
+        for k, part in enumerate((starts, ends)):
+            part[row, 2] = _surface(front, part[row], _CELL * height, part[row, 2] + radii[row, k]) - radii[row, k]
+    return True
+
+
+def _place_nose(starts: Float, ends: Float, radii: Float, front: Float, sizes: tuple[float, float, float]) -> None:
+    """Put the nose's capsule below the foremost point of the middle of the face."""
+    chin, top, wide = sizes
+    share = (front[:, 1] - chin) / (top - chin)
+    middle = front[(np.abs(front[:, 0]) < 0.15 * wide) & (share > 0.2) & (share < 0.6)]
+    row = _BALLS["nose"]
+    if not len(middle):
+        return
+    tip = middle[int(np.argmax(middle[:, 2]))]
+    rise = starts[row, 1] - ends[row, 1]
+    ends[row] = 0.0, tip[1], tip[2] - radii[row, 1]
+    bridge = middle[np.abs(middle[:, 1] - tip[1] - rise) < 0.5 * rise]
+    starts[row] = 0.0, tip[1] + rise, (float(bridge[:, 2].max()) if len(bridge) else tip[2]) - radii[row, 0]
+
+
+def _map(points: Float, sign: float, cell: float) -> Float:
+    """Of the points (N, 3) in each square cell of the plane of x and y, the one that lies farthest in front, or behind
+    with ``sign`` -1.
+    """
+    order = np.argsort(-sign * points[:, 2], kind="stable")
+    _, first = np.unique(np.floor(points[order, :2] / cell).astype(np.int64), axis=0, return_index=True)
+    return points[order[first]]
+
+
+def _between(balls: list[tuple[Float, float]]) -> list[tuple[Float, float]]:
+    """Middles and radii of balls from the first to the last of two."""
+    (a, r), (b, q) = balls
+    return [(a + t * (b - a), r + t * (q - r)) for t in np.linspace(0.0, 1.0, 5)]
+
+
+def _offset(surface: Float, balls: list[tuple[Float, float]], sign: float) -> float | None:
+    """The median distance in z by which a surface (N, 3) lies beyond the outermost of some balls, seen from in front,
+    or from behind with ``sign`` -1; None where they do not overlap.
+    """
+    outer = np.full(len(surface), -np.inf)
+    for middle, radius in balls:
+        squared = radius**2 - ((surface[:, :2] - middle[:2]) ** 2).sum(axis=1)
+        near = squared > 0.3 * radius**2
+        outer[near] = np.maximum(outer[near], sign * middle[2] + np.sqrt(squared[near]))
+    met = np.isfinite(outer)
+    if met.sum() < MIN_POINTS:
+        return None
+    return sign * quantile(sign * surface[met, 2] - outer[met], 0.5)
+
+
+def _surface(front: Float, at: Float, cell: float, otherwise: float) -> float:
+    """The z of the front at a place; ``otherwise`` where no vertex is near."""
+    near = front[np.abs(front[:, :2] - at[:2]).max(axis=1) < 1.5 * cell]
+    return float(near[:, 2].max()) if len(near) else otherwise

@@ -1,0 +1,122 @@
+"""What readers of glTF skeletons share: the roles of VRM humanoids, the order of joints, and poses of nodes at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.formats.gltf_document import VRM_ANIMATION, Document
+from signsplice.formats.limits import ReadLimits
+from signsplice.motion import rotation
+from signsplice.rig.roles import ROLES
+
+Float = NDArray[np.float64]
+
+_EVEN = 1e-3
+"""Scales along three axes that differ by less than this fraction are equal."""
+VRM_0, VRM_1 = "VRM", "VRMC_vrm"
+"""The glTF extensions of VRM avatars, version 0.x and 1.0."""
+_THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbProximal"}
+"""Bones of a thumb in VRM 0.x -> their roles in VRM 1.0."""
+
+
+class SkeletonDocument(Document):
+    """A document whose skeleton is being read.
+
+    scales: node -> scale (3,), where an animation sets it.
+    """
+
+    def __init__(self, file: str, content: bytes, limits: ReadLimits, folder: Path | None) -> None:
+        super().__init__(file, content, limits, folder)
+        self.scales: dict[int, Float] = {}
+
+    def _humanoid(self) -> dict[str, int]:
+        """Role -> node of a VRM humanoid; empty where there is none."""
+        extensions = self.json.get("extensions") or {}
+        vrm = extensions.get(VRM_ANIMATION) or extensions.get(VRM_1) or extensions.get(VRM_0) or {}
+        bones = (vrm.get("humanoid") or {}).get("humanBones") or {}
+        if isinstance(bones, list):  # VRM 0.x
+            roles = {_role_of_vrm_0(bone["bone"]): bone["node"] for bone in bones}
+        else:
+            roles = {role: bone["node"] for role, bone in bones.items()}
+        roles = {role: int(node) for role, node in roles.items() if role in ROLES}
+        if len(set(roles.values())) < len(roles):
+            raise self._error("its humanoid has one node in two roles")
+        for node in roles.values():
+            self._row(self.nodes, node, "joint")
+        return roles
+
+    def _joint_order(self, joints: Collection[int], animated: Collection[int] = ()) -> list[int]:
+        """The joints and the nodes between them, parents first.
+
+        The root is the nearest common ancestor of all joints, or the highest animated node above it.
+        """
+        n_below = [int(node in joints) for node in range(len(self.nodes))]  # joints at or below each node
+        for node in reversed(self.order):
+            if node in self.parents:
+                n_below[self.parents[node]] += n_below[node]
+        above_all = [node for node in self.order if n_below[node] == len(joints)]  # a path from the root down
+        if not above_all:
+            raise self._error("its joints hang from several roots, expected one skeleton")
+        root = next((node for node in above_all if node in animated), above_all[-1])
+        return [node for node in self._subtree(root) if n_below[node]]
+
+    def _local_pose(self, node: int) -> tuple[Float, Float, float]:
+        """A node's own position (3,), rotation (4,) and scale at rest, relative to its parent."""
+        fields = self.nodes[node]
+        if fields.get("matrix"):
+            matrix = np.array(fields["matrix"], np.float64).reshape(4, 4).T
+            scale = np.linalg.norm(matrix[:3, :3], axis=0)
+            position, quat = matrix[:3, 3], rotation.from_matrix(matrix[:3, :3] / np.where(scale == 0.0, 1.0, scale))
+        else:
+            position = np.array(fields.get("translation") or [0.0, 0.0, 0.0], np.float64).reshape(3)
+            quat = rotation.normalize(np.array(fields.get("rotation") or [0.0, 0.0, 0.0, 1.0], np.float64).reshape(4))
+            scale = np.array(fields.get("scale") or [1.0, 1.0, 1.0], np.float64).reshape(3)
+        scale = self.scales.get(node, scale)
+        if not (scale.min() > 0.0 and np.ptp(scale) <= _EVEN * scale.max()):
+            name = fields.get("name") or node
+            raise self._error(f"node {name!r:.80} is scaled by {scale.tolist()}, expected one positive number")
+        return position, quat, float(scale.mean())
+
+    def _world_pose(self, node: int | None) -> tuple[Float, Float, float]:
+        """Position (3,), rotation (4,) and scale of a node in the world at rest; the identity for None."""
+        position, quat, scale = np.zeros(3), rotation.IDENTITY, 1.0
+        for ancestor in reversed([] if node is None else self._path_to_root(node)):
+            local_position, local_quat, local_scale = self._local_pose(ancestor)
+            position = position + rotation.rotate(quat, scale * local_position)
+            quat, scale = rotation.multiply(quat, local_quat), scale * local_scale
+        return position, quat, scale
+
+
+def _role_of_vrm_0(bone: str) -> str:
+    """The role, a name of VRM 1.0, of a bone as VRM 0.x names it."""
+    for old, new in _THUMBS.items():
+        if bone.endswith(old):
+            return bone.removesuffix(old) + new
+    return bone
+
+
+def printable(name: Any, otherwise: str) -> str:
+    """A name as text that can be written to any file."""
+    return (name.encode("utf-8", "replace").decode() if isinstance(name, str) else "") or otherwise
+
+
+def unique(names: Sequence[str]) -> list[str]:
+    """The names; one that is already taken gets a number."""
+    out: list[str] = []
+    taken, used = set(names), set()
+    numbers: dict[str, Iterator[int]] = {}
+    for name in names:
+        unique = name
+        if name in used:
+            counter = numbers.setdefault(name, count(2))
+            unique = next(numbered for n in counter if (numbered := f"{name} {n}") not in taken)
+            taken.add(unique)
+        used.add(unique)
+        out.append(unique)
+    return out
