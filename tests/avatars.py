@@ -113,7 +113,7 @@ def capsule_parts(avatar: Avatar) -> tuple[MeshPart, ...]:
     capsules, rest = body_capsules(avatar), kinematics.rest_positions(avatar)
     turn = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
     rim = [(t, 1.0) for t in np.linspace(0.0, 1.0, 7)]
-    # Rings along the axis, the last ones on the ball at the end; each is a place on the axis and beyond it, and a width.
+    # Rings along the axis, the last ones on the ball at the end: a place on the axis and beyond it, and a width.
     rings = [(t, 0.0, wide) for t, wide in rim] + [(1.0, np.sin(a), np.cos(a)) for a in np.deg2rad([30.0, 60.0, 88.0])]
     columns = np.arange(12)
     around = np.stack([columns, (columns + 1) % 12, columns + 12], axis=1)

@@ -130,6 +130,7 @@ def test_downloads_hold_the_animation(seen: dict[str, Any]) -> None:
 def test_an_avatar_replaces_the_mannequin(seen: dict[str, Any]) -> None:
     assert seen["junkAlert"].startswith("junk.vrm is not a VRM avatar")
     assert seen["avatar"]["alert"] == ""
+    assert seen["avatar"]["status"].endswith("hands fitted to the body of toy.vrm")
     assert min(seen["avatar"]["drawn"]) > 0.1
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 from collections.abc import Mapping
@@ -27,6 +28,7 @@ from signsplice.rig.info import rig_info
 from signsplice.service import scene
 from signsplice.service.fitting import fit_source
 
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 VIEWER = Path(__file__).resolve().parents[2] / "viewer"
 CASES = [(gloss, body) for body in ("narrow", "broad", "big head") for gloss in ("NAME", "MOTHER")]
 SENTENCE = ("HELLO MY NAME", "big head")
@@ -48,36 +50,53 @@ def signed(line: str) -> Clip:
 
 
 def made(folder: Path, name: str) -> Path:
-    """The file of a body of ``avatars.BODIES``, one of them as VRM 0.x; "too short": with arms that reach no face."""
+    """The file of a body of ``avatars.BODIES``: one as VRM 0.x, one whose arms hang at rest. "too short": with arms
+    that reach no face.
+    """
     path = folder / f"{name}.vrm"
     if not path.exists():
         avatar = avatars.body("narrow" if name == "too short" else name)
+        joints = rig_info(avatar).roles.joints
         # Joints of other names: those of one rig are matched by name, and their rest poses are taken for the same.
         names = tuple(joint.replace("mixamorig:", "J_") for joint in avatar.names)
-        roles = {role: joint.replace("mixamorig:", "J_") for role, joint in (avatar.roles or {}).items()}
-        avatar = replace(avatar, names=names, roles=roles)
+        avatar = replace(avatar, names=names, roles={role: names[joint] for role, joint in joints.items()})
+        offsets = np.array(avatar.offsets)
         if name == "too short":
-            offsets = np.array(avatar.offsets)
-            for role in ("LowerArm", "Hand"):
-                offsets[[rig_info(avatar).roles.joints[side + role] for side in ("left", "right")]] *= 0.45
-            avatar = replace(avatar, offsets=offsets, body=None)
+            offsets[[joints[side + role] for side in ("left", "right") for role in ("LowerArm", "Hand")]] *= 0.45
+        if name == "big head":
+            for side, turn in (("left", -0.6), ("right", 0.6)):
+                arm = kinematics.subtree(avatar, joints[f"{side}UpperArm"])[1:]
+                offsets[arm] = rotation.rotate(rotation.exp([0.1, 0.0, turn]), offsets[arm])
+        avatar = replace(avatar, offsets=offsets, body=None if name in ("too short", "big head") else avatar.body)
         avatars.write(path, avatar, avatars.capsule_parts(avatar), "0.x" if name == "broad" else "1.0")
     return path
 
 
-@pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Mapping[tuple[str, str], dict[str, Any]]:
-    """What ``fit.mjs`` computes for each line and body."""
-    out = tmp_path_factory.mktemp("avatars")
-    cases = []
-    for line, body in (*CASES, SENTENCE, FAR):
-        cases.append({"avatar": str(made(out, body)), "scene": scene.from_clip(signed(line), None, ["vrma"])})
-    (out / "cases.json").write_text(json.dumps(cases))
-    command = ["node", str(VIEWER / "checks" / "fit.mjs"), str(out / "cases.json")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+def run(folder: Path, cases: list[tuple[str, str]], *flags: str) -> list[dict[str, Any]]:
+    """What ``fit.mjs`` computes for lines and bodies."""
+    given = [
+        {"avatar": str(made(folder, body)), "scene": scene.from_clip(signed(line), None, ["vrma"])}
+        for line, body in cases
+    ]
+    (folder / "cases.json").write_text(json.dumps(given))
+    command = ["node", str(VIEWER / "checks" / "fit.mjs"), *flags, str(folder / "cases.json")]
+    env = {**os.environ, "CHROMIUM": str(CHROMIUM)}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, env=env)
     assert done.returncode == 0, done.stderr[-3000:]
-    cases = zip((*CASES, SENTENCE, FAR), map(json.loads, done.stdout.splitlines()), strict=True)
-    return {(line, body): {**found, "avatar": read_avatar(made(out, body))} for (line, body), found in cases}
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("avatars")
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path) -> Mapping[tuple[str, str], dict[str, Any]]:
+    """What the page makes of each line and body, in Node, and the avatars as Python reads them."""
+    cases = [*CASES, SENTENCE, FAR]
+    found = run(folder, cases)
+    return {case: {**one, "avatar": read_avatar(made(folder, case[1]))} for case, one in zip(cases, found, strict=True)}
 
 
 def hands(clip: Clip, points: list[str]) -> rotation.Float:
@@ -124,3 +143,10 @@ def test_the_page_finds_the_same_body_in_a_mesh(
 
 def still(skeleton: Skeleton) -> Clip:
     return Clip(skeleton, np.tile(rotation.IDENTITY, (2, len(skeleton), 1)), np.zeros((2, 3)), 30.0)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")
+def test_chromium_puts_hands_where_node_does(folder: Path, page: Mapping[tuple[str, str], dict[str, Any]]) -> None:
+    (seen,) = run(folder, CASES[:1], "--chromium")
+    np.testing.assert_allclose(seen["hands"], page[CASES[0]]["hands"], atol=1e-6)

@@ -8,7 +8,6 @@ import { tmpdir } from 'node:os';
 import { dirname, join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { build } from 'esbuild';
-import { launch, watched } from './browser.mjs';
 
 const [timed, inChromium] = ['--time', '--chromium'].map((flag) => process.argv.includes(flag));
 const bundle = await build({
@@ -25,6 +24,7 @@ const code = bundle.outputFiles[0];
 const cases = JSON.parse(readFileSync(process.argv.at(-1), 'utf8')).map(({ avatar, scene }) => [readFileSync(avatar, 'base64'), scene, timed]);
 
 if (inChromium) {
+  const { launch, watched } = await import('./browser.mjs');
   const browser = await launch();
   const { page } = await watched(browser);
   await page.addScriptTag({ content: code.text });

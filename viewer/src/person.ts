@@ -4,11 +4,13 @@ import { VRMLoaderPlugin, VRMUtils, type VRM } from '@pixiv/three-vrm';
 import { VRMAnimationLoaderPlugin, createVRMAnimationClip, type VRMAnimation } from '@pixiv/three-vrm-animation';
 import { AnimationMixer, Group, type AnimationClip, type Object3D, Vector3 } from 'three';
 import { type GLTF, GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
-import { bodyOf, motionOf, tracksOf } from './fit/avatar.js';
+import { type AvatarBody, bodyOf, motionOf, tracksOf } from './fit/avatar.js';
 import { type Fitted, fitMotion, inSlices, type Motion } from './fit/fit.js';
 import type { FitSource } from './wire.js';
 
 const END = 1e-4; // seconds before a clip's end, since a looping action shows its first frame at the end
+/** The bodies of avatars by their files: measuring a mesh takes longer than fitting a sentence. */
+const bodies = new WeakMap<Uint8Array, AvatarBody>();
 
 export class Person {
   readonly root = new Group();
@@ -65,7 +67,12 @@ export class Person {
     const animation = (motion.userData['vrmAnimations'] as VRMAnimation[] | undefined)?.[0];
     if (!animation) throw new Error('the clip has no VRM animation');
     const clip = createVRMAnimationClip(animation, avatar);
-    const fitted = source && (await fitClip(clip, file, avatar, await motionOf(motion, animation, source)));
+    let fitted: Fitted | null = null;
+    if (source) {
+      const body = bodies.get(vrm) ?? bodyOf(file, avatar);
+      bodies.set(vrm, body);
+      fitted = await fitClip(clip, avatar, body, await motionOf(motion, animation, source));
+    }
     VRMUtils.rotateVRM0(avatar);
     const bones = (['leftHand', 'rightHand'] as const).map((name) => avatar.humanoid.getNormalizedBoneNode(name));
     const hands = bones.filter((bone): bone is Object3D => bone !== null);
@@ -96,8 +103,7 @@ export class Person {
 }
 
 /** Give a clip that an avatar plays the rotations that are fitted to the avatar's body. */
-async function fitClip(clip: AnimationClip, file: GLTF, avatar: VRM, motion: Motion): Promise<Fitted> {
-  const body = bodyOf(file, avatar);
+async function fitClip(clip: AnimationClip, avatar: VRM, body: AvatarBody, motion: Motion): Promise<Fitted> {
   const fitted = await inSlices(fitMotion(motion, body));
   const tracks = tracksOf(avatar, body, fitted.rotations, motion.times);
   const names = new Set(tracks.map(({ name }) => name));

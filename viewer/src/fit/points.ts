@@ -8,26 +8,23 @@ const OWN = 0.49; // of a vertex, by the bones that it belongs to
 
 export class SkinPoints {
   private readonly points: Vector3[] = [];
-  private readonly rows: number[][] = [];
-  private readonly weights: number[][] = [];
+  /** Bone -> the vertices that it carries, and how much. */
+  private readonly carried = new Map<number, { vertex: number; weight: number }[]>();
 
   /** Add a vertex that bones of these numbers carry, and how much. */
-  add(point: Vector3, rows: number[], weights: number[]): void {
-    this.points.push(point);
-    this.rows.push(rows);
-    this.weights.push(weights);
-  }
-
-  get size(): number {
-    return this.points.length;
+  add(point: Vector3, bones: number[], weights: number[]): void {
+    const vertex = this.points.push(point) - 1;
+    bones.forEach((bone, k) => {
+      if (!this.carried.has(bone)) this.carried.set(bone, []);
+      this.carried.get(bone)!.push({ vertex, weight: weights[k]! });
+    });
   }
 
   /** The vertices that these bones carry together, by half or more. */
   of(bones: number[]): Vector3[] {
-    return this.points.filter((_, k) => {
-      const own = this.rows[k]!.reduce((sum, row, n) => (bones.includes(row) ? sum + this.weights[k]![n]! : sum), 0);
-      return own >= OWN;
-    });
+    const sums = new Map<number, number>();
+    for (const { vertex, weight } of bones.flatMap((bone) => this.carried.get(bone) ?? [])) sums.set(vertex, (sums.get(vertex) ?? 0) + weight);
+    return [...sums].flatMap(([vertex, sum]) => (sum >= OWN ? [this.points[vertex]!] : []));
   }
 }
 
