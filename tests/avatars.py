@@ -94,7 +94,8 @@ def body(name: str, gloss: str = "NAME") -> Avatar:
 
 def mannequin_parts(avatar: Avatar) -> tuple[MeshPart, ...]:
     """The mannequin of an avatar's capsules, in the avatar's rest pose."""
-    made = mannequin._body_mesh(replace(avatar, mesh=()))
+    assert avatar.body is not None
+    made = mannequin.capsule_mesh(replace(avatar, mesh=()), avatar.body)
     bind, at = mannequin.bind_pose(replace(avatar, mesh=()))
     rest = kinematics.rest_positions(avatar)
     parts = []
@@ -148,7 +149,7 @@ def write(
     hair: bool = True,
     sparse: bool = False,
 ) -> Path:
-    """Write an avatar that stands as ``avatar`` rests: VRM ``version`` "1.0", "0.x" (facing -Z), or "" for a plain .glb.
+    """Write an avatar in the rest pose: VRM ``version`` "1.0", "0.x" (facing -Z), or "" for a plain .glb.
 
     weights: how they are stored. axes: whether joints are turned at rest. hair: whether a mesh of hair hangs on the
     head, in front of the trunk, from a chain of joints that a spring moves, and a skirt on the hips without a spring.

@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from PIL import Image
 
 from signing import word
 from signsplice.body.capsules import BodyShape, shaped_capsules
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
-from signsplice.evaluation import bodies
+from signsplice.evaluation import bodies, body_pictures
 from signsplice.evaluation.body_measures import SourceClip
 from signsplice.evaluation.stretched_bodies import BODIES, BodyProportions, stretched
 from signsplice.lexicon import shipped
@@ -166,3 +168,23 @@ def test_the_command_refuses_too_few_words_and_other_questions() -> None:
     for call in (["--bodies", "2"], ["--bodies", "9999"], ["--bodies", "3", "--seams", "1"]):
         with pytest.raises(InputError, match="expected"):
             CliRunner().invoke(app, ["evaluate", *call], catch_exceptions=False, standalone_mode=False)
+
+
+@pytest.mark.slow
+def test_a_picture_shows_words_on_bodies_and_their_shape(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(body_pictures, "SHOWN", ("chibi",))
+    body_pictures.write_pictures([CLIP], tmp_path / "bodies.png")
+    page = np.asarray(Image.open(tmp_path / "bodies.png").convert("L"))[40:]
+    width = page.shape[1] // 3  # the source, the chibi body with rotations alone, and fitted
+    dark = [(cell[:70] < 70).sum() for cell in (page[:, :width], page[:, width : 2 * width], page[:, 2 * width :])]
+    assert min(dark[1:]) > 1.2 * dark[0]  # hair
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [(["--seams", "3", "--picture", "a.png"], "expected --bodies too"), (["--bodies", "--picture", "a.gif"], ".png")],
+)
+def test_a_picture_is_asked_for_with_bodies_as_png(options: list[str], said: str) -> None:
+    result = CliRunner().invoke(app, ["evaluate", *options])
+    assert result.exit_code != 0
+    assert said in str(result.exception)

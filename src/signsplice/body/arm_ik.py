@@ -66,7 +66,7 @@ def move_wrists(clip: Clip, moves: Float, swivels: Float | None = None) -> Clip:
     return replace(clip, local_rotations=local)
 
 
-def moved_elbows(clip: Clip, moves: Float) -> tuple[Float, Float, Float]:
+def moved_arms(clip: Clip, moves: Float) -> tuple[Float, Float, Float]:
     """Shoulders, elbows and wrists (T, 2, 3) of ``move_wrists(clip, moves)``, world axes and clip units."""
     joints = rig_info(clip.skeleton).arm_joints
     global_rotations, positions = kinematics.forward(clip, joints[:6])
@@ -79,6 +79,12 @@ def moved_elbows(clip: Clip, moves: Float) -> tuple[Float, Float, Float]:
         out[:, side, 1] = s + elbow
         out[:, side, 2] = s + elbow + rotation.rotate(rotation.multiply(aim, bend), w - e)
     return out[:, :, 0], out[:, :, 1], out[:, :, 2]
+
+
+def swivelled(shoulders: Float, elbows: Float, wrists: Float, swivels: Float) -> Float:
+    """The elbows (..., 3), turned by ``swivels`` (...) about the lines from shoulders to wrists."""
+    axis = (wrists - shoulders) / (_length(wrists - shoulders)[..., None] + _TINY)
+    return shoulders + rotation.rotate(rotation.exp(swivels[..., None] * axis), elbows - shoulders)
 
 
 def _hinge(clip: Clip, side: int) -> Float:

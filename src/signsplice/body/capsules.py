@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.mesh_part import MeshPart
+from signsplice.body.relief import Relief
 from signsplice.motion import rotation
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Skeleton
@@ -91,6 +92,7 @@ class BodyCapsules:
     parts: what each is ("face", "sleeve", "Index", ...).
     sides: "left", "right" or "".
     keys: a name of each that the same capsule has on every body ("leftIndexProximal", "chest1", ...).
+    relief: how the skin of head and trunk lies above these capsules; None where they are the skin.
     """
 
     joints: NDArray[np.intp]
@@ -100,6 +102,7 @@ class BodyCapsules:
     parts: tuple[str, ...]
     sides: tuple[str, ...]
     keys: tuple[str, ...]
+    relief: Relief | None = None
 
     @cached_property
     def groups(self) -> CapsuleGroups:

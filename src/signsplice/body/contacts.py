@@ -51,7 +51,7 @@ def find_contacts(body: BodyCapsules, pairs: SkinPairs, near: Near, after: Float
     near: all pairs that are nearer than ``PART_M`` at the source; after: (N,) their distances on the other body, m.
     """
     frames, k, before = near.frames, near.k, near.distance
-    region = np.array([_region(body, int(row)) for row in pairs.other], np.intp)[k]
+    region = np.array([_region(body, row) for row in range(len(body.keys))], np.intp)[pairs.other[k]]
     side = np.where(region == REGIONS.index("hand"), 1, pairs.own_side[k])
     tables = np.full((2, n_frames, 2, len(REGIONS)), np.inf)
     for table, distance in zip(tables, (before, after), strict=True):

@@ -112,7 +112,7 @@ class Fit:
         """The moves (T, 2, 3) of the wrists, m, with arms that follow as ``_shares`` says."""
         m = self._solve_linear()
         self.out_of_reach = self._out_of_reach(m)
-        self._near = _near_contacts(self, m)
+        self.near = _near_contacts(self, m)
         return self._touched(m, self.carried, np.zeros_like(m), _STEPS)
 
     def _out_of_reach(self, m: Float) -> Float:
@@ -123,10 +123,11 @@ class Fit:
     def again(self, moved: PosedBody) -> Float:
         """The moves once more, from ``moved``: the body with the arms as they lie after the moves so far."""
         base = moved.wrists - self.carried.wrists
-        return self._touched(base, moved, base, _STEPS_AGAIN)
+        heights = skin_heights(moved, self.pairs[1], self.near)
+        return self._touched(base, moved, base, _STEPS_AGAIN if moved.body.relief is None else _STEPS, heights)
 
-    def _touched(self, m: Float, posed: PosedBody, base: Float, steps: int) -> Float:
-        contacts = _Contacts(self.pairs[1], self._near, posed, base)
+    def _touched(self, m: Float, posed: PosedBody, base: Float, steps: int, heights: Float | float = 0.0) -> Float:
+        contacts = _Contacts(self.pairs[1], self.near, posed, base, heights)
         for _ in range(steps):
             m = self._step(m, contacts)
         return m
@@ -253,13 +254,27 @@ def _near_contacts(fit: Fit, m: Float) -> Near:
     near = near_pairs(starts, ends, posed.radii, ours, _MARGIN_M)
     n = len(ours.own)
     frames, k = np.divmod(np.union1d(touching[0] * n + touching[1], near[0] * n + near[1]), n)
-    return Near(frames, k, pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance)
+    then = pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance
+    now = pair_gaps(starts, ends, posed.radii, ours, frames, k).distance
+    kept = (then < _TOUCH_M) | (now < _MARGIN_M)
+    return Near(frames[kept], k[kept], then[kept])
+
+
+def skin_heights(posed: PosedBody, pairs: SkinPairs, near: Near) -> Float:
+    """How far (N,) the skin of head or trunk lies above the other capsule of near pairs, where they are nearest, m."""
+    if posed.body.relief is None:
+        return np.zeros(len(near.k))
+    now = pair_gaps(posed.starts, posed.ends, posed.radii, pairs, near.frames, near.k)
+    return posed.heights(near.frames, pairs.other[near.k], now.other_at, now.normals)
 
 
 class _Contacts:
-    """The near pairs on a body whose wrists are moved by ``base`` in ``posed``."""
+    """The near pairs on a body whose wrists are moved by ``base`` in ``posed``.
 
-    def __init__(self, ours: SkinPairs, near: Near, posed: PosedBody, base: Float) -> None:
+    heights: (N,) of its skin above the other capsule of each.
+    """
+
+    def __init__(self, ours: SkinPairs, near: Near, posed: PosedBody, base: Float, heights: Float | float) -> None:
         self.frames, k, self.then = near.frames, near.k, near.distance
         first, last, _ = _shares(posed.body)
         own, other = ours.own[k], ours.other[k]
@@ -274,7 +289,7 @@ class _Contacts:
         touching = self.then < _TOUCH_M
         # A pair that lies deep at the source has no skin to touch: it may lie as deep, and is held the less.
         off = np.maximum(np.abs(self.then + 0.5 * _PRESS_M) - 0.5 * _PRESS_M, 0.0)
-        self._wanted = self._allowed = np.minimum(self.then, _CLEAR_M)
+        self._wanted = self._allowed = np.minimum(self.then, _CLEAR_M) + heights
         self._held = np.where(touching, _CONTACT_WEIGHT * np.exp(-off / _CONTACT_FADE_M), 0.0)
 
     def add(self, m: Float, block: Float, rhs: Float) -> None:

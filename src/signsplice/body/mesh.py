@@ -65,10 +65,16 @@ _GROWN = {"mouth": 0.0020, "eye": 0.0010}
 
 
 def body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
-    """The mesh of a skeleton, part by part, kept as long as the skeleton lives; an avatar's own where it has one."""
+    """The mesh of a skeleton in usual proportions, part by part, kept as long as the skeleton lives; an avatar's own
+    where it has one.
+    """
     if isinstance(skeleton, Avatar) and skeleton.mesh:
         return skeleton.mesh
     return CACHE.of(skeleton, _body_mesh)
+
+
+def _body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
+    return capsule_mesh(skeleton, body_capsules(skeleton))
 
 
 def colour(part: str, side: str) -> tuple[float, float, float]:
@@ -113,8 +119,8 @@ class _MeshCapsules:
     bundles: NDArray[np.intp]
 
 
-def _body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
-    shape = body_capsules(skeleton)
+def capsule_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...]:
+    """The mesh of a skeleton whose body has the given capsules, part by part."""
     rotations, positions = bind_pose(skeleton)
     starts, ends = (p[0] for p in capsule_ends(shape, rotation.to_matrix(rotations)[None], positions[None]))
     height = rig_info(skeleton).sizes.stature or float(np.ptp(np.concatenate([starts, ends]), axis=0).max()) or 1.0

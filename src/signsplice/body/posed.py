@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 
 Float = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_LEG, _SIDES = ("leg", "shoe"), ("left", "right")
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +27,7 @@ class PosedBody:
     radii: (C, 2).
     shoulders, wrists: (T, 2, 3) left and right.
     arm_lengths: (2,) upper arm and forearm together.
+    turns: (T, K, 3, 3) rotations of the K capsules under the body's relief; None where it has none.
     """
 
     body: BodyCapsules
@@ -33,12 +37,45 @@ class PosedBody:
     shoulders: Float
     wrists: Float
     arm_lengths: Float
+    turns: Float | None = None
 
     @property
     def hand_length(self) -> float:
         """Median length of the palms' capsules, m."""
         palms = [n for n, part in enumerate(self.body.parts) if part == "palm"]
         return float(np.median(np.linalg.norm(self.ends[0, palms] - self.starts[0, palms], axis=-1)))
+
+    def heights(self, frames: Index, rows: Index, at: Float, normals: Float) -> Float:
+        """How far (N,) the skin lies above capsules ``rows`` (N,) in ``frames`` (N,), m; 0 where they are the skin.
+
+        at: (N,) where along their axes. normals: (N, 3) in which directions from them, in the world.
+        """
+        relief, body, out = self.body.relief, self.body, np.zeros(len(rows))
+        if relief is None or self.turns is None:
+            return out
+        own = np.flatnonzero(np.isin(rows, relief.rows))
+        rows, at, column = rows[own], at[own], np.searchsorted(relief.rows, rows[own])
+        outward = np.einsum("nba,nb->na", self.turns[frames[own], column], normals[own])
+        radius = body.radii[rows, 0] + at * (body.radii[rows, 1] - body.radii[rows, 0])
+        places = body.starts[rows] + at[:, None] * (body.ends - body.starts)[rows] + radius[:, None] * outward
+        out[own] = relief.heights(rows, places, outward) * (self.radii[0, 0] / body.radii[0, 0])
+        return out
+
+    def with_arms(self, elbows: Float, wrists: Float) -> PosedBody:
+        """The same body with elbows and wrists (T, 2, 3) elsewhere; hands keep their rotations."""
+        starts, ends, moves = self.starts.copy(), self.ends.copy(), wrists - self.wrists
+        for n, (part, side) in enumerate(zip(self.body.parts, self.body.sides, strict=True)):
+            if not side or part in _LEG:
+                continue
+            arm = _SIDES.index(side)
+            if part == "sleeve":
+                ends[:, n] = elbows[:, arm]
+            elif part == "cuff":
+                starts[:, n], ends[:, n] = elbows[:, arm], wrists[:, arm]
+            else:
+                starts[:, n] += moves[:, arm]
+                ends[:, n] += moves[:, arm]
+        return replace(self, starts=starts, ends=ends, wrists=wrists)
 
 
 def posed_body(clip: Clip, body: BodyCapsules) -> PosedBody:
@@ -50,4 +87,5 @@ def posed_body(clip: Clip, body: BodyCapsules) -> PosedBody:
     joints = info.arm_joints
     shoulders, elbows, wrists = (metres * positions[:, [joints[k], joints[3 + k]]] for k in range(3))
     lengths = np.linalg.norm(elbows[0] - shoulders[0], axis=-1) + np.linalg.norm(wrists[0] - elbows[0], axis=-1)
-    return PosedBody(body, metres * starts, metres * ends, metres * body.radii, shoulders, wrists, lengths)
+    turns = None if body.relief is None else rotations[:, body.joints[body.relief.rows]]
+    return PosedBody(body, metres * starts, metres * ends, metres * body.radii, shoulders, wrists, lengths, turns)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from signsplice.body import arm_ik, swivel
 from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules
 from signsplice.body.contacts import PART_M, Contact, find_contacts
-from signsplice.body.fit import Fit
+from signsplice.body.fit import Fit, skin_heights
 from signsplice.body.posed import PosedBody, posed_body
 from signsplice.body.touch import Near, forearm_pairs, near_pairs, pair_gaps
 from signsplice.motion.clip import Clip, Skeleton
@@ -79,10 +79,9 @@ def fit_body(source: Clip, source_body: BodyCapsules, carried: Clip, body: BodyC
     for start in range(0, max(len(source) - _OVERLAP, 1), _WINDOW - _OVERLAP):
         part = slice(start, start + _WINDOW)
         fit = Fit(posed_body(source[part], source_body), posed_body(carried[part], body), source.fps, active[part])
-        moved, turned = _solved(fit, carried[part], metres)
-        posed = posed_body(arm_ik.move_wrists(carried[part], moved / metres, turned), body)
+        moved, turned, after = _solved(fit, carried[part], metres)
         beyond = np.maximum(beyond, fit.out_of_reach)
-        contacts += _contacts(fit, posed, start)
+        contacts += _contacts(fit, after, start)
         share = _fade_in(len(moved), start > 0)
         moves[part] += share[:, None, None] * (moved - moves[part])
         swivels[part] += share[:, None] * (turned - swivels[part])
@@ -90,12 +89,19 @@ def fit_body(source: Clip, source_body: BodyCapsules, carried: Clip, body: BodyC
     return Retargeted(out, _reach_warnings(beyond, source.name), tuple(contacts))
 
 
-def _solved(fit: Fit, carried: Clip, metres: float) -> tuple[Float, Float]:
-    """Moves (T, 2, 3) of the wrists, m, and turns (T, 2) of the elbows."""
+def _solved(fit: Fit, carried: Clip, metres: float) -> tuple[Float, Float, PosedBody]:
+    """Moves (T, 2, 3) of the wrists, m, turns (T, 2) of the elbows, and the body as it lies then."""
     moves = fit.moves()
-    swivels = _swivels(fit, carried, moves / metres)
-    moved = posed_body(arm_ik.move_wrists(carried, moves / metres, swivels), fit.carried.body)
-    return fit.again(moved), swivels
+    shoulders, elbows, wrists = _moved_arms(carried, moves, metres)
+    swivels = _swivels(fit, shoulders, elbows, wrists)
+    moves = fit.again(fit.carried.with_arms(arm_ik.swivelled(shoulders, elbows, wrists, swivels), wrists))
+    shoulders, elbows, wrists = _moved_arms(carried, moves, metres)
+    return moves, swivels, fit.carried.with_arms(arm_ik.swivelled(shoulders, elbows, wrists, swivels), wrists)
+
+
+def _moved_arms(carried: Clip, moves: Float, metres: float) -> tuple[Float, Float, Float]:
+    shoulders, elbows, wrists = arm_ik.moved_arms(carried, moves / metres)
+    return metres * shoulders, metres * elbows, metres * wrists
 
 
 def _fade_in(n_frames: int, is_later: bool) -> Float:
@@ -149,13 +155,13 @@ def signing(clip: Clip) -> Float:
     return np.asarray(raised * np.clip(1.0 - outside / _FADE_S, 0.0, 1.0)[:, None])
 
 
-def _swivels(fit: Fit, carried: Clip, moves: Float) -> Float:
-    """Turns (T, 2) of both elbows that keep forearms as clear of head and trunk as at the source."""
-    metres = rig_info(carried.skeleton).sizes.unit.metres
-    shoulders, elbows, wrists = (metres * part for part in arm_ik.moved_elbows(carried, moves))
+def _swivels(fit: Fit, shoulders: Float, elbows: Float, wrists: Float) -> Float:
+    """Turns (T, 2) of both elbows, from where they are, that keep forearms as clear of head and trunk as at the source;
+    shoulders, elbows, wrists: (T, 2, 3) m.
+    """
     source, target = fit.source, fit.carried
     theirs, ours = (forearm_pairs(body, fit.shared) for body in (source.body, target.body))
-    n, out = len(moves), np.zeros((len(moves), 2))
+    n, out = len(wrists), np.zeros((len(wrists), 2))
     for side in (0, 1):
         (columns,) = np.nonzero(ours.own_side == side)
         if not len(columns):
@@ -187,13 +193,12 @@ def _reach_warnings(beyond: Float, name: str) -> tuple[str, ...]:
 
 def _contacts(fit: Fit, posed: PosedBody, start: int) -> list[Contact]:
     """The contacts of a window of the source while it signs, from frame ``start`` on, and what became of them."""
-    source, (theirs, ours) = fit.source, fit.pairs
-    frames, k = near_pairs(source.starts, source.ends, source.radii, theirs, PART_M)
-    signs = fit.active[frames, theirs.own_side[k]] > 0.5
-    frames, k = frames[signs], k[signs]
-    near = Near(frames, k, pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance)
-    after = pair_gaps(posed.starts, posed.ends, posed.radii, ours, frames, k).distance
-    found = find_contacts(source.body, theirs, near, after, len(source.wrists))
+    (theirs, ours), near = fit.pairs, fit.near
+    shown = (near.distance < PART_M) & (fit.active[near.frames, theirs.own_side[near.k]] > 0.5)
+    near = Near(near.frames[shown], near.k[shown], near.distance[shown])
+    after = pair_gaps(posed.starts, posed.ends, posed.radii, ours, near.frames, near.k).distance
+    after -= skin_heights(posed, ours, near)
+    found = find_contacts(fit.source.body, theirs, near, after, fit.n_frames)
     first = _OVERLAP if start else 0  # those before were found in the window before
     return [
         replace(one, frames=(one.frames[0] + start, one.frames[1] + start)) for one in found if one.frames[0] >= first

@@ -14,12 +14,13 @@ A capsule with too few vertices keeps its usual proportions, scaled as its neigh
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules, BodyShape, shaped_capsules
+from signsplice.body.relief import Relief
 from signsplice.body.skin_head import fit_head
 from signsplice.body.skin_points import MIN_POINTS, SkinPoints, quantile, window
 from signsplice.motion import rotation
@@ -32,12 +33,16 @@ Float = NDArray[np.float64]
 _TRUNK = ("hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder")
 _HEAD = ("head", "jaw", "leftEye", "rightEye")
 _SIDES = ("left", "right")
+_ARM = ("sleeve", "cuff")
+"""Parts whose capsules lie along their bones, from joint to joint, as the fit of clips has them."""
 _BINS = 6
 """Slices of a bone in which limbs are measured."""
 _HEIGHTS = 7
 """Heights at which a column of the trunk is measured."""
 _ACROSS = 0.55
 """Where the depth of an outer column is measured, as a fraction of the trunk's half width."""
+_STEP = 0.004
+"""Distance of the points of the surface, as a fraction of stature."""
 _HEM = 0.035
 """How far below the hips the trunk ends, as a fraction of stature."""
 
@@ -80,21 +85,26 @@ class _Fitting:
     def body(self) -> BodyCapsules:
         """The capsules as they are now."""
         at = self.rest[self.usual.joints]
-        return replace(
-            self.usual,
-            starts=(self.starts - at) @ self._turn,
-            ends=(self.ends - at) @ self._turn,
-            radii=self.radii,
+        starts, ends, origins = (self.starts - at) @ self._turn, (self.ends - at) @ self._turn, at @ self._turn
+        body = replace(self.usual, starts=starts, ends=ends, radii=self.radii)
+        joints = [self.roles[role] for role in (*_TRUNK, *_HEAD, "neck") if role in self.roles]
+        points, normals = self.points.surface(joints, _STEP * self.height)
+        if not len(points):
+            return body
+        rows = np.sort(np.array([*body.groups.head, *body.groups.trunk], np.intp))
+        at, turn = origins[rows], self._turn
+        relief = Relief(
+            points @ turn, normals @ turn, rows, at + starts[rows], at + ends[rows], self.radii[rows], origins
         )
+        return replace(body, relief=relief)
 
     # --- limbs, neck, fingers ---
 
     def limbs(self) -> None:
         """Arms, legs and neck; those with too few vertices get the median factor of the others."""
-        rows = [n for n, part in enumerate(self.usual.parts) if part in ("sleeve", "cuff", "leg", "neck")]
-        feet = [n for n, part in enumerate(self.usual.parts) if part == "shoe"]
-        self._scale_others(rows, [n for n in rows if self._sleeve(n, halves=True)])
-        self._scale_others(feet, [])
+        for what, parts in (("arms", ("sleeve", "cuff")), ("legs", ("leg",)), ("neck", ("neck",))):
+            rows = [n for n, part in enumerate(self.usual.parts) if part in parts]
+            self._scale_others(what, rows, [n for n in rows if self._sleeve(n, halves=True)])
         for side in _SIDES:
             shoulder, arm = self.row.get(f"{side}Shoulder"), self.row.get(f"{side}UpperArm")
             if shoulder is not None and arm is not None:
@@ -106,8 +116,10 @@ class _Fitting:
             rows = [n for n, s in enumerate(self.usual.sides) if s == side]
             palms = [n for n in rows if self.usual.parts[n] == "palm"]
             fingers = [n for n in rows if n not in palms and self.usual.keys[n].startswith(side + self._finger(n))]
-            self._scale_others(palms, [n for n in palms if "Thumb" not in self.usual.keys[n] and self._palm(n, side)])
-            self._scale_others(fingers, [n for n in fingers if self._sleeve(n, halves=False)])
+            fitted = [n for n in palms if "Thumb" not in self.usual.keys[n] and self._palm(n, side)]
+            self._scale_others(f"{side} palm", palms, fitted)
+            fitted = [n for n in fingers if self._sleeve(n, halves=False)]
+            self._scale_others(f"{side} fingers", fingers, fitted)
 
     def _finger(self, row: int) -> str:
         part = self.usual.parts[row].removesuffix("Tip")
@@ -130,7 +142,7 @@ class _Fitting:
             return self._finger_sleeve(row, start, axis, along, across, frame)
         seen = []
         for t in (np.arange(_BINS) + 0.5) / _BINS:
-            ring = _ring(across[np.abs(along - t) < 0.5 / _BINS])
+            ring = _ring(across[np.abs(along - t) < 0.5 / _BINS], is_centred=self.usual.parts[row] in _ARM)
             if ring is not None:
                 seen.append((t, *ring[0], ring[1]))
         if not seen:
@@ -188,15 +200,12 @@ class _Fitting:
         self.ends[row] = end + 0.5 * (t1 + b1) * up
         return True
 
-    def _scale_others(self, rows: Sequence[int], fitted: Sequence[int]) -> None:
+    def _scale_others(self, what: str, rows: Sequence[int], fitted: Sequence[int]) -> None:
         """Give the rows that were not fitted the median factor of those that were."""
         others = [n for n in rows if n not in fitted]
-        self.missed += [
-            self.usual.keys[n]
-            for n in others
-            if self.usual.parts[n] != "shoe" and "ThumbPalm" not in self.usual.keys[n]
-        ]
-        if fitted and others:
+        if rows and not fitted:
+            self.missed.append(what)
+        elif others:
             factors = self.radii[list(fitted)].mean(axis=1) / self.usual.radii[list(fitted)].mean(axis=1)
             self.radii[others] *= quantile(factors, 0.5)
 
@@ -283,10 +292,14 @@ class _Fitting:
             self.missed.append("head")
 
 
-def _ring(across: Float) -> tuple[Float, float] | None:
-    """Middle (2,) and radius of the vertices (N, 2) around a bone; None where they are too few, or not all around."""
+def _ring(across: Float, is_centred: bool = False) -> tuple[Float, float] | None:
+    """Middle (2,) and radius of the vertices (N, 2) around a bone; None where they are too few, or not all around. The
+    middle is the bone itself where that is wanted (``is_centred``).
+    """
     if len(across) < MIN_POINTS or len({(x > 0.0, y > 0.0) for x, y in across.tolist()}) < 4:
         return None
+    if is_centred:
+        return np.zeros(2), quantile(np.linalg.norm(across, axis=1), 0.5)
     middle = np.array([0.5 * (quantile(across[:, k], 0.05) + quantile(across[:, k], 0.95)) for k in (0, 1)])
     return middle, quantile(np.linalg.norm(across - middle, axis=1), 0.5)
 

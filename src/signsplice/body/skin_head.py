@@ -41,21 +41,19 @@ def fit_head(starts: Float, ends: Float, radii: Float, points: Float, height: fl
     starts[_BALLS["chin"], 1] = chin + radii[_BALLS["chin"], 0]
     starts[_BALLS["skull"], 1] = top - radii[_BALLS["skull"], 0]
     front, back = (_map(points, sign, _CELL * height) for sign in (1.0, -1.0))
-    face, chin_row, skull = (_BALLS[name] for name in ("face", "chin", "skull"))
-    balls = [
-        (part[row].copy(), float(radii[row, k])) for row in (face, chin_row) for part, k in ((starts, 0), (ends, 1))
-    ]
+    upper, lower, skull = (_BALLS[name] for name in ("face", "chin", "skull"))
+    balls = [(part[row].copy(), float(radii[row, k])) for row in (upper, lower) for part, k in ((starts, 0), (ends, 1))]
     template = _between(balls[:2]) + _between(balls[2:])
     for part, row, half in (
-        (starts, chin_row, 0.012),
-        (ends, chin_row, 0.012),
-        (starts, face, 0.012),
-        (ends, face, 0.02),
+        (starts, lower, 0.012),
+        (ends, lower, 0.012),
+        (starts, upper, 0.012),
+        (ends, upper, 0.02),
     ):
         near = (np.abs(front[:, 1] - part[row, 1]) < half * y_scale * height) & (np.abs(front[:, 0]) < 0.6 * wide)
         part[row, 2] += _offset(front[near], template, 1.0) or 0.0
     usual_middle, middle = (
-        0.5 * (a + b) for a, b in ((balls[0][0][2], balls[1][0][2]), (starts[face, 2], ends[face, 2]))
+        0.5 * (a + b) for a, b in ((balls[0][0][2], balls[1][0][2]), (starts[upper, 2], ends[upper, 2]))
     )
     balls = [(part[skull].copy(), float(radii[skull, k])) for k, part in enumerate((starts, ends))]
     found = _offset(back[np.abs(back[:, 0]) < 0.6 * wide], _between(balls), -1.0)

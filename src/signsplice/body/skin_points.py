@@ -12,8 +12,12 @@ Float = NDArray[np.float64]
 
 MIN_POINTS = 6
 """Fewer vertices than this are too few to measure."""
-_OWN = 0.5
-"""A vertex belongs to the joints that carry at least this much of it."""
+_MOST_ROWS = 8
+"""Rows of points on a triangle, at most: large triangles do not ask for more memory than small ones."""
+_MOST_SAMPLES = 300_000
+"""Points on all triangles, from which on each has but one."""
+_OWN = 0.49
+"""A vertex belongs to the joints that carry at least this much of it: half, and the rounding of bytes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,15 +26,40 @@ class SkinPoints:
 
     positions: (V, 3) in the rest pose, root at the origin.
     joints, weights: (V, 4) which joints carry each, and how much.
+    triangles: (F, 3) those between such vertices.
     """
 
     positions: Float
     joints: NDArray[np.int64]
     weights: Float
+    triangles: NDArray[np.int64]
 
     def of(self, joints: int | Sequence[int]) -> Float:
         """Positions (N, 3) of the vertices that these joints carry together, by half or more."""
-        return self.positions[(self.weights * np.isin(self.joints, joints)).sum(axis=1) >= _OWN - 0.01]
+        return np.asarray(self.positions[self.is_of(joints)])
+
+    def is_of(self, joints: int | Sequence[int]) -> NDArray[np.bool_]:
+        """Which vertices (V,) these joints carry together, by half or more."""
+        return np.asarray((self.weights * np.isin(self.joints, joints)).sum(axis=1) >= _OWN)
+
+    def surface(self, joints: Sequence[int], step: float) -> tuple[Float, Float]:
+        """Points and normals (S, 3) on the triangles that these joints carry, about ``step`` apart."""
+        corners = self.positions[self.triangles[self.is_of(joints)[self.triangles].all(axis=1)]]  # (F, 3, 3)
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area = np.linalg.norm(across, axis=1)
+        corners, across = corners[area > 0.0], across[area > 0.0] / area[area > 0.0, None]
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
+        n_rows = np.clip(np.ceil(longest / step), 1, _MOST_ROWS).astype(np.int64)
+        if (n_rows * (n_rows + 1) // 2).sum() > _MOST_SAMPLES:
+            n_rows[:] = 1
+        points, normals = [np.empty((0, 3))], [np.empty((0, 3))]
+        for n in np.unique(n_rows).tolist():  # a triangle in n rows has its points at the middles of small ones
+            i, j = (grid.ravel() for grid in np.meshgrid(np.arange(n), np.arange(n)))
+            u, v = ((k[i + j < n] + 1.0 / 3.0) / n for k in (i, j))
+            weights = np.stack([1.0 - u - v, u, v], axis=1)
+            points.append((weights @ corners[n_rows == n]).reshape(-1, 3))
+            normals.append(np.repeat(across[n_rows == n], len(weights), axis=0))
+        return np.concatenate(points), np.concatenate(normals)
 
 
 def quantile(values: Float, share: float) -> float:
@@ -46,5 +75,5 @@ def window(points: Float, at: tuple[float, float], half: float) -> Float | None:
     for wider in (1.0, 2.0, 4.0):
         near = points[away < wider * half]
         if len(near) >= MIN_POINTS:
-            return near
+            return np.asarray(near)
     return None

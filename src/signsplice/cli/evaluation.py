@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -36,6 +37,7 @@ N_WORDS = 40
 @click.option("--limit", type=int, metavar="N", help="With --pairs: only the first N pairs.")
 @click.option("--bodies", "n_bodies_words", type=int, is_flag=False, flag_value=N_WORDS, metavar="N_WORDS",
               help="Bring N words that ship, or with --clips these clips, to other bodies.")  # fmt: skip
+@click.option("--picture", metavar="FILE.png", help="With --bodies: also draw eight words on five bodies.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 @reads_clips
 def evaluate(
@@ -47,6 +49,7 @@ def evaluate(
     pairs: str | None,
     limit: int | None,
     n_bodies_words: int | None,
+    picture: str | None,
     as_json: bool,
 ) -> None:
     """Measure every method: on frames hidden from clips (--clips), at the seams of words that were recorded apart
@@ -60,6 +63,8 @@ def evaluate(
         raise InputError("expected exactly one of --clips FILE, --seams N, --pairs DIR and --bodies [N]")
     if rest is not None and n_seams is None:
         raise InputError("--rest sets how the signer of --seams rests; expected --seams N too")
+    if picture is not None:
+        _check_picture(picture, on_bodies)
     if n_seams is not None:
         signature, rows, lines = _seams(n_seams, rest or "hanging", bundle)
     elif n_bodies_words is not None:
@@ -68,6 +73,8 @@ def evaluate(
         signature, rows, lines = _collisions(pairs, limit, bundle)
     else:
         signature, rows, lines = _hidden_frames(files, fps, bundle)
+    if picture is not None:
+        _draw_bodies(picture)
     if as_json:
         print(json.dumps({"signature": signature, "rows": [to_json(row) for row in rows]}, indent=2))
         return
@@ -140,6 +147,22 @@ def _bodies(n_words: int, files: tuple[str, ...], fps: float | None) -> Measured
     with progress("bodies") as advance:
         rows = bodies.compare(words, aside, progress=advance)
     return bodies.signature(drawn), rows, bodies.table(rows, drawn)
+
+
+def _check_picture(picture: str, on_bodies: bool) -> None:
+    if not on_bodies:
+        raise InputError("--picture draws what --bodies measures; expected --bodies too")
+    if Path(picture).suffix.lower() != ".png":
+        raise InputError(f"--picture {picture}, expected a name that ends in .png")
+
+
+def _draw_bodies(picture: str) -> None:
+    from signsplice.evaluation.body_pictures import WORDS, write_pictures
+    from signsplice.lexicon import shipped
+
+    words = shipped()
+    with progress("picture") as advance:
+        write_pictures([words.clip(word) for word in WORDS], Path(picture), advance)
 
 
 COMMANDS = (evaluate,)

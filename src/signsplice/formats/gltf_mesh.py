@@ -1,5 +1,5 @@
-"""Meshes of glTF files in the rest pose of their nodes, carried by the joints of a skeleton, and which of their vertices
-are skin rather than hair, skirts or accessories.
+"""Meshes of glTF files in the rest pose of their nodes, carried by the joints of a skeleton, and which vertices are
+skin rather than hair, skirts or accessories.
 """
 
 from __future__ import annotations
@@ -22,15 +22,17 @@ Float = NDArray[np.float64]
 _TRIANGLES = 4
 _VERTEX_BYTES = 400
 """Memory that a vertex takes while it is read."""
-_LOOSE = frozenset(
-    "hair ahoge bangs ponytail twintail braid wig skirt cape cloak coat scarf ribbon bow necktie tail wing horn hat cap hood "
-    "helmet glasses goggles mask earring earrings necklace accessory accessories acc weapon bag backpack outline "
-    "eyelash eyelashes lash lashes".split()
-)
+_LOOSE = {
+    *("hair", "ahoge", "bangs", "ponytail", "twintail", "braid", "wig", "eyelash", "eyelashes", "lash", "lashes"),
+    *("skirt", "cape", "cloak", "coat", "scarf", "ribbon", "bow", "necktie", "tail", "wing", "horn", "outline"),
+    *("hat", "cap", "hood", "helmet", "glasses", "goggles", "mask", "earring", "earrings", "necklace", "accessory"),
+    *("accessories", "acc", "weapon", "bag", "backpack"),
+}
 """Words in the names of what is no skin: of joints without a role, meshes, nodes and materials."""
-_SOFT = frozenset(
-    "bust breast breasts boob boobs oppai mune chichi butt hip hips belly twist roll muscle helper".split()
-)
+_SOFT = {
+    *("bust", "breast", "breasts", "boob", "boobs", "oppai", "mune", "chichi", "butt", "hip", "hips", "belly"),
+    *("twist", "roll", "muscle", "helper"),
+}
 """Words in the names of joints without a role that carry skin, though a spring may move them."""
 _LOOSE_SIGNS, _SOFT_SIGNS = ("髪", "スカート", "リボン", "帽", "眼鏡"), ("胸", "乳")
 _WORD = re.compile("[A-Z]?[a-z]+|[A-Z]+")
@@ -104,9 +106,16 @@ class MeshReader(SkeletonDocument):
         kept = [mask for mask in skin if mask.any()]
         if not kept:
             return tuple(parts), None
-        points = (np.concatenate([getattr(part, name)[mask] for part, mask in zip(parts, skin, strict=True)])
-                  for name in ("vertices", "joints", "weights"))  # fmt: skip
-        return tuple(parts), SkinPoints(*points)
+        counts = np.concatenate([[0], np.cumsum([len(part.vertices) for part in parts])])
+        row = np.cumsum(np.concatenate(skin)) - 1
+        triangles = np.concatenate([part.triangles + k for part, k in zip(parts, counts[:-1], strict=True)])
+        triangles = row[triangles[np.concatenate(skin)[triangles].all(axis=1)]]
+        masked = list(zip(parts, skin, strict=True))
+        vertices, weights = (
+            np.concatenate([getattr(part, name)[mask] for part, mask in masked]) for name in ("vertices", "weights")
+        )
+        joints = np.concatenate([part.joints[mask] for part, mask in masked])
+        return tuple(parts), SkinPoints(vertices, joints, weights, triangles)
 
     def _bones(self, node: int) -> tuple[Float, NDArray[np.int64], NDArray[np.bool_]] | None:
         """Of the joints that carry a node's mesh: matrices (B, 4, 4) to the rest pose, rows of the skeleton (B,), and

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
-from signsplice.body.mesh import CLOTHES, SKIN, TIPS, bind_pose, body_mesh
+from signsplice.body.mesh import CLOTHES, SKIN, TIPS, bind_pose, body_mesh, capsule_mesh
 from signsplice.body.mesh_part import MeshPart
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
@@ -81,8 +82,9 @@ class Scene:
     depths: tuple[float, float]
 
 
-def make_scene(clip: Clip, view: str = "front") -> Scene:
-    """A clip seen from one of ``VIEWS`` by a camera that stays the same over the whole clip.
+def make_scene(clip: Clip, view: str = "front", body: BodyCapsules | None = None) -> Scene:
+    """A clip seen from one of ``VIEWS`` by a camera that stays the same over the whole clip; ``body``: the signer's,
+    where it is not of usual proportions.
 
     It shows everything from mid-thigh to above the head, and is wide enough for the hands in every frame. Raises
     ``InputError`` for another view.
@@ -96,14 +98,15 @@ def make_scene(clip: Clip, view: str = "front") -> Scene:
     left = np.cross(signer.up, signer.forward)
     towards_viewer = np.cos(angle) * signer.forward + np.sin(angle) * left
     axes = np.stack([np.cross(signer.up, towards_viewer), signer.up, towards_viewer])
-    body = body_capsules(skeleton)
+    skin = CACHE.of(skeleton, _skin) if body is None else _skin_of(skeleton, capsule_mesh(skeleton, body))
+    body = body or body_capsules(skeleton)
     rotations, positions = kinematics.forward(clip)
     starts, ends = capsule_ends(body, rotations, positions)
     origin = np.median(starts.reshape(-1, 3), axis=0)
     starts, ends = ((points - origin) @ axes.T / height for points in (starts, ends))
     depths = np.concatenate([starts[..., 2], ends[..., 2]])
     return Scene(
-        skin=CACHE.of(skeleton, _skin),
+        skin=skin,
         rotations=rotations,
         positions=positions,
         axes=axes,
@@ -116,8 +119,11 @@ def make_scene(clip: Clip, view: str = "front") -> Scene:
 
 
 def _skin(skeleton: Skeleton) -> Skin:
-    """The mesh of a skeleton in one piece. Every finger is a group of its own, so that outlines separate fingers."""
-    parts = body_mesh(skeleton)
+    return _skin_of(skeleton, body_mesh(skeleton))
+
+
+def _skin_of(skeleton: Skeleton, parts: Sequence[MeshPart]) -> Skin:
+    """A mesh in one piece. Every finger is a group of its own, so that outlines separate fingers."""
     finger_of = {
         joint: FINGERS.index(finger) + 1
         for role, joint in rig_info(skeleton).roles.joints.items()

@@ -1,0 +1,94 @@
+"""How far an avatar's skin lies above its capsules, where hands come near: capsules are even, bodies are not.
+
+The height at a place p of a capsule with outward direction n is that of the mesh along n: over the surface points v
+around, in the rest pose, with h = (v - p) . n and r their distance from the line through p along n,
+
+    height = sum w h / sum w,  w = (1 - r^2 / R^2)^2 exp(h / s)
+
+so that the outermost decides. Places that lie in another capsule are no skin: their height fades to 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+Float = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_AROUND_M = 0.015
+"""R: distance from the line within which surface points count, m."""
+_SHARP_M = 0.005
+"""s: points that lie lower than the outermost by this, m, count less by a factor e."""
+_FARTHEST_M = 0.05
+"""Surface points that are farther than this from the place do not count, m."""
+_FACING = 0.3
+"""Cosine between a surface point's normal and the direction, at least."""
+_HIDDEN_M, _SHOWN_M = 0.008, 0.003
+"""Depth in another capsule, m, from which on a place is no skin, and up to which it is."""
+_CHUNK = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """The surface of an avatar's head, neck and trunk, in its rest pose, m.
+
+    points, normals: (S, 3) of the surface.
+    rows: (K,) capsules that lie under it.
+    starts, ends: (K, 3) their axes.
+    radii: (K, 2).
+    origins: (C, 3) the joint of each of the body's capsules.
+    """
+
+    points: Float
+    normals: Float
+    rows: Index
+    starts: Float
+    ends: Float
+    radii: Float
+    origins: Float
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.points)
+
+    def heights(self, rows: Index, places: Float, directions: Float) -> Float:
+        """Heights (N,) of the skin above capsules ``rows`` (N,) at places (N, 3) on them with outward directions
+        (N, 3), in the axes of their joints and from them, m; 0 for capsules that are not under the surface.
+        """
+        out = np.zeros(len(rows))
+        own = np.flatnonzero(np.isin(rows, self.rows))
+        for start in range(0, len(own), _CHUNK):
+            part = own[start : start + _CHUNK]
+            places_at_rest = places[part] + self.origins[rows[part]]
+            shown = self._shown(rows[part], places_at_rest)
+            out[part] = shown * self._above(places_at_rest, directions[part])
+        return out
+
+    def _above(self, places: Float, directions: Float) -> Float:
+        near: list[list[int]] = list(self._tree.query_ball_point(places, _FARTHEST_M))  # type: ignore[arg-type]
+        counts = np.array([len(each) for each in near], np.intp)
+        which = np.repeat(np.arange(len(places)), counts)
+        found = np.fromiter((k for each in near for k in each), np.intp, int(counts.sum()))
+        away, along = self.points[found] - places[which], directions[which]
+        height = np.einsum("nx,nx->n", away, along)
+        beside = np.maximum(np.einsum("nx,nx->n", away, away) - height**2, 0.0) / _AROUND_M**2
+        facing = np.einsum("nx,nx->n", self.normals[found], along) > _FACING
+        weight = np.where(facing, np.maximum(1.0 - beside, 0.0) ** 2, 0.0) * np.exp(height / _SHARP_M)
+        total = np.bincount(which, weight, len(places))
+        return np.bincount(which, weight * height, len(places)) / np.where(total > 0.0, total, 1.0)
+
+    def _shown(self, rows: Index, places: Float) -> Float:
+        """How much of each place is skin (N,): 1 on the outside of all capsules, 0 within another."""
+        axis = self.ends - self.starts
+        since = places[:, None] - self.starts
+        t = np.einsum("nkx,kx->nk", since, axis) / (np.einsum("kx,kx->k", axis, axis) + 1e-12)
+        t = np.clip(t, 0.0, 1.0)
+        away = np.linalg.norm(since - t[..., None] * axis, axis=-1)
+        depth = self.radii[:, 0] + t * (self.radii[:, 1] - self.radii[:, 0]) - away
+        depth[rows[:, None] == self.rows] = 0.0
+        return np.asarray(np.clip((_HIDDEN_M - depth.max(axis=1)) / (_HIDDEN_M - _SHOWN_M), 0.0, 1.0))
