@@ -15,12 +15,15 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import numpy as np
 from pydantic.fields import FieldInfo
 
-from signsplice.body import arm_ik, capsules, fit, retarget, skin, skin_head, swivel
+from signsplice.body import arm_ik, capsules, fit, relief, retarget, skin, skin_head, skin_points, swivel
 from signsplice.formats import FORMATS, gltf_mesh
 from signsplice.rig import proportions, t_pose
 from signsplice.service import wire
 
-_BODIES = (proportions, t_pose, capsules, gltf_mesh, skin, skin_head, fit, swivel, arm_ik, retarget)
+_BODIES = (
+    *(proportions, t_pose, capsules, gltf_mesh, skin_points, skin, skin_head, relief),
+    *(fit, swivel, arm_ik, retarget),
+)
 _PLAIN = {str: "string", float: "number", int: "number", bool: "boolean", type(None): "null"}
 
 
@@ -36,7 +39,7 @@ def constants() -> str:
         found = {
             name.lstrip("_"): json.dumps(value, ensure_ascii=False, default=_plain)
             for name, value in vars(module).items()
-            if name.lstrip("_").isupper() and isinstance(value, (int, float, tuple, dict, frozenset, np.ndarray))
+            if name.lstrip("_").isupper() and isinstance(value, (int, float, tuple, dict, set, np.ndarray))
         }
         rows = [f"  {name}: {value}," for name, value in found.items()]
         name = module.__name__.rpartition(".")[2]
@@ -44,7 +47,7 @@ def constants() -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _plain(value: np.ndarray | frozenset[str]) -> Any:
+def _plain(value: np.ndarray | set[str]) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else sorted(value)
 
 

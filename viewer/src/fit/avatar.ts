@@ -70,7 +70,10 @@ export function bodyOf(file: GLTF, avatar: VRM): AvatarBody {
   const bones = standing.map(({ name, parent, offset }) => ({
     name, parent, offset: parent < 0 ? offset : offset.clone().applyQuaternion(toTPose[parent]!),
   }));
-  const tips = new Map(names.flatMap((name, k) => (name.endsWith('Distal') ? [[name, tipsOf(avatar, name, joints, place).map((tip) => tip.applyQuaternion(toTPose[k]!))]] : [])));
+  const tips = new Map<string, Vector3[]>();
+  names.forEach((name, k) => {
+    if (name.endsWith('Distal')) tips.set(name, tipsOf(avatar, name, joints, place).map((tip) => tip.applyQuaternion(toTPose[k]!)));
+  });
   const usual = usualCapsules(bones, tips);
   // Measured as it stands, upright.
   const upright = toTPose[0]!;
@@ -80,7 +83,8 @@ export function bodyOf(file: GLTF, avatar: VRM): AvatarBody {
     bones: standing.map(({ name, parent, offset }) => ({ name, parent, offset: offset.clone().applyQuaternion(upright) })),
     toTPose: toTPose.map((turn) => turn.clone().multiply(upright.clone().invert())),
   };
-  return { ...makeBody(bones, fitSkin(stood, usual, points)), toTPose };
+  const { capsules, relief } = fitSkin(stood, usual, points);
+  return { ...makeBody(bones, capsules, relief), toTPose };
 }
 
 /** Nodes below the last joint of a finger, from that joint. */

@@ -2,6 +2,7 @@
 
 import { Quaternion, Vector3 } from 'three';
 import type { FitCapsule } from '../wire.js';
+import type { Relief } from './relief.js';
 
 /** A bone of a humanoid. */
 export interface Bone {
@@ -19,6 +20,8 @@ export interface Body {
   capsules: FitCapsule[];
   /** Median length of the palms' capsules, m. */
   handLength: number;
+  /** How its skin lies above the capsules of head and trunk; null where they are the skin. */
+  relief: Relief | null;
 }
 
 /** Rotations of bones from the T-pose in the world's axes: x y z w, frame by frame. */
@@ -26,9 +29,9 @@ export type Rotations = Map<string, Float64Array>;
 
 export const SIDES = ['left', 'right'] as const;
 
-export function makeBody(bones: Bone[], capsules: FitCapsule[]): Body {
+export function makeBody(bones: Bone[], capsules: FitCapsule[], relief: Relief | null = null): Body {
   const palms = capsules.filter(({ key }) => /(Palm|Mitten)$/.test(key)).map(lengthOf);
-  return { bones, capsules, handLength: median(palms) };
+  return { bones, capsules, handLength: median(palms), relief };
 }
 
 export function lengthOf({ start, end }: FitCapsule): number {

@@ -5,19 +5,16 @@ import type { FitCapsule } from '../wire.js';
 import { type Bone, median, restPositions, SIDES } from './body.js';
 import { capsules as USUAL, proportions } from './constants.js';
 
-/** A capsule of the usual proportions; legs serve to measure a body. */
-export interface UsualCapsule extends Omit<FitCapsule, 'region'> {
-  region: FitCapsule['region'] | 'leg';
+/** A capsule of the usual proportions. */
+export interface UsualCapsule extends FitCapsule {
   /** Whether it is the last of a finger. */
   isTip: boolean;
 }
 
-const REGIONS: Record<string, UsualCapsule['region']> = {
-  face: 'head', nose: 'head', hair: 'head', sleeve: 'upperArm', cuff: 'lowerArm', leg: 'leg',
-};
+const REGIONS: Record<string, FitCapsule['region']> = { face: 'head', nose: 'head', hair: 'head', sleeve: 'upperArm', cuff: 'lowerArm' };
 
 /**
- * Capsules of head, trunk, arms, hands and legs in the usual proportions, of bones in the T-pose. ``tips``: where fingers may end,
+ * Capsules of head, trunk, arms and hands in the usual proportions, of bones in the T-pose. ``tips``: where fingers may end,
  * from their last joints, by the names of these bones.
  */
 export function usualCapsules(bones: Bone[], tips: ReadonlyMap<string, Vector3[]>): UsualCapsule[] {
@@ -56,7 +53,7 @@ class Usual {
 
   /** Add a capsule with ends relative to its bone's joint; ``radii`` are fractions of stature. */
   private add(
-    key: string, bone: string, region: UsualCapsule['region'], start: Vector3, end: Vector3, radii: readonly number[],
+    key: string, bone: string, region: FitCapsule['region'], start: Vector3, end: Vector3, radii: readonly number[],
     side: FitCapsule['side'] = '', isTip = false,
   ): void {
     const [r0, r1] = radii.map((radius) => radius * this.height) as [number, number];
@@ -124,9 +121,7 @@ class Usual {
   private addArm(side: 'left' | 'right'): void {
     for (const [from, to, r0, r1, part] of USUAL.LIMBS) {
       const region = REGIONS[part];
-      const joints = [this.joints.get(side + from), this.joints.get(side + to)];
-      if (!region || !joints.every(Boolean)) continue;
-      this.add(side + from, side + from, region, new Vector3(), this.bone(side + from, side + to), [r0, r1], side);
+      if (region) this.add(side + from, side + from, region, new Vector3(), this.bone(side + from, side + to), [r0, r1], side);
     }
   }
 

@@ -34,14 +34,23 @@ export const gltf_mesh = {
   SOFT_SIGNS: ["胸", "乳"],
 } as const;
 
+export const skin_points = {
+  MIN_POINTS: 6,
+  MOST_ROWS: 8,
+  MOST_SAMPLES: 300000,
+  OWN: 0.49,
+} as const;
+
 export const skin = {
   MIN_POINTS: 6,
   TRUNK: ["hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder"],
   HEAD: ["head", "jaw", "leftEye", "rightEye"],
   SIDES: ["left", "right"],
+  ARM: ["sleeve", "cuff"],
   BINS: 6,
   HEIGHTS: 7,
   ACROSS: 0.55,
+  STEP: 0.004,
   HEM: 0.035,
 } as const;
 
@@ -52,6 +61,16 @@ export const skin_head = {
   WIDTH: 0.048,
   BALLS: {"face": 0, "chin": 1, "nose": 2, "skull": 3},
   CELL: 0.006,
+} as const;
+
+export const relief = {
+  AROUND_M: 0.015,
+  SHARP_M: 0.005,
+  FARTHEST_M: 0.05,
+  FACING: 0.3,
+  HIDDEN_M: 0.008,
+  SHOWN_M: 0.003,
+  CHUNK: 4096,
 } as const;
 
 export const fit = {

@@ -88,6 +88,7 @@ function carry({ rotations, frames }: Motion, { bones }: Body): Rotations {
 function isAlike(one: Body, other: Body): boolean {
   const [a, b] = [one, other].map(({ bones, capsules }) => {
     const lengths = new Map(capsules.map((capsule) => [capsule.key, lengthOf(capsule)]));
+    for (const { key, radii } of capsules) radii.forEach((radius, k) => lengths.set(`${key} ${k}`, 2 * radius));
     const rest = restPositions(bones);
     const [left, right] = SIDES.map((side) => rest[bones.findIndex(({ name }) => name === `${side}UpperArm`)]!);
     return lengths.set('shoulders', left!.distanceTo(right!));

@@ -41,18 +41,26 @@ export function skinOf(file: GLTF, avatar: VRM, names: readonly string[], place:
     const material = mesh.primitives[primitives]?.material;
     const called = [mesh.name, carriers.nameAbove(object), material === undefined ? undefined : json.materials?.[material]?.name];
     if (called.some((name) => isLoose(name ?? ''))) return;
-    addVertices(object, new Set(index.array), carriers, points, place);
+    const numbers = addVertices(object, new Set(index.array), carriers, points, place);
+    for (let k = 0; k + 2 < index.count; k += 3) {
+      const [a, b, c] = [0, 1, 2].map((corner) => numbers.get(index.getX(k + corner)));
+      if (a !== undefined && b !== undefined && c !== undefined) points.addTriangle(a, b, c);
+    }
   });
   return points;
 }
 
-function addVertices(mesh: Mesh, used: Set<number>, carriers: Carriers, points: SkinPoints, place: (point: Vector3) => Vector3): void {
+/** Add the vertices of a mesh that are skin; their numbers in the mesh -> in ``points``. */
+function addVertices(
+  mesh: Mesh, used: Set<number>, carriers: Carriers, points: SkinPoints, place: (point: Vector3) => Vector3,
+): Map<number, number> {
+  const numbers = new Map<number, number>();
   const { position, skinIndex, skinWeight } = mesh.geometry.attributes;
   const skinned = mesh instanceof SkinnedMesh && skinIndex && skinWeight ? mesh : null;
   const bones = skinned ? skinned.skeleton.bones : [mesh];
   const matrices = bones.map((bone, k) => (skinned ? bone.matrixWorld.clone().multiply(skinned.skeleton.boneInverses[k]!) : bone.matrixWorld));
   const carried = bones.map((bone) => carriers.of(bone));
-  if (!skinned && carried[0]!.row === null) return;
+  if (!skinned && carried[0]!.row === null) return numbers;
   const [at, sum, part] = [new Vector3(), new Vector3(), new Vector3()];
   for (const vertex of [...used].sort((a, b) => a - b)) {
     at.fromBufferAttribute(position!, vertex);
@@ -71,8 +79,9 @@ function addVertices(mesh: Mesh, used: Set<number>, carriers: Carriers, points: 
       rows.push(carried[bone]!.row ?? 0);
       weights.push(weight);
     });
-    if (loose < 0.5) points.add(place(sum.clone()), rows, weights);
+    if (loose < 0.5) numbers.set(vertex, points.add(place(sum.clone()), rows, weights));
   }
+  return numbers;
 }
 
 /** Which bone carries what hangs on a node, and whether that is skin. */

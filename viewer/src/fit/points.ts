@@ -1,30 +1,74 @@
 /** The vertices of a mesh that are skin, and the plain statistics that capsules are fitted with. */
 
-import type { Vector3 } from 'three';
+import { Vector3 } from 'three';
+import { skin_points as POINTS } from './constants.js';
+import { clip } from './gaps.js';
 
 /** Fewer vertices than this are too few to measure. */
-export const MIN_POINTS = 6;
-const OWN = 0.49; // of a vertex, by the bones that it belongs to
+export const MIN_POINTS = POINTS.MIN_POINTS;
+
+/** A point of a surface. */
+export interface SurfacePoint {
+  at: Vector3;
+  normal: Vector3;
+}
 
 export class SkinPoints {
   private readonly points: Vector3[] = [];
   /** Bone -> the vertices that it carries, and how much. */
   private readonly carried = new Map<number, { vertex: number; weight: number }[]>();
 
-  /** Add a vertex that bones of these numbers carry, and how much. */
-  add(point: Vector3, bones: number[], weights: number[]): void {
+  private readonly triangles: [number, number, number][] = [];
+
+  /** The number of a vertex that is added; bones of these numbers carry it, so much. */
+  add(point: Vector3, bones: number[], weights: number[]): number {
     const vertex = this.points.push(point) - 1;
     bones.forEach((bone, k) => {
       if (!this.carried.has(bone)) this.carried.set(bone, []);
       this.carried.get(bone)!.push({ vertex, weight: weights[k]! });
     });
+    return vertex;
+  }
+
+  /** Add a triangle between vertices of these numbers. */
+  addTriangle(a: number, b: number, c: number): void {
+    this.triangles.push([a, b, c]);
   }
 
   /** The vertices that these bones carry together, by half or more. */
   of(bones: number[]): Vector3[] {
+    return [...this.numbersOf(bones)].map((vertex) => this.points[vertex]!);
+  }
+
+  private numbersOf(bones: number[]): Set<number> {
     const sums = new Map<number, number>();
     for (const { vertex, weight } of bones.flatMap((bone) => this.carried.get(bone) ?? [])) sums.set(vertex, (sums.get(vertex) ?? 0) + weight);
-    return [...sums].flatMap(([vertex, sum]) => (sum >= OWN ? [this.points[vertex]!] : []));
+    return new Set([...sums].flatMap(([vertex, sum]) => (sum >= POINTS.OWN ? [vertex] : [])));
+  }
+
+  /** Points on the triangles that these bones carry, about ``step`` apart. */
+  surface(bones: number[], step: number): SurfacePoint[] {
+    const own = this.numbersOf(bones);
+    const triangles = this.triangles.flatMap((triangle) => {
+      if (!triangle.every((vertex) => own.has(vertex))) return [];
+      const [a, b, c] = triangle.map((vertex) => this.points[vertex]!) as [Vector3, Vector3, Vector3];
+      const normal = b.clone().sub(a).cross(c.clone().sub(a));
+      if (!(normal.length() > 0)) return [];
+      const longest = Math.max(a.distanceTo(b), b.distanceTo(c), c.distanceTo(a));
+      return [{ a, b, c, normal: normal.normalize(), rows: clip(Math.ceil(longest / step), 1, POINTS.MOST_ROWS) }];
+    });
+    const samples = triangles.reduce((sum, { rows }) => sum + (rows * (rows + 1)) / 2, 0);
+    return triangles.flatMap(({ a, b, c, normal, rows }) => {
+      const n = samples > POINTS.MOST_SAMPLES ? 1 : rows;
+      const points: SurfacePoint[] = [];
+      for (let i = 0; i < n; i++) {
+        for (let j = 0; i + j < n; j++) {
+          const [u, v] = [(i + 1 / 3) / n, (j + 1 / 3) / n];
+          points.push({ at: a.clone().multiplyScalar(1 - u - v).addScaledVector(b, u).addScaledVector(c, v), normal });
+        }
+      }
+      return points;
+    });
   }
 }
 

@@ -11,8 +11,9 @@ import { skin as SKIN } from './constants.js';
 import { clip } from './gaps.js';
 import { fitHead, type Shape } from './head.js';
 import { around, line, MIN_POINTS, quantile, type SkinPoints } from './points.js';
+import { Relief } from './relief.js';
 
-const { TRUNK, HEAD, BINS, HEIGHTS, ACROSS, HEM } = SKIN;
+const { TRUNK, HEAD, BINS, HEIGHTS, ACROSS, HEM, STEP } = SKIN;
 const FINGER = /(Thumb|Index|Middle|Ring|Little)(Metacarpal|Proximal|Intermediate|Distal)$/;
 
 interface Piece extends Shape {
@@ -27,14 +28,19 @@ export interface Standing {
   toTPose: Quaternion[];
 }
 
-/** Capsules in the T-pose, fitted to vertices of an avatar that stands at rest; ``usual``: in the T-pose too. */
-export function fitSkin({ bones, toTPose }: Standing, usual: UsualCapsule[], points: SkinPoints): FitCapsule[] {
+/**
+ * Capsules in the T-pose, fitted to vertices of an avatar that stands at rest, and how its skin lies above them; ``usual``: in the
+ * T-pose too.
+ */
+export function fitSkin(
+  { bones, toTPose }: Standing, usual: UsualCapsule[], points: SkinPoints,
+): { capsules: FitCapsule[]; relief: Relief | null } {
   const fitting = new Fitting(bones, toTPose, usual, points);
   fitting.limbs();
   for (const side of SIDES) fitting.hand(side);
   fitting.trunk();
   fitting.head();
-  return fitting.capsules();
+  return { capsules: fitting.capsules(), relief: fitting.relief() };
 }
 
 class Fitting {
@@ -54,13 +60,24 @@ class Fitting {
     });
   }
 
-  /** The capsules as they are now, but legs. */
+  /** The capsules as they are now. */
   capsules(): FitCapsule[] {
-    return this.pieces.flatMap(({ usual, bone, start, end, radii }) => {
-      if (usual.region === 'leg') return [];
+    return this.pieces.map(({ usual: { isTip, ...usual }, bone, start, end, radii }) => {
       const [from, to] = [start, end].map((end) => end.clone().sub(this.rest[bone]!).applyQuaternion(this.toTPose[bone]!));
-      return [{ ...usual, region: usual.region, start: from!.toArray(), end: to!.toArray(), radii }];
+      return { ...usual, start: from!.toArray(), end: to!.toArray(), radii };
     });
+  }
+
+  /** How the skin of head, neck and trunk lies above their capsules; null where there is none. */
+  relief(): Relief | null {
+    const bones = [...TRUNK, ...HEAD, 'neck'].flatMap((name) => this.number.get(name) ?? []);
+    const surface = this.points.surface(bones, STEP * this.height);
+    if (!surface.length) return null;
+    const solid = this.pieces.filter(({ usual }) => usual.region === 'head' || usual.region === 'trunk');
+    const under = solid.map(({ usual, bone, start, end, radii }) => ({
+      key: usual.key, start, end, radii, fromTPose: this.toTPose[bone]!.clone().invert(),
+    }));
+    return new Relief(surface, under);
   }
 
   private fromTPose(point: Vector3, bone: number): Vector3 {
@@ -78,8 +95,10 @@ class Fitting {
   // --- limbs, neck, fingers ---
 
   limbs(): void {
-    const rows = this.pieces.filter(({ usual }) => usual.region === 'leg' || usual.region.endsWith('Arm') || usual.key === 'neck');
-    scaleOthers(rows, rows.filter((piece) => this.fitLimb(piece)));
+    const arms = this.pieces.filter(({ usual }) => usual.region.endsWith('Arm'));
+    scaleOthers(arms, arms.filter((piece) => this.fitLimb(piece, true)));
+    const neck = this.find('neck');
+    if (neck) this.fitLimb(neck, false);
     for (const side of SIDES) {
       const [shoulder, arm] = [this.find(`${side}Shoulder`), this.find(`${side}UpperArm`)];
       if (!shoulder || !arm) continue;
@@ -114,12 +133,13 @@ class Fitting {
     return { axis, length, u, v, seen };
   }
 
-  private fitLimb(piece: Piece): boolean {
+  /** Fit one capsule to the vertices around its bone; arms lie along their bones, from joint to joint (``isCentred``). */
+  private fitLimb(piece: Piece, isCentred: boolean): boolean {
     const measured = this.measured(piece);
     if (!measured) return false;
     const { u, v, seen } = measured;
     const rings = Array.from({ length: BINS }, (_, k) => (k + 0.5) / BINS).flatMap((t) => {
-      const found = ring(seen.filter(({ along }) => Math.abs(along - t) < 0.5 / BINS));
+      const found = ring(seen.filter(({ along }) => Math.abs(along - t) < 0.5 / BINS), isCentred);
       return found ? [{ t, ...found }] : [];
     });
     if (!rings.length) return false;
@@ -253,11 +273,14 @@ class Fitting {
   }
 }
 
-/** Middle and radius of the vertices around a bone; null where they are too few, or not all around. */
-function ring(points: { x: number; y: number }[]): { x: number; y: number; radius: number } | null {
+/**
+ * Middle and radius of the vertices around a bone; null where they are too few, or not all around. The middle is the bone itself
+ * where that is wanted (``isCentred``).
+ */
+function ring(points: { x: number; y: number }[], isCentred = false): { x: number; y: number; radius: number } | null {
   const quarters = new Set(points.map(({ x, y }) => `${x > 0} ${y > 0}`));
   if (points.length < MIN_POINTS || quarters.size < 4) return null;
-  const middle = (values: number[]) => 0.5 * (quantile(values, 0.05) + quantile(values, 0.95));
+  const middle = (values: number[]) => isCentred ? 0 : 0.5 * (quantile(values, 0.05) + quantile(values, 0.95));
   const [x, y] = [middle(points.map((point) => point.x)), middle(points.map((point) => point.y))];
   return { x, y, radius: quantile(points.map((point) => Math.hypot(point.x - x, point.y - y)), 0.5) };
 }

@@ -3,6 +3,7 @@
  * module body/fit, which says what is sought and why.
  */
 
+import { Quaternion, Vector3 } from 'three';
 import { Band, secondDifferences } from './band.js';
 import { Posed, SIDES } from './body.js';
 import { fit as FIT } from './constants.js';
@@ -24,6 +25,8 @@ interface Near {
   other: number[];
   /** Skin distances at the source, m. */
   distances: number[];
+  /** How far the skin lies above the other capsule, where they are nearest, m. */
+  heights: number[];
 }
 
 /** Moves of both wrists, left x y z, right x y z, frame by frame, m. */
@@ -51,7 +54,7 @@ export class Fit {
   private readonly sides: number[];
   private readonly first: number[];
   private readonly last: number[];
-  private near: Near = { frames: [], own: [], other: [], distances: [] };
+  private near: Near = { frames: [], own: [], other: [], distances: [], heights: [] };
   // The linear stage, by frames: both diagonals and the off-diagonal of its 2 x 2 block, and its right sides.
   private readonly diagonal: Float64Array;
   private readonly off: Float64Array;
@@ -94,7 +97,7 @@ export class Fit {
   }
 
   /** The moves once more, from ``moved``: the body with the arms as they lie after the moves so far. */
-  again(moved: Posed): Generator<void, Moves> {
+  *again(moved: Posed): Generator<void, Moves> {
     const base = new Float64Array(6 * this.frames);
     for (let t = 0; t < this.frames; t++) {
       for (const side of [0, 1]) {
@@ -102,7 +105,24 @@ export class Fit {
         for (let x = 0; x < 3; x++) base[6 * t + 3 * side + x] = moved.arms[at + x]! - this.carried.arms[at + x]!;
       }
     }
-    return this.touched(base, moved, base, STEPS_AGAIN);
+    yield* this.measureHeights(moved);
+    return yield* this.touched(base, moved, base, moved.body.relief ? STEPS : STEPS_AGAIN);
+  }
+
+  private *measureHeights(posed: Posed): Generator<void, void> {
+    const { near, sides } = this;
+    const { relief, capsules } = posed.body;
+    if (!relief) return;
+    const [turn, direction] = [new Quaternion(), new Vector3()];
+    for (let k = 0; k < near.frames.length; k++) {
+      if (k % 256 === 255) yield;
+      const [t, other] = [near.frames[k]!, near.other[k]!];
+      if (sides[other]! >= 0) continue;
+      gapBetween(posed, t, near.own[k]!, other);
+      const at = gap.otherAt;
+      turn.fromArray(posed.rotations.get(capsules[other]!.bone)!, 4 * (posed.from + t)).invert();
+      near.heights[k] = relief.height(capsules[other]!.key, at, direction.fromArray(gap.normal).applyQuaternion(turn));
+    }
   }
 
   // --- the linear stage ---
@@ -238,10 +258,16 @@ export class Fit {
       for (let k = 0; k < marks.length; k++) {
         if (!marks[k]) continue;
         gapBetween(source, t, pairs.own[k]!, pairs.other[k]!);
+        const then = gap.distance;
+        if (then >= TOUCH_M) {
+          gapBetween({ starts, ends, radii: carried.radii }, t, pairs.own[k]!, pairs.other[k]!);
+          if (gap.distance >= MARGIN_M) continue;
+        }
         near.frames.push(t);
         near.own.push(pairs.own[k]!);
         near.other.push(pairs.other[k]!);
-        near.distances.push(gap.distance);
+        near.distances.push(then);
+        near.heights.push(0);
       }
     }
   }
@@ -291,7 +317,7 @@ export class Fit {
       fill(0, t, own);
       fill(6, t, other);
       skinGap(capsules, radii[2 * own]!, radii[2 * own + 1]!, radii[2 * other]!, radii[2 * other + 1]!);
-      const wanted = Math.min(then, CLEAR_M);
+      const wanted = Math.min(then, CLEAR_M) + near.heights[k]!;
       // A pair that lies deep at the source has no skin to touch: it may lie as deep, and is held the less.
       const off = Math.max(Math.abs(then + 0.5 * PRESS_M) - 0.5 * PRESS_M, 0);
       const held = then < TOUCH_M ? CONTACT_WEIGHT * Math.exp(-off / CONTACT_FADE_M) : 0;
