@@ -16,19 +16,24 @@ export interface CapsuleUnder {
   fromTPose: Quaternion;
 }
 
+const EDGE = FARTHEST_M / 2; // of a cube, m
+const CORNER = (Math.sqrt(3) / 2) * EDGE; // from a cube's middle
+
 /** The surface of an avatar's head, neck and trunk in its rest pose. */
 export class Relief {
   private readonly under: Map<string, CapsuleUnder>;
-  /** The surface's points by cubes whose edge is the farthest distance at which they count. */
-  private readonly cubes = new Map<number, SurfacePoint[]>();
+  /** The surface's points and their normals, x y z each, by cubes of space. */
+  private readonly cubes = new Map<number, Float64Array>();
 
   constructor(surface: SurfacePoint[], under: CapsuleUnder[]) {
     this.under = new Map(under.map((one) => [one.key, one]));
-    for (const point of surface) {
-      const key = cube(point.at, 0, 0, 0);
-      if (!this.cubes.has(key)) this.cubes.set(key, []);
-      this.cubes.get(key)!.push(point);
+    const cubes = new Map<number, number[]>();
+    for (const { at, normal } of surface) {
+      const number = cubeAt(Math.floor(at.x / EDGE), Math.floor(at.y / EDGE), Math.floor(at.z / EDGE));
+      if (!cubes.has(number)) cubes.set(number, []);
+      cubes.get(number)!.push(at.x, at.y, at.z, normal.x, normal.y, normal.z);
     }
+    for (const [number, points] of cubes) this.cubes.set(number, Float64Array.from(points));
   }
 
   /** Height of the skin above a capsule, m: where along its axis, and in which direction in the axes of the T-pose. */
@@ -43,17 +48,27 @@ export class Relief {
   }
 
   private above(place: Vector3, out: Vector3): number {
-    let [sum, total] = [0, 0];
-    for (let i = -1; i <= 1; i++) {
-      for (let j = -1; j <= 1; j++) {
-        for (let k = -1; k <= 1; k++) {
-          for (const { at, normal } of this.cubes.get(cube(place, i, j, k)) ?? []) {
-            const [x, y, z] = [at.x - place.x, at.y - place.y, at.z - place.z];
-            const height = x * out.x + y * out.y + z * out.z;
+    const [px, py, pz, nx, ny, nz] = [place.x, place.y, place.z, out.x, out.y, out.z];
+    const [i, j, k] = [Math.floor(px / EDGE), Math.floor(py / EDGE), Math.floor(pz / EDGE)];
+    let sum = 0;
+    let total = 0;
+    for (let a = i - 2; a <= i + 2; a++) {
+      for (let b = j - 2; b <= j + 2; b++) {
+        for (let c = k - 2; c <= k + 2; c++) {
+          const points = this.cubes.get(cubeAt(a, b, c));
+          if (!points) continue;
+          const [u, v, w] = [(a + 0.5) * EDGE - px, (b + 0.5) * EDGE - py, (c + 0.5) * EDGE - pz];
+          if (u * u + v * v + w * w - (u * nx + v * ny + w * nz) ** 2 > (AROUND_M + CORNER) ** 2) continue;
+          for (let n = 0; n < points.length; n += 6) {
+            const x = points[n]! - px;
+            const y = points[n + 1]! - py;
+            const z = points[n + 2]! - pz;
+            const height = x * nx + y * ny + z * nz;
             const squared = x * x + y * y + z * z;
             const beside = Math.max(squared - height * height, 0) / (AROUND_M * AROUND_M);
-            if (beside >= 1 || squared > FARTHEST_M * FARTHEST_M || normal.dot(out) <= FACING) continue;
-            const weight = (1 - beside) ** 2 * Math.exp(height / SHARP_M);
+            if (beside >= 1 || squared > FARTHEST_M * FARTHEST_M) continue;
+            if (points[n + 3]! * nx + points[n + 4]! * ny + points[n + 5]! * nz <= FACING) continue;
+            const weight = (1 - beside) * (1 - beside) * Math.exp(height / SHARP_M);
             sum += weight * height;
             total += weight;
           }
@@ -68,17 +83,17 @@ export class Relief {
     let deepest = 0;
     for (const { key: other, start, end, radii } of this.under.values()) {
       if (other === key) continue;
-      const axis = end.clone().sub(start);
-      const since = place.clone().sub(start);
-      const t = clip(since.dot(axis) / (axis.lengthSq() + 1e-12));
-      deepest = Math.max(deepest, radii[0] + t * (radii[1] - radii[0]) - since.addScaledVector(axis, -t).length());
+      const [x, y, z] = [end.x - start.x, end.y - start.y, end.z - start.z];
+      const [u, v, w] = [place.x - start.x, place.y - start.y, place.z - start.z];
+      const t = clip((x * u + y * v + z * w) / (x * x + y * y + z * z + 1e-12));
+      const away = Math.sqrt((u - t * x) ** 2 + (v - t * y) ** 2 + (w - t * z) ** 2);
+      deepest = Math.max(deepest, radii[0] + t * (radii[1] - radii[0]) - away);
     }
     return clip((HIDDEN_M - deepest) / (HIDDEN_M - SHOWN_M));
   }
 }
 
-/** The number of the cube that lies so many cubes beside that of a place. */
-function cube({ x, y, z }: Vector3, i: number, j: number, k: number): number {
-  const number = (value: number, beside: number) => Math.floor(value / FARTHEST_M) + beside + 512;
-  return (number(x, i) * 1024 + number(y, j)) * 1024 + number(z, k);
+/** The number of a cube of space. */
+function cubeAt(i: number, j: number, k: number): number {
+  return ((i + 512) * 1024 + j + 512) * 1024 + k + 512;
 }
