@@ -11,7 +11,7 @@ ITSELF := $(PIP) --no-deps --no-build-isolation --editable .
 COMPILE := $(VENV)/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
 	--only-binary :all: --no-annotate --custom-compile-command "make lock" $(if $(UPGRADE),--upgrade)
 
-.PHONY: attacks demo test test-slow lint types unit viewer wheel lock bench fuzz words corpus smoke paper weights clean
+.PHONY: attacks demo test test-slow lint types unit viewer wheel try-wheel lock bench fuzz words corpus smoke paper weights clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet and a report in out/demo
 	$(BIN)/signsplice demo --out out/demo
@@ -32,6 +32,9 @@ viewer: $(PAGE)                ## the browser viewer's page, built into the pack
 
 wheel: $(VENV)/.dev $(PAGE)    ## the wheel in out/dist, with its bill of materials (CycloneDX) inside
 	$(BIN)/python -m hatchling build --target wheel --directory out/dist
+
+try-wheel: wheel               ## the wheel used in a clean environment on every Python from 3.11 to 3.13 that is here
+	runs/try_wheel.sh
 
 lock: | $(VENV)/bin/python     ## requirements/*.lock anew from pyproject.toml; UPGRADE=1 for newer versions (needs an index)
 	$(BIN)/python -m venv $(VENV)/lock

@@ -92,6 +92,21 @@ def test_a_file_that_is_changed_missing_or_not_listed_is_refused(tmp_path: Path)
             read_file(tmp_path, config, name)
 
 
+@pytest.mark.parametrize("refusal", [OSError("no hard links here"), NotImplementedError("follow_symlinks")])
+def test_where_there_are_no_hard_links_other_files_stay_too(
+    refusal: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise refusal
+
+    write_bundle(tmp_path / "bundle", VALUES, {"a.onnx": b"first"})
+    (tmp_path / "bundle" / "notes.txt").write_text("mine")
+    monkeypatch.setattr("os.link", refuse)
+    write_bundle(tmp_path / "bundle", VALUES, {"a.onnx": b"second"})
+    assert (tmp_path / "bundle" / "notes.txt").read_text() == "mine"
+    assert (tmp_path / "bundle" / "a.onnx").read_bytes() == b"second"
+
+
 def test_a_bundle_is_replaced_as_a_whole_and_other_files_stay(tmp_path: Path) -> None:
     folder = tmp_path / "made" / "bundle"
     write_bundle(folder, VALUES, {"a.onnx": b"first", "stale.onnx": b"first"}, {"a.jsonl": b"log"})

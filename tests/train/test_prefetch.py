@@ -124,3 +124,10 @@ def test_the_worker_ends_when_its_parent_is_killed() -> None:
     parent = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert parent.returncode == 1, parent.stderr
     assert ends(int(parent.stdout))
+
+
+def test_where_processes_cannot_be_copied_this_one_makes_the_batches(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(multiprocessing, "get_all_start_methods", lambda: ["spawn"])
+    with prefetched(Counting()) as dataset:
+        assert batches(dataset, 0, 1) == [([0, 1, 2, 3], os.getpid()), ([4, 5, 6, 7], os.getpid())]
+        assert multiprocessing.active_children() == []

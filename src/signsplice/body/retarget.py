@@ -17,6 +17,7 @@ from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules
 from signsplice.body.contacts import PART_M, Contact, find_contacts
 from signsplice.body.fit import Fit, skin_heights
 from signsplice.body.posed import PosedBody, posed_body
+from signsplice.body.thumb_contacts import keep_thumb_contacts
 from signsplice.body.touch import Near, forearm_pairs, near_pairs, pair_gaps
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.align import Reference, copy_rotations, is_same_skeleton, settle
@@ -72,7 +73,10 @@ def align(clip: Clip, to: Reference, speed: float = 1.0) -> Retargeted:
 
 
 def fit_body(source: Clip, source_body: BodyCapsules, carried: Clip, body: BodyCapsules) -> Retargeted:
-    """``carried``, the rotations of ``source`` on another skeleton, with arms moved to keep places and contacts."""
+    """``carried``, the rotations of ``source`` on another skeleton, with arms moved to keep places and contacts, and
+    thumbs turned where hands have other proportions.
+    """
+    carried = keep_thumb_contacts(source, source_body, carried, body)
     metres, active = rig_info(carried.skeleton).sizes.unit.metres, signing(source)
     moves, swivels = np.zeros((len(source), 2, 3)), np.zeros((len(source), 2))
     beyond, contacts = np.zeros(2), []

@@ -124,8 +124,12 @@ class _PrefetchedDataset:
 def prefetched(dataset: Dataset, rank: int = 0, count: int = 1) -> Iterator[Dataset]:
     """The same dataset with a process that makes batches in advance, which ends with the block.
 
-    ``rank`` of ``count`` processes trains on every ``count``-th row of each batch.
+    ``rank`` of ``count`` processes trains on every ``count``-th row of each batch. Where the system cannot copy a
+    process (Windows), this one makes them all.
     """
+    if "fork" not in multiprocessing.get_all_start_methods():
+        yield dataset
+        return
     worker = _BatchWorker(dataset)
     try:
         yield _PrefetchedDataset(dataset, worker, slice(rank, None, count))
