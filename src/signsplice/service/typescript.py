@@ -15,14 +15,14 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import numpy as np
 from pydantic.fields import FieldInfo
 
-from signsplice.body import arm_ik, capsules, fit, relief, retarget, skin, skin_head, skin_points, swivel
+from signsplice.body import arm_ik, capsules, fit, relief, retarget, skin, skin_head, skin_points, swivel, thumb_contacts
 from signsplice.formats import FORMATS, gltf_mesh
 from signsplice.rig import proportions, t_pose
 from signsplice.service import wire
 
 _BODIES = (
     *(proportions, t_pose, capsules, gltf_mesh, skin_points, skin, skin_head, relief),
-    *(fit, swivel, arm_ik, retarget),
+    *(fit, swivel, arm_ik, thumb_contacts, retarget),
 )
 _PLAIN = {str: "string", float: "number", int: "number", bool: "boolean", type(None): "null"}
 

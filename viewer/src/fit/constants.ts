@@ -107,6 +107,22 @@ export const arm_ik = {
   TINY: 1e-09,
 } as const;
 
+export const thumb_contacts = {
+  FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
+  ALIKE: 0.03,
+  MOST_RADIANS: 0.2617993877991494,
+  NEAR_M: 0.012,
+  FADE_M: 0.004,
+  DAMPING: 0.0002,
+  TOGETHER: 0.002,
+  APART_RADIANS: 0.2617993877991494,
+  STEPS: 3,
+  WIDTH_S: 0.05,
+  THUMB: ["ThumbMetacarpal", "ThumbProximal", "ThumbDistal"],
+  SEGMENTS: ["Palm", "Proximal", "Intermediate", "Distal"],
+  FLEXION: [0.0, 0.0, 1.0],
+} as const;
+
 export const retarget = {
   PART_M: 0.012,
   ALIKE: 0.005,

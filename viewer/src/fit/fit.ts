@@ -8,6 +8,7 @@ import { type Body, lengthOf, Posed, restPositions, type Rotations, shared, SIDE
 import { retarget as RETARGET } from './constants.js';
 import { chooseSwivels } from './elbows.js';
 import { Fit } from './solver.js';
+import { keepThumbContacts } from './thumbs.js';
 
 const { WINDOW, OVERLAP, ALIKE, BEYOND_M } = RETARGET;
 const SLICE_MS = 10; // of work between two frames of the page
@@ -35,10 +36,12 @@ export interface Fitted {
 
 /** The motion on another body. Yields now and then, so that the page can draw meanwhile (``inSlices``). */
 export function* fitMotion(motion: Motion, onto: Body): Generator<void, Fitted> {
-  const rotations = carry(motion, onto);
-  if (isAlike(motion.body, onto)) return { rotations, beyond: [0, 0], isMoved: false };
+  const copied = carry(motion, onto);
+  if (isAlike(motion.body, onto)) return { rotations: copied, beyond: [0, 0], isMoved: false };
   const [source, target] = shared(motion.body, onto);
   const { frames, fps } = motion;
+  const whole = new Posed(source, motion.rotations, 0, frames);
+  const rotations = yield* keepThumbContacts(whole, new Posed(target, copied, 0, frames), fps);
   const moves = new Float64Array(6 * frames);
   const swivels = new Float64Array(2 * frames);
   const beyond: [number, number] = [0, 0];
