@@ -30,7 +30,7 @@ from signsplice.service.fitting import fit_source
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 VIEWER = Path(__file__).resolve().parents[2] / "viewer"
-CASES = [(gloss, body) for body in ("narrow", "broad", "big head") for gloss in ("NAME", "MOTHER")]
+CASES = [("NAME", "narrow"), ("MY", "broad"), ("MOTHER", "big head"), ("FAMILY", "narrow")]
 SENTENCE = ("HELLO MY NAME", "big head")
 FAR = ("HAT", "too short")
 
@@ -128,7 +128,7 @@ def test_places_beyond_reach_are_told_as_python_tells_them(page: Mapping[tuple[s
     assert page[CASES[0]]["beyond"] == [0.0, 0.0]
 
 
-@pytest.mark.parametrize("case", [CASES[0], CASES[2], CASES[4]])
+@pytest.mark.parametrize("case", CASES[:3])
 def test_the_page_finds_the_same_body_in_a_mesh(
     page: Mapping[tuple[str, str], dict[str, Any]], case: tuple[str, str]
 ) -> None:

@@ -15,7 +15,18 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import numpy as np
 from pydantic.fields import FieldInfo
 
-from signsplice.body import arm_ik, capsules, fit, relief, retarget, skin, skin_head, skin_points, swivel, thumb_contacts
+from signsplice.body import (
+    arm_ik,
+    capsules,
+    fit,
+    relief,
+    retarget,
+    skin,
+    skin_head,
+    skin_points,
+    swivel,
+    thumb_contacts,
+)
 from signsplice.formats import FORMATS, gltf_mesh
 from signsplice.rig import proportions, t_pose
 from signsplice.service import wire
