@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from signsplice.body import mesh as mannequin
 from signsplice.body.capsules import Avatar, BodyShape, body_capsules, shaped_capsules
 from signsplice.body.mesh_part import MeshPart
 from signsplice.evaluation.stretched_bodies import BodyProportions, stretched
@@ -92,20 +91,31 @@ def body(name: str, gloss: str = "NAME") -> Avatar:
     return replace(made, body=shaped_capsules(made, BODIES[name].shape))
 
 
-def mannequin_parts(avatar: Avatar) -> tuple[MeshPart, ...]:
-    """The mannequin of an avatar's capsules, in the avatar's rest pose."""
+def tubes(avatar: Avatar) -> tuple[MeshPart, ...]:
+    """A closed tube around every capsule of an avatar, in its rest pose; each hangs on its joint alone."""
     assert avatar.body is not None
-    made = mannequin.capsule_mesh(replace(avatar, mesh=()), avatar.body)
-    bind, at = mannequin.bind_pose(replace(avatar, mesh=()))
-    rest = kinematics.rest_positions(avatar)
-    parts = []
-    for part in made:
-        placed = np.zeros_like(part.vertices)
-        for k in range(part.joints.shape[1]):
-            joint = part.joints[:, k]
-            local = rotation.rotate(rotation.inverse(bind[joint]), part.vertices - at[joint])
-            placed += part.weights[:, k, None] * (local + rest[joint])
-        parts.append(replace(part, vertices=placed))
+    rest, parts = kinematics.rest_positions(avatar), []
+    angle = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+    latitude = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 9)
+    for n, joint in enumerate(avatar.body.joints.tolist()):
+        start, end, radii = avatar.body.starts[n], avatar.body.ends[n], avatar.body.radii[n]
+        axis = end - start if np.linalg.norm(end - start) > 0.0 else np.array([0.0, 1e-6, 0.0])
+        turn = rotation.between_vectors(np.array([0.0, 0.0, 1.0]), axis)
+        rings = [(start, radii[0], up) for up in latitude[:5]]
+        rings += [(start + t * (end - start), radii[0] + t * (radii[1] - radii[0]), 0.0) for t in np.linspace(0, 1, 8)]
+        rings += [(end, radii[1], up) for up in latitude[4:]]
+        rows = []
+        for middle, radius, up in rings:
+            flat = np.stack([np.cos(up) * np.cos(angle), np.cos(up) * np.sin(angle), np.full(16, np.sin(up))], axis=1)
+            rows.append(rest[joint] + middle + radius * rotation.rotate(turn, flat))
+        corner = (np.arange(len(rings) - 1)[:, None] * 16 + np.arange(16)).ravel()
+        beside = corner - corner % 16 + (corner + 1) % 16
+        faces = [np.stack(f, axis=1) for f in ((corner, beside, beside + 16), (corner, beside + 16, corner + 16))]
+        vertices, carried = np.concatenate(rows), np.zeros((16 * len(rings), 4), np.int64)
+        carried[:, 0] = joint
+        weights = np.tile([1.0, 0.0, 0.0, 0.0], (len(vertices), 1))
+        name = "Body_SKIN" if avatar.body.parts[n] != "hair" else "Scalp_SKIN"
+        parts.append(MeshPart(name, (1.0, 0.8, 0.7), vertices, vertices, np.concatenate(faces), carried, weights))
     return tuple(parts)
 
 
@@ -148,6 +158,7 @@ def write(
     roles: Mapping[str, str] | None = None,
     hair: bool = True,
     sparse: bool = False,
+    draco: bool = False,
 ) -> Path:
     """Write an avatar in the rest pose: VRM ``version`` "1.0", "0.x" (facing -Z), or "" for a plain .glb.
 
@@ -192,6 +203,9 @@ def write(
     bind = glb.array(inverse.transpose(0, 2, 1).reshape(-1, 16), "f32", "MAT4")
     glb.json["skins"].append({"joints": bones, "inverseBindMatrices": bind})
     _meshes(glb, parts, behind, weights, sparse)
+    for mesh in glb.json["meshes"] if draco else ():
+        for primitive in mesh["primitives"]:
+            primitive["extensions"] = {"KHR_draco_mesh_compression": {}}
     _humanoid(glb, version, humanoid, springs)
     return glb.write(path)
 

@@ -123,7 +123,7 @@ class Fit:
     def again(self, moved: PosedBody) -> Float:
         """The moves once more, from ``moved``: the body with the arms as they lie after the moves so far."""
         base = moved.wrists - self.carried.wrists
-        heights = skin_heights(moved, self.pairs[1], self.near)
+        heights = moved.heights(self.pairs[1], self.near)
         return self._touched(base, moved, base, _STEPS_AGAIN if moved.body.relief is None else _STEPS, heights)
 
     def _touched(self, m: Float, posed: PosedBody, base: Float, steps: int, heights: Float | float = 0.0) -> Float:
@@ -258,14 +258,6 @@ def _near_contacts(fit: Fit, m: Float) -> Near:
     now = pair_gaps(starts, ends, posed.radii, ours, frames, k).distance
     kept = (then < _TOUCH_M) | (now < _MARGIN_M)
     return Near(frames[kept], k[kept], then[kept])
-
-
-def skin_heights(posed: PosedBody, pairs: SkinPairs, near: Near) -> Float:
-    """How far (N,) the skin of head or trunk lies above the other capsule of near pairs, where they are nearest, m."""
-    if posed.body.relief is None:
-        return np.zeros(len(near.k))
-    now = pair_gaps(posed.starts, posed.ends, posed.radii, pairs, near.frames, near.k)
-    return posed.heights(near.frames, pairs.other[near.k], now.other_at, now.normals)
 
 
 class _Contacts:

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules, capsule_ends
+from signsplice.body.touch import Near, SkinPairs, pair_gaps
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 
 Float = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _LEG, _SIDES = ("leg", "shoe"), ("left", "right")
 
@@ -45,19 +45,20 @@ class PosedBody:
         palms = [n for n, part in enumerate(self.body.parts) if part == "palm"]
         return float(np.median(np.linalg.norm(self.ends[0, palms] - self.starts[0, palms], axis=-1)))
 
-    def heights(self, frames: Index, rows: Index, at: Float, normals: Float) -> Float:
-        """How far (N,) the skin lies above capsules ``rows`` (N,) in ``frames`` (N,), m; 0 where they are the skin.
-
-        at: (N,) where along their axes. normals: (N, 3) in which directions from them, in the world.
+    def heights(self, pairs: SkinPairs, near: Near) -> Float:
+        """How far (N,) the skin of head or trunk lies above the other capsule of near pairs, where they are nearest, m;
+        0 where the capsules are the skin.
         """
-        relief, body, out = self.body.relief, self.body, np.zeros(len(rows))
+        relief, body, out = self.body.relief, self.body, np.zeros(len(near.k))
         if relief is None or self.turns is None:
             return out
-        own = np.flatnonzero(np.isin(rows, relief.rows))
-        rows, at, column = rows[own], at[own], np.searchsorted(relief.rows, rows[own])
-        outward = np.einsum("nba,nb->na", self.turns[frames[own], column], normals[own])
-        radius = body.radii[rows, 0] + at * (body.radii[rows, 1] - body.radii[rows, 0])
-        places = body.starts[rows] + at[:, None] * (body.ends - body.starts)[rows] + radius[:, None] * outward
+        own = np.flatnonzero(np.isin(pairs.other[near.k], relief.rows))
+        frames, k = near.frames[own], near.k[own]
+        rows, now = pairs.other[k], pair_gaps(self.starts, self.ends, self.radii, pairs, frames, k)
+        outward = np.einsum("nba,nb->na", self.turns[frames, np.searchsorted(relief.rows, rows)], now.normals)
+        radius = body.radii[rows, 0] + now.other_at * (body.radii[rows, 1] - body.radii[rows, 0])
+        along = now.other_at[:, None] * (body.ends - body.starts)[rows]
+        places = body.starts[rows] + along + radius[:, None] * outward
         out[own] = relief.heights(rows, places, outward) * (self.radii[0, 0] / body.radii[0, 0])
         return out
 

@@ -24,8 +24,8 @@ _AROUND_M = 0.015
 """R: distance from the line within which surface points count, m."""
 _SHARP_M = 0.005
 """s: points that lie lower than the outermost by this, m, count less by a factor e."""
-_FARTHEST_M = 0.05
-"""Surface points that are farther than this from the place do not count, m."""
+_FARTHEST_M, _NEAREST = 0.05, 64
+"""Surface points that are farther than this from the place, m, do not count; and how many of the others do."""
 _FACING = 0.3
 """Cosine between a surface point's normal and the direction, at least."""
 _HIDDEN_M, _SHOWN_M = 0.008, 0.003
@@ -70,17 +70,16 @@ class Relief:
         return out
 
     def _above(self, places: Float, directions: Float) -> Float:
-        near: list[list[int]] = list(self._tree.query_ball_point(places, _FARTHEST_M))  # type: ignore[arg-type]
-        counts = np.array([len(each) for each in near], np.intp)
-        which = np.repeat(np.arange(len(places)), counts)
-        found = np.fromiter((k for each in near for k in each), np.intp, int(counts.sum()))
-        away, along = self.points[found] - places[which], directions[which]
-        height = np.einsum("nx,nx->n", away, along)
-        beside = np.maximum(np.einsum("nx,nx->n", away, away) - height**2, 0.0) / _AROUND_M**2
-        facing = np.einsum("nx,nx->n", self.normals[found], along) > _FACING
-        weight = np.where(facing, np.maximum(1.0 - beside, 0.0) ** 2, 0.0) * np.exp(height / _SHARP_M)
-        total = np.bincount(which, weight, len(places))
-        return np.bincount(which, weight * height, len(places)) / np.where(total > 0.0, total, 1.0)
+        apart, near = self._tree.query(places, _NEAREST, distance_upper_bound=_FARTHEST_M)
+        met = np.isfinite(apart)
+        near = np.where(met, near, 0)
+        away = self.points[near] - places[:, None]
+        height = np.einsum("nkx,nx->nk", away, directions)
+        beside = np.maximum(np.einsum("nkx,nkx->nk", away, away) - height**2, 0.0) / _AROUND_M**2
+        faces = met & (np.einsum("nkx,nx->nk", self.normals[near], directions) > _FACING)
+        weight = np.where(faces, np.maximum(1.0 - beside, 0.0) ** 2, 0.0) * np.exp(height / _SHARP_M)
+        total = weight.sum(axis=1)
+        return np.asarray((weight * height).sum(axis=1) / np.where(total > 0.0, total, 1.0))
 
     def _shown(self, rows: Index, places: Float) -> Float:
         """How much of each place is skin (N,): 1 on the outside of all capsules, 0 within another."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from signsplice.body import arm_ik, swivel
 from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules
 from signsplice.body.contacts import PART_M, Contact, find_contacts
-from signsplice.body.fit import Fit, skin_heights
+from signsplice.body.fit import Fit
 from signsplice.body.posed import PosedBody, posed_body
 from signsplice.body.thumb_contacts import keep_thumb_contacts
 from signsplice.body.touch import Near, forearm_pairs, near_pairs, pair_gaps
@@ -201,7 +201,7 @@ def _contacts(fit: Fit, posed: PosedBody, start: int) -> list[Contact]:
     shown = (near.distance < PART_M) & (fit.active[near.frames, theirs.own_side[near.k]] > 0.5)
     near = Near(near.frames[shown], near.k[shown], near.distance[shown])
     after = pair_gaps(posed.starts, posed.ends, posed.radii, ours, near.frames, near.k).distance
-    after -= skin_heights(posed, ours, near)
+    after -= posed.heights(ours, near)
     found = find_contacts(fit.source.body, theirs, near, after, fit.n_frames)
     first = _OVERLAP if start else 0  # those before were found in the window before
     return [

@@ -89,6 +89,9 @@ class _Fitting:
         body = replace(self.usual, starts=starts, ends=ends, radii=self.radii)
         joints = [self.roles[role] for role in (*_TRUNK, *_HEAD, "neck") if role in self.roles]
         points, normals = self.points.surface(joints, _STEP * self.height)
+        cells = np.floor(points / (_STEP * self.height)).astype(np.int64)
+        one_each = np.unique(cells, axis=0, return_index=True)[1]
+        points, normals = points[one_each], normals[one_each]
         if not len(points):
             return body
         rows = np.sort(np.array([*body.groups.head, *body.groups.trunk], np.intp))
@@ -216,7 +219,7 @@ class _Fitting:
         low = self.rest[self.roles.get("hips", 0)][1] - (_HEM + 0.01) * self.height
         legs = [self.roles[role] for role in ("leftUpperLeg", "rightUpperLeg") if role in self.roles]
         trunk = [self.roles[role] for role in _TRUNK if role in self.roles]
-        points = np.concatenate([self.points.of(trunk), (p := self.points.of(legs))[p[:, 1] > low]])
+        points = np.concatenate([self._surface(trunk), (p := self._surface(legs))[p[:, 1] > low]])
         if len(points) < MIN_POINTS:
             self.missed.append("trunk")
             return
@@ -237,6 +240,10 @@ class _Fitting:
                 depth = self._depth(points, ends[row][0], ends[row][1])
                 if depth is not None:
                     ends[row][2], self.radii[row, k] = 0.5 * (depth[0] + depth[1]), 0.5 * (depth[1] - depth[0])
+
+    def _surface(self, joints: Sequence[int]) -> Float:
+        """Points (N, 3) on the surface that these joints carry."""
+        return self.points.surface(joints, _STEP * self.height)[0]
 
     def _depth(self, points: Float, x: float, y: float) -> tuple[float, float] | None:
         """Back and front (z) of the skin at a place seen from in front; None where there is none."""
@@ -284,7 +291,7 @@ class _Fitting:
         if not rows:
             return
         joint = self.rest[self.roles["head"]]
-        points = self.points.of([self.roles[role] for role in _HEAD if role in self.roles]) - joint
+        points = self._surface([self.roles[role] for role in _HEAD if role in self.roles]) - joint
         starts, ends, radii = self.starts[rows] - joint, self.ends[rows] - joint, self.radii[rows]
         if fit_head(starts, ends, radii, points, self.height):
             self.starts[rows], self.ends[rows], self.radii[rows] = starts + joint, ends + joint, radii

@@ -9,8 +9,10 @@ from signsplice.body.skin_points import MIN_POINTS, quantile
 
 Float = NDArray[np.float64]
 
-_CHIN, _TOP, _WIDTH = -0.018, 0.134, 0.048
-"""Of the usual head about its joint: heights of chin and top, half width of the face; fractions of stature."""
+_CHIN, _TOP, _WIDTH = -0.0092, 0.134, 0.045
+"""Of the usual head about its joint, measured as here: heights of chin and top, half width of the face; fractions of
+stature.
+"""
 _BALLS = {"face": 0, "chin": 1, "nose": 2, "skull": 3}
 """Rows of the capsules that are placed by rules of their own."""
 _CELL = 0.006
@@ -23,13 +25,14 @@ def fit_head(starts: Float, ends: Float, radii: Float, points: Float, height: fl
     """
     if len(points) < 10 * MIN_POINTS:
         return False
-    nose = quantile(points[:, 2], 0.99)
-    face = points[points[:, 2] > 0.4 * nose]
+    front, back = (_map(points, sign, _CELL * height) for sign in (1.0, -1.0))
+    nose = float(front[:, 2].max())
+    face = front[front[:, 2] > 0.4 * nose]
     wide = quantile(np.abs(face[:, 0]), 0.98) if len(face) else 0.0
     jaw = face[(face[:, 2] > 0.6 * nose) & (np.abs(face[:, 0]) < 0.4 * wide)]
     if len(jaw) < MIN_POINTS:
         return False
-    chin, top = quantile(jaw[:, 1], 0.01), quantile(points[:, 1], 0.995)
+    chin, top = float(jaw[:, 1].min()), float(points[:, 1].max())
     x_scale = wide / (_WIDTH * height)
     y_scale = float(np.clip((top - chin) / ((_TOP - _CHIN) * height), 0.8 * x_scale, 1.3 * x_scale))
     top = chin + y_scale * (_TOP - _CHIN) * height
@@ -38,9 +41,7 @@ def fit_head(starts: Float, ends: Float, radii: Float, points: Float, height: fl
         part[:, 0] *= x_scale
         part[:, 1] = chin + y_scale * (part[:, 1] - _CHIN * height)
         part[:, 2] *= x_scale
-    starts[_BALLS["chin"], 1] = chin + radii[_BALLS["chin"], 0]
     starts[_BALLS["skull"], 1] = top - radii[_BALLS["skull"], 0]
-    front, back = (_map(points, sign, _CELL * height) for sign in (1.0, -1.0))
     upper, lower, skull = (_BALLS[name] for name in ("face", "chin", "skull"))
     balls = [(part[row].copy(), float(radii[row, k])) for row in (upper, lower) for part, k in ((starts, 0), (ends, 1))]
     template = _between(balls[:2]) + _between(balls[2:])
@@ -50,7 +51,9 @@ def fit_head(starts: Float, ends: Float, radii: Float, points: Float, height: fl
         (starts, upper, 0.012),
         (ends, upper, 0.02),
     ):
-        near = (np.abs(front[:, 1] - part[row, 1]) < half * y_scale * height) & (np.abs(front[:, 0]) < 0.6 * wide)
+        above = front[:, 1] - part[row, 1]  # less is wanted from below, where the surface of a chin recedes
+        near = (above > -0.25 * half * y_scale * height) & (above < half * y_scale * height)
+        near &= np.abs(front[:, 0]) < 0.6 * wide
         part[row, 2] += _offset(front[near], template, 1.0) or 0.0
     usual_middle, middle = (
         0.5 * (a + b) for a, b in ((balls[0][0][2], balls[1][0][2]), (starts[upper, 2], ends[upper, 2]))

@@ -113,7 +113,9 @@ class AvatarReader(MeshReader):
         known = {role: names[rows[node]] for role, node in humanoid.items()}
         if set(given.values()) & {*names} or not (humanoid or rig_info(skeleton).roles.rig != "unknown"):
             known = {role: name for role, name in known.items() if name not in given.values()} | dict(given)
-        joints_of_roles = rig_info(replace(skeleton, roles=known)).roles.joints
+        info = rig_info(replace(skeleton, roles=known or None))
+        _ = info.arm_joints  # raises where there are no arms
+        joints_of_roles = info.roles.joints
         return {role: order[joint] for role, joint in joints_of_roles.items()}
 
 

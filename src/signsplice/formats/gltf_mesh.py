@@ -20,6 +20,7 @@ from signsplice.motion import rotation
 Float = NDArray[np.float64]
 
 _TRIANGLES = 4
+_DRACO = "KHR_draco_mesh_compression"
 _VERTEX_BYTES = 400
 """Memory that a vertex takes while it is read."""
 _LOOSE = {
@@ -173,6 +174,8 @@ class MeshReader(SkeletonDocument):
         self, primitive: Fields, bones: tuple[Float, NDArray[np.int64], NDArray[np.bool_]], turn: Float, origin: Float
     ) -> tuple[MeshPart, NDArray[np.bool_]]:
         """A primitive in the rest pose, and which of its vertices are skin (V,)."""
+        if _DRACO in (primitive.get("extensions") or {}):
+            raise self._error(f"its meshes are compressed by {_DRACO}, which is not read; export it without")
         attributes, (matrices, rows, is_skin) = primitive["attributes"], bones
         indices = self._values(primitive["indices"])[:, 0].astype(np.int64)
         used, triangles = np.unique(indices[: len(indices) // 3 * 3], return_inverse=True)

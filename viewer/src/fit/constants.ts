@@ -56,9 +56,9 @@ export const skin = {
 
 export const skin_head = {
   MIN_POINTS: 6,
-  CHIN: -0.018,
+  CHIN: -0.0092,
   TOP: 0.134,
-  WIDTH: 0.048,
+  WIDTH: 0.045,
   BALLS: {"face": 0, "chin": 1, "nose": 2, "skull": 3},
   CELL: 0.006,
 } as const;
@@ -67,6 +67,7 @@ export const relief = {
   AROUND_M: 0.015,
   SHARP_M: 0.005,
   FARTHEST_M: 0.05,
+  NEAREST: 64,
   FACING: 0.3,
   HIDDEN_M: 0.008,
   SHOWN_M: 0.003,

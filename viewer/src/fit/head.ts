@@ -24,15 +24,17 @@ interface Ball {
 /** Fit the head's capsules of the usual proportions in place, all about its joint; false where there are too few vertices. */
 export function fitHead(shapes: Shape[], points: Vector3[], height: number): boolean {
   if (points.length < 10 * MIN_POINTS) return false;
-  const depth = quantile(points.map(({ z }) => z), 0.99);
-  const front = points.filter(({ z }) => z > 0.4 * depth);
+  const [foremost, hindmost] = [1, -1].map((sign) => outermost(points, sign, CELL * height)) as [Vector3[], Vector3[]];
+  const depth = Math.max(...foremost.map(({ z }) => z));
+  const front = foremost.filter(({ z }) => z > 0.4 * depth);
   const wide = front.length ? quantile(front.map(({ x }) => Math.abs(x)), 0.98) : 0;
   const jaw = front.filter(({ x, z }) => z > 0.6 * depth && Math.abs(x) < 0.4 * wide);
   if (jaw.length < MIN_POINTS) return false;
-  const low = quantile(jaw.map(({ y }) => y), 0.01);
+  const low = Math.min(...jaw.map(({ y }) => y));
   const xScale = wide / (WIDTH * height);
   const span = (TOP - CHIN) * height;
-  const yScale = clip((quantile(points.map(({ y }) => y), 0.995) - low) / span, 0.8 * xScale, 1.3 * xScale);
+  const highest = points.reduce((most, { y }) => Math.max(most, y), -Infinity);
+  const yScale = clip((highest - low) / span, 0.8 * xScale, 1.3 * xScale);
   const top = low + yScale * span;
   for (const { start, end, radii } of shapes) {
     for (const point of [start, end]) point.set(point.x * xScale, low + yScale * (point.y - CHIN * height), point.z * xScale);
@@ -40,14 +42,14 @@ export function fitHead(shapes: Shape[], points: Vector3[], height: number): boo
     radii[1] *= xScale;
   }
   const [face, chin, nose, skull] = [BALLS.face, BALLS.chin, BALLS.nose, BALLS.skull].map((row) => shapes[row]!) as [Shape, Shape, Shape, Shape];
-  chin.start.y = low + chin.radii[0];
   skull.start.y = top - skull.radii[0];
-  const [foremost, hindmost] = [1, -1].map((sign) => outermost(points, sign, CELL * height)) as [Vector3[], Vector3[]];
   const template = [...between(face), ...between(chin)];
   const usualMiddle = 0.5 * (face.start.z + face.end.z);
   const tall = yScale * height;
   for (const [point, half] of [[chin.start, 0.012], [chin.end, 0.012], [face.start, 0.012], [face.end, 0.02]] as const) {
-    const near = foremost.filter(({ x, y }) => Math.abs(y - point.y) < half * tall && Math.abs(x) < 0.6 * wide);
+    // Less is wanted from below, where the surface of a chin recedes.
+    const isNear = (above: number) => above > -0.25 * half * tall && above < half * tall;
+    const near = foremost.filter(({ x, y }) => isNear(y - point.y) && Math.abs(x) < 0.6 * wide);
     point.z += offset(near, template, 1) ?? 0;
   }
   const shift = 0.5 * (face.start.z + face.end.z) - usualMiddle;

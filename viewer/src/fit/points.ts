@@ -58,18 +58,30 @@ export class SkinPoints {
       return [{ a, b, c, normal: normal.normalize(), rows: clip(Math.ceil(longest / step), 1, POINTS.MOST_ROWS) }];
     });
     const samples = triangles.reduce((sum, { rows }) => sum + (rows * (rows + 1)) / 2, 0);
-    return triangles.flatMap(({ a, b, c, normal, rows }) => {
-      const n = samples > POINTS.MOST_SAMPLES ? 1 : rows;
-      const points: SurfacePoint[] = [];
-      for (let i = 0; i < n; i++) {
-        for (let j = 0; i + j < n; j++) {
-          const [u, v] = [(i + 1 / 3) / n, (j + 1 / 3) / n];
-          points.push({ at: a.clone().multiplyScalar(1 - u - v).addScaledVector(b, u).addScaledVector(c, v), normal });
+    const points: SurfacePoint[] = [];
+    for (let n = 1; n <= POINTS.MOST_ROWS; n++) {
+      for (const { a, b, c, normal, rows } of triangles) {
+        if ((samples > POINTS.MOST_SAMPLES ? 1 : rows) !== n) continue;
+        for (let j = 0; j < n; j++) {
+          for (let i = 0; i + j < n; i++) {
+            const [u, v] = [(i + 1 / 3) / n, (j + 1 / 3) / n];
+            points.push({ at: a.clone().multiplyScalar(1 - u - v).addScaledVector(b, u).addScaledVector(c, v), normal });
+          }
         }
       }
-      return points;
-    });
+    }
+    return points;
   }
+}
+
+/** Of points, the first in each cube of space. */
+export function thinned(points: SurfacePoint[], edge: number): SurfacePoint[] {
+  const found = new Map<string, SurfacePoint>();
+  for (const point of points) {
+    const key = `${Math.floor(point.at.x / edge)} ${Math.floor(point.at.y / edge)} ${Math.floor(point.at.z / edge)}`;
+    if (!found.has(key)) found.set(key, point);
+  }
+  return [...found.values()];
 }
 
 /** The value (one of them) below which a share of the values lies. */

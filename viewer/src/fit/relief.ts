@@ -5,7 +5,7 @@ import { relief as RELIEF } from './constants.js';
 import { clip } from './gaps.js';
 import type { SurfacePoint } from './points.js';
 
-const { AROUND_M, SHARP_M, FARTHEST_M, FACING, HIDDEN_M, SHOWN_M } = RELIEF;
+const { AROUND_M, SHARP_M, FARTHEST_M, NEAREST, FACING, HIDDEN_M, SHOWN_M } = RELIEF;
 
 /** A capsule under the surface, in the rest pose; ``fromTPose`` turns its bone's axes there from those of the T-pose. */
 export interface CapsuleUnder {
@@ -17,13 +17,13 @@ export interface CapsuleUnder {
 }
 
 const EDGE = FARTHEST_M / 2; // of a cube, m
-const CORNER = (Math.sqrt(3) / 2) * EDGE; // from a cube's middle
 
 /** The surface of an avatar's head, neck and trunk in its rest pose. */
 export class Relief {
   private readonly under: Map<string, CapsuleUnder>;
   /** The surface's points and their normals, x y z each, by cubes of space. */
   private readonly cubes = new Map<number, Float64Array>();
+  private readonly distances: Float64Array; // scratch: squared, of the points around a place
 
   constructor(surface: SurfacePoint[], under: CapsuleUnder[]) {
     this.under = new Map(under.map((one) => [one.key, one]));
@@ -33,6 +33,7 @@ export class Relief {
       if (!cubes.has(number)) cubes.set(number, []);
       cubes.get(number)!.push(at.x, at.y, at.z, normal.x, normal.y, normal.z);
     }
+    this.distances = new Float64Array(surface.length);
     for (const [number, points] of cubes) this.cubes.set(number, Float64Array.from(points));
   }
 
@@ -50,29 +51,38 @@ export class Relief {
   private above(place: Vector3, out: Vector3): number {
     const [px, py, pz, nx, ny, nz] = [place.x, place.y, place.z, out.x, out.y, out.z];
     const [i, j, k] = [Math.floor(px / EDGE), Math.floor(py / EDGE), Math.floor(pz / EDGE)];
-    let sum = 0;
-    let total = 0;
+    const near: Float64Array[] = [];
+    let count = 0;
     for (let a = i - 2; a <= i + 2; a++) {
       for (let b = j - 2; b <= j + 2; b++) {
         for (let c = k - 2; c <= k + 2; c++) {
           const points = this.cubes.get(cubeAt(a, b, c));
           if (!points) continue;
-          const [u, v, w] = [(a + 0.5) * EDGE - px, (b + 0.5) * EDGE - py, (c + 0.5) * EDGE - pz];
-          if (u * u + v * v + w * w - (u * nx + v * ny + w * nz) ** 2 > (AROUND_M + CORNER) ** 2) continue;
+          near.push(points);
           for (let n = 0; n < points.length; n += 6) {
-            const x = points[n]! - px;
-            const y = points[n + 1]! - py;
-            const z = points[n + 2]! - pz;
-            const height = x * nx + y * ny + z * nz;
-            const squared = x * x + y * y + z * z;
-            const beside = Math.max(squared - height * height, 0) / (AROUND_M * AROUND_M);
-            if (beside >= 1 || squared > FARTHEST_M * FARTHEST_M) continue;
-            if (points[n + 3]! * nx + points[n + 4]! * ny + points[n + 5]! * nz <= FACING) continue;
-            const weight = (1 - beside) * (1 - beside) * Math.exp(height / SHARP_M);
-            sum += weight * height;
-            total += weight;
+            const squared = (points[n]! - px) ** 2 + (points[n + 1]! - py) ** 2 + (points[n + 2]! - pz) ** 2;
+            if (squared < FARTHEST_M * FARTHEST_M) this.distances[count++] = squared;
           }
         }
+      }
+    }
+    if (!count) return 0;
+    const most = count > NEAREST ? this.distances.subarray(0, count).sort()[NEAREST - 1]! : FARTHEST_M * FARTHEST_M;
+    let sum = 0;
+    let total = 0;
+    for (const points of near) {
+      for (let n = 0; n < points.length; n += 6) {
+        const x = points[n]! - px;
+        const y = points[n + 1]! - py;
+        const z = points[n + 2]! - pz;
+        const squared = x ** 2 + y ** 2 + z ** 2;
+        if (squared > most) continue;
+        const height = x * nx + y * ny + z * nz;
+        const beside = Math.max(squared - height * height, 0) / (AROUND_M * AROUND_M);
+        if (beside >= 1 || points[n + 3]! * nx + points[n + 4]! * ny + points[n + 5]! * nz <= FACING) continue;
+        const weight = (1 - beside) * (1 - beside) * Math.exp(height / SHARP_M);
+        sum += weight * height;
+        total += weight;
       }
     }
     return total > 0 ? sum / total : 0;

@@ -10,7 +10,7 @@ import { type UsualCapsule, statureOf } from './capsules.js';
 import { skin as SKIN } from './constants.js';
 import { clip } from './gaps.js';
 import { fitHead, type Shape } from './head.js';
-import { around, line, MIN_POINTS, quantile, type SkinPoints } from './points.js';
+import { around, line, MIN_POINTS, quantile, type SkinPoints, type SurfacePoint, thinned } from './points.js';
 import { Relief } from './relief.js';
 
 const { TRUNK, HEAD, BINS, HEIGHTS, ACROSS, HEM, STEP } = SKIN;
@@ -70,8 +70,7 @@ class Fitting {
 
   /** How the skin of head, neck and trunk lies above their capsules; null where there is none. */
   relief(): Relief | null {
-    const bones = [...TRUNK, ...HEAD, 'neck'].flatMap((name) => this.number.get(name) ?? []);
-    const surface = this.points.surface(bones, STEP * this.height);
+    const surface = thinned(this.surface(...TRUNK, ...HEAD, 'neck'), STEP * this.height);
     if (!surface.length) return null;
     const solid = this.pieces.filter(({ usual }) => usual.region === 'head' || usual.region === 'trunk');
     const under = solid.map(({ usual, bone, start, end, radii }) => ({
@@ -86,6 +85,11 @@ class Fitting {
 
   private of(...names: string[]): Vector3[] {
     return this.points.of(names.flatMap((name) => this.number.get(name) ?? []));
+  }
+
+  /** Points on the surface that bones carry. */
+  private surface(...names: string[]): SurfacePoint[] {
+    return this.points.surface(names.flatMap((name) => this.number.get(name) ?? []), STEP * this.height);
   }
 
   private find(key: string): Piece | undefined {
@@ -204,7 +208,8 @@ class Fitting {
   /** Chest and belly as three columns each, hips, back and collar. */
   trunk(): void {
     const low = this.rest[0]!.y - (HEM + 0.01) * this.height;
-    const points = [...this.of(...TRUNK), ...this.of('leftUpperLeg', 'rightUpperLeg').filter(({ y }) => y > low)];
+    const legs = this.surface('leftUpperLeg', 'rightUpperLeg').filter(({ at }) => at.y > low);
+    const points = [...this.surface(...TRUNK), ...legs].map(({ at }) => at);
     if (points.length < MIN_POINTS) return;
     for (const name of ['chest', 'belly']) [0, 1, 2].every((n) => this.fitColumn(this.find(`${name}${n}`), name, n, points));
     const chest = this.find('chest1');
@@ -263,7 +268,7 @@ class Fitting {
   head(): void {
     const pieces = this.pieces.filter(({ usual }) => usual.key.startsWith('head'));
     const joint = pieces.length ? this.rest[pieces[0]!.bone]! : new Vector3();
-    const points = this.of(...HEAD).map((point) => point.clone().sub(joint));
+    const points = this.surface(...HEAD).map(({ at }) => at.clone().sub(joint));
     const shapes = pieces.map<Shape>(({ start, end, radii }) => ({ start: start.clone().sub(joint), end: end.clone().sub(joint), radii: [...radii] }));
     if (!shapes.length || !fitHead(shapes, points, this.height)) return;
     pieces.forEach((piece, k) => {

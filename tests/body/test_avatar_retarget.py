@@ -1,0 +1,114 @@
+"""Clips on avatars: hands meet the mesh, not only the capsules under it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import avatars
+import signsplice as ss
+from signsplice.body.capsules import Avatar, body_capsules
+from signsplice.body.posed import posed_body
+from signsplice.body.relief import Relief
+from signsplice.cli.commands import app
+from signsplice.lexicon import shipped
+from signsplice.rig.align import copy_rotations, reference
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("avatars")
+    for name in ("narrow", "big head"):
+        avatar = avatars.body(name)
+        avatars.write(made / f"{name}.vrm", avatar, avatars.tubes(avatar), "0.x" if name == "narrow" else "1.0")
+    ss.save(shipped().clip("NAME"), made / "NAME.bvh")
+    ss.save(shipped().clip("MOTHER"), made / "MOTHER.bvh")
+    return made
+
+
+@pytest.mark.parametrize(("gloss", "name"), [("NAME", "narrow"), ("MOTHER", "big head"), ("MY", "narrow")])
+def test_contacts_are_kept_on_avatars(folder: Path, gloss: str, name: str) -> None:
+    clip, avatar = shipped().clip(gloss), ss.read_avatar(folder / f"{name}.vrm")
+    done = ss.retarget(clip, avatar)
+    assert done.clip.skeleton is avatar
+    assert done.contacts
+    assert all(one.is_kept for one in done.contacts), done.contacts
+    carried = copy_rotations(clip, reference(done.clip))[0]
+    moved = np.abs(carried.local_rotations - done.clip.local_rotations).max()
+    assert moved > 0.01, "rotations alone would not do"
+
+
+def test_an_avatar_of_the_same_bones_has_its_own_skin(folder: Path) -> None:
+    avatar = ss.read_avatar(folder / "big head.vrm")
+    clip = ss.retarget(shipped().clip("MOTHER"), avatar).clip
+    assert body_capsules(avatar) is avatar.body
+    plain = replace(clip, skeleton=replace(avatar, body=None, mesh=()))
+    change = np.abs(ss.retarget(plain, avatar).clip.local_rotations - clip.local_rotations).max()
+    assert change > 0.05, "usual skin on the same bones: hands move"
+    assert ss.retarget(clip, avatar).clip is clip, "its own body: nothing does"
+
+
+def relief(points: np.ndarray) -> Relief:
+    """A surface over a capsule of radius 0.1 along x, and another capsule inside of it."""
+    return Relief(
+        points,
+        np.tile([0.0, 1.0, 0.0], (len(points), 1)),
+        np.array([0, 2]),
+        np.array([[-0.2, 0.0, 0.0], [0.0, 0.0, 0.0]]),
+        np.array([[0.2, 0.0, 0.0], [0.1, 0.0, 0.0]]),
+        np.array([[0.1, 0.1], [0.05, 0.05]]),
+        np.zeros((3, 3)),
+    )
+
+
+def test_the_height_of_skin_above_a_capsule() -> None:
+    x, z = (grid.ravel() for grid in np.meshgrid(np.linspace(-0.1, 0.1, 41), np.linspace(-0.1, 0.1, 41)))
+    made = relief(np.stack([x, np.full_like(x, 0.12), z], axis=1))
+    places = np.array([[0.0, 0.1, 0.0], [0.05, 0.05, 0.0], [0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
+    up = np.array([[0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+    found = made.heights(np.array([0, 2, 1, 0]), places, up)
+    np.testing.assert_allclose(found, [0.02, 0.0, 0.0, 0.0], atol=1e-9)
+
+
+def test_hands_stay_on_skin_that_lies_above_its_capsules(folder: Path) -> None:
+    """A breastplate of 2 cm over the chest's capsules: the hand of MY comes to lie on it."""
+    avatar, clip = ss.read_avatar(folder / "narrow.vrm"), shipped().clip("MY")
+    assert avatar.body is not None
+    raised = avatar.body.relief
+    assert raised is not None
+    plated = replace(raised, points=raised.points + 0.02 * raised.normals)
+    thick = replace(avatar, body=replace(avatar.body, relief=plated))
+    distances = []
+    for onto in (avatar, thick):
+        posed = posed_body(ss.retarget(clip, onto).clip, body_capsules(onto))
+        chest, palm = (posed.body.keys.index(key) for key in ("chest1", "rightMiddlePalm"))
+        middle = 0.5 * (posed.starts + posed.ends)
+        distances.append(np.linalg.norm(middle[32, palm] - middle[32, chest]))
+    assert 0.012 < distances[1] - distances[0] < 0.03
+
+
+def test_convert_puts_a_file_onto_an_avatar(folder: Path, tmp_path: Path) -> None:
+    clip, out, report, avatar = (str(p) for p in (folder / "NAME.bvh", tmp_path / "o.vrma", tmp_path / "r.json",
+                                                  folder / "narrow.vrm"))  # fmt: skip
+    run = CliRunner().invoke(app, ["convert", clip, out, "--avatar", avatar, "--report", report])
+    assert run.exit_code == 0, run.output
+    assert "2 of 2 contacts kept" in run.output
+    assert len(ss.load(out)) == len(ss.load(clip))
+    assert '"onto": ' in Path(report).read_text()
+    both = CliRunner().invoke(app, ["convert", clip, out, "--avatar", avatar, "--onto", clip])
+    assert "--onto and --avatar each name a body, expected one of them" in str(both.exception)
+    over = CliRunner().invoke(app, ["convert", clip, avatar.replace(".vrm", ".glb"), "--avatar", clip])
+    assert "is no avatar, expected .vrm, .glb or .gltf" in str(over.exception)
+
+
+def test_the_mesh_of_an_avatar_is_written_and_drawn(folder: Path, tmp_path: Path) -> None:
+    avatar = ss.read_avatar(folder / "narrow.vrm")
+    clip = ss.retarget(shipped().clip("NAME")[40:42], avatar).clip
+    ss.save(clip, tmp_path / "o.glb")
+    again = ss.read_avatar(tmp_path / "o.glb")
+    assert isinstance(again, Avatar)
+    assert sum(len(part.triangles) for part in again.mesh) == sum(len(part.triangles) for part in avatar.mesh)

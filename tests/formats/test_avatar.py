@@ -1,0 +1,218 @@
+"""Avatars: skeleton, mesh and body of .vrm and .glb files, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import avatars
+import signsplice as ss
+from signsplice.body.capsules import Avatar, BodyCapsules, BodyShape, shaped_capsules
+from signsplice.errors import FormatError, InputError, LimitError
+from signsplice.formats.limits import DEFAULT_LIMITS
+from signsplice.lexicon import shipped
+from signsplice.motion import kinematics, rotation
+from signsplice.motion.clip import Skeleton
+from signsplice.rig.info import rig_info
+
+WAYS: dict[str, dict[str, Any]] = {
+    "vrm 1.0": {"version": "1.0"},
+    "vrm 0.x": {"version": "0.x", "weights": "u8"},
+    "glb": {"version": "", "weights": "u16"},
+    "sparse": {"version": "1.0", "sparse": True, "axes": False},
+}
+
+
+@pytest.fixture(scope="module")
+def broad() -> Avatar:
+    return avatars.body("broad")
+
+
+def written(folder: Path, avatar: Avatar, **options: Any) -> Path:
+    suffix = ".vrm" if options.get("version", "1.0") else ".glb"
+    return avatars.write(folder / f"a{suffix}", avatar, avatars.tubes(avatar), **options)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_an_avatar_is_read_as_it_stands(tmp_path: Path, broad: Avatar, way: str) -> None:
+    read = ss.read_avatar(written(tmp_path, broad, **WAYS[way]))
+    assert read.warnings == ()
+    assert read.is_vrm == way.startswith(("vrm", "sparse"))
+    assert {*broad.names} - {*read.names} == {"mixamorig:HeadTop_End"}, "without those of hair and skirt, and ends"
+    order = [broad.index[name] for name in read.names]
+    np.testing.assert_allclose(read.offsets, broad.offsets[order], atol=1e-6)
+    assert names_of_roles(read) == names_of_roles(broad)
+    parts = avatars.tubes(broad)
+    for one, two in zip(read.mesh, parts, strict=False):
+        np.testing.assert_allclose(one.vertices, two.vertices, atol=1e-5)
+        np.testing.assert_array_equal(np.take(order, one.joints[:, 0]), two.joints[:, 0])
+
+
+def names_of_roles(skeleton: Skeleton) -> dict[str, str]:
+    return {role: skeleton.names[joint] for role, joint in rig_info(skeleton).roles.joints.items()}
+
+
+@pytest.mark.parametrize("name", avatars.BODIES)
+def test_capsules_follow_the_mesh(tmp_path: Path, name: str) -> None:
+    avatar = avatars.body(name)
+    read = ss.read_avatar(written(tmp_path, avatar))
+    assert read.body is not None
+    assert avatar.body is not None
+    usual = shaped_capsules(avatar, BodyShape())
+    assert read.body.keys == avatar.body.keys
+    far, near = (surface_errors(avatar, body) for body in (usual, read.body))
+    assert near.max() < 0.012, dict(zip(PLACES, near.round(3), strict=True))
+    assert near.mean() < max(0.4 * far.mean(), 0.002)
+
+
+PLACES = {
+    "belly": ("belly1", 0.5, (0.0, 0.0, 1.0)),
+    "breast": ("chest1", 0.2, (0.0, 0.0, 1.0)),
+    "flank": ("chest0", 0.6, (1.0, 0.0, 0.0)),
+    "chin": ("head1", 0.0, (0.0, -0.7, 0.7)),
+    "cheek": ("head0", 0.0, (1.0, 0.0, 0.0)),
+    "forehead": ("head0", 1.0, (0.0, 0.0, 1.0)),
+    "nose": ("head2", 1.0, (0.0, 0.0, 1.0)),
+    "crown": ("head3", 0.0, (0.0, 1.0, 0.0)),
+    "nape": ("head3", 1.0, (0.0, 0.0, -1.0)),
+    "throat": ("neck", 0.5, (0.0, 0.0, 1.0)),
+    "upper arm": ("leftUpperArm", 0.5, (0.0, 1.0, 0.0)),
+    "forearm": ("rightLowerArm", 0.5, (0.0, 0.0, 1.0)),
+    "palm": ("rightMiddlePalm", 0.8, (0.0, -1.0, 0.0)),
+    "fingertip": ("rightIndexDistal", 1.0, (-1.0, 0.0, 0.0)),
+    "knuckle": ("leftIndexProximal", 0.3, (0.0, 1.0, 0.0)),
+}
+"""Places of a body in the T-pose: key of a capsule, share along it, direction."""
+
+
+def surface_errors(avatar: Avatar, body: BodyCapsules) -> np.ndarray:
+    """How far places of a body lie from those of the capsules that the mesh was made of, along their directions, m."""
+    errors = []
+    assert avatar.body is not None
+    for key, t, direction in PLACES.values():
+        at = []
+        for one in (avatar.body, body):
+            row = one.keys.index(key)
+            axis = one.starts[row] + t * (one.ends[row] - one.starts[row])
+            at.append(axis @ direction + one.radii[row] @ [1.0 - t, t])
+        errors.append(abs(at[1] - at[0]))
+    return np.array(errors)
+
+
+def test_hair_skirts_and_accessories_are_no_skin(tmp_path: Path, broad: Avatar) -> None:
+    bare, dressed = (ss.read_avatar(written(tmp_path, broad, hair=hair)).body for hair in (False, True))
+    assert bare is not None
+    assert dressed is not None
+    np.testing.assert_array_equal(bare.radii, dressed.radii)
+    named = replace(broad, mesh=())
+    parts = [replace(part, name="HairBack_HAIR") for part in avatars.tubes(named)]
+    (line,) = ss.read_avatar(avatars.write(tmp_path / "b.vrm", named, parts, hair=False)).warnings
+    assert line == "b: holds no mesh that its bones carry; its body gets the usual proportions"
+
+
+def test_a_part_with_few_vertices_keeps_the_usual_proportions(tmp_path: Path, broad: Avatar) -> None:
+    assert broad.body is not None
+    parts = [p for p, part in zip(avatars.tubes(broad), broad.body.parts, strict=True) if part in ("sleeve", "shirt")]
+    (line,) = ss.read_avatar(avatars.write(tmp_path / "a.vrm", broad, parts, hair=False)).warnings
+    assert re_words(line) >= {"neck", "fingers", "palm"}
+
+
+def re_words(line: str) -> set[str]:
+    return set(line.replace(",", " ").split())
+
+
+def test_joints_without_known_names_are_given_roles(tmp_path: Path, broad: Avatar) -> None:
+    names = tuple(f"Bone.{n:03}" for n in range(len(broad)))
+    unnamed = Avatar(names, broad.parents, broad.offsets, body=broad.body)
+    roles = {role: names[joint] for role, joint in rig_info(broad).roles.joints.items()}
+    path = avatars.write(tmp_path / "a.glb", unnamed, avatars.tubes(broad), "", roles=roles, hair=False)
+    with pytest.raises(InputError, match=r"a\.glb: .*no leftUpperArm or leftLowerArm found among joints"):
+        ss.read_avatar(path)
+    read = ss.read_avatar(path, roles)
+    assert names_of_roles(read) == roles
+    assert read.body is not None
+
+
+def test_what_is_no_avatar_is_refused_in_one_line(tmp_path: Path, broad: Avatar) -> None:
+    clip = shipped().clip("NAME")
+    ss.save(clip, tmp_path / "NAME.bvh")
+    (tmp_path / "broken.vrm").write_bytes(b"glTF" + b"\0" * 40)
+    (tmp_path / "empty.vrm").write_text(json.dumps({"asset": {"version": "2.0"}}))
+    unnamed = replace(broad, names=tuple(f"Bone.{n:03}" for n in range(len(broad))), roles=None)
+    legs = {role: unnamed.names[joint] for role, joint in rig_info(broad).roles.joints.items() if "Leg" in role}
+    avatars.write(tmp_path / "legs.vrm", unnamed, avatars.tubes(broad), roles=legs, hair=False)
+    for name, expected in {
+        "NAME.bvh": "a file with suffix .bvh is no avatar, expected .vrm, .glb or .gltf",
+        "broken.vrm": "broken.vrm: is glTF 0, expected 2",
+        "empty.vrm": "is no avatar: it holds neither a VRM humanoid nor a mesh with a skin",
+        "legs.vrm": "no leftUpperArm or leftLowerArm found",
+    }.items():
+        with pytest.raises(InputError) as caught:
+            ss.read_avatar(tmp_path / name)
+        assert expected in str(caught.value)
+        assert len(str(caught.value).splitlines()) == 1
+    packed = avatars.tubes(broad)[:1]
+    avatars.write(tmp_path / "draco.vrm", broad, packed, hair=False, draco=True)
+    with pytest.raises(FormatError, match="compressed by KHR_draco_mesh_compression, which is not read"):
+        ss.read_avatar(tmp_path / "draco.vrm")
+    path, few = written(tmp_path, broad), replace(DEFAULT_LIMITS, free_bytes=2e6, growth=0.5)
+    with pytest.raises(LimitError, match="expected at most"):
+        ss.read_avatar(path, limits=few)
+    with pytest.raises(InputError, match=r"is an avatar, no clip, .*; convert CLIP OUT --avatar .*a\.vrm puts"):
+        ss.load(tmp_path / "a.vrm")
+    with pytest.raises(FormatError, match="for an avatar, convert CLIP OUT --avatar FILE"):
+        ss.load(written(tmp_path, broad, version=""))
+
+
+@pytest.mark.parametrize("version", ["1.0", "0.x"])
+def test_players_of_vrm_animations_put_every_bone_where_the_clip_has_it(
+    tmp_path: Path, broad: Avatar, version: str
+) -> None:
+    """Bone by bone as three-vrm does it, on the file's own nodes."""
+    path = written(tmp_path, broad, version=version, hair=False)
+    done = ss.retarget(shipped().clip("NAME")[40:44], ss.read_avatar(path))
+    ss.save(done.clip, tmp_path / "a.vrma")
+    animation = ss.load(tmp_path / "a.vrma")
+    nodes, roles = document(path)["nodes"], rig_info(broad).roles.joints
+    turns = np.tile(rotation.IDENTITY, (len(broad), 4, 1))  # of each bone in the world, beyond its rest pose
+    clip_joints = rig_info(animation.skeleton).roles.joints
+    local = animation.local_rotations
+    flip = np.array([-1.0, 1.0, -1.0, 1.0]) if version == "0.x" else 1.0
+    at, parent_of = np.zeros((len(broad), 4, 3)), broad.parents.tolist()
+    role_of = {joint: role for role, joint in roles.items()}
+    rest = rest_quats(nodes, parent_of)
+    for joint in range(len(broad)):
+        over, role = parent_of[joint], role_of.get(joint, "")
+        above = np.tile(rotation.IDENTITY, (4, 1)) if over < 0 else turns[over]
+        turns[joint] = rotation.multiply(above, local[:, clip_joints[role]] * flip) if role in clip_joints else above
+        if over >= 0:
+            bone = rotation.rotate(rest[over], nodes[joint]["translation"])
+            at[joint] = at[over] + rotation.rotate(turns[over], bone)
+    expected = kinematics.forward(done.clip)[1][:, [done.clip.skeleton.index.get(name, 0) for name in broad.names]]
+    expected = expected - expected[:, :1]
+    behind = np.diag([-1.0, 1.0, -1.0]) if version == "0.x" else np.eye(3)
+    placed = rotation.inverse(animation.local_rotations[:1, 0]), rotation.inverse(done.clip.local_rotations[:1, 0])
+    found = at.transpose(1, 0, 2) @ behind
+    one, two = (rotation.rotate(turn[:, None], points) for turn, points in zip(placed, (found, expected), strict=True))
+    arms = rig_info(broad).arm_joints[:6]
+    np.testing.assert_allclose(one[:, arms], two[:, arms], atol=1e-4)
+
+
+def document(path: Path) -> dict[str, Any]:
+    content = path.read_bytes()
+    size = int.from_bytes(content[12:16], "little")
+    loaded: dict[str, Any] = json.loads(content[20 : 20 + size])
+    return loaded
+
+
+def rest_quats(nodes: list[dict[str, Any]], parents: list[int]) -> list[np.ndarray]:
+    out: list[np.ndarray] = []
+    for node, parent in zip(nodes, parents, strict=False):
+        own = np.array(node["rotation"])
+        out.append(own if parent < 0 else rotation.multiply(out[parent], own))
+    return out
