@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from signsplice.body.capsules import Avatar, BodyShape, body_capsules, shaped_capsules
+from signsplice.body.capsules import Avatar, BodyShape, shaped_capsules
 from signsplice.body.mesh_part import MeshPart
 from signsplice.evaluation.stretched_bodies import BodyProportions, stretched
 from signsplice.lexicon import shipped
@@ -116,34 +116,6 @@ def tubes(avatar: Avatar) -> tuple[MeshPart, ...]:
         weights = np.tile([1.0, 0.0, 0.0, 0.0], (len(vertices), 1))
         name = "Body_SKIN" if avatar.body.parts[n] != "hair" else "Scalp_SKIN"
         parts.append(MeshPart(name, (1.0, 0.8, 0.7), vertices, vertices, np.concatenate(faces), carried, weights))
-    return tuple(parts)
-
-
-def capsule_parts(avatar: Avatar) -> tuple[MeshPart, ...]:
-    """The skin of an avatar's capsules, each a mesh of its own: coarse, and made at once."""
-    capsules, rest = body_capsules(avatar), kinematics.rest_positions(avatar)
-    turn = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
-    rim = [(t, 1.0) for t in np.linspace(0.0, 1.0, 7)]
-    # Rings along the axis, the last ones on the ball at the end: a place on the axis and beyond it, and a width.
-    rings = [(t, 0.0, wide) for t, wide in rim] + [(1.0, np.sin(a), np.cos(a)) for a in np.deg2rad([30.0, 60.0, 88.0])]
-    columns = np.arange(12)
-    around = np.stack([columns, (columns + 1) % 12, columns + 12], axis=1)
-    triangles = (12 * np.arange(len(rings) - 1)[:, None, None] + around).reshape(-1, 3)
-    parts = []
-    for n, joint in enumerate(capsules.joints.tolist()):
-        start, end = capsules.starts[n] + rest[joint], capsules.ends[n] + rest[joint]
-        if not (length := float(np.linalg.norm(end - start))):
-            continue  # an eye
-        axis = (end - start) / length
-        side = rotation.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-        side = side / np.linalg.norm(side)
-        out = np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * np.cross(axis, side)
-        radii = [(1.0 - t) * capsules.radii[n, 0] + t * capsules.radii[n, 1] for t, _, _ in rings]
-        made = zip(rings, radii, strict=True)
-        placed = [start + t * (end - start) + beyond * r * axis + wide * r * out for (t, beyond, wide), r in made]
-        carried = np.tile([joint, 0, 0, 0], (12 * len(rings), 1)), np.tile([1.0, 0.0, 0.0, 0.0], (12 * len(rings), 1))
-        normals = np.tile(out, (len(rings), 1))
-        parts.append(MeshPart(capsules.parts[n], (0.9, 0.7, 0.6), np.concatenate(placed), normals, triangles, *carried))
     return tuple(parts)
 
 

@@ -53,7 +53,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory, words: dict[str, Clip]) -> di
     for gloss in ("DEAF", "SIGN"):
         save(words[gloss], out / f"{gloss}.bvh")
     narrow = avatars.body("narrow")
-    avatars.write(out / "toy.vrm", narrow, avatars.capsule_parts(narrow), axes=False, hair=False)
+    avatars.write(out / "toy.vrm", narrow, avatars.tubes(narrow), axes=False, hair=False)
     save(words["DEAF"][30:33], out / "short.bvh")
     with serving("serve") as address:
         return drive(

@@ -17,6 +17,7 @@ import pytest
 
 import avatars
 import signsplice as ss
+from signsplice.body.capsules import shaped_capsules
 from signsplice.body.retarget import retarget
 from signsplice.formats.avatar import read_avatar
 from signsplice.formats.gltf_writer import in_front
@@ -67,8 +68,10 @@ def made(folder: Path, name: str) -> Path:
             for side, turn in (("left", -0.6), ("right", 0.6)):
                 arm = kinematics.subtree(avatar, joints[f"{side}UpperArm"])[1:]
                 offsets[arm] = rotation.rotate(rotation.exp([0.1, 0.0, turn]), offsets[arm])
-        avatar = replace(avatar, offsets=offsets, body=None if name in ("too short", "big head") else avatar.body)
-        avatars.write(path, avatar, avatars.capsule_parts(avatar), "0.x" if name == "broad" else "1.0")
+        avatar = replace(avatar, offsets=offsets)
+        if name in ("too short", "big head"):
+            avatar = replace(avatar, body=shaped_capsules(avatar, avatars.BODIES["big head"].shape))
+        avatars.write(path, avatar, avatars.tubes(avatar), "0.x" if name == "broad" else "1.0")
     return path
 
 
