@@ -64,7 +64,10 @@ class Glb:
 
     def write(self, path: Path) -> Path:
         self.json["buffers"] = [{"byteLength": len(self.content)}]
-        document = {key: value for key, value in self.json.items() if value}
+        below = {child for node in self.json["nodes"] for child in node.get("children", ())}
+        self.json["scenes"] = [{"nodes": [n for n in range(len(self.json["nodes"])) if n not in below]}]
+        self.json["scene"] = 0
+        document = {key: value for key, value in self.json.items() if value or key == "scene"}
         text = json.dumps(document).encode()
         text += b" " * (-len(text) % 4)
         body = struct.pack("<I4s", len(text), b"JSON") + text
@@ -195,14 +198,17 @@ def _meshes(glb: Glb, parts: Sequence[MeshPart], behind: np.ndarray, weights: st
         primitives = []
         for part in group:
             vertices = part.vertices @ behind.T + [0.0, 1.0, 0.0]
-            position = glb.sparse(vertices) if sparse else glb.array(vertices, "f32", "VEC3")
+            position = glb.sparse(vertices) if sparse else glb.array(vertices, "f32", "VEC3", **_corners(vertices))
             most = {"u8": 255, "u16": 65535, "f32": 1}[weights]
             stored = part.weights if most == 1 else np.round(part.weights * most)
             more = {} if most == 1 else {"normalized": True}
-            glb.json["materials"].append({"name": part.name})
+            colour = [*(float(c) ** 2.2 for c in part.colour), 1.0]
+            look = {"baseColorFactor": colour, "metallicFactor": 0.0}
+            glb.json["materials"].append({"name": part.name, "pbrMetallicRoughness": look})
             primitives.append({
                 "attributes": {
                     "POSITION": position,
+                    "NORMAL": glb.array(part.normals @ behind.T, "f32", "VEC3"),
                     "JOINTS_0": glb.array(part.joints, "u8" if part.joints.max() < 256 else "u16", "VEC4"),
                     "WEIGHTS_0": glb.array(stored, weights, "VEC4", **more),
                 },
@@ -212,6 +218,10 @@ def _meshes(glb: Glb, parts: Sequence[MeshPart], behind: np.ndarray, weights: st
         if primitives:
             glb.json["meshes"].append({"name": "Body", "primitives": primitives})
             glb.json["nodes"].append({"name": "Body", "mesh": len(glb.json["meshes"]) - 1, "skin": 0})
+
+
+def _corners(vertices: np.ndarray) -> dict[str, list[float]]:
+    return {"min": vertices.min(axis=0).tolist(), "max": vertices.max(axis=0).tolist()}
 
 
 def _humanoid(glb: Glb, version: str, roles: Mapping[str, int], springs: list[int]) -> None:
@@ -231,6 +241,10 @@ def _humanoid(glb: Glb, version: str, roles: Mapping[str, int], springs: list[in
             bones.append({"bone": name, "node": node, "useDefaultValues": True})
         groups = [{"bones": springs[:1]}] if springs else []
         glb.json["extensions"] = {
-            "VRM": {"humanoid": {"humanBones": bones}, "secondaryAnimation": {"boneGroups": groups}}
+            "VRM": {
+                "meta": {"title": "toy"},
+                "humanoid": {"humanBones": bones},
+                "secondaryAnimation": {"boneGroups": groups},
+            }
         }
         glb.json["extensionsUsed"] = ["VRM"]

@@ -300,9 +300,10 @@ def test_a_json_type_has_lists_and_null_scores() -> None:
         Json(["a"], None)
 
 
-def test_the_viewers_types_are_the_wires() -> None:
-    written = Path(__file__).resolve().parents[2] / "viewer" / "src" / "wire.ts"
-    assert written.read_text() == typescript.render(), "run python -m signsplice.service.typescript viewer/src/wire.ts"
+def test_the_viewers_generated_files_are_up_to_date() -> None:
+    folder = Path(__file__).resolve().parents[2] / "viewer" / "src"
+    for name, text in typescript.files().items():
+        assert (folder / name).read_text() == text, "run python -m signsplice.service.typescript viewer/src"
 
 
 def test_typescript_has_a_counterpart_for_every_type() -> None:

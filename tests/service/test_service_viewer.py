@@ -7,19 +7,17 @@ import json
 import os
 import shutil
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import avatars
 from serving import PATIENCE_S, serving
-from signsplice.formats import glb, load, save
+from signsplice.formats import load, save
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
-from signsplice.motion.rotation import inverse, multiply
-from signsplice.rig.info import rig_info
 from signsplice.service import page
 
 VIEWER = Path(__file__).resolve().parents[2] / "viewer"
@@ -48,30 +46,14 @@ def drive(script: str, *arguments: str | Path) -> dict[str, Any]:
     return result
 
 
-def write_avatar(clip: Clip, path: Path) -> None:
-    """Write a VRM 1.0 avatar: the clip's mannequin in the T-pose, with its bones named."""
-    global_quats = rig_info(clip.skeleton).t_pose.rotations  # (J, 4)
-    local_quats = np.array([
-        quat if parent < 0 else multiply(inverse(global_quats[parent]), quat)
-        for quat, parent in zip(global_quats, clip.skeleton.parents, strict=True)
-    ])  # fmt: skip
-    document = glb.document(replace(clip[:2], local_rotations=np.stack([local_quats, local_quats]), channels=None))
-    nodes = {node.name: number for number, node in enumerate(document.nodes)}
-    joints = rig_info(clip.skeleton).roles.joints
-    bones = {role: {"node": nodes[clip.skeleton.names[joint]]} for role, joint in joints.items()}
-    meta = {"name": "toy", "authors": ["signsplice"], "licenseUrl": "https://vrm.dev/licenses/1.0/"}
-    document.extensionsUsed.append("VRMC_vrm")
-    document.extensions["VRMC_vrm"] = {"specVersion": "1.0", "meta": meta, "humanoid": {"humanBones": bones}}
-    path.write_bytes(b"".join(document.save_to_bytes()))
-
-
 @pytest.fixture(scope="module")
 def seen(tmp_path_factory: pytest.TempPathFactory, words: dict[str, Clip]) -> dict[str, Any]:
     """What ``page.mjs`` saw in the page."""
     out = tmp_path_factory.mktemp("viewer")
     for gloss in ("DEAF", "SIGN"):
         save(words[gloss], out / f"{gloss}.bvh")
-    write_avatar(words["DEAF"], out / "toy.vrm")
+    narrow = avatars.body("narrow")
+    avatars.write(out / "toy.vrm", narrow, avatars.tubes(narrow), axes=False, hair=False)
     save(words["DEAF"][30:33], out / "short.bvh")
     with serving("serve") as address:
         return drive(
@@ -148,6 +130,7 @@ def test_downloads_hold_the_animation(seen: dict[str, Any]) -> None:
 def test_an_avatar_replaces_the_mannequin(seen: dict[str, Any]) -> None:
     assert seen["junkAlert"].startswith("junk.vrm is not a VRM avatar")
     assert seen["avatar"]["alert"] == ""
+    assert seen["avatar"]["status"].endswith("hands fitted to the body of toy.vrm")
     assert min(seen["avatar"]["drawn"]) > 0.1
 
 

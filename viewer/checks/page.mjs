@@ -150,7 +150,11 @@ await drop([avatar]);
 await shown(page, 9);
 await pause(page);
 await seek(page, 30);
-result.avatar = { drawn: await drawn(page), alert: await page.locator('#alert').textContent() };
+result.avatar = {
+  drawn: await drawn(page),
+  alert: await page.locator('#alert').textContent(),
+  status: await page.locator('#status').textContent(),
+};
 await page.screenshot({ path: join(out, 'avatar.png') });
 
 // A film of a few frames: 1080p takes long in software.

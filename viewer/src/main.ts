@@ -121,14 +121,15 @@ class App {
     const seconds = Math.max(...scenes.map(({ report }) => (report.frames - 1) / report.fps));
     this.player.open(Math.round(seconds * fps) + 1, fps);
     this.fillPage();
-    this.status(translate('shown', { name: scenes[0]!.name, frames, seconds: (frames / fps).toFixed(2) }));
+    const fitted = people[0]!.fitted?.isMoved && this.avatar ? translate('fitted', { avatar: this.avatar.name }) : '';
+    this.status(translate('shown', { name: scenes[0]!.name, frames, seconds: (frames / fps).toFixed(2) }) + fitted);
     find('#stage').dataset['ready'] = String(Number(find('#stage').dataset['ready'] ?? 0) + 1);
     if (!matchMedia('(prefers-reduced-motion: reduce)').matches) this.player.play();
   }
 
   private async person(scene: Spliced): Promise<Person> {
     const { glb, vrma } = scene.files;
-    if (this.avatar && vrma) return Person.avatar(this.avatar.bytes, decode(vrma));
+    if (this.avatar && vrma) return Person.avatar(this.avatar.bytes, decode(vrma), scene.fit);
     if (!glb) throw new Error(translate('noFile', { file: 'GLB' }));
     return Person.mannequin(decode(glb));
   }
@@ -242,7 +243,8 @@ class App {
     const [scene] = this.scenes;
     if (!scene) return;
     this.line.show(scene, this.player.frames);
-    panel.show(this.scenes, (seam) => this.loop(seam));
+    const beyond = this.people.flatMap(({ fitted }) => (fitted ? panel.reachWarnings(fitted.beyond) : []));
+    panel.show(this.scenes, beyond, (seam) => this.loop(seam));
     this.showTime();
   }
 

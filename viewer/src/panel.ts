@@ -8,8 +8,14 @@ import type { Format, Spliced } from './wire.js';
 
 export type Download = Format | 'film' | 'report' | 'page';
 
-/** Fill the panel; ``loop`` is called with the number of a seam that the user chooses. */
-export function show(scenes: Spliced[], loop: (seam: number) => void): void {
+/** A line for each hand whose places lie beyond the reach of the avatar's arm, by so many metres. */
+export function reachWarnings([left, right]: [number, number]): string[] {
+  const lines = [left && translate('beyondLeft', { cm: Math.round(100 * left) }), right && translate('beyondRight', { cm: Math.round(100 * right) })];
+  return lines.filter((line) => line !== 0);
+}
+
+/** Fill the panel, with ``more`` warnings; ``loop`` is called with the number of a seam that the user chooses. */
+export function show(scenes: Spliced[], more: string[], loop: (seam: number) => void): void {
   const scene = scenes[0]!;
   const all = seams(scene.report);
   document.querySelectorAll<HTMLElement>('.side').forEach((side, k) => {
@@ -37,6 +43,7 @@ export function show(scenes: Spliced[], loop: (seam: number) => void): void {
   const warnings = new Set([
     ...scene.units.flatMap(({ note, warning }) => [note, warning]).filter(Boolean),
     ...scene.report.warnings,
+    ...more,
     ...all.flatMap((seam, k) => seam.warnings.map((warning) => `${names[k]}: ${warning}`)),
   ]);
   find('#warnings').replaceChildren(

@@ -1,11 +1,16 @@
-/** The signer on the stage: the clip's mannequin, or an avatar that plays its VRM animation. */
+/** The signer on the stage: the clip's mannequin, or an avatar that plays its VRM animation, fitted to its body. */
 
 import { VRMLoaderPlugin, VRMUtils, type VRM } from '@pixiv/three-vrm';
 import { VRMAnimationLoaderPlugin, createVRMAnimationClip, type VRMAnimation } from '@pixiv/three-vrm-animation';
 import { AnimationMixer, Group, type AnimationClip, type Object3D, Vector3 } from 'three';
-import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
+import { type GLTF, GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
+import { type AvatarBody, bodyOf, motionOf, tracksOf } from './fit/avatar.js';
+import { type Fitted, fitMotion, inSlices, type Motion } from './fit/fit.js';
+import type { FitSource } from './wire.js';
 
 const END = 1e-4; // seconds before a clip's end, since a looping action shows its first frame at the end
+/** The bodies of avatars by their files: measuring a mesh takes longer than fitting a sentence. */
+const bodies = new WeakMap<Uint8Array, AvatarBody>();
 
 export class Person {
   readonly root = new Group();
@@ -13,7 +18,14 @@ export class Person {
   private readonly duration: number;
   private shown = 0;
 
-  private constructor(body: Object3D, clip: AnimationClip, private readonly hands: Object3D[], private readonly vrm?: VRM) {
+  private constructor(
+    body: Object3D,
+    clip: AnimationClip,
+    private readonly hands: Object3D[],
+    private readonly vrm?: VRM,
+    /** How the motion was fitted to an avatar; null where it plays as it is. */
+    readonly fitted: Fitted | null = null,
+  ) {
     this.root.add(body);
     body.traverse((node) => {
       node.frustumCulled = false; // the bounds of a skinned mesh do not follow its bones
@@ -43,21 +55,28 @@ export class Person {
 
   /** Throws if a file is not an avatar that can be shown. */
   static async checkAvatar(vrm: Uint8Array<ArrayBuffer>): Promise<void> {
-    VRMUtils.deepDispose((await readAvatar(vrm)).scene);
+    VRMUtils.deepDispose((await readAvatar(vrm))[1].scene);
   }
 
-  /** An avatar (.vrm) with the motion of a .vrma. */
-  static async avatar(vrm: Uint8Array<ArrayBuffer>, vrma: Uint8Array<ArrayBuffer>): Promise<Person> {
-    const avatar = await readAvatar(vrm);
+  /** An avatar (.vrm) with the motion of a .vrma, fitted to its body where that of the signer is known. */
+  static async avatar(vrm: Uint8Array<ArrayBuffer>, vrma: Uint8Array<ArrayBuffer>, source: FitSource | null): Promise<Person> {
+    const [file, avatar] = await readAvatar(vrm);
     const motion = await new GLTFLoader()
       .register((parser) => new VRMAnimationLoaderPlugin(parser))
       .parseAsync(vrma.slice().buffer, '');
     const animation = (motion.userData['vrmAnimations'] as VRMAnimation[] | undefined)?.[0];
     if (!animation) throw new Error('the clip has no VRM animation');
+    const clip = createVRMAnimationClip(animation, avatar);
+    let fitted: Fitted | null = null;
+    if (source) {
+      const body = bodies.get(vrm) ?? bodyOf(file, avatar);
+      bodies.set(vrm, body);
+      fitted = await fitClip(clip, avatar, body, await motionOf(motion, animation, source));
+    }
     VRMUtils.rotateVRM0(avatar);
     const bones = (['leftHand', 'rightHand'] as const).map((name) => avatar.humanoid.getNormalizedBoneNode(name));
     const hands = bones.filter((bone): bone is Object3D => bone !== null);
-    return new Person(avatar.scene, createVRMAnimationClip(animation, avatar), hands, avatar);
+    return new Person(avatar.scene, clip, hands, avatar, fitted);
   }
 
   /** Show the pose at a time in seconds. */
@@ -83,9 +102,18 @@ export class Person {
   }
 }
 
-async function readAvatar(vrm: Uint8Array<ArrayBuffer>): Promise<VRM> {
+/** Give a clip that an avatar plays the rotations that are fitted to the avatar's body. */
+async function fitClip(clip: AnimationClip, avatar: VRM, body: AvatarBody, motion: Motion): Promise<Fitted> {
+  const fitted = await inSlices(fitMotion(motion, body));
+  const tracks = tracksOf(avatar, body, fitted.rotations, motion.times);
+  const names = new Set(tracks.map(({ name }) => name));
+  clip.tracks = [...clip.tracks.filter(({ name }) => !names.has(name)), ...tracks];
+  return fitted;
+}
+
+async function readAvatar(vrm: Uint8Array<ArrayBuffer>): Promise<[GLTF, VRM]> {
   const file = await new GLTFLoader().register((parser) => new VRMLoaderPlugin(parser)).parseAsync(vrm.slice().buffer, '');
   const avatar = file.userData['vrm'] as VRM | undefined;
   if (!avatar) throw new Error('it has no VRM part');
-  return avatar;
+  return [file, avatar];
 }

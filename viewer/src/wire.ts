@@ -120,12 +120,30 @@ export interface Report {
   timing_ms: Record<string, number>;
 }
 
+/** A part of the signer's skin: a tapered capsule that a bone carries. */
+export interface FitCapsule {
+  key: string;
+  bone: string;
+  region: "head" | "trunk" | "upperArm" | "lowerArm" | "hand";
+  side: "" | "left" | "right";
+  start: [number, number, number];
+  end: [number, number, number];
+  radii: [number, number];
+}
+
+/** What a page needs, beside the VRM animation, to fit the motion to an avatar. */
+export interface FitSource {
+  capsules: FitCapsule[];
+  signing: [number, number][];
+}
+
 /** A spliced sentence. */
 export interface Spliced {
   name: string;
   report: Report;
   files: Files;
   units: SentenceToken[];
+  fit: FitSource | null;
 }
 
 /** A word of the lexicon. */

@@ -15,6 +15,7 @@ from signsplice.formats import FORMATS
 from signsplice.formats import encode as encode_file
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
+from signsplice.service.fitting import fit_source
 from signsplice.service.wire import FORMAT_NAMES, FRAMES_HEADER, FRAMES_MAGIC, Files, Format
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import Span, SpliceResult
@@ -57,7 +58,10 @@ def _scene(
             files[form] = base64.b64encode(encode(clip, form)).decode("ascii")
         except InputError as error:
             warnings.append(f"no .{form} file of this clip: {error}")
-    return {"name": clip.name, "report": {**report, "warnings": warnings}, "files": files, "units": list(units)}
+    fit = fit_source(clip) if files["vrma"] else None
+    return {
+        "name": clip.name, "report": {**report, "warnings": warnings}, "files": files, "units": list(units), "fit": fit,
+    }  # fmt: skip
 
 
 def to_json(message: Mapping[str, Any]) -> bytes:

@@ -1,7 +1,10 @@
-"""The wire's dataclasses as TypeScript: ``python -m signsplice.service.typescript viewer/src/wire.ts``."""
+"""The viewer's generated files, the wire's dataclasses and the constants of bodies and fits as TypeScript:
+``python -m signsplice.service.typescript viewer/src``.
+"""
 
 from __future__ import annotations
 
+import json
 import sys
 import types
 from dataclasses import MISSING, Field, fields, is_dataclass
@@ -9,12 +12,54 @@ from inspect import getdoc
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
+import numpy as np
 from pydantic.fields import FieldInfo
 
-from signsplice.formats import FORMATS
+from signsplice.body import (
+    arm_ik,
+    capsules,
+    fit,
+    relief,
+    retarget,
+    skin,
+    skin_head,
+    skin_points,
+    swivel,
+    thumb_contacts,
+)
+from signsplice.formats import FORMATS, gltf_mesh
+from signsplice.rig import proportions, t_pose
 from signsplice.service import wire
 
+_BODIES = (
+    *(proportions, t_pose, capsules, gltf_mesh, skin_points, skin, skin_head, relief),
+    *(fit, swivel, arm_ik, thumb_contacts, retarget),
+)
 _PLAIN = {str: "string", float: "number", int: "number", bool: "boolean", type(None): "null"}
+
+
+def files() -> dict[str, str]:
+    """The texts of the generated files by their names in ``viewer/src``."""
+    return {"wire.ts": render(), "fit/constants.ts": constants()}
+
+
+def constants() -> str:
+    """The text of ``fit/constants.ts``: the constants of the modules that know bodies and fit motion to them."""
+    parts = ["// Generated from the Python modules of the same names; do not edit."]
+    for module in _BODIES:
+        found = {
+            name.lstrip("_"): json.dumps(value, ensure_ascii=False, default=_plain)
+            for name, value in vars(module).items()
+            if name.lstrip("_").isupper() and isinstance(value, (int, float, tuple, dict, set, np.ndarray))
+        }
+        rows = [f"  {name}: {value}," for name, value in found.items()]
+        name = module.__name__.rpartition(".")[2]
+        parts.append("\n".join([f"export const {name} = {{", *rows, "} as const;"]))
+    return "\n\n".join(parts) + "\n"
+
+
+def _plain(value: np.ndarray | set[str]) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else sorted(value)
 
 
 def render() -> str:
@@ -72,4 +117,5 @@ def _type(hint: Any) -> str:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(render(), encoding="utf-8")
+    for name, text in files().items():
+        (Path(sys.argv[1]) / name).write_text(text, encoding="utf-8")

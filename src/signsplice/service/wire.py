@@ -147,17 +147,50 @@ class Report:
 
 
 @dataclass(frozen=True)
+class FitCapsule:
+    """A part of the signer's skin: a tapered capsule that a bone carries.
+
+    key: a name that the same capsule has on every body.
+    bone: of the humanoid (a VRM 1.0 name).
+    start, end: of the axis, from the bone's joint, with the humanoid in the T-pose (left +X, up +Y, forward +Z), m.
+    radii: at start and end, m.
+    """
+
+    key: str
+    bone: str
+    region: Literal["head", "trunk", "upperArm", "lowerArm", "hand"]
+    side: Literal["", "left", "right"]
+    start: tuple[float, float, float]
+    end: tuple[float, float, float]
+    radii: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class FitSource:
+    """What a page needs, beside the VRM animation, to fit the motion to an avatar.
+
+    capsules: the signer's body.
+    signing: how much the left and the right arm sign in each frame, 0 to 1.
+    """
+
+    capsules: list[FitCapsule]
+    signing: list[tuple[float, float]]
+
+
+@dataclass(frozen=True)
 class Spliced:
     """A spliced sentence.
 
     name: of the clip.
     units: how each gloss was read; empty for a splice of files.
+    fit: the signer's body; null where no VRM animation was requested, or the clip has none.
     """
 
     name: str
     report: Report
     files: Files
     units: list[SentenceToken] = field(default_factory=list)
+    fit: FitSource | None = None
 
 
 @dataclass(frozen=True)

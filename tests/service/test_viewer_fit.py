@@ -1,0 +1,155 @@
+"""The page's own fit of motion to avatars, run by Node: its hands are where Python's retargeting puts them."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import avatars
+import signsplice as ss
+from signsplice.body.capsules import shaped_capsules
+from signsplice.body.retarget import retarget
+from signsplice.formats.avatar import read_avatar
+from signsplice.formats.gltf_writer import in_front
+from signsplice.lexicon import shipped
+from signsplice.motion import kinematics, rotation
+from signsplice.motion.clip import Clip, Skeleton
+from signsplice.rig.align import copy_rotations, reference
+from signsplice.rig.info import rig_info
+from signsplice.service import scene
+from signsplice.service.fitting import fit_source
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+VIEWER = Path(__file__).resolve().parents[2] / "viewer"
+CASES = [("NAME", "narrow"), ("MY", "broad"), ("MOTHER", "big head"), ("FAMILY", "narrow")]
+SENTENCE = ("HELLO MY NAME", "big head")
+FAR = ("HAT", "too short")
+
+pytestmark = pytest.mark.skipif(
+    shutil.which("node") is None or not (VIEWER / "node_modules").is_dir(),
+    reason="no node, or viewer/node_modules is not installed",
+)
+
+
+@lru_cache
+def signed(line: str) -> Clip:
+    """The line signed, facing +Z."""
+    if " " not in line:
+        return in_front(shipped().clip(line))
+    words = [shipped().clip(gloss) for gloss in line.split()]
+    return in_front(ss.splice(words, ss.SpliceOptions(cutter="ends", transition="hermite")).clip)
+
+
+def made(folder: Path, name: str) -> Path:
+    """The file of a body of ``avatars.BODIES``: one as VRM 0.x, one whose arms hang at rest. "too short": with arms
+    that reach no face.
+    """
+    path = folder / f"{name}.vrm"
+    if not path.exists():
+        avatar = avatars.body("narrow" if name == "too short" else name)
+        joints = rig_info(avatar).roles.joints
+        # Joints of other names: those of one rig are matched by name, and their rest poses are taken for the same.
+        names = tuple(joint.replace("mixamorig:", "J_") for joint in avatar.names)
+        avatar = replace(avatar, names=names, roles={role: names[joint] for role, joint in joints.items()})
+        offsets = np.array(avatar.offsets)
+        if name == "too short":
+            offsets[[joints[side + role] for side in ("left", "right") for role in ("LowerArm", "Hand")]] *= 0.45
+        if name == "big head":
+            for side, turn in (("left", -0.6), ("right", 0.6)):
+                arm = kinematics.subtree(avatar, joints[f"{side}UpperArm"])[1:]
+                offsets[arm] = rotation.rotate(rotation.exp([0.1, 0.0, turn]), offsets[arm])
+        avatar = replace(avatar, offsets=offsets)
+        if name in ("too short", "big head"):
+            avatar = replace(avatar, body=shaped_capsules(avatar, avatars.BODIES["big head"].shape))
+        avatars.write(path, avatar, avatars.tubes(avatar), "0.x" if name == "broad" else "1.0")
+    return path
+
+
+def run(folder: Path, cases: list[tuple[str, str]], *flags: str) -> list[dict[str, Any]]:
+    """What ``fit.mjs`` computes for lines and bodies."""
+    given = [
+        {"avatar": str(made(folder, body)), "scene": scene.from_clip(signed(line), None, ["vrma"])}
+        for line, body in cases
+    ]
+    (folder / "cases.json").write_text(json.dumps(given))
+    command = ["node", str(VIEWER / "checks" / "fit.mjs"), *flags, str(folder / "cases.json")]
+    env = {**os.environ, "CHROMIUM": str(CHROMIUM)}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, env=env)
+    assert done.returncode == 0, done.stderr[-3000:]
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("avatars")
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path) -> Mapping[tuple[str, str], dict[str, Any]]:
+    """What the page makes of each line and body, in Node, and the avatars as Python reads them."""
+    cases = [*CASES, SENTENCE, FAR]
+    found = run(folder, cases)
+    return {case: {**one, "avatar": read_avatar(made(folder, case[1]))} for case, one in zip(cases, found, strict=True)}
+
+
+def hands(clip: Clip, points: list[str]) -> rotation.Float:
+    """Wrists and fingertips (T, P, 3) of an avatar from the middle of its shoulders, m."""
+    joints, offsets = rig_info(clip.skeleton).roles.joints, clip.skeleton.offsets
+    global_rotations, positions = kinematics.forward(clip)
+    out = positions[:, [joints[name] for name in points]]
+    for k, name in enumerate(points):
+        if name.endswith("Distal"):  # a fingertip lies 0.8 of the phalanx before beyond its last joint
+            out[:, k] += 0.8 * global_rotations[:, joints[name]] @ offsets[joints[name]]
+    return np.asarray(out - positions[:, [joints["leftUpperArm"], joints["rightUpperArm"]]].mean(axis=1, keepdims=True))
+
+
+@pytest.mark.parametrize(("line", "body"), [*CASES, SENTENCE])
+def test_hands_are_where_python_puts_them(page: Mapping[tuple[str, str], dict[str, Any]], line: str, body: str) -> None:
+    clip, seen = signed(line), page[line, body]
+    fitted = hands(retarget(clip, seen["avatar"]).clip, seen["points"])
+    away = np.linalg.norm(np.array(seen["hands"]) - fitted, axis=-1)
+    assert away.max() < 0.005, "5 mm"
+    copied = hands(copy_rotations(clip, reference(still(seen["avatar"])))[0], seen["points"])
+    assert np.linalg.norm(copied - fitted, axis=-1).max() > 0.02, "the fit moves hands by centimetres"
+
+
+def test_places_beyond_reach_are_told_as_python_tells_them(page: Mapping[tuple[str, str], dict[str, Any]]) -> None:
+    (warning,) = retarget(signed(FAR[0]), page[FAR]["avatar"]).warnings
+    left, right = page[FAR]["beyond"]
+    assert left == 0.0
+    assert f"right hand lie up to {100.0 * right:.0f} cm beyond" in warning
+    assert page[CASES[0]]["beyond"] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("case", CASES[:3])
+def test_the_page_finds_the_same_body_in_a_mesh(
+    page: Mapping[tuple[str, str], dict[str, Any]], case: tuple[str, str]
+) -> None:
+    ours = {one["key"]: one for one in fit_source(still(page[case]["avatar"]))["capsules"]}  # type: ignore[index]
+    theirs = {one["key"]: one for one in page[case]["capsules"]}
+    assert theirs.keys() == ours.keys()
+    for key, one in ours.items():
+        assert [theirs[key][name] for name in ("bone", "region", "side")] == [one["bone"], one["region"], one["side"]]
+        for name in ("start", "end", "radii"):
+            np.testing.assert_allclose(theirs[key][name], one[name], atol=1e-3, err_msg=f"{key} {name}")
+
+
+def still(skeleton: Skeleton) -> Clip:
+    return Clip(skeleton, np.tile(rotation.IDENTITY, (2, len(skeleton), 1)), np.zeros((2, 3)), 30.0)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")
+def test_chromium_puts_hands_where_node_does(folder: Path, page: Mapping[tuple[str, str], dict[str, Any]]) -> None:
+    (seen,) = run(folder, CASES[:1], "--chromium")
+    np.testing.assert_allclose(seen["hands"], page[CASES[0]]["hands"], atol=1e-6)

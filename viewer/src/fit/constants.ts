@@ -1,0 +1,137 @@
+// Generated from the Python modules of the same names; do not edit.
+
+export const proportions = {
+  STATURE_M: 1.7,
+  UNITS: {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "foot": 0.3048},
+  ARMS: [["leftUpperArm", "leftLowerArm", "leftHand"], ["rightUpperArm", "rightLowerArm", "rightHand"]],
+  LEGS: [["leftUpperLeg", "leftLowerLeg", "leftFoot"], ["rightUpperLeg", "rightLowerLeg", "rightFoot"]],
+  ARM_FRACTION: 0.33199999999999996,
+  LEG_FRACTION: 0.491,
+  SHOULDER_FRACTION: 0.259,
+} as const;
+
+export const t_pose = {
+  T_POSE_BONES: {"leftShoulder": ["leftUpperArm", [1.0, 0.0, 0.0]], "leftUpperArm": ["leftLowerArm", [1.0, 0.0, 0.0]], "leftLowerArm": ["leftHand", [1.0, 0.0, 0.0]], "leftIndexProximal": ["leftIndexIntermediate", [1.0, 0.0, 0.0]], "leftIndexIntermediate": ["leftIndexDistal", [1.0, 0.0, 0.0]], "leftMiddleProximal": ["leftMiddleIntermediate", [1.0, 0.0, 0.0]], "leftMiddleIntermediate": ["leftMiddleDistal", [1.0, 0.0, 0.0]], "leftRingProximal": ["leftRingIntermediate", [1.0, 0.0, 0.0]], "leftRingIntermediate": ["leftRingDistal", [1.0, 0.0, 0.0]], "leftLittleProximal": ["leftLittleIntermediate", [1.0, 0.0, 0.0]], "leftLittleIntermediate": ["leftLittleDistal", [1.0, 0.0, 0.0]], "leftThumbMetacarpal": ["leftThumbProximal", [0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "leftThumbProximal": ["leftThumbDistal", [0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "leftUpperLeg": ["leftLowerLeg", [0.0, -1.0, 0.0]], "leftLowerLeg": ["leftFoot", [0.0, -1.0, 0.0]], "rightShoulder": ["rightUpperArm", [-1.0, 0.0, 0.0]], "rightUpperArm": ["rightLowerArm", [-1.0, 0.0, 0.0]], "rightLowerArm": ["rightHand", [-1.0, 0.0, 0.0]], "rightIndexProximal": ["rightIndexIntermediate", [-1.0, 0.0, 0.0]], "rightIndexIntermediate": ["rightIndexDistal", [-1.0, 0.0, 0.0]], "rightMiddleProximal": ["rightMiddleIntermediate", [-1.0, 0.0, 0.0]], "rightMiddleIntermediate": ["rightMiddleDistal", [-1.0, 0.0, 0.0]], "rightRingProximal": ["rightRingIntermediate", [-1.0, 0.0, 0.0]], "rightRingIntermediate": ["rightRingDistal", [-1.0, 0.0, 0.0]], "rightLittleProximal": ["rightLittleIntermediate", [-1.0, 0.0, 0.0]], "rightLittleIntermediate": ["rightLittleDistal", [-1.0, 0.0, 0.0]], "rightThumbMetacarpal": ["rightThumbProximal", [-0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "rightThumbProximal": ["rightThumbDistal", [-0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "rightUpperLeg": ["rightLowerLeg", [0.0, -1.0, 0.0]], "rightLowerLeg": ["rightFoot", [0.0, -1.0, 0.0]]},
+  UPRIGHT: ["hips", "spine", "chest", "upperChest", "neck", "head", "jaw", "leftEye", "rightEye", "leftFoot", "rightFoot"],
+} as const;
+
+export const capsules = {
+  FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
+  SEGMENTS: ["Metacarpal", "Proximal", "Intermediate", "Distal"],
+  THICKNESS: {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049},
+  LIMBS: [["UpperArm", "LowerArm", 0.031, 0.024, "sleeve"], ["LowerArm", "Hand", 0.024, 0.0165, "cuff"], ["UpperLeg", "LowerLeg", 0.052, 0.036, "leg"], ["LowerLeg", "Foot", 0.036, 0.024, "leg"], ["Foot", "Toes", 0.024, 0.02, "shoe"]],
+  COLUMNS: [[0.058, 0.053], [0.0, 0.06], [-0.058, 0.053]],
+  HEAD: [["face", [0.0, 0.03, 0.018], [0.0, 0.07, 0.016], 0.04, 0.051], ["face", [0.0, 0.006, 0.032], [0.0, 0.03, 0.026], 0.024, 0.04], ["nose", [0.0, 0.052, 0.068], [0.0, 0.038, 0.073], 0.0055, 0.0085], ["hair", [0.0, 0.08, -0.004], [0.0, 0.048, -0.016], 0.054, 0.051], ["eye", [0.0195, 0.061, 0.0585], [0.0195, 0.061, 0.0585], 0.0065, 0.0065], ["eye", [-0.0195, 0.061, 0.0585], [-0.0195, 0.061, 0.0585], 0.0065, 0.0065], ["mouth", [0.0125, 0.0178, 0.057], [0.0, 0.017, 0.06], 0.0036, 0.0046], ["mouth", [-0.0125, 0.0178, 0.057], [0.0, 0.017, 0.06], 0.0036, 0.0046]],
+} as const;
+
+export const gltf_mesh = {
+  N_JOINTS: 4,
+  TRIANGLES: 4,
+  VERTEX_BYTES: 400,
+  LOOSE: ["acc", "accessories", "accessory", "ahoge", "backpack", "bag", "bangs", "bow", "braid", "cap", "cape", "cloak", "coat", "earring", "earrings", "eyelash", "eyelashes", "glasses", "goggles", "hair", "hat", "helmet", "hood", "horn", "lash", "lashes", "mask", "necklace", "necktie", "outline", "ponytail", "ribbon", "scarf", "skirt", "tail", "twintail", "weapon", "wig", "wing"],
+  SOFT: ["belly", "boob", "boobs", "breast", "breasts", "bust", "butt", "chichi", "helper", "hip", "hips", "mune", "muscle", "oppai", "roll", "twist"],
+  LOOSE_SIGNS: ["髪", "スカート", "リボン", "帽", "眼鏡"],
+  SOFT_SIGNS: ["胸", "乳"],
+} as const;
+
+export const skin_points = {
+  MIN_POINTS: 6,
+  MOST_ROWS: 8,
+  MOST_SAMPLES: 300000,
+  OWN: 0.49,
+} as const;
+
+export const skin = {
+  MIN_POINTS: 6,
+  TRUNK: ["hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder"],
+  HEAD: ["head", "jaw", "leftEye", "rightEye"],
+  SIDES: ["left", "right"],
+  ARM: ["sleeve", "cuff"],
+  BINS: 6,
+  HEIGHTS: 7,
+  ACROSS: 0.55,
+  STEP: 0.004,
+  HEM: 0.035,
+} as const;
+
+export const skin_head = {
+  MIN_POINTS: 6,
+  CHIN: -0.0092,
+  TOP: 0.134,
+  WIDTH: 0.045,
+  BALLS: {"face": 0, "chin": 1, "nose": 2, "skull": 3},
+  CELL: 0.006,
+} as const;
+
+export const relief = {
+  AROUND_M: 0.015,
+  SHARP_M: 0.005,
+  FARTHEST_M: 0.05,
+  NEAREST: 64,
+  FACING: 0.3,
+  HIDDEN_M: 0.008,
+  SHOWN_M: 0.003,
+  CHUNK: 4096,
+} as const;
+
+export const fit = {
+  NEAR_M: 0.04,
+  FREE_M: 0.06,
+  FAR_M: 0.25,
+  SPACE_WEIGHT: 0.15,
+  SMOOTHNESS: 100.0,
+  CONTACT_WEIGHT: 60.0,
+  CONTACT_FADE_M: 0.006,
+  TOUCH_M: 0.012,
+  CLEAR_M: 0.01,
+  PRESS_M: 0.002,
+  MARGIN_M: 0.035,
+  STEPS: 4,
+  STEPS_AGAIN: 2,
+  DAMPING: 10.0,
+  REACH: 0.985,
+  REACH_WEIGHT: 60.0,
+  ANCHORS: [["ThumbDistal", 1.0], ["IndexDistal", 1.0], ["MiddleDistal", 1.0], ["RingDistal", 1.0], ["LittleDistal", 1.0], ["IndexPalm", 1.0], ["LittlePalm", 1.0], ["MiddlePalm", 0.6], ["Mitten", 0.3], ["Mitten", 1.0]],
+} as const;
+
+export const swivel = {
+  GRID: [-1.0471975511965976, -0.7853981633974483, -0.5235987755982988, -0.2617993877991494, 0.0, 0.2617993877991494, 0.5235987755982988, 0.7853981633974483, 1.0471975511965976],
+  TURN_WEIGHT: 0.15,
+  CHANGE_WEIGHT: 0.5,
+  WIDTH_S: 0.06,
+} as const;
+
+export const arm_ik = {
+  REACH: 0.999,
+  STRAIGHT: 0.05,
+  HINGES: [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]],
+  TINY: 1e-09,
+} as const;
+
+export const thumb_contacts = {
+  FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
+  ALIKE: 0.03,
+  MOST_RADIANS: 0.2617993877991494,
+  NEAR_M: 0.012,
+  FADE_M: 0.004,
+  DAMPING: 0.0002,
+  TOGETHER: 0.002,
+  APART_RADIANS: 0.2617993877991494,
+  STEPS: 3,
+  WIDTH_S: 0.05,
+  THUMB: ["ThumbMetacarpal", "ThumbProximal", "ThumbDistal"],
+  SEGMENTS: ["Palm", "Proximal", "Intermediate", "Distal"],
+  FLEXION: [0.0, 0.0, 1.0],
+} as const;
+
+export const retarget = {
+  PART_M: 0.012,
+  ALIKE: 0.005,
+  BEYOND_M: 0.02,
+  FADE_S: 0.15,
+  HANGING: 0.95,
+  RAISED: 0.85,
+  FOREARM_MARGIN_M: 0.03,
+  WINDOW: 1500,
+  OVERLAP: 90,
+} as const;

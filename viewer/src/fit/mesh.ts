@@ -1,0 +1,153 @@
+/** The vertices of an avatar's meshes that are skin rather than hair, skirts or accessories, as the Python module formats/gltf_mesh
+ * finds them. */
+
+import type { VRM } from '@pixiv/three-vrm';
+import { type Matrix4, Mesh, type Object3D, SkinnedMesh, Vector3 } from 'three';
+import type { GLTF } from 'three/addons/loaders/GLTFLoader.js';
+import { gltf_mesh as WORDS } from './constants.js';
+import { SkinPoints } from './points.js';
+
+const LOOSE: ReadonlySet<string> = new Set(WORDS.LOOSE);
+const SOFT: ReadonlySet<string> = new Set(WORDS.SOFT);
+
+interface Node {
+  name?: string;
+  children?: number[];
+}
+
+/** The parts of a file's JSON that are read here. */
+interface Document {
+  nodes: Node[];
+  meshes: { name?: string; primitives: { material?: number }[] }[];
+  materials?: { name?: string }[];
+  extensions?: {
+    VRMC_springBone?: { springs?: { joints?: { node: number }[] }[] };
+    VRM?: { secondaryAnimation?: { boneGroups?: { bones?: number[] }[] } };
+  };
+}
+
+/** The vertices of skin of an avatar that stands as it was loaded, carried by bones of these names; ``place`` moves them. */
+export function skinOf(file: GLTF, avatar: VRM, names: readonly string[], place: (point: Vector3) => Vector3): SkinPoints {
+  const carriers = new Carriers(file, avatar, names);
+  const points = new SkinPoints();
+  const json = file.parser.json as Document;
+  avatar.scene.updateMatrixWorld(true);
+  avatar.scene.traverse((object) => {
+    if (!(object instanceof Mesh)) return;
+    const { meshes, primitives = 0 } = (file.parser.associations.get(object) ?? {}) as { meshes?: number; primitives?: number };
+    const mesh = meshes === undefined ? undefined : json.meshes[meshes];
+    const index = object.geometry.getIndex();
+    if (!mesh || !index) return;
+    const material = mesh.primitives[primitives]?.material;
+    const called = [mesh.name, carriers.nameAbove(object), material === undefined ? undefined : json.materials?.[material]?.name];
+    if (called.some((name) => isLoose(name ?? ''))) return;
+    const numbers = addVertices(object, new Set(index.array), carriers, points, place);
+    for (let k = 0; k + 2 < index.count; k += 3) {
+      const [a, b, c] = [0, 1, 2].map((corner) => numbers.get(index.getX(k + corner)));
+      if (a !== undefined && b !== undefined && c !== undefined) points.addTriangle(a, b, c);
+    }
+  });
+  return points;
+}
+
+/** Add the vertices of a mesh that are skin; their numbers in the mesh -> in ``points``. */
+function addVertices(
+  mesh: Mesh, used: Set<number>, carriers: Carriers, points: SkinPoints, place: (point: Vector3) => Vector3,
+): Map<number, number> {
+  const numbers = new Map<number, number>();
+  const { position, skinIndex, skinWeight } = mesh.geometry.attributes;
+  const skinned = mesh instanceof SkinnedMesh && skinIndex && skinWeight ? mesh : null;
+  const bones = skinned ? skinned.skeleton.bones : [mesh];
+  const matrices = bones.map((bone, k) => (skinned ? bone.matrixWorld.clone().multiply(skinned.skeleton.boneInverses[k]!) : bone.matrixWorld));
+  const carried = bones.map((bone) => carriers.of(bone));
+  if (!skinned && carried[0]!.row === null) return numbers;
+  const [at, sum, part] = [new Vector3(), new Vector3(), new Vector3()];
+  for (const vertex of [...used].sort((a, b) => a - b)) {
+    at.fromBufferAttribute(position!, vertex);
+    sum.set(0, 0, 0);
+    const rows: number[] = [];
+    const weights: number[] = [];
+    const all = skinned ? [0, 1, 2, 3].map((k) => skinWeight!.getComponent(vertex, k)) : [1];
+    const total = all.reduce((a, b) => a + b, 0);
+    let loose = 0;
+    all.forEach((value, k) => {
+      const bone = skinned ? skinIndex!.getComponent(vertex, k) : 0;
+      const weight = total > 0 ? value / total : k ? 0 : 1;
+      if (!weight) return;
+      sum.addScaledVector(part.copy(at).applyMatrix4(matrices[bone] as Matrix4), weight);
+      if (!carried[bone]!.isSkin) loose += weight;
+      rows.push(carried[bone]!.row ?? 0);
+      weights.push(weight);
+    });
+    if (loose < 0.5) numbers.set(vertex, points.add(place(sum.clone()), rows, weights));
+  }
+  return numbers;
+}
+
+/** Which bone carries what hangs on a node, and whether that is skin. */
+class Carriers {
+  private readonly json: Document;
+  private readonly parents = new Map<number, number>();
+  /** Node -> number of its bone, -1 for a node between two bones. */
+  private readonly rows = new Map<number, number>();
+  private readonly springs: Set<number>;
+
+  constructor(private readonly file: GLTF, avatar: VRM, names: readonly string[]) {
+    this.json = file.parser.json as Document;
+    this.json.nodes.forEach(({ children }, node) => children?.forEach((child) => this.parents.set(child, node)));
+    names.forEach((name, row) => {
+      const bone = avatar.humanoid.getRawBoneNode(name as 'hips');
+      const node = bone && this.numberOf(bone);
+      if (typeof node === 'number') this.rows.set(node, row);
+    });
+    for (const node of [...this.rows.keys()]) {
+      const between: number[] = [];
+      let above = this.parents.get(node);
+      for (; above !== undefined && !this.rows.has(above); above = this.parents.get(above)) between.push(above);
+      if (above !== undefined) for (const each of between) this.rows.set(each, -1);
+    }
+    const { VRMC_springBone, VRM } = this.json.extensions ?? {};
+    this.springs = new Set([
+      ...(VRMC_springBone?.springs ?? []).flatMap(({ joints }) => (joints ?? []).map(({ node }) => node)),
+      ...(VRM?.secondaryAnimation?.boneGroups ?? []).flatMap(({ bones }) => bones ?? []),
+    ]);
+  }
+
+  /** Number of the bone at or above a node; null where there is none. */
+  of(object: Object3D): { row: number | null; isSkin: boolean } {
+    let isSkin = true;
+    for (let node = this.numberOf(object); node !== undefined; node = this.parents.get(node)) {
+      const row = this.rows.get(node);
+      if (row !== undefined) return { row, isSkin };
+      const name = this.json.nodes[node]!.name ?? '';
+      const isSoft = [...words(name)].some((word) => SOFT.has(word)) || WORDS.SOFT_SIGNS.some((sign) => name.includes(sign));
+      isSkin &&= isSoft || !(isLoose(name) || this.springs.has(node));
+    }
+    return { row: null, isSkin: false };
+  }
+
+  /** The name in the file of the node at or above an object of the scene. */
+  nameAbove(object: Object3D): string {
+    const node = this.numberOf(object);
+    return node === undefined ? '' : (this.json.nodes[node]!.name ?? '');
+  }
+
+  /** The number of the node in the file at or above an object of the scene. */
+  private numberOf(object: Object3D): number | undefined {
+    for (let each: Object3D | null = object; each; each = each.parent) {
+      const { nodes } = (this.file.parser.associations.get(each) ?? {}) as { nodes?: number };
+      if (nodes !== undefined) return nodes;
+    }
+    return undefined;
+  }
+}
+
+/** The words of a name in lower case: "J_Sec_HairBack1" has j, sec, hair and back. */
+function words(name: string): Set<string> {
+  return new Set((name.match(/[A-Z]?[a-z]+|[A-Z]+/g) ?? []).map((word) => word.toLowerCase()));
+}
+
+/** Whether a name is that of hair, clothing that hangs, or an accessory. */
+function isLoose(name: string): boolean {
+  return [...words(name)].some((word) => LOOSE.has(word)) || WORDS.LOOSE_SIGNS.some((sign) => name.includes(sign));
+}

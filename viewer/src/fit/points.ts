@@ -1,0 +1,110 @@
+/** The vertices of a mesh that are skin, and the plain statistics that capsules are fitted with. */
+
+import { Vector3 } from 'three';
+import { skin_points as POINTS } from './constants.js';
+import { clip } from './gaps.js';
+
+/** Fewer vertices than this are too few to measure. */
+export const MIN_POINTS = POINTS.MIN_POINTS;
+
+/** A point of a surface. */
+export interface SurfacePoint {
+  at: Vector3;
+  normal: Vector3;
+}
+
+export class SkinPoints {
+  private readonly points: Vector3[] = [];
+  /** Bone -> the vertices that it carries, and how much. */
+  private readonly carried = new Map<number, { vertex: number; weight: number }[]>();
+
+  private readonly triangles: [number, number, number][] = [];
+
+  /** The number of a vertex that is added; bones of these numbers carry it, so much. */
+  add(point: Vector3, bones: number[], weights: number[]): number {
+    const vertex = this.points.push(point) - 1;
+    bones.forEach((bone, k) => {
+      if (!this.carried.has(bone)) this.carried.set(bone, []);
+      this.carried.get(bone)!.push({ vertex, weight: weights[k]! });
+    });
+    return vertex;
+  }
+
+  /** Add a triangle between vertices of these numbers. */
+  addTriangle(a: number, b: number, c: number): void {
+    this.triangles.push([a, b, c]);
+  }
+
+  /** The vertices that these bones carry together, by half or more. */
+  of(bones: number[]): Vector3[] {
+    return [...this.numbersOf(bones)].map((vertex) => this.points[vertex]!);
+  }
+
+  private numbersOf(bones: number[]): Set<number> {
+    const sums = new Map<number, number>();
+    for (const { vertex, weight } of bones.flatMap((bone) => this.carried.get(bone) ?? [])) sums.set(vertex, (sums.get(vertex) ?? 0) + weight);
+    return new Set([...sums].flatMap(([vertex, sum]) => (sum >= POINTS.OWN ? [vertex] : [])));
+  }
+
+  /** Points on the triangles that these bones carry, about ``step`` apart. */
+  surface(bones: number[], step: number): SurfacePoint[] {
+    const own = this.numbersOf(bones);
+    const triangles = this.triangles.flatMap((triangle) => {
+      if (!triangle.every((vertex) => own.has(vertex))) return [];
+      const [a, b, c] = triangle.map((vertex) => this.points[vertex]!) as [Vector3, Vector3, Vector3];
+      const normal = b.clone().sub(a).cross(c.clone().sub(a));
+      if (!(normal.length() > 0)) return [];
+      const longest = Math.max(a.distanceTo(b), b.distanceTo(c), c.distanceTo(a));
+      return [{ a, b, c, normal: normal.normalize(), rows: clip(Math.ceil(longest / step), 1, POINTS.MOST_ROWS) }];
+    });
+    const samples = triangles.reduce((sum, { rows }) => sum + (rows * (rows + 1)) / 2, 0);
+    const points: SurfacePoint[] = [];
+    for (let n = 1; n <= POINTS.MOST_ROWS; n++) {
+      for (const { a, b, c, normal, rows } of triangles) {
+        if ((samples > POINTS.MOST_SAMPLES ? 1 : rows) !== n) continue;
+        for (let j = 0; j < n; j++) {
+          for (let i = 0; i + j < n; i++) {
+            const [u, v] = [(i + 1 / 3) / n, (j + 1 / 3) / n];
+            points.push({ at: a.clone().multiplyScalar(1 - u - v).addScaledVector(b, u).addScaledVector(c, v), normal });
+          }
+        }
+      }
+    }
+    return points;
+  }
+}
+
+/** Of points, the first in each cube of space. */
+export function thinned(points: SurfacePoint[], edge: number): SurfacePoint[] {
+  const found = new Map<string, SurfacePoint>();
+  for (const point of points) {
+    const key = `${Math.floor(point.at.x / edge)} ${Math.floor(point.at.y / edge)} ${Math.floor(point.at.z / edge)}`;
+    if (!found.has(key)) found.set(key, point);
+  }
+  return [...found.values()];
+}
+
+/** The value (one of them) below which a share of the values lies. */
+export function quantile(values: number[], share: number): number {
+  const ordered = Float64Array.from(values).sort();
+  return ordered[Math.floor(share * (ordered.length - 1) + 0.5)]!;
+}
+
+/** Points whose x and y lie within ``half`` of a place, or within two or four times that; null where these are too few too. */
+export function around(points: Vector3[], x: number, y: number, half: number): Vector3[] | null {
+  for (const wider of [1, 2, 4]) {
+    const near = points.filter((point) => Math.max(Math.abs(point.x - x), Math.abs(point.y - y)) < wider * half);
+    if (near.length >= MIN_POINTS) return near;
+  }
+  return null;
+}
+
+/** The least-squares line through values at ``t``, with a weight for each, at one place. */
+export function line(t: number[], values: number[], at: number, weights = t.map(() => 1)): number {
+  const total = weights.reduce((a, b) => a + b, 0);
+  const mean = (of: (k: number) => number) => weights.reduce((sum, weight, k) => sum + (weight / total) * of(k), 0);
+  const [middle, value] = [mean((k) => t[k]!), mean((k) => values[k]!)];
+  const spread = mean((k) => (t[k]! - middle) ** 2);
+  const slope = spread > 0 ? mean((k) => (t[k]! - middle) * (values[k]! - value)) / spread : 0;
+  return value + slope * (at - middle);
+}

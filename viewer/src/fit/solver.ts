@@ -1,0 +1,380 @@
+/**
+ * Where wrists go on another body, so that hands keep their place on it and touch what they touched: the method of the Python
+ * module body/fit, which says what is sought and why.
+ */
+
+import { Quaternion, Vector3 } from 'three';
+import { Band, secondDifferences } from './band.js';
+import { Posed, SIDES } from './body.js';
+import { fit as FIT } from './constants.js';
+import { clip, gap, gapBetween, markNear, type Pairs, rowsOf, sidesOf, skinGap, skinPairs } from './gaps.js';
+
+const { NEAR_M, FREE_M, FAR_M, SPACE_WEIGHT, SMOOTHNESS, CONTACT_WEIGHT, CONTACT_FADE_M, TOUCH_M, CLEAR_M, PRESS_M } = FIT;
+const { MARGIN_M, STEPS, STEPS_AGAIN, DAMPING, REACH, REACH_WEIGHT, ANCHORS } = FIT;
+const FRAMES_A_SLICE = 32;
+
+interface Anchor {
+  row: number;
+  at: number;
+}
+
+/** Pairs that are near one another at some frames, in order of frames. */
+interface Near {
+  frames: number[];
+  own: number[];
+  other: number[];
+  /** Skin distances at the source, m. */
+  distances: number[];
+  /** How far the skin lies above the other capsule, where they are nearest, m. */
+  heights: number[];
+}
+
+/** Moves of both wrists, left x y z, right x y z, frame by frame, m. */
+export type Moves = Float64Array;
+
+/** A point on a capsule, and the radius there. */
+interface Point {
+  x: number;
+  y: number;
+  z: number;
+  radius: number;
+}
+
+/** The problem of one clip on two bodies with the same capsules: ``source`` as it was signed, ``carried`` with the same rotations. */
+export class Fit {
+  /** How far the places of each hand lie beyond its arm's reach where it signs, at most, m. */
+  readonly outOfReach: [number, number] = [0, 0];
+  private readonly frames: number;
+  private readonly armScale: number;
+  private readonly handScale: number;
+  private readonly smooth: number;
+  private readonly anchors: Anchor[][];
+  private readonly solids: number[][];
+  private readonly pairs: Pairs;
+  private readonly sides: number[];
+  private readonly first: number[];
+  private readonly last: number[];
+  private near: Near = { frames: [], own: [], other: [], distances: [], heights: [] };
+  // The linear stage, by frames: both diagonals and the off-diagonal of its 2 x 2 block, and its right sides.
+  private readonly diagonal: Float64Array;
+  private readonly off: Float64Array;
+  private readonly right: Float64Array;
+
+  /** ``signing``: how much each arm signs, left and right, frame by frame. */
+  constructor(readonly source: Posed, readonly carried: Posed, fps: number, private readonly signing: Float64Array) {
+    this.frames = source.frames;
+    this.armScale = (carried.armLengths[0] + carried.armLengths[1]) / (source.armLengths[0] + source.armLengths[1]);
+    this.handScale = carried.body.handLength / source.body.handLength;
+    this.smooth = SMOOTHNESS * (fps / 30) ** 4;
+    const { body } = source;
+    const row = (key: string) => body.capsules.findIndex((capsule) => capsule.key === key);
+    this.anchors = SIDES.map((side) => ANCHORS.map(([key, at]) => ({ row: row(side + key), at })).filter((one) => one.row >= 0));
+    const solid = rowsOf(body, (region) => region === 'head' || region === 'trunk');
+    this.solids = [1, 0].map((other) => [...solid, ...rowsOf(body, (region, side) => region.endsWith('Arm') && side === SIDES[other])]);
+    this.pairs = skinPairs(body);
+    this.sides = sidesOf(body);
+    // How far both ends of a capsule move with a wrist: hands wholly, an elbow half-way.
+    const shares = body.capsules.map(({ region }) => ({ head: [0, 0], trunk: [0, 0], upperArm: [0, 0.5], lowerArm: [0.5, 1], hand: [1, 1] })[region]);
+    this.first = shares.map(([start]) => start!);
+    this.last = shares.map(([, end]) => end!);
+    this.diagonal = new Float64Array(2 * this.frames).fill(SPACE_WEIGHT);
+    this.off = new Float64Array(this.frames);
+    this.right = new Float64Array(6 * this.frames);
+  }
+
+  /** The moves of the wrists. */
+  *moves(): Generator<void, Moves> {
+    for (let t = 0; t < this.frames; t++) {
+      if (t % FRAMES_A_SLICE === FRAMES_A_SLICE - 1) yield;
+      this.addSpace(t);
+      for (const side of [0, 1]) this.addBodyPlaces(t, side);
+      this.addHandPlaces(t);
+    }
+    const moves = yield* this.solveLinear();
+    this.measureReach(moves);
+    yield* this.findNear(moves);
+    return yield* this.touched(moves, this.carried, new Float64Array(moves.length), STEPS);
+  }
+
+  /** The moves once more, from ``moved``: the body with the arms as they lie after the moves so far. */
+  *again(moved: Posed): Generator<void, Moves> {
+    const base = new Float64Array(6 * this.frames);
+    for (let t = 0; t < this.frames; t++) {
+      for (const side of [0, 1]) {
+        const at = Posed.at(t, side, 2);
+        for (let x = 0; x < 3; x++) base[6 * t + 3 * side + x] = moved.arms[at + x]! - this.carried.arms[at + x]!;
+      }
+    }
+    yield* this.measureHeights(moved);
+    return yield* this.touched(base, moved, base, moved.body.relief ? STEPS : STEPS_AGAIN);
+  }
+
+  private *measureHeights(posed: Posed): Generator<void, void> {
+    const { near, sides } = this;
+    const { relief, capsules } = posed.body;
+    if (!relief) return;
+    const [turn, direction] = [new Quaternion(), new Vector3()];
+    for (let k = 0; k < near.frames.length; k++) {
+      if (k % 256 === 255) yield;
+      const [t, other] = [near.frames[k]!, near.other[k]!];
+      if (sides[other]! >= 0) continue;
+      gapBetween(posed, t, near.own[k]!, other);
+      const at = gap.otherAt;
+      turn.fromArray(posed.rotations.get(capsules[other]!.bone)!, 4 * (posed.from + t)).invert();
+      near.heights[k] = relief.height(capsules[other]!.key, at, direction.fromArray(gap.normal).applyQuaternion(turn));
+    }
+  }
+
+  // --- the linear stage ---
+
+  /** The wrists' places in signing space. */
+  private addSpace(t: number): void {
+    const [theirs, ours] = [this.source.arms, this.carried.arms];
+    for (const side of [0, 1]) {
+      const wrist = Posed.at(t, side, 2);
+      for (let x = 0; x < 3; x++) {
+        const [left, right] = [Posed.at(t, 0, 0) + x, Posed.at(t, 1, 0) + x];
+        const from = 0.5 * (theirs[left]! + theirs[right]!);
+        const middle = 0.5 * (ours[left]! + ours[right]!);
+        const place = middle + this.armScale * (theirs[wrist + x]! - from);
+        this.right[6 * t + 3 * side + x]! += SPACE_WEIGHT * (place - ours[wrist + x]!);
+      }
+    }
+  }
+
+  /** The places of a hand's anchors on head, trunk and the other arm. */
+  private addBodyPlaces(t: number, side: number): void {
+    const signs = this.signing[2 * t + side]!;
+    if (!signs) return;
+    const { source, carried } = this;
+    const n = source.radii.length / 2;
+    const at = 6 * t + 3 * side;
+    for (const anchor of this.anchors[side]!) {
+      const a = pointOn(source, t, anchor);
+      const b = pointOn(carried, t, anchor);
+      for (const row of this.solids[side]!) {
+        const [i, j] = [3 * (t * n + row), 3 * (t * n + row)];
+        const [qx, qy, qz] = [source.starts[i]!, source.starts[i + 1]!, source.starts[i + 2]!];
+        const [vx, vy, vz] = [source.ends[i]! - qx, source.ends[i + 1]! - qy, source.ends[i + 2]! - qz];
+        const along = (a.x - qx) * vx + (a.y - qy) * vy + (a.z - qz) * vz;
+        const share = clip(along / (vx * vx + vy * vy + vz * vz + 1e-12));
+        const [ox, oy, oz] = [a.x - qx - share * vx, a.y - qy - share * vy, a.z - qz - share * vz];
+        const away = Math.sqrt(ox * ox + oy * oy + oz * oz) + 1e-9;
+        const distance = away - radiusAt(source.radii, row, share) - a.radius;
+        const weight = weightOf(distance) * signs;
+        const wanted = (radiusAt(carried.radii, row, share) + b.radius + this.scaled(distance)) / away;
+        const [s, e] = [carried.starts, carried.ends];
+        this.diagonal[2 * t + side]! += weight;
+        this.right[at]! += weight * (s[j]! + share * (e[j]! - s[j]!) + ox * wanted - b.x);
+        this.right[at + 1]! += weight * (s[j + 1]! + share * (e[j + 1]! - s[j + 1]!) + oy * wanted - b.y);
+        this.right[at + 2]! += weight * (s[j + 2]! + share * (e[j + 2]! - s[j + 2]!) + oz * wanted - b.z);
+      }
+    }
+  }
+
+  /** The places of one hand's anchors on the other hand. */
+  private addHandPlaces(t: number): void {
+    const signs = Math.min(this.signing[2 * t]!, this.signing[2 * t + 1]!);
+    if (!signs) return;
+    const [theirLeft, theirRight] = this.anchors.map((anchors) => anchors.map((one) => pointOn(this.source, t, one)));
+    const [left, right] = this.anchors.map((anchors) => anchors.map((one) => pointOn(this.carried, t, one)));
+    theirLeft!.forEach((a, i) => {
+      theirRight!.forEach((b, j) => {
+        const [dx, dy, dz] = [a.x - b.x, a.y - b.y, a.z - b.z];
+        const away = Math.sqrt(dx * dx + dy * dy + dz * dz) + 1e-9;
+        const distance = away - a.radius - b.radius;
+        const weight = weightOf(distance) * signs;
+        const [p, q] = [left![i]!, right![j]!];
+        const wanted = (p.radius + q.radius + this.scaled(distance)) / away;
+        const way = [dx * wanted - (p.x - q.x), dy * wanted - (p.y - q.y), dz * wanted - (p.z - q.z)];
+        this.diagonal[2 * t]! += weight;
+        this.diagonal[2 * t + 1]! += weight;
+        this.off[t]! -= weight;
+        for (let x = 0; x < 3; x++) {
+          this.right[6 * t + x]! += weight * way[x]!;
+          this.right[6 * t + 3 + x]! -= weight * way[x]!;
+        }
+      });
+    });
+  }
+
+  /** A skin distance on the other body: as it is where it is small, scaled as signing space where it is large. */
+  private scaled(distance: number): number {
+    const share = clip((distance - FREE_M) / (FAR_M - FREE_M));
+    return distance * (this.handScale + (this.armScale - this.handScale) * share * share * (3 - 2 * share));
+  }
+
+  private *solveLinear(): Generator<void, Moves> {
+    const band = new Band(2 * this.frames, 4);
+    for (let t = 0; t < this.frames; t++) {
+      band.add(2 * t, 2 * t, this.diagonal[2 * t]!);
+      band.add(2 * t + 1, 2 * t + 1, this.diagonal[2 * t + 1]!);
+      band.add(2 * t + 1, 2 * t, this.off[t]!);
+    }
+    secondDifferences(this.frames, (row, column, value) => {
+      for (const side of [0, 1]) band.add(2 * row + side, 2 * column + side, this.smooth * value);
+    });
+    return yield* band.solve(this.right.slice(), 3);
+  }
+
+  private measureReach(moves: Moves): void {
+    for (let t = 0; t < this.frames; t++) {
+      for (const side of [0, 1]) {
+        if (this.signing[2 * t + side]! <= 0.5) continue;
+        const { length } = this.arm(t, side, moves);
+        this.outOfReach[side] = Math.max(this.outOfReach[side]!, length - this.carried.armLengths[side]!);
+      }
+    }
+  }
+
+  /** From shoulder to wrist, the wrist moved. */
+  private arm(t: number, side: number, moves: Moves): { x: number; y: number; z: number; length: number } {
+    const { arms } = this.carried;
+    const [shoulder, wrist, at] = [Posed.at(t, side, 0), Posed.at(t, side, 2), 6 * t + 3 * side];
+    const [x, y, z] = [0, 1, 2].map((k) => arms[wrist + k]! + moves[at + k]! - arms[shoulder + k]!) as [number, number, number];
+    return { x, y, z, length: Math.sqrt(x * x + y * y + z * z) };
+  }
+
+  // --- the contact stage ---
+
+  /** Find the pairs that are near at the source, or on the other body with its wrists moved. */
+  private *findNear(moves: Moves): Generator<void, void> {
+    const { source, carried, pairs, near, first, last, sides } = this;
+    const [starts, ends] = [carried.starts.slice(), carried.ends.slice()];
+    const n = sides.length;
+    const marks = new Uint8Array(pairs.own.length);
+    for (let t = 0; t < this.frames; t++) {
+      if (t % FRAMES_A_SLICE === FRAMES_A_SLICE - 1) yield;
+      sides.forEach((side, row) => {
+        if (side < 0) return;
+        for (let x = 0; x < 3; x++) {
+          starts[3 * (t * n + row) + x]! += first[row]! * moves[6 * t + 3 * side + x]!;
+          ends[3 * (t * n + row) + x]! += last[row]! * moves[6 * t + 3 * side + x]!;
+        }
+      });
+      marks.fill(0);
+      markNear(source, t, pairs, TOUCH_M, marks);
+      markNear({ starts, ends, radii: carried.radii }, t, pairs, MARGIN_M, marks);
+      for (let k = 0; k < marks.length; k++) {
+        if (!marks[k]) continue;
+        gapBetween(source, t, pairs.own[k]!, pairs.other[k]!);
+        const then = gap.distance;
+        if (then >= TOUCH_M) {
+          gapBetween({ starts, ends, radii: carried.radii }, t, pairs.own[k]!, pairs.other[k]!);
+          if (gap.distance >= MARGIN_M) continue;
+        }
+        near.frames.push(t);
+        near.own.push(pairs.own[k]!);
+        near.other.push(pairs.other[k]!);
+        near.distances.push(then);
+        near.heights.push(0);
+      }
+    }
+  }
+
+  private *touched(moves: Moves, posed: Posed, base: Moves, steps: number): Generator<void, Moves> {
+    for (let step = 0; step < steps; step++) moves = yield* this.step(moves, posed, base);
+    return moves;
+  }
+
+  /** One Gauss-Newton step from ``moves``, on a body whose wrists are moved by ``base`` in ``posed``. */
+  private *step(moves: Moves, posed: Posed, base: Moves): Generator<void, Moves> {
+    const band = new Band(6 * this.frames, 17);
+    const right = this.right.slice();
+    for (let k = 0; k < right.length; k++) right[k]! += DAMPING * moves[k]!;
+    for (let t = 0; t < this.frames; t++) {
+      for (let x = 0; x < 3; x++) {
+        band.add(6 * t + x, 6 * t + x, this.diagonal[2 * t]! + DAMPING);
+        band.add(6 * t + 3 + x, 6 * t + 3 + x, this.diagonal[2 * t + 1]! + DAMPING);
+        band.add(6 * t + 3 + x, 6 * t + x, this.off[t]!);
+      }
+    }
+    secondDifferences(this.frames, (row, column, value) => {
+      for (let k = 0; k < 6; k++) band.add(6 * row + k, 6 * column + k, this.smooth * value);
+    });
+    this.addContacts(moves, posed, base, band, right);
+    this.addReach(moves, band, right);
+    return yield* band.solve(right, 1);
+  }
+
+  private addContacts(moves: Moves, posed: Posed, base: Moves, band: Band, right: Float64Array): void {
+    const { near, first, last, sides } = this;
+    const { starts, ends, radii } = posed;
+    const n = sides.length;
+    const capsules = new Float64Array(12);
+    const jacobian = new Float64Array(6);
+    const fill = (at: number, t: number, row: number) => {
+      const side = Math.max(sides[row]!, 0);
+      for (let x = 0; x < 3; x++) {
+        const since = moves[6 * t + 3 * side + x]! - base[6 * t + 3 * side + x]!;
+        const k = 3 * (t * n + row) + x;
+        capsules[at + x] = starts[k]! + first[row]! * since;
+        capsules[at + 3 + x] = ends[k]! - starts[k]! + (last[row]! - first[row]!) * since;
+      }
+    };
+    for (let k = 0; k < near.frames.length; k++) {
+      const [t, own, other, then] = [near.frames[k]!, near.own[k]!, near.other[k]!, near.distances[k]!];
+      fill(0, t, own);
+      fill(6, t, other);
+      skinGap(capsules, radii[2 * own]!, radii[2 * own + 1]!, radii[2 * other]!, radii[2 * other + 1]!);
+      const wanted = Math.min(then, CLEAR_M) + near.heights[k]!;
+      // A pair that lies deep at the source has no skin to touch: it may lie as deep, and is held the less.
+      const off = Math.max(Math.abs(then + 0.5 * PRESS_M) - 0.5 * PRESS_M, 0);
+      const held = then < TOUCH_M ? CONTACT_WEIGHT * Math.exp(-off / CONTACT_FADE_M) : 0;
+      const weight = gap.distance < wanted ? CONTACT_WEIGHT : held;
+      if (weight <= 1e-3) continue;
+      jacobian.fill(0);
+      const [ownSide, otherSide] = [sides[own]!, sides[other]!];
+      const ownShare = first[own]! + gap.ownAt * (last[own]! - first[own]!);
+      const otherShare = otherSide < 0 ? 0 : first[other]! + gap.otherAt * (last[other]! - first[other]!);
+      for (let x = 0; x < 3; x++) {
+        jacobian[3 * ownSide + x]! += ownShare * gap.normal[x]!;
+        jacobian[3 * Math.max(otherSide, 0) + x]! -= otherShare * gap.normal[x]!;
+      }
+      addRow(band, right, t, jacobian, weight, wanted - gap.distance, moves);
+    }
+  }
+
+  /** Keep wrists within reach: the plane at right angles to the arm, where they are beyond. */
+  private addReach(moves: Moves, band: Band, right: Float64Array): void {
+    const jacobian = new Float64Array(6);
+    for (let t = 0; t < this.frames; t++) {
+      for (const side of [0, 1]) {
+        const { x, y, z, length } = this.arm(t, side, moves);
+        const most = REACH * this.carried.armLengths[side]!;
+        if (length <= most) continue;
+        jacobian.fill(0);
+        jacobian.set([x / length, y / length, z / length], 3 * side);
+        addRow(band, right, t, jacobian, REACH_WEIGHT, most - length, moves);
+      }
+    }
+  }
+}
+
+/** Add a residual: its change with the moves of a frame, its weight, and what it lacks at the present moves. */
+function addRow(
+  band: Band, right: Float64Array, t: number, jacobian: Float64Array, weight: number, lack: number, moves: Moves,
+): void {
+  let goal = lack;
+  for (let i = 0; i < 6; i++) goal += jacobian[i]! * moves[6 * t + i]!;
+  for (let i = 0; i < 6; i++) {
+    if (!jacobian[i]) continue;
+    for (let j = 0; j <= i; j++) band.add(6 * t + i, 6 * t + j, weight * jacobian[i]! * jacobian[j]!);
+    right[6 * t + i]! += weight * jacobian[i]! * goal;
+  }
+}
+
+function pointOn({ starts, ends, radii }: Posed, t: number, { row, at }: Anchor): Point {
+  const k = 3 * ((t * radii.length) / 2 + row);
+  const [x, y, z] = [0, 1, 2].map((c) => starts[k + c]! + at * (ends[k + c]! - starts[k + c]!)) as [number, number, number];
+  return { x, y, z, radius: radiusAt(radii, row, at) };
+}
+
+function radiusAt(radii: Float64Array, row: number, at: number): number {
+  return radii[2 * row]! + at * (radii[2 * row + 1]! - radii[2 * row]!);
+}
+
+function weightOf(distance: number): number {
+  const near = 1 + Math.max(distance, 0) / NEAR_M;
+  return 1 / (near * near * near * near);
+}
