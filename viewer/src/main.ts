@@ -7,6 +7,7 @@ import { FORMATS, onFiles, SUFFIXES } from './dropping.js';
 import * as films from './film.js';
 import * as keys from './keys.js';
 import { type Language, preferred, setLanguage, translate } from './languages.js';
+import { Pace } from './pace.js';
 import * as panel from './panel.js';
 import { Person } from './person.js';
 import { Player } from './player.js';
@@ -44,6 +45,7 @@ class App {
   private dirty = true;
   private filming = false;
 
+  private readonly pace = new Pace(() => this.stage.lighten());
   private readonly stage = new Stage(find('#stage canvas'), () => (this.dirty = true));
   private readonly player = new Player(() => this.showTime());
   private readonly line = new TimeLine(find('#time'), {
@@ -163,9 +165,12 @@ class App {
   // --- time ---
 
   private tick(now: number): void {
-    const seconds = Math.min(0.25, (now - this.last) / 1000);
+    const elapsed = (now - this.last) / 1000;
+    const seconds = Math.min(0.25, elapsed);
     this.last = now;
     if (!this.filming) {
+      if (this.player.playing) this.pace.frame(elapsed, this.stage.late);
+      else this.pace.forget();
       this.player.tick(seconds);
       if (this.dirty) this.draw(this.player.playing ? seconds : 0);
     }
@@ -379,7 +384,8 @@ class App {
   }
 
   private status(text: string): void {
-    find('#status').textContent = text;
+    const element = find('#status');
+    element.textContent = element.title = text; // the line may be too short for it
   }
 
   private alert(text: string): void {

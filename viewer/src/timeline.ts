@@ -4,7 +4,7 @@ import { translate } from './languages.js';
 import { caption, plain, seams, spanAt } from './scene.js';
 import type { Spliced } from './wire.js';
 
-const PIXELS_A_SECOND = 70;
+const PIXELS_A_SECOND = 100;
 
 export interface Handlers {
   /** The user chose a frame. */
