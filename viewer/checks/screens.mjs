@@ -60,7 +60,9 @@ function wrong() {
     control.scrollIntoView({ block: 'center', inline: 'center' });
     if (!isHit(control)) faults.push(`${name(control)} cannot be clicked`);
     const { width, height } = (control.type === 'checkbox' ? control.closest('label') : control).getBoundingClientRect();
-    if (width < 24 || height < (matchMedia('(pointer: coarse)').matches ? 43.9 : 24)) faults.push(`${name(control)} is ${width} x ${height}`);
+    // A short sign's button may be narrow: the slider, the list of loops and the table of seams do the same.
+    const isNarrow = width < 24 && !control.closest('#spans');
+    if (isNarrow || height < (matchMedia('(pointer: coarse)').matches ? 43.9 : 24)) faults.push(`${name(control)} is ${width} x ${height}`);
   }
   scrollTo(0, 0);
   const status = document.querySelector('#status');
@@ -109,7 +111,13 @@ const watchClock = (step) => {
       drawElements.call(this, mode, count, ...more);
     },
   });
-  globalThis.requestAnimationFrame = (act) => request(() => act((now += 1000 * step)));
+  let shown = 0;
+  globalThis.requestAnimationFrame = (act) =>
+    request((time) => {
+      if (time !== shown) now += 1000 * step; // all calls of one frame have one time
+      shown = time;
+      act(now);
+    });
 };
 const drawnAt = async (page, number) => {
   await page.evaluate(() => (globalThis.drawn = { parts: [], shadows: 0 }));

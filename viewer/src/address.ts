@@ -28,10 +28,12 @@ export function read(): Shown {
   const given = new URLSearchParams(location.search);
   for (const [name, query] of Object.entries(CONTROLS)) {
     const control = find<HTMLInputElement | HTMLSelectElement>(query);
-    control.value = given.get(name) ?? standard(control); // a number out of a range becomes the nearest in it
+    const value = given.get(name) ?? '';
+    const isUsable = value.trim() !== '' && (control instanceof HTMLSelectElement || Number.isFinite(Number(value)));
+    control.value = isUsable ? value : standard(control); // a number out of a range becomes the nearest in it
     if (!control.value) control.value = standard(control); // no such option
+    if (name === 'transition_time') find<HTMLInputElement>('#transition-auto').checked = !isUsable;
   }
-  find<HTMLInputElement>('#transition-auto').checked = !given.has('transition_time');
   const view = given.get('view') as View;
   return {
     glosses: (given.get('s') ?? '').slice(0, find<HTMLInputElement>('#glosses').maxLength).split(/\s+/).filter(Boolean),

@@ -3,7 +3,7 @@
 import { type Bone, BufferAttribute, type BufferGeometry, type Object3D, type SkinnedMesh, Vector3 } from 'three';
 
 /** Sides of the cells whose vertices become one, as fractions of stature. Fingers carry meaning, so theirs are small. */
-const CELLS = { hand: 0.0045, head: 0.008, rest: 0.015 };
+const CELLS = { hand: 0.003, head: 0.008, rest: 0.015 };
 const ACROSS = 4; // cells across a small mesh, such as the eyes, whatever its part
 const UV_CELLS = 24; // across a texture, since one triangle must not reach over its seams
 

@@ -12,7 +12,7 @@ import { Pace } from './pace.js';
 import * as panel from './panel.js';
 import { Person } from './person.js';
 import { Player } from './player.js';
-import { caption, label, plain, seams } from './scene.js';
+import { caption, plain, seams, titleOf } from './scene.js';
 import { SentenceBox } from './sentence.js';
 import * as service from './service.js';
 import { Stage, type View } from './stage.js';
@@ -151,8 +151,8 @@ class App {
     this.player.open(Math.round(seconds * fps) + 1, fps);
     this.fillPage();
     const fitted = people[0]!.fitted?.isMoved && this.avatar ? translate('fitted', { avatar: this.avatar.name }) : '';
-    this.status(translate('shown', { name: label(scenes[0]!.name), frames, seconds: (frames / fps).toFixed(2) }) + fitted);
-    document.title = `${label(scenes[0]!.name)} – signsplice`;
+    this.status(translate('shown', { name: titleOf(scenes[0]!), frames, seconds: (frames / fps).toFixed(2) }) + fitted);
+    document.title = `${titleOf(scenes[0]!)} – signsplice`;
     find('#stage').dataset['ready'] = String(Number(find('#stage').dataset['ready'] ?? 0) + 1);
     if (!matchMedia('(prefers-reduced-motion: reduce)').matches) this.player.play();
   }

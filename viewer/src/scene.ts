@@ -19,6 +19,11 @@ export function label(names: string): string {
   return names.replace(/(^|\s)fs-(?=\S)/gi, '$1');
 }
 
+/** What a scene signs, in one line. */
+export function titleOf({ name, units }: Spliced): string {
+  return units.map(({ glosses, spelled }) => glosses.map(label).join(spelled ? '' : ' ')).join(' ') || label(name);
+}
+
 /** Seams in order, each with its frames in the output. */
 export function seams(report: Report): SeamAt[] {
   const signs = report.spans.filter((span) => span.kind === 'sign');
