@@ -78,7 +78,7 @@ def test_a_typed_sentence_is_completed_and_plays(seen: dict[str, Any]) -> None:
     assert seen["suggestions"][0].startswith("THANK-YOU")
     assert seen["activeSuggestion"] == "suggestion-0"
     assert seen["typed"] == "fs-AB THANK-YOU "
-    assert seen["typedSigns"] == ["fs-A", "fs-B", "THANK-YOU"]
+    assert seen["typedSigns"] == ["A", "B", "THANK-YOU"]
     assert seen["typedPlayButton"] == "❚❚"
     assert seen["caption"] == "AB"
     assert seen["letter"] == ["A"]
@@ -190,3 +190,89 @@ def test_what_may_have_been_meant_is_offered_beside_the_sentence() -> None:
     assert meant["isHidden"]
     assert meant["besideError"][0].endswith("did you mean")
     assert meant["faults"] == []
+
+
+@pytest.fixture(scope="module")
+def screens() -> dict[str, Any]:
+    """What ``screens.mjs`` saw in the page."""
+    with serving("serve") as address:
+        return drive("screens.mjs", address)
+
+
+def test_nothing_covers_the_signer_or_a_control_on_any_screen(screens: dict[str, Any]) -> None:
+    assert len(screens["screens"]) == 22
+    assert {screen: faults for screen, faults in screens["screens"].items() if faults} == {}
+    assert not any(screens["faults"])
+
+
+def test_letters_have_no_prefix_in_labels(screens: dict[str, Any]) -> None:
+    labels = screens["labels"] + screens["letterTitles"]
+    assert any("NAME ANNA" in label for label in labels)
+    assert any("A → N" in label for label in labels)
+    assert not any("fs-" in label for label in labels)
+
+
+def picture(drawn: dict[str, Any]) -> list[int]:
+    """The triangles of each part in one picture, of all that were drawn."""
+    n_parts = 12
+    assert len(drawn["parts"]) >= n_parts
+    return [int(n) for n in drawn["parts"][:n_parts]]
+
+
+def test_frames_that_come_in_time_show_the_full_figure(screens: dict[str, Any]) -> None:
+    seen = screens["inTime"]
+    assert seen["ratio"] == 2
+    assert picture(seen["after"]) == picture(seen["before"])
+    assert seen["after"]["shadows"] > 0
+
+
+def test_late_frames_show_a_light_figure_with_a_still_shadow(screens: dict[str, Any]) -> None:
+    for name, ratio in (("late", 1.0), ("veryLate", 0.6)):
+        seen = screens[name]
+        full, light = picture(seen["before"]), picture(seen["after"])
+        assert seen["before"]["shadows"] > 0
+        assert seen["after"]["shadows"] == 0
+        assert seen["ratio"] == pytest.approx(ratio, abs=0.01)
+        assert sum(light) < 0.25 * sum(full)
+        assert min(after / before for before, after in zip(full, light, strict=True)) > 0.1
+        # The hands, which carry meaning, keep more than the clothes.
+        hands = [after / before for before, after in zip(full, light, strict=True) if 13_150 < before < 13_220]
+        assert len(hands) == 2
+        assert min(hands) > 0.22
+    again = screens["lateAgain"]
+    assert again["shadows"] == 0
+    assert sum(picture(again)) < 0.25 * sum(picture(screens["late"]["before"]))
+
+
+def test_the_hands_preset_is_close(screens: dict[str, Any]) -> None:
+    front, hands = screens["skin"]
+    assert hands > 3 * front
+
+
+def test_an_address_holds_the_sentence_and_what_is_set(screens: dict[str, Any]) -> None:
+    opened = screens["opened"]
+    assert opened["signs"] == ["DEAF", "FRIEND"]
+    assert opened["values"] == ["DEAF FRIEND", "1.5", "0.5", "", "slerp", "0.4"]
+    assert opened["isAuto"] is False
+    assert opened["pressed"] == ["side", "mirror"]
+    assert opened["title"] == "DEAF FRIEND – signsplice"
+    search = "transition=slerp&transition_time=0.4&sign_speed=1.5&speed=0.5&view=side&mirror=1&captions=0"
+    assert opened["search"] == f"?s=DEAF+FRIEND&{search}"
+    assert screens["signed"]["search"] == f"?s=HELLO+fs-AB&{search}"
+
+
+def test_back_and_forward_sign_what_was_signed(screens: dict[str, Any]) -> None:
+    assert screens["unlinked"] == "3", "a link within the page signed again"
+    assert screens["back"] == screens["opened"]
+    assert screens["forward"]["signs"] == ["HELLO", "A", "B"]
+    assert screens["forward"]["isAuto"] is True
+    assert screens["reloaded"] == screens["forward"]
+
+
+def test_an_odd_address_runs_nothing(screens: dict[str, Any]) -> None:
+    odd = screens["odd"]
+    assert odd["hacked"] is None
+    assert "onerror" in odd["alert"]
+    assert odd["values"][1:] == ["2", "1", "", "", "0.3"]
+    assert odd["isAuto"] is True
+    assert odd["pressed"] == ["front", "captions"]

@@ -1,5 +1,6 @@
 /** The page: it shows, plays, compares and downloads the scenes that it holds or gets from the service. */
 
+import * as address from './address.js';
 import { decode, download, fileName } from './bytes.js';
 import * as dials from './dials.js';
 import { find } from './dom.js';
@@ -7,10 +8,11 @@ import { FORMATS, onFiles, SUFFIXES } from './dropping.js';
 import * as films from './film.js';
 import * as keys from './keys.js';
 import { type Language, preferred, setLanguage, translate } from './languages.js';
+import { Pace } from './pace.js';
 import * as panel from './panel.js';
 import { Person } from './person.js';
 import { Player } from './player.js';
-import { caption, plain, seams } from './scene.js';
+import { caption, plain, seams, titleOf } from './scene.js';
 import { SentenceBox } from './sentence.js';
 import * as service from './service.js';
 import { Stage, type View } from './stage.js';
@@ -35,6 +37,7 @@ const live = content?.live ?? false;
 
 class App {
   private scenes: Spliced[] = content?.scenes ?? [];
+  private sources: Source[] = []; // what was shown, for the history's entries
   private source: Source | null = null;
   private avatar: { name: string; bytes: Uint8Array<ArrayBuffer> } | null = null;
   private people: Person[] = [];
@@ -44,13 +47,14 @@ class App {
   private dirty = true;
   private filming = false;
 
+  private readonly pace = new Pace(() => this.stage.lighten());
   private readonly stage = new Stage(find('#stage canvas'), () => (this.dirty = true));
   private readonly player = new Player(() => this.showTime());
   private readonly line = new TimeLine(find('#time'), {
     frame: (frame) => this.player.seek(frame),
     seam: (seam) => this.loop(seam),
   });
-  private readonly box = new SentenceBox(find('#sentence'), (glosses) => void this.load({ glosses }));
+  private readonly box = new SentenceBox(find('#sentence'), (glosses) => void this.load({ glosses }, 'new'));
 
   async start(): Promise<void> {
     document.body.classList.toggle('is-live', live);
@@ -59,18 +63,30 @@ class App {
     new ResizeObserver(() => this.stage.resize()).observe(find('#stage'));
     requestAnimationFrame((now) => this.tick(now));
     if (live) await dials.listMethods();
-    if (this.scenes.length) await this.show(this.scenes);
-    else if (live) await this.loadFirst();
+    await this.loadAddressed();
   }
 
   // --- scenes ---
 
-  /** Sign the glosses in the page's address, else the first ones. */
-  private async loadFirst(): Promise<void> {
-    const given = new URLSearchParams(location.search).get('s')?.split(/\s+/).filter(Boolean);
-    if (given?.length) {
-      this.box.glosses = given;
-      return this.load({ glosses: given });
+  /** Show what the page's address holds, else the scenes that the page holds, else the first glosses. */
+  private async loadAddressed(): Promise<void> {
+    if (!live) return content?.scenes.length ? this.show(content.scenes) : undefined;
+    const { glosses, ...shown } = address.read();
+    dials.showValues();
+    this.player.speed = Number(find<HTMLSelectElement>('#speed').value);
+    this.look(shown.view);
+    if (shown.isMirrored !== isMirrored()) this.mirror();
+    if (shown.hasCaptions !== hasCaptions()) this.toggleCaptions();
+    this.searched = location.search;
+    const source = this.sources[address.current() ?? -1] ?? (glosses.length ? { glosses } : null);
+    if (source) {
+      this.box.glosses = 'glosses' in source ? source.glosses : [];
+      return this.load(source);
+    }
+    if (content?.scenes.length) {
+      this.source = null;
+      this.box.glosses = [];
+      return this.show(content.scenes);
     }
     const found = await Promise.all(FIRST_GLOSSES.map((gloss) => service.words(gloss, 1)));
     const hasAll = found.every(({ words }, k) => words[0]?.gloss === FIRST_GLOSSES[k]);
@@ -79,8 +95,11 @@ class App {
     await this.load({ glosses: first });
   }
 
-  /** Request the source's scene with the dials' options; and with a second method, if one is chosen to compare. */
-  private async load(source: Source): Promise<void> {
+  /**
+   * Request the source's scene with the dials' options; and with a second method, if one is chosen to compare.
+   * ``entry``: whether the address of what is shown becomes a new entry of the history, or replaces the present one.
+   */
+  private async load(source: Source, entry: 'new' | 'same' = 'same'): Promise<void> {
     if (this.filming) return;
     this.request?.abort();
     const request = (this.request = new AbortController());
@@ -96,6 +115,7 @@ class App {
       this.source = source;
       this.alert('');
       this.box.offer(scenes[0]!.units.map(({ token, suggestions }) => [token, suggestions]));
+      this.writeAddress(entry === 'new');
       await this.show(scenes);
     } catch (error) {
       if (request.signal.aborted) return;
@@ -104,6 +124,18 @@ class App {
     } finally {
       if (this.request === request) this.busy(false);
     }
+  }
+
+  private searched = ''; // the address's part that was read or written last
+
+  private writeAddress(isNew = false): void {
+    if (!live || !this.source) return;
+    const known = this.sources.indexOf(this.source);
+    const number = known < 0 ? this.sources.push(this.source) - 1 : known;
+    const glosses = 'glosses' in this.source ? this.source.glosses : [];
+    const view = find<HTMLElement>('[data-view][aria-pressed=true]').dataset['view'] as View;
+    address.write({ glosses, view, isMirrored: isMirrored(), hasCaptions: hasCaptions() }, number, isNew);
+    this.searched = location.search;
   }
 
   private async show(scenes: Spliced[]): Promise<void> {
@@ -122,7 +154,8 @@ class App {
     this.player.open(Math.round(seconds * fps) + 1, fps);
     this.fillPage();
     const fitted = people[0]!.fitted?.isMoved && this.avatar ? translate('fitted', { avatar: this.avatar.name }) : '';
-    this.status(translate('shown', { name: scenes[0]!.name, frames, seconds: (frames / fps).toFixed(2) }) + fitted);
+    this.status(translate('shown', { name: titleOf(scenes[0]!), frames, seconds: (frames / fps).toFixed(2) }) + fitted);
+    document.title = `${titleOf(scenes[0]!)} – signsplice`;
     find('#stage').dataset['ready'] = String(Number(find('#stage').dataset['ready'] ?? 0) + 1);
     if (!matchMedia('(prefers-reduced-motion: reduce)').matches) this.player.play();
   }
@@ -145,7 +178,7 @@ class App {
     if (!clips.length) return;
     if (!live) return this.alert(translate('needsService'));
     this.box.glosses = [];
-    await this.load({ files: clips });
+    await this.load({ files: clips }, 'new');
   }
 
   private async loadAvatar(file: File): Promise<void> {
@@ -166,9 +199,12 @@ class App {
   // --- time ---
 
   private tick(now: number): void {
-    const seconds = Math.min(0.25, (now - this.last) / 1000);
+    const elapsed = (now - this.last) / 1000;
+    const seconds = Math.min(0.25, elapsed);
     this.last = now;
     if (!this.filming) {
+      if (this.player.playing) this.pace.frame(elapsed, this.stage.late);
+      else this.pace.forget();
       this.player.tick(seconds);
       if (this.dirty) this.draw(this.player.playing ? seconds : 0);
     }
@@ -264,8 +300,8 @@ class App {
   private async film(name: string): Promise<void> {
     const { frames, fps } = this.player;
     const { width, height } = films.SIZE;
-    const mirrored = find('#stage').classList.contains('mirrored');
-    const captioned = !document.body.classList.contains('no-captions');
+    const mirrored = isMirrored();
+    const captioned = hasCaptions();
     const [people, scenes] = [this.people, this.scenes];
     const disabled = ['header', '#time', '#controls', 'aside'].map((query) => find(query));
     this.player.pause();
@@ -325,16 +361,20 @@ class App {
     on('#play', 'click', () => this.toggle());
     on('#back', 'click', () => this.player.step(-1));
     on('#on', 'click', () => this.player.step(1));
-    on('#speed', 'change', ({ value }) => (this.player.speed = Number(value)));
+    on('#speed', 'change', () => this.faster(0));
     on('#loop', 'change', ({ value }) => {
       this.loop(value === '' || value === 'all' ? null : Number(value));
       if (value === 'all') this.player.setLoop({ from: 0, to: this.player.duration });
     });
     on('[data-view]', 'click', (button) => this.look(button.dataset['view'] as View));
     on('#mirror', 'click', () => this.mirror());
-    on('#captions', 'click', (button) => {
-      button.ariaPressed = String(!document.body.classList.toggle('no-captions'));
+    on('[data-view], #mirror, #captions', 'click', () => this.writeAddress());
+    addEventListener('popstate', () => {
+      const isShown = this.source !== null && this.sources[address.current() ?? -1] === this.source;
+      const isLink = address.current() === null; // within the page
+      if (location.search !== this.searched || !(isShown || isLink)) void this.loadAddressed();
     });
+    on('#captions', 'click', () => this.toggleCaptions());
     on('#language', 'change', ({ value }) => {
       this.setLanguage(value as Language);
       if (live) void dials.listMethods();
@@ -347,8 +387,8 @@ class App {
       step: (frames) => this.player.step(frames),
       seam: (by) => this.loopNext(by),
       unloop: () => this.loop(null),
-      mirror: () => this.mirror(),
-      look: (view) => this.look(view),
+      mirror: () => find('#mirror').click(),
+      look: (view) => find(`[data-view=${view}]`).click(),
       faster: (by) => this.faster(by),
     });
   }
@@ -362,12 +402,17 @@ class App {
     const select = find<HTMLSelectElement>('#speed');
     select.selectedIndex = Math.max(0, Math.min(select.options.length - 1, select.selectedIndex + by));
     this.player.speed = Number(select.value);
+    this.writeAddress();
+  }
+
+  private toggleCaptions(): void {
+    find('#captions').ariaPressed = String(!document.body.classList.toggle('no-captions'));
   }
 
   private mirror(): void {
     find('#mirror').ariaPressed = String(find('#stage').classList.toggle('mirrored'));
     // Mirroring swaps the sides, so their names are swapped too.
-    find('.sides').style.flexDirection = find('#stage').classList.contains('mirrored') ? 'row-reverse' : '';
+    find('.sides').style.flexDirection = isMirrored() ? 'row-reverse' : '';
   }
 
   private look(view: View): void {
@@ -382,7 +427,8 @@ class App {
   }
 
   private status(text: string): void {
-    find('#status').textContent = text;
+    const element = find('#status');
+    element.textContent = element.title = text; // the line may be too short for it
   }
 
   private alert(text: string): void {
@@ -392,6 +438,9 @@ class App {
     if (text) this.status('');
   }
 }
+
+const isMirrored = () => find('#stage').classList.contains('mirrored');
+const hasCaptions = () => !document.body.classList.contains('no-captions');
 
 /** This page as it was loaded, with the scenes in it and without a service. */
 function savedPage(scenes: Spliced[]): string {

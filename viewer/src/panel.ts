@@ -3,7 +3,7 @@
 import { find, option } from './dom.js';
 import * as films from './film.js';
 import { translate } from './languages.js';
-import { seams } from './scene.js';
+import { label, seams } from './scene.js';
 import type { Format, Spliced } from './wire.js';
 
 export type Download = Format | 'film' | 'report' | 'page';
@@ -64,7 +64,7 @@ function sideName(scenes: Spliced[], side: number): string {
   const other = scenes[1 - side]!.report;
   if (transition && transition !== other.transition) return transition;
   if (cutter && cutter !== other.cutter) return cutter;
-  return scenes[side]!.name;
+  return label(scenes[side]!.name);
 }
 
 function cell(value: number | null): HTMLTableCellElement {

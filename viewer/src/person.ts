@@ -2,12 +2,14 @@
 
 import { VRMLoaderPlugin, VRMUtils, type VRM } from '@pixiv/three-vrm';
 import { VRMAnimationLoaderPlugin, createVRMAnimationClip, type VRMAnimation } from '@pixiv/three-vrm-animation';
-import { AnimationMixer, Group, type AnimationClip, type Object3D, Vector3 } from 'three';
+import { type AnimationClip, AnimationMixer, Box3, type BufferAttribute, Group, type Object3D, SkinnedMesh, Vector3 } from 'three';
 import { type GLTF, GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { type AvatarBody, bodyOf, motionOf, tracksOf } from './fit/avatar.js';
 import { type Fitted, fitMotion, inSlices, type Motion } from './fit/fit.js';
+import { lighter, type Part, partsOf } from './light.js';
 import type { FitSource } from './wire.js';
 
+const ROLES = ['leftHand', 'rightHand', 'leftMiddleProximal', 'rightMiddleProximal', 'head'] as const;
 const END = 1e-4; // seconds before a clip's end, since a looping action shows its first frame at the end
 /** The bodies of avatars by their files: measuring a mesh takes longer than fitting a sentence. */
 const bodies = new WeakMap<Uint8Array, AvatarBody>();
@@ -17,11 +19,14 @@ export class Person {
   private readonly mixer: AnimationMixer;
   private readonly duration: number;
   private shown = 0;
+  private readonly indices = new Map<SkinnedMesh, [BufferAttribute | null, BufferAttribute | null]>();
+  private readonly parts: Map<Object3D, Part>;
+  private readonly palms: Object3D[];
 
   private constructor(
     body: Object3D,
     clip: AnimationClip,
-    private readonly hands: Object3D[],
+    bone: (role: (typeof ROLES)[number]) => Object3D | null,
     private readonly vrm?: VRM,
     /** How the motion was fitted to an avatar; null where it plays as it is. */
     readonly fitted: Fitted | null = null,
@@ -31,6 +36,11 @@ export class Person {
       node.frustumCulled = false; // the bounds of a skinned mesh do not follow its bones
       node.castShadow = node.receiveShadow = true;
     });
+    const both = (left: (typeof ROLES)[number], right: (typeof ROLES)[number]) => [bone(left), bone(right)].filter((one) => one !== null);
+    const hands = both('leftHand', 'rightHand');
+    const knuckles = both('leftMiddleProximal', 'rightMiddleProximal');
+    this.palms = knuckles.length ? knuckles : hands;
+    this.parts = partsOf(hands, bone('head'));
     this.mixer = new AnimationMixer(body);
     this.mixer.clipAction(clip).play();
     this.duration = clip.duration;
@@ -44,13 +54,13 @@ export class Person {
     if (!clip) throw new Error('the file holds no animation');
     const roles = (gltf.parser.json as { extras?: { humanoid?: Record<string, string> } }).extras?.humanoid ?? {};
     const nodes = gltf.parser.json.nodes as { name: string }[];
-    const hands: Object3D[] = [];
-    for (const role of ['leftHand', 'rightHand']) {
+    const bones = new Map<string, Object3D>();
+    for (const role of ROLES) {
       // three.js renames nodes but keeps their numbers.
       const number = nodes.findIndex((node) => node.name === roles[role]);
-      if (number >= 0) hands.push((await gltf.parser.getDependency('node', number)) as Object3D);
+      if (number >= 0) bones.set(role, (await gltf.parser.getDependency('node', number)) as Object3D);
     }
-    return new Person(gltf.scene, clip, hands);
+    return new Person(gltf.scene, clip, (role) => bones.get(role) ?? null);
   }
 
   /** Throws if a file is not an avatar that can be shown. */
@@ -74,9 +84,18 @@ export class Person {
       fitted = await fitClip(clip, avatar, body, await motionOf(motion, animation, source));
     }
     VRMUtils.rotateVRM0(avatar);
-    const bones = (['leftHand', 'rightHand'] as const).map((name) => avatar.humanoid.getNormalizedBoneNode(name));
-    const hands = bones.filter((bone): bone is Object3D => bone !== null);
-    return new Person(avatar.scene, clip, hands, avatar, fitted);
+    return new Person(avatar.scene, clip, (role) => avatar.humanoid.getRawBoneNode(role), avatar, fitted);
+  }
+
+  /** Draw fewer triangles and no shadows on the body, or all again; ``stature`` in metres. */
+  lighten(on: boolean, stature: number): void {
+    this.root.traverse((node) => {
+      if (!(node instanceof SkinnedMesh)) return;
+      const { geometry } = node;
+      if (!this.indices.has(node)) this.indices.set(node, [geometry.index, lighter(node, this.parts, stature) ?? geometry.index]);
+      geometry.setIndex(this.indices.get(node)![on ? 1 : 0]);
+      node.receiveShadow = !on;
+    });
   }
 
   /** Show the pose at a time in seconds. */
@@ -87,13 +106,11 @@ export class Person {
     this.root.updateMatrixWorld(true);
   }
 
-  /** Centre of the hands that are above a height in metres, or of both if none is; null if the hands are not known. */
-  handsAt(height: number): Vector3 | null {
-    const positions = this.hands.map((hand) => hand.getWorldPosition(new Vector3()));
+  /** The box around the palms that are above a height in metres, or around both if none is; null if they are not known. */
+  handsAt(height: number): Box3 | null {
+    const positions = this.palms.map((palm) => palm.getWorldPosition(new Vector3()));
     const raised = positions.filter((position) => position.y > height);
-    const seen = raised.length ? raised : positions;
-    if (!seen.length) return null;
-    return seen.reduce((sum, position) => sum.add(position), new Vector3()).divideScalar(seen.length);
+    return positions.length ? new Box3().setFromPoints(raised.length ? raised : positions) : null;
   }
 
   dispose(): void {

@@ -14,12 +14,22 @@ export interface SeamAt {
   warnings: string[];
 }
 
+/** The names of signs as people read them: those of letters without the ``fs-`` of the lexicon. */
+export function label(names: string): string {
+  return names.replace(/(^|\s)fs-(?=\S)/gi, '$1');
+}
+
+/** What a scene signs, in one line. */
+export function titleOf({ name, units }: Spliced): string {
+  return units.map(({ glosses, spelled }) => glosses.map(label).join(spelled ? '' : ' ')).join(' ') || label(name);
+}
+
 /** Seams in order, each with its frames in the output. */
 export function seams(report: Report): SeamAt[] {
   const signs = report.spans.filter((span) => span.kind === 'sign');
   return report.seams.map((seam, k) => ({
-    before: seam.before,
-    after: seam.after,
+    before: label(seam.before),
+    after: label(seam.after),
     from: signs[k]?.output[1] ?? 0,
     to: signs[k + 1]?.output[0] ?? 0,
     seconds: seam.seconds,
@@ -52,12 +62,13 @@ export function caption(scene: Spliced, frame: number): Caption {
   const [before, after] = [spans[at - 1], spans[at + 1]];
   const [from, to] = [unit(scene, before), unit(scene, after)];
   if (from && to && from.unit === to.unit && after) return { parts: partsOf(scene, after), inTransition: true };
-  return { parts: ['', `${from?.text ?? before?.name ?? ''} → ${to?.text ?? after?.name ?? ''}`, ''], inTransition: true };
+  const [left, right] = [from?.text ?? label(before?.name ?? ''), to?.text ?? label(after?.name ?? '')];
+  return { parts: ['', `${left} → ${right}`, ''], inTransition: true };
 }
 
 function partsOf(scene: Spliced, span: Span): [string, string, string] {
   const found = unit(scene, span);
-  if (!found?.letters) return ['', found?.text ?? span.name ?? '', ''];
+  if (!found?.letters) return ['', found?.text ?? label(span.name ?? ''), ''];
   const { letters, letter } = found;
   return [letters.slice(0, letter).join(''), letters[letter] ?? '', letters.slice(letter + 1).join('')];
 }
@@ -68,8 +79,8 @@ function unit(scene: Spliced, span: Span | undefined) {
   let clip = span.clip;
   for (const [k, one] of scene.units.entries()) {
     if (clip < one.glosses.length) {
-      const letters = one.spelled ? one.glosses.map((gloss) => gloss.replace(/^fs-/i, '')) : null;
-      return { unit: k, text: letters ? letters.join('') : (one.glosses[0] ?? one.token), letters, letter: clip };
+      const letters = one.spelled ? one.glosses.map(label) : null;
+      return { unit: k, text: letters ? letters.join('') : label(one.glosses[0] ?? one.token), letters, letter: clip };
     }
     clip -= one.glosses.length;
   }

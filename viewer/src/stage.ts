@@ -6,6 +6,7 @@ import {
   Color,
   DirectionalLight,
   HemisphereLight,
+  MathUtils,
   Mesh,
   PCFShadowMap,
   PerspectiveCamera,
@@ -26,8 +27,17 @@ const FOV_DEG = 26; // a long lens, for little distortion of hands near the came
 const SPACE = { width: 0.8, height: 0.6 };
 const TOP = 1.07;
 const RAISED = 0.58; // height above which a hand is raised
-const HANDS = { width: 0.42, height: 0.34 };
+const HANDS = { width: 0.21, height: 0.17 }; // of one hand, or of two beside one another; hands apart add their distance
+/** What is drawn, from the best to the lightest: pixels for each of the page's, whether with the light figure, and how far
+ * apart frames may come before the next is chosen, seconds.
+ */
+const DETAILS = [
+  { ratio: 2, isLight: false, late: 1 / 20 },
+  { ratio: 1, isLight: true, late: 1 / 10 },
+  { ratio: 0.6, isLight: true, late: Infinity },
+] as const;
 const FOLLOW_S = 0.12; // time constant of the camera that follows the hands
+const ZOOM_S = 0.4; // time constant of its distance
 
 export class Stage {
   readonly renderer: WebGLRenderer;
@@ -37,8 +47,9 @@ export class Stage {
   private people: Person[] = [];
   private view: View = 'front';
   private stature = 1.7;
-  private follows: Vector3 | null = null;
+  private follows = false;
   private isFilming = false; // in the film's size, not the page's
+  private detail = 0; // number in DETAILS
 
   constructor(private readonly canvas: HTMLCanvasElement, private readonly changed: () => void) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
@@ -50,7 +61,7 @@ export class Stage {
     this.controls.minDistance = 0.3;
     this.controls.maxDistance = 12;
     this.controls.addEventListener('change', changed);
-    this.controls.addEventListener('start', () => (this.follows = null));
+    this.controls.addEventListener('start', () => (this.follows = false));
   }
 
   /** Show one person, or two to compare. The camera stays where the user left it if the number and size are the same. */
@@ -64,6 +75,7 @@ export class Stage {
     const height = new Box3().setFromObject(people[0]!.root, true).max.y;
     const changed = Math.abs(height - this.stature) > 0.1 * this.stature;
     this.stature = Number.isFinite(height) && height > 0.2 ? height : 1.7;
+    this.setDetail(DETAILS[this.detail]!.isLight);
     if (!same || changed) this.look(this.view);
     else this.changed();
   }
@@ -71,20 +83,30 @@ export class Stage {
   look(view: View): void {
     this.view = view;
     const hands = view === 'hands' ? this.hands() : null;
-    this.follows = hands;
-    const tall = this.tall(view === 'hands' ? HANDS : SPACE);
+    this.follows = hands !== null;
+    const tall = this.tall(SPACE);
     // A narrow picture has height to spare, which goes below the hands.
-    const target = hands ?? new Vector3(0, TOP * this.stature - tall / 2, 0);
+    const target = hands?.centre ?? new Vector3(0, TOP * this.stature - tall / 2, 0);
     const direction = view === 'side' ? new Vector3(1, 0.04, 0.12) : new Vector3(0, 0.04, 1);
-    const distance = tall / 2 / Math.tan((FOV_DEG * Math.PI) / 360) + 0.12 * this.stature;
+    const distance = hands?.distance ?? this.distance(tall);
     this.camera.position.copy(target).addScaledVector(direction.normalize(), distance);
     this.controls.target.copy(target);
     this.controls.update();
     this.changed();
   }
 
-  private hands(): Vector3 | null {
-    return this.people[0]?.handsAt(RAISED * this.stature) ?? null;
+  /** Where the camera has to look, and from how far, to show the hands. */
+  private hands(): { centre: Vector3; distance: number } | null {
+    const box = this.people[0]?.handsAt(RAISED * this.stature);
+    if (!box) return null;
+    const apart = box.getSize(new Vector3()).divideScalar(this.stature);
+    const tall = this.tall({ width: HANDS.width + apart.x, height: HANDS.height + apart.y });
+    return { centre: box.getCenter(new Vector3()), distance: this.distance(tall) };
+  }
+
+  /** How far away the camera shows a height in metres. */
+  private distance(tall: number): number {
+    return tall / 2 / Math.tan((FOV_DEG * Math.PI) / 360) + 0.12 * this.stature;
   }
 
   /** Height of a side's picture in metres, so that the given space fits into it. */
@@ -98,10 +120,12 @@ export class Stage {
   follow(seconds: number): void {
     const hands = this.follows && this.hands();
     if (!hands) return;
-    const fraction = seconds > 0 ? 1 - Math.exp(-seconds / FOLLOW_S) : 1;
-    const offset = hands.sub(this.controls.target).multiplyScalar(fraction);
-    this.controls.target.add(offset);
-    this.camera.position.add(offset);
+    const part = (constant: number) => (seconds > 0 ? 1 - Math.exp(-seconds / constant) : 1);
+    const { target } = this.controls;
+    const away = this.camera.position.clone().sub(target);
+    away.setLength(MathUtils.lerp(away.length(), hands.distance, part(ZOOM_S)));
+    target.lerp(hands.centre, part(FOLLOW_S));
+    this.camera.position.copy(target).add(away);
     this.controls.update();
   }
 
@@ -109,9 +133,34 @@ export class Stage {
   resize(): void {
     const { clientWidth, clientHeight } = this.canvas;
     if (!clientWidth || !clientHeight || this.isFilming) return;
-    this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
-    this.renderer.setSize(clientWidth, clientHeight, false);
+    this.fit();
     this.look(this.view);
+  }
+
+  private fit(): void {
+    this.renderer.setPixelRatio(Math.min(DETAILS[this.detail]!.ratio, window.devicePixelRatio));
+    this.renderer.setSize(this.canvas.clientWidth, this.canvas.clientHeight, false);
+  }
+
+  /** Frames that come further apart than this, seconds, are late. */
+  get late(): number {
+    return DETAILS[this.detail]!.late;
+  }
+
+  /** Draw less from now on, since frames come late. */
+  lighten(): void {
+    this.detail = Math.min(this.detail + 1, DETAILS.length - 1);
+    this.canvas.dataset['detail'] = String(this.detail);
+    this.fit();
+    this.setDetail(DETAILS[this.detail]!.isLight);
+    this.changed();
+  }
+
+  /** With the light figure the shadow on the floor is drawn once and stays, and the figure has none on itself. */
+  private setDetail(isLight: boolean): void {
+    for (const person of this.people) person.lighten(isLight, this.stature);
+    this.renderer.shadowMap.autoUpdate = !isLight;
+    this.renderer.shadowMap.needsUpdate = true;
   }
 
   draw(): void {
@@ -128,16 +177,16 @@ export class Stage {
 
   /** Run ``work`` with the picture in another size, for a film; then restore the page's size. */
   async sized(width: number, height: number, work: () => Promise<void>): Promise<void> {
-    const ratio = this.renderer.getPixelRatio();
     this.renderer.setPixelRatio(1);
     this.renderer.setSize(width, height, false);
+    this.setDetail(false); // a film takes its time
     this.isFilming = true;
     try {
       await work();
     } finally {
       this.isFilming = false;
-      this.renderer.setPixelRatio(ratio);
-      this.renderer.setSize(this.canvas.clientWidth, this.canvas.clientHeight, false);
+      this.fit();
+      this.setDetail(DETAILS[this.detail]!.isLight);
       this.changed();
     }
   }

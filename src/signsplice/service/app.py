@@ -16,7 +16,7 @@ from fastapi.openapi.docs import get_swagger_ui_html
 from pydantic import TypeAdapter, ValidationError
 from starlette.exceptions import HTTPException
 from starlette.middleware.cors import CORSMiddleware
-from starlette.responses import HTMLResponse, JSONResponse, Response
+from starlette.responses import JSONResponse, Response
 from starlette.staticfiles import StaticFiles
 
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
@@ -143,24 +143,25 @@ def create(settings: Settings, scenes: Sequence[Mapping[str, Any]] = ()) -> Fast
 
 def _add_state_routes(app: FastAPI, service: Service) -> None:
     """The page, and routes that describe the service."""
+    pages = page.PageResponses(service.scenes)
 
-    @app.get("/", include_in_schema=False)
-    async def viewer() -> Response:
-        text = page.html(service.scenes, live=True)
-        # The page itself names what it may load.
-        headers = {"Content-Security-Policy": "frame-ancestors 'none'", "X-Frame-Options": "DENY"}
-        return HTMLResponse(text, headers={**headers, "Cache-Control": "no-cache"})
+    @app.api_route("/", methods=["GET", "HEAD"], include_in_schema=False)
+    def viewer(request: Request) -> Response:
+        return pages.answer(request.headers)
 
+    @app.head("/healthz", include_in_schema=False)
     @app.get("/healthz", response_model=Health, responses=_failures(421))
     async def health() -> Health:
         """Whether the service runs, and how busy it is."""
         return Health("ok", app.version, len(service.lexicon), service.requests.n_held, service.streams.n_held)
 
+    @app.head("/metrics", include_in_schema=False)
     @app.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}, **_failures(421)})
     async def metrics() -> Response:
         """Counters in Prometheus' text format."""
         return Response(service.metrics.text(), media_type="text/plain; version=0.0.4; charset=utf-8")
 
+    @app.head("/v1/methods", include_in_schema=False)
     @app.get("/v1/methods", responses=_failures(421))
     def methods() -> list[MethodInfo]:
         """Every cutter, transition and duration rule."""
@@ -169,6 +170,7 @@ def _add_state_routes(app: FastAPI, service: Service) -> None:
             for kind, method, default in all_methods()
         ]
 
+    @app.head("/v1/lexicon", include_in_schema=False)
     @app.get("/v1/lexicon", responses=_failures(421, 422))
     def lexicon(
         search: Annotated[
@@ -259,7 +261,7 @@ def _add_docs(app: FastAPI) -> None:
         "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     )
 
-    @app.get("/docs", include_in_schema=False)
+    @app.api_route("/docs", methods=["GET", "HEAD"], include_in_schema=False)
     async def docs() -> Response:
         return answer
 

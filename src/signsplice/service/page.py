@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import gzip
+import hashlib
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from starlette.datastructures import Headers
+from starlette.responses import Response
 
 from signsplice.errors import MissingExtraError
 from signsplice.splicing.report import plain
@@ -29,3 +35,47 @@ def html(scenes: Sequence[Mapping[str, Any]], live: bool) -> str:
         ) from error
     content = json.dumps(plain({"scenes": list(scenes), "live": live}), allow_nan=False).replace("<", "\\u003c")
     return page.replace(_EMPTY, _EMPTY.replace("null", content), 1)
+
+
+class PageResponses:
+    """Answers with the page of a service. The page is read and compressed once, when it is first asked for.
+
+    ``scenes`` as in ``html``.
+    """
+
+    def __init__(self, scenes: Sequence[Mapping[str, Any]]) -> None:
+        self._scenes, self._digest = scenes, ""
+        self._contents: dict[str, bytes] = {}
+
+    def answer(self, request: Headers) -> Response:
+        """The page, compressed where the client accepts gzip; 304 where the client has it. Raises as ``html``."""
+        if not self._contents:
+            whole = html(self._scenes, live=True).encode()
+            self._digest = hashlib.sha256(whole).hexdigest()[:32]
+            self._contents = {"identity": whole, "gzip": gzip.compress(whole, 9, mtime=0)}
+        coding = "gzip" if _accepts_gzip(request.get("accept-encoding", "")) else "identity"
+        tag = f'"{self._digest}-{coding}"'
+        headers = {
+            # The page itself names what it may load.
+            "Content-Security-Policy": "frame-ancestors 'none'",
+            "X-Frame-Options": "DENY",
+            "Cache-Control": "no-cache",
+            "Vary": "Accept-Encoding",
+            "ETag": tag,
+        }
+        known = {one.strip().removeprefix("W/") for one in request.get("if-none-match", "").split(",")}
+        if known & {tag, "*"}:
+            return Response(status_code=304, headers=headers)
+        if coding != "identity":
+            headers["Content-Encoding"] = coding
+        return Response(self._contents[coding], media_type="text/html", headers=headers)
+
+
+def _accepts_gzip(accept_encoding: str) -> bool:
+    """Whether a client reads gzip, by its Accept-Encoding header (RFC 9110)."""
+    weights: dict[str, float] = {}
+    for one in accept_encoding.lower().split(","):
+        coding, _, parameters = one.partition(";")
+        weight = re.fullmatch(r"q=([01](?:\.[0-9]{0,3})?)", parameters.strip())
+        weights[coding.strip()] = float(weight[1]) if weight else 1.0
+    return weights.get("gzip", weights.get("*", 0.0)) > 0.0
