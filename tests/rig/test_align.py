@@ -15,7 +15,7 @@ from signsplice.errors import RigMismatchError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig import proportions
-from signsplice.rig.align import align, reference
+from signsplice.rig.align import Reference, align, copy_rotations, reference
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import placement
 
@@ -229,3 +229,19 @@ def test_real_clips_of_other_rigs_keep_their_arm_directions(real_clips: dict[str
     out = align(take, reference(real_clips["isl_thanks"])).clip
     cosine = np.sum(arm_directions(out) * arm_directions(take), axis=-1)
     assert np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))).max() < 10.0
+
+
+def test_a_rig_of_the_same_names_that_rests_otherwise_can_be_taken_by_role(words: dict[str, Clip]) -> None:
+    """Arms that rest 5 degrees apart are one rig's by their names; by role they point exactly where they pointed."""
+    clip = words["HELLO"]
+    arm = clip.skeleton.names[rig_info(clip.skeleton).arm_joints[0]]
+    lowered = with_rest_pose(clip, {arm: (0.0, 0.0, np.deg2rad(-5.0))}).skeleton
+    to = Reference(lowered, clip.fps, placement(clip), clip.local_rotations[0], "other")
+    joints = rig_info(clip.skeleton).arm_joints
+    was, by_name, by_role = (
+        np.diff(positions(c)[:, joints[:3]], axis=1)
+        for c in (clip, copy_rotations(clip, to)[0], copy_rotations(clip, to, by_role=True)[0])
+    )
+    size = np.abs(was).max()
+    assert np.abs(by_name - was).max() > 0.05 * size
+    np.testing.assert_allclose(by_role, was, atol=1e-6 * size)

@@ -117,7 +117,7 @@ def _fade_in(n_frames: int, is_later: bool) -> Float:
 
 
 def _fitted(clip: Clip, to: Reference) -> Retargeted:
-    carried, warnings = copy_rotations(clip, to)
+    carried, warnings = copy_rotations(clip, to, by_role=isinstance(to.skeleton, Avatar))
     source, target = clip.skeleton, to.skeleton
     has_arms = rig_info(source).has_arms and rig_info(target).has_arms
     if (

@@ -81,14 +81,17 @@ def settle(carried: Clip, to: Reference, speed: float = 1.0) -> Clip:
     return resample(place(carried, to.placement), to.fps, speed)
 
 
-def copy_rotations(clip: Clip, to: Reference) -> tuple[Clip, tuple[str, ...]]:
+def copy_rotations(clip: Clip, to: Reference, by_role: bool = False) -> tuple[Clip, tuple[str, ...]]:
     """The clip on the reference's skeleton, and the warning about joints that hold their pose. Every bone points where
     it pointed; the clip stays where it is. Raises as ``align`` does.
+
+    by_role: whether joints of the same names are still taken for joints of two rigs: rest poses of one rig that differ
+        by some degrees are else taken for the same.
     """
     source, target = clip.skeleton, to.skeleton
     if source is target or is_same_skeleton(source, target):
         return (clip if source is target else replace(clip, skeleton=target)), ()
-    counterpart = _by_name(source, target)
+    counterpart = None if by_role else _by_name(source, target)
     if counterpart is not None:
         local = _transfer(clip, target, counterpart, to.held_pose)
         scale = _size_ratio(source, target, counterpart)
