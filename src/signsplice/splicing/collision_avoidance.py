@@ -4,10 +4,11 @@ The body is the capsules of ``body.capsules``. Where a transition would lead a h
 for each stretch of frames inside, it is pushed out in one direction. The pushes are spread smoothly over neighbouring
 frames, and fade to nothing, with their slope, at both signs. The frames of the signs are never changed. A sign may
 itself press a hand into the capsules (the chin that it touches is not exactly where ours is): a transition may then be
-twice as deep as a straight line between its two ends is.
+as deep as a straight line between its two ends is.
 
 Hands that touch one another the same way at both ends stay so: before any push they are moved to where one hand lay on
-the other, each half of the way. Two hands that meet elsewhere are pushed apart each half of the depth.
+the other, each half of the way, and they may lie twice as deep as a straight line between the ends: where the ends lie
+deep, the capsules are too thick for the signer. Two hands that meet elsewhere are pushed apart each half of the depth.
 """
 
 from __future__ import annotations
@@ -43,9 +44,6 @@ _FORWARD_WEIGHT = 0.3
 push both alike."""
 _TOUCH_M = 0.006
 """Skin distance of two hands, m, over which a touch at both ends counts for less."""
-_DEEPER = 2.0
-"""How much deeper than a straight line between its two ends a hand may lie: where ends lie deep, the capsules are too
-thick for the signer, and what lies between is deeper by as much again."""
 _SAME_PLACE_M = 0.025
 """How much one hand's place on the other may differ between the ends, m, until a touch counts for less."""
 
@@ -55,7 +53,7 @@ class ClearedTransition:
     """A transition that leads around the body.
 
     clip: the new frames.
-    depth_before: how deep a hand was in the body at the worst frame, beyond what both ends call for, m; 0 where no hand
+    depth_before: how deep a hand was in the body at the worst frame, beyond what both ends allow, m; 0 where no hand
         was, None on a rig whose arms are not known.
     depth: the same after collision avoidance.
     """
@@ -169,12 +167,15 @@ def _depths_of(depth: Float, fixed: int | None) -> Float:
 def _lead_around(filled: Clip, before: Clip, after: Clip, posed: _PosedWindow, fixed: int | None) -> ClearedTransition:
     """``avoid_collisions`` of a transition that is posed already."""
     metres = rig_info(filled.skeleton).sizes.unit.metres
-    best, first, least = filled, 0.0, np.inf
+    best, first, least, held = filled, 0.0, np.inf, 0.0
     for n in range(_MAX_TRIES + 1):
         if n > 0:
             posed = _pose(_window(filled, before, after), fixed)
         near = posed.capsules.near_pairs(_SLACK_M / metres)
-        worst = _worst(_depths_of(near.penetration()[0], fixed) * metres)
+        start = np.zeros((len(posed.positions), 2, 3))
+        if n == 0 and fixed is None:
+            start, held = _holding_moves(posed, near, metres)
+        worst = _worst(_depths_of(near.penetration()[0], fixed) * metres, held)
         if n == 0:
             first = worst
         gained = least - worst
@@ -182,14 +183,13 @@ def _lead_around(filled: Clip, before: Clip, after: Clip, posed: _PosedWindow, f
             best, least = filled, worst
         if worst == 0.0 or gained < _LEAST_GAIN * worst or n == _MAX_TRIES:
             break
-        holds = n == 0 and fixed is None
-        start = _holding_moves(posed, near, metres) if holds else np.zeros((len(posed.positions), 2, 3))
-        filled = arm_ik.move_wrists(filled, _avoiding_moves(posed, near, metres, start, fixed))
+        filled = arm_ik.move_wrists(filled, _avoiding_moves(posed, near, metres, start, fixed, held))
     return ClearedTransition(best, first, least)
 
 
-def _holding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: float) -> Float:
-    """Moves (n + 2, 2, 3) that keep hands on one another which touch the same way at both ends; near 0 for others.
+def _holding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: float) -> tuple[Float, float]:
+    """Moves (n + 2, 2, 3) that keep hands on one another which touch the same way at both ends, and how much they do
+    so; near 0 for others.
 
     The middle of each hand has a place in the other hand's axes; between the ends it goes straight from one to the
     other. How much that counts falls smoothly with the skin distance of the pair of capsules that touches at both ends
@@ -199,23 +199,24 @@ def _holding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: float
     groups, starts = posed.capsules.body.groups, posed.capsules.starts
     distance = near.held_distance() * metres
     if not np.isfinite(distance):
-        return np.zeros((len(starts), 2, 3))
+        return np.zeros((len(starts), 2, 3)), 0.0
     apart = starts[:, groups.left].mean(axis=1) - starts[:, groups.right].mean(axis=1)
     arm_joints = rig_info(posed.skeleton).arm_joints
     hands = posed.rotations[:, [arm_joints[2], arm_joints[5]]]
     first, last = (hands[k].swapaxes(1, 2) @ apart[k] for k in (0, -1))  # (2, 3) in each hand's axes
     change = float(np.linalg.norm(last - first, axis=-1).max()) * metres
-    weight = np.exp(-max(distance, 0.0) / _TOUCH_M - (change / _SAME_PLACE_M) ** 2)
+    weight = float(np.exp(-max(distance, 0.0) / _TOUCH_M - (change / _SAME_PLACE_M) ** 2))
     places = first + np.linspace(0.0, 1.0, len(apart))[:, None, None] * (last - first)
     closer = weight * (np.einsum("thij,thj->thi", hands, places).mean(axis=1) - apart)
-    return np.stack([0.5 * closer, -0.5 * closer], axis=1)
+    return np.stack([0.5 * closer, -0.5 * closer], axis=1), weight
 
 
 def _avoiding_moves(
-    posed: _PosedWindow, near: collision.NearPairs, metres: float, moves: Float, fixed: int | None
+    posed: _PosedWindow, near: collision.NearPairs, metres: float, moves: Float, fixed: int | None, held: float
 ) -> Float:
     """Moves (n, 2, 3) of the hands, if arms were long enough, that lead the frames between around the body, begun at
-    ``moves`` (n + 2, 2, 3); ``near``: pairs of capsules within ``_SLACK_M``; ``fixed``: side of a hand that stays.
+    ``moves`` (n + 2, 2, 3); ``near``: pairs of capsules within ``_SLACK_M``; ``fixed``: side of a hand that stays;
+    ``held``: how much hands are held together.
     """
     n_between, forward = len(posed.positions) - 2, posed.forward
     fade, kernel = smoothing.fade_window(n_between)[:, None, None], _kernel(n_between)
@@ -226,7 +227,7 @@ def _avoiding_moves(
             slack = farthest + _SLACK_M / metres
             near = posed.capsules.near_pairs(slack)
         depth, exits = near.penetration(moves)
-        excess = _excess_depth(_depths_of(depth, fixed) * metres) / metres
+        excess = _excess_depth(_depths_of(depth, fixed) * metres, held) / metres
         if excess.max() <= 0.0:
             break
         push = _pushes(excess + 0.3 * TOLERANCE_M / metres, exits[1:-1], forward[1:-1])
@@ -234,17 +235,17 @@ def _avoiding_moves(
     return moves[1:-1]
 
 
-def _worst(depth: Float) -> float:
+def _worst(depth: Float, held: float = 0.0) -> float:
     """The greatest depth of the frames between beyond what both ends call for, m, from depths (n + 2, 2), m."""
-    return float(_total_depth(_excess_depth(depth).max()))
+    return float(_total_depth(_excess_depth(depth, held).max()))
 
 
-def _excess_depth(depth: Float) -> Float:
+def _excess_depth(depth: Float, held: float = 0.0) -> Float:
     """How much deeper (n, 2) than allowed each hand lies in the frames between, m, from depths (n + 2, 2) with those of
-    both ends.
+    both ends; held: how much hands are held together, from 0 to 1, which may then lie up to twice as deep.
     """
     t = np.linspace(0.0, 1.0, len(depth))[1:-1, None]
-    ends = _DEEPER * np.maximum(depth[[0, -1]] - TOLERANCE_M, 0.0)
+    ends = (1.0 + held) * np.maximum(depth[[0, -1]] - TOLERANCE_M, 0.0)
     return np.asarray(depth[1:-1] - (TOLERANCE_M + (1.0 - t) * ends[0] + t * ends[1]))
 
 
