@@ -211,3 +211,8 @@ def test_convert_brings_a_file_to_another_body(tmp_path: Path) -> None:
     np.testing.assert_allclose(load(names[1]).skeleton.offsets[1:], load(names[2]).skeleton.offsets[1:])
     alone = CliRunner().invoke(app, ["convert", names[0], names[1], "--report", names[3]])
     assert "--report describes what --onto does" in str(alone.exception)
+
+
+def test_a_path_is_no_body(words: dict[str, Clip]) -> None:
+    with pytest.raises(TypeError, match=r"onto is 'a.vrm', expected a clip or an avatar; .* read_avatar\(path\)"):
+        retarget(words["HELLO"], "a.vrm")  # type: ignore[arg-type]

@@ -108,3 +108,8 @@ def test_a_clip_is_shown_in_one_line() -> None:
     assert repr(clip) == f"<Clip {clip.name!r}: 41 frames, 1.64 s at 25 fps, 7 joints>"
     assert repr(clip[:1]).startswith(f"<Clip {clip.name!r}: 1 frame, 0.04 s")
     assert repr(clip.skeleton) == "<Skeleton: 7 joints below joint0>"
+
+
+def test_a_clip_is_cut_with_slices_alone(words: dict[str, Clip]) -> None:
+    with pytest.raises(TypeError, match=r"cut with a slice: clip\[3:4\], not clip\[3\]"):
+        words["HELLO"][3]  # type: ignore[index]

@@ -267,6 +267,7 @@ def streamed(clips: Any) -> list[Any]:
     [
         (splice, lambda a, b: (a, b), "clips go into one list"),
         (splice, lambda a, b: (a,), "clips is one Clip, expected a list of them"),
+        (splice, lambda a, b: ("a.bvh", "b.bvh"), r"clips is the text 'a.bvh', .* load\(path\)"),
         (splice, lambda a, b: ("HELLO I",), r"clips is the text 'HELLO I', .* open_lexicon\(path\)\.clip\(gloss\)"),
         (splice, lambda a, b: ([a, "HELLO"],), "clip 1 is 'HELLO', expected a Clip"),
         (streamed, lambda a, b: ([a, None],), "clip 1 is a NoneType, expected a Clip"),

@@ -21,7 +21,7 @@ from signsplice.splicing import report as reports
 from signsplice.splicing.cut import find_cutter
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, splice, stream
 from signsplice.splicing.pace import CONTACT_S, MOST, PEAKS, contact_frames, pace
-from signsplice.splicing.tempo import RUNNING_S, play, seconds_a_sign
+from signsplice.splicing.tempo import RUNNING_S, play, reached, seconds_a_sign
 
 CUTTER = find_cutter("pose-velocity")
 
@@ -172,7 +172,7 @@ def test_the_rate_of_frames_does_not_change_the_tempo() -> None:
 
 @pytest.mark.parametrize("tempo", ["fast", "", 0.1, 4.0, float("nan"), True])
 def test_other_tempos_are_refused(tempo: str | float) -> None:
-    with pytest.raises(InputError, match=r"tempo .*, expected citation, natural or 0.4 to 3 seconds a sign"):
+    with pytest.raises(InputError, match=r"tempo .*, expected citation, natural or 0.4 to 1.5 seconds a sign"):
         SpliceOptions(tempo=tempo)
 
 
@@ -210,3 +210,17 @@ def test_evaluate_refuses_more_words_than_there_are() -> None:
 
 def _peak(clip: Clip) -> float:
     return float(np.linalg.norm(np.diff(wrist_positions(clip), axis=0), axis=-1).max() * clip.fps)
+
+
+def test_the_tempo_reached_is_that_of_signs_not_of_letters() -> None:
+    signs = [
+        ("A", (0, 30)),
+        ("B", (40, 60)),
+        ("fs-X", (65, 70)),
+        ("fs-Y", (72, 78)),
+        ("C", (85, 99)),
+        ("D", (110, 150)),
+    ]
+    assert reached(signs, 30.0, "citation").seconds == pytest.approx((30 + 21) / 2 / 30.0, abs=1e-3)
+    assert reached(signs[:2], 30.0, "natural").seconds is None
+    assert reached([signs[0], *signs[2:4], signs[5]], 30.0, "natural").seconds is None

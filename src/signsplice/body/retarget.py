@@ -59,6 +59,9 @@ def retarget(clip: Clip, onto: Clip | Skeleton) -> Retargeted:
 
     Raises ``RigMismatchError`` where the two rigs have nothing in common.
     """
+    if not isinstance(onto, Clip | Skeleton):
+        what = f"{onto!r:.60}" if isinstance(onto, str) else f"a {type(onto).__name__}"
+        raise TypeError(f"onto is {what}, expected a clip or an avatar; a file's is load(path) or read_avatar(path)")
     skeleton = onto if isinstance(onto, Skeleton) else onto.skeleton
     held = np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), 1)) if isinstance(onto, Skeleton) else onto.local_rotations[0]
     name = onto.name if isinstance(onto, Clip) else onto.label if isinstance(onto, Avatar) else "the skeleton"

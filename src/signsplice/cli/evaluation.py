@@ -37,7 +37,9 @@ N_WORDS = 40
 @click.option("--limit", type=int, metavar="N", help="With --pairs: only the first N pairs.")
 @click.option("--bodies", "n_bodies_words", type=int, is_flag=False, flag_value=N_WORDS, metavar="N_WORDS",
               help="Bring N words that ship, or with --clips these clips, to other bodies.")  # fmt: skip
-@click.option("--picture", metavar="FILE.png", help="With --bodies: also draw eight words on five bodies.")
+@click.option(
+    "--picture", metavar="FILE.png", help="With --bodies: also draw eight words on five bodies; takes minutes."
+)
 @click.option("--tempo", "n_tempo_words", type=int, metavar="N_WORDS",
               help="Bring N words that ship, and as many by three other signers, to running tempo.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")

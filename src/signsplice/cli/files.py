@@ -63,6 +63,8 @@ def convert(
     body = onto if avatar is None else avatar
     if report is not None and body is None:
         raise InputError("--report describes what --onto does, or --avatar, expected one of them too")
+    if Path(output).suffix.lower() == ".vrm":
+        raise InputError(f"{output}: an avatar is not written; name a .vrma, .glb or .bvh")
     check_outputs(output, report, inputs=[source, body, roles])
     clip = load(source, roles)
     if body is None:

@@ -207,7 +207,11 @@ def deliver(
     warn(result.warnings)
     for seam in result.seams:
         warn(f"{seam.before} -> {seam.after}: {line}" for line in seam.warnings)
-    print(f"{output}: {len(result.clip)} frames, {result.clip.seconds:.2f} s, {len(result.seams)} seams")
+    n_seams, tempo = len(result.seams), result.tempo
+    told = f"{output}: {len(result.clip)} frames, {result.clip.seconds:.2f} s, {n_seams} seam{'s' * (n_seams != 1)}"
+    if tempo.asked_seconds is not None and tempo.seconds is not None:
+        told += f", {tempo.seconds:.2f} s a sign (asked: {tempo.asked_seconds:g})"
+    print(told)
 
 
 @click.command(context_settings=_SETTINGS)

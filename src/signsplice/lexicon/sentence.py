@@ -60,7 +60,9 @@ def parse(text: str, lexicon: Lexicon, spell: bool = True, compounds: bool = Tru
     """
     words = [part for word in typed_words(text, lexicon.__contains__) for part in _parts(word, lexicon)]
     if not any(word.text for word in words):
-        raise InputError("no gloss in the sentence, expected at least one")
+        left_out = "".join(word.left_out for word in words)
+        beside = f"; {left_out[:40]!r} stands for none" if left_out else ""
+        raise InputError(f"no gloss in the sentence, expected at least one{beside}")
     readings: list[SentenceToken] = []
     unknown: dict[str, tuple[str, ...]] = {}
     at = 0
@@ -172,8 +174,12 @@ def _letters(word: str, lexicon: Lexicon) -> tuple[str | None, ...]:
     return tuple(found)
 
 
+_STROKES = str.maketrans("ŁłØøĐđĦħŦŧı", "LlOoDdHhTti")
+"""Letters with a stroke, or without a dot, and the plain ones: Unicode does not part them."""
+
+
 def _without_accent(letter: str) -> str:
-    return unicodedata.normalize("NFD", letter)[0]
+    return unicodedata.normalize("NFD", letter)[0].translate(_STROKES)
 
 
 def _by_other_letters(word: str, letters: Sequence[str | None]) -> str:

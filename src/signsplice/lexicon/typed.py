@@ -65,6 +65,9 @@ def _words(token: str) -> list[TypedWord]:
     words = []
     for k, (match, gap) in enumerate(zip(matches, between[1:], strict=True)):
         text = plain[match.start() : match.end()].replace(",", "")
+        if text.lower() == "fs" and plain[match.end() : match.end() + 1] == "-":  # a mark that nothing follows
+            words.append(TypedWord("", token, f"{text}-"))
+            continue
         text = text if "d." in match[0] else text.replace(".", "")
         words.append(TypedWord(text, token, "" if k else left_out, not set("p.,").isdisjoint(classes[gap])))
     return words

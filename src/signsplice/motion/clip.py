@@ -209,7 +209,11 @@ class Clip:
         return len(self.local_rotations)
 
     def __getitem__(self, frames: slice) -> Clip:
-        """The frames of a slice with step 1, as views of this clip's arrays. Raises ``InputError`` if none is left."""
+        """The frames of a slice with step 1, as views of this clip's arrays. Raises ``InputError`` if none is left,
+        ``TypeError`` for anything but a slice.
+        """
+        if not isinstance(frames, slice):
+            raise TypeError(f"a clip is cut with a slice: clip[3:4], not clip[{frames!r:.40}]")
         start, stop, step = frames.indices(len(self))
         if step != 1:
             raise InputError("a clip is sliced with step 1; use resample to change its rate")

@@ -32,6 +32,7 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None, starts: 
     nothing in common, ``LimitError`` where a clip has too many frames at the output rate, ``TypeError`` for what is no
     clip.
     """
+    check_clips(clips)
     sentence = SentenceBuilder(options or SpliceOptions())
     tempo = sentence.options.tempo
     pieces = [*sentence.add(clips, starts), *sentence.end()]
@@ -50,7 +51,7 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None, starts: 
         timing_ms={part: 1e3 * sentence.seconds[part] for part in ("harmonize", "cut", "transition", "join")},
         bundle=sentence.methods.bundle,
         contacts=sentence.contacts,
-        tempo=reached([piece.span.output for piece in pieces if piece.span.kind == "sign"], clip.fps, tempo),
+        tempo=reached([(p.span.name or "", p.span.output) for p in pieces if p.span.kind == "sign"], clip.fps, tempo),
     )
 
 

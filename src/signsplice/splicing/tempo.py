@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from signsplice.errors import InputError
+from signsplice.lexicon.entry import is_letter
 from signsplice.motion.clip import Clip, concatenate, sampled
 from signsplice.rig import metrics
 from signsplice.rig.arms import active_span, arms
@@ -34,7 +36,7 @@ Float = NDArray[np.float64]
 CITATION, NATURAL = "citation", "natural"
 RUNNING_S = 0.70
 """Seconds a sign takes in running signing, the transition to it included."""
-FASTEST_S, SLOWEST_S = 0.4, 3.0
+FASTEST_S, SLOWEST_S = 0.4, 1.5
 SIGN_FRACTION = 0.4
 """How much of that time a sign aims at between the frames that two neighbours like itself would leave of it. The rest
 goes to transitions, to what other neighbours leave beyond that, and to signs that people cannot sign so fast: chosen on
@@ -70,8 +72,8 @@ class ReachedTempo:
 
     mode: "citation", "natural", or "seconds" where they were given.
     asked_seconds: seconds that a sign was to take with its transition; None for "citation".
-    seconds: seconds that a sign takes with the transition to it, the mean of all signs but the first and the last,
-        which begin and end at rest; None where there is no other.
+    seconds: seconds that a sign takes with the transition to it, the mean of all signs but letters, the first and the
+        last, which begin and end at rest; None where there is no other.
     """
 
     mode: Literal["citation", "natural", "seconds"] = "citation"
@@ -79,16 +81,17 @@ class ReachedTempo:
     seconds: float | None = None
 
 
-def reached(signs: Sequence[tuple[int, int]], fps: float, tempo: str | float) -> ReachedTempo:
-    """The tempo of a sentence whose ``signs`` have these output frames, half-open, in order."""
+def reached(signs: Sequence[tuple[str, tuple[int, int]]], fps: float, tempo: str | float) -> ReachedTempo:
+    """The tempo of a sentence whose ``signs`` have these names and output frames, half-open, in order."""
     asked = seconds_a_sign(tempo)
     mode: Literal["citation", "natural", "seconds"] = "seconds"
     if asked is None:
         mode = "citation"
     elif tempo == NATURAL:
         mode = "natural"
-    inner = len(signs) - 2
-    seconds = round((signs[-2][1] - signs[0][1]) / fps / inner, 3) if inner > 0 else None
+    inner = list(pairwise(signs))[:-1]
+    frames = [after[1] - before[1] for (_, before), (name, after) in inner if not is_letter(name.lower())]
+    seconds = round(float(np.mean(frames)) / fps, 3) if frames else None
     return ReachedTempo(mode, asked, seconds)
 
 
