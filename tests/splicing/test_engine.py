@@ -265,7 +265,7 @@ def streamed(clips: Any) -> list[Any]:
 @pytest.mark.parametrize(
     ("function", "given", "message"),
     [
-        (splice, lambda a, b: (a, b), "clips go into one list"),
+        (splice, lambda a, b: (a, b), r"expected a list of them: splice\(\[a, b\]\)"),
         (splice, lambda a, b: (a,), "clips is one Clip, expected a list of them"),
         (splice, lambda a, b: ("a.bvh", "b.bvh"), r"clips is the text 'a.bvh', .* load\(path\)"),
         (splice, lambda a, b: ("HELLO I",), r"clips is the text 'HELLO I', .* open_lexicon\(path\)\.clip\(gloss\)"),
