@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,9 +11,10 @@ import pytest
 from signsplice.lexicon import Lexicon, shipped
 from signsplice.lexicon.sentence import parse, starts
 from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion.clip import Clip, concatenate, resample
 from signsplice.rig.arms import arms
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
+from signsplice.splicing.fingerspelling import letter_seam
 
 
 @pytest.fixture(scope="module")
@@ -81,6 +83,19 @@ def test_a_letter_with_a_movement_is_kept_whole_and_not_bounced(lexicon: Lexicon
 def test_the_speed_of_signs_is_that_of_letters_too(lexicon: Lexicon) -> None:
     frames = [len(splice(letters("MARIA", lexicon), SpliceOptions(sign_speed=speed)).clip) for speed in (1.0, 0.5)]
     assert frames[1] == pytest.approx(2 * frames[0], abs=8)
+
+
+@pytest.mark.parametrize(("speed", "fps"), [(5.0, 30.0), (1.0, 5.0)])
+def test_letters_that_play_fast_or_at_few_frames_are_letters_still(speed: float, fps: float, lexicon: Lexicon) -> None:
+    clips = [resample(clip, fps, speed) for clip in letters("ABCDEFGHIKLMNOPQRSTUVWXYZ", lexicon)]
+    assert all(letter_seam(before, after, 0, 0.0, speed) for before, after in pairwise(clips))
+    seam = splice(letters("MA", lexicon), SpliceOptions(fps=fps, sign_speed=speed)).seams[0]
+    assert "cut as signs" not in " ".join(seam.warnings)
+
+
+def test_letters_that_are_never_seen_still_are_named(lexicon: Lexicon) -> None:
+    seam = splice(letters("MA", lexicon), SpliceOptions(fps=2.0)).seams[0]
+    assert "no still hand is found in fs-M and fs-A: they are cut as signs are" in seam.warnings
 
 
 def test_spelled_words_are_parted(lexicon: Lexicon) -> None:

@@ -171,7 +171,8 @@ class SentenceBuilder:
                 raise InputError(
                     f"cutter {self.cutter.name} chose {chosen} for clips of {n_before} and {n_after} frames"
                 )
-            letters = self._letters(before, after)
+            is_spelled = self._is_spelled(before, after)
+            letters = self._letters(before, after) if is_spelled else None
             if letters is not None:
                 chosen = letters.cut
             elif before.way_s:
@@ -184,6 +185,9 @@ class SentenceBuilder:
             after.entry = cut.post
             with self.timed("transition"):
                 n_frames, warnings = self._n_frames(before.clip, after.clip, cut, letters)
+            if is_spelled and letters is None:
+                line = f"no still hand is found in {before.clip.name} and {after.clip.name}: they are cut as signs are"
+                warnings = (*warnings, line)
             after.way_s = (n_frames + 1) / after.clip.fps if letters is not None else 0.0
             if cut.pre <= before.entry and before.entry > 0:
                 frame = before.n_left_out + before.entry
@@ -194,11 +198,13 @@ class SentenceBuilder:
             seams.append(_PlannedSeam(before, after, cut, gap, warnings, letters is not None and letters.is_doubled))
         return seams
 
-    def _letters(self, before: _SentenceWord, after: _SentenceWord) -> LetterSeam | None:
-        """The seam of two letters of one spelled word, None for other words and where the user chose a cutter."""
+    def _is_spelled(self, before: _SentenceWord, after: _SentenceWord) -> bool:
+        """Whether two words are letters of one spelled word, and the user chose no cutter."""
         is_free = self.options.cutter is None or self.cutter.learned
-        if after.starts or not is_free or not fingerspelling.are_letters(before.clip, after.clip):
-            return None
+        return is_free and not after.starts and fingerspelling.are_letters(before.clip, after.clip)
+
+    def _letters(self, before: _SentenceWord, after: _SentenceWord) -> LetterSeam | None:
+        """The seam of two letters of one spelled word, None where a hand is never seen still."""
         with self.timed("cut"):
             return fingerspelling.letter_seam(
                 before.clip, after.clip, before.entry, before.way_s, self.options.sign_speed
