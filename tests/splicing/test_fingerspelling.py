@@ -8,11 +8,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from signsplice.body.arm_ik import move_wrists
 from signsplice.lexicon import Lexicon, shipped
+from signsplice.lexicon.entry import is_letter
 from signsplice.lexicon.sentence import parse, starts
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate, resample
 from signsplice.rig.arms import arms
+from signsplice.splicing import fingerspelling
+from signsplice.splicing.collision_avoidance import depths
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
 from signsplice.splicing.fingerspelling import letter_seam
 
@@ -114,6 +118,8 @@ def test_streams_spell_as_splices_do(lexicon: Lexicon) -> None:
     growing = Stream(SpliceOptions(cutter="ends"))
     pieces = [piece for k, clip in enumerate(clips) for piece in growing.push(clip, k == 3)] + growing.end()
     assert tuple(piece.span for piece in pieces) == whole.spans
+    pulled = stream(clips, SpliceOptions(cutter="ends"), starts=[3])
+    assert tuple(piece.span for piece in pulled) == whole.spans
     spelled = [piece.span.output for piece in stream(letters("ANNA", lexicon))]
     assert spelled == [span.output for span in splice(letters("ANNA", lexicon)).spans]
 
@@ -123,6 +129,33 @@ def test_what_a_user_chooses_is_obeyed(lexicon: Lexicon) -> None:
     assert splice(clips, SpliceOptions(transition_time=0.5)).seams[0].n_transition == 15
     assert splice(clips, SpliceOptions(duration="fixed")).seams[0].seconds == pytest.approx(0.25, abs=0.02)
     assert splice(clips, SpliceOptions(cutter="ends")).seams[0].pre_frame == len(clips[0]) - 1
+
+
+def test_a_network_that_is_named_cuts_letters_too(lexicon: Lexicon) -> None:
+    clips = letters("AB", lexicon)
+    fluent, default, named = (
+        splice(clips, SpliceOptions(cutter=name)).spans for name in ("learned-fluent", None, "learned")
+    )
+    assert default == named != fluent
+
+
+def test_letters_are_letters_by_names_in_any_case() -> None:
+    assert all(map(is_letter, ("fs-A", "FS-a", "Fs-1")))
+    assert not any(map(is_letter, ("fs-", "fs-OK", "A")))
+
+
+def test_a_bounce_is_led_around_the_body(lexicon: Lexicon, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The depth that a seam reports is that of the frames that are put out."""
+
+    def deep(new: Clip, before: Clip) -> Clip:
+        return move_wrists(new, np.full((len(new), 2, 3), 0.0) - 0.3 * arms(new).up * np.array([0.0, 1.0])[:, None])
+
+    monkeypatch.setattr(fingerspelling, "bounce", deep)
+    clips = letters("NN", lexicon)
+    result = splice(clips)
+    start, stop = result.spans[1].output
+    seen = depths(result.clip[start:stop], result.clip[start - 8 : start], result.clip[stop : stop + 8])
+    assert result.seams[0].intrusion_mm == pytest.approx(1e3 * seen.max(), abs=1e-6)
 
 
 def test_a_letter_that_is_hardly_still_is_named(lexicon: Lexicon) -> None:

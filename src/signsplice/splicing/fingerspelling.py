@@ -67,7 +67,7 @@ class LetterSeam:
 
 def are_letters(before: Clip, after: Clip) -> bool:
     """Whether two clips are letters by their names (fs-A), in any case."""
-    return is_letter(before.name.lower()) and is_letter(after.name.lower())
+    return is_letter(before.name) and is_letter(after.name)
 
 
 def letter_seam(before: Clip, after: Clip, entry: int, way_s: float, speed: float = 1.0) -> LetterSeam | None:
