@@ -148,7 +148,10 @@ def test_a_bounce_is_led_around_the_body(lexicon: Lexicon, monkeypatch: pytest.M
     """The depth that a seam reports is that of the frames that are put out."""
 
     def deep(new: Clip, before: Clip) -> Clip:
-        return move_wrists(new, np.full((len(new), 2, 3), 0.0) - 0.3 * arms(new).up * np.array([0.0, 1.0])[:, None])
+        own = arms(new)
+        moves = np.zeros((len(new), 2, 3))
+        moves[:, 1] = own.shoulders.mean(axis=1) - own.wrists[:, 1] - 0.2 / own.metres * own.up  # into the chest
+        return move_wrists(new, moves)
 
     monkeypatch.setattr(fingerspelling, "bounce", deep)
     clips = letters("NN", lexicon)
