@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -137,6 +138,16 @@ def test_broken_clips_stop_a_build_or_are_skipped(clips: Path, tmp_path: Path) -
     built = lexicon.build(clips, tmp_path / "lex", skip_broken=True)
     assert built.n_words == 4
     assert [line for line in built.warnings if line.endswith("; left out")] == [line + "; left out" for line in found]
+
+
+def test_check_and_build_name_what_a_clip_leaves_out(
+    clips: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(folders, "load", lambda path, limits: replace(load(path, limits), left_out=("a mesh",)))
+    path = clips / "hello.bvh"
+    line = f"{path}: a mesh left out: a clip holds the motion of joints alone"
+    assert line in folders.check(clips).warnings
+    assert line in lexicon.build(clips, tmp_path / "lex").warnings
 
 
 def test_roles_are_stored_with_the_words(clips: Path, tmp_path: Path) -> None:

@@ -133,6 +133,11 @@ def test_bodies_that_are_no_sentence_are_refused(tight: httpx.Client, body: byte
     assert message in error_of(answer, answer.status_code)
 
 
+def test_words_within_a_gloss_are_counted_before_they_are_looked_up(tight: httpx.Client) -> None:
+    answer = tight.post("/v1/sentence", json={"glosses": ["qq/" * 7], "spell": False})
+    assert error_of(answer) == "7 words, expected at most 6"
+
+
 def test_many_invalid_glosses_give_one_short_error(tight: httpx.Client) -> None:
     body = json.dumps({"glosses": [1] * 50_000})
     error = error_of(tight.post("/v1/sentence", content=body, headers={"content-type": "application/json"}))

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from signsplice.body.arm_ik import move_wrists
 from signsplice.lexicon import Lexicon, shipped
+from signsplice.lexicon.entry import is_letter
 from signsplice.lexicon.sentence import parse, starts
 from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion.clip import Clip, concatenate, resample
 from signsplice.rig.arms import arms
+from signsplice.splicing import fingerspelling
+from signsplice.splicing.collision_avoidance import depths
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
+from signsplice.splicing.fingerspelling import letter_seam
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +89,19 @@ def test_the_speed_of_signs_is_that_of_letters_too(lexicon: Lexicon) -> None:
     assert frames[1] == pytest.approx(2 * frames[0], abs=8)
 
 
+@pytest.mark.parametrize(("speed", "fps"), [(5.0, 30.0), (1.0, 5.0)])
+def test_letters_that_play_fast_or_at_few_frames_are_letters_still(speed: float, fps: float, lexicon: Lexicon) -> None:
+    clips = [resample(clip, fps, speed) for clip in letters("ABCDEFGHIKLMNOPQRSTUVWXYZ", lexicon)]
+    assert all(letter_seam(before, after, 0, 0.0, speed) for before, after in pairwise(clips))
+    seam = splice(letters("MA", lexicon), SpliceOptions(fps=fps, sign_speed=speed)).seams[0]
+    assert "cut as signs" not in " ".join(seam.warnings)
+
+
+def test_letters_that_are_never_seen_still_are_named(lexicon: Lexicon) -> None:
+    seam = splice(letters("MA", lexicon), SpliceOptions(fps=2.0)).seams[0]
+    assert "no still hand is found in fs-M and fs-A: they are cut as signs are" in seam.warnings
+
+
 def test_spelled_words_are_parted(lexicon: Lexicon) -> None:
     tokens = parse("fs-AN fs-NA HELLO", lexicon)
     clips = [lexicon.clip(gloss) for token in tokens for gloss in token.glosses]
@@ -99,6 +118,8 @@ def test_streams_spell_as_splices_do(lexicon: Lexicon) -> None:
     growing = Stream(SpliceOptions(cutter="ends"))
     pieces = [piece for k, clip in enumerate(clips) for piece in growing.push(clip, k == 3)] + growing.end()
     assert tuple(piece.span for piece in pieces) == whole.spans
+    pulled = stream(clips, SpliceOptions(cutter="ends"), starts=[3])
+    assert tuple(piece.span for piece in pulled) == whole.spans
     spelled = [piece.span.output for piece in stream(letters("ANNA", lexicon))]
     assert spelled == [span.output for span in splice(letters("ANNA", lexicon)).spans]
 
@@ -108,6 +129,36 @@ def test_what_a_user_chooses_is_obeyed(lexicon: Lexicon) -> None:
     assert splice(clips, SpliceOptions(transition_time=0.5)).seams[0].n_transition == 15
     assert splice(clips, SpliceOptions(duration="fixed")).seams[0].seconds == pytest.approx(0.25, abs=0.02)
     assert splice(clips, SpliceOptions(cutter="ends")).seams[0].pre_frame == len(clips[0]) - 1
+
+
+def test_a_network_that_is_named_cuts_letters_too(lexicon: Lexicon) -> None:
+    clips = letters("AB", lexicon)
+    fluent, default, named = (
+        splice(clips, SpliceOptions(cutter=name)).spans for name in ("learned-fluent", None, "learned")
+    )
+    assert default == named != fluent
+
+
+def test_letters_are_letters_by_names_in_any_case() -> None:
+    assert all(map(is_letter, ("fs-A", "FS-a", "Fs-1")))
+    assert not any(map(is_letter, ("fs-", "fs-OK", "A")))
+
+
+def test_a_bounce_is_led_around_the_body(lexicon: Lexicon, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The depth that a seam reports is that of the frames that are put out."""
+
+    def deep(new: Clip, before: Clip) -> Clip:
+        own = arms(new)
+        moves = np.zeros((len(new), 2, 3))
+        moves[:, 1] = own.shoulders.mean(axis=1) - own.wrists[:, 1] - 0.2 / own.metres * own.up  # into the chest
+        return move_wrists(new, moves)
+
+    monkeypatch.setattr(fingerspelling, "bounce", deep)
+    clips = letters("NN", lexicon)
+    result = splice(clips)
+    start, stop = result.spans[1].output
+    seen = depths(result.clip[start:stop], result.clip[start - 8 : start], result.clip[stop : stop + 8])
+    assert result.seams[0].intrusion_mm == pytest.approx(1e3 * seen.max(), abs=1e-6)
 
 
 def test_a_letter_that_is_hardly_still_is_named(lexicon: Lexicon) -> None:

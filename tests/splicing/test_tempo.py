@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,18 +12,22 @@ import pytest
 from click.testing import CliRunner
 
 from conftest import random_clip
+from reference_poses import arms_out, with_pose
 from signing import word
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.evaluation.tempo import compare, draw_words, table
 from signsplice.evaluation.wrists import wrist_positions
-from signsplice.motion.clip import Clip, resample, sampled
+from signsplice.motion.clip import Clip, concatenate, resample, sampled
 from signsplice.rig.align import align, reference
+from signsplice.rig.stray_frames import with_ends_held
 from signsplice.splicing import report as reports
-from signsplice.splicing.cut import find_cutter
-from signsplice.splicing.engine import SpliceOptions, SpliceResult, splice, stream
+from signsplice.splicing.cut import Cut, Cutter, find_cutter
+from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
+from signsplice.splicing.gap import Gap
 from signsplice.splicing.pace import CONTACT_S, MOST, PEAKS, contact_frames, pace
-from signsplice.splicing.tempo import RUNNING_S, play, reached, seconds_a_sign
+from signsplice.splicing.tempo import RUNNING_S, fill_unhurried, play, reached, seconds_a_sign
+from signsplice.splicing.transition import GapTransition
 
 CUTTER = find_cutter("pose-velocity")
 
@@ -66,6 +72,60 @@ def test_the_frames_that_a_warp_lists_rebuild_the_sign_bit_for_bit(natural: Spli
         part = natural.clip.local_rotations[slice(*span.output)]
         assert np.array_equal(sampled(source, sources).local_rotations, part)
     assert n_warped >= 4
+
+
+def test_a_warp_rebuilds_a_sign_whose_first_frames_are_left_out_bit_for_bit(sentence: list[Clip]) -> None:
+    posed = with_pose(sentence[1], arms_out(sentence[1].skeleton), 40)
+    span = (result := splice([sentence[0], posed], SpliceOptions(tempo="natural"))).spans[2]
+    assert span.warp is not None
+    assert span.source is not None
+    assert span.source[0] >= 40
+    source = align(with_ends_held(posed), reference(sentence[0])).clip
+    part = result.clip.local_rotations[slice(*span.output)]
+    assert np.array_equal(sampled(source, np.array(span.warp)[:, 1]).local_rotations, part)
+
+
+class NoCuts(Cutter):
+    """Chooses nothing; fails once on a word that is named BAD."""
+
+    name, summary = "no-cuts", "for tests"
+
+    def cut_all(self, clips: Sequence[Clip]) -> list[Cut]:
+        return [] if clips[0].name == "BAD" else CUTTER.cut_all(clips)
+
+
+def test_a_first_word_that_the_cutter_fails_on_is_refused_and_leaves_no_trace(sentence: list[Clip]) -> None:
+    growing = Stream(SpliceOptions(NoCuts(), "hermite", tempo="natural"))
+    with pytest.raises(InputError, match="cutter no-cuts chose 0 cuts for 2 clips"):
+        growing.push(replace(resample(sentence[0], 25.0), name="BAD"))
+    growing.push(sentence[1])
+    assert growing.end()[0].clip.fps == 30.0
+
+
+class Flicker(GapTransition):
+    """Goes to and fro between the last frame before and the first frame after."""
+
+    name, summary = "flicker", "for tests"
+
+    def between(self, gap: Gap) -> Clip:
+        ends = [gap.before[-1:], gap.after[:1]]
+        return concatenate([ends[k % 2] for k in range(gap.n_frames)])
+
+
+def test_no_transition_is_lengthened_past_the_longest(sentence: list[Clip]) -> None:
+    rest, raised = sentence[0][:9], sentence[0][len(sentence[0]) // 2 :]
+    (made,) = fill_unhurried(Flicker(), [Gap(rest, raised, 200)], False)
+    assert len(made.clip) == 300
+
+
+def test_naming_a_default_is_choosing_nothing(sentence: list[Clip]) -> None:
+    options = SpliceOptions(tempo="natural")
+    plain, named = (
+        splice(sentence[:3], replace(options, cutter=name, transition=name, duration=name)).seams
+        for name in (None, "learned")
+    )
+    assert named == plain
+    assert SpliceOptions("learned", "learned", "auto").lengthens
 
 
 def test_no_frame_of_what_citation_keeps_is_lost(natural: SpliceResult, sentence: list[Clip]) -> None:

@@ -65,8 +65,8 @@ def letter_gloss(character: str) -> str:
 
 
 def is_letter(gloss: str) -> bool:
-    """Whether a gloss is ``fs-`` and one character."""
-    return gloss.startswith(LETTER_MARK) and len(gloss) == len(LETTER_MARK) + 1
+    """Whether a gloss is ``fs-`` and one character, in any case."""
+    return gloss.lower().startswith(LETTER_MARK) and len(gloss) == len(LETTER_MARK) + 1
 
 
 def kind_of(gloss: str, kind: str = "") -> str:

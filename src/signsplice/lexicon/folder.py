@@ -169,7 +169,7 @@ def check(
             clip = _read(source, roles, limits)
             with _prefixed_errors(source):
                 encode(clip, "float32")
-                warnings += _stray_warnings(clip, source)
+                warnings += _warnings(clip, source)
         except InputError as error:
             faults.append(str(error))
         if progress is not None:
@@ -182,9 +182,8 @@ def _add(
 ) -> Entry:
     """Read a source, add it and return its entry; add to ``warnings``. Raises ``InputError`` that names its file."""
     clip = _read(source, roles, limits)
-    warnings += left_out_warnings(clip)
     with _prefixed_errors(source):
-        warnings += _stray_warnings(clip, source)
+        warnings += _warnings(clip, source)
         return builder.add(
             clip,
             source.gloss,
@@ -196,11 +195,14 @@ def _add(
         )
 
 
-def _stray_warnings(clip: Clip, source: Source) -> list[str]:
-    """Lines about frames that do not belong to a clip; none where its roles do not fit, which ``splice`` says."""
+def _warnings(clip: Clip, source: Source) -> list[str]:
+    """Lines about what a clip's file holds and the clip does not, and about frames that do not belong to it; none about
+    those where its roles do not fit, which ``splice`` says.
+    """
+    lines = [line.removeprefix(f"{clip.name}: ") for line in left_out_warnings(clip)]
     with suppress(InputError):
-        return [f"{source.path}: {line}" for line in stray_frames(clip).warnings]
-    return []
+        lines += stray_frames(clip).warnings
+    return [f"{source.path}: {line}" for line in lines]
 
 
 def _read(source: Source, roles: Mapping[str, str] | None, limits: ReadLimits) -> Clip:

@@ -21,6 +21,8 @@ from signsplice.rig.stray_frames import stray_frames
 
 SHIPPED = Path(__file__).parent / "words"
 _MIN_SIMILARITY = 0.55
+_LONGEST_LIKE = 40
+"""Most characters of a word that is compared with all glosses: longer ones take long, and are like none."""
 """Least similarity (difflib's ratio) of the glosses that ``nearest`` suggests."""
 _HINT = "build one from a folder of clips by `signsplice lexicon build`"
 
@@ -129,12 +131,14 @@ class Lexicon:
 
     def nearest(self, gloss: str, n: int = 3, similarity: float = _MIN_SIMILARITY) -> tuple[str, ...]:
         """Up to ``n`` glosses and synonyms most like ``gloss``: those that have it between hyphens, then those of at
-        least that ``similarity`` (difflib's ratio), best first. Letters only for what begins as they do.
+        least that ``similarity`` (difflib's ratio), best first; none of these for a word of more than 40 characters.
+        Letters only for what begins as they do.
         """
         word = fold(gloss)
         names = [name for name in self._shown if not name.startswith(LETTER_MARK) or word.startswith(LETTER_MARK)]
         wholes = [name for name in names if "-" in name and word.replace("'", "") in name.split("-")]
-        found = dict.fromkeys([*wholes, *difflib.get_close_matches(word, names, n, similarity)])
+        like = difflib.get_close_matches(word, names, n, similarity) if len(word) <= _LONGEST_LIKE else []
+        found = dict.fromkeys([*wholes, *like])
         return tuple(self._shown[name] for name in list(found)[:n])
 
     def hyphenated(self, word: str) -> str | None:

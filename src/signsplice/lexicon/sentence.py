@@ -67,7 +67,7 @@ def parse(text: str, lexicon: Lexicon, spell: bool = True, compounds: bool = Tru
     unknown: dict[str, tuple[str, ...]] = {}
     at = 0
     while at < len(words):
-        token = _compound(words[at:], lexicon) if compounds else None
+        token = _compound(words[at : at + _LONGEST_COMPOUND], lexicon) if compounds else None
         token = token or _token(words[at], lexicon, spell, compounds)
         if token is None:
             unknown[words[at].text] = lexicon.nearest(words[at].text)
@@ -97,11 +97,12 @@ def _parts(word: TypedWord, lexicon: Lexicon) -> Iterator[TypedWord]:
 
 
 def _compound(words: Sequence[TypedWord], lexicon: Lexicon) -> SentenceToken | None:
-    """The longest gloss that the first of ``words`` and those after it make, None where there is none."""
-    phrase = words[:_LONGEST_COMPOUND]
-    n_words = next((k + 1 for k, word in enumerate(phrase) if word.ends_phrase or word.left_out), len(phrase))
+    """The longest gloss that the first of up to ``_LONGEST_COMPOUND`` words and those after it make, None where there
+    is none.
+    """
+    n_words = next((k + 1 for k, word in enumerate(words) if word.ends_phrase or word.left_out), len(words))
     for n in range(n_words, 1, -1):
-        texts = [word.text for word in phrase[:n]]
+        texts = [word.text for word in words[:n]]
         joined = _HYPHEN.join(texts)
         found = next((name for name in (joined, joined.replace(_APOSTROPHE, "")) if name in lexicon), None)
         if found is not None:

@@ -18,9 +18,7 @@ Float = NDArray[np.float64]
 
 POSITION_ERROR = "position-error|joints:arms+fingers|frame:root|unit:arm/1000|mean"
 GROUP_ERRORS = "group-errors|hands:wrists,root|fingers:wrist|trunk:trunk+neck+head,root|unit:arm/1000|mean"
-MOTION_RATIO = "motion-ratio|joints:fingertips|path-length|predicted/true"
 VELOCITY_JUMP = "velocity-jump|joints:wrists|step:1-frame|unit:m/s|max"
-PEAK_SPEED = "peak-speed|joints:wrists|step:1-frame|unit:m/s|max"
 JERK_RATIO = "jerk-ratio|joints:wrists|third-difference|rms|transition+-1/signs"
 
 

@@ -14,6 +14,7 @@ from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
 from signsplice.lexicon import Lexicon, shipped
 from signsplice.lexicon.sentence import SentenceToken, parse, starts
+from signsplice.lexicon.typed import typed_words
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
@@ -105,10 +106,14 @@ def warm_up(skin: bool) -> None:
 
 def splice_glosses(request: SentenceRequest, file: Format | None) -> Answer:
     """The answer to a sentence: one ``file`` of it, or all as JSON. Raises ``InputError``."""
+    most = _worker.settings.max_glosses
+    n_words = len(typed_words(" ".join(request.glosses), _worker.lexicon.__contains__))
+    if n_words > most:  # before they are looked up, which takes long for many
+        raise InputError(f"{n_words} words, expected at most {most}")
     units = _units(request.glosses, request.spell, request.compounds)
     glosses = [gloss for unit in units for gloss in unit.glosses]
-    if len(glosses) > _worker.settings.max_glosses:
-        raise InputError(f"{len(glosses)} words and letters, expected at most {_worker.settings.max_glosses}")
+    if len(glosses) > most:
+        raise InputError(f"{len(glosses)} words and letters, expected at most {most}")
     return _answer([_worker.clip(gloss) for gloss in glosses], request, file, units)
 
 

@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import Arms, active_span, arms
 from signsplice.splicing.method import Method, find
@@ -45,6 +46,14 @@ class Cutter(Method, ABC):
     @abstractmethod
     def cut_all(self, clips: Sequence[Clip]) -> list[Cut]:
         """The splice positions of aligned clips in order, one fewer than clips."""
+
+
+def cut_clips(cutter: Cutter, clips: Sequence[Clip]) -> list[Cut]:
+    """A cutter's choice for aligned clips in order. Raises ``InputError`` for a wrong number of cuts."""
+    cuts = cutter.cut_all(clips)
+    if len(cuts) != len(clips) - 1:
+        raise InputError(f"cutter {cutter.name} chose {len(cuts)} cuts for {len(clips)} clips")
+    return cuts
 
 
 class PairCutter(Cutter):

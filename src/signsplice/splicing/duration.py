@@ -21,7 +21,14 @@ HUMAN_MEDIAN_S = 0.25
 USUAL_SPEED_M_S = 0.45
 """Mean wrist speed in continuous signing (0.42 to 0.47 m/s)."""
 
+MAX_TRANSITION_S = 10.0
+"""The longest transition, whatever asks for it."""
 _SLOWEST_S = 1.5
+
+
+def most_frames(fps: float) -> int:
+    """The number of frames of the longest transition."""
+    return round(MAX_TRANSITION_S * fps)
 
 
 class Duration(Method, ABC):

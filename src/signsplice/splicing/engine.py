@@ -3,8 +3,8 @@
     Y = [P_1 .. P_pre, O, Q_post .. Q_M]: frames of the first word up to pre, new frames O, the second word from post
 
 A piece that has been put out never changes: a word is settled as soon as the next word is known. Frames of a sign are
-those of its aligned clip, bit for bit; only transition frames are new, and the arm of a hand that is idle, where it is
-given more time (``free_hand``).
+those of its aligned clip, bit for bit, and under a tempo slerps between them; only transition frames are new, and the
+arm of a hand that is idle, where it is given more time (``free_hand``).
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from collections.abc import Collection, Iterable, Iterator
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.splicing.arguments import check_clips
-from signsplice.splicing.options import MAX_TRANSITION_S, SpliceOptions
+from signsplice.splicing.duration import MAX_TRANSITION_S
+from signsplice.splicing.options import SpliceOptions
 from signsplice.splicing.result import Piece, Span, SpliceResult
 from signsplice.splicing.sentence import SentenceBuilder
 from signsplice.splicing.tempo import reached
@@ -55,17 +56,20 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None, starts: 
     )
 
 
-def stream(clips: Iterable[Clip], options: SpliceOptions | None = None) -> Iterator[Piece]:
+def stream(
+    clips: Iterable[Clip], options: SpliceOptions | None = None, starts: Collection[int] = ()
+) -> Iterator[Piece]:
     """Pieces of the sentence in order, each as soon as the next clip is known; joined, they are what ``splice`` gives,
     bit for bit, with one exception: a cutter that chooses all seams of a sentence together sees two words at a time
     here. It chooses otherwise where a word would be left before it was entered.
 
-    Reads ``clips`` one ahead; without any, nothing comes. Raises as ``splice`` does, at the clip that is wrong.
+    Reads ``clips`` one ahead; without any, nothing comes. ``starts``: as in ``splice``. Raises as ``splice`` does, at
+    the clip that is wrong.
     """
     growing = Stream(options)
     check_clips(clips)
-    for clip in clips:
-        yield from growing.push(clip)
+    for index, clip in enumerate(clips):
+        yield from growing.push(clip, index in starts)
     yield from growing.end()
 
 

@@ -67,7 +67,7 @@ class LetterSeam:
 
 def are_letters(before: Clip, after: Clip) -> bool:
     """Whether two clips are letters by their names (fs-A), in any case."""
-    return is_letter(before.name.lower()) and is_letter(after.name.lower())
+    return is_letter(before.name) and is_letter(after.name)
 
 
 def letter_seam(before: Clip, after: Clip, entry: int, way_s: float, speed: float = 1.0) -> LetterSeam | None:
@@ -82,7 +82,7 @@ def letter_seam(before: Clip, after: Clip, entry: int, way_s: float, speed: floa
         p, q = arms(before), arms(after)
     except InputError:
         return None
-    first, second = _still_frames(before, p), _still_frames(after, q)
+    first, second = _still_frames(before, p, speed), _still_frames(after, q, speed)
     if not (len(first) and len(second)):
         return None
     held = max(way_s, LEAST_HOLD_S / speed) if way_s else END_HOLD_S / speed
@@ -101,7 +101,7 @@ def letter_seam(before: Clip, after: Clip, entry: int, way_s: float, speed: floa
 def held_until(clip: Clip, entry: int, speed: float = 1.0) -> int:
     """The frame up to which the last letter of a word is kept at least; ``entry`` where that is not known."""
     try:
-        still = _still_frames(clip, arms(clip))
+        still = _still_frames(clip, arms(clip), speed)
     except InputError:
         return entry
     return _held_until(still, entry, END_HOLD_S / speed, clip.fps) if len(still) else entry
@@ -137,16 +137,21 @@ def bounce(new: Clip, before: Clip) -> Clip:
     return replace(moved, local_rotations=local)
 
 
-def _still_frames(clip: Clip, own: Arms) -> NDArray[np.intp]:
-    """The frames away from rest in which neither wrists nor fingers move."""
+def _still_frames(clip: Clip, own: Arms, speed: float) -> NDArray[np.intp]:
+    """The frames away from rest in which neither wrists nor fingers move: in both steps beside them. Where steps are
+    so long that a hold may have but one, and none has two, in either.
+    """
     joints = _hand_joints(clip)
     turns = rotation.angle_between(clip.local_rotations[1:, joints], clip.local_rotations[:-1, joints]).max(
         axis=1, initial=0.0
     )
     steps = np.linalg.norm(np.diff(own.wrists, axis=0), axis=-1).max(axis=1) * own.metres
-    moves = (turns * clip.fps > _STILL_RAD_S) | (steps * clip.fps > _STILL_M_S)  # (T - 1,)
+    rate = clip.fps / speed  # of frames in the time of the recording
+    moves = (turns * rate > _STILL_RAD_S) | (steps * rate > _STILL_M_S)  # (T - 1,)
     start, stop = active_span(own)
     still = ~(np.append(moves, False) | np.append(False, moves))
+    if not still[start:stop].any() and 2.0 / rate > LEAST_HOLD_S:
+        still = ~(np.append(moves, True) & np.append(True, moves))
     return np.flatnonzero(still[start:stop]) + start
 
 

@@ -9,12 +9,10 @@ from signsplice.errors import InputError
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.splicing import free_hand, methods
 from signsplice.splicing.cut import Cutter
-from signsplice.splicing.duration import Duration
+from signsplice.splicing.duration import MAX_TRANSITION_S, Duration
 from signsplice.splicing.learned import NAME
 from signsplice.splicing.tempo import CITATION, seconds_a_sign
 from signsplice.splicing.transition import Transition
-
-MAX_TRANSITION_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -64,7 +62,21 @@ class SpliceOptions:
             raise InputError(f"free hand {self.free_hand!r}, expected one of {', '.join(free_hand.FREE_HANDS)}")
 
     @property
+    def has_own_cutter(self) -> bool:
+        """Whether the call names a cutter other than the default."""
+        return self.cutter not in (None, NAME)
+
+    @property
+    def has_own_transition(self) -> bool:
+        """Whether the call names a transition other than the default."""
+        return self.transition not in (None, NAME)
+
+    @property
+    def has_own_duration(self) -> bool:
+        """Whether the call names a duration other than the default."""
+        return self.duration not in (None, methods.AUTO, NAME)
+
+    @property
     def lengthens(self) -> bool:
         """Whether transitions are lengthened for an idle hand: the call names neither them nor their time."""
-        chosen = (self.transition, None if self.duration == methods.AUTO else self.duration)
-        return self.transition_time is None and all(name in (None, NAME) for name in chosen)
+        return self.transition_time is None and not (self.has_own_transition or self.has_own_duration)

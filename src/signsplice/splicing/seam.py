@@ -34,7 +34,8 @@ class Seam:
 
     before, after: names of the two signs.
     pre_frame: last frame kept of ``before``, counted at the output rate.
-    post_frame: first frame kept of ``after``, counted at the output rate.
+    post_frame: first frame kept of ``after``, counted at the output rate. Under a tempo, ``pre_frame`` and
+        ``post_frame`` are where the cutter cuts the clips, and spans reach a little further (``Span.source``).
     n_transition: number of new frames.
     seconds: n_transition / fps.
     velocity_jump: largest change of a wrist's velocity at either end of the transition, m/s; NaN where unknown.

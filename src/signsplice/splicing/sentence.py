@@ -24,13 +24,13 @@ from signsplice.rig.align import Reference, reference
 from signsplice.rig.stray_frames import stray_frames, with_ends_held
 from signsplice.splicing import fingerspelling, free_hand, methods
 from signsplice.splicing.arguments import check_clip, check_clips, check_options
-from signsplice.splicing.cut import Cut
-from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
-from signsplice.splicing.filling import FilledGap, fill
+from signsplice.splicing.cut import Cut, cut_clips
+from signsplice.splicing.duration import HUMAN_MEDIAN_S, MAX_TRANSITION_S, Duration, most_frames
+from signsplice.splicing.filling import FilledGap, fill, led_around
 from signsplice.splicing.fingerspelling import LetterSeam
 from signsplice.splicing.free_hand import ArmStretch
 from signsplice.splicing.gap import Gap, gap_at
-from signsplice.splicing.options import MAX_TRANSITION_S, SpliceOptions
+from signsplice.splicing.options import SpliceOptions
 from signsplice.splicing.result import Piece, Span
 from signsplice.splicing.seam import Seam, score
 from signsplice.splicing.tempo import Played, RunningDuration, fill_unhurried, play, seconds_a_sign
@@ -41,12 +41,14 @@ class _SentenceWord:
     """A word of a sentence, aligned to the first one.
 
     index: its number in the sentence.
-    clip: its aligned clip, without the frames at its ends that do not belong to it.
-    played: the same as it is played.
-    shown: the same as it is put out, with idle arms that were made anew.
+    clip: its aligned clip, without the frames at its ends that do not belong to it. The cutter's cuts, ``entry`` and
+        the cut of a planned seam count its frames.
+    played: the same as it is played; ``played.cut`` counts frames as they are played.
+    shown: the same as it is put out, with idle arms that were made anew; ``remade`` and the
+        gaps count its frames, which are those of ``played``.
     warnings: about the clip, one line each.
     starts: whether it is no letter that goes on with the spelled word before it.
-    way_s: how long the way from the letter before took, 0 where there is none.
+    way_s: how long the way from the letter before was planned to take, 0 where there is none.
     entry: the frame at which it is entered.
     seam: the seam by which it is entered.
     n_left_out: how many frames are left out at its beginning.
@@ -102,9 +104,8 @@ class SentenceBuilder:
         self.methods = methods.choose(options.cutter, options.transition, options.duration, options.bundle)
         self.cutter, self.transition = self.methods.cutter, self.methods.transition
         self.seconds_a_sign = seconds_a_sign(options.tempo)
-        is_own = options.duration not in (None, methods.AUTO)
         self.duration: Duration = self.methods.duration
-        if self.seconds_a_sign is not None and not is_own:
+        if self.seconds_a_sign is not None and not options.has_own_duration:
             self.duration = RunningDuration(self.seconds_a_sign)
 
     @contextmanager
@@ -145,22 +146,22 @@ class SentenceBuilder:
             stray, held = stray_frames(clip), with_ends_held(clip)
             to = self._reference or reference(held, self.options.fps)
             aligned = align(held, to, self.options.sign_speed)
-            self._reference = to
             kept = stray.resampled(clip.fps * self.options.sign_speed / fps, len(aligned.clip))
-        if aligned.contacts:
-            self.contacts[index] = aligned.contacts
         own = aligned.clip if held is clip else aligned.clip[kept]
-        played = self._played(own)
+        played = self._played(own, kept.start)
         warnings = (*left_out_warnings(clip), *aligned.warnings, *(f"{clip.name}: {line}" for line in stray.warnings))
         warnings = (*(() if index else self.methods.warnings), *warnings, *played.warnings)
+        self._reference = to  # only now: a word that was refused sets nothing
+        if aligned.contacts:
+            self.contacts[index] = aligned.contacts
         return _SentenceWord(index, own, played, played.clip, warnings, n_left_out=kept.start)
 
-    def _played(self, clip: Clip) -> Played:
+    def _played(self, clip: Clip, n_left_out: int) -> Played:
         """A word at the tempo asked for; letters have a tempo of their own."""
-        if self.seconds_a_sign is None or is_letter(clip.name.lower()):
+        if self.seconds_a_sign is None or is_letter(clip.name):
             return Played(clip)
         with self.timed("cut"):
-            return play(clip, self.cutter, self.seconds_a_sign)
+            return play(clip, self.cutter, self.seconds_a_sign, n_left_out)
 
     def _plan(self, words: Sequence[_SentenceWord]) -> list[_PlannedSeam]:
         """The seams of words in order; sets the frame at which each word is entered."""
@@ -171,7 +172,8 @@ class SentenceBuilder:
                 raise InputError(
                     f"cutter {self.cutter.name} chose {chosen} for clips of {n_before} and {n_after} frames"
                 )
-            letters = self._letters(before, after)
+            is_spelled = self._is_spelled(before, after)
+            letters = self._letters(before, after) if is_spelled else None
             if letters is not None:
                 chosen = letters.cut
             elif before.way_s:
@@ -184,6 +186,9 @@ class SentenceBuilder:
             after.entry = cut.post
             with self.timed("transition"):
                 n_frames, warnings = self._n_frames(before.clip, after.clip, cut, letters)
+            if is_spelled and letters is None:
+                line = f"no still hand is found in {before.clip.name} and {after.clip.name}: they are cut as signs are"
+                warnings = (*warnings, line)
             after.way_s = (n_frames + 1) / after.clip.fps if letters is not None else 0.0
             if cut.pre <= before.entry and before.entry > 0:
                 frame = before.n_left_out + before.entry
@@ -194,11 +199,13 @@ class SentenceBuilder:
             seams.append(_PlannedSeam(before, after, cut, gap, warnings, letters is not None and letters.is_doubled))
         return seams
 
+    def _is_spelled(self, before: _SentenceWord, after: _SentenceWord) -> bool:
+        """Whether two words are letters of one spelled word, and the user chose no cutter."""
+        is_free = not (self.options.has_own_cutter or after.starts)
+        return is_free and fingerspelling.are_letters(before.clip, after.clip)
+
     def _letters(self, before: _SentenceWord, after: _SentenceWord) -> LetterSeam | None:
-        """The seam of two letters of one spelled word, None for other words and where the user chose a cutter."""
-        is_free = self.options.cutter is None or self.cutter.learned
-        if after.starts or not is_free or not fingerspelling.are_letters(before.clip, after.clip):
-            return None
+        """The seam of two letters of one spelled word, None where a hand is never seen still."""
         with self.timed("cut"):
             return fingerspelling.letter_seam(
                 before.clip, after.clip, before.entry, before.way_s, self.options.sign_speed
@@ -209,10 +216,7 @@ class SentenceBuilder:
         if len(clips) < 2:
             return []
         with self.timed("cut"):
-            cuts = self.cutter.cut_all(clips)
-        if len(cuts) != len(clips) - 1:
-            raise InputError(f"cutter {self.cutter.name} chose {len(cuts)} cuts for {len(clips)} clips")
-        return cuts
+            return cut_clips(self.cutter, clips)
 
     def _fill(self, seams: Sequence[_PlannedSeam]) -> list[tuple[_PlannedSeam, FilledGap | None]]:
         """Every seam with its transition, None where it has no frames."""
@@ -235,7 +239,7 @@ class SentenceBuilder:
             natural=options.free_hand == free_hand.NATURAL,
             lengthens=options.lengthens,
             avoids=options.avoid_collisions is not False,
-            longest=round(MAX_TRANSITION_S * before.clip.fps),
+            longest=most_frames(before.clip.fps),
         )
         p, q = before.played, after.played
         cut, entry = p.cut(planned.cut, q), p.first(before.entry)
@@ -249,14 +253,14 @@ class SentenceBuilder:
         made = done.filled
         if planned.is_doubled:
             made = replace(made, clip=fingerspelling.bounce(made.clip, before.clip))
+            made = made if made.depth is None else led_around(made, done.gap)
         return replace(planned, gap=done.gap), made
 
     def _score(self, planned: _PlannedSeam, filled: FilledGap | None) -> Seam:
         with self.timed("join"):
             before, after, cut = planned.before, planned.after, planned.cut
             own = Cut(cut.pre + before.n_left_out, cut.post + after.n_left_out)
-            gap = planned.gap if filled is None else replace(planned.gap, n_frames=len(filled.clip))
-            return score(gap, filled, before.clip.name, after.clip.name, own, planned.warnings)
+            return score(planned.gap, filled, before.clip.name, after.clip.name, own, planned.warnings)
 
     def _n_frames(self, before: Clip, after: Clip, cut: Cut, letters: LetterSeam | None) -> tuple[int, tuple[str, ...]]:
         """Number of transition frames: by the user's time, by the way between letters, or by the duration; the human
@@ -264,7 +268,7 @@ class SentenceBuilder:
         """
         if self.options.transition_time is not None:
             return round(self.options.transition_time * before.fps), ()
-        if letters is not None and self.options.duration in (None, methods.AUTO):
+        if letters is not None and not self.options.has_own_duration:
             return max(1, round(letters.seconds * before.fps) - 1), letters.warnings
         try:
             seconds = self.duration.seconds(before, after, cut)
@@ -283,7 +287,7 @@ class SentenceBuilder:
             start = played.first(word.entry)
             source = played.source(start, stop)
             span = self._span("sign", word.index, word.clip.name, (first + source[0], first + source[1]), stop - start)
-            span = replace(span, warp=played.warp(start, stop, span.output[0], first))
+            span = replace(span, warp=played.warp(start, stop, span.output[0]))
             if word.remade:
                 span = replace(span, remade=free_hand.remade(word.remade, word.shown, (start, stop), span.output[0]))
             return Piece(word.shown[start:stop], span, word.seam, word.warnings)

@@ -23,8 +23,8 @@ from signsplice.motion.clip import Clip, concatenate, sampled
 from signsplice.rig import metrics
 from signsplice.rig.arms import active_span, arms
 from signsplice.rig.info import rig_info
-from signsplice.splicing.cut import Cut, Cutter
-from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration
+from signsplice.splicing.cut import Cut, Cutter, cut_clips
+from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration, most_frames
 from signsplice.splicing.filling import FilledGap, fill
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.pace import pace
@@ -102,11 +102,13 @@ class Played:
     clip: the frames.
     sources: (T,) the frame of the recorded clip that each shows, rising; between two frames it is their slerp. None
         where all are played as recorded.
+    n_left_out: how many frames of the whole clip come before the recorded one.
     warnings: what a user should know, one line each.
     """
 
     clip: Clip
     sources: Float | None = None
+    n_left_out: int = 0
     warnings: tuple[str, ...] = ()
 
     def first(self, frame: int) -> int:
@@ -127,20 +129,22 @@ class Played:
             return start, stop
         return int(np.floor(self.sources[start])), int(np.ceil(self.sources[stop - 1])) + 1
 
-    def warp(self, start: int, stop: int, output: int, offset: int = 0) -> tuple[tuple[int, float], ...] | None:
+    def warp(self, start: int, stop: int, output: int) -> tuple[tuple[int, float], ...] | None:
         """For each of the frames [start, stop), the first of which is frame ``output`` of a sentence, that frame and
-        the recorded one that it shows, counted from ``offset``.
+        the one of the whole clip that it shows.
         """
         if self.sources is None:
             return None
-        return tuple((output + n, offset + float(source)) for n, source in enumerate(self.sources[start:stop]))
+        whole = self.sources[start:stop] + self.n_left_out  # exact, see ``play``
+        return tuple((output + n, float(source)) for n, source in enumerate(whole))
 
 
-def play(clip: Clip, cutter: Cutter, seconds: float) -> Played:
+def play(clip: Clip, cutter: Cutter, seconds: float, n_left_out: int = 0) -> Played:
     """An aligned clip brought to a tempo of ``seconds`` a sign, as far as human peaks allow; as recorded where the sign
     is no longer than that, or the rig's arms are not known by name.
 
-    What counts as the sign is what the cutter keeps of it between two signs like itself.
+    What counts as the sign is what the cutter keeps of it between two signs like itself. ``n_left_out``: frames of the
+    whole clip that come before this one.
     """
     if not rig_info(clip.skeleton).has_arms:
         return Played(clip, warnings=(f"no arms known in {clip.name}: it is played as recorded, whatever the tempo",))
@@ -151,13 +155,14 @@ def play(clip: Clip, cutter: Cutter, seconds: float) -> Played:
     rates = limits.rates(first, last, SIGN_FRACTION * seconds - 1.0 / clip.fps)
     if np.all(rates == 1.0):
         return Played(clip)
-    sources = _source_frames(rates)
-    return Played(sampled(clip, sources), sources)
+    # Rounded as they count in the whole clip: sampling that at a warp's frames gives the same fractions, bit for bit.
+    sources = np.round(_source_frames(rates) + n_left_out, _DECIMALS) - n_left_out
+    return Played(sampled(clip, sources), sources, n_left_out)
 
 
 def _sign(clip: Clip, cutter: Cutter) -> tuple[int, int]:
     """First and last frame of the sign in a clip: as the cutter cuts it, at most while the arms are away from rest."""
-    (cut,) = cutter.cut_all([clip, clip])
+    (cut,) = cut_clips(cutter, [clip, clip])
     start, stop = active_span(arms(clip))
     first, last = max(cut.post, start), min(cut.pre, stop - 1)
     return (first, last) if first < last else (start, stop - 1)
@@ -205,9 +210,10 @@ def fill_unhurried(transition: Transition, gaps: Sequence[Gap], avoid_collisions
 
 def _unhurried(transition: Transition, gap: Gap, made: FilledGap, avoid_collisions: bool | None) -> FilledGap:
     for factor in _LONGER:
-        if not _is_too_fast(gap, made.clip):
+        n_frames = min(math.ceil(factor * gap.n_frames), most_frames(gap.before.fps))
+        if n_frames <= len(made.clip) or not _is_too_fast(gap, made.clip):
             break
-        (made,) = fill(transition, [replace(gap, n_frames=math.ceil(factor * gap.n_frames))], avoid_collisions)
+        (made,) = fill(transition, [replace(gap, n_frames=n_frames)], avoid_collisions)
     return made
 
 
