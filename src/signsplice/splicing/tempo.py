@@ -90,7 +90,7 @@ def reached(signs: Sequence[tuple[str, tuple[int, int]]], fps: float, tempo: str
     elif tempo == NATURAL:
         mode = "natural"
     inner = list(pairwise(signs))[:-1]
-    frames = [after[1] - before[1] for (_, before), (name, after) in inner if not is_letter(name.lower())]
+    frames = [after[1] - before[1] for (_, before), (name, after) in inner if not is_letter(name)]
     seconds = round(float(np.mean(frames)) / fps, 3) if frames else None
     return ReachedTempo(mode, asked, seconds)
 
