@@ -151,7 +151,7 @@ def test_the_page_finds_the_same_body_in_a_mesh(
 
 @pytest.mark.parametrize("loop", [[[1], [0, "mesh"]], [[1], [0]], [["mesh"], ["mesh"]]])
 def test_nodes_that_are_no_trees_are_refused(folder: Path, tmp_path: Path, loop: list[list[Any]]) -> None:
-    """Nodes outside the scene, which three.js does not load: in a loop, or above a mesh that hangs elsewhere too."""
+    """Nodes outside the scene, in a loop, or two above one mesh."""
     content = made(folder, "narrow").read_bytes()
     size = int.from_bytes(content[12:16], "little")
     document = json.loads(content[20 : 20 + size])
