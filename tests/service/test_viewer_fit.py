@@ -81,12 +81,17 @@ def run(folder: Path, cases: list[tuple[str, str]], *flags: str) -> list[dict[st
         {"avatar": str(made(folder, body)), "scene": scene.from_clip(signed(line), None, ["vrma"])}
         for line, body in cases
     ]
+    done = checked(folder, given, *flags)
+    assert done.returncode == 0, done.stderr[-3000:]
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def checked(folder: Path, given: list[dict[str, Any]], *flags: str) -> subprocess.CompletedProcess[str]:
+    """What ``fit.mjs`` prints for files of avatars and scenes."""
     (folder / "cases.json").write_text(json.dumps(given))
     command = ["node", str(VIEWER / "checks" / "fit.mjs"), *flags, str(folder / "cases.json")]
     env = {**os.environ, "CHROMIUM": str(CHROMIUM)}
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, env=env)
-    assert done.returncode == 0, done.stderr[-3000:]
-    return [json.loads(line) for line in done.stdout.splitlines()]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, env=env)
 
 
 @pytest.fixture(scope="module")
@@ -142,6 +147,25 @@ def test_the_page_finds_the_same_body_in_a_mesh(
         assert [theirs[key][name] for name in ("bone", "region", "side")] == [one["bone"], one["region"], one["side"]]
         for name in ("start", "end", "radii"):
             np.testing.assert_allclose(theirs[key][name], one[name], atol=1e-3, err_msg=f"{key} {name}")
+
+
+@pytest.mark.parametrize("loop", [[[1], [0, "mesh"]], [[1], [0]], [["mesh"], ["mesh"]]])
+def test_nodes_that_are_no_trees_are_refused(folder: Path, tmp_path: Path, loop: list[list[Any]]) -> None:
+    """Nodes outside the scene, in a loop, or two above one mesh."""
+    content = made(folder, "narrow").read_bytes()
+    size = int.from_bytes(content[12:16], "little")
+    document = json.loads(content[20 : 20 + size])
+    n = len(document["nodes"])
+    mesh = next(node for node, fields in enumerate(document["nodes"]) if "mesh" in fields)
+    document["nodes"] += [{"children": [mesh if c == "mesh" else n + c for c in children]} for children in loop]
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    body = len(text).to_bytes(4, "little") + b"JSON" + text + content[20 + size :]
+    (tmp_path / "a.vrm").write_bytes(content[:8] + (12 + len(body)).to_bytes(4, "little") + body)
+    shown = scene.from_clip(signed("NAME"), None, ["vrma"])
+    done = checked(tmp_path, [{"avatar": str(tmp_path / "a.vrm"), "scene": shown}])
+    assert done.returncode != 0
+    assert any(words in done.stderr for words in ("is its own ancestor", "is a child of node")), done.stderr[-500:]
 
 
 def still(skeleton: Skeleton) -> Clip:

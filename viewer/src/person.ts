@@ -6,6 +6,7 @@ import { type AnimationClip, AnimationMixer, Box3, type BufferAttribute, Group, 
 import { type GLTF, GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { type AvatarBody, bodyOf, motionOf, tracksOf } from './fit/avatar.js';
 import { type Fitted, fitMotion, inSlices, type Motion } from './fit/fit.js';
+import { checkTrees } from './fit/mesh.js';
 import { lighter, type Part, partsOf } from './light.js';
 import type { FitSource } from './wire.js';
 
@@ -129,7 +130,10 @@ async function fitClip(clip: AnimationClip, avatar: VRM, body: AvatarBody, motio
 }
 
 async function readAvatar(vrm: Uint8Array<ArrayBuffer>): Promise<[GLTF, VRM]> {
-  const file = await new GLTFLoader().register((parser) => new VRMLoaderPlugin(parser)).parseAsync(vrm.slice().buffer, '');
+  const file = await new GLTFLoader()
+    .register(({ json }) => ({ name: 'SIGNSPLICE_trees', beforeRoot: async () => checkTrees(json) })) // a loop of nodes never loads
+    .register((parser) => new VRMLoaderPlugin(parser))
+    .parseAsync(vrm.slice().buffer, '');
   const avatar = file.userData['vrm'] as VRM | undefined;
   if (!avatar) throw new Error('it has no VRM part');
   return [file, avatar];

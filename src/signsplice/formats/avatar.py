@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from signsplice.body.capsules import Avatar
 from signsplice.body.skin import fit_skin
-from signsplice.errors import InputError, LimitError
+from signsplice.errors import InputError
 from signsplice.formats.gltf_mesh import MeshReader
 from signsplice.formats.gltf_skeleton import VRM_0, VRM_1, printable, unique
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
@@ -58,9 +58,6 @@ class AvatarReader(MeshReader):
         """The avatar; ``roles``: role -> joint name, which win over the file's own."""
         nodes = self._roles(roles)
         order = self._joint_order(set(nodes.values()))
-        if len(order) > self.limits.joints:
-            what = f"{len(order):,} joints, expected at most {self.limits.joints:,.0f}"
-            raise LimitError(what, file=self.file)
         names = unique([printable(self.nodes[node].get("name"), f"node {node}") for node in order])
         named = {role: names[order.index(node)] for role, node in nodes.items()}
         extensions = self.json.get("extensions") or {}
@@ -95,9 +92,7 @@ class AvatarReader(MeshReader):
     def _roles(self, given: Mapping[str, str]) -> dict[str, int]:
         """Role -> node: those given by name, else those of a VRM humanoid, else those known by name."""
         humanoid = self._humanoid()
-        joints = sorted(
-            {node for skin in self.json.get("skins") or () for node in skin["joints"]} | {*humanoid.values()}
-        )
+        joints = {node for skin in self.json.get("skins") or () for node in skin["joints"]} | {*humanoid.values()}
         for node in joints:
             self._row(self.nodes, node, "joint")
         if not joints:

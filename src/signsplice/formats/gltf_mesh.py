@@ -14,15 +14,17 @@ from numpy.typing import NDArray
 from signsplice.body.mesh_part import N_JOINTS, MeshPart
 from signsplice.body.skin_points import SkinPoints
 from signsplice.formats.gltf_document import Fields
-from signsplice.formats.gltf_skeleton import VRM_0, SkeletonDocument
+from signsplice.formats.gltf_skeleton import VRM_0, SkeletonDocument, stored_pose
 from signsplice.motion import rotation
 
 Float = NDArray[np.float64]
 
 _TRIANGLES = 4
 _DRACO = "KHR_draco_mesh_compression"
-_VERTEX_BYTES = 400
-"""Memory that a vertex takes while it is read."""
+_VERTEX_BYTES, _INDEX_BYTES, _PART_BYTES, _JOINT_BYTES = 400, 64, 4000, 400
+"""Bytes of memory counted for a vertex, an index of a triangle's corner, a part and a joint of a skin. An index takes
+up to twice that while it is read; at this count dense meshes pass whose file holds no textures.
+"""
 _LOOSE = {
     *("hair", "ahoge", "bangs", "ponytail", "twintail", "braid", "wig", "eyelash", "eyelashes", "lash", "lashes"),
     *("skirt", "cape", "cloak", "coat", "scarf", "ribbon", "bow", "necktie", "tail", "wing", "horn", "outline"),
@@ -49,16 +51,24 @@ def is_loose(name: str) -> bool:
     return bool(words(name) & _LOOSE) or any(sign in name for sign in _LOOSE_SIGNS)
 
 
+_Bones = tuple[Float, NDArray[np.int64], NDArray[np.bool_]]
+"""Of joints that carry a mesh: matrices (B, 4, 4) to the rest pose, rows of the skeleton (B,), and whether they carry
+skin (B,).
+"""
+
+
 class MeshReader(SkeletonDocument):
     """A document whose meshes are being read."""
 
     def world(self, node: int) -> Float:
         """The matrix (4, 4) of a node in the world at rest."""
-        if node not in self._worlds:
-            for each in reversed(self._path_to_root(node)):
-                if each not in self._worlds:
-                    above = self.parents.get(each)
-                    self._worlds[each] = (np.eye(4) if above is None else self._worlds[above]) @ self._matrix(each)
+        path = [node]
+        while path[-1] not in self._worlds and path[-1] in self.parents:
+            path.append(self.parents[path[-1]])
+        for each in reversed(path):
+            if each not in self._worlds:
+                above = self.parents.get(each)
+                self._worlds[each] = (np.eye(4) if above is None else self._worlds[above]) @ self._matrix(each)
         return self._worlds[node]
 
     @cached_property
@@ -70,11 +80,9 @@ class MeshReader(SkeletonDocument):
         if fields.get("matrix"):
             matrix = np.array(fields["matrix"], np.float64).reshape(4, 4).T
         else:
+            position, quat, scale = stored_pose(fields)
             matrix = np.eye(4)
-            quat = rotation.normalize(np.array(fields.get("rotation") or [0.0, 0.0, 0.0, 1.0], np.float64).reshape(4))
-            scale = np.array(fields.get("scale") or [1.0, 1.0, 1.0], np.float64).reshape(3)
-            matrix[:3, :3] = rotation.to_matrix(quat) * scale
-            matrix[:3, 3] = fields.get("translation") or [0.0, 0.0, 0.0]
+            matrix[:3, :3], matrix[:3, 3] = rotation.to_matrix(quat) * scale, position
         if not np.isfinite(matrix).all():
             raise self._error(f"node {node}: a number is not finite")
         return matrix
@@ -86,10 +94,10 @@ class MeshReader(SkeletonDocument):
 
         rows: joint node -> row of the skeleton. Positions are turned by ``turn`` (3, 3), and relative to ``origin``.
         """
-        self._rows_of = rows
+        self._carriers = self._carriers_of(rows)
+        self._mesh_bytes = 0
         parts: list[MeshPart] = []
         skin: list[NDArray[np.bool_]] = []
-        self._n_vertices = 0
         for node, fields in enumerate(self.nodes):
             if fields.get("mesh") is None:
                 continue
@@ -97,9 +105,7 @@ class MeshReader(SkeletonDocument):
             bones = self._bones(node)
             if bones is None:
                 continue
-            for primitive in mesh["primitives"]:
-                if (primitive.get("mode", _TRIANGLES)) != _TRIANGLES or primitive.get("indices") is None:
-                    continue
+            for primitive in self._drawn(fields["mesh"]):
                 names = (str(mesh.get("name")), str(fields.get("name")), self._material(primitive)[0])
                 part, is_skin = self._part(primitive, bones, turn, origin)
                 parts.append(part)
@@ -118,39 +124,62 @@ class MeshReader(SkeletonDocument):
         joints = np.concatenate([part.joints[mask] for part, mask in masked])
         return tuple(parts), SkinPoints(vertices, joints, weights, triangles)
 
-    def _bones(self, node: int) -> tuple[Float, NDArray[np.int64], NDArray[np.bool_]] | None:
-        """Of the joints that carry a node's mesh: matrices (B, 4, 4) to the rest pose, rows of the skeleton (B,), and
-        whether they carry skin (B,). None for a mesh that hangs on no joint.
-        """
+    def _drawn(self, mesh: int) -> list[Fields]:
+        """The primitives of a mesh that are triangles."""
+        if mesh not in self._drawn_of:
+            self._drawn_of[mesh] = [
+                primitive
+                for primitive in self.json["meshes"][mesh]["primitives"]
+                if primitive.get("mode", _TRIANGLES) == _TRIANGLES and primitive.get("indices") is not None
+            ]
+        return self._drawn_of[mesh]
+
+    @cached_property
+    def _drawn_of(self) -> dict[int, list[Fields]]:
+        return {}
+
+    def _bones(self, node: int) -> _Bones | None:
+        """Of the joints that carry a node's mesh; None for a mesh that hangs on no joint."""
         number = self.nodes[node].get("skin")
         if number is None:
-            joints, matrices = [node], self.world(node)[None]
-        else:
-            skin = self._row(self.json.get("skins"), number, "skin")
-            joints = skin["joints"]
-            bind = np.tile(np.eye(4), (len(joints), 1, 1))
-            if skin.get("inverseBindMatrices") is not None:
-                bind = self._values(skin["inverseBindMatrices"])[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1)
-            if len(bind) < len(joints) or not np.isfinite(bind).all():
-                raise self._error(f"a skin binds {len(joints)} joints with {len(bind)} valid matrices")
-            matrices = np.stack([self.world(joint) for joint in joints]) @ bind
-        carried = [self._carrier(joint) for joint in joints]
-        if number is None and carried[0][0] < 0:
-            return None
-        return matrices, np.array([max(row, 0) for row, _ in carried]), np.array([skin for _, skin in carried])
+            row, is_skin = self._carriers[node]
+            return None if row < 0 else (self.world(node)[None], np.array([row]), np.array([is_skin]))
+        if number not in self._skins:
+            self._skins[number] = self._bones_of_skin(self._row(self.json.get("skins"), number, "skin"))
+        return self._skins[number]
 
-    def _carrier(self, node: int) -> tuple[int, bool]:
-        """The row of the skeleton's joint at or above a node, -1 where there is none, and whether the node carries
+    @cached_property
+    def _skins(self) -> dict[int, _Bones]:
+        return {}
+
+    def _bones_of_skin(self, skin: Fields) -> _Bones:
+        joints = skin["joints"]
+        if len(joints) > len(self.nodes):
+            raise self._error(f"a skin names {len(joints)} joints, of {len(self.nodes)} nodes")
+        self._count(f"{len(joints):,} joints of a skin", _JOINT_BYTES * len(joints))
+        matrices, bind = np.stack([self.world(joint) for joint in joints]), self._bind_matrices(skin)
+        carried = [self._carriers[joint] for joint in joints]
+        rows, is_skin = np.array([max(row, 0) for row, _ in carried]), np.array([skin for _, skin in carried])
+        return matrices if bind is None else matrices @ bind, rows, is_skin
+
+    def _count(self, what: str, n_bytes: int) -> None:
+        """Count memory that meshes take. Raises ``LimitError`` where all that is counted is too much."""
+        self._mesh_bytes += n_bytes
+        self.limits.check_memory(f"meshes up to {what}", self._mesh_bytes, self.given_bytes, self.file)
+
+    def _carriers_of(self, rows: Mapping[int, int]) -> dict[int, tuple[int, bool]]:
+        """Node -> the row of the skeleton's joint at or above it, -1 where there is none, and whether it carries
         skin.
         """
-        is_skin = True
-        for each in self._path_to_root(node):
-            if each in self._rows_of:
-                return self._rows_of[each], is_skin
-            name = str(self.nodes[each].get("name"))
-            is_soft = bool(words(name) & _SOFT) or any(sign in name for sign in _SOFT_SIGNS)
-            is_skin = is_skin and (is_soft or not (is_loose(name) or each in self._springs))
-        return -1, False
+        found: dict[int, tuple[int, bool]] = {}
+        for node in self.order:
+            row, is_skin = (rows[node], True) if node in rows else found.get(self.parents.get(node, -1), (-1, False))
+            if is_skin and node not in rows:
+                name = str(self.nodes[node].get("name"))
+                is_soft = bool(words(name) & _SOFT) or any(sign in name for sign in _SOFT_SIGNS)
+                is_skin = is_soft or not (is_loose(name) or node in self._springs)
+            found[node] = row, is_skin
+        return found
 
     @cached_property
     def _springs(self) -> set[int]:
@@ -170,19 +199,16 @@ class MeshReader(SkeletonDocument):
         red, green, blue = np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055).tolist()
         return str(material.get("name")), (red, green, blue)
 
-    def _part(
-        self, primitive: Fields, bones: tuple[Float, NDArray[np.int64], NDArray[np.bool_]], turn: Float, origin: Float
-    ) -> tuple[MeshPart, NDArray[np.bool_]]:
+    def _part(self, primitive: Fields, bones: _Bones, turn: Float, origin: Float) -> tuple[MeshPart, NDArray[np.bool_]]:
         """A primitive in the rest pose, and which of its vertices are skin (V,)."""
         if _DRACO in (primitive.get("extensions") or {}):
             raise self._error(f"its meshes are compressed by {_DRACO}, which is not read; export it without")
         attributes, (matrices, rows, is_skin) = primitive["attributes"], bones
-        indices = self._values(primitive["indices"])[:, 0].astype(np.int64)
-        used, triangles = np.unique(indices[: len(indices) // 3 * 3], return_inverse=True)
-        self._n_vertices += len(used)
-        self.limits.check_memory(
-            f"{self._n_vertices:,} vertices", _VERTEX_BYTES * self._n_vertices, self.given_bytes, self.file
-        )
+        # Counted for each part, also where parts share an accessor, or nodes a mesh.
+        indices = self._values(primitive["indices"])[:, 0]
+        self._count(f"{len(indices):,} indices", _PART_BYTES + _INDEX_BYTES * len(indices))
+        used, triangles = np.unique(indices[: len(indices) // 3 * 3].astype(np.int64), return_inverse=True)
+        self._count(f"{len(used):,} vertices", _VERTEX_BYTES * len(used))
         positions = self._values(attributes["POSITION"])
         if not len(used) or used[0] < 0 or used[-1] >= len(positions) or positions.shape[1] != 3:
             raise self._error(f"a mesh of {len(positions)} vertices has triangles of others")

@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.errors import LimitError
 from signsplice.formats.gltf_document import FPS_EXTRA, ROLES_EXTRA, Fields
 from signsplice.formats.gltf_keys import DRIFT, Keys, frame_rate, sample
 from signsplice.formats.gltf_left_out import left_out
-from signsplice.formats.gltf_skeleton import SkeletonDocument, printable, unique
+from signsplice.formats.gltf_skeleton import EVEN, SkeletonDocument, printable, unique
 from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
 from signsplice.formats.reading import stem
 from signsplice.motion import rotation
@@ -31,8 +30,6 @@ Float = NDArray[np.float64]
 _AVATAR = "a figure to put signing on is no clip: signsplice convert CLIP OUT --avatar FIGURE"
 _HELD = 1e-5
 """Translations that change by less than this fraction of the longest bone are constant."""
-_EVEN = 1e-3
-"""Scales along three axes, or over time, that differ by less than this fraction are equal."""
 
 
 def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS, folder: Path | None = None) -> Clip:
@@ -55,9 +52,6 @@ class _AnimationReader(SkeletonDocument):
         targets = self._targets(animation)
         joints, roles = self._joints(targets)
         order = self._joint_order(joints, {node for node, _ in targets})
-        if len(order) > self.limits.joints:
-            what = f"{len(order):,} joints, expected at most {self.limits.joints:,.0f}"
-            raise LimitError(what, file=self.file)
         wanted = {*order}
         channels = self._channels(animation, {key: n for key, n in targets.items() if key[0] in wanted})
         times, fps = self._times(channels, animation, len(order))
@@ -153,7 +147,7 @@ class _AnimationReader(SkeletonDocument):
             values = values.reshape(len(times), 3, -1) if spline else values
             if path == "scale":
                 scales = values[:, 1] if spline else values
-                if np.ptp(scales, axis=0).max() > _EVEN * np.abs(scales).max():
+                if np.ptp(scales, axis=0).max() > EVEN * np.abs(scales).max():
                     raise self._error(f"node {node} changes its size over time, expected rotations and positions only")
                 self.scales[node] = scales[0]
                 continue
@@ -202,13 +196,8 @@ class _AnimationReader(SkeletonDocument):
         bound: dict[int, Float] = {}
         wanted = {*order}
         for skin in self.json.get("skins") or ():
-            if skin.get("inverseBindMatrices") is None:
-                continue
-            joints = skin["joints"]
-            matrices = self._values(skin["inverseBindMatrices"])[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1)
-            if len(matrices) < len(joints) or not np.isfinite(matrices).all():
-                raise self._error(f"a skin binds {len(joints)} joints with {len(matrices)} valid matrices")
-            for joint, matrix in zip(joints, matrices, strict=True):
+            matrices = self._bind_matrices(skin)
+            for joint, matrix in () if matrices is None else zip(skin["joints"], matrices, strict=True):
                 if joint in wanted and joint not in bound:
                     u, _, vt = np.linalg.svd(np.linalg.inv(matrix)[:3, :3])
                     bound[joint] = rotation.from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)

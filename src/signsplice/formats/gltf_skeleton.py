@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence, Set
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.formats.gltf_document import VRM_ANIMATION, Document
+from signsplice.errors import LimitError
+from signsplice.formats.gltf_document import VRM_ANIMATION, Document, Fields
 from signsplice.formats.limits import ReadLimits
 from signsplice.motion import rotation
 from signsplice.rig.roles import ROLES
 
 Float = NDArray[np.float64]
 
-_EVEN = 1e-3
-"""Scales along three axes that differ by less than this fraction are equal."""
+EVEN = 1e-3
+"""Scales along three axes, or over time, that differ by less than this fraction are equal."""
 VRM_0, VRM_1 = "VRM", "VRMC_vrm"
 """The glTF extensions of VRM avatars, version 0.x and 1.0."""
 _THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbProximal"}
@@ -44,15 +45,15 @@ class SkeletonDocument(Document):
             roles = {_role_of_vrm_0(bone["bone"]): bone["node"] for bone in bones}
         else:
             roles = {role: bone["node"] for role, bone in bones.items()}
-        roles = {role: int(node) for role, node in roles.items() if role in ROLES}
+        roles = {role: node for role, node in roles.items() if role in ROLES}
         if len(set(roles.values())) < len(roles):
             raise self._error("its humanoid has one node in two roles")
         for node in roles.values():
             self._row(self.nodes, node, "joint")
         return roles
 
-    def _joint_order(self, joints: Collection[int], animated: Collection[int] = ()) -> list[int]:
-        """The joints and the nodes between them, parents first.
+    def _joint_order(self, joints: Set[int], animated: Collection[int] = ()) -> list[int]:
+        """The joints and the nodes between them, parents first. Raises ``LimitError`` where there are too many.
 
         The root is the nearest common ancestor of all joints, or the highest animated node above it.
         """
@@ -64,7 +65,21 @@ class SkeletonDocument(Document):
         if not above_all:
             raise self._error("its joints hang from several roots, expected one skeleton")
         root = next((node for node in above_all if node in animated), above_all[-1])
-        return [node for node in self._subtree(root) if n_below[node]]
+        order = [node for node in self._subtree(root) if n_below[node]]
+        if len(order) > self.limits.joints:
+            what = f"{len(order):,} joints, expected at most {self.limits.joints:,.0f}"
+            raise LimitError(what, file=self.file)
+        return order
+
+    def _bind_matrices(self, skin: Fields) -> Float | None:
+        """The matrices (B, 4, 4) that take a skin's mesh to the axes of its joints; None where it has none."""
+        if skin.get("inverseBindMatrices") is None:
+            return None
+        n_joints = len(skin["joints"])
+        matrices = self._values(skin["inverseBindMatrices"])[:n_joints].reshape(-1, 4, 4).transpose(0, 2, 1)
+        if len(matrices) < n_joints or not np.isfinite(matrices).all():
+            raise self._error(f"a skin binds {n_joints} joints with {len(matrices)} valid matrices")
+        return matrices
 
     def _local_pose(self, node: int) -> tuple[Float, Float, float]:
         """A node's own position (3,), rotation (4,) and scale at rest, relative to its parent."""
@@ -74,11 +89,9 @@ class SkeletonDocument(Document):
             scale = np.linalg.norm(matrix[:3, :3], axis=0)
             position, quat = matrix[:3, 3], rotation.from_matrix(matrix[:3, :3] / np.where(scale == 0.0, 1.0, scale))
         else:
-            position = np.array(fields.get("translation") or [0.0, 0.0, 0.0], np.float64).reshape(3)
-            quat = rotation.normalize(np.array(fields.get("rotation") or [0.0, 0.0, 0.0, 1.0], np.float64).reshape(4))
-            scale = np.array(fields.get("scale") or [1.0, 1.0, 1.0], np.float64).reshape(3)
+            position, quat, scale = stored_pose(fields)
         scale = self.scales.get(node, scale)
-        if not (scale.min() > 0.0 and np.ptp(scale) <= _EVEN * scale.max()):
+        if not (scale.min() > 0.0 and np.ptp(scale) <= EVEN * scale.max()):
             name = fields.get("name") or node
             raise self._error(f"node {name!r:.80} is scaled by {scale.tolist()}, expected one positive number")
         return position, quat, float(scale.mean())
@@ -91,6 +104,13 @@ class SkeletonDocument(Document):
             position = position + rotation.rotate(quat, scale * local_position)
             quat, scale = rotation.multiply(quat, local_quat), scale * local_scale
         return position, quat, scale
+
+
+def stored_pose(node: Fields) -> tuple[Float, Float, Float]:
+    """Position (3,), rotation (4,) and scale (3,) of a node that is stored without a matrix."""
+    position = np.array(node.get("translation") or [0.0, 0.0, 0.0], np.float64).reshape(3)
+    quat = rotation.normalize(np.array(node.get("rotation") or [0.0, 0.0, 0.0, 1.0], np.float64).reshape(4))
+    return position, quat, np.array(node.get("scale") or [1.0, 1.0, 1.0], np.float64).reshape(3)
 
 
 def _role_of_vrm_0(bone: str) -> str:

@@ -26,6 +26,22 @@ interface Document {
   };
 }
 
+/** Throws where the nodes of a file are no trees: one is a child of two, or below itself. */
+export function checkTrees({ nodes = [] }: { nodes?: readonly Node[] }): void {
+  const below = new Set<number>();
+  nodes.forEach(({ children = [] }, node) =>
+    children.forEach((child) => {
+      if (!nodes[child] || below.has(child)) throw new Error(`node ${child} is a child of node ${node} and of another, or does not exist`);
+      below.add(child);
+    }),
+  );
+  const reached = [...nodes.keys()].filter((node) => !below.has(node));
+  for (const node of reached) reached.push(...(nodes[node]!.children ?? []));
+  if (reached.length === nodes.length) return;
+  const found = new Set(reached);
+  throw new Error(`node ${nodes.findIndex((_, node) => !found.has(node))} is its own ancestor, or below such a node`);
+}
+
 /** The vertices of skin of an avatar that stands as it was loaded, carried by bones of these names; ``place`` moves them. */
 export function skinOf(file: GLTF, avatar: VRM, names: readonly string[], place: (point: Vector3) => Vector3): SkinPoints {
   const carriers = new Carriers(file, avatar, names);
