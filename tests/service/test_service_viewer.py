@@ -252,11 +252,12 @@ def test_the_hands_preset_is_close(screens: dict[str, Any]) -> None:
 def test_an_address_holds_the_sentence_and_what_is_set(screens: dict[str, Any]) -> None:
     opened = screens["opened"]
     assert opened["signs"] == ["DEAF", "FRIEND"]
-    assert opened["values"] == ["DEAF FRIEND", "1.5", "0.5", "", "slerp", "0.4"]
+    assert opened["values"] == ["DEAF FRIEND", "1.5", "0.5", "", "slerp", "0.4", "natural", "natural"]
     assert opened["isAuto"] is False
     assert opened["pressed"] == ["side", "mirror"]
     assert opened["title"] == "DEAF FRIEND – signsplice"
-    search = "transition=slerp&transition_time=0.4&sign_speed=1.5&speed=0.5&view=side&mirror=1&captions=0"
+    search = "transition=slerp&transition_time=0.4&sign_speed=1.5&tempo=natural&free_hand=natural&speed=0.5"
+    search += "&view=side&mirror=1&captions=0"
     assert opened["search"] == f"?s=DEAF+FRIEND&{search}"
     assert screens["signed"]["search"] == f"?s=HELLO+fs-AB&{search}"
 
@@ -273,6 +274,6 @@ def test_an_odd_address_runs_nothing(screens: dict[str, Any]) -> None:
     odd = screens["odd"]
     assert odd["hacked"] is None
     assert "onerror" in odd["alert"]
-    assert odd["values"][1:] == ["2", "1", "", "", "0.3"]
+    assert odd["values"][1:] == ["2", "1", "", "", "0.3", "citation", "transition"]
     assert odd["isAuto"] is True
     assert odd["pressed"] == ["front", "captions"]

@@ -9,6 +9,8 @@ const CONTROLS = {
   transition: '#transition',
   transition_time: '#transition-time',
   sign_speed: '#sign-speed',
+  tempo: '#tempo',
+  free_hand: '#free-hand',
   compare: '#compare',
   speed: '#speed',
 } as const;

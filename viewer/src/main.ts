@@ -6,9 +6,9 @@ import * as dials from './dials.js';
 import { find } from './dom.js';
 import { FORMATS, onFiles, SUFFIXES } from './dropping.js';
 import * as films from './film.js';
+import { FrameTiming } from './frame_timing.js';
 import * as keys from './keys.js';
 import { type Language, preferred, setLanguage, translate } from './languages.js';
-import { Pace } from './pace.js';
 import * as panel from './panel.js';
 import { Person } from './person.js';
 import { Player } from './player.js';
@@ -47,7 +47,7 @@ class App {
   private dirty = true;
   private filming = false;
 
-  private readonly pace = new Pace(() => this.stage.lighten());
+  private readonly timing = new FrameTiming(() => this.stage.lighten());
   private readonly stage = new Stage(find('#stage canvas'), () => (this.dirty = true));
   private readonly player = new Player(() => this.showTime());
   private readonly line = new TimeLine(find('#time'), {
@@ -203,8 +203,8 @@ class App {
     const seconds = Math.min(0.25, elapsed);
     this.last = now;
     if (!this.filming) {
-      if (this.player.playing) this.pace.frame(elapsed, this.stage.late);
-      else this.pace.forget();
+      if (this.player.playing) this.timing.frame(elapsed, this.stage.late);
+      else this.timing.forget();
       this.player.tick(seconds);
       if (this.dirty) this.draw(this.player.playing ? seconds : 0);
     }
