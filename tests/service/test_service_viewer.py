@@ -115,6 +115,27 @@ def test_keys_dials_and_a_compared_method(seen: dict[str, Any]) -> None:
     assert min(seen["compared"]["drawn"]) > 0.1
 
 
+def test_a_sentence_signed_while_the_page_opens_stays(seen: dict[str, Any]) -> None:
+    hurried = seen["hurried"]
+    assert hurried["line"] == "HELLO DEAF SIGN"
+    assert hurried["signs"] == ["HELLO", "DEAF", "SIGN"]
+    assert hurried["search"] == "?s=HELLO+DEAF+SIGN"
+    assert hurried["asked"] == [["HELLO", "DEAF", "SIGN"]]
+    assert hurried["faults"] == []
+
+
+def test_the_address_does_not_name_what_could_not_be_shown(seen: dict[str, Any]) -> None:
+    assert seen["notShown"]["signs"] == ["HELLO", "DEAF", "SIGN"]
+    assert seen["notShown"]["search"] == "?s=HELLO+DEAF+SIGN"
+
+
+def test_dials_for_the_tempo_and_an_idle_hand(seen: dict[str, Any]) -> None:
+    tempo = seen["tempo"]
+    assert tempo["asked"] == [["citation", "transition"], ["natural", "transition"], ["natural", "natural"]]
+    assert tempo["lastFrames"][1] < 0.9 * tempo["lastFrames"][0]
+    assert tempo["search"] == "?s=HELLO+DEAF+SIGN&tempo=natural&free_hand=natural"
+
+
 def test_downloads_hold_the_animation(seen: dict[str, Any]) -> None:
     report = json.loads(Path(seen["saved"]["report"]).read_text())
     as_bvh, as_glb, as_vrma = (load(seen["saved"][form]) for form in ("bvh", "glb", "vrma"))
@@ -242,6 +263,11 @@ def test_late_frames_show_a_light_figure_with_a_still_shadow(screens: dict[str, 
     again = screens["lateAgain"]
     assert again["shadows"] == 0
     assert sum(picture(again)) < 0.25 * sum(picture(screens["late"]["before"]))
+
+
+def test_a_light_figure_that_is_replaced_frees_its_full_one_too(screens: dict[str, Any]) -> None:
+    before, after = screens["buffers"]
+    assert after < before
 
 
 def test_the_hands_preset_is_close(screens: dict[str, Any]) -> None:

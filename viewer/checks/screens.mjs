@@ -98,12 +98,21 @@ const watchClock = (step) => {
   let target = null;
   let now = performance.now();
   globalThis.drawn = { parts: [], shadows: 0 };
-  const { bindFramebuffer, drawElements } = WebGL2RenderingContext.prototype;
+  globalThis.buffers = 0; // that the accelerator holds
+  const { bindFramebuffer, createBuffer, deleteBuffer, drawElements } = WebGL2RenderingContext.prototype;
   const { requestAnimationFrame: request } = globalThis;
   Object.assign(WebGL2RenderingContext.prototype, {
     bindFramebuffer(kind, framebuffer) {
       target = framebuffer;
       bindFramebuffer.call(this, kind, framebuffer);
+    },
+    createBuffer() {
+      globalThis.buffers++;
+      return createBuffer.call(this);
+    },
+    deleteBuffer(buffer) {
+      globalThis.buffers--;
+      deleteBuffer.call(this, buffer);
     },
     drawElements(mode, count, ...more) {
       if (target) globalThis.drawn.shadows++;
@@ -145,10 +154,12 @@ for (const [name, step] of Object.entries({ inTime: 0.045, late: 0.07, veryLate:
   result[name] = { before, after: await drawnAt(page, 10), ratio };
   if (out) await page.screenshot({ path: join(out, `${name}.png`) });
   if (name === 'late') {
+    const held = await page.evaluate(() => globalThis.buffers);
     await page.fill('#glosses', 'MY');
     await page.keyboard.press('Enter');
     await shown(page, 2);
     result.lateAgain = await drawnAt(page, 10);
+    result.buffers = [held, await page.evaluate(() => globalThis.buffers)];
   }
   await page.context().close();
 }
