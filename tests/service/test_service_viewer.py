@@ -115,6 +115,27 @@ def test_keys_dials_and_a_compared_method(seen: dict[str, Any]) -> None:
     assert min(seen["compared"]["drawn"]) > 0.1
 
 
+def test_a_sentence_signed_while_the_page_opens_stays(seen: dict[str, Any]) -> None:
+    hurried = seen["hurried"]
+    assert hurried["line"] == "HELLO DEAF SIGN"
+    assert hurried["signs"] == ["HELLO", "DEAF", "SIGN"]
+    assert hurried["search"] == "?s=HELLO+DEAF+SIGN"
+    assert hurried["asked"] == [["HELLO", "DEAF", "SIGN"]]
+    assert hurried["faults"] == []
+
+
+def test_the_address_does_not_name_what_could_not_be_shown(seen: dict[str, Any]) -> None:
+    assert seen["notShown"]["signs"] == ["HELLO", "DEAF", "SIGN"]
+    assert seen["notShown"]["search"] == "?s=HELLO+DEAF+SIGN"
+
+
+def test_dials_for_the_tempo_and_an_idle_hand(seen: dict[str, Any]) -> None:
+    tempo = seen["tempo"]
+    assert tempo["asked"] == [["citation", "transition"], ["natural", "transition"], ["natural", "natural"]]
+    assert tempo["lastFrames"][1] < 0.9 * tempo["lastFrames"][0]
+    assert tempo["search"] == "?s=HELLO+DEAF+SIGN&tempo=natural&free_hand=natural"
+
+
 def test_downloads_hold_the_animation(seen: dict[str, Any]) -> None:
     report = json.loads(Path(seen["saved"]["report"]).read_text())
     as_bvh, as_glb, as_vrma = (load(seen["saved"][form]) for form in ("bvh", "glb", "vrma"))
@@ -181,7 +202,7 @@ def test_the_docs_page_needs_no_other_host(seen: dict[str, Any]) -> None:
 def test_what_may_have_been_meant_is_offered_beside_the_sentence() -> None:
     with serving("serve") as address:
         meant = drive("meant.mjs", address)
-    assert meant["spelled"] == ["HELLO", *(f"fs-{letter}" for letter in "FREND"), "I-LOVE-YOU"]
+    assert meant["spelled"] == ["HELLO", *"FREND", "I-LOVE-YOU"]
     assert meant["offered"] == ["frend: did you mean", "FRIEND", "RED"]
     assert any("read as one gloss, I-LOVE-YOU" in warning for warning in meant["warnings"])
     assert meant["overflow"] <= 0, "the page is wider than the phone"
@@ -244,6 +265,11 @@ def test_late_frames_show_a_light_figure_with_a_still_shadow(screens: dict[str, 
     assert sum(picture(again)) < 0.25 * sum(picture(screens["late"]["before"]))
 
 
+def test_a_light_figure_that_is_replaced_frees_its_full_one_too(screens: dict[str, Any]) -> None:
+    before, after = screens["buffers"]
+    assert after < before
+
+
 def test_the_hands_preset_is_close(screens: dict[str, Any]) -> None:
     front, hands = screens["skin"]
     assert hands > 3 * front
@@ -252,11 +278,12 @@ def test_the_hands_preset_is_close(screens: dict[str, Any]) -> None:
 def test_an_address_holds_the_sentence_and_what_is_set(screens: dict[str, Any]) -> None:
     opened = screens["opened"]
     assert opened["signs"] == ["DEAF", "FRIEND"]
-    assert opened["values"] == ["DEAF FRIEND", "1.5", "0.5", "", "slerp", "0.4"]
+    assert opened["values"] == ["DEAF FRIEND", "1.5", "0.5", "", "slerp", "0.4", "natural", "natural"]
     assert opened["isAuto"] is False
     assert opened["pressed"] == ["side", "mirror"]
     assert opened["title"] == "DEAF FRIEND – signsplice"
-    search = "transition=slerp&transition_time=0.4&sign_speed=1.5&speed=0.5&view=side&mirror=1&captions=0"
+    search = "transition=slerp&transition_time=0.4&sign_speed=1.5&tempo=natural&free_hand=natural&speed=0.5"
+    search += "&view=side&mirror=1&captions=0"
     assert opened["search"] == f"?s=DEAF+FRIEND&{search}"
     assert screens["signed"]["search"] == f"?s=HELLO+fs-AB&{search}"
 
@@ -273,6 +300,6 @@ def test_an_odd_address_runs_nothing(screens: dict[str, Any]) -> None:
     odd = screens["odd"]
     assert odd["hacked"] is None
     assert "onerror" in odd["alert"]
-    assert odd["values"][1:] == ["2", "1", "", "", "0.3"]
+    assert odd["values"][1:] == ["2", "1", "", "", "0.3", "citation", "transition"]
     assert odd["isAuto"] is True
     assert odd["pressed"] == ["front", "captions"]

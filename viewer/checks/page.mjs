@@ -177,6 +177,56 @@ result.axe = await plain.evaluate(async () =>
 );
 await plain.close();
 
+// A sentence that is signed while the first glosses are looked up stays; the address names what is shown, not what failed.
+const hurried = await watched(browser, { viewport: SCREEN, reducedMotion: 'reduce' });
+const where = async () => ({
+  search: await hurried.page.evaluate(() => location.search),
+  line: await hurried.page.inputValue('#glosses'),
+  signs: await hurried.page.locator('#spans .sign button').allTextContents(),
+});
+const asked = [];
+hurried.page.on('request', (request) => request.url().endsWith('v1/sentence') && asked.push(request.postDataJSON()));
+let lookUp;
+const lookedUp = new Promise((done) => (lookUp = done));
+let held = 0;
+await hurried.page.route('**/v1/lexicon?limit=1&*', async (route) => {
+  held++;
+  await lookedUp;
+  await route.continue().catch(() => {}); // aborted
+});
+await hurried.page.goto(address);
+while (held < 3) await hurried.page.waitForTimeout(50);
+await hurried.page.fill('#glosses', 'HELLO DEAF SIGN');
+await hurried.page.keyboard.press('Enter');
+await hurried.page.waitForFunction(() => document.querySelector('#stage').ariaBusy === 'true');
+lookUp();
+await shown(hurried.page, 1);
+await hurried.page.waitForFunction(() => document.querySelector('#stage').ariaBusy === 'false');
+result.hurried = { ...(await where()), asked: asked.map(({ glosses }) => glosses) };
+await hurried.page.route('**/v1/sentence', async (route) => {
+  const answer = await route.fetch();
+  const scene = await answer.json();
+  await route.fulfill({ response: answer, json: { ...scene, files: { ...scene.files, glb: null } } });
+});
+await hurried.page.fill('#glosses', 'FRIEND');
+await hurried.page.keyboard.press('Enter');
+await hurried.page.waitForSelector('#alert:not([hidden])');
+result.notShown = await where();
+await hurried.page.unroute('**/v1/sentence');
+
+// The tempo, and the time of an idle hand.
+const lasts = async () => Number(await hurried.page.getAttribute('#frame', 'max'));
+result.tempo = { lastFrames: [await lasts()] };
+await hurried.page.selectOption('#tempo', 'natural');
+await shown(hurried.page, 2);
+result.tempo.lastFrames.push(await lasts());
+await hurried.page.selectOption('#free-hand', 'natural');
+await shown(hurried.page, 3);
+result.tempo.asked = [...asked.slice(0, 1), ...asked.slice(-2)].map(({ tempo, free_hand }) => [tempo, free_hand]);
+result.tempo.search = (await where()).search;
+result.hurried.faults = hurried.faults;
+await hurried.page.close();
+
 // Another language, and a phone.
 const phone = await watched(browser, { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true, deviceScaleFactor: 2, locale: 'zh-CN' });
 await phone.page.goto(`${address}?s=DEAF+FRIEND`);

@@ -98,12 +98,21 @@ const watchClock = (step) => {
   let target = null;
   let now = performance.now();
   globalThis.drawn = { parts: [], shadows: 0 };
-  const { bindFramebuffer, drawElements } = WebGL2RenderingContext.prototype;
+  globalThis.buffers = 0; // that the accelerator holds
+  const { bindFramebuffer, createBuffer, deleteBuffer, drawElements } = WebGL2RenderingContext.prototype;
   const { requestAnimationFrame: request } = globalThis;
   Object.assign(WebGL2RenderingContext.prototype, {
     bindFramebuffer(kind, framebuffer) {
       target = framebuffer;
       bindFramebuffer.call(this, kind, framebuffer);
+    },
+    createBuffer() {
+      globalThis.buffers++;
+      return createBuffer.call(this);
+    },
+    deleteBuffer(buffer) {
+      globalThis.buffers--;
+      deleteBuffer.call(this, buffer);
     },
     drawElements(mode, count, ...more) {
       if (target) globalThis.drawn.shadows++;
@@ -145,10 +154,12 @@ for (const [name, step] of Object.entries({ inTime: 0.045, late: 0.07, veryLate:
   result[name] = { before, after: await drawnAt(page, 10), ratio };
   if (out) await page.screenshot({ path: join(out, `${name}.png`) });
   if (name === 'late') {
+    const held = await page.evaluate(() => globalThis.buffers);
     await page.fill('#glosses', 'MY');
     await page.keyboard.press('Enter');
     await shown(page, 2);
     result.lateAgain = await drawnAt(page, 10);
+    result.buffers = [held, await page.evaluate(() => globalThis.buffers)];
   }
   await page.context().close();
 }
@@ -176,13 +187,13 @@ const search = () => shared.evaluate(() => location.search);
 const state = async () => ({
   search: await search(),
   signs: await signs(shared),
-  values: await Promise.all(['#glosses', '#sign-speed', '#speed', '#cutter', '#transition', '#transition-time'].map((query) => shared.inputValue(query))),
+  values: await Promise.all(['#glosses', '#sign-speed', '#speed', '#cutter', '#transition', '#transition-time', '#tempo', '#free-hand'].map((query) => shared.inputValue(query))),
   isAuto: await shared.isChecked('#transition-auto'),
   pressed: await shared.locator('[aria-pressed=true]').evaluateAll((all) => all.map((one) => one.dataset.view ?? one.id)),
   title: await shared.title(),
 });
 const odd = encodeURIComponent('"><img src=x onerror="globalThis.hacked=1">');
-await shared.goto(`${address}?s=DEAF+FRIEND&sign_speed=1.5&speed=0.5&transition=slerp&transition_time=0.4&view=side&mirror=1&captions=0&cutter=${odd}`);
+await shared.goto(`${address}?s=DEAF+FRIEND&sign_speed=1.5&speed=0.5&transition=slerp&transition_time=0.4&view=side&mirror=1&captions=0&tempo=natural&free_hand=natural&cutter=${odd}`);
 await shown(shared, 1);
 result.opened = await state();
 await shared.fill('#glosses', 'HELLO fs-AB');
@@ -203,7 +214,7 @@ result.forward = await state();
 await shared.reload();
 await shown(shared, 1);
 result.reloaded = await state();
-await shared.goto(`${address}?s=${odd}&view=${odd}&sign_speed=1e99&transition_time=${odd}&speed=NaN`);
+await shared.goto(`${address}?s=${odd}&view=${odd}&sign_speed=1e99&transition_time=${odd}&speed=NaN&tempo=0.7&free_hand=${odd}`);
 await shared.waitForSelector('#alert:not([hidden])');
 result.odd = { ...(await state()), alert: await shared.locator('#alert').textContent(), hacked: await shared.evaluate(() => globalThis.hacked ?? null) };
 result.faults.pop(); // the browser reports the 422 too

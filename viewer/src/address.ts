@@ -9,18 +9,24 @@ const CONTROLS = {
   transition: '#transition',
   transition_time: '#transition-time',
   sign_speed: '#sign-speed',
+  tempo: '#tempo',
+  free_hand: '#free-hand',
   compare: '#compare',
   speed: '#speed',
 } as const;
 const PAGE = performance.timeOrigin; // entries of the history that an earlier load of the page wrote have other numbers
 const VIEWS: readonly View[] = ['front', 'side', 'hands'];
 
-/** What the address holds besides the controls' values. */
-export interface Shown {
-  glosses: string[];
+/** How the scene is shown. */
+export interface Looks {
   view: View;
   isMirrored: boolean;
   hasCaptions: boolean;
+}
+
+/** What the address holds besides the controls' values. */
+export interface Shown extends Looks {
+  glosses: string[];
 }
 
 /** What the address holds; the controls get its values, or their standard ones where it has none that they can have. */

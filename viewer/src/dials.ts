@@ -15,6 +15,8 @@ export function requested(): Dials[] {
     transition: value('#transition') || null,
     transition_time: auto().checked ? 'auto' : Number(value('#transition-time')),
     sign_speed: Number(value('#sign-speed')),
+    tempo: value('#tempo') as 'citation' | 'natural',
+    free_hand: value('#free-hand') as 'transition' | 'natural',
   };
   const [kind, name] = value('#compare').split(':');
   return kind && name ? [first, { ...first, [kind]: name }] : [first];

@@ -1,20 +1,21 @@
 /** The page: it shows, plays, compares and downloads the scenes that it holds or gets from the service. */
 
-import * as address from './address.js';
+import type { Looks } from './address.js';
 import { decode, download, fileName } from './bytes.js';
 import * as dials from './dials.js';
 import { find } from './dom.js';
-import { FORMATS, onFiles, SUFFIXES } from './dropping.js';
+import { onFiles } from './dropping.js';
 import * as films from './film.js';
+import { FrameTiming } from './frame_timing.js';
 import * as keys from './keys.js';
 import { type Language, preferred, setLanguage, translate } from './languages.js';
-import { Pace } from './pace.js';
+import { Loader } from './loader.js';
+import { alert, messageOf, status } from './messages.js';
 import * as panel from './panel.js';
-import { Person } from './person.js';
+import type { Person } from './person.js';
 import { Player } from './player.js';
 import { caption, plain, seams, titleOf } from './scene.js';
 import { SentenceBox } from './sentence.js';
-import * as service from './service.js';
 import { Stage, type View } from './stage.js';
 import { TimeLine } from './timeline.js';
 import { type Format, MEDIA_TYPES, type Spliced } from './wire.js';
@@ -25,36 +26,36 @@ interface PageContent {
   live: boolean;
 }
 
-/** Where the scene came from, to request it again with other dials. */
-type Source = { glosses: string[] } | { files: File[] };
-
 const LOOP_MARGIN_S = 0.5; // shown before and after a looped seam
-const FIRST_GLOSSES = ['HELLO', 'MY', 'NAME'];
 const ORIGINAL_PAGE = document.documentElement.outerHTML; // a saved page is made of it
 
 const content = JSON.parse(find('#signsplice').textContent) as PageContent | null;
 const live = content?.live ?? false;
 
 class App {
-  private scenes: Spliced[] = content?.scenes ?? [];
-  private sources: Source[] = []; // what was shown, for the history's entries
-  private source: Source | null = null;
-  private avatar: { name: string; bytes: Uint8Array<ArrayBuffer> } | null = null;
   private people: Person[] = [];
-  private request: AbortController | null = null;
-  private nShown = 0; // calls of show(); one that a later one overtakes has no effect
   private last = performance.now();
   private dirty = true;
   private filming = false;
 
-  private readonly pace = new Pace(() => this.stage.lighten());
+  private readonly timing = new FrameTiming(() => this.stage.lighten());
   private readonly stage = new Stage(find('#stage canvas'), () => (this.dirty = true));
   private readonly player = new Player(() => this.showTime());
   private readonly line = new TimeLine(find('#time'), {
     frame: (frame) => this.player.seek(frame),
     seam: (seam) => this.loop(seam),
   });
-  private readonly box = new SentenceBox(find('#sentence'), (glosses) => void this.load({ glosses }, 'new'));
+  private readonly box = new SentenceBox(find('#sentence'), (glosses) => void this.loader.load({ glosses }, 'new'));
+  private readonly loader = new Loader(
+    {
+      show: (scenes, people) => this.show(scenes, people),
+      setLooks: (looks) => this.setLooks(looks),
+      looks: () => this.looks(),
+    },
+    this.box,
+    content?.scenes ?? [],
+    live,
+  );
 
   async start(): Promise<void> {
     document.body.classList.toggle('is-live', live);
@@ -62,90 +63,12 @@ class App {
     this.setLanguage(preferred());
     new ResizeObserver(() => this.stage.resize()).observe(find('#stage'));
     requestAnimationFrame((now) => this.tick(now));
-    if (live) await dials.listMethods();
-    await this.loadAddressed();
+    await this.loader.start();
   }
 
   // --- scenes ---
 
-  /** Show what the page's address holds, else the scenes that the page holds, else the first glosses. */
-  private async loadAddressed(): Promise<void> {
-    if (!live) return content?.scenes.length ? this.show(content.scenes) : undefined;
-    const { glosses, ...shown } = address.read();
-    dials.showValues();
-    this.player.speed = Number(find<HTMLSelectElement>('#speed').value);
-    this.look(shown.view);
-    if (shown.isMirrored !== isMirrored()) this.mirror();
-    if (shown.hasCaptions !== hasCaptions()) this.toggleCaptions();
-    this.searched = location.search;
-    const source = this.sources[address.current() ?? -1] ?? (glosses.length ? { glosses } : null);
-    if (source) {
-      this.box.glosses = 'glosses' in source ? source.glosses : [];
-      return this.load(source);
-    }
-    if (content?.scenes.length) {
-      this.source = null;
-      this.box.glosses = [];
-      return this.show(content.scenes);
-    }
-    const found = await Promise.all(FIRST_GLOSSES.map((gloss) => service.words(gloss, 1)));
-    const hasAll = found.every(({ words }, k) => words[0]?.gloss === FIRST_GLOSSES[k]);
-    const first = hasAll ? FIRST_GLOSSES : (await service.words('', 3)).words.map(({ gloss }) => gloss);
-    this.box.glosses = first;
-    await this.load({ glosses: first });
-  }
-
-  /**
-   * Request the source's scene with the dials' options; and with a second method, if one is chosen to compare.
-   * ``entry``: whether the address of what is shown becomes a new entry of the history, or replaces the present one.
-   */
-  private async load(source: Source, entry: 'new' | 'same' = 'same'): Promise<void> {
-    if (this.filming) return;
-    this.request?.abort();
-    const request = (this.request = new AbortController());
-    this.busy(true);
-    try {
-      const scenes = await Promise.all(
-        dials.requested().map((options) =>
-          'glosses' in source
-            ? service.sentence({ ...options, glosses: source.glosses, formats: FORMATS }, request.signal)
-            : service.splice(source.files, { ...options, formats: FORMATS }, request.signal),
-        ),
-      );
-      this.source = source;
-      this.alert('');
-      this.box.offer(scenes[0]!.units.map(({ token, suggestions }) => [token, suggestions]));
-      this.writeAddress(entry === 'new');
-      await this.show(scenes);
-    } catch (error) {
-      if (request.signal.aborted) return;
-      this.alert(messageOf(error));
-      this.box.offer(error instanceof service.ServiceError ? Object.entries(error.failure.unknown) : []);
-    } finally {
-      if (this.request === request) this.busy(false);
-    }
-  }
-
-  private searched = ''; // the address's part that was read or written last
-
-  private writeAddress(isNew = false): void {
-    if (!live || !this.source) return;
-    const known = this.sources.indexOf(this.source);
-    const number = known < 0 ? this.sources.push(this.source) - 1 : known;
-    const glosses = 'glosses' in this.source ? this.source.glosses : [];
-    const view = find<HTMLElement>('[data-view][aria-pressed=true]').dataset['view'] as View;
-    address.write({ glosses, view, isMirrored: isMirrored(), hasCaptions: hasCaptions() }, number, isNew);
-    this.searched = location.search;
-  }
-
-  private async show(scenes: Spliced[]): Promise<void> {
-    const number = ++this.nShown;
-    const people = await Promise.all(scenes.map((scene) => this.person(scene)));
-    if (number !== this.nShown || this.filming) {
-      for (const person of people) person.dispose();
-      return;
-    }
-    this.scenes = scenes;
+  private show(scenes: Spliced[], people: Person[]): void {
     this.people = people;
     this.looped = null;
     this.stage.show(people);
@@ -153,47 +76,28 @@ class App {
     const seconds = Math.max(...scenes.map(({ report }) => (report.frames - 1) / report.fps));
     this.player.open(Math.round(seconds * fps) + 1, fps);
     this.fillPage();
-    const fitted = people[0]!.fitted?.isMoved && this.avatar ? translate('fitted', { avatar: this.avatar.name }) : '';
-    this.status(translate('shown', { name: titleOf(scenes[0]!), frames, seconds: (frames / fps).toFixed(2) }) + fitted);
+    const { avatar } = this.loader;
+    const fitted = people[0]!.fitted?.isMoved && avatar ? translate('fitted', { avatar: avatar.name }) : '';
+    status(translate('shown', { name: titleOf(scenes[0]!), frames, seconds: (frames / fps).toFixed(2) }) + fitted);
     document.title = `${titleOf(scenes[0]!)} – signsplice`;
     find('#stage').dataset['ready'] = String(Number(find('#stage').dataset['ready'] ?? 0) + 1);
     if (!matchMedia('(prefers-reduced-motion: reduce)').matches) this.player.play();
   }
 
-  private async person(scene: Spliced): Promise<Person> {
-    const { glb, vrma } = scene.files;
-    if (this.avatar && vrma) return Person.avatar(this.avatar.bytes, decode(vrma), scene.fit);
-    if (!glb) throw new Error(translate('noFile', { file: 'GLB' }));
-    return Person.mannequin(decode(glb));
+  private get scenes(): Spliced[] {
+    return this.loader.scenes;
   }
 
-  private async openFiles(files: File[]): Promise<void> {
-    if (this.filming) return;
-    const suffix = (file: File) => file.name.toLowerCase().replace(/^.*(?=\.)/, '');
-    const unreadable = files.find((file) => !SUFFIXES.includes(suffix(file)));
-    if (unreadable) return this.alert(translate('notRead', { name: unreadable.name }));
-    const avatar = files.find((file) => suffix(file) === '.vrm');
-    const clips = files.filter((file) => file !== avatar);
-    if (avatar) await this.loadAvatar(avatar);
-    if (!clips.length) return;
-    if (!live) return this.alert(translate('needsService'));
-    this.box.glosses = [];
-    await this.load({ files: clips }, 'new');
+  private looks(): Looks {
+    const view = find<HTMLElement>('[data-view][aria-pressed=true]').dataset['view'] as View;
+    return { view, isMirrored: isMirrored(), hasCaptions: hasCaptions() };
   }
 
-  private async loadAvatar(file: File): Promise<void> {
-    const previous = this.avatar;
-    if (this.scenes.some((scene) => !scene.files.vrma)) return this.alert(translate('noVrma'));
-    try {
-      const bytes = new Uint8Array(await file.arrayBuffer());
-      await Person.checkAvatar(bytes);
-      this.avatar = { name: file.name, bytes };
-      if (this.scenes.length) await this.show(this.scenes);
-      this.alert('');
-    } catch (error) {
-      this.avatar = previous;
-      this.alert(translate('noAvatar', { name: file.name, why: messageOf(error) }));
-    }
+  private setLooks(looks: Looks): void {
+    this.player.speed = Number(find<HTMLSelectElement>('#speed').value);
+    this.look(looks.view);
+    if (looks.isMirrored !== isMirrored()) this.mirror();
+    if (looks.hasCaptions !== hasCaptions()) this.toggleCaptions();
   }
 
   // --- time ---
@@ -203,8 +107,8 @@ class App {
     const seconds = Math.min(0.25, elapsed);
     this.last = now;
     if (!this.filming) {
-      if (this.player.playing) this.pace.frame(elapsed, this.stage.late);
-      else this.pace.forget();
+      if (this.player.playing) this.timing.frame(elapsed, this.stage.late);
+      else this.timing.forget();
       this.player.tick(seconds);
       if (this.dirty) this.draw(this.player.playing ? seconds : 0);
     }
@@ -306,8 +210,9 @@ class App {
     const disabled = ['header', '#time', '#controls', 'aside'].map((query) => find(query));
     this.player.pause();
     this.filming = true;
+    this.loader.lock();
     for (const part of disabled) part.inert = true; // the scene must not change meanwhile
-    this.busy(true);
+    find('#stage').ariaBusy = 'true';
     try {
       await this.stage.sized(width, height, async () => {
         const film = await films.film(
@@ -329,18 +234,19 @@ class App {
             });
           },
           // Not every frame, since screen readers read the status aloud.
-          (done) => done % Math.ceil(frames / 10) || this.status(translate('filming', { done, total: frames })),
+          (done) => done % Math.ceil(frames / 10) || status(translate('filming', { done, total: frames })),
         );
         if (film) download(`${name}.${film.suffix}`, film.bytes, `video/${film.suffix}`);
-        else this.alert(translate('noFilm'));
+        else alert(translate('noFilm'));
       });
     } catch (error) {
-      this.alert(messageOf(error));
+      alert(messageOf(error));
     } finally {
       this.filming = false;
+      this.loader.unlock();
       for (const part of disabled) part.inert = false;
-      this.busy(false);
-      this.status('');
+      find('#stage').ariaBusy = 'false';
+      status('');
       this.dirty = true;
     }
   }
@@ -368,20 +274,15 @@ class App {
     });
     on('[data-view]', 'click', (button) => this.look(button.dataset['view'] as View));
     on('#mirror', 'click', () => this.mirror());
-    on('[data-view], #mirror, #captions', 'click', () => this.writeAddress());
-    addEventListener('popstate', () => {
-      const isShown = this.source !== null && this.sources[address.current() ?? -1] === this.source;
-      const isLink = address.current() === null; // within the page
-      if (location.search !== this.searched || !(isShown || isLink)) void this.loadAddressed();
-    });
+    on('[data-view], #mirror, #captions', 'click', () => this.loader.writeAddress());
     on('#captions', 'click', () => this.toggleCaptions());
     on('#language', 'change', ({ value }) => {
       this.setLanguage(value as Language);
       if (live) void dials.listMethods();
     });
     on('[data-file]', 'click', (button) => void this.save(button.dataset['file']!));
-    onFiles((files) => void this.openFiles(files));
-    dials.onChange(() => this.source && void this.load(this.source));
+    onFiles((files) => void this.loader.openFiles(files));
+    dials.onChange(() => this.loader.reload());
     keys.listen({
       toggle: () => this.toggle(),
       step: (frames) => this.player.step(frames),
@@ -402,7 +303,7 @@ class App {
     const select = find<HTMLSelectElement>('#speed');
     select.selectedIndex = Math.max(0, Math.min(select.options.length - 1, select.selectedIndex + by));
     this.player.speed = Number(select.value);
-    this.writeAddress();
+    this.loader.writeAddress();
   }
 
   private toggleCaptions(): void {
@@ -419,24 +320,6 @@ class App {
     this.stage.look(view);
     document.querySelectorAll<HTMLElement>('[data-view]').forEach((one) => (one.ariaPressed = String(one.dataset['view'] === view)));
   }
-
-  private busy(on: boolean): void {
-    find('#stage').classList.toggle('busy', on && !this.filming);
-    find('#stage').ariaBusy = String(on);
-    if (on && !this.filming) this.status(translate('loading'));
-  }
-
-  private status(text: string): void {
-    const element = find('#status');
-    element.textContent = element.title = text; // the line may be too short for it
-  }
-
-  private alert(text: string): void {
-    const element = find('#alert');
-    element.textContent = text;
-    element.hidden = !text;
-    if (text) this.status('');
-  }
 }
 
 const isMirrored = () => find('#stage').classList.contains('mirrored');
@@ -449,15 +332,9 @@ function savedPage(scenes: Spliced[]): string {
   return '<!doctype html>\n' + ORIGINAL_PAGE.replace(element, (_, open: string) => open + json);
 }
 
-function messageOf(error: unknown): string {
-  return error instanceof Error ? error.message : String(error);
-}
-
 /** Show an error of the start, before the page can show anything else. */
 function showStartError(error: unknown): void {
-  const element = find('#alert');
-  element.textContent = `${translate('broken')} ${messageOf(error)}`;
-  element.hidden = false;
+  alert(`${translate('broken')} ${messageOf(error)}`);
 }
 
 try {

@@ -116,6 +116,10 @@ export class Person {
 
   dispose(): void {
     this.mixer.stopAllAction();
+    for (const [{ geometry }, indices] of this.indices) {
+      const other = indices.find((index) => index !== geometry.index);
+      if (other) geometry.setAttribute('otherIndex', other); // three.js frees the buffers of what a geometry holds
+    }
     VRMUtils.deepDispose(this.root);
   }
 }

@@ -5,18 +5,14 @@
 
 import { Quaternion, Vector3 } from 'three';
 import { Band, secondDifferences } from './band.js';
-import { Posed, SIDES } from './body.js';
+import { Posed } from './body.js';
 import { fit as FIT } from './constants.js';
-import { clip, gap, gapBetween, markNear, type Pairs, rowsOf, sidesOf, skinGap, skinPairs } from './gaps.js';
+import { gap, gapBetween, markNear, type Pairs, sidesOf, skinGap, skinPairs } from './gaps.js';
+import { Places } from './places.js';
 
-const { NEAR_M, FREE_M, FAR_M, SPACE_WEIGHT, SMOOTHNESS, CONTACT_WEIGHT, CONTACT_FADE_M, TOUCH_M, CLEAR_M, PRESS_M } = FIT;
-const { MARGIN_M, STEPS, STEPS_AGAIN, DAMPING, REACH, REACH_WEIGHT, ANCHORS } = FIT;
+const { SMOOTHNESS, CONTACT_WEIGHT, CONTACT_FADE_M, TOUCH_M, CLEAR_M, PRESS_M } = FIT;
+const { MARGIN_M, STEPS, STEPS_AGAIN, DAMPING, REACH, REACH_WEIGHT } = FIT;
 const FRAMES_A_SLICE = 32;
-
-interface Anchor {
-  row: number;
-  at: number;
-}
 
 /** Pairs that are near one another at some frames, in order of frames. */
 interface Near {
@@ -32,63 +28,38 @@ interface Near {
 /** Moves of both wrists, left x y z, right x y z, frame by frame, m. */
 export type Moves = Float64Array;
 
-/** A point on a capsule, and the radius there. */
-interface Point {
-  x: number;
-  y: number;
-  z: number;
-  radius: number;
-}
-
 /** The problem of one clip on two bodies with the same capsules: ``source`` as it was signed, ``carried`` with the same rotations. */
 export class Fit {
   /** How far the places of each hand lie beyond its arm's reach where it signs, at most, m. */
   readonly outOfReach: [number, number] = [0, 0];
   private readonly frames: number;
-  private readonly armScale: number;
-  private readonly handScale: number;
   private readonly smooth: number;
-  private readonly anchors: Anchor[][];
-  private readonly solids: number[][];
   private readonly pairs: Pairs;
   private readonly sides: number[];
   private readonly first: number[];
   private readonly last: number[];
   private near: Near = { frames: [], own: [], other: [], distances: [], heights: [] };
-  // The linear stage, by frames: both diagonals and the off-diagonal of its 2 x 2 block, and its right sides.
-  private readonly diagonal: Float64Array;
-  private readonly off: Float64Array;
-  private readonly right: Float64Array;
+  private readonly places: Places;
 
   /** ``signing``: how much each arm signs, left and right, frame by frame. */
   constructor(readonly source: Posed, readonly carried: Posed, fps: number, private readonly signing: Float64Array) {
     this.frames = source.frames;
-    this.armScale = (carried.armLengths[0] + carried.armLengths[1]) / (source.armLengths[0] + source.armLengths[1]);
-    this.handScale = carried.body.handLength / source.body.handLength;
     this.smooth = SMOOTHNESS * (fps / 30) ** 4;
     const { body } = source;
-    const row = (key: string) => body.capsules.findIndex((capsule) => capsule.key === key);
-    this.anchors = SIDES.map((side) => ANCHORS.map(([key, at]) => ({ row: row(side + key), at })).filter((one) => one.row >= 0));
-    const solid = rowsOf(body, (region) => region === 'head' || region === 'trunk');
-    this.solids = [1, 0].map((other) => [...solid, ...rowsOf(body, (region, side) => region.endsWith('Arm') && side === SIDES[other])]);
+    this.places = new Places(source, carried, signing);
     this.pairs = skinPairs(body);
     this.sides = sidesOf(body);
     // How far both ends of a capsule move with a wrist: hands wholly, an elbow half-way.
     const shares = body.capsules.map(({ region }) => ({ head: [0, 0], trunk: [0, 0], upperArm: [0, 0.5], lowerArm: [0.5, 1], hand: [1, 1] })[region]);
     this.first = shares.map(([start]) => start!);
     this.last = shares.map(([, end]) => end!);
-    this.diagonal = new Float64Array(2 * this.frames).fill(SPACE_WEIGHT);
-    this.off = new Float64Array(this.frames);
-    this.right = new Float64Array(6 * this.frames);
   }
 
   /** The moves of the wrists. */
   *moves(): Generator<void, Moves> {
     for (let t = 0; t < this.frames; t++) {
       if (t % FRAMES_A_SLICE === FRAMES_A_SLICE - 1) yield;
-      this.addSpace(t);
-      for (const side of [0, 1]) this.addBodyPlaces(t, side);
-      this.addHandPlaces(t);
+      this.places.add(t);
     }
     const moves = yield* this.solveLinear();
     this.measureReach(moves);
@@ -127,94 +98,18 @@ export class Fit {
 
   // --- the linear stage ---
 
-  /** The wrists' places in signing space. */
-  private addSpace(t: number): void {
-    const [theirs, ours] = [this.source.arms, this.carried.arms];
-    for (const side of [0, 1]) {
-      const wrist = Posed.at(t, side, 2);
-      for (let x = 0; x < 3; x++) {
-        const [left, right] = [Posed.at(t, 0, 0) + x, Posed.at(t, 1, 0) + x];
-        const from = 0.5 * (theirs[left]! + theirs[right]!);
-        const middle = 0.5 * (ours[left]! + ours[right]!);
-        const place = middle + this.armScale * (theirs[wrist + x]! - from);
-        this.right[6 * t + 3 * side + x]! += SPACE_WEIGHT * (place - ours[wrist + x]!);
-      }
-    }
-  }
-
-  /** The places of a hand's anchors on head, trunk and the other arm. */
-  private addBodyPlaces(t: number, side: number): void {
-    const signs = this.signing[2 * t + side]!;
-    if (!signs) return;
-    const { source, carried } = this;
-    const n = source.radii.length / 2;
-    const at = 6 * t + 3 * side;
-    for (const anchor of this.anchors[side]!) {
-      const a = pointOn(source, t, anchor);
-      const b = pointOn(carried, t, anchor);
-      for (const row of this.solids[side]!) {
-        const [i, j] = [3 * (t * n + row), 3 * (t * n + row)];
-        const [qx, qy, qz] = [source.starts[i]!, source.starts[i + 1]!, source.starts[i + 2]!];
-        const [vx, vy, vz] = [source.ends[i]! - qx, source.ends[i + 1]! - qy, source.ends[i + 2]! - qz];
-        const along = (a.x - qx) * vx + (a.y - qy) * vy + (a.z - qz) * vz;
-        const share = clip(along / (vx * vx + vy * vy + vz * vz + 1e-12));
-        const [ox, oy, oz] = [a.x - qx - share * vx, a.y - qy - share * vy, a.z - qz - share * vz];
-        const away = Math.sqrt(ox * ox + oy * oy + oz * oz) + 1e-9;
-        const distance = away - radiusAt(source.radii, row, share) - a.radius;
-        const weight = weightOf(distance) * signs;
-        const wanted = (radiusAt(carried.radii, row, share) + b.radius + this.scaled(distance)) / away;
-        const [s, e] = [carried.starts, carried.ends];
-        this.diagonal[2 * t + side]! += weight;
-        this.right[at]! += weight * (s[j]! + share * (e[j]! - s[j]!) + ox * wanted - b.x);
-        this.right[at + 1]! += weight * (s[j + 1]! + share * (e[j + 1]! - s[j + 1]!) + oy * wanted - b.y);
-        this.right[at + 2]! += weight * (s[j + 2]! + share * (e[j + 2]! - s[j + 2]!) + oz * wanted - b.z);
-      }
-    }
-  }
-
-  /** The places of one hand's anchors on the other hand. */
-  private addHandPlaces(t: number): void {
-    const signs = Math.min(this.signing[2 * t]!, this.signing[2 * t + 1]!);
-    if (!signs) return;
-    const [theirLeft, theirRight] = this.anchors.map((anchors) => anchors.map((one) => pointOn(this.source, t, one)));
-    const [left, right] = this.anchors.map((anchors) => anchors.map((one) => pointOn(this.carried, t, one)));
-    theirLeft!.forEach((a, i) => {
-      theirRight!.forEach((b, j) => {
-        const [dx, dy, dz] = [a.x - b.x, a.y - b.y, a.z - b.z];
-        const away = Math.sqrt(dx * dx + dy * dy + dz * dz) + 1e-9;
-        const distance = away - a.radius - b.radius;
-        const weight = weightOf(distance) * signs;
-        const [p, q] = [left![i]!, right![j]!];
-        const wanted = (p.radius + q.radius + this.scaled(distance)) / away;
-        const way = [dx * wanted - (p.x - q.x), dy * wanted - (p.y - q.y), dz * wanted - (p.z - q.z)];
-        this.diagonal[2 * t]! += weight;
-        this.diagonal[2 * t + 1]! += weight;
-        this.off[t]! -= weight;
-        for (let x = 0; x < 3; x++) {
-          this.right[6 * t + x]! += weight * way[x]!;
-          this.right[6 * t + 3 + x]! -= weight * way[x]!;
-        }
-      });
-    });
-  }
-
-  /** A skin distance on the other body: as it is where it is small, scaled as signing space where it is large. */
-  private scaled(distance: number): number {
-    const share = clip((distance - FREE_M) / (FAR_M - FREE_M));
-    return distance * (this.handScale + (this.armScale - this.handScale) * share * share * (3 - 2 * share));
-  }
-
   private *solveLinear(): Generator<void, Moves> {
+    const { diagonal, off, right } = this.places;
     const band = new Band(2 * this.frames, 4);
     for (let t = 0; t < this.frames; t++) {
-      band.add(2 * t, 2 * t, this.diagonal[2 * t]!);
-      band.add(2 * t + 1, 2 * t + 1, this.diagonal[2 * t + 1]!);
-      band.add(2 * t + 1, 2 * t, this.off[t]!);
+      band.add(2 * t, 2 * t, diagonal[2 * t]!);
+      band.add(2 * t + 1, 2 * t + 1, diagonal[2 * t + 1]!);
+      band.add(2 * t + 1, 2 * t, off[t]!);
     }
     secondDifferences(this.frames, (row, column, value) => {
       for (const side of [0, 1]) band.add(2 * row + side, 2 * column + side, this.smooth * value);
     });
-    return yield* band.solve(this.right.slice(), 3);
+    return yield* band.solve(right.slice(), 3);
   }
 
   private measureReach(moves: Moves): void {
@@ -279,14 +174,15 @@ export class Fit {
 
   /** One Gauss-Newton step from ``moves``, on a body whose wrists are moved by ``base`` in ``posed``. */
   private *step(moves: Moves, posed: Posed, base: Moves): Generator<void, Moves> {
+    const { diagonal, off } = this.places;
     const band = new Band(6 * this.frames, 17);
-    const right = this.right.slice();
+    const right = this.places.right.slice();
     for (let k = 0; k < right.length; k++) right[k]! += DAMPING * moves[k]!;
     for (let t = 0; t < this.frames; t++) {
       for (let x = 0; x < 3; x++) {
-        band.add(6 * t + x, 6 * t + x, this.diagonal[2 * t]! + DAMPING);
-        band.add(6 * t + 3 + x, 6 * t + 3 + x, this.diagonal[2 * t + 1]! + DAMPING);
-        band.add(6 * t + 3 + x, 6 * t + x, this.off[t]!);
+        band.add(6 * t + x, 6 * t + x, diagonal[2 * t]! + DAMPING);
+        band.add(6 * t + 3 + x, 6 * t + 3 + x, diagonal[2 * t + 1]! + DAMPING);
+        band.add(6 * t + 3 + x, 6 * t + x, off[t]!);
       }
     }
     secondDifferences(this.frames, (row, column, value) => {
@@ -362,19 +258,4 @@ function addRow(
     for (let j = 0; j <= i; j++) band.add(6 * t + i, 6 * t + j, weight * jacobian[i]! * jacobian[j]!);
     right[6 * t + i]! += weight * jacobian[i]! * goal;
   }
-}
-
-function pointOn({ starts, ends, radii }: Posed, t: number, { row, at }: Anchor): Point {
-  const k = 3 * ((t * radii.length) / 2 + row);
-  const [x, y, z] = [0, 1, 2].map((c) => starts[k + c]! + at * (ends[k + c]! - starts[k + c]!)) as [number, number, number];
-  return { x, y, z, radius: radiusAt(radii, row, at) };
-}
-
-function radiusAt(radii: Float64Array, row: number, at: number): number {
-  return radii[2 * row]! + at * (radii[2 * row + 1]! - radii[2 * row]!);
-}
-
-function weightOf(distance: number): number {
-  const near = 1 + Math.max(distance, 0) / NEAR_M;
-  return 1 / (near * near * near * near);
 }

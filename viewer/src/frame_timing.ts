@@ -4,7 +4,7 @@ const WINDOW_S = 1; // judged together
 const MIN_FRAMES = 3; // one late frame alone says nothing
 const SETTLING = 5; // frames after less is drawn that are not judged: making the lighter figure takes time too
 
-export class Pace {
+export class FrameTiming {
   private intervals: number[] = [];
   private settling = 0;
 
