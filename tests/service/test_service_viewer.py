@@ -299,7 +299,7 @@ def test_back_and_forward_sign_what_was_signed(screens: dict[str, Any]) -> None:
 def test_an_odd_address_runs_nothing(screens: dict[str, Any]) -> None:
     odd = screens["odd"]
     assert odd["hacked"] is None
-    assert "onerror" in odd["alert"]
+    assert "1.5" in odd["alert"]
     assert odd["values"][1:] == ["2", "1", "", "", "0.3", "citation", "transition"]
     assert odd["isAuto"] is True
     assert odd["pressed"] == ["front", "captions"]

@@ -192,7 +192,7 @@ const state = async () => ({
   pressed: await shared.locator('[aria-pressed=true]').evaluateAll((all) => all.map((one) => one.dataset.view ?? one.id)),
   title: await shared.title(),
 });
-const odd = encodeURIComponent('"><img src=x onerror="globalThis.hacked=1">');
+const odd = encodeURIComponent('"><img src=x onerror="globalThis.hacked=1.5">');
 await shared.goto(`${address}?s=DEAF+FRIEND&sign_speed=1.5&speed=0.5&transition=slerp&transition_time=0.4&view=side&mirror=1&captions=0&tempo=natural&free_hand=natural&cutter=${odd}`);
 await shown(shared, 1);
 result.opened = await state();
