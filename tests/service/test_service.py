@@ -24,7 +24,7 @@ from signsplice.errors import MissingExtraError
 from signsplice.formats import bvh, glb, parse, save
 from signsplice.lexicon import shipped
 from signsplice.motion.clip import Clip
-from signsplice.service import page, typescript, wire
+from signsplice.service import page, stream_messages, typescript, wire
 from signsplice.service.json_types import json_type
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceOptions, splice, stream
@@ -55,10 +55,10 @@ def frames(messages: list[Message]) -> np.ndarray[Any, Any]:
     rows, n = [], 0
     for message in messages:
         if isinstance(message, bytes):
-            magic, first, n_frames, n_joints = wire.FRAMES_HEADER.unpack_from(message)
-            assert magic == wire.FRAMES_MAGIC
+            magic, first, n_frames, n_joints = stream_messages.FRAMES_HEADER.unpack_from(message)
+            assert magic == stream_messages.FRAMES_MAGIC
             assert first == n
-            values = np.frombuffer(message, "<f4", offset=wire.FRAMES_HEADER.size)
+            values = np.frombuffer(message, "<f4", offset=stream_messages.FRAMES_HEADER.size)
             rows.append(values.reshape(n_frames, 3 + 4 * n_joints))
             n += n_frames
     return np.concatenate(rows)
@@ -247,7 +247,7 @@ def test_a_paced_stream_sends_the_same_frames_one_by_one(service: httpx.Client) 
     paced = streamed(service, ["fs-A", "fs-B"], paced=True, sign_speed=4.0)
     unpaced = streamed(service, ["fs-A", "fs-B"], sign_speed=4.0)
     np.testing.assert_array_equal(frames(paced), frames(unpaced))
-    counts = [wire.FRAMES_HEADER.unpack_from(message)[2] for message in paced if isinstance(message, bytes)]
+    counts = [stream_messages.FRAMES_HEADER.unpack_from(message)[2] for message in paced if isinstance(message, bytes)]
     assert set(counts) == {1}
 
 
@@ -271,7 +271,7 @@ def test_answers_and_messages_match_their_types(service: httpx.Client) -> None:
     spliced = TypeAdapter(wire.Spliced)
     answer = service.post("/v1/sentence", json={"glosses": ["HELLO", "fs-AB"]}).json()
     assert json.loads(spliced.dump_json(spliced.validate_python(answer))) == answer
-    adapter: TypeAdapter[wire.ServiceMessage] = TypeAdapter(wire.ServiceMessage)
+    adapter: TypeAdapter[stream_messages.ServiceMessage] = TypeAdapter(stream_messages.ServiceMessage)
     messages = streamed(service, ["HELLO", "HELO9", "NO SUCH", "DEAF"])
     texts = [message for message in messages if isinstance(message, dict)]
     assert {message["type"] for message in texts} >= {"skeleton", "span", "seam", "warning", "done"}

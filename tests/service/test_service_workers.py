@@ -30,8 +30,8 @@ from serving import (
 from signsplice.service import work
 from signsplice.service.metrics import Metrics
 from signsplice.service.settings import Settings
+from signsplice.service.stream_messages import FRAMES_HEADER, FRAMES_MAGIC
 from signsplice.service.streaming import StreamSession
-from signsplice.service.wire import FRAMES_HEADER, FRAMES_MAGIC
 from signsplice.service.worker_process import BusyError, WorkerLostError
 from signsplice.service.workers import Worker
 

@@ -231,7 +231,7 @@ def _repeats(span: Span, word: IsolatedWord, wrists: Float) -> bool:
     start, stop = int(np.floor(_output_at(span, first))), int(np.ceil(_output_at(span, last))) + 1
     for path, played in zip(recorded.swapaxes(0, 1), wrists[start:stop].swapaxes(0, 1), strict=True):
         axis = np.linalg.svd(path - path.mean(axis=0), full_matrices=False)[2][0]
-        if _turns(played, axis, _SEEN_TURN_M) < _turns(path, axis, _TURN_M):
+        if _direction_changes(played, axis, _SEEN_TURN_M) < _direction_changes(path, axis, _TURN_M):
             return False
     return True
 
@@ -263,7 +263,7 @@ def _shape(wrists: Float) -> float:
     return float(np.sqrt((jerk**2).sum(axis=-1).mean()) * (len(wrists) - 1) ** 3 / lengths[hand])
 
 
-def _turns(path: Float, axis: Float, least: float) -> int:
+def _direction_changes(path: Float, axis: Float, least: float) -> int:
     """How often a wrist (T, 3) turns back along the main axis of its recorded path, by more than ``least`` m."""
     along = path @ axis
     turns, direction, extreme = 0, 0.0, along[0]

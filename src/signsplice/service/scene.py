@@ -16,7 +16,8 @@ from signsplice.formats import encode as encode_file
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 from signsplice.service.fitting import fit_source
-from signsplice.service.wire import FORMAT_NAMES, FRAMES_HEADER, FRAMES_MAGIC, Files, Format
+from signsplice.service.stream_messages import FRAMES_HEADER, FRAMES_MAGIC
+from signsplice.service.wire import FORMAT_NAMES, Files, Format
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import Span, SpliceResult
 
@@ -70,7 +71,7 @@ def to_json(message: Mapping[str, Any]) -> bytes:
 
 
 def skeleton(clip: Clip) -> dict[str, Any]:
-    """The skeleton of a stream's frames as ``wire.SkeletonMessage``, without the names of the methods."""
+    """The skeleton of a stream's frames as ``stream_messages.SkeletonMessage``, without the names of the methods."""
     return {
         "type": "skeleton",
         "fps": clip.fps,
@@ -82,7 +83,7 @@ def skeleton(clip: Clip) -> dict[str, Any]:
 
 
 def frames(clip: Clip, first: int) -> bytes:
-    """The binary message of a clip's frames (see ``wire.FRAMES_HEADER``); ``first``: number of the first one."""
+    """The binary message of a clip's frames (``stream_messages.FRAMES_HEADER``); ``first``: number of the first one."""
     n_frames, n_joints = clip.local_rotations.shape[:2]
     rows = np.empty((n_frames, 3 + 4 * n_joints), "<f4")
     rows[:, :3] = clip.root_positions

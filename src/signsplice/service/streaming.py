@@ -21,7 +21,14 @@ from signsplice.service import work
 from signsplice.service.metrics import Metrics
 from signsplice.service.scene import to_json
 from signsplice.service.settings import Settings
-from signsplice.service.wire import FRAMES_HEADER, FRAMES_MAGIC, ClientMessage, EndMessage, OpenMessage, WordMessage
+from signsplice.service.stream_messages import (
+    FRAMES_HEADER,
+    FRAMES_MAGIC,
+    ClientMessage,
+    EndMessage,
+    OpenMessage,
+    WordMessage,
+)
 from signsplice.service.worker_process import WorkerLostError, WorkerProcess
 from signsplice.service.workers import Worker
 

@@ -29,7 +29,7 @@ from signsplice.body import (
 )
 from signsplice.formats import FORMATS, gltf_mesh
 from signsplice.rig import proportions, t_pose
-from signsplice.service import wire
+from signsplice.service import stream_messages, wire
 
 _BODIES = (
     *(proportions, t_pose, capsules, gltf_mesh, skin_points, skin, skin_head, relief),
@@ -64,12 +64,15 @@ def _plain(value: np.ndarray | set[str]) -> Any:
 
 def render() -> str:
     """The text of ``wire.ts``."""
-    shapes = [value for value in vars(wire).values() if isinstance(value, type) and is_dataclass(value)]
+    values = {**vars(wire), **vars(stream_messages)}.values()
+    shapes = [value for value in values if isinstance(value, type) and is_dataclass(value)]
     parts = ["// Generated from the service's wire.py; do not edit.", f"export type Format = {_type(wire.Format)};"]
     media_types = [f"  {name}: '{FORMATS[f'.{name}'].media_type}'," for name in wire.FORMAT_NAMES]
     parts.append("\n".join(["export const MEDIA_TYPES: Record<Format, string> = {", *media_types, "};"]))
     parts += [_interface(shape) for shape in shapes]
-    parts += [f"export type {name} = {_type(getattr(wire, name))};" for name in ("ClientMessage", "ServiceMessage")]
+    parts += [
+        f"export type {name} = {_type(getattr(stream_messages, name))};" for name in ("ClientMessage", "ServiceMessage")
+    ]
     return "\n\n".join(parts) + "\n"
 
 

@@ -1,11 +1,10 @@
-"""Everything that the service sends and receives, as dataclasses.
+"""Everything that the service sends and receives, as dataclasses; messages of streams are in ``stream_messages``.
 
 The OpenAPI document is made of them, and the viewer's TypeScript is generated from them (``typescript``).
 """
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass, field, make_dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -59,14 +58,7 @@ SecondsASign = Annotated[float, Field(ge=FASTEST_S, le=SLOWEST_S, allow_inf_nan=
 Gloss = Annotated[str, Field(min_length=1, max_length=200)]
 MethodName = Annotated[str, Field(min_length=1, max_length=60)]
 
-FRAMES_HEADER = struct.Struct("<4sIII")
-"""Header of a binary message of frames: FRAMES_MAGIC, number of the first frame, of frames F, of joints J.
-
-F times 3 + 4 J little-endian float32 follow it: the root's position in the skeleton's unit, and every joint's local
-rotation as a unit quaternion x y z w.
-"""
-FRAMES_MAGIC = b"SSF1"
-_STRICT = ConfigDict(extra="forbid")
+STRICT = ConfigDict(extra="forbid")
 """Refuses unknown keys, which are mistakes of the caller."""
 
 
@@ -84,7 +76,7 @@ class Dials:
     free_hand: what time a hand has that only goes to rest, or comes from it: the transition's, or as much as it needs.
     """
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
 
     cutter: MethodName | None = None
     transition: MethodName | None = None
@@ -264,113 +256,3 @@ class Failure:
 
     error: str
     unknown: dict[str, list[str]] = field(default_factory=dict)
-
-
-# --- messages of a stream ---
-
-
-@dataclass(frozen=True, kw_only=True)
-class OpenMessage(Dials):
-    """The first message of a stream's client.
-
-    paced: whether frames are sent one by one when they are due; else as soon as they are made.
-    spell: whether words that the lexicon lacks are fingerspelled.
-    """
-
-    type: Literal["open"]
-    paced: bool = True
-    spell: bool = True
-
-
-@dataclass(frozen=True)
-class WordMessage:
-    """One more word, or a token to spell."""
-
-    __pydantic_config__ = _STRICT
-
-    type: Literal["word"]
-    gloss: Gloss
-
-
-@dataclass(frozen=True)
-class EndMessage:
-    """The last message of a stream's client: no more words follow."""
-
-    __pydantic_config__ = _STRICT
-
-    type: Literal["end"]
-
-
-@dataclass(frozen=True)
-class SkeletonMessage:
-    """The skeleton of the stream's frames; sent once, before them.
-
-    names: of the joints.
-    parents: index of each joint's parent, -1 for the root.
-    offsets: position of each joint relative to its parent at rest, in the skeleton's unit.
-    metres: length of that unit.
-    cutter, transition: names of the methods used.
-    """
-
-    type: Literal["skeleton"]
-    fps: float
-    names: list[str]
-    parents: list[int]
-    offsets: list[tuple[float, float, float]]
-    metres: float
-    cutter: str
-    transition: str
-
-
-@dataclass(frozen=True)
-class SpanMessage:
-    """The span of the frames that follow."""
-
-    type: Literal["span"]
-    span: Span
-
-
-@dataclass(frozen=True)
-class SeamMessage:
-    """The seam before the span that follows."""
-
-    type: Literal["seam"]
-    seam: Seam
-
-
-@dataclass(frozen=True)
-class WarningMessage:
-    """A warning to show to the user."""
-
-    type: Literal["warning"]
-    warning: str
-
-
-@dataclass(frozen=True)
-class DoneMessage:
-    """The last message of a stream: all frames have been sent, and the socket closes.
-
-    frames: number of frames sent.
-    """
-
-    type: Literal["done"]
-    frames: int
-
-
-@dataclass(frozen=True)
-class ErrorMessage:
-    """A message of the client was wrong.
-
-    A word that the lexicon lacks is left out, and the stream goes on; after any other error the socket closes.
-
-    error: one line: what is wrong, and what to do.
-    unknown: each gloss that the lexicon lacks, with the nearest glosses that it has.
-    """
-
-    type: Literal["error"]
-    error: str
-    unknown: dict[str, list[str]] = field(default_factory=dict)
-
-
-ClientMessage = OpenMessage | WordMessage | EndMessage
-ServiceMessage = SkeletonMessage | SpanMessage | SeamMessage | WarningMessage | DoneMessage | ErrorMessage

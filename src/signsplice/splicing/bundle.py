@@ -145,7 +145,7 @@ def _keep_others(folder: Path, made: Path, written: Mapping[str, bytes]) -> None
 def _link(source: str, copy: str) -> None:
     try:
         os.link(source, copy, follow_symlinks=False)
-    except (OSError, NotImplementedError):  # a system or file system without hard links of links
+    except (OSError, NotImplementedError):  # a system, or a file system, without hard links
         shutil.copy2(source, copy, follow_symlinks=False)
 
 

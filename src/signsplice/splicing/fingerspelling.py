@@ -70,9 +70,9 @@ def are_letters(before: Clip, after: Clip) -> bool:
     return is_letter(before.name) and is_letter(after.name)
 
 
-def letter_seam(before: Clip, after: Clip, entry: int, way_s: float, speed: float = 1.0) -> LetterSeam | None:
-    """The seam of two aligned letters, the first of which was entered at frame ``entry`` after a way of ``way_s``
-    seconds (0 where it begins the word); None where the arms are not known or a hand is never still.
+def letter_seam(before: Clip, after: Clip, entry: int, transition_s: float, speed: float = 1.0) -> LetterSeam | None:
+    """The seam of two aligned letters, the first of which was entered at frame ``entry`` after ``transition_s`` seconds
+    (0 where it begins the word); None where the arms are not known or a hand is never still.
 
     A letter that is still is kept as long as the way to it took, at least ``LEAST_HOLD_S``; one with a movement (J, Z)
     is kept whole. The way takes as long as the fingers and the hand need for it, but no longer than both letters can be
@@ -85,10 +85,10 @@ def letter_seam(before: Clip, after: Clip, entry: int, way_s: float, speed: floa
     first, second = _still_frames(before, p, speed), _still_frames(after, q, speed)
     if not (len(first) and len(second)):
         return None
-    held = max(way_s, LEAST_HOLD_S / speed) if way_s else END_HOLD_S / speed
+    held = max(transition_s, LEAST_HOLD_S / speed) if transition_s else END_HOLD_S / speed
     pre = min(max(_held_until(first, entry, held, before.fps), entry), len(before) - 1)
     post = int(second[0])
-    turn, travel = _way(before, p, pre, after, q, post)
+    turn, travel = _turn_and_travel(before, p, pre, after, q, post)
     is_doubled = turn < _SAME_RAD and travel < _SAME_M
     needed = BOUNCE_S if is_doubled else max(turn / TURN_RAD_S, travel / TRAVEL_M_S, LEAST_WAY_S)
     can_hold = (_held_until(second, post, np.inf, after.fps) - post) / after.fps
@@ -155,7 +155,7 @@ def _still_frames(clip: Clip, own: Arms, speed: float) -> NDArray[np.intp]:
     return np.flatnonzero(still[start:stop]) + start
 
 
-def _way(before: Clip, p: Arms, pre: int, after: Clip, q: Arms, post: int) -> tuple[float, float]:
+def _turn_and_travel(before: Clip, p: Arms, pre: int, after: Clip, q: Arms, post: int) -> tuple[float, float]:
     """The farthest turn of a joint of hands and fingers, radians, and travel of a wrist, m, between two frames."""
     joints = _hand_joints(before)
     turns = rotation.angle_between(before.local_rotations[pre, joints], after.local_rotations[post, joints])

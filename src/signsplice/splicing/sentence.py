@@ -48,7 +48,7 @@ class _SentenceWord:
         gaps count its frames, which are those of ``played``.
     warnings: about the clip, one line each.
     starts: whether it is no letter that goes on with the spelled word before it.
-    way_s: how long the way from the letter before was planned to take, 0 where there is none.
+    transition_s: how long the way from the letter before was planned to take, 0 where there is none.
     entry: the frame at which it is entered.
     seam: the seam by which it is entered.
     n_left_out: how many frames are left out at its beginning.
@@ -61,7 +61,7 @@ class _SentenceWord:
     shown: Clip
     warnings: tuple[str, ...]
     starts: bool = False
-    way_s: float = 0.0
+    transition_s: float = 0.0
     entry: int = 0
     seam: Seam | None = None
     n_left_out: int = 0
@@ -176,7 +176,7 @@ class SentenceBuilder:
             letters = self._letters(before, after) if is_spelled else None
             if letters is not None:
                 chosen = letters.cut
-            elif before.way_s:
+            elif before.transition_s:
                 chosen = Cut(
                     max(chosen.pre, fingerspelling.held_until(before.clip, before.entry, self.options.sign_speed)),
                     chosen.post,
@@ -189,7 +189,7 @@ class SentenceBuilder:
             if is_spelled and letters is None:
                 line = f"no still hand is found in {before.clip.name} and {after.clip.name}: they are cut as signs are"
                 warnings = (*warnings, line)
-            after.way_s = (n_frames + 1) / after.clip.fps if letters is not None else 0.0
+            after.transition_s = (n_frames + 1) / after.clip.fps if letters is not None else 0.0
             if cut.pre <= before.entry and before.entry > 0:
                 frame = before.n_left_out + before.entry
                 line = f"{before.clip.name} is left at frame {frame}, where it was entered: only that frame is kept"
@@ -208,7 +208,7 @@ class SentenceBuilder:
         """The seam of two letters of one spelled word, None where a hand is never seen still."""
         with self.timed("cut"):
             return fingerspelling.letter_seam(
-                before.clip, after.clip, before.entry, before.way_s, self.options.sign_speed
+                before.clip, after.clip, before.entry, before.transition_s, self.options.sign_speed
             )
 
     def _cuts(self, clips: Sequence[Clip]) -> list[Cut]:
