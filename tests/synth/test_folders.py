@@ -19,7 +19,7 @@ from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.synth import folders, planner, running
 from signsplice.synth.corpus import Recipe
-from signsplice.synth.signer import STANDARD, Signer, draw_signer
+from signsplice.synth.signer import STANDARD, draw_signer, read_signer
 
 BVH_CM = 0.01
 """Error of positions by BVH's rounding, cm."""
@@ -242,7 +242,7 @@ def test_the_ground_truth_rebuilds_every_sentence(sentences: Path) -> None:
     used = {gloss for sentence in truth["sentences"] for gloss in sentence["glosses"]}
     assert {path.stem for path in (sentences / "words").iterdir()} == used
     assert any(span["changed"] for s in truth["sentences"] for span in s["spans"])
-    assert Signer(**truth["signer"]) == STANDARD
+    assert read_signer(truth["signer"]) == STANDARD
     assert (truth["hash"], truth["seed"], truth["fps"]) == (RECIPE.hash, 0, 30.0)
 
 

@@ -38,7 +38,7 @@ from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import Events, IsolatedWord
 from signsplice.synth.pool import Pool
 from signsplice.synth.rng import stream
-from signsplice.synth.signer import STANDARD, Signer, draw_signer, skeleton
+from signsplice.synth.signer import STANDARD, Signer, draw_signer, read_signer, skeleton
 
 Float = NDArray[np.float64]
 Array = NDArray[Any]
@@ -302,7 +302,7 @@ class Pairs:
     @cached_property
     def signers(self) -> tuple[Signer, ...]:
         """The two signers of the recipe."""
-        return tuple(Signer(**row) for row in self.head["signers"])
+        return tuple(read_signer(row) for row in self.head["signers"])
 
     def split(self, name: str, part: str) -> list[int]:
         """Pair numbers of a part (train, valid, test) of a split. Raises ``InputError`` for unknown names."""

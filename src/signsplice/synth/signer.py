@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +12,7 @@ from numpy.typing import NDArray
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import EndSite, Skeleton
 from signsplice.synth import hand
+from signsplice.synth.manner import USUAL, Manner, draw_manner
 from signsplice.synth.rng import stream
 
 Float = NDArray[np.float64]
@@ -45,6 +48,7 @@ class Signer:
     tremor_cm, tremor_hz: physiological tremor of the hands (8 to 12 Hz, Elble and Koller 1990)
     lag: how much less than usual the fingers lead the wrist (``trajectory``); negative: they lead more
     rest: where the hands are between signs, one of ``RESTS``
+    manner: traits of motion beyond these
     """
 
     name: str = "standard"
@@ -67,6 +71,7 @@ class Signer:
     tremor_hz: float = 9.0
     lag: float = 0.0
     rest: str = HANGING
+    manner: Manner = USUAL
 
     @property
     def scale(self) -> float:
@@ -75,6 +80,11 @@ class Signer:
 
 
 STANDARD = Signer()
+
+
+def read_signer(row: Mapping[str, Any]) -> Signer:
+    """The signer whose fields stand in a row of JSON; one without a manner moves plainly."""
+    return Signer(**{**row, "manner": Manner(**row.get("manner", {}))})
 
 
 def draw_signer(seed: int) -> Signer:
@@ -107,6 +117,7 @@ def draw_signer(seed: int) -> Signer:
         tremor_cm=normal(0.012, 0.003),
         tremor_hz=normal(9.0, 0.8),
         lag=normal(0.0, 0.03),
+        manner=draw_manner(rng),
     )
 
 

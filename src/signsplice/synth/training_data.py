@@ -20,6 +20,7 @@ from signsplice.formats.atomic import replacing
 from signsplice.motion.clip import Clip
 from signsplice.rig.canonical import canonical_bones, canonical_motion
 from signsplice.synth import planner, pseudo, running, truth
+from signsplice.synth.manner import only
 from signsplice.synth.parts import is_whole
 from signsplice.synth.planner import Events, IsolatedWord
 from signsplice.synth.pool import Pool
@@ -48,6 +49,7 @@ class TrainingDataPlan:
     n_seams: least number of seams in sentences of each signer
     seed: of signers, words and sentences
     fps: frame rate
+    traits: traits of manner that signers have, names of ``manner.TRAITS``; None for all
     """
 
     n_signers: int = 40
@@ -55,6 +57,7 @@ class TrainingDataPlan:
     n_seams: int = 300
     seed: int = 0
     fps: float = 30.0
+    traits: tuple[str, ...] | None = None
 
 
 def write(plan: TrainingDataPlan, folder: Path, progress: Progress | None = None, processes: int = 2) -> int:
@@ -109,6 +112,8 @@ def part(plan: TrainingDataPlan, number: int) -> dict[str, Array]:
     """
     rng = stream("endless", plan.seed, number)
     signer = with_rest(draw_signer(FIRST_SIGNER + 10_000 * plan.seed + number))
+    if plan.traits is not None:
+        signer = replace(signer, manner=only(signer.manner, plan.traits))
     seeds = rng.integers(2**40, size=plan.n_words).tolist()
     words = [planner.isolated(pseudo.sign(int(k)), signer, fps=plan.fps) for k in seeds]
     frames = [packed(word.clip) for word in words]
