@@ -17,6 +17,8 @@ Float = NDArray[np.float64]
 
 TOLERANCE_CM = 0.2
 """Depth up to which a touch may press into the body."""
+TOUCH_CM = 0.5
+"""Greatest distance from the skin at which a hand counts as touching it."""
 _ROUNDS = 30
 _KERNEL = np.array([0.12, 0.35, 0.72, 1.0, 0.72, 0.35, 0.12])
 
@@ -52,3 +54,9 @@ def penetration(states: Float, signer: Signer) -> tuple[Float, Float]:
     depth, out = collision.hand_penetration(skeleton(signer), rotations, positions)
     out = np.einsum("tba,thb->tha", rotations[:, JOINTS["Spine2"]], out)
     return depth[:, ::-1], out[:, ::-1] * [[[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]]]
+
+
+def touching(states: Float, signer: Signer) -> NDArray[np.bool_]:
+    """Whether either hand touches head, trunk or the other hand (T,)."""
+    depth, _ = penetration(states, replace(signer, left_handed=False))
+    return np.asarray(depth.max(axis=1) > -TOUCH_CM)

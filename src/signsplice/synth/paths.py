@@ -28,6 +28,12 @@ def translated(hand_state: Float, displacement: Float, signer: Signer) -> Float:
     return np.concatenate([moved, pose.hand_rotvecs(moved, quat, signer), hand_state[pose.FINGERS]])
 
 
+def drifted(state: Float, displacement: Float, signer: Signer, hands: str) -> Float:
+    """A state (63,) with the strong hand moved by ``displacement`` (3,), cm, and with it a weak hand that moves."""
+    weak = translated(state[27:54], displacement, signer) if hands in ("symmetric", "alternating") else state[27:54]
+    return np.concatenate([translated(state[:27], displacement, signer), weak, state[54:]])
+
+
 @dataclass(frozen=True, eq=False)
 class PathMotion:
     """Both hands on their path from one posture to another; progress goes from 0 to 1.
@@ -38,6 +44,7 @@ class PathMotion:
     start: strong and weak hand state (27,) in the first posture
     end: strong and weak hand state (27,) in the second posture
     size: factor on the size of paths
+    rounds: factors on the size of each revolution of a circle, or swing of a zigzag; empty for 1
     """
 
     segment: Segment
@@ -46,6 +53,7 @@ class PathMotion:
     start: tuple[Float, Float]
     end: tuple[Float, Float]
     size: float
+    rounds: tuple[float, ...] = ()
 
     @property
     def still(self) -> bool:
@@ -80,9 +88,16 @@ class PathMotion:
         if which == 1 or path.kind not in ("arc", "zigzag", "circle"):
             return None
         if path.kind == "circle":
-            return _circle_offset(path, s, phase) * self.size * scale
+            return _circle_offset(path, s, phase) * self._size_at(s) * scale
         swing = np.sin(np.pi * s) if path.kind == "arc" else np.sin(2.0 * np.pi * path.revolutions * s)
-        return np.asarray(locations.axes(path.direction) * path.size * self.size * scale * swing)
+        return np.asarray(locations.axes(path.direction) * path.size * self._size_at(s) * scale * swing)
+
+    def _size_at(self, s: float) -> float:
+        """The factor on the path's size at progress ``s``, which passes from round to round smoothly."""
+        if not self.rounds:
+            return self.size
+        middles = (np.arange(len(self.rounds)) + 0.5) / len(self.rounds)
+        return self.size * float(np.interp(s, middles, self.rounds))
 
     def _length(self) -> float:
         """Length of the longer of the wrists' paths, cm."""

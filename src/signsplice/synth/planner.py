@@ -8,6 +8,8 @@ end of a sign's movements, falls on a frame where the hands stop, so that a hold
 from __future__ import annotations
 
 import itertools
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,14 +17,17 @@ from numpy.typing import NDArray
 
 from signsplice.motion.clip import Clip
 from signsplice.synth import locations, pose, trajectory
-from signsplice.synth.avoidance import clear_collisions
+from signsplice.synth.avoidance import clear_collisions, touching
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.locations import WeakArm
+from signsplice.synth.low_pass import low_passed
 from signsplice.synth.overlays import add_gesture, add_local_movement
-from signsplice.synth.paths import PathMotion, translated
+from signsplice.synth.passes import strokes, varied_rounds
+from signsplice.synth.paths import PathMotion, drifted, translated
 from signsplice.synth.phonology import IN_SPACE, Posture, Segment, Sign
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, STANDARD, Signer
+from signsplice.synth.timing import between_frames, hold_pause, tempo_of
 from signsplice.synth.trajectory import Knot
 
 Float = NDArray[np.float64]
@@ -89,27 +94,44 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     motion; another ``take`` varies it a little.
     """
     rng = stream("take", signer.name, sign.gloss, take)
-    segments = _SegmentPlan(sign, signer, fps, rng)
-    core, rest = trajectory.through(segments.knots), resting(signer, sign.gloss, take)
+    segments = _SegmentPlan(sign, signer, fps, rng, take)
+    knots = between_frames(segments.knots, segments.stops(), signer, sign.gloss, take)
+    rest = resting(signer, sign.gloss, take)
     before, after = (max(2, round(fps * REST_S * rng.uniform(0.7, 1.6))) for _ in range(2))
-    up = _reach_frames(rest, core[0], signer, fps, PREPARATION_PACE * rng.uniform(0.94, 1.06))
-    down = _reach_frames(core[-1], rest, signer, fps, RETRACTION_PACE * rng.uniform(0.94, 1.06))
-    still = _still(rest)
+    up = _reach_frames(rest, knots[0].state, signer, fps, PREPARATION_PACE * rng.uniform(0.94, 1.06))
+    down = _reach_frames(knots[-1].state, rest, signer, fps, RETRACTION_PACE * rng.uniform(0.94, 1.06))
     states = np.concatenate(
         [
             np.broadcast_to(rest, (before, pose.SIZE)),
-            trajectory.reach(still, _still(core[0]), up, signer),
-            core,
-            trajectory.reach(_still(core[-1]), still, down, signer),
+            _from_rest_to_rest(knots, rest, up, down, signer),
             np.broadcast_to(rest, (after, pose.SIZE)),
         ]
     )
     offset = before + up
+    states = segments.low_passed(states, offset)
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     segments.add_overlays(states, offset)
     states = clear_collisions(states, signer)
     clip = pose.clip(states, signer, fps, sign.gloss)
     return IsolatedWord(sign, signer, states, clip, segments.events(before - 1, offset, down))
+
+
+def _from_rest_to_rest(knots: Sequence[Knot], rest: Float, up: int, down: int, signer: Signer) -> Float:
+    """States of every whole frame of the preparation, ``up`` frames until the first knot's, of the trajectory, and of
+    the retraction, ``down`` frames from the last knot's.
+    """
+    core, still = trajectory.through(knots), _still(rest)
+    first, last = knots[0].frame, knots[-1].frame
+    end = core[-1] if last == round(last) else knots[-1].state
+    rising = np.arange(1, up + 1 + math.ceil(first)) / (up + 1 + first)
+    falling = (np.arange(math.floor(last) + 1, round(last) + down + 1) - last) / (round(last) + down + 1 - last)
+    return np.concatenate(
+        [
+            trajectory.reach(still, _still(knots[0].state), up, signer, rising),
+            core,
+            trajectory.reach(_still(end), still, down, signer, falling),
+        ]
+    )
 
 
 def _still(state: Float) -> Float:
@@ -175,14 +197,41 @@ class _TimedSegment:
 class _SegmentPlan:
     """A sign's segments in time, frame 0 at the first posture, and the knots of their trajectory."""
 
-    def __init__(self, sign: Sign, signer: Signer, fps: float, rng: np.random.Generator) -> None:
-        self.sign, self.signer, self.fps = sign, signer, fps
+    def __init__(self, sign: Sign, signer: Signer, fps: float, rng: np.random.Generator, take: int) -> None:
+        self.sign, self.signer, self.fps, self.take = sign, signer, fps, take
         self.size = signer.amplitude * float(np.exp(0.05 * rng.standard_normal()))
         self.tempo = float(np.exp(0.05 * np.clip(rng.standard_normal(), -2, 2)))
         self.jitter = 0.7 * signer.scale * rng.standard_normal(3)
         self.postures = self._postures()
+        self.pace = tempo_of(sign, signer, take)
+        self._set_out()
+        least = fps * self.pace.least_s / signer.tempo / (self.knots[-1].frame + 1)
+        if least > 1.0:
+            self.pace = replace(self.pace, movement=least * self.pace.movement)
+            self._set_out()
+
+    def _set_out(self) -> None:
+        """Set the knots and the segments in time."""
         self.knots = [Knot(0, self._first_state(), True)]
-        self.timed = [self._add(n, segment) for n, segment in enumerate(sign.segments)]
+        self.timed = [self._add(n, segment) for n, segment in enumerate(self.sign.segments)]
+
+    def stops(self) -> list[int]:
+        """Frames, 0 at the first posture, where a segment or a pass begins or ends, in order."""
+        spans = [span for timed in self.timed for span in ((timed.begin, timed.end), *timed.passes)]
+        return sorted({frame for span in spans for frame in span})
+
+    def low_passed(self, states: Float, offset: int) -> Float:
+        """States of the whole word as the signer's low pass leaves them."""
+        deviation = self.signer.manner.low_pass_frames * self.fps / FPS
+        if not deviation:
+            return states
+        frames = [frame + offset for frame in self.stops()]
+        told = {t.end + offset for t in self.timed if touches(t.segment, self.sign)}
+        passes = [(begin + offset, stop + offset) for t in self.timed for begin, stop in t.passes]
+        touched = touching(states[frames], self.signer)
+        return low_passed(
+            states, deviation, passes, [f for f, one in zip(frames, touched, strict=True) if one or f in told]
+        )
 
     def events(self, up: int, offset: int, down: int) -> Events:
         """The word's events, its first posture at frame ``offset``, with ``down`` frames of retraction."""
@@ -248,14 +297,19 @@ class _SegmentPlan:
             passes = self._add_passes(n, segment, stops=last or segments[n + 1].kind == "H")
         elif segment.kind == "H":
             usual = LAST_HOLD_S if last else FIRST_HOLD_S if n == 0 else INNER_HOLD_S
+            factor = self.pace.last_hold if last else self.pace.first_hold if n == 0 else 1.0
             if last and n > 0 and touches(segment, self.sign):
-                usual = LAST_TOUCH_S
-            n_frames = max(2, self._frames(segment.seconds or usual))
-            self.knots.append(Knot(begin + n_frames, self.knots[-1].state, True))
+                usual, factor = LAST_TOUCH_S, self.pace.last_touch
+            pause_s, drift = hold_pause(self.signer, self.sign.gloss, self.take, n)
+            n_frames = max(2, self._frames(segment.seconds or usual, factor) + round(self.fps * pause_s))
+            state = self.knots[-1].state
+            if pause_s and not touches(segment, self.sign):
+                state = drifted(state, drift, self.signer, self.sign.hands)
+            self.knots.append(Knot(begin + n_frames, state, True))
         return _TimedSegment(segment, begin, self.knots[-1].frame, passes)
 
-    def _frames(self, seconds: float) -> int:
-        return round(self.fps * seconds / self.tempo / self.signer.tempo)
+    def _frames(self, seconds: float, factor: float) -> int:
+        return round(self.fps * seconds * factor / self.tempo / self.signer.tempo)
 
     def _path(self, n: int, begin: int) -> PathMotion:
         """The motion of segment ``n`` from the posture of segment ``begin``."""
@@ -265,21 +319,23 @@ class _SegmentPlan:
     def _add_passes(self, n: int, segment: Segment, stops: bool) -> tuple[tuple[int, int], ...]:
         """Add a movement's knots; the frames of its passes."""
         path = self._path(n, begin=n - 1)
-        begin = self.knots[-1].frame
+        start = begin = self.knots[-1].frame
         revolutions = max(1, round(abs(segment.path.revolutions))) if segment.path.kind == "circle" else 1
         count = 2 * segment.times - 1 if not path.still else segment.times
-        each = self._frames(path.seconds()) if segment.seconds is None else round(segment.seconds * self.fps / count)
+        each = self._frames(path.seconds(), self.pace.movement)
+        if segment.seconds is not None:
+            each = round(segment.seconds * self.fps / count)
         each = max(6 * revolutions if segment.path.kind == "circle" else 4, each)
+        path, turned = varied_rounds(path, self.sign.gloss, self.take, n)
         passes = []
-        for k in range(count):
-            back = k % 2 == 1
-            start = begin + k * each
-            for s, fraction in path.knots(each):
-                progress = 1.0 - s if back else s
-                self.knots.append(Knot(start + round(fraction * each), path.at(progress), False))
-            if not back:
-                cuts = [start + round(each * t / revolutions) for t in range(revolutions + 1)]
+        for stroke in strokes(path, count, each, self.sign.gloss, self.take, n):
+            for s, fraction in path.knots(stroke.n_frames):
+                frame = start + round(turned(fraction) * stroke.n_frames)
+                self.knots.append(Knot(frame, path.at(stroke.at(s)), False))
+            if stroke.forward:
+                cuts = [start + round(stroke.n_frames * turned(t / revolutions)) for t in range(revolutions + 1)]
                 passes += list(itertools.pairwise(cuts))
+            start += stroke.n_frames
         self.knots[-1] = replace(self.knots[-1], stop=stops)
         if segment.local is not None and path.still:
             return ((begin, self.knots[-1].frame),)

@@ -21,6 +21,7 @@ from signsplice.synth import pose, truth
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.planner import IsolatedWord, resting
 from signsplice.synth.signer import skeleton
+from signsplice.synth.timing import transition_pause
 
 Float = NDArray[np.float64]
 
@@ -37,7 +38,8 @@ class Stretch:
     start, stop: its frames, half-open
     word: index of the word; None for a transition
     source: the word's frame that ``start`` shows; None for a transition
-    changed: "weak" where the weak hand stays up, "fingers" where the handshape assimilates; empty for isolated frames
+    changed: "weak" where the weak hand stays up, "fingers" where the handshape assimilates, "pause" for a transition in
+        which the signer hesitates; empty for isolated frames and other transitions
     """
 
     start: int
@@ -66,8 +68,8 @@ class Utterance:
 def utter(words: Sequence[IsolatedWord], changes: bool = True) -> Utterance:
     """The sentence of words of one signer and rate, from the first word's rest to the last word's.
 
-    changes: let weak hands stay and pronouns assimilate; without, every kept frame is an isolated one. Raises
-    ``InputError`` for no words, or words of two signers.
+    changes: let weak hands stay, pronouns assimilate and the signer hesitate; without, every kept frame is an isolated
+    one, and every transition that of ``truth.splice``. Raises ``InputError`` for no words, or words of two signers.
     """
     if not words:
         raise InputError("no words, expected at least one")
@@ -80,6 +82,7 @@ def utter(words: Sequence[IsolatedWord], changes: bool = True) -> Utterance:
     if changes:
         for k in range(len(words) - 1):
             signed[k] = _changed(words, signed, k, leaves, enters)
+    glosses = [word.sign.gloss for word in words]
     pieces: list[tuple[Float, Float]] = []  # local rotations and root positions
     stretches: list[Stretch] = []
     seams = []
@@ -97,17 +100,18 @@ def utter(words: Sequence[IsolatedWord], changes: bool = True) -> Utterance:
         if k < len(leaves):
             before = states[leaves[k] - 2 : leaves[k] + 1]
             after = signed[k + 1][0][enters[k + 1] : enters[k + 1] + 3]
-            transition = truth.transition(before, after, word)
+            pause_s = transition_pause(word.signer, glosses, k) if changes else 0.0
+            transition = truth.transition(before, after, word, pause_s)
             pieces.append(pose.rotations(transition, word.signer))
             seams.append(truth.Splice(leaves[k], enters[k + 1], transition))
-            stretches.append(Stretch(at, at + len(transition), None, None))
+            stretches.append(Stretch(at, at + len(transition), None, None, ("pause",) if pause_s else ()))
             at += len(transition)
     clip = Clip(
         skeleton(words[0].signer),
         np.concatenate([rotations for rotations, _ in pieces]),
         np.concatenate([roots for _, roots in pieces]),
         words[0].clip.fps,
-        " ".join(word.sign.gloss for word in words),
+        " ".join(glosses),
     )
     return Utterance(tuple(words), tuple(seams), clip, tuple(stretches))
 

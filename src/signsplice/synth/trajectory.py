@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -33,28 +34,28 @@ def travel_seconds(travel_cm: float, signer: Signer) -> float:
 class Knot:
     """A state that a trajectory passes.
 
-    frame: at which frame
+    frame: at which frame; between two where it is no whole number
     state: the state, (63,)
     stop: whether everything comes to rest there
     """
 
-    frame: int
+    frame: float
     state: Float
     stop: bool
 
 
 def through(knots: Sequence[Knot]) -> Float:
-    """States (T, 63) of every frame from the first knot to the last, of minimum jerk: between stops the quintic spline
-    through the knots, at rest at both ends (Flash and Hogan 1985 with via points).
+    """States (T, 63) of every whole frame from the first knot to the last, of minimum jerk: between stops the quintic
+    spline through the knots, at rest at both ends (Flash and Hogan 1985 with via points).
     """
-    parts = [knots[0].state[None]]
+    parts = [knots[0].state[None]] if knots[0].frame == int(knots[0].frame) else []
     begin = 0
     for n in range(1, len(knots)):
         if not (knots[n].stop or n == len(knots) - 1):
             continue
         piece = knots[begin : n + 1]
         frames = np.array([knot.frame for knot in piece], np.float64)
-        inner = np.arange(piece[0].frame + 1, piece[-1].frame + 1)
+        inner = np.arange(math.floor(piece[0].frame) + 1, math.floor(piece[-1].frame) + 1)
         if len(piece) == 2 and np.array_equal(piece[0].state, piece[1].state):
             parts.append(np.broadcast_to(piece[0].state, (len(inner), pose.SIZE)))
         elif len(inner):
@@ -80,16 +81,16 @@ def bump(u: Float) -> Float:
     return np.asarray(64.0 * (u * (1.0 - u)) ** 3)
 
 
-def reach(before: Float, after: Float, n_frames: int, signer: Signer) -> Float:
+def reach(before: Float, after: Float, n_frames: int, signer: Signer, at: Float | None = None) -> Float:
     """The ``n_frames`` states between two motions: the end of ``before`` (.., 63) and the start of ``after`` (.., 63).
 
     The quintic (minimum jerk) takes position and velocity from the two ends (one-sided differences over three frames)
     and 0.4 of the acceleration, since all of it makes long detours. Hands bow outwards by the signer's ``arch``,
     fingers lead, and a weak hand that goes down lags. All of these fade out at both ends, with their first two
-    derivatives.
+    derivatives. ``at``: where frames lie between both ends, 0 to 1, any number of them, instead of evenly.
     """
     steps = n_frames + 1
-    u = (np.arange(1, n_frames + 1) / steps)[:, None]  # (n, 1)
+    u = (np.arange(1, n_frames + 1) / steps if at is None else at)[:, None]  # (n, 1)
     start, end = before[-1], after[0]
     arriving = tuple((-1) ** n * d for n, d in enumerate(_end_derivatives(after[2::-1])))
     states = _quintic(_end_derivatives(before[-3:]), arriving, steps, u)

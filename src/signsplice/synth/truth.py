@@ -20,6 +20,7 @@ from signsplice.errors import InputError
 from signsplice.synth import pose, trajectory
 from signsplice.synth.avoidance import clear_collisions, penetration
 from signsplice.synth.planner import IsolatedWord
+from signsplice.synth.timing import slowed
 
 Float = NDArray[np.float64]
 
@@ -176,14 +177,16 @@ def _alignment(displacement: Float, travel: Float) -> int:
     return 2 if cosine > ALIGNED else 0 if cosine < -ALIGNED else 1
 
 
-def transition(before: Float, after: Float, p: IsolatedWord) -> Float:
+def transition(before: Float, after: Float, p: IsolatedWord, pause_s: float = 0.0) -> Float:
     """The states (n, 63) between two stretches of at least three frames, in ``p``'s signer and rate.
 
     Where the path is so short that a hand would pass through the body, it takes two, four or six frames longer.
+    ``pause_s``: for how many seconds the signer hesitates half way.
     """
     n_frames = transition_frames(before[-1], after[0], p)
     for more in range(0, 7, 2):
-        states = clear_collisions(trajectory.reach(before, after, n_frames + more, p.signer), p.signer, ends=True)
+        at = slowed(n_frames + more, round(p.clip.fps * pause_s)) if pause_s else None
+        states = clear_collisions(trajectory.reach(before, after, n_frames + more, p.signer, at), p.signer, ends=True)
         if penetration(states, p.signer)[0].max() < TOO_DEEP_CM:
             break
     return states

@@ -1,0 +1,58 @@
+"""Smooths a word's states in time, as muscles do with what they are told, without taking hands off what they touch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+
+_LEAST_PASS = 0.18
+"""Standard deviation of the smoothing over the duration of a movement's shortest pass, at most: the movement keeps 85 %
+of its size when it is repeated."""
+_REACH = 4.0
+"""How far from a touch the correction of its posture reaches, in standard deviations of the smoothing."""
+
+
+def low_passed(
+    states: Float, deviation: float, passes: Sequence[tuple[int, int]] = (), touches: Sequence[int] = ()
+) -> Float:
+    """States (T, 63) smoothed in time by a Gaussian of standard deviation ``deviation``, frames.
+
+    The first and the last frame stay as they are; within repeated ``passes``, [begin, end] each, and near both ends of
+    the word it is smoothed less. In the frames ``touches`` the states stay as they are, and those around them are
+    moved along, less with their distance.
+    """
+    n = len(states)
+    width = _deviations(n, deviation, passes)
+    frames = np.arange(n)
+    weights = np.exp(-0.5 * ((frames - frames[:, None]) / np.maximum(width, 1e-3)[:, None]) ** 2)
+    smooth = (weights / weights.sum(axis=1, keepdims=True)) @ states
+    centres = np.array(sorted(set(touches)), np.intp)
+    if not len(centres):
+        return np.asarray(smooth)
+    radius = max(_REACH * deviation, 2.0)
+    factors = np.linalg.solve(_bump(centres, centres, radius), states[centres] - smooth[centres])
+    return np.asarray(smooth + _bump(frames, centres, radius) @ factors)
+
+
+def _deviations(n_frames: int, deviation: float, passes: Sequence[tuple[int, int]]) -> Float:
+    """The smoothing's standard deviation (T,) in each frame."""
+    frames = np.arange(n_frames)
+    out = np.minimum(deviation, np.minimum(frames, n_frames - 1 - frames) / 3.0)
+    shortest = min((stop - begin for begin, stop in passes), default=0)
+    if len(passes) > 1 and _LEAST_PASS * shortest < deviation:
+        # Changes by at most 1 in 3 frames, so that the smoothed time never runs backwards.
+        away = np.maximum(np.maximum(passes[0][0] - frames, frames - passes[-1][1]), 0)
+        out = np.minimum(out, _LEAST_PASS * shortest + away / 3.0)
+    return np.asarray(out, np.float64)
+
+
+def _bump(frames: NDArray[np.intp], centres: NDArray[np.intp], radius: float) -> Float:
+    """Wendland's function (F, C) of the distance in frames: 1 at 0, 0 from ``radius`` on, twice differentiable, and
+    positive definite, so that any values at the centres can be met.
+    """
+    near = np.clip(np.abs(frames[:, None] - centres) / radius, 0.0, 1.0)
+    return np.asarray((1.0 - near) ** 4 * (4.0 * near + 1.0))
