@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion.clip import Clip
-from signsplice.synth import locations, pose, trajectory
+from signsplice.synth import locations, pose, trajectory, two_hands, undershoot
 from signsplice.synth.avoidance import clear_collisions
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.locations import WeakArm
@@ -105,11 +105,13 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
         ]
     )
     offset = before + up
+    events = segments.events(before - 1, offset, down)
+    states = two_hands.in_their_own_time(states, sign, signer, take, fps, events)
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     segments.add_overlays(states, offset)
     states = clear_collisions(states, signer)
     clip = pose.clip(states, signer, fps, sign.gloss)
-    return IsolatedWord(sign, signer, states, clip, segments.events(before - 1, offset, down))
+    return IsolatedWord(sign, signer, states, clip, events)
 
 
 def _still(state: Float) -> Float:
@@ -214,7 +216,7 @@ class _SegmentPlan:
         """Both hand states at the end of each segment; a weak hand without a posture of its own mirrors or rests."""
         meets = self.sign.hands in ("symmetric", "alternating")
         arms: dict[Posture | None, WeakArm] = {}
-        pairs = []
+        strongs, weaks = [], []
         for segment in self.sign.segments:
             if segment.weak not in arms:
                 arms[segment.weak] = WeakArm(self.signer, self._weak_hand(segment.weak))
@@ -223,8 +225,12 @@ class _SegmentPlan:
             location = segment.strong.location
             if location in IN_SPACE and not (meets and location.endswith("-mid")):
                 strong = translated(strong, self.jitter, self.signer)
-            pairs.append((strong, strong if meets else weak.hand))
-        return pairs
+            strongs.append(strong)
+            weaks.append(weak.hand)
+        touching = [touches(segment, self.sign) for segment in self.sign.segments]
+        tempo, rest = self.tempo * self.signer.tempo, resting(self.signer, self.sign.gloss)[:27]
+        strongs = undershoot.undershot(strongs, self.sign, touching, rest, tempo, self.signer)
+        return list(zip(strongs, strongs if meets else weaks, strict=True))
 
     def _weak_hand(self, posture: Posture | None) -> Float:
         if posture is None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from signsplice.synth import hand, pose
+from signsplice.synth import finger_timing, hand, pose
 from signsplice.synth.signer import COLLAR, SHOULDER, Signer
 
 if TYPE_CHECKING:
@@ -85,18 +85,22 @@ def reach(before: Float, after: Float, n_frames: int, signer: Signer) -> Float:
 
     The quintic (minimum jerk) takes position and velocity from the two ends (one-sided differences over three frames)
     and 0.4 of the acceleration, since all of it makes long detours. Hands bow outwards by the signer's ``arch``,
-    fingers lead, and a weak hand that goes down lags. All of these fade out at both ends, with their first two
-    derivatives.
+    fingers lead, each in its own time, and a weak hand that goes down lags. All of these fade out at both ends, with
+    their first two derivatives.
     """
     steps = n_frames + 1
     u = (np.arange(1, n_frames + 1) / steps)[:, None]  # (n, 1)
     start, end = before[-1], after[0]
     arriving = tuple((-1) ** n * d for n, d in enumerate(_end_derivatives(after[2::-1])))
-    states = _quintic(_end_derivatives(before[-3:]), arriving, steps, u)
     hill = bump(u)
     change = end - start
     lead = np.concatenate([_LEAD, _LEAD, np.zeros(9)])
     lead[lead > 0.05] -= signer.lag
+    times = u
+    if signer.manner.finger_stagger:  # fingers are advanced in time, which leaves more room than a lead
+        times = u + hill * finger_timing.advances(start, end, lead[pose.FINGERS], signer)  # (n, 63)
+        lead[6:27] = lead[33:54] = 0.0
+    states = _quintic(_end_derivatives(before[-3:]), arriving, steps, times)
     if change[27 + 1] < -12.0:  # the weak hand goes down
         lead[27:30] = _FALLING_WEAK_LEAD
     states += hill * np.minimum(lead, _MAX_LEAD) * change
