@@ -216,7 +216,7 @@ class _SegmentPlan:
         """Both hand states at the end of each segment; a weak hand without a posture of its own mirrors or rests."""
         meets = self.sign.hands in ("symmetric", "alternating")
         arms: dict[Posture | None, WeakArm] = {}
-        strongs, weaks = [], []
+        pairs = []
         for segment in self.sign.segments:
             if segment.weak not in arms:
                 arms[segment.weak] = WeakArm(self.signer, self._weak_hand(segment.weak))
@@ -225,12 +225,10 @@ class _SegmentPlan:
             location = segment.strong.location
             if location in IN_SPACE and not (meets and location.endswith("-mid")):
                 strong = translated(strong, self.jitter, self.signer)
-            strongs.append(strong)
-            weaks.append(weak.hand)
+            pairs.append((strong, strong if meets else weak.hand))
+        tempo, rest = self.tempo * self.signer.tempo, resting(self.signer, self.sign.gloss)
         touching = [touches(segment, self.sign) for segment in self.sign.segments]
-        tempo, rest = self.tempo * self.signer.tempo, resting(self.signer, self.sign.gloss)[:27]
-        strongs = undershoot.undershot(strongs, self.sign, touching, rest, tempo, self.signer)
-        return list(zip(strongs, strongs if meets else weaks, strict=True))
+        return undershoot.undershot(pairs, self.sign, touching, rest, tempo, self.signer)
 
     def _weak_hand(self, posture: Posture | None) -> Float:
         if posture is None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, PchipInterpolator
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from signsplice.body import collision
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 
 Float = NDArray[np.float64]
 
-_TOUCH_CM = 0.4
+TOUCH_CM = 0.5
 """Distance of the skins up to which hands count as touching."""
 _FREE_CM = 3.5
 """Distance from there at which hands are as free as in the open."""
-_PLACE_CM = (1.0, 2.6)
+_PLACE_CM = (1.5, 3.5)
 """Least and greatest distance of one hand from the mirror image of the other, where both are free."""
-_LAG_FRAMES = (0.5, 2.0)
+_LAG_FRAMES = (0.7, 2.2)
 """Least and greatest lag of one hand, frames of 30 a second."""
 _BASE_LAG_S = 0.15
 """How much earlier or later than the strong hand a base hand comes and goes, at most."""
@@ -107,7 +107,7 @@ def _freedom(gaps: Float, fps: float) -> Float:
     so that time never runs backwards.
     """
     nearest = np.minimum(gaps[:, :2], gaps[:, 2:3])
-    level = _smooth_step((nearest - _TOUCH_CM) / _FREE_CM)
+    level = _smooth_step((nearest - TOUCH_CM) / _FREE_CM)
     side = max(1, round(3 * fps / 30.0))
     least = minimum_filter1d(level, 2 * side + 1, axis=0)
     return np.asarray(gaussian_filter1d(least, 0.5 * side, axis=0, radius=side))
@@ -142,7 +142,7 @@ def _base_times(
     most = signer.manner.base_lag * _BASE_LAG_S * fps
     come, leave = (most * rng.uniform(-1.0, 1.0, 2)).tolist()
     times = np.arange(len(states), dtype=np.float64)
-    touched = np.flatnonzero(gap[events.start : events.end + 1] < _TOUCH_CM) + events.start
+    touched = np.flatnonzero(gap[events.start : events.end + 1] < TOUCH_CM) + events.start
     middle = (events.start + events.end) // 2
     first, last = (int(touched[0]), int(touched[-1])) if len(touched) else (middle, middle)
     wrist = states[:, 27:30]
@@ -156,21 +156,17 @@ def _base_times(
 
 def _own_end(times: Float, wrist: Float, up: int, start: int, lag: float) -> Float:
     """Times (n,) at which a weak hand that would be in place at frame ``start`` is ``lag`` frames later: it has to be
-    in place at the last of them, and comes earlier instead where it could not.
+    in place at the last of them, and comes earlier instead where it could not. It rests where time stands or turns.
     """
     stop = len(times) - 1
     moves = float(np.ptp(wrist[start:], axis=0).max()) > 0.5
     if lag > 0.0 and (moves or lag > 0.6 * (stop - start)):
         lag = -lag
     lag = max(lag, -0.4 * (start - up))
-    at = [(float(up), float(up)), (start + lag, float(start)), (float(max(start, stop)), float(max(start, stop)))]
-    if lag < 0.0:
-        at[2] = (float(start), float(start))
-    if abs(lag) < 1e-6:
-        return times
     own = times.copy()
-    inner = (times > up) & (times < at[2][0])
-    own[inner] = PchipInterpolator(*zip(*at, strict=True))(times[inner])
+    coming = slice(up, (start if lag < 0.0 else stop) + 1)
+    at, taken = (up, start + lag, coming.stop - 1), (up, start, coming.stop - 1)
+    own[coming] = np.interp(times[coming], at, taken)
     return own
 
 
@@ -179,7 +175,7 @@ def _give(states: Float, gap: Float, rng: np.random.Generator, signer: Signer, f
     the direction of the touch and comes back.
     """
     shift = np.zeros_like(states)
-    touching = gap < _TOUCH_CM
+    touching = gap < TOUCH_CM
     frames = np.arange(len(states))
     for onset in (np.flatnonzero(touching[1:] & ~touching[:-1]) + 1).tolist():
         strong = states[max(0, onset - 3) : onset + 1, :3]

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from signsplice.synth import pose
 from signsplice.synth.locations import ON_HEAD
 from signsplice.synth.paths import translated
-from signsplice.synth.phonology import ON_BASE, Sign
+from signsplice.synth.phonology import Sign
 from signsplice.synth.signer import Signer
+from signsplice.synth.two_hands import TOUCH_CM, skin_gaps
 
 Float = NDArray[np.float64]
 
@@ -31,27 +32,30 @@ def short_cm(tempo: float, signer: Signer) -> float:
 
 
 def undershot(
-    strong: list[Float], sign: Sign, touching: list[bool], rest: Float, tempo: float, signer: Signer
-) -> list[Float]:
-    """The strong hand's states (27,) in a sign's segments, each that does not touch moved towards the one before, the
-    first towards ``rest`` (27,). A posture that is kept stays the same.
+    pairs: list[tuple[Float, Float]], sign: Sign, touching: list[bool], rest: Float, tempo: float, signer: Signer
+) -> list[tuple[Float, Float]]:
+    """Strong and weak hand's states (27,) in a sign's segments, the strong one moved towards the segment before, in the
+    first towards ``rest`` (63,), unless it touches there; a weak hand that mirrors it moves too. A posture that is kept
+    stays the same.
     """
     amount = short_cm(tempo, signer)
     if amount == 0.0:
-        return strong
-    moved: list[Float] = []
-    for n, (state, segment) in enumerate(zip(strong, sign.segments, strict=True)):
-        location = segment.strong.location
-        if n and np.array_equal(state, strong[n - 1]):
-            moved.append(moved[-1])
+        return pairs
+    states = np.array([np.concatenate([*pair, np.zeros(9)]) for pair in pairs])
+    near = skin_gaps(states, signer)[:, [0, 2]].min(axis=1) < TOUCH_CM
+    moved: list[tuple[Float, Float]] = []
+    for n, (strong, weak) in enumerate(pairs):
+        if n and np.array_equal(strong, pairs[n - 1][0]):
+            moved.append((moved[-1][0], moved[-1][0] if weak is strong else weak))
             continue
-        before = strong[n - 1] if n else rest
-        if touching[n] or location in ON_BASE:
-            moved.append(state)
+        before = states[n - 1] if n else rest
+        if touching[n] or near[n]:
+            moved.append((strong, weak))
             continue
-        back = before[pose.WRIST] - state[pose.WRIST]
+        back = before[pose.WRIST] - strong[pose.WRIST]
         shift = back * min(amount / max(float(np.linalg.norm(back)), 1e-9), _OF_DISTANCE)
-        if location in ON_HEAD:
+        if sign.segments[n].strong.location in ON_HEAD:
             shift = shift - np.array([0.0, _LOWER * amount, 0.0])
-        moved.append(translated(state, shift, signer))
+        short = translated(strong, shift, signer)
+        moved.append((short, short if weak is strong else weak))
     return moved
