@@ -37,6 +37,10 @@ _LAG_FRAMES = (0.7, 2.2)
 """Least and greatest lag of one hand, frames of 30 a second."""
 _BASE_LAG_S = 0.15
 """How much earlier or later than the strong hand a base hand comes and goes, at most."""
+_TRIES = 4
+"""How often a base hand's lag is halved where the hands would go through one another, before it has none."""
+_DEEPER_CM = 0.1
+"""How much deeper than in plain motion hands may go into one another on their way."""
 _GIVE_CM = (0.15, 0.4)
 """Least and greatest distance by which a base hand gives way to a touch."""
 
@@ -61,7 +65,7 @@ def in_their_own_time(states: Float, sign: Sign, signer: Signer, take: int, fps:
         shift[:, 27:30] = place * level[:, None]
     if base and manner.base_lag:
         rng = stream("base_lag", signer.name, sign.gloss, take)
-        times[:, 27:54] = _base_times(states, gaps[:, 2], rng, signer, fps, events)[:, None]
+        times[:, 27:54] = _base_times(states, gaps, rng, signer, fps, events)[:, None]
         shift += _give(states, gaps[:, 3], rng, signer, fps)
     if manner.finger_stagger:
         late = finger_timing.delays(signer, sign.gloss, take) * fps / 30.0
@@ -134,24 +138,38 @@ def _difference(seconds: Float, sign: Sign, signer: Signer, take: int) -> tuple[
 
 
 def _base_times(
-    states: Float, gap: Float, rng: np.random.Generator, signer: Signer, fps: float, events: Events
+    states: Float, gaps: Float, rng: np.random.Generator, signer: Signer, fps: float, events: Events
 ) -> Float:
     """At which time (T,), frames, a base hand's motion is taken, so that it comes and goes in its own time and is in
-    place while it is touched.
+    place while it is touched. It is nearer to the strong hand's time where the hands would go through one another.
     """
     most = signer.manner.base_lag * _BASE_LAG_S * fps
-    come, leave = (most * rng.uniform(-1.0, 1.0, 2)).tolist()
-    times = np.arange(len(states), dtype=np.float64)
-    touched = np.flatnonzero(gap[events.start : events.end + 1] < TOUCH_CM) + events.start
+    lags = most * rng.uniform(-1.0, 1.0, 2)
+    touched = np.flatnonzero(gaps[events.start : events.end + 1, 2] < TOUCH_CM) + events.start
     middle = (events.start + events.end) // 2
     first, last = (int(touched[0]), int(touched[-1])) if len(touched) else (middle, middle)
-    wrist = states[:, 27:30]
-    coming = _own_end(times[: first + 1], wrist[: first + 1], events.up, events.start, come)
     back = len(states) - 1
-    leaving = _own_end(times[: back - last + 1], wrist[last:][::-1], back - events.down, back - events.end, -leave)
-    times[: first + 1] = coming
-    times[last:] = back - leaving[::-1]
-    return times
+    wrist = states[:, 27:30]
+    for _ in range(_TRIES):
+        times = np.arange(len(states), dtype=np.float64)
+        leaving = _own_end(
+            times[: back - last + 1], wrist[last:][::-1], back - events.down, back - events.end, -lags[1]
+        )
+        times[: first + 1] = _own_end(times[: first + 1], wrist[: first + 1], events.up, events.start, lags[0])
+        times[last:] = back - leaving[::-1]
+        deeper = skin_gaps(_weak_at(states, times), signer)[:, 3] < np.minimum(gaps[:, 3], 0.0) - _DEEPER_CM
+        crossed = np.array([deeper[: first + 1].any(), deeper[last:].any()])
+        if not crossed.any():
+            return times
+        lags = np.where(crossed, 0.5 * lags, lags)
+    return np.arange(len(states), dtype=np.float64)
+
+
+def _weak_at(states: Float, times: Float) -> Float:
+    """States (T, 63) with the weak hand's taken at other times (T,), frames."""
+    own = np.tile(np.arange(len(states), dtype=np.float64)[:, None], pose.SIZE)
+    own[:, 27:54] = times[:, None]
+    return _at(states, own)
 
 
 def _own_end(times: Float, wrist: Float, up: int, start: int, lag: float) -> Float:
