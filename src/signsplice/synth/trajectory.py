@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import CubicSpline, make_interp_spline
 
 from signsplice.synth import finger_timing, hand, pose
 from signsplice.synth.signer import COLLAR, SHOULDER, Signer
@@ -153,6 +153,15 @@ def _quintic(start: tuple[Float, ...], end: tuple[Float, ...], steps: int, u: Fl
     c4 = -15.0 * d + 8.0 * v + 7.0 * w + 0.5 * (3.0 * a - 2.0 * b)
     c5 = 6.0 * d - 3.0 * (v + w) + 0.5 * (b - a)
     return np.asarray(p + u * (v + u * (0.5 * a + u * (c3 + u * (c4 + u * c5)))))
+
+
+def taken_at(states: Float, times: Float) -> Float:
+    """States (T, 63), each number taken at a time of its own, frames (T, 63); between frames by a cubic spline."""
+    frames = np.arange(len(states))
+    taken = states.copy()
+    for column in np.flatnonzero((times != frames[:, None]).any(axis=0)).tolist():
+        taken[:, column] = CubicSpline(frames, states[:, column])(times[:, column])
+    return taken
 
 
 def small_motions(n_frames: int, fps: float, signer: Signer, rng: np.random.Generator) -> Float:

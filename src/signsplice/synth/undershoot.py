@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.synth import pose
+from signsplice.synth.gaps import TOUCH_CM, skin_gaps
 from signsplice.synth.locations import ON_HEAD
 from signsplice.synth.paths import translated
 from signsplice.synth.phonology import Sign
 from signsplice.synth.signer import Signer
-from signsplice.synth.two_hands import TOUCH_CM, skin_gaps
 
 Float = NDArray[np.float64]
 
