@@ -51,6 +51,8 @@ _ON_BODY: dict[str, tuple[str, Vector, Vector]] = {
     "waist-weak": ("Spine", (-0.060, 0.010, 0.0), (-0.5, 0.0, 0.85)),
 }
 
+ON_HEAD = frozenset(name for name, (joint, _, _) in _ON_BODY.items() if joint == "Head")
+
 # In space: out, up and forward from the chest joint, cm of the standard body.
 _IN_SPACE: dict[str, Vector] = {
     "space": (10.0, 3.0, 25.0),

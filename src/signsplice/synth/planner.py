@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion.clip import Clip
-from signsplice.synth import locations, pose, trajectory
+from signsplice.synth import locations, pose, trajectory, two_hands, undershoot
 from signsplice.synth.avoidance import clear_collisions, touching
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.locations import WeakArm
@@ -109,11 +109,13 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     )
     offset = before + up
     states = segments.low_passed(states, offset)
+    events = segments.events(before - 1, offset, down)
+    states = two_hands.in_their_own_time(states, sign, signer, take, fps, events)
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     segments.add_overlays(states, offset)
     states = clear_collisions(states, signer)
     clip = pose.clip(states, signer, fps, sign.gloss)
-    return IsolatedWord(sign, signer, states, clip, segments.events(before - 1, offset, down))
+    return IsolatedWord(sign, signer, states, clip, events)
 
 
 def _from_rest_to_rest(knots: Sequence[Knot], rest: Float, up: int, down: int, signer: Signer) -> Float:
@@ -273,7 +275,9 @@ class _SegmentPlan:
             if location in IN_SPACE and not (meets and location.endswith("-mid")):
                 strong = translated(strong, self.jitter, self.signer)
             pairs.append((strong, strong if meets else weak.hand))
-        return pairs
+        tempo, rest = self.tempo * self.signer.tempo, resting(self.signer, self.sign.gloss)
+        touching = [touches(segment, self.sign) for segment in self.sign.segments]
+        return undershoot.undershot(pairs, self.sign, touching, rest, tempo, self.signer)
 
     def _weak_hand(self, posture: Posture | None) -> Float:
         if posture is None:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import CubicSpline, make_interp_spline
 
-from signsplice.synth import hand, pose
+from signsplice.synth import finger_timing, hand, pose
 from signsplice.synth.signer import COLLAR, SHOULDER, Signer
 
 if TYPE_CHECKING:
@@ -86,18 +86,23 @@ def reach(before: Float, after: Float, n_frames: int, signer: Signer, at: Float 
 
     The quintic (minimum jerk) takes position and velocity from the two ends (one-sided differences over three frames)
     and 0.4 of the acceleration, since all of it makes long detours. Hands bow outwards by the signer's ``arch``,
-    fingers lead, and a weak hand that goes down lags. All of these fade out at both ends, with their first two
-    derivatives. ``at``: where frames lie between both ends, 0 to 1, any number of them, instead of evenly.
+    fingers lead, each in its own time, and a weak hand that goes down lags. All of these fade out at both ends, with
+    their first two derivatives. ``at``: where frames lie between both ends, 0 to 1, any number of them, instead of
+    evenly.
     """
     steps = n_frames + 1
     u = (np.arange(1, n_frames + 1) / steps if at is None else at)[:, None]  # (n, 1)
     start, end = before[-1], after[0]
     arriving = tuple((-1) ** n * d for n, d in enumerate(_end_derivatives(after[2::-1])))
-    states = _quintic(_end_derivatives(before[-3:]), arriving, steps, u)
     hill = bump(u)
     change = end - start
     lead = np.concatenate([_LEAD, _LEAD, np.zeros(9)])
     lead[lead > 0.05] -= signer.lag
+    times = u
+    if signer.manner.finger_stagger:  # fingers are advanced in time, which leaves more room than a lead
+        times = u + hill * finger_timing.advances(start, end, lead[pose.FINGERS], signer)  # (n, 63)
+        lead[6:27] = lead[33:54] = 0.0
+    states = _quintic(_end_derivatives(before[-3:]), arriving, steps, times)
     if change[27 + 1] < -12.0:  # the weak hand goes down
         lead[27:30] = _FALLING_WEAK_LEAD
     states += hill * np.minimum(lead, _MAX_LEAD) * change
@@ -150,6 +155,15 @@ def _quintic(start: tuple[Float, ...], end: tuple[Float, ...], steps: int, u: Fl
     c4 = -15.0 * d + 8.0 * v + 7.0 * w + 0.5 * (3.0 * a - 2.0 * b)
     c5 = 6.0 * d - 3.0 * (v + w) + 0.5 * (b - a)
     return np.asarray(p + u * (v + u * (0.5 * a + u * (c3 + u * (c4 + u * c5)))))
+
+
+def taken_at(states: Float, times: Float) -> Float:
+    """States (T, 63), each number taken at a time of its own, frames (T, 63); between frames by a cubic spline."""
+    frames = np.arange(len(states))
+    taken = states.copy()
+    for column in np.flatnonzero((times != frames[:, None]).any(axis=0)).tolist():
+        taken[:, column] = CubicSpline(frames, states[:, column])(times[:, column])
+    return taken
 
 
 def small_motions(n_frames: int, fps: float, signer: Signer, rng: np.random.Generator) -> Float:

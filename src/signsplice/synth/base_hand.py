@@ -1,0 +1,109 @@
+"""A base hand that comes and goes in a time of its own, and gives way a little where it is touched."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.synth import trajectory
+from signsplice.synth.avoidance import penetration
+from signsplice.synth.gaps import TOUCH_CM, skin_gaps
+from signsplice.synth.rng import stream
+from signsplice.synth.signer import Signer
+
+if TYPE_CHECKING:
+    from signsplice.synth.phonology import Sign
+    from signsplice.synth.planner import Events
+
+Float = NDArray[np.float64]
+
+_LAG_S = 0.15
+"""How much earlier or later than the strong hand a base hand comes and goes, at most."""
+_WAYS = ((1.0, 0.0), (1.0, 3.0), (1.0, 6.0), (0.5, 0.0), (0.5, 3.0), (0.5, 6.0))
+"""What is tried in turn until hands do not go through one another: a share of the lag, a detour, cm."""
+_DEEPER_CM = 0.1
+"""How much deeper than in plain motion hands may go into one another on their way."""
+_GIVE_CM = (0.15, 0.4)
+"""Least and greatest distance by which a base hand gives way to a touch."""
+
+
+def base_motion(
+    states: Float, gaps: Float, sign: Sign, signer: Signer, take: int, fps: float, events: Events
+) -> tuple[Float, Float]:
+    """At which time (T,), frames, a base hand's motion is taken, so that it comes and goes in its own time and is in
+    place while it is touched; and the displacements (T, 63), cm, of both hands for that.
+
+    gaps: ``skin_gaps`` of the states
+    """
+    rng = stream("base_lag", signer.name, sign.gloss, take)
+    lags = signer.manner.base_lag * _LAG_S * fps * rng.uniform(-1.0, 1.0, 2)
+    touched = np.flatnonzero(gaps[events.start : events.end + 1, 2] < TOUCH_CM) + events.start
+    middle = (events.start + events.end) // 2
+    first, last = (int(touched[0]), int(touched[-1])) if len(touched) else (middle, middle)
+    back = len(states) - 1
+    times, shift = np.arange(len(states), dtype=np.float64), _give(states, gaps[:, 3], rng, signer, fps)
+    own, way = _coming(states[: first + 1], gaps[: first + 1, 3], events.up, events.start, float(lags[0]), signer)
+    times[: first + 1] = own
+    shift[: first + 1, :3] += way
+    ends = back - events.down, back - events.end
+    own, way = _coming(states[last:][::-1], gaps[last:, 3][::-1], *ends, -float(lags[1]), signer)
+    times[last:] = back - own[::-1]
+    shift[last:, :3] += way[::-1]
+    return times, shift
+
+
+def _coming(states: Float, gap: Float, up: int, start: int, lag: float, signer: Signer) -> tuple[Float, Float]:
+    """At which time (n,) a base hand's motion is taken that ends in a touch at the last of the states (n, 63), and the
+    strong wrist's displacement (n, 3), cm: it goes round the base hand where that is in its way. Where there is no
+    way, the base hand comes with the strong one.
+
+    gap: distance of the hands' skins in plain motion, (n,)
+    """
+    frames = np.arange(len(states), dtype=np.float64)
+    u = np.clip((frames - up) / max(1, start - up), 0.0, 1.0)
+    hill = trajectory.bump(u**2)[:, None]  # highest near to the touch, where the base hand is in the way
+    out = penetration(states[-1:], signer)[1][0, 0]
+    for share, detour in _WAYS:
+        times = _own_times(frames, states[:, 27:30], up, start, share * lag)
+        way = detour * signer.scale * hill * out
+        tried = trajectory.taken_at(states, np.column_stack([*[frames] * 27, *[times] * 27, *[frames] * 9]))
+        tried[:, :3] += way
+        if (skin_gaps(tried, signer)[:, 3] >= np.minimum(gap, 0.0) - _DEEPER_CM).all():
+            return times, way
+    return frames, np.zeros((len(states), 3))
+
+
+def _own_times(frames: Float, wrist: Float, up: int, start: int, lag: float) -> Float:
+    """Times (n,) at which a base hand that would be in place at frame ``start`` is ``lag`` frames later, or earlier
+    where it would be late for the last of them. It rests where time stands or turns.
+    """
+    stop = len(frames) - 1
+    moves = float(np.ptp(wrist[start:], axis=0).max()) > 0.5
+    if lag > 0.0 and (moves or lag > 0.6 * (stop - start)):
+        lag = -lag
+    lag = max(lag, -0.4 * (start - up))
+    own = frames.copy()
+    coming = slice(up, (start if lag < 0.0 else stop) + 1)
+    own[coming] = np.interp(frames[coming], (up, start + lag, coming.stop - 1), (up, start, coming.stop - 1))
+    return own
+
+
+def _give(states: Float, gap: Float, rng: np.random.Generator, signer: Signer, fps: float) -> Float:
+    """Displacements (T, 63) of both hands together, cm, where the strong one touches the base hand: that gives way in
+    the direction of the touch and comes back.
+    """
+    shift = np.zeros_like(states)
+    touching = gap < TOUCH_CM
+    frames = np.arange(len(states))
+    for onset in (np.flatnonzero(touching[1:] & ~touching[:-1]) + 1).tolist():
+        strong = states[max(0, onset - 3) : onset + 1, :3]
+        velocity = (strong[-1] - strong[0]) * fps / max(1, len(strong) - 1)  # cm/s
+        speed = float(np.linalg.norm(velocity))
+        size = float(rng.uniform(*_GIVE_CM)) * signer.manner.base_lag * min(1.0, speed / 20.0)
+        u = np.maximum(frames - onset, 0) * 30.0 / fps / 3.0
+        push = (size * u**2 * np.exp(2.0 * (1.0 - u)))[:, None] * velocity / max(speed, 1e-9)
+        shift[:, :3] += push
+        shift[:, 27:30] += push * [-1.0, 1.0, 1.0]
+    return shift
