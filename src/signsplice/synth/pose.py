@@ -50,7 +50,8 @@ _SWIVELS = np.deg2rad(np.linspace(-75.0, 45.0, 13))  # negative lifts the elbow 
 _EASE = np.deg2rad([60.0, 22.0, 42.0, 32.0])  # forearm twist, wrist deviation, wrist flexion, swivel that cost 1
 _SHARPNESS = 2.5
 _HEIGHT_COST = 12.0  # of an elbow that is an upper arm's length higher, for low elbows
-_BREACH = np.deg2rad(12.0)  # how far beyond a limit costs 1, for low elbows
+_BREACH = np.deg2rad(16.0)  # how far beyond a limit costs 1, for low elbows
+_ONSET = np.deg2rad(6.0)
 
 
 def hands(states: Float) -> Float:
@@ -180,7 +181,7 @@ def _raised_cost(arm: Arm, angles: Float) -> Float:
     up = (bone[..., 1] - along * arm.direction[..., 1])[..., None]
     height = up * np.cos(_SWIVELS) + side * np.sin(_SWIVELS)  # of the elbow over the line from shoulder to wrist
     low, high = np.array([[-FOREARM_LIMIT, FOREARM_LIMIT], *WRIST_LIMITS]).T
-    breach = np.maximum(0.0, np.maximum(angles - high, low - angles) + _MARGIN)
+    breach = np.maximum(0.0, np.maximum(angles - high, low - angles) + _MARGIN + _ONSET)
     return np.asarray(_HEIGHT_COST * height + np.square(breach / _BREACH).sum(axis=-1))
 
 
