@@ -50,6 +50,7 @@ _SWIVELS = np.deg2rad(np.linspace(-75.0, 45.0, 13))  # negative lifts the elbow 
 _EASE = np.deg2rad([60.0, 22.0, 42.0, 32.0])  # forearm twist, wrist deviation, wrist flexion, swivel that cost 1
 _SHARPNESS = 2.5
 _HEIGHT_COST = 12.0  # of an elbow that is an upper arm's length higher, for low elbows
+_LOWEST_SPINE = 0.7  # of the trunk's rotation, where trunk and head move much
 _BREACH = np.deg2rad(16.0)  # how far beyond a limit costs 1, for low elbows
 _ONSET = np.deg2rad(6.0)
 
@@ -90,8 +91,8 @@ def solve_arm(wrists: ArrayLike, signer: Signer) -> Arm:
     collar_position, shoulder_offset = COLLAR * broad, SHOULDER * broad
     upper_arm, forearm = UPPER_ARM * signer.arms, FOREARM * signer.arms
     out = (wrists - collar_position - shoulder_offset) / (upper_arm + forearm)  # (..., 3) over the arm's length
-    rise = np.deg2rad(15.0) * _smooth_step((out[..., 1] + 0.35) / 1.2)
-    forward = np.deg2rad(14.0) * _smooth_step((out[..., 2] + 0.5 * out[..., 0] - 0.25) / 0.9)
+    rise = np.deg2rad(15.0) * smooth_step((out[..., 1] + 0.35) / 1.2)
+    forward = np.deg2rad(14.0) * smooth_step((out[..., 2] + 0.5 * out[..., 0] - 0.25) / 0.9)
     collar = rotation.multiply(
         rotation.exp(forward[..., None] * np.array([0.0, 1.0, 0.0])), rotation.exp(rise[..., None] * [0.0, 0.0, -1.0])
     )
@@ -203,8 +204,8 @@ def rotations(states: Float, signer: Signer) -> tuple[Float, Float]:
     n_frames = len(states)
     local_quats = np.zeros((n_frames, len(JOINTS), 4))
     local_quats[..., 3] = 1.0
-    for name in ("Spine", "Spine1", "Spine2"):
-        local_quats[:, JOINTS[name]] = rotation.exp(states[:, TRUNK] / 3.0)
+    for name, part in zip(("Spine", "Spine1", "Spine2"), _trunk_parts(signer), strict=True):
+        local_quats[:, JOINTS[name]] = rotation.exp(states[:, TRUNK] / part)
     for name, fraction in (("Neck", 0.4), ("Head", 0.6)):
         local_quats[:, JOINTS[name]] = rotation.exp(fraction * states[:, HEAD])
     displacement = states[:, ROOT] * (np.array([-1.0, 1.0, 1.0]) if signer.left_handed else 1.0)
@@ -243,6 +244,14 @@ def rotations(states: Float, signer: Signer) -> tuple[Float, Float]:
     return local_quats, roots
 
 
+def _trunk_parts(signer: Signer) -> tuple[float, float, float]:
+    """Which part of the trunk's rotation each joint of the spine has, 1 over it: a third each in plain motion, while in
+    captured signing the lowest joint turns eight times as fast as the others.
+    """
+    lowest = 1.0 / 3.0 + (_LOWEST_SPINE - 1.0 / 3.0) * min(signer.manner.body_motion, 1.0)
+    return (1.0 / lowest, 2.0 / (1.0 - lowest), 2.0 / (1.0 - lowest)) if signer.manner.body_motion else (3.0, 3.0, 3.0)
+
+
 def _lean_legs(local_quats: Float, displacement: Float) -> None:
     """Rotate the legs, in place, against the root's displacement (T, 3), cm, so that the feet stay where they are."""
     leg = 81.0  # hip to ankle of the standard body, cm
@@ -252,7 +261,8 @@ def _lean_legs(local_quats: Float, displacement: Float) -> None:
         local_quats[:, JOINTS[f"{side}Foot"]] = rotation.exp(lean)
 
 
-def _smooth_step(x: Float) -> Float:
+def smooth_step(x: Float) -> Float:
+    """0 up to 0, 1 from 1 on, between them the smooth step of degree 5."""
     x = np.clip(x, 0.0, 1.0)
     return np.asarray(x**3 * (10.0 + x * (-15.0 + 6.0 * x)))
 
