@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import locations, pose, trajectory, two_hands, undershoot
 from signsplice.synth.avoidance import clear_collisions, touching
+from signsplice.synth.body_motion import Span, add_body_motion
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.locations import WeakArm
 from signsplice.synth.low_pass import low_passed
@@ -113,6 +114,9 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     states = two_hands.in_their_own_time(states, sign, signer, take, fps, events)
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     segments.add_overlays(states, offset)
+    states = add_body_motion(
+        states, Span(events.up, events.start, events.end, events.down), signer, fps, (sign.gloss, take)
+    )
     states = clear_collisions(states, signer)
     clip = pose.clip(states, signer, fps, sign.gloss)
     return IsolatedWord(sign, signer, states, clip, events)

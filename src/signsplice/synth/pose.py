@@ -42,11 +42,17 @@ FOREARM_LIMIT = np.deg2rad(95.0)
 ELBOW_LIMIT = np.deg2rad(148.0)
 """Greatest flexion of the elbow, radians."""
 
+_MARGIN = 0.15  # from here on angles approach their limits softly, radians
+
 _X = np.array([1.0, 0.0, 0.0])
 _HINT = np.array([-0.55, -1.0, -0.35])  # a right elbow hangs down, out and a little back
 _SWIVELS = np.deg2rad(np.linspace(-75.0, 45.0, 13))  # negative lifts the elbow outwards
 _EASE = np.deg2rad([60.0, 22.0, 42.0, 32.0])  # forearm twist, wrist deviation, wrist flexion, swivel that cost 1
 _SHARPNESS = 2.5
+_HEIGHT_COST = 12.0  # of an elbow that is an upper arm's length higher, for low elbows
+_LOWEST_SPINE = 0.7  # of the trunk's rotation, where trunk and head move much
+_BREACH = np.deg2rad(16.0)  # how far beyond a limit costs 1, for low elbows
+_ONSET = np.deg2rad(6.0)
 
 
 def hands(states: Float) -> Float:
@@ -85,8 +91,8 @@ def solve_arm(wrists: ArrayLike, signer: Signer) -> Arm:
     collar_position, shoulder_offset = COLLAR * broad, SHOULDER * broad
     upper_arm, forearm = UPPER_ARM * signer.arms, FOREARM * signer.arms
     out = (wrists - collar_position - shoulder_offset) / (upper_arm + forearm)  # (..., 3) over the arm's length
-    rise = np.deg2rad(15.0) * _smooth_step((out[..., 1] + 0.35) / 1.2)
-    forward = np.deg2rad(14.0) * _smooth_step((out[..., 2] + 0.5 * out[..., 0] - 0.25) / 0.9)
+    rise = np.deg2rad(15.0) * smooth_step((out[..., 1] + 0.35) / 1.2)
+    forward = np.deg2rad(14.0) * smooth_step((out[..., 2] + 0.5 * out[..., 0] - 0.25) / 0.9)
     collar = rotation.multiply(
         rotation.exp(forward[..., None] * np.array([0.0, 1.0, 0.0])), rotation.exp(rise[..., None] * [0.0, 0.0, -1.0])
     )
@@ -143,7 +149,7 @@ class Wrist:
 
 def wrist_angles(arm: Arm, rotvecs: Float, signer: Signer) -> Wrist:
     """The angles with which arms carry hands with rotation vectors ``rotvecs`` (..., 3), the elbow where they are
-    smallest.
+    smallest, and where the signer's manner says so, low.
 
     The swivel is a mean over candidates, weighted by exp(-sharpness * cost), where cost is the sum of squared angles,
     each over an easy angle. The mean varies smoothly with the pose; the best candidate alone would jump.
@@ -155,10 +161,29 @@ def wrist_angles(arm: Arm, rotvecs: Float, signer: Signer) -> Wrist:
     twist, deviation, flexion = _split(relative)
     angles = np.stack([twist, deviation, flexion, np.broadcast_to(_SWIVELS - usual, twist.shape)], axis=-1)
     cost = np.square(angles / _EASE).sum(axis=-1)
+    if signer.manner.low_elbows:
+        cost = cost + signer.manner.low_elbows * _raised_cost(arm, angles[..., :3])
     weight = np.exp(-_SHARPNESS * (cost - cost.min(axis=-1, keepdims=True)))
     swivel = (weight * _SWIVELS).sum(axis=-1) / weight.sum(axis=-1)
     chosen = rotation.multiply(rotation.exp(-swivel[..., None] * axis[..., 0, :]), wanted[..., 0, :])
     return Wrist(swivel, *_split(chosen))
+
+
+def _raised_cost(arm: Arm, angles: Float) -> Float:
+    """What each candidate swivel (..., 13) costs that lifts the elbow, and that bends forearm and wrist beyond their
+    limits: angles (..., 13, 3) of twist, deviation and flexion.
+
+    Casual signing moves distal joints rather than proximal ones (Napoli et al. 2014), so elbows hang as low as the
+    wrists allow.
+    """
+    bone = -rotation.to_matrix(arm.upper)[..., 0]  # unit vector from shoulder to elbow, (..., 3)
+    along = np.sum(bone * arm.direction, axis=-1)
+    side = np.cross(arm.direction, bone)[..., 1:2]
+    up = (bone[..., 1] - along * arm.direction[..., 1])[..., None]
+    height = up * np.cos(_SWIVELS) + side * np.sin(_SWIVELS)  # of the elbow over the line from shoulder to wrist
+    low, high = np.array([[-FOREARM_LIMIT, FOREARM_LIMIT], *WRIST_LIMITS]).T
+    breach = np.maximum(0.0, np.maximum(angles - high, low - angles) + _MARGIN + _ONSET)
+    return np.asarray(_HEIGHT_COST * height + np.square(breach / _BREACH).sum(axis=-1))
 
 
 def _split(quats: Float) -> tuple[Float, Float, Float]:
@@ -179,8 +204,8 @@ def rotations(states: Float, signer: Signer) -> tuple[Float, Float]:
     n_frames = len(states)
     local_quats = np.zeros((n_frames, len(JOINTS), 4))
     local_quats[..., 3] = 1.0
-    for name in ("Spine", "Spine1", "Spine2"):
-        local_quats[:, JOINTS[name]] = rotation.exp(states[:, TRUNK] / 3.0)
+    for name, part in zip(("Spine", "Spine1", "Spine2"), _trunk_parts(signer), strict=True):
+        local_quats[:, JOINTS[name]] = rotation.exp(states[:, TRUNK] / part)
     for name, fraction in (("Neck", 0.4), ("Head", 0.6)):
         local_quats[:, JOINTS[name]] = rotation.exp(fraction * states[:, HEAD])
     displacement = states[:, ROOT] * (np.array([-1.0, 1.0, 1.0]) if signer.left_handed else 1.0)
@@ -191,11 +216,11 @@ def rotations(states: Float, signer: Signer) -> tuple[Float, Float]:
     swivel = rotation.exp(wrist.swivel[..., None] * arm.direction)
     upper, fore = (rotation.multiply(swivel, q) for q in (arm.upper, arm.fore))
     # Half of the twist at the elbow, half at the wrist.
-    half_twist = rotation.exp(0.5 * _soft_clip(wrist.twist, -FOREARM_LIMIT, FOREARM_LIMIT, 0.15)[..., None] * _X)
+    half_twist = rotation.exp(0.5 * _soft_clip(wrist.twist, -FOREARM_LIMIT, FOREARM_LIMIT, _MARGIN)[..., None] * _X)
     (low_side, high_side), (low_bent, high_bent) = WRIST_LIMITS
     bent = [
-        _soft_clip(wrist.deviation, low_side, high_side, 0.15),
-        _soft_clip(wrist.flexion, low_bent, high_bent, 0.15),
+        _soft_clip(wrist.deviation, low_side, high_side, _MARGIN),
+        _soft_clip(wrist.flexion, low_bent, high_bent, _MARGIN),
     ]
     swing = rotation.exp(np.stack([np.zeros_like(bent[0]), *bent], axis=-1))
     chain = {
@@ -219,6 +244,14 @@ def rotations(states: Float, signer: Signer) -> tuple[Float, Float]:
     return local_quats, roots
 
 
+def _trunk_parts(signer: Signer) -> tuple[float, float, float]:
+    """Which part of the trunk's rotation each joint of the spine has, 1 over it: a third each in plain motion, while in
+    captured signing the lowest joint turns eight times as fast as the others.
+    """
+    lowest = 1.0 / 3.0 + (_LOWEST_SPINE - 1.0 / 3.0) * min(signer.manner.body_motion, 1.0)
+    return (1.0 / lowest, 2.0 / (1.0 - lowest), 2.0 / (1.0 - lowest)) if signer.manner.body_motion else (3.0, 3.0, 3.0)
+
+
 def _lean_legs(local_quats: Float, displacement: Float) -> None:
     """Rotate the legs, in place, against the root's displacement (T, 3), cm, so that the feet stay where they are."""
     leg = 81.0  # hip to ankle of the standard body, cm
@@ -228,7 +261,8 @@ def _lean_legs(local_quats: Float, displacement: Float) -> None:
         local_quats[:, JOINTS[f"{side}Foot"]] = rotation.exp(lean)
 
 
-def _smooth_step(x: Float) -> Float:
+def smooth_step(x: Float) -> Float:
+    """0 up to 0, 1 from 1 on, between them the smooth step of degree 5."""
     x = np.clip(x, 0.0, 1.0)
     return np.asarray(x**3 * (10.0 + x * (-15.0 + 6.0 * x)))
 

@@ -1,0 +1,149 @@
+"""Motion of head and trunk during a word, and hands that go with the part of the body they are at.
+
+The head turns, nods and tilts, and the trunk turns and leans with the reach of the hands; the head goes to meet a hand
+at face or chin, the trunk does not (Tyrone and Mauk 2016). All of it begins when the hands leave rest and is over when
+they are back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+from signsplice.synth import pose
+from signsplice.synth.carrying import Nearness, carried, nearness
+from signsplice.synth.rng import stream
+from signsplice.synth.signer import Signer
+
+Float = NDArray[np.float64]
+
+_STEP_S = 0.42
+"""Usual time from one turn of the head to the next."""
+_HEAD_DEG = np.array([7.5, 10.0, 6.0])
+"""Standard deviation of the head's nod, turn and tilt where it comes to rest for a moment."""
+_TRUNK_DEG = np.array([3.0, 4.5, 2.6])
+"""The same of the trunk's lean, turn and lean to the side."""
+_GAZE = 0.5
+"""How much of the trunk's motion the head takes back, so that it keeps facing the addressee."""
+_END_NOD_DEG, _END_NOD_S = 7.0, 0.36
+"""A nod at the end of a sign, and how long it takes; three signs in five have one."""
+_TOUCHED = 0.35
+"""What is left of the head's turns while a hand touches it."""
+_MEET_NOD_DEG, _MEET_TILT_DEG = 5.0, 6.0
+"""How far the head goes to meet a hand in front of it, and one at its side."""
+_MEET_CM, _MEET_FULL_CM = 14.0, 4.0
+"""Distance of a hand from the head's skin from which the head goes to meet it, and at which it has done so."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """When a word's hands are away from rest.
+
+    up: last frame of rest before the word
+    start: first posture
+    end: last posture
+    down: first frame of rest after the word
+    """
+
+    up: int
+    start: int
+    end: int
+    down: int
+
+
+def add_body_motion(states: Float, span: Span, signer: Signer, fps: float, names: tuple[str | int, ...]) -> Float:
+    """States (T, 63) of an isolated word with motion of head and trunk, where the signer's manner has any, and with
+    hands that keep their places on the body; ``names`` seed what is random.
+    """
+    manner = signer.manner
+    if not manner.body_motion and not manner.head_to_hand:
+        return states
+    right_handed = replace(signer, left_handed=False)
+    near = nearness(states, right_handed)
+    states = states.copy()
+    level = _level(len(states), span, fps)[:, None]
+    touched = _smoothed(_step((3.0 * signer.scale - near.head.min(axis=1)) / (3.0 * signer.scale)), fps, 0.10)
+    if manner.body_motion:
+        trunk, head = _turns(states, span, signer, fps, names)
+        head *= (1.0 - (1.0 - _TOUCHED) * touched)[:, None]
+        states[:, pose.TRUNK] += manner.body_motion * level * trunk
+        states[:, pose.HEAD] += manner.body_motion * level * (head - _GAZE * trunk)
+    if manner.head_to_hand:
+        rng = stream("head-to-hand", signer.name, *names)
+        size = manner.head_to_hand * rng.uniform(0.7, 1.3)
+        states[:, pose.HEAD] += size * level * _meeting(near, signer, fps)
+    return carried(states, near, right_handed)
+
+
+def _level(n_frames: int, span: Span, fps: float) -> Float:
+    """Weights (T,) that rise from 0 at ``up`` and are back at 0 at ``down``, with no jump of their acceleration."""
+    t = np.arange(n_frames)
+    ramp = max(1.0, 0.22 * fps)
+    return _step((t - span.up) / ramp) * _step((span.down - t) / ramp)
+
+
+def _turns(states: Float, span: Span, signer: Signer, fps: float, names: tuple[str | int, ...]) -> tuple[Float, Float]:
+    """Rotation vectors (T, 3) of trunk and head: from one turn to the next, with the reach of the hands, and a nod at
+    the sign's end.
+    """
+    rng = stream("body-motion", signer.name, *names)
+    n_steps = max(2, round((span.down - span.up) / fps / _STEP_S * signer.tempo))
+    times = np.linspace(span.up, span.down, n_steps + 1)
+    times[1:-1] += rng.uniform(-0.25, 0.25, n_steps - 1) * (times[1] - times[0])
+    turns = np.zeros((2, n_steps + 1, 3))
+    turns[:, 1:-1] = np.clip(rng.standard_normal((2, n_steps - 1, 3)), -1.8, 1.8)
+    turns[0] *= np.deg2rad(_TRUNK_DEG)
+    turns[1] *= np.deg2rad(_HEAD_DEG)
+    looks = rng.random(n_steps - 1) < 0.4  # at the strong hand, else at the addressee or elsewhere
+    turns[1, 1:-1, 1] = np.where(looks, -np.abs(turns[1, 1:-1, 1]), turns[1, 1:-1, 1])
+    trunk, head = (_spline(times, knots, len(states)) for knots in turns)
+    trunk += rng.uniform(0.6, 1.4) * _reaching(states, signer, fps)
+    if rng.random() < 0.6:
+        frames = 0.5 * _END_NOD_S * fps
+        u = np.clip((np.arange(len(states)) - span.end) / frames, -1.0, 1.0)
+        head[:, 0] += np.deg2rad(_END_NOD_DEG) * rng.uniform(0.6, 1.3) * (1.0 - u * u) ** 3
+    return trunk, head
+
+
+def _spline(times: Float, knots: Float, n_frames: int) -> Float:
+    """The smooth curve (T, 3) through knots (K, 3), at rest before the first and after the last."""
+    rest = [(1, np.zeros(3)), (2, np.zeros(3))]
+    curve = make_interp_spline(times, knots, k=5, bc_type=(rest, rest))  # type: ignore[arg-type]
+    return np.asarray(curve(np.clip(np.arange(n_frames), times[0], times[-1])))
+
+
+def _reaching(states: Float, signer: Signer, fps: float) -> Float:
+    """Rotation vectors (T, 3) of a trunk that goes with the hands: it turns the shoulder of a hand that reaches
+    forward to the front, turns to where both hands are, leans after far hands and away from the side of a high one.
+    """
+    wrists = pose.hands(states)[..., pose.WRIST] / signer.scale  # (T, 2, 3)
+    raised = _step((wrists[..., 1] + 36.0) / 30.0)  # 0 where a hand hangs, 1 in signing space
+    out, up, forward = (raised * wrists[..., k] for k in range(3))
+    lean = 0.06 * (np.maximum(forward.max(axis=1), 10.0) - 10.0)
+    turn = 0.10 * (forward[:, 0] - forward[:, 1]) + 0.12 * (out[:, 0] - out[:, 1])
+    aside = 0.06 * ((raised * (up + 20.0))[:, 1] - (raised * (up + 20.0))[:, 0])
+    return np.deg2rad(_smoothed(np.stack([lean, turn, aside], axis=-1), fps, 0.12))
+
+
+def _meeting(near: Nearness, signer: Signer, fps: float) -> Float:
+    """Rotation vectors (T, 3) of a head that goes to meet the hands near it: forward to a hand at its front, to the
+    side to a hand there.
+    """
+    weight = _step((_MEET_CM - near.head / signer.scale) / (_MEET_CM - _MEET_FULL_CM))  # (T, 2)
+    wide = 2 * round(0.13 * fps) + 1  # early, and for as long as a repeated movement lasts
+    weight = _smoothed(maximum_filter1d(weight, wide, axis=0, mode="nearest"), fps, 0.10)
+    front = weight.max(axis=1)
+    aside = -_smoothed(near.head_side, fps, 0.06) * weight
+    return np.deg2rad(np.stack([_MEET_NOD_DEG * front, 0.0 * front, _MEET_TILT_DEG * aside.sum(axis=1)], axis=-1))
+
+
+def _smoothed(values: Float, fps: float, seconds: float) -> Float:
+    return np.asarray(gaussian_filter1d(values, seconds * fps, axis=0, mode="nearest"))
+
+
+def _step(x: Float) -> Float:
+    return pose.smooth_step(x)
