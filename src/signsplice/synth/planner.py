@@ -23,6 +23,7 @@ from signsplice.synth.paths import PathMotion, translated
 from signsplice.synth.phonology import IN_SPACE, Posture, Segment, Sign
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, STANDARD, Signer
+from signsplice.synth.touch_events import TOUCH_CM, skin_gaps, touching_sides
 from signsplice.synth.trajectory import Knot
 
 Float = NDArray[np.float64]
@@ -41,7 +42,10 @@ REST_S = 0.17
 
 @dataclass(frozen=True)
 class Events:
-    """Frames of an isolated word, and whether its first and last postures touch the body.
+    """Frames of an isolated word, and how near its hands are to the skin in its first and last postures.
+
+    Skin distances are those of ``touch_events``: of the strong hand, or of either where the hands mirror one another,
+    to head, trunk, the other hand and the other arm.
 
     up: the last frame of rest
     start: the first posture
@@ -49,8 +53,10 @@ class Events:
     down: the first frame of rest again
     first: the first movement, [begin, end]; None for a word without movement
     passes: [begin, end] of every pass of the last movement, in order: its repetitions, or a circle's revolutions
-    touches_first: whether the first posture touches
+    touches_first: whether the first posture touches: a skin distance of at most 5 mm
     touches_last: whether the last posture touches
+    gap_first_cm: skin distance at ``start``; None in corpora of version 1, whose touches are those of the notation
+    gap_last_cm: skin distance at ``end``
     """
 
     up: int
@@ -61,6 +67,8 @@ class Events:
     passes: tuple[tuple[int, int], ...]
     touches_first: bool
     touches_last: bool
+    gap_first_cm: float | None = None
+    gap_last_cm: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +117,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     segments.add_overlays(states, offset)
     states = clear_collisions(states, signer)
     clip = pose.clip(states, signer, fps, sign.gloss)
-    return IsolatedWord(sign, signer, states, clip, segments.events(before - 1, offset, down))
+    return IsolatedWord(sign, signer, states, clip, segments.events(clip, before - 1, offset, down))
 
 
 def _still(state: Float) -> Float:
@@ -184,21 +192,24 @@ class _SegmentPlan:
         self.knots = [Knot(0, self._first_state(), True)]
         self.timed = [self._add(n, segment) for n, segment in enumerate(sign.segments)]
 
-    def events(self, up: int, offset: int, down: int) -> Events:
-        """The word's events, its first posture at frame ``offset``, with ``down`` frames of retraction."""
+    def events(self, clip: Clip, up: int, offset: int, down: int) -> Events:
+        """The word's events in its motion, the first posture at frame ``offset``, with ``down`` frames of retraction."""
         moves = [
             [(begin + offset, stop + offset) for begin, stop in timed.passes] for timed in self.timed if timed.passes
         ]
-        segments = self.sign.segments
+        end = offset + self.knots[-1].frame
+        first, last = skin_gaps(clip, (offset, end), touching_sides(self.sign, self.signer))
         return Events(
             up=up,
             start=offset,
-            end=offset + self.knots[-1].frame,
-            down=offset + self.knots[-1].frame + down + 1,
+            end=end,
+            down=end + down + 1,
             first=moves[0][0] if moves else None,
             passes=tuple(moves[-1]) if moves else (),
-            touches_first=touches(segments[0], self.sign),
-            touches_last=touches(segments[-1], self.sign),
+            touches_first=bool(first <= TOUCH_CM),
+            touches_last=bool(last <= TOUCH_CM),
+            gap_first_cm=float(first),
+            gap_last_cm=float(last),
         )
 
     def add_overlays(self, states: Float, offset: int) -> None:
@@ -287,7 +298,9 @@ class _SegmentPlan:
 
 
 def touches(segment: Segment, sign: Sign) -> bool:
-    """Whether a segment's strong hand touches the body, the base hand, or (mirrored, on the midline) the other hand."""
+    """Whether the notation puts a segment's strong hand on the body, the base hand, or (mirrored, on the midline) the
+    other hand. What is seen to touch, which events tell, can differ.
+    """
     posture = segment.strong
     meets = sign.hands in ("symmetric", "alternating") and posture.location in ("space-mid", "space-low-mid")
     free = posture.location in IN_SPACE and not meets
