@@ -193,7 +193,7 @@ class _SegmentPlan:
         self.timed = [self._add(n, segment) for n, segment in enumerate(sign.segments)]
 
     def events(self, clip: Clip, up: int, offset: int, down: int) -> Events:
-        """The word's events in its motion, the first posture at frame ``offset``, with ``down`` frames of retraction."""
+        """The word's events, its first posture at frame ``offset``, with ``down`` frames of retraction."""
         moves = [
             [(begin + offset, stop + offset) for begin, stop in timed.passes] for timed in self.timed if timed.passes
         ]

@@ -25,6 +25,12 @@ from signsplice.synth.planner import IsolatedWord
 
 Float = NDArray[np.float64]
 
+KINDS = {
+    "partner": "where a word is left and entered depends on the other word too",
+    "word": "each word has one frame where it is left and one where it is entered, whoever its partner is",
+}
+"""Kinds of ground truth."""
+
 UNDERSHOOT = 0.2
 """Fraction of a movement's time that may be left out before (or after) a posture where it stops: a minimum-jerk
 movement has 5.8 % of its path left then, and 41 % of its peak speed."""
@@ -39,9 +45,11 @@ TOUCHING_CM, FREE_CM = 1.0, 4.0
 
 LONG_HOLD_S = 0.2
 """A last hold that is longer is deleted; a shorter one, as after a touch, stays."""
-KEEP_DOWN, KEEP_UP = 0.30, 0.36
-"""Fraction of retraction and preparation that stays where they lead along the travel; half of it across, none opposed."""
-FAR_CM = 5.0
+KEEP_DOWN, DOWN_ALONG = 0.22, 0.12
+"""Fraction of the retraction that stays where it leads across the travel, and how much more along, and less opposed."""
+KEEP_UP, UP_ALONG = 0.24, 0.11
+"""The same of the preparation."""
+FAR_CM = 3.0
 """Travel at which half of that stays, since a hand that is there already has no way to share."""
 KEEP_HOLD, KEEP_OTHER = 0.6, 0.17
 """Fraction of its only hold that a sign without movement keeps, and how much more before another handshape."""
@@ -50,7 +58,7 @@ OTHER_SHAPE = 0.6
 
 DIRECTION_CM = 4.0
 """Displacement at which a direction counts half: shorter ones have hardly any."""
-SEEN_S = 0.1
+SEEN_S = 0.133
 """Time on either side of an event over which the position of the hand is averaged."""
 
 TOO_DEEP_CM = 0.35
@@ -103,10 +111,17 @@ ANY_PARTNER = Relation(18.0, 0.3, leaving=0.0, going_down=0.0, coming_up=0.0, en
 """How a word relates to one that is not known: half a shoulder width away, across, with a handshape of its own."""
 
 
+def by_partner(kind: str) -> bool:
+    """Whether the cuts of a kind of truth depend on both words. Raises ``InputError`` for an unknown kind."""
+    if kind not in KINDS:
+        raise InputError(f"no truth {kind!r}, expected one of {', '.join(KINDS)}")
+    return kind == "partner"
+
+
 def splice(p: IsolatedWord, q: IsolatedWord, partner: bool = True) -> Splice:
     """The ground truth for word ``p`` before word ``q``. Raises ``InputError`` for two signers or frame rates.
 
-    partner: whether the cut depends on both words; without, each word is left and entered at frames of its own.
+    partner: whether the cut depends on both words; without, each is left and entered as beside ``ANY_PARTNER``.
     """
     pre, post = cut(p, q, partner)
     return Splice(pre, post, transition(p.states[pre - 2 : pre + 1], q.states[post : post + 3], p))
@@ -160,9 +175,8 @@ def leave(p: IsolatedWord, relation: Relation) -> int:
         return stop if goes_on else _towards(stop, -TURNING * left_out)
     if events.end - stop > LONG_HOLD_S * p.clip.fps:
         return _towards(stop, -left_out)
-    along = 0.5 * (1.0 + relation.going_down)
-    down = KEEP_DOWN * along * _far(relation) * (events.down - events.end)
-    return _towards(events.end, down - (1.0 - along) * left_out)
+    kept = (KEEP_DOWN + DOWN_ALONG * relation.going_down) * _far(relation)
+    return events.end + round(kept * (events.down - events.end))
 
 
 def enter(q: IsolatedWord, relation: Relation) -> int:
@@ -174,8 +188,8 @@ def enter(q: IsolatedWord, relation: Relation) -> int:
     if begin > events.start:  # the first hold is deleted
         left_out = _undershoot(q, begin, stop, relation.entering, events.gap_first_cm) * (stop - begin)
         return _towards(begin, left_out)
-    along = 0.5 * (1.0 + relation.coming_up)
-    return _towards(events.start, -KEEP_UP * along * _far(relation) * (events.start - events.up))
+    kept = (KEEP_UP + UP_ALONG * relation.coming_up) * _far(relation)
+    return events.start - round(kept * (events.start - events.up))
 
 
 def kept_pass(p: IsolatedWord) -> tuple[int, int]:
@@ -214,10 +228,13 @@ def _towards(posture: int, frames: float) -> int:
 
 
 def _seen(word: IsolatedWord, frame: int, least: int = 0, most: int | None = None) -> Float:
-    """The strong wrist's position (3,) around a frame, averaged so that errors of single frames hardly count."""
+    """The strong wrist's position (3,) around a frame, on the standard body; averaged so that errors of single frames
+    hardly count.
+    """
     around = round(SEEN_S * word.clip.fps)
     last = len(word) - 1 if most is None else most
-    return np.asarray(word.states[max(least, frame - around) : min(last, frame + around) + 1, pose.WRIST].mean(axis=0))
+    frames = slice(max(least, frame - around), min(last, frame + around) + 1)
+    return np.asarray(word.states[frames, pose.WRIST].mean(axis=0) / word.signer.scale)
 
 
 def _alignment(displacement: Float, travel: Float) -> float:
