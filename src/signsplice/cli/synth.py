@@ -99,6 +99,13 @@ def sentences(
     metavar="N",
     help="How many pairs a second signer makes, to test on.",
 )
+@click.option(
+    "--truth",
+    type=click.Choice(["partner", "word"]),
+    default="partner",
+    show_default=True,
+    help="Where a word is left and entered: by both words, or at one frame of its own whoever its partner is.",
+)
 @click.option("--processes", type=int, default=2, show_default=True, metavar="N", help="Number of processes.")
 def pairs(
     output: str,
@@ -108,6 +115,7 @@ def pairs(
     seed: int,
     fps: float,
     other_signer: int,
+    truth: str,
     processes: int,
 ) -> None:
     """Write all ordered pairs of words (by default 100: 10,000 pairs) with true cut frames, transitions and splits."""
@@ -119,7 +127,7 @@ def pairs(
     if words is None and signs is None and not pseudo:
         words = 100
     chosen = tuple(_chosen(signs, words, pseudo, seed, least=2))
-    recipe = Recipe(chosen, seed, _rate(fps), min(other_signer, len(chosen) ** 2))
+    recipe = Recipe(chosen, seed, _rate(fps), min(other_signer, len(chosen) ** 2), truth)
     with progress(f"splicing {len(chosen) ** 2} pairs") as advance:
         write_pairs(recipe, Path(output), advance, processes)
     made = Pairs(output)

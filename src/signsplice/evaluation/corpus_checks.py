@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body import collision
+from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip
 from signsplice.synth import hand, planner, pose, running
-from signsplice.synth.corpus import Pairs
+from signsplice.synth.corpus import VERSION, Pairs
 from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import JOINTS
@@ -151,12 +152,22 @@ def over_limit(local_rotations: Float) -> float:
     return float(max(0.0, worst - _ROUNDING))
 
 
+def check_made_here(pairs: Pairs) -> None:
+    """Raise ``InputError`` for a corpus of another version than this code makes."""
+    if pairs.version != VERSION:
+        raise InputError(
+            f"{pairs.folder}: is a corpus of version {pairs.version}, which the tag corpus-v{pairs.version} makes; "
+            "only there can it be planned anew"
+        )
+
+
 def replan(pairs: Pairs, signs: Mapping[str, Sign], n_pairs: int = 400) -> tuple[int, int]:
     """Number of drawn pairs of the first signer planned anew from their signs, and number of those that differ.
 
     A pair differs where any bit of its utterance's rotations or roots is not the stored one. Pairs with a word that
-    ``signs`` lacks are left out.
+    ``signs`` lacks are left out. Raises ``InputError`` for a corpus of version 1.
     """
+    check_made_here(pairs)
     words = pairs.head["words"]
     has_sign = np.array([row["gloss"] in signs for row in words])
     candidates = np.flatnonzero((pairs.index[:, 0] < len(words) // 2) & has_sign[pairs.index[:, :2]].all(axis=1))
@@ -168,7 +179,7 @@ def replan(pairs: Pairs, signs: Mapping[str, Sign], n_pairs: int = 400) -> tuple
         for k in both:
             if k not in planned:
                 planned[k] = planner.isolated(signs[words[k]["gloss"]], pairs.signers[0], fps=pairs.head["fps"])
-        clip = running.utter([planned[k] for k in both], changes=False).clip
+        clip = running.utter([planned[k] for k in both], changes=False, partner=pairs.by_partner).clip
         stored = (pairs.utterance(number, "rotations"), pairs.utterance(number, "roots"))
         anew = (clip.local_rotations.astype(np.float32), clip.root_positions.astype(np.float32))
         n_different += not all(np.array_equal(a, b) for a, b in zip(stored, anew, strict=True))

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from signsplice.evaluation import corpus_checks
 from signsplice.evaluation.wrists import right_wrist
 from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
@@ -129,36 +130,52 @@ def _accuracy(rule: str, cuts: Sequence[tuple[int, int]], true: Sequence[Sequenc
     )
 
 
-READING_ERRORS_CM = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0)
+READING_ERRORS_CM = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 RAD_PER_CM = 0.02
 """Error of every finger angle for each cm of error of the wrist."""
 
 
+@dataclass(frozen=True)
+class ReadingAccuracy:
+    """How often a reader with an error finds the cut, as fractions of the pairs.
+
+    error_cm: standard deviation of what the reader measures.
+    exact: both frames exact.
+    near: both within one frame.
+    """
+
+    error_cm: float
+    exact: float
+    near: float
+
+
 def score_reading(
     pairs: Pairs, numbers: Sequence[int], signs: Mapping[str, Sign], errors: Sequence[float] = READING_ERRORS_CM
-) -> dict[float, float]:
-    """Measuring error -> fraction of the pairs whose cut a reader who knows the rules and all events gets right.
+) -> list[ReadingAccuracy]:
+    """How often a reader finds the cut who knows the rules and the frames of all events, but measures with an error.
 
-    errors: standard deviation of each coordinate of the wrist in every frame, cm; finger angles have the error that
-    goes with it. The rules have thresholds, and an error moves pairs near one to the other side. Pairs with a word that
-    ``signs`` lacks are left out.
+    errors: standard deviation of each coordinate of the wrist in every frame, and of the skin distances at the events,
+    cm; finger angles have the error that goes with it. Shares are rounded to frames, and an error moves pairs near a
+    half to the other side. Pairs with a word that ``signs`` lacks are left out. Raises ``InputError`` for a corpus of
+    version 1, whose rules are gone.
     """
     words = _planned(pairs, numbers, signs)
     rows = [row for row in pairs.index[list(numbers), :4].tolist() if {row[0], row[1]} <= words.keys()]
-    out = {}
+    out = []
     for error in errors:
-        n_right = 0
+        distances = []
         for n, (p, q, pre, post) in enumerate(rows):
             rng = stream("reading", round(1e4 * error), n)
-            before, after = _with_noise(words[p], error, rng), _with_noise(words[q], error, rng)
-            relation = truth.relate(before, after)
-            n_right += (truth.leave(words[p], relation), truth.enter(words[q], relation)) == (pre, post)
-        out[error] = n_right / max(1, len(rows))
+            read = truth.cut(_with_noise(words[p], error, rng), _with_noise(words[q], error, rng), pairs.by_partner)
+            distances.append(max(abs(read[0] - pre), abs(read[1] - post)))
+        found = np.array(distances or [np.inf])
+        out.append(ReadingAccuracy(error, float((found == 0).mean()), float((found <= 1).mean())))
     return out
 
 
 def _planned(pairs: Pairs, numbers: Sequence[int], signs: Mapping[str, Sign]) -> dict[int, planner.IsolatedWord]:
     """The words of these pairs, planned anew from their signs."""
+    corpus_checks.check_made_here(pairs)
     n_per_signer = len(pairs.head["words"]) // 2
     used = sorted(set(pairs.index[list(numbers), :2].ravel().tolist()))
     glosses = {k: pairs.head["words"][k]["gloss"] for k in used}
@@ -173,7 +190,11 @@ def _with_noise(word: planner.IsolatedWord, error: float, rng: np.random.Generat
     states = word.states.copy()
     states[:, pose.WRIST] += rng.normal(0.0, error, states[:, pose.WRIST].shape)
     states[:, pose.FINGERS] += rng.normal(0.0, RAD_PER_CM * error, states[:, pose.FINGERS].shape)
-    return replace(word, states=states)
+    gaps = [
+        None if gap is None else gap + float(rng.normal(0.0, error))
+        for gap in (word.events.gap_first_cm, word.events.gap_last_cm)
+    ]
+    return replace(word, states=states, events=replace(word.events, gap_first_cm=gaps[0], gap_last_cm=gaps[1]))
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from signsplice.errors import InputError
 from signsplice.evaluation import corpus_checks, corpus_difficulty, corpus_pictures, corpus_realism
 from signsplice.evaluation.corpus_difficulty import RAD_PER_CM
 from signsplice.evaluation.corpus_realism import Float, rms_jerk, speeds
+from signsplice.evaluation.corpus_touches import score_touches
 from signsplice.evaluation.tables import markdown
 from signsplice.evaluation.wrists import right_wrist, wrist_positions
 from signsplice.formats import load
@@ -20,7 +21,7 @@ from signsplice.formats.reading import read_bytes
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 from signsplice.synth import notation, pseudo
-from signsplice.synth.corpus import Pairs
+from signsplice.synth.corpus import VERSION, Pairs
 from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream
 
@@ -50,7 +51,8 @@ def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], prog
     corpus_pictures.check_matplotlib()
     signs = known_signs(pairs)
     lines = [
-        f"Corpus `{pairs.head['hash']}`: {len(pairs)} pairs, seed {pairs.head['seed']}, {pairs.head['fps']:g} fps."
+        f"Corpus `{pairs.head['hash']}`, version {pairs.version}: {len(pairs)} pairs, "
+        f"truth by {'partner' if pairs.by_partner else 'word'}, seed {pairs.head['seed']}, {pairs.head['fps']:g} fps."
     ]
     with progress("realism") as advance:
         lines += ["", *_realism(pairs, real, images / "corpus-realism.png")]
@@ -163,7 +165,6 @@ def _difficulty(pairs: Pairs, signs: Mapping[str, Sign], advance: Advance) -> li
     test = pairs.split("random", "test")[:N_TEST]
     cuts = corpus_difficulty.score_cutters(pairs, test, pairs.split("random", "train"), advance)
     transitions, true_jump = corpus_difficulty.score_transitions(pairs, test[:N_TRANSITIONS], advance)
-    reading = corpus_difficulty.score_reading(pairs, test, signs)
     scores = [
         (t.transition, f"{t.position_error:.1f}", f"{t.motion_ratio:.2f}", f"{t.velocity_jump:.2f}")
         for t in transitions
@@ -178,11 +179,7 @@ def _difficulty(pairs: Pairs, signs: Mapping[str, Sign], advance: Advance) -> li
             [(c.rule, *_percents(c.exact, c.leave, c.enter, c.near), f"{c.distance:.2f}") for c in cuts],
         ),
         "",
-        "Precision that a reader needs who knows the rules and all events. Error: standard deviation of each",
-        f"coordinate of the strong wrist in every frame (finger angles: {RAD_PER_CM} rad per cm). Exact: pairs with",
-        "both frames right, %.",
-        "",
-        *markdown(("error, cm", *(f"{error:g}" for error in reading)), [("exact", *_percents(*reading.values()))]),
+        *_precision(pairs, test, signs),
         "",
         f"Transitions at the true cuts and lengths, {len(test[:N_TRANSITIONS])} of them:",
         "",
@@ -193,9 +190,31 @@ def _difficulty(pairs: Pairs, signs: Mapping[str, Sign], advance: Advance) -> li
     ]
 
 
+_OLDER = "Its words and cuts are not planned anew: the tag `corpus-v1` makes version 1."
+
+
+def _precision(pairs: Pairs, test: Sequence[int], signs: Mapping[str, Sign]) -> list[str]:
+    if pairs.version != VERSION:
+        return [_OLDER]
+    reading = corpus_difficulty.score_reading(pairs, test, signs)
+    return [
+        "Precision that a reader needs who knows the rules and the frames of all events. Error: standard deviation of",
+        "each coordinate of the strong wrist in every frame, and of the skin distances at the events (finger angles:",
+        f"{RAD_PER_CM} rad per cm). Pairs with both frames right, %:",
+        "",
+        *markdown(
+            ("error, cm", *(f"{r.error_cm:g}" for r in reading)),
+            [
+                ("exact", *_percents(*(r.exact for r in reading))),
+                ("within one frame", *_percents(*(r.near for r in reading))),
+            ],
+        ),
+    ]
+
+
 def _validity(pairs: Pairs, signs: Mapping[str, Sign], advance: Advance) -> list[str]:
     worst = corpus_checks.examine(pairs, advance)
-    n_replanned, n_different = corpus_checks.replan(pairs, signs)
+    touches = score_touches(pairs)
     steps = f"{worst.seam_step_cm:.1f}, {worst.word_step_cm:.1f} cm a frame"
     rows = [
         ("deepest a hand lies in head, trunk or the other hand, in words", f"{10 * worst.deepest_word_cm:.1f} mm"),
@@ -206,6 +225,15 @@ def _validity(pairs: Pairs, signs: Mapping[str, Sign], advance: Advance) -> list
         ("largest step of any joint: at a seam, in words", steps),
         ("largest change of a wrist's step at a seam", f"{worst.seam_wrist_change_cm:.1f} cm"),
         ("pairs whose cut or transition lies outside the stored frames", worst.n_misplaced),
-        (f"pairs that differ in any bit, of {n_replanned} drawn and planned anew", n_different),
+        (
+            f"first and last postures, of {touches.n_postures}, whose touch is not flagged, or flagged and not seen",
+            f"{touches.n_missed}, {touches.n_false}",
+        ),
     ]
-    return ["### Validity", "", f"Over all {worst.n_pairs} pairs:", "", *markdown(("check", "worst"), rows)]
+    anew = []
+    if pairs.version == VERSION:
+        n_replanned, n_different = corpus_checks.replan(pairs, signs)
+        rows.append((f"pairs that differ in any bit, of {n_replanned} drawn and planned anew", n_different))
+    else:
+        anew = ["", _OLDER]
+    return ["### Validity", "", f"Over all {worst.n_pairs} pairs:", "", *markdown(("check", "worst"), rows), *anew]

@@ -2,7 +2,7 @@
 
 A corpus of pairs is a folder:
 
-    corpus.json                    recipe, its hash, words with their events, signers, splits
+    corpus.json                    recipe, its hash, kind of truth, words with their events, signers, splits
     word_rotations.npy   (F, 53, 4) float32   local rotations of every word's frames, word after word
     word_roots.npy       (F, 3)     float32   root positions, cm
     word_positions.npy   (F, 159)   float32   joint positions, scaled into [-0.5, 0.5]
@@ -10,6 +10,9 @@ A corpus of pairs is a folder:
     new_rotations.npy, new_roots.npy, new_positions.npy   the same of all transitions, pair after pair
 
 The utterance of a pair is, in each of the three, before[: pre + 1], new[first : first + n], after[post:] (eq. 17).
+
+This is version 2. ``Pairs`` also reads version 1, whose truth is of kind partner, whose events tell touches of the
+notation, and whose signers have no manner; the tag ``corpus-v1`` of this project makes it.
 """
 
 from __future__ import annotations
@@ -39,13 +42,16 @@ from signsplice.synth.planner import Events, IsolatedWord
 from signsplice.synth.pool import Pool
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, Signer, draw_signer, read_signer, skeleton
+from signsplice.synth.splits import draw_splits
 
 Float = NDArray[np.float64]
 Array = NDArray[Any]
 Progress = Callable[[int, int], None]
 
-VERSION = 1
+VERSION = 2
 """Raised with every change of the motion: the same recipe with another version is another corpus."""
+READABLE = (1, 2)
+"""Versions that ``Pairs`` reads."""
 
 EXTENT = 1.3
 """Side of the cube, in statures, that is scaled to [-0.5, 0.5]^3: wide enough for every reach."""
@@ -65,12 +71,14 @@ class Recipe:
     seed: of the signers and the splits
     fps: frame rate
     n_other: how many pairs a second signer makes, for the split of unseen signers
+    truth: what the cuts depend on, one of ``truth.KINDS``
     """
 
     signs: tuple[Sign, ...]
     seed: int = 0
     fps: float = 30.0
     n_other: int = 1000
+    truth: str = "partner"
 
     @property
     def hash(self) -> str:
@@ -132,7 +140,9 @@ def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, 
             with replacing_folder(folder, hint) as made:
                 _write_words(made, words)
                 _write_new(made, part, rows, len(recipe.signs))
-                splits = _splits(recipe, [(row.signer, row.before, q) for row in rows for q in row.after])
+                splits = draw_splits(
+                    recipe.seed, len(recipe.signs), [(row.signer, row.before, q) for row in rows for q in row.after]
+                )
                 head = _head(recipe, words, splits)
                 (made / HEAD).write_text(json.dumps(head, indent=1) + "\n", encoding="utf-8")
     except OSError as error:
@@ -146,9 +156,10 @@ def _write_rows(
     """Write the rows' files, as far as they are not there whole; returns the words of both signers."""
     todo = [row for row in rows if not is_whole(row.path(part))]
     total, done = sum(len(row.after) for row in rows), sum(len(row.after) for row in rows if row not in todo)
+    partner = truth.by_partner(recipe.truth)
     with Pool(processes) as run:
         words = [list(run(_word, [(sign, signer, recipe.fps) for sign in recipe.signs])) for signer in recipe.signers()]
-        jobs = ((row.path(part), words[row.signer], row) for row in todo)
+        jobs = ((row.path(part), words[row.signer], row, partner) for row in todo)
         for row in run(_write_row, jobs):
             done += len(row.after)
             if progress is not None:
@@ -170,13 +181,13 @@ def _word(job: tuple[Sign, Signer, float]) -> IsolatedWord:
     return planner.isolated(sign, signer, fps=fps)
 
 
-def _write_row(job: tuple[Path, list[IsolatedWord], _PairRow]) -> _PairRow:
+def _write_row(job: tuple[Path, list[IsolatedWord], _PairRow, bool]) -> _PairRow:
     """Write a row's transitions into a file of its own."""
-    path, words, row = job
+    path, words, row, partner = job
     p = words[row.before]
     states, index = [], []
     for q in row.after:
-        splice = truth.splice(p, words[q])
+        splice = truth.splice(p, words[q], partner)
         states.append(splice.states)
         index.append((splice.pre, splice.post, len(splice.states)))
     clip = pose.clip(np.concatenate(states), p.signer, p.clip.fps)
@@ -221,33 +232,6 @@ def _write_new(made: Path, part: Path, rows: Sequence[_PairRow], n: int) -> None
                     out.write(arrays[kind].tobytes())
 
 
-def _splits(recipe: Recipe, pairs: Sequence[tuple[int, int, int]]) -> dict[str, dict[str, list[int]]]:
-    """Numbers of the pairs (signer, word before, word after) for training, validation and test, by seed.
-
-    random: pairs drawn 80 : 10 : 10 (the paper's protocol; the paper does not print its ratio). unseen-words: words
-    drawn 70 : 10 : 20; a pair belongs where both of its words do, and other pairs are left out. unseen-signer: training
-    and validation of random, tested on the second signer.
-    """
-    rng = stream("splits", recipe.seed, len(recipe.signs))
-    first = [k for k, (signer, _, _) in enumerate(pairs) if signer == 0]
-    order = rng.permutation(first).tolist()
-    a, b = round(0.8 * len(order)), round(0.9 * len(order))
-    random = {"train": sorted(order[:a]), "valid": sorted(order[a:b]), "test": sorted(order[b:])}
-    n = len(recipe.signs)
-    words = rng.permutation(n).tolist()
-    a, b = round(0.7 * n), round(0.8 * n)
-    groups = {"train": set(words[:a]), "valid": set(words[a:b]), "test": set(words[b:])}
-    unseen = {
-        name: [k for k in first if pairs[k][1] in group and pairs[k][2] in group] for name, group in groups.items()
-    }
-    others = [k for k, (signer, _, _) in enumerate(pairs) if signer == 1]
-    return {
-        "random": random,
-        "unseen-words": unseen,
-        "unseen-signer": {"train": random["train"], "valid": random["valid"], "test": others},
-    }
-
-
 def _head(
     recipe: Recipe, words: Sequence[Sequence[IsolatedWord]], splits: dict[str, dict[str, list[int]]]
 ) -> dict[str, Any]:
@@ -260,6 +244,7 @@ def _head(
                 "signer": word.signer.name,
                 "first": first,
                 "frames": len(word),
+                "hands": word.sign.hands,
                 "events": asdict(word.events),
             }
         )
@@ -269,6 +254,7 @@ def _head(
         "hash": recipe.hash,
         "seed": recipe.seed,
         "fps": recipe.fps,
+        "truth": recipe.truth,
         "extent": EXTENT,
         "signers": [asdict(signer) for signer in recipe.signers()],
         "words": rows,
@@ -293,11 +279,22 @@ class Pairs:
         except (OSError, TypeError, ValueError, InputError) as error:
             hint = "make one with `signsplice synth pairs`"
             raise InputError(f"{self.folder}: is no corpus of pairs ({error}); {hint}") from error
-        if self.head.get("version") != VERSION:
-            raise InputError(f"{self.folder}: version {self.head.get('version')}, expected {VERSION}; make it again")
+        if self.head.get("version") not in READABLE:
+            expected = " or ".join(map(str, READABLE))
+            raise InputError(f"{self.folder}: version {self.head.get('version')}, expected {expected}; make it again")
 
     def __len__(self) -> int:
         return len(self.index)
+
+    @property
+    def version(self) -> int:
+        """1 or 2."""
+        return int(self.head["version"])
+
+    @property
+    def by_partner(self) -> bool:
+        """Whether the cuts of a word depend on its partner, too."""
+        return truth.by_partner(self.head.get("truth", "partner"))
 
     @cached_property
     def signers(self) -> tuple[Signer, ...]:
@@ -317,7 +314,7 @@ class Pairs:
         return np.asarray(self.words[kind][row["first"] : row["first"] + row["frames"]])
 
     def events(self, number: int) -> Events:
-        """A word's events."""
+        """A word's events; those of version 1 have no skin distances."""
         row = self.head["words"][number]["events"]
         first = tuple(row["first"]) if row["first"] else None
         return Events(**{**row, "first": first, "passes": tuple(tuple(p) for p in row["passes"])})

@@ -29,6 +29,7 @@ from signsplice.synth.phonology import IN_SPACE, Posture, Segment, Sign
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, STANDARD, Signer
 from signsplice.synth.timing import between_frames, hold_pause, tempo_of
+from signsplice.synth.touch_events import TOUCH_CM, skin_gaps, touching_sides
 from signsplice.synth.trajectory import Knot
 
 Float = NDArray[np.float64]
@@ -47,7 +48,10 @@ REST_S = 0.17
 
 @dataclass(frozen=True)
 class Events:
-    """Frames of an isolated word, and whether its first and last postures touch the body.
+    """Frames of an isolated word, and how near its hands are to the skin in its first and last postures.
+
+    Skin distances are those of ``touch_events``: of the strong hand, or of either where the hands mirror one another,
+    to head, trunk, the other hand and the other arm.
 
     up: the last frame of rest
     start: the first posture
@@ -55,8 +59,10 @@ class Events:
     down: the first frame of rest again
     first: the first movement, [begin, end]; None for a word without movement
     passes: [begin, end] of every pass of the last movement, in order: its repetitions, or a circle's revolutions
-    touches_first: whether the first posture touches
+    touches_first: whether the first posture touches: a skin distance of at most 5 mm
     touches_last: whether the last posture touches
+    gap_first_cm: skin distance at ``start``; None in corpora of version 1, whose touches are those of the notation
+    gap_last_cm: skin distance at ``end``
     """
 
     up: int
@@ -65,8 +71,10 @@ class Events:
     down: int
     first: tuple[int, int] | None
     passes: tuple[tuple[int, int], ...]
-    touches_first: bool
-    touches_last: bool
+    touches_first: bool = False
+    touches_last: bool = False
+    gap_first_cm: float | None = None
+    gap_last_cm: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +127,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     )
     states = clear_collisions(states, signer)
     clip = pose.clip(states, signer, fps, sign.gloss)
-    return IsolatedWord(sign, signer, states, clip, events)
+    return IsolatedWord(sign, signer, states, clip, _with_touches(events, clip, sign, signer))
 
 
 def _from_rest_to_rest(knots: Sequence[Knot], rest: Float, up: int, down: int, signer: Signer) -> Float:
@@ -190,6 +198,18 @@ def _reach_frames(start: Float, end: Float, signer: Signer, fps: float, pace: fl
     return max(4, round(fps * pace * trajectory.travel_seconds(float(travel), signer)) - 1)
 
 
+def _with_touches(events: Events, clip: Clip, sign: Sign, signer: Signer) -> Events:
+    """A word's events with how near its hands come to the skin in its first and last postures."""
+    first, last = skin_gaps(clip, (events.start, events.end), touching_sides(sign, signer))
+    return replace(
+        events,
+        touches_first=bool(first <= TOUCH_CM),
+        touches_last=bool(last <= TOUCH_CM),
+        gap_first_cm=float(first),
+        gap_last_cm=float(last),
+    )
+
+
 @dataclass(frozen=True)
 class _TimedSegment:
     """A segment, its [begin, end] frames, and for a movement those of each pass."""
@@ -244,16 +264,14 @@ class _SegmentPlan:
         moves = [
             [(begin + offset, stop + offset) for begin, stop in timed.passes] for timed in self.timed if timed.passes
         ]
-        segments = self.sign.segments
+        end = offset + self.knots[-1].frame
         return Events(
             up=up,
             start=offset,
-            end=offset + self.knots[-1].frame,
-            down=offset + self.knots[-1].frame + down + 1,
+            end=end,
+            down=end + down + 1,
             first=moves[0][0] if moves else None,
             passes=tuple(moves[-1]) if moves else (),
-            touches_first=touches(segments[0], self.sign),
-            touches_last=touches(segments[-1], self.sign),
         )
 
     def add_overlays(self, states: Float, offset: int) -> None:
@@ -351,7 +369,9 @@ class _SegmentPlan:
 
 
 def touches(segment: Segment, sign: Sign) -> bool:
-    """Whether a segment's strong hand touches the body, the base hand, or (mirrored, on the midline) the other hand."""
+    """Whether the notation puts a segment's strong hand on the body, the base hand, or (mirrored, on the midline) the
+    other hand. What is seen to touch, which events tell, can differ.
+    """
     posture = segment.strong
     meets = sign.hands in ("symmetric", "alternating") and posture.location in ("space-mid", "space-low-mid")
     free = posture.location in IN_SPACE and not meets

@@ -65,19 +65,19 @@ class Utterance:
     stretches: tuple[Stretch, ...]
 
 
-def utter(words: Sequence[IsolatedWord], changes: bool = True) -> Utterance:
+def utter(words: Sequence[IsolatedWord], changes: bool = True, partner: bool = True) -> Utterance:
     """The sentence of words of one signer and rate, from the first word's rest to the last word's.
 
     changes: let weak hands stay, pronouns assimilate and the signer hesitate; without, every kept frame is an isolated
-    one, and every transition that of ``truth.splice``. Raises ``InputError`` for no words, or words of two signers.
+    one, and every transition that of ``truth.splice``.
+    partner: as for ``truth.splice``.
+
+    Raises ``InputError`` for no words, or words of two signers.
     """
     if not words:
         raise InputError("no words, expected at least one")
-    for word in words[1:]:
-        truth.check_alike(words[0], word)
-    relations = [truth.relate(p, q) for p, q in itertools.pairwise(words)]
-    leaves = [truth.leave(p, relation) for p, relation in zip(words[:-1], relations, strict=True)]
-    enters = [0, *(truth.enter(q, relation) for q, relation in zip(words[1:], relations, strict=True))]
+    cuts = [truth.cut(p, q, partner) for p, q in itertools.pairwise(words)]
+    leaves, enters = [pre for pre, _ in cuts], [0, *(post for _, post in cuts)]
     signed: list[tuple[Float, tuple[str, ...]]] = [(word.states, ()) for word in words]
     if changes:
         for k in range(len(words) - 1):

@@ -30,7 +30,7 @@ from signsplice.synth.signer import HANGING, RESTS, Signer, draw_signer
 Array = NDArray[Any]
 Progress = Callable[[int, int], None]
 
-VERSION = 6
+VERSION = 7
 """Raised with every change of a part's content; part of its file name."""
 FIRST_SIGNER = 1000
 """Seed of the first signer; the signers of any corpus of pairs have lower seeds."""
@@ -145,8 +145,7 @@ def part(plan: TrainingDataPlan, number: int) -> dict[str, Array]:
 
 
 def _true_cut(p: IsolatedWord, q: IsolatedWord) -> tuple[int, int, int]:
-    relation = truth.relate(p, q)
-    pre, post = truth.leave(p, relation), truth.enter(q, relation)
+    pre, post = truth.cut(p, q)
     return pre, post, truth.transition_frames(p.states[pre], q.states[post], p)
 
 

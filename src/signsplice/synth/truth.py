@@ -1,16 +1,18 @@
 """The ground truth of a splice: the frames where an utterance leaves one isolated word and enters the next, and the
 transition that the signer makes between them.
 
-The rules are those of running signing (Liddell and Johnson 1989): a movement is inserted between two signs, holds
-between movements are deleted or shortened, repetitions get fewer, and the hands do not stop at the seam. Every rule
-reads what the two clips show: when movements begin and end, whether a hand touches, how far and in which direction the
-strong hand has to go, how much the handshape changes. docs/corpus.md describes the rules.
+The rules are those of running signing: a movement is inserted between two signs and holds are deleted (Liddell and
+Johnson 1989), repetitions get fewer (their "single sequence", 1986), and the hands do not stop at the seam. A target
+posture may be undershot (Mauk 2003; Tyrone and Mauk 2010), by a small part of the movement that leads to it, and less
+the nearer it is to the skin; no rule cuts deeper. Every rule reads what the two clips show, and what it reads changes
+the cut continuously, so that a small error of reading rarely changes a frame. docs/corpus.md describes the rules.
 
 In the code ``p`` is the word before and ``q`` the word after.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,26 +26,41 @@ from signsplice.synth.timing import slowed
 
 Float = NDArray[np.float64]
 
-NEAR = 0.45
-"""Travel (shoulder widths) up to which two positions of the hand are near one another."""
-OTHER_SHAPE = 0.42
-"""Mean change of the finger angles (radians) from which two handshapes are different."""
-ALIGNED = 0.35
-"""Cosine from which two directions agree (and below the negative of which they oppose)."""
+KINDS = {
+    "partner": "where a word is left and entered depends on the other word too",
+    "word": "each word has one frame where it is left and one where it is entered, whoever its partner is",
+}
+"""Kinds of ground truth."""
 
-# Three values each: for a movement opposed to the travel between the words, across it, along it.
-LEAVE_HELD = (0.26, 0.35, 0.43)
-"""Fraction of the last movement, before a hold, that is left out."""
-LEAVE_FREE = (0.16, 0.24, 0.32)
-"""Fraction of the last movement, before a retraction that leads away from the next word, that is left out."""
-LEAVE_DOWN = (0.0, 0.22, 0.28)
-"""Fraction of the retraction, after a touch or without a hold before it, that is kept."""
-ENTER_HELD = (0.24, 0.32, 0.40)
-"""Fraction of the first movement, after a hold, that is left out."""
-ENTER_UP = (0.16, 0.25, 0.34)
-"""Fraction of the preparation, with no hold after it, that is kept."""
-KEEP_HOLD = 0.6
-"""Fraction of its only hold that a sign without movement keeps; one sixth more before another handshape."""
+UNDERSHOOT = 0.2
+"""Fraction of a movement's time that may be left out before (or after) a posture where it stops: a minimum-jerk
+movement has 5.8 % of its path left then, and 41 % of its peak speed."""
+TURNING = 0.75
+"""The same where it turns without a stop, over ``UNDERSHOOT``: a cosine has 5.4 % of its path left at 0.15."""
+UNDERSHOOT_CM = 1.0
+"""Most of a movement's path that may be left out before a posture, cm on the standard body."""
+ALONG_MORE = 0.3
+"""How much less undershoot there is across the travel between the words than along it, and again opposed to it."""
+TOUCHING_CM, FREE_CM = 1.0, 4.0
+"""Skin distances up to which a posture is not undershot, and from which it is undershot in full."""
+
+LONG_HOLD_S = 0.2
+"""A last hold that is longer is deleted; a shorter one, as after a touch, stays."""
+KEEP_DOWN, DOWN_ALONG = 0.22, 0.12
+"""Fraction of the retraction that stays where it leads across the travel, and how much more along, and less opposed."""
+KEEP_UP, UP_ALONG = 0.24, 0.11
+"""The same of the preparation."""
+FAR_CM = 3.0
+"""Travel at which half of that stays, since a hand that is there already has no way to share."""
+KEEP_HOLD, KEEP_OTHER = 0.6, 0.17
+"""Fraction of its only hold that a sign without movement keeps, and how much more before another handshape."""
+OTHER_SHAPE = 0.6
+"""Mean change of the finger angles (radians) from which two handshapes are wholly different."""
+
+DIRECTION_CM = 4.0
+"""Displacement at which a direction counts half: shorter ones have hardly any."""
+SEEN_S = 0.133
+"""Time on either side of an event over which the position of the hand is averaged."""
 
 TOO_DEEP_CM = 0.35
 """Depth that a hand may have at most in head, trunk or the other hand within a transition."""
@@ -72,31 +89,50 @@ class Splice:
 class Relation:
     """How two words relate, as far as the rules depend on it.
 
-    Alignments compare a movement of the strong wrist with its travel between the words: 0 opposed, 1 across (or no
-    direction), 2 along.
+    Alignments compare a movement of the strong wrist with its travel between the words, from -1 (opposed) over 0
+    (across, or hardly any direction) to 1 (along).
 
-    near: whether the end of the first word and the start of the second are near
-    other_shape: whether their handshapes differ
-    leaving: alignment of the first word's last movement
-    going_down: alignment of the first word's retraction
-    coming_up: alignment of the second word's preparation
-    entering: alignment of the second word's first movement
+    travel_cm: from the end of the first word to the start of the second, on the standard body
+    shape_change: mean change of the finger angles, radians
+    leaving: alignment of the second half of the first word's last movement
+    going_down: alignment of the first word's retraction, its first half
+    coming_up: alignment of the second word's preparation, its second half
+    entering: alignment of the first half of the second word's first movement
     """
 
-    near: bool
-    other_shape: bool
-    leaving: int
-    going_down: int
-    coming_up: int
-    entering: int
+    travel_cm: float
+    shape_change: float
+    leaving: float
+    going_down: float
+    coming_up: float
+    entering: float
 
 
-def splice(p: IsolatedWord, q: IsolatedWord) -> Splice:
-    """The ground truth for word ``p`` before word ``q``. Raises ``InputError`` for two signers or frame rates."""
-    check_alike(p, q)
-    relation = relate(p, q)
-    pre, post = leave(p, relation), enter(q, relation)
+ANY_PARTNER = Relation(18.0, 0.3, leaving=0.0, going_down=0.0, coming_up=0.0, entering=0.0)
+"""How a word relates to one that is not known: half a shoulder width away, across, with a handshape of its own."""
+
+
+def by_partner(kind: str) -> bool:
+    """Whether the cuts of a kind of truth depend on both words. Raises ``InputError`` for an unknown kind."""
+    if kind not in KINDS:
+        raise InputError(f"no truth {kind!r}, expected one of {', '.join(KINDS)}")
+    return kind == "partner"
+
+
+def splice(p: IsolatedWord, q: IsolatedWord, partner: bool = True) -> Splice:
+    """The ground truth for word ``p`` before word ``q``. Raises ``InputError`` for two signers or frame rates.
+
+    partner: whether the cut depends on both words; without, each is left and entered as beside ``ANY_PARTNER``.
+    """
+    pre, post = cut(p, q, partner)
     return Splice(pre, post, transition(p.states[pre - 2 : pre + 1], q.states[post : post + 3], p))
+
+
+def cut(p: IsolatedWord, q: IsolatedWord, partner: bool = True) -> tuple[int, int]:
+    """The last frame kept of ``p`` and the first frame kept of ``q``; see ``splice``."""
+    check_alike(p, q)
+    relation = relate(p, q) if partner else ANY_PARTNER
+    return leave(p, relation), enter(q, relation)
 
 
 def check_alike(p: IsolatedWord, q: IsolatedWord) -> None:
@@ -107,74 +143,105 @@ def check_alike(p: IsolatedWord, q: IsolatedWord) -> None:
 
 def relate(p: IsolatedWord, q: IsolatedWord) -> Relation:
     """How two words relate."""
-    start = q.events.start
-    a, b = p.states[p.events.end], q.states[start]
-    travel = b[pose.WRIST] - a[pose.WRIST]
-    widths = float(np.linalg.norm(travel)) / (trajectory.SHOULDERS_CM * p.signer.scale)
-    change = float(np.abs(b[pose.FINGERS] - a[pose.FINGERS]).mean())
-    leaving = entering = 1
+    end, start = p.events.end, q.events.start
+    travel = _seen(q, start) - _seen(p, end)
+    shapes = p.states[end, pose.FINGERS], q.states[start, pose.FINGERS]
+    leaving = entering = np.zeros(3)
     if p.events.passes:
-        begin, stop = _last_pass(p, widths < NEAR)
-        leaving = _alignment(p.states[stop, pose.WRIST] - p.states[(begin + stop) // 2, pose.WRIST], travel)
+        begin, stop = kept_pass(p)
+        leaving = _seen(p, stop, begin, stop) - _seen(p, (begin + stop) // 2, begin, stop)
     if q.events.first is not None:
         begin, stop = q.events.first
-        entering = _alignment(q.states[(begin + stop + 1) // 2, pose.WRIST] - q.states[begin, pose.WRIST], travel)
-    half_down, half_up = (p.events.end + p.events.down) // 2, (q.events.up + start) // 2
-    going_down = _alignment(p.states[half_down, pose.WRIST] - p.states[p.events.end, pose.WRIST], travel)
-    coming_up = _alignment(b[pose.WRIST] - q.states[half_up, pose.WRIST], travel)
-    return Relation(widths < NEAR, change > OTHER_SHAPE, leaving, going_down, coming_up, entering)
+        entering = _seen(q, (begin + stop + 1) // 2, begin, stop) - _seen(q, begin, begin, stop)
+    return Relation(
+        travel_cm=float(np.linalg.norm(travel)),
+        shape_change=float(np.abs(shapes[1] - shapes[0]).mean()),
+        leaving=_alignment(leaving, travel),
+        going_down=_alignment(_seen(p, (end + p.events.down) // 2) - _seen(p, end), travel),
+        coming_up=_alignment(_seen(q, start) - _seen(q, (q.events.up + start) // 2), travel),
+        entering=_alignment(entering, travel),
+    )
 
 
 def leave(p: IsolatedWord, relation: Relation) -> int:
     """The last frame kept of the word before."""
     events = p.events
     if not events.passes:
-        hold = events.end - events.start
-        return events.start + max(1, round(hold * (KEEP_HOLD + relation.other_shape / 6.0)))
-    begin, stop = _last_pass(p, relation.near)
-    held = events.end - events.passes[-1][1]
-    if stop < events.passes[-1][1]:
-        return stop + 1 if events.touches_last else stop - max(1, round(LEAVE_HELD[relation.leaving] * (stop - begin)))
-    down = round(LEAVE_DOWN[relation.going_down] * (events.down - events.end))
-    if events.touches_last:
-        return events.end + down
-    if held:
-        return stop - max(1, round(LEAVE_HELD[relation.leaving] * (stop - begin)))
-    if relation.going_down == 0:
-        return stop - max(1, round(LEAVE_FREE[relation.leaving] * (stop - begin)))
-    return stop + down
+        share = KEEP_HOLD + KEEP_OTHER * min(1.0, relation.shape_change / OTHER_SHAPE)
+        return events.start + max(1, round((events.end - events.start) * share))
+    begin, stop = kept_pass(p)
+    left_out = _undershoot(p, begin, stop, relation.leaving, events.gap_last_cm) * (stop - begin)
+    if stop < events.passes[-1][1]:  # a pass is dropped
+        goes_on = stop == events.passes[-1][0]  # a circle's revolution, which has no posture at its end
+        return stop if goes_on else _towards(stop, -TURNING * left_out)
+    if events.end - stop > LONG_HOLD_S * p.clip.fps:
+        return _towards(stop, -left_out)
+    kept = (KEEP_DOWN + DOWN_ALONG * relation.going_down) * _far(relation)
+    return events.end + round(kept * (events.down - events.end))
 
 
 def enter(q: IsolatedWord, relation: Relation) -> int:
     """The first frame kept of the word after."""
     events = q.events
     if events.first is None:
-        return events.start + (relation.near and not relation.other_shape)
+        return events.start
     begin, stop = events.first
-    held = begin - events.start
-    if held == 0:
-        up = events.start - events.up
-        return events.start - round(ENTER_UP[relation.coming_up] * up) + relation.other_shape
-    if events.touches_first:
-        return begin - min(2 if relation.near else 1, held)
-    return begin + max(1, round(ENTER_HELD[relation.entering] * (stop - begin)) - relation.other_shape)
+    if begin > events.start:  # the first hold is deleted
+        left_out = _undershoot(q, begin, stop, relation.entering, events.gap_first_cm) * (stop - begin)
+        return _towards(begin, left_out)
+    kept = (KEEP_UP + UP_ALONG * relation.coming_up) * _far(relation)
+    return events.start - round(kept * (events.start - events.up))
 
 
-def _last_pass(p: IsolatedWord, near: bool) -> tuple[int, int]:
-    """The last pass of the last movement that running signing keeps: three or more lose one, and so do two where the
-    next word is far.
-    """
+def kept_pass(p: IsolatedWord) -> tuple[int, int]:
+    """The last pass of the last movement that running signing keeps: a repeated movement loses one."""
     passes = p.events.passes
-    return passes[-2] if len(passes) >= 3 or (len(passes) == 2 and not near) else passes[-1]
+    return passes[-2] if len(passes) > 1 else passes[-1]
 
 
-def _alignment(displacement: Float, travel: Float) -> int:
-    """0 opposed, 1 across or no direction, 2 along."""
-    length = float(np.linalg.norm(displacement) * np.linalg.norm(travel))
-    if np.linalg.norm(displacement) < 1.5 or length < 1e-6:
-        return 1
-    cosine = float(displacement @ travel) / length
-    return 2 if cosine > ALIGNED else 0 if cosine < -ALIGNED else 1
+def undershoot(path_cm: float) -> float:
+    """Fraction of a movement's time that may be left out before a posture at rest, by its path on the standard body:
+    so much that a minimum-jerk movement has at most 5.8 % of its path left, and at most ``UNDERSHOOT_CM``.
+    """
+    share = np.linspace(0.0, UNDERSHOOT, 201)
+    left = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    return float(np.interp(UNDERSHOOT_CM / max(path_cm, UNDERSHOOT_CM), left, share))
+
+
+def _undershoot(word: IsolatedWord, begin: int, stop: int, alignment: float, gap_cm: float | None) -> float:
+    """Fraction of the time of a movement that is left out at a posture with a skin distance."""
+    if gap_cm is None:
+        raise ValueError("events without skin distances")
+    frames = np.linspace(begin, stop, 7).round().astype(int)  # few, so that a reader's errors hardly lengthen the path
+    path = word.states[frames, pose.WRIST]
+    length = float(np.linalg.norm(np.diff(path, axis=0), axis=-1).sum()) / word.signer.scale
+    free = min(1.0, max(0.0, (gap_cm - TOUCHING_CM) / (FREE_CM - TOUCHING_CM)))
+    return undershoot(length) * free * (1.0 - 0.5 * ALONG_MORE * (1.0 - alignment))
+
+
+def _far(relation: Relation) -> float:
+    return relation.travel_cm / (relation.travel_cm + FAR_CM)
+
+
+def _towards(posture: int, frames: float) -> int:
+    """A number of frames from a posture, rounded towards it."""
+    return posture + math.trunc(frames)
+
+
+def _seen(word: IsolatedWord, frame: int, least: int = 0, most: int | None = None) -> Float:
+    """The strong wrist's position (3,) around a frame, on the standard body; averaged so that errors of single frames
+    hardly count.
+    """
+    around = round(SEEN_S * word.clip.fps)
+    last = len(word) - 1 if most is None else most
+    frames = slice(max(least, frame - around), min(last, frame + around) + 1)
+    return np.asarray(word.states[frames, pose.WRIST].mean(axis=0) / word.signer.scale)
+
+
+def _alignment(displacement: Float, travel: Float) -> float:
+    """The cosine between two displacements, less where one of them is short."""
+    lengths = [float(np.linalg.norm(v)) + DIRECTION_CM for v in (displacement, travel)]
+    return float(displacement @ travel) / (lengths[0] * lengths[1])
 
 
 def transition(before: Float, after: Float, p: IsolatedWord, pause_s: float = 0.0) -> Float:
