@@ -20,7 +20,7 @@ from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.locations import WeakArm
 from signsplice.synth.overlays import add_gesture, add_local_movement
 from signsplice.synth.paths import PathMotion, translated
-from signsplice.synth.phonology import IN_SPACE, Posture, Segment, Sign
+from signsplice.synth.phonology import IN_SPACE, ON_BASE, Posture, Segment, Sign
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, STANDARD, Signer
 from signsplice.synth.trajectory import Knot
@@ -260,23 +260,31 @@ class _SegmentPlan:
     def _path(self, n: int, begin: int) -> PathMotion:
         """The motion of segment ``n`` from the posture of segment ``begin``."""
         segment, postures = self.sign.segments[n], self.postures
-        return PathMotion(segment, self.sign.hands, self.signer, postures[begin], postures[n], self.size)
+        ends = (segment.strong, self.sign.segments[begin].strong)
+        lift = None
+        if segment.lift:
+            surface = next((end for end in ends if end.location not in IN_SPACE), ends[0])
+            weak = WeakArm(self.signer, postures[n][1])
+            lift = locations.lifted(surface, weak) * segment.lift * self.signer.scale
+        carried = all(end.location in ON_BASE for end in ends)
+        return PathMotion(
+            segment, self.sign.hands, self.signer, postures[begin], postures[n], self.size, lift, carried
+        )
 
     def _add_passes(self, n: int, segment: Segment, stops: bool) -> tuple[tuple[int, int], ...]:
         """Add a movement's knots; the frames of its passes."""
         path = self._path(n, begin=n - 1)
         begin = self.knots[-1].frame
-        revolutions = max(1, round(abs(segment.path.revolutions))) if segment.path.kind == "circle" else 1
+        revolutions = path.revolutions
         count = 2 * segment.times - 1 if not path.still else segment.times
-        each = self._frames(path.seconds()) if segment.seconds is None else round(segment.seconds * self.fps / count)
-        each = max(6 * revolutions if segment.path.kind == "circle" else 4, each)
+        each = self._frames(path.seconds() / segment.tempo) if segment.seconds is None else round(segment.seconds * self.fps / count)
+        each = max(6 * revolutions if path.circles else 4, each)
         passes = []
         for k in range(count):
             back = k % 2 == 1
             start = begin + k * each
-            for s, fraction in path.knots(each):
-                progress = 1.0 - s if back else s
-                self.knots.append(Knot(start + round(fraction * each), path.at(progress), False))
+            for s, fraction in path.knots(each, back):
+                self.knots.append(Knot(start + round(fraction * each), path.of_pass(k, s), False))
             if not back:
                 cuts = [start + round(each * t / revolutions) for t in range(revolutions + 1)]
                 passes += list(itertools.pairwise(cuts))
