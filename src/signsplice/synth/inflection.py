@@ -5,9 +5,9 @@ the locus of the one to that of the other, and the hand faces along with it. Wri
 the addressee; ``1-GIVE-2`` is that form, ``2-GIVE-1`` "you give me". Persons are 1, 2, 3 (strong side) and 3-WEAK.
 
 **Plural and aspect** (Fischer 1973; Klima and Bellugi 1979, chapters 11 and 12): a sign's last movement is repeated.
-``HABITUAL``: fast, to and fro. ``CONTINUATIVE``: slow, the way back a wide arch, so that the hand goes round in ellipses. ``PLURAL``: at three places beside
-one another (sideward reduplication, Pfau and Steinbach 2006). They are the published descriptions in the roughest form;
-which verbs and nouns take which of them is for the user to know.
+``HABITUAL``: fast, to and fro. ``CONTINUATIVE``: slow, the way back a wide arch, so that the hand goes round.
+``PLURAL``: at three places beside one another (sideward reduplication, Pfau and Steinbach 2006). They are the published
+descriptions in the roughest form; which verbs and nouns take which of them is for the user to know.
 """
 
 from __future__ import annotations
@@ -37,13 +37,14 @@ INFLECTIONS = {
 _STEP_CM = 8.0
 _ARCH_CM = 7.0
 _HABITUAL_TEMPO, _CONTINUATIVE_TEMPO = 1.4, 0.55
-_N_DIRECTIONS, _N_ROLLS = 150, 24
-_LESS = 0.35
+_N_DIRECTIONS, _N_ROLLS, _N_BATCHES = 150, 24, 30
+_LESS = 0.6
 """How much the turn of what does not face the object counts, beside the turn of what does."""
-_PERSON = "|".join(sorted((person.upper() for person in PERSONS), key=len, reverse=True))
+_PERSON = "|".join(sorted(PERSONS, key=len, reverse=True))
 _FORM = re.compile(
     rf"(?:(?P<subject>{_PERSON})-)?(?P<gloss>.+?)(?:-(?P<object>{_PERSON}))?"
-    rf"(?:-(?P<kind>{'|'.join(INFLECTIONS).upper()}))?"
+    rf"(?:-(?P<kind>{'|'.join(INFLECTIONS)}))?",
+    re.IGNORECASE,
 )
 
 
@@ -55,7 +56,7 @@ def form(signs: Mapping[str, Sign], gloss: str) -> Sign:
     """
     if gloss in signs:
         return signs[gloss]
-    match = _FORM.fullmatch(gloss.upper())
+    match = _FORM.fullmatch(gloss)
     if match is None or match["gloss"] not in signs:
         raise InputError(
             f"form {gloss[:80]!r}: no sign {match['gloss'][:60] if match else ''!r}, "
@@ -143,7 +144,7 @@ def _sidewards(segment: Segment, sign: Sign) -> Segment:
     strong, weak = segment.strong, segment.weak
     if sign.hands in ("symmetric", "alternating") or strong.location not in IN_SPACE | ON_BASE:
         raise InputError(
-            f"{sign.gloss}-PLURAL: {sign.gloss} moves in one place, and is displaced only in space with hands=one or base"
+            f"{sign.gloss}-PLURAL: {sign.gloss} moves in one place, and only hands=one or base in space go on from it"
         )
     if strong.location not in ON_BASE:
         strong = replace(strong, shift=_plus(strong.shift, 2.0 * _STEP_CM))
@@ -198,11 +199,11 @@ def _agreeing(posture: Posture, persons: dict[str, str | None], yaw: float, is_w
         palm=_turned(posture.palm, yaw),
         fingers=_turned(posture.fingers, yaw),
     )
-    return moved if yaw == 0.0 or _is_easy([moved])[0] else _facing(moved, posture.palm[2] > posture.fingers[2])
+    return moved if yaw == 0.0 or are_easy([moved])[0] else _facing(moved, posture.palm[2] > posture.fingers[2])
 
 
 def _facing(posture: Posture, by_palm: bool) -> Posture:
-    """The posture with the hand as nearly turned so as its arm goes easily; what leads, palm or fingers, counts more."""
+    """The posture with its hand as nearly turned so as the arm goes easily; palm or fingers, what leads, counts more."""
     wanted = np.array([posture.palm, posture.fingers])
     directions = _directions(_N_DIRECTIONS)
     rolls = 2.0 * np.pi * np.arange(_N_ROLLS) / _N_ROLLS
@@ -213,10 +214,12 @@ def _facing(posture: Posture, by_palm: bool) -> Posture:
     palms = np.cos(angle) * side + np.sin(angle) * np.cross(fingers, side)
     off = [np.arccos(np.clip(v @ w, -1.0, 1.0)) for v, w in zip((palms, fingers), wanted, strict=True)]
     cost = off[0] + _LESS * off[1] if by_palm else _LESS * off[0] + off[1]
-    order = np.argsort(cost)[: len(cost) // 2]
-    tried = [replace(posture, palm=_vector(palms[k]), fingers=_vector(fingers[k])) for k in order]
-    easy_ones = np.flatnonzero(_is_easy(tried))
-    return tried[int(easy_ones[0])] if len(easy_ones) else posture
+    for some in np.array_split(np.argsort(cost)[: len(cost) // 2], _N_BATCHES):
+        tried = [replace(posture, palm=_vector(palms[k]), fingers=_vector(fingers[k])) for k in some]
+        taken = np.flatnonzero(are_easy(tried))
+        if len(taken):
+            return tried[int(taken[0])]
+    return posture
 
 
 def _directions(n: int) -> Float:
@@ -235,7 +238,7 @@ def _vector(v: Float) -> Vector:
 _NOBODY = locations.WeakArm(STANDARD, np.zeros(27))
 
 
-def _is_easy(postures: Sequence[Posture]) -> NDArray[np.bool_]:
+def are_easy(postures: Sequence[Posture]) -> NDArray[np.bool_]:
     """Whether the standard signer's strong arm takes postures in space easily (``pseudo.easy``)."""
     solved = [locations.strong_wrist(posture, _NOBODY) for posture in postures]
     wrists, quats, angles = (np.stack(parts) for parts in zip(*solved, strict=True))

@@ -124,8 +124,8 @@ class PathMotion:
         along = self._path_offset(self.segment.weak_path, s, phase)
         if along is None:
             return own
-        along = along * locations.MIRROR
-        return along if own is None else own + along
+        mirrored = np.asarray(along * locations.MIRROR)
+        return mirrored if own is None else np.asarray(own + mirrored)
 
     def _path_offset(self, path: Path, s: float, phase: float) -> Float | None:
         """Displacement (3,), cm, on one path; None where it has none."""
@@ -146,9 +146,7 @@ class PathMotion:
         return float(np.linalg.norm(np.diff(wrists, axis=0), axis=-1).sum(axis=0).max())
 
     def knots(self, n_frames: int, back: bool = False) -> list[tuple[float, float]]:
-        """Knots of one pass of ``n_frames``, or of the way ``back`` from it, after its start: (progress, fraction of its
-        time).
-        """
+        """Knots of one pass of ``n_frames``, or of the way ``back``, after its start: (progress, fraction of its time)."""
         kinds = {path.kind for path in self._paths}
         if kinds & {"circle", "zigzag"} and not (back and self.lift is not None):
             n = min(max(map(_n_knots, self._paths)), n_frames)

@@ -267,9 +267,7 @@ class _SegmentPlan:
             weak = WeakArm(self.signer, postures[n][1])
             lift = locations.lifted(surface, weak) * segment.lift * self.signer.scale
         carried = all(end.location in ON_BASE for end in ends)
-        return PathMotion(
-            segment, self.sign.hands, self.signer, postures[begin], postures[n], self.size, lift, carried
-        )
+        return PathMotion(segment, self.sign.hands, self.signer, postures[begin], postures[n], self.size, lift, carried)
 
     def _add_passes(self, n: int, segment: Segment, stops: bool) -> tuple[tuple[int, int], ...]:
         """Add a movement's knots; the frames of its passes."""
@@ -277,7 +275,11 @@ class _SegmentPlan:
         begin = self.knots[-1].frame
         revolutions = path.revolutions
         count = 2 * segment.times - 1 if not path.still else segment.times
-        each = self._frames(path.seconds() / segment.tempo) if segment.seconds is None else round(segment.seconds * self.fps / count)
+        each = (
+            self._frames(path.seconds() / segment.tempo)
+            if segment.seconds is None
+            else round(segment.seconds * self.fps / count)
+        )
         each = max(6 * revolutions if path.circles else 4, each)
         passes = []
         for k in range(count):
