@@ -202,3 +202,14 @@ def test_a_bad_call_gives_one_line_and_writes_nothing(
     assert message in err
     assert out == ""
     assert sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*")) == before
+
+
+def test_forms_of_words_are_added(tmp_path: Path) -> None:
+    (tmp_path / "own.signs").write_text(NOTATION, encoding="utf-8")
+    call = ("lexicon", "-o", "words", "--signs", "own.signs", "--form", "KNOCK-HABITUAL", "--form", "KNOCK-HABITUAL")
+    done = signsplice("synth", *call, "--form", "WAVE", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert sorted(path.stem for path in (tmp_path / "words").glob("*.bvh")) == ["KNOCK", "KNOCK-HABITUAL", "WAVE"]
+    wrong = signsplice("synth", "lexicon", "-o", "words", "--form", "2-GIV-1", cwd=tmp_path)
+    assert wrong.returncode == 2
+    assert wrong.stderr.startswith("error: form '2-GIV-1': no sign 'GIV', expected a sign's gloss as in 2-GIVE-1")

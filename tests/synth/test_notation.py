@@ -119,6 +119,20 @@ def test_head_trunk_and_seconds() -> None:
     assert one(f"H {START} for=0.25").segments[0].seconds == 0.25
 
 
+def test_repetition() -> None:
+    for text, lift in (("return=lifted", 3.0), ("return=lifted:5.5", 5.5), ("return=same", 0.0)):
+        segment = one(f"X {START}", f"M shift=0,-4,0 times=3 {text} step=4,0,-1 tempo=1.5").segments[1]
+        assert (segment.times, segment.lift, segment.step, segment.tempo) == (3, lift, (4.0, 0.0, -1.0), 1.5)
+
+
+def test_a_base_hand_has_a_path_of_its_own() -> None:
+    segment = one(f"X {BASE}", "M path=arc:up:3 w.shift=0,4,0 w.path=circle:sagittal:4:-2", hands="base").segments[1]
+    assert segment.path == phonology.Path("arc", (0.0, 1.0, 0.0), size=3.0)
+    assert segment.weak_path == phonology.Path("circle", plane="sagittal", size=4.0, revolutions=-2.0)
+    alone = one(f"X {BASE}", "M w.path=circle:sagittal:4:1", hands="base")
+    assert faults(alone) == []
+
+
 def test_a_base_may_move_with_the_strong_hand() -> None:
     first, second = one(
         "H shape=A at=base-palm by=ulnar palm=in fingers=fwd w.shape=B w.at=space-mid w.palm=up w.fingers=fwd",
@@ -186,7 +200,45 @@ BROKEN = [
     ("WORD hands=one\n  X {start}\n  M local=shake\n", 3, "unknown local 'shake'"),
     ("WORD hands=one\n  X {start}\n  M local=twist:1:2:3\n", 3, "expected local=twist[:AMPLITUDE[:CYCLES]]"),
     ("WORD hands=one\n  X {start}\n  M local=twist:-3\n", 3, "local=-3, expected a number from 0.1 to 120"),
+    (
+        "WORD hands=one\n  X {start}\n  M off=1 times=2 return=high\n",
+        3,
+        "unknown return 'high'; expected one of lifted",
+    ),
+    ("WORD hands=one\n  X {start}\n  M off=1 times=2 return=lifted:0\n", 3, "return=0, expected a number from 1 to 15"),
+    ("WORD hands=one\n  X {start}\n  M off=1 times=2 return=same:2\n", 3, "expected return=same or return=lifted[:CM]"),
+    ("WORD hands=one\n  X {start} return=lifted\n", 2, "return= belongs to M, not to X"),
+    ("WORD hands=one\n  X {start}\n  M off=1 times=2 step=4\n", 3, "step=4, expected three numbers in cm"),
+    ("WORD hands=one\n  X {start}\n  M off=1 tempo=0\n", 3, "tempo=0, expected a number from 0.25 to 3"),
+    ("WORD hands=one\n  X {start}\n  M off=1 tempo=2 for=1\n", 3, "tempo= and for= both say how long it takes"),
+    ("WORD hands=one\n  X {start}\n  M shape=S w.path=arc:up:3\n", 3, "w.path= needs hands=base, not hands=one"),
+    ("WORD hands=base\n  X {base}\n  M shape=S w.path=arc:up\n", 3, "w.path=arc:up, expected w.path=arc:DIRECTION:CM"),
+    ("WORD hands=base\n  X {base}\n  M shape=S w.path=loop\n", 3, "unknown w.path 'loop'"),
+    ("WORD hands=one\n  H shape=5 at=locus:4 palm=in fingers=up\n", 2, "unknown at 'locus:4'; did you mean locus:"),
     # faults of a sign
+    ("WORD hands=one\n  X {start}\n  M shape=S return=lifted\n", 1, "segment 2: return=lifted needs times=2 or more"),
+    ("WORD hands=one\n  X {start}\n  M shape=S step=4,0,0\n", 1, "segment 2: step= needs times=2 or more"),
+    (
+        "WORD hands=one\n  X {start}\n  M path=circle:frontal:3:1 times=2 return=lifted\n",
+        1,
+        "return=lifted needs a movement to another posture",
+    ),
+    ("WORD hands=alternating\n  X {start}\n  M shift=0,4,0 times=2 return=lifted\n", 1, "not hands=alternating"),
+    (
+        "WORD hands=one\n  X shape=5 at=chin off=3 palm=in fingers=up\n  M off=0 times=2 step=4,0,0\n",
+        1,
+        "segment 2: step= would leave at=chin, expected places in space or at the base hand",
+    ),
+    (
+        "WORD hands=one\n  X {start}\n  M shift=0,4,0 times=2 step=4,0,0\n  M shape=S\n",
+        1,
+        "segment 2: step= belongs to the sign's last movement",
+    ),
+    (
+        "WORD hands=symmetric\n  H shape=5 at=object palm=in fingers=up\n",
+        1,
+        "at=object needs hands=one or hands=base; mirrored hands have no common locus",
+    ),
     ("WORD hands=one\n  M {start}\n", 1, "WORD: begins with M, expected H or X first"),
     ("WORD hands=one\n  X {start}\n  M\n", 1, "segment 2: M moves nothing, expected another posture, a path or"),
     ("WORD hands=one\n  X {start}\n  M path=arc:up:3\n", 1, "segment 2: M moves nothing"),

@@ -37,10 +37,24 @@ def synth() -> None:
 @_WORDS
 @_PSEUDO
 @click.option("--letters/--no-letters", default=True, help="Add the manual alphabet and digits.")
+@click.option(
+    "--form",
+    "forms",
+    multiple=True,
+    metavar="GLOSS",
+    help="Add a form of a word: 2-GIVE-1, LOOK-HABITUAL; may be given again.",
+)
 @_SEED
 @_FPS
 def lexicon(
-    output: str, signs: str | None, words: int | None, pseudo: int, letters: bool, seed: int, fps: float
+    output: str,
+    signs: str | None,
+    words: int | None,
+    pseudo: int,
+    letters: bool,
+    forms: tuple[str, ...],
+    seed: int,
+    fps: float,
 ) -> None:
     """Write isolated words as BVH files with glosses.csv; by default every word and letter of the package."""
     from signsplice.synth import folders, notation
@@ -49,6 +63,7 @@ def lexicon(
     check_apart(output, [signs])
     chosen = list(notation.alphabet().values()) if letters and signs is None else []
     chosen += _chosen(signs, words, pseudo, seed)
+    chosen += _forms(signs, forms, {sign.gloss for sign in chosen})
     recipe = Recipe(tuple(chosen), seed, _rate(fps))
     with progress(f"signing {len(chosen)} words") as advance:
         folders.write_lexicon(chosen, recipe.signers()[0], Path(output), fps, advance)
@@ -215,6 +230,15 @@ def _chosen(path: str | None, n_words: int | None, n_pseudo: int, seed: int, lea
     if len(chosen) < least:
         raise InputError(f"{len(chosen)} words chosen, expected at least {least}")
     return chosen
+
+
+def _forms(path: str | None, glosses: tuple[str, ...], made: set[str]) -> list[Sign]:
+    """The forms of a file's or the package's signs that are named, but for those that are made already."""
+    from signsplice.synth import inflection, notation
+
+    known = (notation.everyday() if path is None else notation.read(path)) if glosses else {}
+    forms = {form.gloss: form for form in (inflection.form(known, gloss) for gloss in glosses)}
+    return [form for gloss, form in forms.items() if gloss not in made]
 
 
 def _rate(fps: float) -> float:

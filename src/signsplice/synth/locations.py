@@ -67,7 +67,12 @@ _IN_SPACE: dict[str, Vector] = {
     "face-space": (3.0, 25.0, 27.0),
     "side-space": (20.0, 26.0, 16.0),
     "above-head": (4.0, 46.0, 15.0),
+    "locus:1": (8.0, 3.0, 17.0),
+    "locus:2": (8.0, 3.0, 36.0),
+    "locus:3": (28.0, 3.0, 29.0),
+    "locus:3-weak": (-14.0, 3.0, 29.0),
 }
+_IN_SPACE |= {"subject": _IN_SPACE["locus:1"], "object": _IN_SPACE["locus:2"]}
 
 # Parts of a hand: the joints and tips whose mean position they are; the distance of the skin from there, cm; the
 # direction out of the hand (in its axes: fingers -X, palm -Y, thumb +Z), for a hand that is touched.
@@ -247,6 +252,18 @@ def strong_wrist(posture: Posture, weak: WeakArm, meets: bool = False, size: flo
 def weak_hand(posture: Posture, signer: Signer, size: float = 1.0) -> Float:
     """The weak hand's state (27,) in a posture of its own; ``in`` is towards the strong side for it."""
     return strong_hand(posture, WeakArm(signer, np.zeros(27)), size=size)
+
+
+_LIFTED_IN_SPACE = (0.0, 0.7, -0.7)
+
+
+def lifted(posture: Posture, weak: WeakArm) -> Float:
+    """The unit vector (3,) along which a hand is lifted on its way back to a posture: away from the surface that it is
+    at; in space up and towards the signer.
+    """
+    normal = locate(posture.location, weak).normal
+    direction = normal if normal.any() else axes(_LIFTED_IN_SPACE)
+    return np.asarray(direction / np.linalg.norm(direction))
 
 
 def locate(name: str, weak: WeakArm) -> Location:

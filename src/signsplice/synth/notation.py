@@ -40,8 +40,10 @@ from signsplice.synth.phonology import (
 )
 
 _POSTURE_KEYS = ("shape", "at", "by", "off", "shift", "palm", "fingers")
-_KEYS = (*_POSTURE_KEYS, *(f"w.{key}" for key in _POSTURE_KEYS), "path", "local", "times", "for", "head", "trunk")
-_ONLY_M = ("path", "local", "times")
+_ONLY_M = ("path", "w.path", "local", "times", "return", "step", "tempo")
+_KEYS = (*_POSTURE_KEYS, *(f"w.{key}" for key in _POSTURE_KEYS), *_ONLY_M, "for", "head", "trunk")
+_LIFT_CM = 3.0
+"""How far a hand is lifted where the notation gives no distance."""
 _HEADER = re.compile(r"(?P<gloss>[^\s=:]+)\s+hands=(?P<hands>\S+)(?:\s+kind=(?P<kind>\S+))?\s*$")
 
 
@@ -148,6 +150,8 @@ def _segment(line: _Line, content: str, hands: str, before: Segment | None) -> S
         if key in _ONLY_M and kind != "M":
             raise line.error(f"{key}= belongs to M, not to {kind}")
         fields[key] = value
+    if "tempo" in fields and "for" in fields:
+        raise line.error("tempo= and for= both say how long it takes, expected one of them")
     weak_fields = {key[2:]: value for key, value in fields.items() if key.startswith("w.")}
     if weak_fields and hands != "base":
         raise line.error(f"w.{next(iter(weak_fields))}= needs hands=base, not hands={hands}")
@@ -158,8 +162,12 @@ def _segment(line: _Line, content: str, hands: str, before: Segment | None) -> S
         strong=strong,
         weak=weak,
         path=_path(line, fields["path"]) if "path" in fields else Path(),
+        weak_path=_path(line, fields["w.path"], "w.path") if "w.path" in fields else Path(),
         local=_local(line, fields["local"]) if "local" in fields else None,
         times=int(_number(line, "times", fields.get("times", "1"), 1, 8, whole=True)),
+        lift=_lift(line, fields["return"]) if "return" in fields else 0.0,
+        step=_shift(line, "step", fields["step"]) if "step" in fields else (0.0, 0.0, 0.0),
+        tempo=_number(line, "tempo", fields.get("tempo", "1"), 0.25, 3.0),
         seconds=_number(line, "for", fields["for"], 0.0, 5.0) if "for" in fields else None,
         head=_one_of(line, "head", fields.get("head", ""), ("", *HEAD)),
         trunk=_one_of(line, "trunk", fields.get("trunk", ""), ("", *TRUNK)),
@@ -194,25 +202,36 @@ def _posture(line: _Line, fields: dict[str, str], before: Posture | None, prefix
     return replace(before, **changes)  # type: ignore[arg-type]
 
 
-def _path(line: _Line, text: str) -> Path:
+def _lift(line: _Line, text: str) -> float:
+    """How far a hand is lifted on its way back, cm; 0 where it goes back as it came."""
+    kind, colon, distance = text.partition(":")
+    _one_of(line, "return", kind, ("lifted", "same"))
+    if kind == "same":
+        if colon:
+            raise line.error(f"return={text}, expected return=same or return=lifted[:CM]")
+        return 0.0
+    return _number(line, "return", distance, 1.0, 15.0) if colon else _LIFT_CM
+
+
+def _path(line: _Line, text: str, key: str = "path") -> Path:
     kind, *rest = text.split(":")
-    _one_of(line, "path", kind, PATHS)
+    _one_of(line, key, kind, PATHS)
     shapes = {"arc": "arc:DIRECTION:CM", "circle": "circle:PLANE:CM:TURNS", "zigzag": "zigzag:DIRECTION:CM:TURNS"}
     expected = shapes.get(kind, kind)
     if len(rest) != expected.count(":"):
-        raise line.error(f"path={text}, expected path={expected}")
+        raise line.error(f"{key}={text}, expected {key}={expected}")
     if kind == "arc":
-        return Path(kind, _direction(line, rest[0]), size=_number(line, "path", rest[1], 0.5, 40.0))
+        return Path(kind, _direction(line, rest[0]), size=_number(line, key, rest[1], 0.5, 40.0))
     if kind == "circle":
         plane = _one_of(line, "plane", rest[0], PLANES)
-        revolutions = _number(line, "path", rest[2], -6.0, 6.0)
+        revolutions = _number(line, key, rest[2], -6.0, 6.0)
         if abs(revolutions) < 0.25:
-            raise line.error(f"path={text}, expected a quarter of a turn or more")
-        return Path(kind, plane=plane, size=_number(line, "path", rest[1], 0.5, 30.0), revolutions=revolutions)
+            raise line.error(f"{key}={text}, expected a quarter of a turn or more")
+        return Path(kind, plane=plane, size=_number(line, key, rest[1], 0.5, 30.0), revolutions=revolutions)
     if kind == "zigzag":
-        revolutions = _number(line, "path", rest[2], 0.5, 8.0)
+        revolutions = _number(line, key, rest[2], 0.5, 8.0)
         return Path(
-            kind, _direction(line, rest[0]), size=_number(line, "path", rest[1], 0.5, 30.0), revolutions=revolutions
+            kind, _direction(line, rest[0]), size=_number(line, key, rest[1], 0.5, 30.0), revolutions=revolutions
         )
     return Path(kind)
 

@@ -37,19 +37,22 @@ class Stroke:
         """Whether it goes along the path, not back."""
         return self.stop > self.start
 
-    def at(self, s: float) -> float:
-        """Progress on the path at progress ``s`` of the stroke."""
-        return self.start + (self.stop - self.start) * s if self.forward else self.start - (self.start - self.stop) * s
+    def along(self, s: float) -> float:
+        """How far along the path, or the way back, the hand is at progress ``s`` of the stroke, 0 to 1."""
+        start, stop = (self.start, self.stop) if self.forward else (1.0 - self.start, 1.0 - self.stop)
+        return start + (stop - start) * s
 
 
 def strokes(path: PathMotion, count: int, n_frames: int, *names: str | int) -> list[Stroke]:
     """``count`` strokes to and fro, the first one whole and of ``n_frames``; ``names`` seed how later ones differ.
 
     What touches, touches in every pass: only the distance varies that a hand goes away from there. Where neither end
-    touches, the far end is the last posture, which all passes reach; where both do, and on circles, all are whole.
+    touches, the far end is the last posture, which all passes reach; where both do, on circles, and where the hand goes
+    back on another path, all are whole.
     """
     difference = path.signer.manner.pass_difference
-    if not difference or count == 1 or path.still or path.segment.path.kind == "circle":
+    whole = path.circles or path.lift is not None or any(path.segment.step)
+    if not difference or count == 1 or path.still or whole:
         return [Stroke(float(k % 2), float(1 - k % 2), n_frames) for k in range(count)]
     rng = stream("pass-difference", path.signer.name, *names)
     sizes = 1.0 - difference * rng.uniform(0.0, 1.0 - _LEAST_SIZE, count)

@@ -45,6 +45,9 @@ class PathMotion:
     end: strong and weak hand state (27,) in the second posture
     size: factor on the size of paths
     rounds: factors on the size of each revolution of a circle, or swing of a zigzag; empty for 1
+    lift: displacement (3,), cm, of the strong hand where it is highest on its way back; None where it goes back on the
+        same path
+    carried: whether the strong hand is at the base hand all the time, and so goes along on that hand's path
     """
 
     segment: Segment
@@ -54,12 +57,30 @@ class PathMotion:
     end: tuple[Float, Float]
     size: float
     rounds: tuple[float, ...] = ()
+    lift: Float | None = None
+    carried: bool = False
 
     @property
     def still(self) -> bool:
         """Whether the hands stay where they are, apart from a local movement."""
         same = all(np.array_equal(a, b) for a, b in zip(self.start, self.end, strict=True))
-        return same and self.segment.path.kind not in ("circle", "zigzag")
+        return same and not {path.kind for path in self._paths} & {"circle", "zigzag"}
+
+    @property
+    def _paths(self) -> tuple[Path, ...]:
+        """The paths that are made: the strong hand's, and a base hand's own."""
+        return (self.segment.path, self.segment.weak_path) if self.hands == "base" else (self.segment.path,)
+
+    @property
+    def circles(self) -> bool:
+        """Whether a hand circles."""
+        return any(path.kind == "circle" for path in self._paths)
+
+    @property
+    def revolutions(self) -> int:
+        """How many revolutions a pass has: those of the hand that circles, the strong one first; 1 without."""
+        found = [path.revolutions for path in self._paths if path.kind == "circle"]
+        return max(1, round(abs(found[0]))) if found else 1
 
     def at(self, s: float) -> Float:
         """The state (63,) at progress ``s``."""
@@ -68,6 +89,27 @@ class PathMotion:
             hand_state, offset = self._straight(which, t), self._offset(which, t, phase)
             both.append(hand_state if offset is None else translated(hand_state, offset, self.signer))
         return np.concatenate([*both, np.zeros(9)])
+
+    def back(self, s: float) -> Float:
+        """The state (63,) at progress ``s`` of the way back for another pass."""
+        if self.lift is None:
+            return self.at(1.0 - s)
+        both = [self._straight(which, 1.0 - t) for which, t, _ in self._both(s)]
+        lift = self.lift * np.sin(np.pi * s)
+        hands = (0, 1) if self.hands == "symmetric" else (0,)
+        for which in hands:
+            both[which] = translated(both[which], lift, self.signer)
+        return np.concatenate([*both, np.zeros(9)])
+
+    def of_pass(self, k: int, s: float) -> Float:
+        """The state (63,) at progress ``s`` of pass ``k``, where every other one is the way back."""
+        state = self.back(s) if k % 2 else self.at(s)
+        if not any(self.segment.step):
+            return state
+        moved = locations.axes(self.segment.step) * self.size * self.signer.scale * (k // 2 + (k % 2) * s)
+        strong, weak = pose.hands(state)
+        weak = weak if self.hands == "one" else translated(weak, moved * locations.MIRROR, self.signer)
+        return np.concatenate([translated(strong, moved, self.signer), weak, state[54:]])
 
     def _both(self, s: float) -> tuple[tuple[int, float, float], tuple[int, float, float]]:
         """For strong and weak hand at progress ``s``: whose path it follows (0 strong, 1 weak), its progress, and its
@@ -84,13 +126,23 @@ class PathMotion:
 
     def _offset(self, which: int, s: float, phase: float) -> Float | None:
         """Displacement (3,), cm, of a hand from the straight line; None where it stays on the line."""
-        path, scale = self.segment.path, self.signer.scale
-        if which == 1 or path.kind not in ("arc", "zigzag", "circle"):
+        own = self._path_offset(self.segment.weak_path if which == 1 else self.segment.path, s, phase)
+        if which == 1 or not self.carried:
+            return own
+        along = self._path_offset(self.segment.weak_path, s, phase)
+        if along is None:
+            return own
+        mirrored = np.asarray(along * locations.MIRROR)
+        return mirrored if own is None else np.asarray(own + mirrored)
+
+    def _path_offset(self, path: Path, s: float, phase: float) -> Float | None:
+        """Displacement (3,), cm, on one path; None where it has none."""
+        if path.kind not in ("arc", "zigzag", "circle"):
             return None
         if path.kind == "circle":
-            return _circle_offset(path, s, phase) * self._size_at(s) * scale
+            return _circle_offset(path, s, phase) * self._size_at(s) * self.signer.scale
         swing = np.sin(np.pi * s) if path.kind == "arc" else np.sin(2.0 * np.pi * path.revolutions * s)
-        return np.asarray(locations.axes(path.direction) * path.size * self._size_at(s) * scale * swing)
+        return np.asarray(locations.axes(path.direction) * path.size * self._size_at(s) * self.signer.scale * swing)
 
     def _size_at(self, s: float) -> float:
         """The factor on the path's size at progress ``s``, which passes from round to round smoothly."""
@@ -108,20 +160,16 @@ class PathMotion:
                 wrists[n, k] = self._straight(which, t)[pose.WRIST] + (0.0 if offset is None else offset)
         return float(np.linalg.norm(np.diff(wrists, axis=0), axis=-1).sum(axis=0).max())
 
-    def knots(self, n_frames: int) -> list[tuple[float, float]]:
-        """Knots of one pass of ``n_frames`` after its start: (progress, fraction of the pass's time)."""
-        path = self.segment.path
-        if path.kind == "circle":
-            n = max(2, round(6 * abs(path.revolutions)))
-        elif path.kind == "zigzag":
-            n = max(2, round(4 * path.revolutions))
-        elif path.kind == "arc":
+    def knots(self, n_frames: int, back: bool = False) -> list[tuple[float, float]]:
+        """Knots of one pass of ``n_frames``, or of the way ``back``, after its start: (progress, fraction of its time)."""
+        kinds = {path.kind for path in self._paths}
+        if kinds & {"circle", "zigzag"} and not (back and self.lift is not None):
+            n = min(max(map(_n_knots, self._paths)), n_frames)
+            return [(k / n, k / n) for k in range(1, n + 1)]
+        if "arc" in kinds or self.lift is not None:
             times = [0.25, 0.5, 0.75, 1.0] if n_frames >= 8 else [0.5, 1.0]
             return [(float(_minimum_jerk(u)), u) for u in times]
-        else:
-            return [(1.0, 1.0)]
-        n = min(n, n_frames)
-        return [(k / n, k / n) for k in range(1, n + 1)]
+        return [(1.0, 1.0)]
 
     def seconds(self) -> float:
         """Duration of one pass: by the travel law along the path, and at least as long as the hand's rotation, the
@@ -131,9 +179,7 @@ class PathMotion:
         if self.still and local is not None:
             return CYCLE_S[local.kind] * local.cycles
         both = pose.hands(np.array([self.at(0.0), self.at(1.0)]))
-        kind, revolutions = self.segment.path.kind, abs(self.segment.path.revolutions)
-        pieces = revolutions if kind == "circle" else 2.0 * revolutions if kind == "zigzag" else 1.0
-        pieces = max(pieces, 1.0)
+        pieces = max(1.0, *(_PIECES.get(path.kind, 0.0) * abs(path.revolutions) for path in self._paths))
         usual_tempo = replace(self.signer, tempo=1.0)
         move = pieces * trajectory.travel_seconds(self._length() / pieces, usual_tempo) * MOVEMENT_PACE
         angle = np.linalg.norm(both[-1, :, pose.ROTVEC] - both[0, :, pose.ROTVEC], axis=-1).max()
@@ -142,6 +188,16 @@ class PathMotion:
         if local is not None:
             least = max(least, CYCLE_S[local.kind] * local.cycles)
         return least
+
+
+_PIECES = {"circle": 1.0, "zigzag": 2.0}
+"""Movements, each with a peak of speed, in one revolution of a path."""
+
+
+def _n_knots(path: Path) -> int:
+    """Number of knots that a path takes."""
+    per_revolution = {"circle": 6, "zigzag": 4}.get(path.kind, 0)
+    return max(2, round(per_revolution * abs(path.revolutions)))
 
 
 def _minimum_jerk(u: float) -> float:

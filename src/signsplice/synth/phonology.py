@@ -16,7 +16,7 @@ HANDS = {
     "one": "the weak hand hangs",
     "symmetric": "the weak hand mirrors the strong one",
     "alternating": "the weak hand mirrors the strong one half a cycle away",
-    "base": "the weak hand has a posture of its own (w.shape, w.at, w.palm, w.fingers)",
+    "base": "the weak hand has postures and paths of its own (w.shape, w.at, w.palm, w.fingers, w.path)",
 }
 
 DIRECTIONS: dict[str, tuple[float, float, float]] = {
@@ -106,11 +106,21 @@ LOCATIONS: dict[str, str] = {
     "face-space": "in front of the face",
     "side-space": "next to the head, strong side",
     "above-head": "above the forehead",
+    # where verbs that agree begin and end (Padden 1988)
+    "locus:1": "in front of the signer, from where something is given",
+    "locus:2": "forward, towards the person addressed",
+    "locus:3": "forward and out, towards a third person on the strong side",
+    "locus:3-weak": "forward and in, towards a third person on the weak side",
+    "subject": "the locus of the verb's subject; in the citation form the signer's",
+    "object": "the locus of the verb's object; in the citation form the addressee's",
 }
 """Where a part of the hand can be: on the surface of the body, or in space."""
 
 NEUTRAL = frozenset(name for name in LOCATIONS if name.startswith("space") or name.endswith("-space"))
-IN_SPACE = NEUTRAL | {"above-head"}
+ROLES = ("subject", "object")
+"""Locations of a verb that agrees, which ``inflection.agree`` replaces by loci."""
+LOCI = frozenset(name for name in LOCATIONS if name.startswith("locus:")) | set(ROLES)
+IN_SPACE = NEUTRAL | {"above-head"} | LOCI
 ON_BASE = frozenset(name for name in LOCATIONS if name.startswith("base-") or name == "forearm-weak")
 
 PATHS = ("straight", "arc", "circle", "zigzag", "none")
@@ -194,7 +204,7 @@ class Local:
 
 @dataclass(frozen=True)
 class Segment:
-    """One segment of a sign. ``path``, ``local`` and ``times`` belong to M alone.
+    """One segment of a sign. All from ``path`` to ``tempo``, and ``weak_path``, belong to M alone.
 
     kind: H, X or M
     strong: the strong hand's posture at the segment's end
@@ -202,9 +212,13 @@ class Segment:
     path: the movement's path
     local: local movement, or None
     times: how often the movement is made; the hand goes back between
+    lift: how far the hand is lifted on its way back, cm; 0 where it goes back on the same path
+    step: displacement of each time from the one before, cm
+    tempo: how many times as fast as usual the movement is
     seconds: duration, where the notation gives one
     head: movement of the head, a name of ``HEAD`` or ""
     trunk: movement of the trunk, a name of ``TRUNK`` or ""
+    weak_path: path of a base hand's own movement
     """
 
     kind: str
@@ -216,6 +230,10 @@ class Segment:
     seconds: float | None = None
     head: str = ""
     trunk: str = ""
+    lift: float = 0.0
+    step: Vector = (0.0, 0.0, 0.0)
+    tempo: float = 1.0
+    weak_path: Path = Path()
 
 
 @dataclass(frozen=True)
@@ -262,14 +280,40 @@ def faults(sign: Sign) -> list[str]:
             found.append(f"segment {n}: at={segment.strong.location} needs hands=base, not hands={sign.hands}")
         if segment.kind == "M" and before is not None:
             still = segment.strong == before.strong and segment.weak == before.weak
-            if still and segment.local is None and segment.path.kind not in ("circle", "zigzag"):
+            swings = {segment.path.kind, segment.weak_path.kind} & {"circle", "zigzag"}
+            if still and segment.local is None and not swings:
                 found.append(f"segment {n}: M moves nothing, expected another posture, a path or a local movement")
+            found += [f"segment {n}: {fault}" for fault in _repetition_faults(segment, before, sign)]
         elif before is not None and (segment.strong != before.strong or segment.weak != before.weak):
             found.append(f"segment {n}: {segment.kind} changes the posture, expected M to move there first")
         for p in hands:
             dot = sum(a * b for a, b in zip(p.palm, p.fingers, strict=True))
             if abs(dot) > 0.9:
                 found.append(f"segment {n}: palm and fingers must be at least 25 degrees from parallel")
+            if p.location in LOCI and sign.hands in ("symmetric", "alternating"):
+                found.append(
+                    f"segment {n}: at={p.location} needs hands=one or hands=base; mirrored hands have no common locus"
+                )
     if sum(s.kind == "H" for s in sign.segments) == len(sign.segments) > 1:
         found.append("has holds only, expected an M between two")
+    return found
+
+
+def _repetition_faults(segment: Segment, before: Segment, sign: Sign) -> list[str]:
+    """What is wrong with how a movement is repeated that begins at the posture of the segment ``before``."""
+    found = []
+    still = segment.strong == before.strong and segment.weak == before.weak
+    moved = any(segment.step)
+    for key, is_set in (("return=lifted", segment.lift > 0.0), ("step=", moved)):
+        if is_set and segment.times < 2:
+            found.append(f"{key} needs times=2 or more")
+        if is_set and sign.hands == "alternating":
+            found.append(f"{key} needs hands that go the same way at a time, not hands=alternating")
+        if is_set and still:
+            found.append(f"{key} needs a movement to another posture, from which to return")
+    on_body = [s.strong.location for s in (before, segment) if s.strong.location not in IN_SPACE | ON_BASE]
+    if moved and on_body:
+        found.append(f"step= would leave at={on_body[0]}, expected places in space or at the base hand")
+    if moved and segment is not [s for s in sign.segments if s.kind == "M"][-1]:
+        found.append("step= belongs to the sign's last movement")
     return found

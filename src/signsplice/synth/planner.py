@@ -25,7 +25,7 @@ from signsplice.synth.low_pass import low_passed
 from signsplice.synth.overlays import add_gesture, add_local_movement
 from signsplice.synth.passes import strokes, varied_rounds
 from signsplice.synth.paths import PathMotion, drifted, translated
-from signsplice.synth.phonology import IN_SPACE, Posture, Segment, Sign
+from signsplice.synth.phonology import IN_SPACE, ON_BASE, Posture, Segment, Sign
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, STANDARD, Signer
 from signsplice.synth.timing import between_frames, hold_pause, tempo_of
@@ -340,24 +340,31 @@ class _SegmentPlan:
     def _path(self, n: int, begin: int) -> PathMotion:
         """The motion of segment ``n`` from the posture of segment ``begin``."""
         segment, postures = self.sign.segments[n], self.postures
-        return PathMotion(segment, self.sign.hands, self.signer, postures[begin], postures[n], self.size)
+        ends = (segment.strong, self.sign.segments[begin].strong)
+        lift = None
+        if segment.lift:
+            surface = next((end for end in ends if end.location not in IN_SPACE), ends[0])
+            weak = WeakArm(self.signer, postures[n][1])
+            lift = locations.lifted(surface, weak) * segment.lift * self.signer.scale
+        carried = all(end.location in ON_BASE for end in ends)
+        return PathMotion(segment, self.sign.hands, self.signer, postures[begin], postures[n], self.size, lift, carried)
 
     def _add_passes(self, n: int, segment: Segment, stops: bool) -> tuple[tuple[int, int], ...]:
         """Add a movement's knots; the frames of its passes."""
         path = self._path(n, begin=n - 1)
         start = begin = self.knots[-1].frame
-        revolutions = max(1, round(abs(segment.path.revolutions))) if segment.path.kind == "circle" else 1
+        revolutions = path.revolutions
         count = 2 * segment.times - 1 if not path.still else segment.times
-        each = self._frames(path.seconds(), self.pace.movement)
+        each = self._frames(path.seconds() / segment.tempo, self.pace.movement)
         if segment.seconds is not None:
             each = round(segment.seconds * self.fps / count)
-        each = max(6 * revolutions if segment.path.kind == "circle" else 4, each)
+        each = max(6 * revolutions if path.circles else 4, each)
         path, turned = varied_rounds(path, self.sign.gloss, self.take, n)
         passes = []
-        for stroke in strokes(path, count, each, self.sign.gloss, self.take, n):
-            for s, fraction in path.knots(stroke.n_frames):
+        for k, stroke in enumerate(strokes(path, count, each, self.sign.gloss, self.take, n)):
+            for s, fraction in path.knots(stroke.n_frames, not stroke.forward):
                 frame = start + round(turned(fraction) * stroke.n_frames)
-                self.knots.append(Knot(frame, path.at(stroke.at(s)), False))
+                self.knots.append(Knot(frame, path.of_pass(k, stroke.along(s)), False))
             if stroke.forward:
                 cuts = [start + round(stroke.n_frames * turned(t / revolutions)) for t in range(revolutions + 1)]
                 passes += list(itertools.pairwise(cuts))
