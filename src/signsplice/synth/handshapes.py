@@ -136,6 +136,10 @@ F-open      0  40  48  28 |  -2   6   5   4 |  10   2   3   3 |  16   2   3   3 
     F with the tips of thumb and index finger apart
 G-closed   -1  69  22   8 |   0  86 104  68 |   0  86 104  68 |   0  86 102  64 |  23  32  54   5   0
     index finger and thumb straight, their pulps together; the others in a fist
+G-open      0  44  10   4 |   0  86 104  68 |   0  86 104  68 |   0  86 102  64 |   6  38  46   5   0
+    index finger and thumb straight, opposite, their tips apart, as an open beak; the others in a fist
+H-bent      0  30  60  25 |   0  30  60  25 |   0  86 104  68 |   0  86 102  64 |  26  22  26  47  44
+    U with both fingers curved down, as legs that hang over an edge
 H-open      0   2   3   3 |   0   2   3   3 |   0  86 104  68 |   0  86 102  64 | -14  -6   0   0  -6
     U with the thumb out
 L-bent      0  10  70  40 |   0  86 104  68 |   0  86 104  68 |   0  86 102  64 | -15   5  10  10  15
@@ -146,6 +150,8 @@ O-small    -1  45  50  33 |   0  86 104  68 |   0  86 104  68 |   0  86 102  64 
     tips of thumb and index finger meet, the others in a fist
 U-bent      0  82   5   5 |   0  84   5   5 |   0  86 104  68 |   0  86 102  64 |  12   5  25  12  15
     index and middle finger straight and together, bent at the knuckles, the thumb beside
+V-flat     14  40   3   3 | -13  40   3   3 |   0  86 104  68 |   0  86 102  64 |  26  22  26  47  44
+    V, its straight fingers bent at the knuckles, as legs that stand
 V-bent     12  10  80  45 | -10  10  80  45 |   0  86 104  68 |   0  86 102  64 |  26  22  26  47  44
     V with both fingers crooked
 W-bent     10  10  80  45 |   0  10  80  45 |  10  10  80  45 |   0  79  79  50 |  46  24  42  40  35

@@ -94,6 +94,7 @@ _PARTS: dict[str, tuple[tuple[str, ...], float, Vector]] = {
     "fingertips": (("IndexTip", "MiddleTip", "RingTip", "PinkyTip"), 0.8, (-1.0, 0.0, 0.0)),
     "pinch": (("IndexTip", "ThumbTip"), 0.88, (-1.0, 0.0, 0.0)),
     "index-side": (("Index2", "Index3"), 1.0, (0.0, 0.0, 1.0)),
+    "two-fingers": (("Index1", "Index2", "Middle1", "Middle2"), 1.0, (0.0, -1.0, 0.0)),
     "pinky-side": (("Pinky1", "Pinky2"), 0.9, (0.0, 0.0, -1.0)),
 }
 _INDEX = {"Wrist": -1} | {name: n for n, name in enumerate(hand.POINTS)}
@@ -106,6 +107,8 @@ _ON_BASE: dict[str, tuple[tuple[str, ...], float, Vector]] = {
     "base-ulnar": _PARTS["ulnar"],
     "base-fingertips": _PARTS["fingertips"],
     "base-index": _PARTS["index"],
+    "base-index-back": (("Index2", "Index3"), 0.9, (0.0, 1.0, 0.0)),
+    "base-two-fingers": (("Index3", "Middle3"), 0.85, (0.0, 1.0, 0.0)),
     "base-fingers": (("Index2", "Middle2", "Ring2"), 0.95, (0.0, -1.0, 0.0)),
     "base-fingers-back": (("Index2", "Middle2", "Ring2"), 0.95, (0.0, 1.0, 0.0)),
     "base-wrist": (("Wrist",), 2.4, (0.0, 1.0, 0.0)),

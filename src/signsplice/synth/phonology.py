@@ -48,6 +48,7 @@ PARTS: dict[str, str] = {
     "fingertips": "tips of all four fingers, their middle",
     "pinch": "between the tips of thumb and index finger",
     "index-side": "thumb side of the index finger's middle",
+    "two-fingers": "palm side of the first bones of index and middle finger",
     "pinky-side": "outer side of the little finger's middle",
 }
 """Parts of the hand that can be brought to a location."""
@@ -89,6 +90,8 @@ LOCATIONS: dict[str, str] = {
     "base-ulnar": "little finger's side of the weak hand",
     "base-fingertips": "tips of the weak hand's fingers",
     "base-index": "tip of the weak index finger",
+    "base-index-back": "back of the weak index finger's middle",
+    "base-two-fingers": "back of the weak index and middle fingers, near their ends",
     "base-fingers": "the weak hand's fingers, palm side",
     "base-fingers-back": "the weak hand's fingers, back side",
     "base-wrist": "back of the weak wrist",
