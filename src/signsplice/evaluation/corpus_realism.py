@@ -39,7 +39,7 @@ _JOINTS = {
     "UpperArm": "strong upper arm",
     "Hand": "strong wrist joint",
 }
-"""Roles in ``SignerMotion.rms_deg`` as the tables name them."""
+"""Roles in ``SignerMotion.angular_deg`` as the tables name them."""
 _MEASURES = {
     "speed": ("wrist speed while moving", "arms/s"),
     "abduction_deg": ("strong upper arm from the trunk", "degrees"),
@@ -254,16 +254,16 @@ def beside_captures(pairs: Pairs, signs: Mapping[str, Sign], captured: Mapping[s
     for name, clip in captured.items():
         real = signer_motion([clip], busier_side(clip))
         for role, text in _JOINTS.items():
-            if role in ours.rms_deg and role in real.rms_deg:
-                rms = (ours.rms_deg[role],), (real.rms_deg[role],)
-                lines.append(Quantity(f"{text}, rms", "degrees/s", *rms, f"{name}; n = {len(real.speed)}"))
+            if role in ours.angular_deg and role in real.angular_deg:
+                us, them = (float(np.sqrt(np.mean(one.angular_deg[role] ** 2))) for one in (ours, real))
+                lines.append(Quantity(f"{text}, rms", "degrees/s", (us,), (them,), f"{name}; n = {len(real.speed)}"))
         for field, (text, unit) in _MEASURES.items():
-            us = getattr(mirrored if field.startswith("mirror") else ours, field)
-            them = getattr(real, field)
-            if len(us) and len(them):
-                few = len(them) < FEWEST
-                figures = (float(np.median(them)),) if few else percentiles(them)
-                lines.append(Quantity(text, unit, percentiles(us), figures, f"{name}; n = {len(them)}"))
+            values = getattr(mirrored if field.startswith("mirror") else ours, field)
+            real_values = getattr(real, field)
+            if len(values) and len(real_values):
+                few = len(real_values) < FEWEST
+                figures = (float(np.median(real_values)),) if few else percentiles(real_values)
+                lines.append(Quantity(text, unit, percentiles(values), figures, f"{name}; n = {len(real_values)}"))
     if len(mirrored.mirror_cm):
         text, unit = _MEASURES["mirror_cm"]
         lines.append(Quantity(text, unit, percentiles(mirrored.mirror_cm), (1.0, 3.0), AIMED))

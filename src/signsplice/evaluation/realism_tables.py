@@ -67,7 +67,8 @@ def tables(pairs: Pairs, signs: Mapping[str, Sign], real: Mapping[str, Clip], pl
     bends = {name: _bends(clips) for name, clips in columns.items()}
     joints = [(joint, *(_range(bends[name].get(joint)) for name in columns)) for joint in bends["corpus"]]
     corpus_pictures.write_plot(durations, motion, bends, plot)
-    formed = " / ".join(map(number, agreement.percentiles(corpus_realism.forming(pairs))))
+    forming = corpus_realism.forming(pairs)
+    formed = " / ".join(map(number, agreement.percentiles(forming))) if len(forming) else "-"
     keyed = [name for name in real if name not in captured]
     return [
         "### Realism",

@@ -5,7 +5,7 @@ fingers form. All of it is measured on clips alone, in the same way on synthetic
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
 
 import numpy as np
@@ -35,9 +35,8 @@ _FORMING_DEG = 20.0
 class SignerMotion:
     """Motion of one signer in some clips. Frames in which no wrist moves (``MOVING``) do not count.
 
-    rms_deg: root mean square angular speed of a joint relative to its parent, degrees/s, by role ("head", "neck",
-        "spine": the lowest joint of the spine; "UpperArm", "Hand": of the strong side); roles the rig lacks are left
-        out.
+    angular_deg: angular speed of a joint relative to its parent, degrees/s (N,), by role ("head", "neck", "spine": the
+        lowest joint of the spine; "UpperArm", "Hand": of the strong side); roles the rig lacks are left out.
     speed: speed of the strong wrist in space, arm lengths (shoulder to wrist) a second (N,).
     abduction_deg: angle between the strong upper arm and the line from the middle of the shoulders to the hips (N,).
     wrist_bend_deg: angle between the strong forearm and the line from its wrist to its middle knuckle (N,); empty where
@@ -51,7 +50,7 @@ class SignerMotion:
         somewhere; fingers that change by less than 20 degrees are left out.
     """
 
-    rms_deg: dict[str, float]
+    angular_deg: dict[str, Float]
     speed: Float
     abduction_deg: Float
     wrist_bend_deg: Float
@@ -67,28 +66,12 @@ def signer_motion(clips: Sequence[Clip], strong: str) -> SignerMotion:
     def joined(name: str) -> Float:
         return np.concatenate([np.empty(0), *(getattr(one, name) for one in each)])
 
-    squares: dict[str, list[Float]] = {}
-    for one in each:
-        for role, values in one.angular_deg.items():
-            squares.setdefault(role, []).append(values**2)
-    rms = {role: float(np.sqrt(np.mean(np.concatenate(values)))) for role, values in squares.items()}
-    return SignerMotion(rms, *(joined(name) for name in list(SignerMotion.__dataclass_fields__)[1:]))
+    roles = dict.fromkeys(role for one in each for role in one.angular_deg)
+    angular = {role: np.concatenate([one.angular_deg[role] for one in each]) for role in roles}
+    return SignerMotion(angular, *(joined(field.name) for field in fields(SignerMotion)[1:]))
 
 
-@dataclass(frozen=True, eq=False)
-class _OneClip:
-    """``SignerMotion`` of one clip; angular_deg: angular speeds themselves, degrees/s."""
-
-    angular_deg: dict[str, Float]
-    speed: Float
-    abduction_deg: Float
-    wrist_bend_deg: Float
-    mirror_cm: Float
-    mirror_lag: Float
-    forming: Float
-
-
-def _one(clip: Clip, strong: str) -> _OneClip:
+def _one(clip: Clip, strong: str) -> SignerMotion:
     info = rig_info(clip.skeleton)
     joints = info.roles.joints
     arm = info.sizes.arm_length
@@ -111,7 +94,7 @@ def _one(clip: Clip, strong: str) -> _OneClip:
             angular[role] = np.rad2deg(turns * clip.fps)[moving]
     cm = 100.0 * info.sizes.unit.metres
     distances, lags = _mirroring(own, strong, clip.fps, arm)
-    return _OneClip(
+    return SignerMotion(
         angular,
         speed[moving],
         _angle_deg(upper_arm, own["hips"] - middle)[1:][moving],
