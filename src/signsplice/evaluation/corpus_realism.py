@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from signsplice.evaluation.agreement import Quantity, percentiles
 from signsplice.evaluation.hidden_frames import hidden_frames
 from signsplice.evaluation.sign_kinds import AIMED, ASL_LEX, symmetric_words
-from signsplice.evaluation.signer_motion import SignerMotion, half_formed, signer_motion
+from signsplice.evaluation.signer_motion import MeasuredMotion, half_formed, signer_motion
 from signsplice.evaluation.wrists import busier_side, strong_side, strong_wrist
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
@@ -39,7 +39,7 @@ _JOINTS = {
     "UpperArm": "strong upper arm",
     "Hand": "strong wrist joint",
 }
-"""Roles in ``SignerMotion.angular_deg`` as the tables name them."""
+"""Roles in ``MeasuredMotion.angular_deg`` as the tables name them."""
 _MEASURES = {
     "speed": ("wrist speed while moving", "arms/s"),
     "abduction_deg": ("strong upper arm from the trunk", "degrees"),
@@ -48,7 +48,7 @@ _MEASURES = {
     "mirror_lag": ("time between symmetric hands", "frames"),
     "forming": ("finger half formed, of the reach's time", ""),
 }
-"""Fields of ``SignerMotion`` with their name and unit."""
+"""Fields of ``MeasuredMotion`` with their name and unit."""
 
 
 def durations(pairs: Pairs) -> list[Quantity]:
@@ -231,7 +231,7 @@ def _drawn(pairs: Pairs) -> list[int]:
     return [int(number) for number in drawn]
 
 
-def signing_motion(pairs: Pairs) -> SignerMotion:
+def signing_motion(pairs: Pairs) -> MeasuredMotion:
     """How the first signer moves in pairs drawn once, from the start of the first sign to the end of the second."""
     clips = []
     for number in _drawn(pairs):

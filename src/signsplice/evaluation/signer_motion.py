@@ -32,7 +32,7 @@ _FORMING_DEG = 20.0
 
 
 @dataclass(frozen=True, eq=False)
-class SignerMotion:
+class MeasuredMotion:
     """Motion of one signer in some clips. Frames in which no wrist moves (``MOVING``) do not count.
 
     angular_deg: angular speed of a joint relative to its parent, degrees/s (N,), by role ("head", "neck", "spine": the
@@ -59,7 +59,7 @@ class SignerMotion:
     forming: Float
 
 
-def signer_motion(clips: Sequence[Clip], strong: str) -> SignerMotion:
+def signer_motion(clips: Sequence[Clip], strong: str) -> MeasuredMotion:
     """Motion of the signer of some clips of one rig, whose strong side is ``strong``, "left" or "right"."""
     each = [_one(clip, strong) for clip in clips]
 
@@ -68,10 +68,10 @@ def signer_motion(clips: Sequence[Clip], strong: str) -> SignerMotion:
 
     roles = dict.fromkeys(role for one in each for role in one.angular_deg)
     angular = {role: np.concatenate([one.angular_deg[role] for one in each]) for role in roles}
-    return SignerMotion(angular, *(joined(field.name) for field in fields(SignerMotion)[1:]))
+    return MeasuredMotion(angular, *(joined(field.name) for field in fields(MeasuredMotion)[1:]))
 
 
-def _one(clip: Clip, strong: str) -> SignerMotion:
+def _one(clip: Clip, strong: str) -> MeasuredMotion:
     info = rig_info(clip.skeleton)
     joints = info.roles.joints
     arm = info.sizes.arm_length
@@ -94,7 +94,7 @@ def _one(clip: Clip, strong: str) -> SignerMotion:
             angular[role] = np.rad2deg(turns * clip.fps)[moving]
     cm = 100.0 * info.sizes.unit.metres
     distances, lags = _mirroring(own, strong, clip.fps, arm)
-    return SignerMotion(
+    return MeasuredMotion(
         angular,
         speed[moving],
         _angle_deg(upper_arm, own["hips"] - middle)[1:][moving],
