@@ -60,9 +60,9 @@ words: $(VENV)/.dev            ## sign the words that ship anew, from their nota
 	$(BIN)/signsplice synth lexicon -o out/words
 	$(BIN)/signsplice lexicon build out/words -o src/signsplice/lexicon/words --compact
 
-corpus: $(VENV)/.dev           ## 10,000 true splices, and docs/corpus.md's tables and pictures; REAL=DIR adds real clips
+corpus: $(VENV)/.dev           ## 10,000 true splices, and docs/corpus.md's tables and pictures; REAL=DIR adds real clips, FRAMES=0:315 part of each
 	$(BIN)/signsplice synth pairs -o out/pairs
-	$(BIN)/signsplice synth study out/pairs --page docs/corpus.md --images docs/images $(if $(REAL),--real $(REAL))
+	$(BIN)/signsplice synth study out/pairs --page docs/corpus.md --images docs/images $(if $(REAL),--real $(REAL)) $(if $(FRAMES),--real-frames $(FRAMES))
 
 smoke: $(VENV)/.dev            ## the paper's whole way in minutes, systems of a few thousand numbers: out/smoke
 	runs/smoke.sh

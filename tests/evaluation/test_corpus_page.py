@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
-from signing import sign, word
+from signing import made, sign, word
 from signsplice.errors import InputError
-from signsplice.evaluation import corpus_checks, corpus_page, corpus_pictures
+from signsplice.evaluation import corpus_checks, corpus_page, corpus_pictures, realism_tables, sign_kinds
 from signsplice.formats import save
+from signsplice.motion import rotation
+from signsplice.motion.clip import Clip, concatenate
+from signsplice.splicing.gap import Gap
+from signsplice.splicing.transition import find_transition
 from signsplice.synth import pseudo
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
+
+FORWARD = "X shape=1 at=space palm=down fingers=fwd", "M shift=0,0,14", "H"
+UPWARD = "X shape=1 at=space palm=down fingers=fwd", "M shift=0,14,0", "H"
 
 
 @contextlib.contextmanager
@@ -23,7 +32,7 @@ def quiet(what: str) -> Iterator[None]:
 
 def without_measuring(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(corpus_pictures, "check_matplotlib", lambda: None)
-    monkeypatch.setattr(corpus_page, "_realism", lambda *a: ["### Realism", "", "| a | b |", ""])
+    monkeypatch.setattr(realism_tables, "tables", lambda *a: ["### Realism", "", "| a | b |", ""])
     monkeypatch.setattr(corpus_page, "_difficulty", lambda *a: ["### Difficulty"])
     monkeypatch.setattr(corpus_page, "_validity", lambda *a: ["### Validity"])
     monkeypatch.setattr(corpus_pictures, "write_sheets", lambda *a: None)
@@ -76,7 +85,9 @@ def test_a_whole_page_of_a_small_corpus(pairs: Pairs, tmp_path: Path, monkeypatc
     page, images = tmp_path / "page.md", tmp_path / "images"
     images.mkdir()
     page.write_text(f"# Corpus\n{corpus_page.BEGIN}\n{corpus_page.END}\n")
-    real = {"a-clip": word("LEARN", 3).clip}
+    monkeypatch.setattr(sign_kinds, "N_PSEUDO", 2)
+    monkeypatch.setattr(corpus_pictures, "N_ROWS", 2)
+    real = {"a-clip": word("LEARN", 3).clip, "drawn": keyed()}
     corpus_page.write(pairs, page, images, real, quiet)
     text = page.read_text()
     for part in (
@@ -87,8 +98,13 @@ def test_a_whole_page_of_a_small_corpus(pairs: Pairs, tmp_path: Path, monkeypatc
         "pose-velocity",
         "hermite",
         "Over all 28 pairs",
+        "| head joint, rms | degrees/s |",
+        "agree in all that can be compared. Still misses:",
+        "| quantity | corpus | a-clip | drawn (keyed) |",
+        "drawn is no measure of real motion (keyed: ",
     ):
         assert part in text
+    assert "| drawn; n = " not in text, "no figure is held against a keyed clip"
     assert "| pairs that differ in any bit, of 25 drawn and planned anew | 0 |" in text
     assert (images / "corpus-realism.png").stat().st_size > 10_000
     for line in text.splitlines():
@@ -99,12 +115,29 @@ def test_a_whole_page_of_a_small_corpus(pairs: Pairs, tmp_path: Path, monkeypatc
     assert all(line.endswith("|") for line in tables)
 
 
+def keyed() -> Clip:
+    """A word whose every twelfth frame is a key, with slerp between."""
+    signed = word("LEARN").clip
+    keys = [signed[k : k + 1] for k in range(10, len(signed), 12)]
+    slerp = find_transition("slerp")
+    return concatenate([part for a, b in pairwise(keys) for part in (a, slerp.between(Gap(a, b, 11)))])
+
+
+def test_sheets_show_the_side_where_the_hand_moves_forward(pairs: Pairs) -> None:
+    strips = corpus_pictures._with_side(corpus_pictures._word_strip(made(*FORWARD)))
+    assert [(strip.view, strip.caption) for strip in strips] == [("front", "WORD"), ("side", "WORD, from the side")]
+    assert len(corpus_pictures._with_side(corpus_pictures._word_strip(made(*UPWARD)))) == 1
+    left_handed = Pairs(pairs.folder)
+    left_handed.signers = tuple(replace(one, left_handed=True) for one in pairs.signers)
+    assert [corpus_pictures._pair_strip(one, 0).hand for one in (pairs, left_handed)] == ["right", "left"]
+
+
 def test_pseudo_signs_are_known_by_their_gloss(tmp_path: Path) -> None:
     recipe = Recipe((pseudo.sign(0), sign("I")), seed=1, n_other=0)
-    made = Pairs(write_pairs(recipe, tmp_path / "pairs", processes=1))
-    signs = corpus_page.known_signs(made)
+    corpus = Pairs(write_pairs(recipe, tmp_path / "pairs", processes=1))
+    signs = corpus_page.known_signs(corpus)
     assert signs["PSEUDO-0"] == pseudo.sign(0)
-    assert corpus_checks.replan(made, signs) == (4, 0)
+    assert corpus_checks.replan(corpus, signs) == (4, 0)
 
 
 def test_real_clips_are_those_that_move(tmp_path: Path) -> None:
@@ -114,3 +147,16 @@ def test_real_clips_are_those_that_move(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("no clip")
     assert list(corpus_page.read_real(tmp_path)) == ["signing"]
     assert corpus_page.read_real(None) == {}
+
+
+def test_only_a_range_of_each_real_clip_is_taken(tmp_path: Path) -> None:
+    clip = word("MOTHER").clip
+    save(clip, tmp_path / "signing.bvh")
+    (name, part), *more = corpus_page.read_real(tmp_path, (10, 50)).items()
+    assert (name, len(part), more) == ("signing, frames 10 to 49", 40, [])
+    assert rotation.angle_between(part.local_rotations, clip[10:50].local_rotations).max() < 1e-4
+    (whole,) = corpus_page.read_real(tmp_path, (0, 10_000))
+    assert whole == f"signing, frames 0 to {len(clip) - 1}"
+    for frames, n in (((0, 20), 20), ((10_000, 10_100), 0)):
+        with pytest.raises(InputError, match=rf"signing\.bvh: has {n} frames in {frames[0]}:.*expected at least 34"):
+            corpus_page.read_real(tmp_path, frames)

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from signing import SIGNS, mirror
 from signsplice.evaluation import corpus_realism
-from signsplice.evaluation.corpus_realism import Quantity
+from signsplice.evaluation.agreement import percentiles
+from signsplice.evaluation.flexion import flexions
+from signsplice.evaluation.signer_motion import signer_motion
+from signsplice.motion.clip import Clip
 from signsplice.rig.roles import FINGERS
 from signsplice.synth import planner, pose
 from signsplice.synth.corpus import Pairs
@@ -48,7 +54,7 @@ def test_finger_bends_are_the_angles_that_were_set() -> None:
         degrees[4 * n + 2], degrees[4 * n + 3] = 20.0 + 10.0 * n, 5.0 + 6.0 * n
     degrees[19], degrees[20] = 33.0, 44.0
     state[pose.FINGERS], state[33:54] = np.deg2rad(degrees), 0.0
-    bends = corpus_realism.flexions(pose.clip(state[None], STANDARD, 30.0))
+    bends = flexions(pose.clip(state[None], STANDARD, 30.0))
     assert set(bends) == {f"{finger} {n}" for finger in FINGERS for n in (1, 2, 3)}
     for n, finger in enumerate(("Index", "Middle", "Ring", "Little")):
         left, right = bends[f"{finger} 2"], bends[f"{finger} 3"]
@@ -60,29 +66,13 @@ def test_finger_bends_are_the_angles_that_were_set() -> None:
     assert np.allclose(bends["Index 1"], knuckle, atol=1e-4), "the palm's own angle, straight fingers"
     fist = state.copy()
     fist[pose.FINGERS] = HANDSHAPES["S"].angles
-    assert corpus_realism.flexions(pose.clip(fist[None], STANDARD, 30.0))["Middle 2"][1] == pytest.approx(
-        104.0, abs=0.01
-    )
-
-
-def test_quantities_agree_within_a_fifth() -> None:
-    def quantity(median: float, *real: float) -> Quantity:
-        return Quantity("q", "ms", (1.0, 2.0, median, 4.0, 5.0), real, "nobody")
-
-    five = (160.0, 200.0, 250.0, 320.0, 480.0)
-    assert quantity(300.0, *five).agrees
-    assert not quantity(301.0, *five).agrees
-    assert not quantity(199.0, *five).agrees
-    assert quantity(275.0, *five).ratio == pytest.approx(1.1)
-    assert quantity(0.50, 0.42, 0.47).agrees
-    assert not quantity(0.33, 0.42, 0.47).agrees
-    assert quantity(0.5, 0.4, 0.6).ratio == pytest.approx(1.0)
-    assert quantity(0.7, 0.69).agrees
-    assert not quantity(0.5, 0.69).agrees
+    assert flexions(pose.clip(fist[None], STANDARD, 30.0))["Middle 2"][1] == pytest.approx(104.0, abs=0.01)
 
 
 def test_durations_are_counted_over_all_pairs(pairs: Pairs) -> None:
-    transition, kept, alone = corpus_realism.durations(pairs)
+    transition, kept, alone, again = corpus_realism.durations(pairs)
+    assert alone.ours == again.ours
+    assert (alone.real[2], again.real[2]) == (720, 830)
     index = pairs.index[:25]
     assert transition.ours[2] == pytest.approx(np.median((index[:, 5] + 1) / 30.0 * 1e3))
     spans = [pairs.events(k).end - pairs.events(k).start + 1 for k in range(5)]
@@ -107,3 +97,52 @@ def test_wrist_motion_of_pairs_has_plausible_speeds(pairs: Pairs) -> None:
     assert peaks.min() > means.max(), "hands rise from rest faster than they sign on average"
     names = [quantity.name for quantity in corpus_realism.motion_quantities(pairs, motion)]
     assert len(names) == len(set(names)) == 5
+
+
+def test_a_left_handed_signers_strong_wrist_is_the_left_one(pairs: Pairs) -> None:
+    """The corpus of a left-handed signer has the figures of its mirror image."""
+    mirrored = _Mirrored(pairs)
+    one, other = corpus_realism.wrist_motion(pairs), corpus_realism.wrist_motion(mirrored)
+    assert np.allclose(one.peak, other.peak, atol=1e-4)
+    assert np.allclose(corpus_realism.word_peak_speeds(pairs), corpus_realism.word_peak_speeds(mirrored), atol=1e-4)
+    assert np.allclose(corpus_realism.forming(pairs), corpus_realism.forming(mirrored), atol=1e-4)
+    ours, theirs = corpus_realism.signing_motion(pairs), corpus_realism.signing_motion(mirrored)
+    assert np.allclose(ours.abduction_deg, theirs.abduction_deg, atol=1e-2)
+
+
+class _Mirrored(Pairs):
+    """A corpus as a left-handed signer would have made it."""
+
+    def __init__(self, pairs: Pairs) -> None:
+        super().__init__(pairs.folder)
+        self.signers = tuple(replace(one, left_handed=True) for one in pairs.signers)
+
+    def clip(self, number: int) -> Clip:
+        return _mirrored(super().clip(number))
+
+    def word_clip(self, number: int) -> Clip:
+        return _mirrored(super().word_clip(number))
+
+
+def _mirrored(clip: Clip) -> Clip:
+    rotations, roots = mirror(clip)
+    return replace(clip, local_rotations=rotations, root_positions=roots)
+
+
+def test_a_captured_clip_is_measured_as_the_corpus_is(pairs: Pairs) -> None:
+    """The corpus's own pair, taken for a capture, has the figures of its signer; a symmetric word has likeness rows."""
+    own = pairs.clip(0)
+    rows = corpus_realism.beside_captures(pairs, SIGNS, {"a take": own})
+    found = {row.name: row for row in rows if row.source.startswith("a take; n = ")}
+    assert {"head joint, rms", "lowest joint of the spine, rms", "bend of the strong wrist"} <= set(found)
+    n_moving = int(found["head joint, rms"].source.rpartition(" ")[2])
+    assert 20 < n_moving < len(own)
+    assert found["wrist speed while moving"].real == percentiles(signer_motion([own], "right").speed)
+    assert all(row.source == "range aimed at" for row in rows if row not in found.values())
+    assert all(row.source == "range aimed at" for row in corpus_realism.beside_captures(pairs, SIGNS, {}))
+
+
+def test_fingers_form_within_transitions(pairs: Pairs) -> None:
+    forming = corpus_realism.forming(pairs)
+    assert len(forming) > 20
+    assert ((forming > 0.0) & (forming < 1.0)).all()

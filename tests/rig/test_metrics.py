@@ -80,6 +80,26 @@ def test_frames_interpolated_between_keys_rotate_evenly() -> None:
     assert np.isnan(metrics.even_rotation_frames(still)).all(), "no arms are known"
 
 
+def test_a_clip_is_keyed_where_most_moving_frames_repeat_the_step_before() -> None:
+    signed = word("MOTHER").clip
+    still = concatenate([signed[:1]] * 200)
+    interpolated = find_transition("slerp").between(Gap(signed[:1], signed[30:31], 30))
+    assert metrics.keyed_share(interpolated) == 1.0
+    assert metrics.keyed_share(concatenate([interpolated, still])) > 0.9, "still frames do not count"
+    assert metrics.keyed_share(still) == 0.0
+    assert [metrics.is_keyed(clip) for clip in (interpolated, signed, still)] == [True, False, False]
+    assert metrics.keyed_mark(interpolated) == "keyed: 100 % of its moving frames repeat the step before"
+
+
+def test_the_table_of_hidden_frames_names_keyed_clips() -> None:
+    signed = word("MOTHER").clip
+    interpolated = replace(find_transition("slerp").between(Gap(signed[:1], signed[30:31], 30)), name="DRAWN")
+    clips = [interpolated, signed]
+    lines = table(hidden_frames(clips, [find_transition("hermite")], [5]), clips)
+    named = [line.strip() for line in lines if "no measure of real motion" in line]
+    assert named == ["DRAWN is no measure of real motion (keyed: 100 % of its moving frames repeat the step before)."]
+
+
 def test_hidden_frames_counts_gaps_interpolated_between_keys() -> None:
     signed = word("MOTHER").clip
     interpolated = find_transition("slerp").between(Gap(signed[:1], signed[30:31], 30))

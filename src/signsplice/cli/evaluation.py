@@ -94,9 +94,10 @@ def _hidden_frames(files: tuple[str, ...], fps: float | None, bundle: str | None
     from signsplice.splicing.transition import TRANSITIONS
 
     transitions = [*TRANSITIONS.values(), *_learned_transition(bundle)]
+    clips = _loaded(files, fps)
     with progress("evaluate") as advance:
-        rows = hidden_frames(_loaded(files, fps), transitions, progress=advance)
-    return SIGNATURE, rows, table(rows)
+        rows = hidden_frames(clips, transitions, progress=advance)
+    return SIGNATURE, rows, table(rows, clips)
 
 
 def _loaded(files: tuple[str, ...], fps: float | None) -> list[Clip]:

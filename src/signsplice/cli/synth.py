@@ -198,7 +198,8 @@ def signing(corpus: str, split: str, output: str) -> None:
 @click.option("--page", required=True, metavar="FILE.md", help="Page whose two marks enclose the tables.")
 @click.option("--images", required=True, metavar="DIR", help="Folder for plots and contact sheets.")
 @click.option("--real", metavar="DIR", help="Folder of BVH files of real signing, to compare with.")
-def study(corpus: str, page: str, images: str, real: str | None) -> None:
+@click.option("--real-frames", metavar="FIRST:STOP", help="With --real: only these frames of each file, half-open.")
+def study(corpus: str, page: str, images: str, real: str | None, real_frames: str | None) -> None:
     """Compare a corpus of pairs with real signing, simple rules and joint limits; write tables, plots and pictures."""
     from signsplice.evaluation import corpus_page
     from signsplice.synth.corpus import Pairs
@@ -207,7 +208,10 @@ def study(corpus: str, page: str, images: str, real: str | None) -> None:
         raise InputError(f"{images}: no such folder; make it first")
     if real is not None and not Path(real).is_dir():
         raise InputError(f"{real}: no such folder, expected one with .bvh files")
-    real_clips = corpus_page.read_real(None if real is None else Path(real))
+    if real_frames is not None and real is None:
+        raise InputError("--real-frames chooses frames of the files of --real; expected --real DIR too")
+    frames = None if real_frames is None else _frame_range(real_frames)
+    real_clips = corpus_page.read_real(None if real is None else Path(real), frames)
     corpus_page.write(Pairs(corpus), Path(page), Path(images), real_clips, progress)
     print(f"{page}: tables; {images}: plots and contact sheets")
 
@@ -239,6 +243,13 @@ def _forms(path: str | None, glosses: tuple[str, ...], made: set[str]) -> list[S
     known = (notation.everyday() if path is None else notation.read(path)) if glosses else {}
     forms = {form.gloss: form for form in (inflection.form(known, gloss) for gloss in glosses)}
     return [form for gloss, form in forms.items() if gloss not in made]
+
+
+def _frame_range(text: str) -> tuple[int, int]:
+    first, colon, stop = text.partition(":")
+    if not (colon and first.isdecimal() and stop.isdecimal() and int(first) < int(stop)):
+        raise InputError(f"--real-frames {text}, expected FIRST:STOP with FIRST below STOP, as in 0:315")
+    return int(first), int(stop)
 
 
 def _rate(fps: float) -> float:

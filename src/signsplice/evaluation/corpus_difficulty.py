@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signsplice.evaluation import corpus_checks
-from signsplice.evaluation.wrists import right_wrist
+from signsplice.evaluation.wrists import strong_side, strong_wrist
 from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
 from signsplice.rig.arms import active_span, arms
@@ -225,14 +225,13 @@ def score_transitions(
             pre, post, _ = pairs.truth(number, "roots")
             p, q = pairs.index[number, :2].tolist()
             count = int(pairs.index[number, 5])
-            true = pairs.clip(number)
+            true, strong = pairs.clip(number), strong_side(pairs, p)
             made = transition.between(Gap(pairs.word_clip(p)[: pre + 1], pairs.word_clip(q)[post:], count))
             part = true[pre + 1 : pre + 1 + count]
-            scores.append(
-                (metrics.position_error(made, part), metrics.motion_ratio(made, part), _jump(true, made, pre, count))
-            )
+            jump = _jump(true, made, pre, count, strong)
+            scores.append((metrics.position_error(made, part), metrics.motion_ratio(made, part), jump))
             if done == 0:
-                true_jumps.append(_jump(true, part, pre, count))
+                true_jumps.append(_jump(true, part, pre, count, strong))
         error, ratio = np.nanmean(scores, axis=0)[:2]
         rows.append(
             TransitionScores(transition.name, float(error), float(ratio), float(np.median([s[2] for s in scores])))
@@ -242,11 +241,11 @@ def score_transitions(
     return rows, float(np.median(true_jumps))
 
 
-def _jump(true: Clip, made: Clip, pre: int, count: int) -> float:
-    """Largest velocity jump (m/s) of the right wrist at the seams of a transition put in place of the true one."""
+def _jump(true: Clip, made: Clip, pre: int, count: int, strong: str) -> float:
+    """Largest velocity jump (m/s) of the strong wrist at the seams of a transition put in place of the true one."""
     first, stop = max(pre - 2, 0), pre + 1 + count
     wrist = np.concatenate(
-        [right_wrist(clip) for clip in (true[first : pre + 1], made, true[stop : stop + 3])]
+        [strong_wrist(clip, strong) for clip in (true[first : pre + 1], made, true[stop : stop + 3])]
     )  # (T, 3)
     start = pre + 1 - first
     return metrics.velocity_jump(wrist[:, None], start, start + count, true.fps)

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.evaluation import corpus_checks, corpus_difficulty, corpus_pictures, corpus_realism
+from signsplice.evaluation import corpus_checks, corpus_difficulty, corpus_pictures, realism_tables
 from signsplice.evaluation.corpus_difficulty import RAD_PER_CM
-from signsplice.evaluation.corpus_realism import Float, rms_jerk, speeds
 from signsplice.evaluation.corpus_touches import score_touches
+from signsplice.evaluation.hidden_frames import CONTEXT
 from signsplice.evaluation.tables import markdown
-from signsplice.evaluation.wrists import right_wrist, wrist_positions
+from signsplice.evaluation.wrists import wrist_positions
 from signsplice.formats import load
 from signsplice.formats.atomic import replacing
 from signsplice.formats.reading import read_bytes
@@ -23,7 +23,6 @@ from signsplice.rig.info import rig_info
 from signsplice.synth import notation, pseudo
 from signsplice.synth.corpus import VERSION, Pairs
 from signsplice.synth.phonology import Sign
-from signsplice.synth.rng import stream
 
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
 Advance = Callable[[int, int], None] | None
@@ -33,8 +32,8 @@ N_TEST = 1000
 """Test pairs whose cuts are scored."""
 N_TRANSITIONS = 300
 """Test pairs whose transitions are scored."""
-N_SHAPES = 60
-"""Pairs whose shape of motion is measured."""
+FEWEST_FRAMES = 18 + 2 * CONTEXT
+"""Frames that a real clip needs: the longest gap that is measured, and what a transition is shown around it."""
 IDLE_EXTENT = 0.2
 """A clip in which no wrist moves farther than this fraction of the longest offset of its skeleton is no signing."""
 
@@ -55,7 +54,7 @@ def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], prog
         f"truth by {'partner' if pairs.by_partner else 'word'}, seed {pairs.head['seed']}, {pairs.head['fps']:g} fps."
     ]
     with progress("realism") as advance:
-        lines += ["", *_realism(pairs, real, images / "corpus-realism.png")]
+        lines += ["", *realism_tables.tables(pairs, signs, real, images / "corpus-realism.png")]
         if advance is not None:
             advance(1, 1)
     with progress("difficulty") as advance:
@@ -77,14 +76,26 @@ def known_signs(pairs: Pairs) -> dict[str, Sign]:
     return signs | {gloss: pseudo.sign(int(gloss.removeprefix("PSEUDO-"))) for gloss in pseudo_signs}
 
 
-def read_real(folder: Path | None) -> dict[str, Clip]:
+def read_real(folder: Path | None, frames: tuple[int, int] | None = None) -> dict[str, Clip]:
     """Name -> clip of the BVH files in a folder that hold signing: those named idle and those that hardly move are not
-    read.
+    read. ``frames``: the half-open range of each clip that is taken, which the name tells then.
+
+    Raises ``InputError`` where too few frames are left of a clip.
     """
-    if folder is None:
-        return {}
-    clips = {path.stem: load(path) for path in sorted(folder.glob("*.bvh"))}
-    return {name: clip for name, clip in clips.items() if "idle" not in name.lower() and _moves(clip)}
+    clips: dict[str, Clip] = {}
+    for path in sorted(folder.glob("*.bvh")) if folder is not None else ():
+        clip = load(path)
+        if "idle" in path.stem.lower() or not _moves(clip):
+            continue
+        name, part = path.stem, clip
+        if frames is not None:
+            part = clip[frames[0] : frames[1]]
+            name = f"{name}, frames {frames[0]} to {frames[0] + len(part) - 1}"
+        if len(part) < FEWEST_FRAMES:
+            where = "" if frames is None else f" in {frames[0]}:{frames[1]}"
+            raise InputError(f"{path}: has {len(part)} frames{where}, expected at least {FEWEST_FRAMES} to measure")
+        clips[name] = part
+    return clips
 
 
 def _moves(clip: Clip) -> bool:
@@ -92,73 +103,8 @@ def _moves(clip: Clip) -> bool:
     return bool(np.ptp(wrist_positions(clip), axis=0).max() > IDLE_EXTENT * extent)
 
 
-def _number(value: float) -> str:
-    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
-
-
 def _percents(*fractions: float) -> list[str]:
     return [f"{100 * fraction:.1f}" for fraction in fractions]
-
-
-def _realism(pairs: Pairs, real: Mapping[str, Clip], plot: Path) -> list[str]:
-    motion = corpus_realism.wrist_motion(pairs)
-    durations = corpus_realism.durations(pairs)
-    rows = []
-    for q in durations + corpus_realism.motion_quantities(pairs, motion):
-        published = (" to " if len(q.real) == 2 else " / ").join(map(_number, q.real))
-        ours = " / ".join(map(_number, q.ours))
-        rows.append((q.name, q.unit, ours, published, q.source, f"{q.ratio:.2f}", "yes" if q.agrees else "no"))
-    drawn = stream("shapes", len(pairs)).choice(len(pairs), min(N_SHAPES, len(pairs)), replace=False)
-    columns: dict[str, Sequence[Clip]] = {"corpus": [pairs.clip(int(k)) for k in drawn]}
-    columns |= {name: [clip] for name, clip in real.items()}
-    shapes = [(name, *(_number(shape(clips)) for clips in columns.values())) for name, shape in _SHAPES.items()]
-    bends = {name: _bends(clips) for name, clips in columns.items()}
-    joints = [(joint, *(_range(bends[name].get(joint)) for name in columns)) for joint in bends["corpus"]]
-    corpus_pictures.write_plot(durations, motion, bends, plot)
-    return [
-        "### Realism",
-        "",
-        "Percentiles 5 / 25 / 50 / 75 / 95 of the corpus, and published figures. Agrees: the medians differ by at most",
-        "20 %, from the nearer end where the published figure is a range.",
-        "",
-        *markdown(("quantity", "unit", "corpus", "real", "from", "ratio", "agrees"), rows),
-        "",
-        f"Shape of motion ({len(drawn)} drawn pairs; real clips whole):",
-        "",
-        *markdown(("quantity", *columns), shapes),
-        "",
-        f"Path over chord of transitions: {np.median(motion.detour):.2f} (median, those over 3 cm).",
-        "",
-        "Bend of the finger joints, degrees, 5 to 95 % (1 is the joint nearest to the wrist):",
-        "",
-        *markdown(("joint", *columns), joints),
-        "",
-        f"![Durations, speeds and finger ranges of the corpus]({plot.parent.name}/{plot.name})",
-    ]
-
-
-def _mean_speed(clips: Sequence[Clip]) -> float:
-    return float(np.mean(np.concatenate([speeds(right_wrist(clip), clips[0].fps) for clip in clips])))
-
-
-_SHAPES: dict[str, Callable[[Sequence[Clip]], float]] = {
-    "exponent of speed over curvature (two-thirds law: -0.33)": lambda clips: corpus_realism.power_law(
-        [right_wrist(clip) for clip in clips], clips[0].fps
-    ),
-    "rms jerk of the strong wrist, m/s^3": lambda clips: rms_jerk([right_wrist(clip) for clip in clips], clips[0].fps),
-    "mean speed of the strong wrist, m/s": _mean_speed,
-    "fingertip motion ratio of slerp over 18 hidden frames": lambda clips: corpus_realism.slerp_motion_ratio(clips),
-}
-"""Measures of the shape of motion, each over clips of one frame rate."""
-
-
-def _bends(clips: Sequence[Clip]) -> dict[str, Float]:
-    every = [corpus_realism.flexions(clip) for clip in clips]
-    return {joint: np.concatenate([one[joint] for one in every]) for joint in every[0]}
-
-
-def _range(values: Float | None) -> str:
-    return "-" if values is None else "{:.0f} to {:.0f}".format(*np.percentile(values, (5, 95)))
 
 
 def _difficulty(pairs: Pairs, signs: Mapping[str, Sign], advance: Advance) -> list[str]:

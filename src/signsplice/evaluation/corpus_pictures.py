@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from signsplice.errors import MissingExtraError
-from signsplice.evaluation.corpus_realism import Float, Quantity, WristMotion
+from signsplice.evaluation.agreement import Float, Quantity
+from signsplice.evaluation.corpus_realism import WristMotion
+from signsplice.evaluation.wrists import strong_side, strong_wrist
 from signsplice.formats.atomic import replacing
 from signsplice.render.strips import Strip, write_strips
-from signsplice.synth import notation, planner
+from signsplice.synth import notation, planner, pseudo
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream
@@ -21,22 +24,41 @@ SHEET_WORDS = (
     *("HELLO", "I", "DEAF", "SIGN", "THANK-YOU", "NAME", "MY", "YOU", "SEE", "TOMORROW"),
     *("MOTHER", "BOOK", "LEARN", "HOUSE", "WATER", "PLEASE", "FRIEND", "UNDERSTAND", "TREE", "SCHOOL"),
 )
+N_ROWS = 10
+"""Pseudo-signs and pairs on a sheet."""
 _BLUE, _AMBER = "#3f6fa8", "#de8e20"
 
 
 def write_sheets(
     pairs: Pairs, signs: Mapping[str, Sign], images: Path, advance: Callable[[int, int], None] | None
 ) -> None:
-    """Write contact sheets of twenty words, all letters and ten pairs into a folder."""
+    """Write contact sheets of twenty words, all letters, ten pseudo-signs and ten pairs into a folder. Pseudo-signs and
+    pairs have a second row, seen from the side, where the hand moves mostly forward or back.
+    """
     words = [planner.isolated(signs[g]) for g in SHEET_WORDS if g in signs]
     half = (len(words) + 1) // 2
     for n, part in enumerate((words[:half], words[half:]), 1):
         write_strips([_word_strip(word) for word in part], images / f"corpus-words-{n}.png", progress=advance)
     letters = [planner.isolated(sign) for sign in notation.alphabet().values()]
     _write_letters(letters, images / "corpus-letters.png")
+    made = [planner.isolated(pseudo.sign(seed)) for seed in range(N_ROWS)]
+    rows = [strip for word in made for strip in _with_side(_word_strip(word))]
+    write_strips(rows, images / "corpus-pseudo.png", progress=advance)
     n_words = len(pairs.head["words"]) // 2
-    chosen = stream("sheet", n_words).choice(np.flatnonzero(pairs.index[:, 0] < n_words), 10, replace=False).tolist()
-    write_strips([_pair_strip(pairs, k) for k in chosen], images / "corpus-pairs.png", progress=advance)
+    first = np.flatnonzero(pairs.index[:, 0] < n_words)
+    chosen = stream("sheet", n_words).choice(first, min(N_ROWS, len(first)), replace=False).tolist()
+    rows = [strip for k in chosen for strip in _with_side(_pair_strip(pairs, k))]
+    write_strips(rows, images / "corpus-pairs.png", progress=advance)
+
+
+def _with_side(strip: Strip) -> list[Strip]:
+    """A row from the front, and one from the side where the strong wrist moves farther forward and back than it does
+    across or up, between the second frame shown and the last but one.
+    """
+    wrist = strong_wrist(strip.clip[strip.frames[1] : strip.frames[-2] + 1], strip.hand)
+    across, up, forward = np.ptp(wrist, axis=0)
+    side = replace(strip, caption=f"{strip.caption}, from the side", view="side")
+    return [strip, side] if forward > max(across, up) else [strip]
 
 
 def _word_strip(word: planner.IsolatedWord) -> Strip:
@@ -54,7 +76,8 @@ def _pair_strip(pairs: Pairs, number: int) -> Strip:
     new = list(range(pre + 1, pre + 1 + count))
     inner = [new[k] for k in np.linspace(0, count - 1, min(4, count)).round().astype(int)]
     frames = [pre - 6, pre - 3, pre, *inner, new[-1] + 1, new[-1] + 4, new[-1] + 7]
-    return Strip(clip, clip.name.replace(" ", " > "), [min(f, len(clip) - 1) for f in frames], new)
+    caption, shown = clip.name.replace(" ", " > "), [min(f, len(clip) - 1) for f in frames]
+    return Strip(clip, caption, shown, new, hand=strong_side(pairs))
 
 
 def _write_letters(letters: Sequence[planner.IsolatedWord], path: Path, columns: int = 9, size: int = 150) -> None:
@@ -110,9 +133,9 @@ def _plot_durations(ax: Any, durations: Sequence[Quantity]) -> None:
             ax.plot([values[0], values[4]], [n + shift] * 2, color=colour, lw=1)
             ax.plot([values[1], values[3]], [n + shift] * 2, color=colour, lw=6, solid_capstyle="butt")
             ax.plot(values[2], n + shift, "k|", ms=9)
-    ax.set_yticks(range(len(durations)), [q.name for q in durations])
+    ax.set_yticks(range(len(durations)), [f"{q.name}\n{q.source}" for q in durations], fontsize=8)
     ax.invert_yaxis()
-    ax.set(title="durations: corpus (blue), Czech Sign Language (amber)", xlabel="ms; 5, 25, 50, 75, 95 %")
+    ax.set(title="durations: corpus (blue), real (amber)", xlabel="ms; 5, 25, 50, 75, 95 %")
 
 
 def _plot_ends(ax: Any, motion: WristMotion) -> None:
@@ -120,7 +143,7 @@ def _plot_ends(ax: Any, motion: WristMotion) -> None:
     for fractions, name, colour, real in ((motion.start, "start", _BLUE, 0.69), (motion.end, "end", _AMBER, 0.52)):
         ax.hist(fractions, bins=bins, histtype="step", color=colour, label=name)
         ax.axvline(real, color=colour, ls=":", label=f"{name}, DGS Corpus")
-    ax.set(title="speed at the ends of transitions over their peak", xlabel="speed / peak", ylabel="pairs")
+    ax.set(title="speed at the ends of transitions", xlabel="speed / peak", ylabel="pairs")
     ax.legend(fontsize=8)
 
 
@@ -141,5 +164,5 @@ def _plot_bends(ax: Any, bends: Mapping[str, Mapping[str, Float]]) -> None:
                 low, high = np.percentile(column[joint], (5, 95))
                 ax.plot([n + shift] * 2, [low, high], color=f"C{k}", lw=3, label=name if n == 0 else None)
     ax.set_xticks(range(len(joints)), joints, rotation=90, fontsize=7)
-    ax.set(title="bend of finger joints, 5 to 95 %", ylabel="degrees")
-    ax.legend(fontsize=8)
+    ax.set(title="bend of finger joints, 5 to 95 %", ylabel="degrees", ylim=(-5.0, 180.0))
+    ax.legend(fontsize=8, loc="upper left")

@@ -2,64 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from signsplice.evaluation.agreement import Quantity, percentiles
 from signsplice.evaluation.hidden_frames import hidden_frames
-from signsplice.evaluation.wrists import right_wrist
-from signsplice.motion import kinematics
+from signsplice.evaluation.sign_kinds import AIMED, ASL_LEX, symmetric_words
+from signsplice.evaluation.signer_motion import MeasuredMotion, half_formed, signer_motion
+from signsplice.evaluation.wrists import busier_side, strong_side, strong_wrist
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
-from signsplice.rig.roles import FINGERS, finger_roles
 from signsplice.splicing.transition import find_transition
 from signsplice.synth.corpus import Pairs
+from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream
 
 Float = NDArray[np.float64]
 
-PERCENTILES = (5, 25, 50, 75, 95)
 N_PAIRS = 1500
 """Pairs whose motion is measured, drawn once; durations are counted over all pairs."""
+N_SIGNING = 300
+"""Pairs in which the signer's motion is measured, drawn once."""
+FEWEST = 20
+"""Values of a real clip from which on its percentiles count."""
 _SHORTEST_CHORD_M = 0.03
 _CZECH = "Czech SL, 33 takes"
 _DGS = "DGS Corpus, 32 sentences"
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """One line of the table of realism.
-
-    name, unit: of the quantity.
-    ours: ``PERCENTILES`` of the corpus (5).
-    real: published percentiles (5), the ends of a published range (2), or a published median (1).
-    source: where the published figures are from.
-    """
-
-    name: str
-    unit: str
-    ours: tuple[float, ...]
-    real: tuple[float, ...]
-    source: str
-
-    @property
-    def ratio(self) -> float:
-        """Our median over the real one (the middle of a range)."""
-        middle = self.real[len(self.real) // 2] if len(self.real) != 2 else 0.5 * (self.real[0] + self.real[1])
-        return self.ours[2] / middle
-
-    @property
-    def agrees(self) -> bool:
-        """Whether our median is within 20 % of the real one, or of the nearer end of a real range."""
-        low, high = (self.real[0], self.real[1]) if len(self.real) == 2 else (self.real[len(self.real) // 2],) * 2
-        return 0.8 * low <= self.ours[2] <= 1.2 * high
-
-
-def _percentiles(values: Sequence[float] | Float) -> tuple[float, ...]:
-    return tuple(float(v) for v in np.percentile(values, PERCENTILES))
+_JOINTS = {
+    "head": "head joint",
+    "neck": "neck joint",
+    "spine": "lowest joint of the spine",
+    "UpperArm": "strong upper arm",
+    "Hand": "strong wrist joint",
+}
+"""Roles in ``MeasuredMotion.angular_deg`` as the tables name them."""
+_MEASURES = {
+    "speed": ("wrist speed while moving", "arms/s"),
+    "abduction_deg": ("strong upper arm from the trunk", "degrees"),
+    "wrist_bend_deg": ("bend of the strong wrist", "degrees"),
+    "mirror_cm": ("symmetric hands from a mirror image", "cm"),
+    "mirror_lag": ("time between symmetric hands", "frames"),
+    "forming": ("finger half formed, of the reach's time", ""),
+}
+"""Fields of ``MeasuredMotion`` with their name and unit."""
 
 
 def durations(pairs: Pairs) -> list[Quantity]:
@@ -70,9 +59,10 @@ def durations(pairs: Pairs) -> list[Quantity]:
     events = [pairs.events(k) for k in range(n_words)]
     alone = [ms * (e.end - e.start + 1) for e in events]
     return [
-        Quantity("transition", "ms", _percentiles(ms * (index[:, 5] + 1)), (160, 200, 250, 320, 480), _CZECH),
-        Quantity("sign in a sentence", "ms", _percentiles(ms * _kept_frames(index)), (158, 260, 400, 540, 912), _CZECH),
-        Quantity("sign alone", "ms", _percentiles(alone), (440, 564, 720, 960, 1360), "Czech SL, 336 items"),
+        Quantity("transition", "ms", percentiles(ms * (index[:, 5] + 1)), (160, 200, 250, 320, 480), _CZECH),
+        Quantity("sign in a sentence", "ms", percentiles(ms * _kept_frames(index)), (158, 260, 400, 540, 912), _CZECH),
+        Quantity("sign alone", "ms", percentiles(alone), (440, 564, 720, 960, 1360), "Czech SL, 336 items"),
+        Quantity("sign alone", "ms", percentiles(alone), (400, 630, 830, 1030, 1370), ASL_LEX),
     ]
 
 
@@ -87,7 +77,7 @@ def _kept_frames(index: NDArray[np.int32]) -> Float:
 
 @dataclass(frozen=True, eq=False)
 class WristMotion:
-    """Motion of the right wrist in N drawn pairs, from the start of the first sign to the end of the second.
+    """Motion of the strong wrist in N drawn pairs, from the start of the first sign to the end of the second.
 
     speed: speeds from frame to frame, all pairs together, m/s.
     peak: highest speed in each transition (N,), m/s.
@@ -109,15 +99,15 @@ class WristMotion:
 
 
 def wrist_motion(pairs: Pairs, n_pairs: int = N_PAIRS) -> WristMotion:
-    """Motion of the right wrist in pairs of the first signer, drawn once."""
+    """Motion of the strong wrist in pairs of the first signer, drawn once."""
     numbers = np.flatnonzero(pairs.index[:, 0] < len(pairs.head["words"]) // 2)
-    fps = pairs.head["fps"]
+    fps, strong = pairs.head["fps"], strong_side(pairs)
     sizes = rig_info(pairs.clip(0).skeleton).sizes
     width = sizes.shoulder_width * sizes.unit.metres
     speeds, peaks, starts, ends, detours, jumps, paths = [], [], [], [], [], [], []
     for number in stream("moving", len(numbers)).choice(numbers, min(n_pairs, len(numbers)), replace=False).tolist():
         p, q, pre, post, _, count = pairs.index[number].tolist()
-        positions = right_wrist(pairs.clip(number))  # (T, 3)
+        positions = strong_wrist(pairs.clip(number), strong)  # (T, 3)
         velocity = np.diff(positions, axis=0) * fps
         speed = np.linalg.norm(velocity, axis=-1)
         first, last = pairs.events(p).start, pre + 1 + count + pairs.events(q).end - post
@@ -146,10 +136,11 @@ def wrist_motion(pairs: Pairs, n_pairs: int = N_PAIRS) -> WristMotion:
 
 
 def sentence_speeds(pairs: Pairs, n_sentences: int = 200) -> Float:
-    """Mean speed (n_sentences,) of the right wrist in chains of eight words, first sign to last, m/s."""
+    """Mean speed (n_sentences,) of the strong wrist in chains of eight words, first sign to last, m/s."""
     n_words = len(pairs.head["words"]) // 2
     number = {(p, q): k for k, (p, q) in enumerate(pairs.index[:, :2].tolist())}
-    words = [right_wrist(pairs.word_clip(k)) for k in range(n_words)]  # (T, 3) each
+    strong = strong_side(pairs)
+    words = [strong_wrist(pairs.word_clip(k), strong) for k in range(n_words)]  # (T, 3) each
     new: dict[tuple[int, int], Float] = {}
     means = []
     for chain in stream("chains", n_words).choice(n_words, size=(n_sentences, 8)).tolist():
@@ -160,7 +151,7 @@ def sentence_speeds(pairs: Pairs, n_sentences: int = 200) -> Float:
             if (a, b) not in new:
                 clip = pairs.clip(number[a, b])
                 count = int(pairs.index[number[a, b], 5])
-                new[a, b] = right_wrist(clip[pre + 1 : pre + 1 + count])
+                new[a, b] = strong_wrist(clip[pre + 1 : pre + 1 + count], strong)
             pieces += [words[a][enter : pre + 1], new[a, b]]
             enter = post
         pieces.append(words[chain[-1]][enter : pairs.events(chain[-1]).end + 1])
@@ -169,9 +160,10 @@ def sentence_speeds(pairs: Pairs, n_sentences: int = 200) -> Float:
 
 
 def word_peak_speeds(pairs: Pairs) -> Float:
-    """Highest speed of the right wrist in each isolated word of the first signer, m/s."""
+    """Highest speed of the strong wrist in each isolated word of the first signer, m/s."""
     clips = (pairs.word_clip(k) for k in range(len(pairs.head["words"]) // 2))
-    return np.array([speeds(right_wrist(clip), clip.fps).max() for clip in clips])
+    strong = strong_side(pairs)
+    return np.array([speeds(strong_wrist(clip, strong), clip.fps).max() for clip in clips])
 
 
 def speeds(positions: Float, fps: float) -> Float:
@@ -181,13 +173,13 @@ def speeds(positions: Float, fps: float) -> Float:
 
 def motion_quantities(pairs: Pairs, motion: WristMotion) -> list[Quantity]:
     """Speeds of the corpus with published ones."""
-    means, peaks = _percentiles(sentence_speeds(pairs)), _percentiles(word_peak_speeds(pairs))
+    means, peaks = percentiles(sentence_speeds(pairs)), percentiles(word_peak_speeds(pairs))
     return [
         Quantity("wrist speed, mean of running signing", "m/s", means, (0.42, 0.47), "real continuous signing"),
         Quantity("wrist speed, peak of a sign alone", "m/s", peaks, (1.7, 2.5), "real isolated words"),
-        Quantity("speed at a transition's start / peak", "", _percentiles(motion.start), (0.69,), _DGS),
-        Quantity("speed at a transition's end / peak", "", _percentiles(motion.end), (0.52,), _DGS),
-        Quantity("velocity jump at the seams", "sw/s", _percentiles(motion.jump), (0.28,), "real signing at 25 fps"),
+        Quantity("speed at a transition's start / peak", "", percentiles(motion.start), (0.69,), _DGS),
+        Quantity("speed at a transition's end / peak", "", percentiles(motion.end), (0.52,), _DGS),
+        Quantity("velocity jump at the seams", "sw/s", percentiles(motion.jump), (0.28,), "real signing at 25 fps"),
     ]
 
 
@@ -215,36 +207,67 @@ def rms_jerk(paths: Sequence[Float], fps: float) -> float:
     return float(np.sqrt(np.mean(np.concatenate(jerks) ** 2)))
 
 
-def flexions(clip: Clip) -> dict[str, Float]:
-    """Finger and joint number ("Index 2") -> its bend in every frame, degrees, left hand then right (2 T,).
-
-    The bend is the angle between the bones on either side; joint 1 is the nearest to the wrist. Fingers whose joints a
-    rig lacks are left out.
-    """
-    roles = rig_info(clip.skeleton).roles.joints
-    rotations, positions = kinematics.forward(clip)
-    tip_positions = np.swapaxes(kinematics.tip_positions(clip, rotations, positions), 0, 1)
-    tips = dict(zip((site.joint for site in clip.skeleton.end_sites), tip_positions, strict=True))
-    out: dict[str, list[Float]] = {}
-    for side in ("left", "right"):
-        for finger in FINGERS:
-            chain = [f"{side}Hand", *(side + role for role in finger_roles(finger))]
-            if not all(role in roles for role in chain):
-                continue
-            points = [positions[:, roles[role]] for role in chain]  # (T, 3) each
-            last = roles[chain[-1]]
-            children = clip.skeleton.children[last]
-            if last in tips:
-                points.append(tips[last])
-            elif children:
-                points.append(positions[:, children[0]])
-            for n, (a, b, c) in enumerate(zip(points[:-2], points[1:-1], points[2:], strict=True), 1):
-                u, v = b - a, c - b
-                cosine = (u * v).sum(-1) / np.maximum(np.linalg.norm(u, axis=-1) * np.linalg.norm(v, axis=-1), 1e-12)
-                out.setdefault(f"{finger} {n}", []).append(np.rad2deg(np.arccos(np.clip(cosine, -1, 1))))
-    return {name: np.concatenate(rows) for name, rows in out.items()}
-
-
 def slerp_motion_ratio(clips: Sequence[Clip], n_frames: int = 18) -> float:
     """Path of the fingertips that slerp makes over hidden frames, over the true one."""
     return hidden_frames(clips, [find_transition("slerp")], (n_frames,))[0].motion_ratio
+
+
+def forming(pairs: Pairs) -> Float:
+    """When fingers of the first signer's strong hand have made half of their change of bend in true transitions, as
+    fractions of the transition (``signer_motion.half_formed``), pairs drawn once.
+    """
+    strong = strong_side(pairs)
+    fractions: list[float] = []
+    for number in _drawn(pairs):
+        pre, count = int(pairs.index[number, 2]), int(pairs.index[number, 5])
+        fractions += half_formed(pairs.clip(number)[pre : pre + count + 2], strong, [(0, count + 1)])
+    return np.array(fractions)
+
+
+def _drawn(pairs: Pairs) -> list[int]:
+    """Numbers of the first signer's pairs in which the motion of the signer is measured."""
+    numbers = np.flatnonzero(pairs.index[:, 0] < len(pairs.head["words"]) // 2)
+    drawn = stream("signing", len(numbers)).choice(numbers, min(N_SIGNING, len(numbers)), replace=False)
+    return [int(number) for number in drawn]
+
+
+def signing_motion(pairs: Pairs) -> MeasuredMotion:
+    """How the first signer moves in pairs drawn once, from the start of the first sign to the end of the second."""
+    clips = []
+    for number in _drawn(pairs):
+        p, q, pre, post, _, count = pairs.index[number].tolist()
+        clips.append(pairs.clip(number)[pairs.events(p).start : pre + 2 + count + pairs.events(q).end - post])
+    return signer_motion(clips, strong_side(pairs))
+
+
+def beside_captures(pairs: Pairs, signs: Mapping[str, Sign], captured: Mapping[str, Clip]) -> list[Quantity]:
+    """How the first signer moves beside captured clips by name, one line for each measure and clip, and the likeness
+    of the hands in symmetric words. Without captured clips, lines with other references alone.
+    """
+    ours, strong = signing_motion(pairs), strong_side(pairs)
+    words = []
+    for k in symmetric_words(pairs, signs):
+        events = pairs.events(k)
+        words.append(pairs.word_clip(k)[events.start : events.end + 1])
+    mirrored = signer_motion(words, strong)
+    lines = []
+    for name, clip in captured.items():
+        real = signer_motion([clip], busier_side(clip))
+        for role, text in _JOINTS.items():
+            if role in ours.angular_deg and role in real.angular_deg:
+                us, them = (float(np.sqrt(np.mean(one.angular_deg[role] ** 2))) for one in (ours, real))
+                lines.append(Quantity(f"{text}, rms", "degrees/s", (us,), (them,), f"{name}; n = {len(real.speed)}"))
+        for field, (text, unit) in _MEASURES.items():
+            values = getattr(mirrored if field.startswith("mirror") else ours, field)
+            real_values = getattr(real, field)
+            if len(values) and len(real_values):
+                few = len(real_values) < FEWEST
+                figures = (float(np.median(real_values)),) if few else percentiles(real_values)
+                lines.append(Quantity(text, unit, percentiles(values), figures, f"{name}; n = {len(real_values)}"))
+    if len(mirrored.mirror_cm):
+        text, unit = _MEASURES["mirror_cm"]
+        lines.append(Quantity(text, unit, percentiles(mirrored.mirror_cm), (1.0, 3.0), AIMED))
+    if len(mirrored.mirror_lag):
+        text, unit = _MEASURES["mirror_lag"]
+        lines.append(Quantity(text, unit, percentiles(mirrored.mirror_lag), (1.0, 2.0), AIMED))
+    return lines

@@ -49,8 +49,8 @@ class HiddenFrames:
     deep: fraction of the gaps in which a hand lies more than ``DEEP_M`` in the body, depth at the two ends not counted;
         NaN where the rig's arms are not known.
     deepest: greatest such depth, m; NaN where the rig's arms are not known.
-    keyframed: fraction of the gaps whose hidden frames mostly rotate at constant speed: interpolated between keys by a
-        program, not captured (``metrics.even_rotation_frames``).
+    keyframed: fraction of the gaps whose moving frames mostly rotate at constant speed: interpolated between keys by a
+        program, not captured (``metrics.is_keyed``).
     """
 
     transition: str
@@ -94,7 +94,7 @@ def hidden_frames(
                 "context on either side needs; give longer clips"
             )
         true_jump = float(np.median([_velocity_jump(window, n_frames) for window in windows]))
-        keyframed = float(np.mean([_is_keyframed(window) for window in windows]))
+        keyframed = float(np.mean([metrics.is_keyed(window[CONTEXT - 1 : 1 - CONTEXT]) for window in windows]))
         for transition in transitions:
             scores = np.array([_score(window, transition, n_frames) for window in windows])  # (n_gaps, 7)
             error, hands, fingers, trunk, ratio = _means(scores[:, :5])
@@ -121,13 +121,17 @@ def hidden_frames(
     return rows
 
 
-def table(rows: Sequence[HiddenFrames]) -> list[str]:
-    """The rows as Markdown with their signature: a table for each score, a column for each length."""
+def table(rows: Sequence[HiddenFrames], clips: Sequence[Clip] = ()) -> list[str]:
+    """The rows as Markdown with their signature: a table for each score, a column for each length. Of the ``clips``
+    that were measured, those drawn between keys are named first.
+    """
     lengths = sorted({row.n_frames for row in rows})
     found = {(row.transition, row.n_frames): row for row in rows}
     names = list(dict.fromkeys(row.transition for row in rows))
     of_length = [found[names[0], n] for n in lengths]
     lines: list[str] = [f"`{SIGNATURE}`"]
+    keyed = [clip for clip in clips if metrics.is_keyed(clip)]
+    lines += [f"\n{clip.name} is no measure of real motion ({metrics.keyed_mark(clip)})." for clip in keyed]
     for title, field, digits in (
         ("error, arm/1000", "position_error", 1),
         ("error of the hands", "hand_error", 1),
@@ -148,12 +152,6 @@ def table(rows: Sequence[HiddenFrames]) -> list[str]:
         fractions = ", ".join(f"{100.0 * row.keyframed:.0f} % of {row.n_frames}" for row in of_length)
         lines += ["", f"Gaps that a program mostly interpolated between keys, not captured: {fractions} frames."]
     return lines
-
-
-def _is_keyframed(window: Clip) -> bool:
-    """Whether more than half of the hidden frames rotate at constant speed."""
-    evenly = metrics.even_rotation_frames(window[CONTEXT - 1 : 1 - CONTEXT])
-    return bool(np.nansum(evenly) > 0.5 * len(evenly))
 
 
 def _means(scores: Float) -> list[float]:

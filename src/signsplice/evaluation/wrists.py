@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.info import rig_info
+from signsplice.synth.corpus import Pairs
 
 Float = NDArray[np.float64]
 
@@ -24,6 +25,17 @@ def wrist_positions(clip: Clip) -> Float:
     return positions * rig_info(clip.skeleton).sizes.unit.metres
 
 
-def right_wrist(clip: Clip) -> Float:
-    """Positions (T, 3) of the right wrist, m, on a rig with both hands known."""
-    return wrist_positions(clip)[:, 1]
+def strong_wrist(clip: Clip, strong: str) -> Float:
+    """Positions (T, 3) of the wrist of the strong side ("left" or "right"), m, on a rig with both hands known."""
+    return wrist_positions(clip)[:, 0 if strong == "left" else 1]
+
+
+def strong_side(pairs: Pairs, word: int = 0) -> str:
+    """The strong side, "left" or "right", of the signer of a corpus's word, by default of the first signer."""
+    return "left" if pairs.signers[word >= len(pairs.head["words"]) // 2].left_handed else "right"
+
+
+def busier_side(clip: Clip) -> str:
+    """The side, "left" or "right", whose wrist moves farther, which is taken for a real signer's strong side."""
+    left, right = np.linalg.norm(np.diff(wrist_positions(clip), axis=0), axis=-1).sum(axis=0)
+    return "left" if left > right else "right"

@@ -1,0 +1,86 @@
+"""Kinds of signs, and how repeated movements differ, beside figures of real signing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.evaluation.agreement import Quantity, percentiles
+from signsplice.evaluation.wrists import strong_side, strong_wrist
+from signsplice.synth import notation, pseudo
+from signsplice.synth.corpus import Pairs
+from signsplice.synth.phonology import ON_BASE, Sign
+
+Float = NDArray[np.float64]
+
+N_PSEUDO = 300
+"""Pseudo-signs that are counted: the first ones by seed."""
+ASL_LEX = "ASL-LEX 2.0, 2,723 signs"
+AIMED = "range aimed at"
+"""Source of ranges that no published table stands behind."""
+_SHORTEST_PASS_M = 0.015
+
+
+def _in_neutral_space(sign: Sign) -> bool:
+    # Space next to or before the face belongs to the face, as in ASL-LEX.
+    return sign.segments[0].strong.location.startswith("space")
+
+
+_KINDS: dict[str, tuple[Callable[[Sign], bool], float]] = {
+    "one-handed": (lambda sign: sign.hands == "one", 0.39),
+    "symmetric or alternating": (lambda sign: sign.hands in ("symmetric", "alternating"), 0.35),
+    "first place at the other hand": (lambda sign: sign.segments[0].strong.location in ON_BASE, 0.25),
+    "first place in neutral space": (_in_neutral_space, 0.36),
+}
+"""Kind -> whether a sign is of it, and its share in ASL-LEX 2.0."""
+
+
+def kinds(signs: Sequence[Sign], whose: str) -> list[Quantity]:
+    """Shares of kinds of signs beside those of ASL-LEX 2.0 (Sehyr et al. 2021); whose: text behind the kind's name."""
+    return [
+        Quantity(f"{kind}, {whose}", "", (float(np.mean([of(sign) for sign in signs])),), (share,), ASL_LEX)
+        for kind, (of, share) in _KINDS.items()
+    ]
+
+
+def known_kinds() -> list[Quantity]:
+    """Shares of kinds among the words that ship (without letters and digits) and among pseudo-signs."""
+    pseudo_signs = [pseudo.sign(seed) for seed in range(N_PSEUDO)]
+    return kinds(list(notation.everyday().values()), "words that ship") + kinds(pseudo_signs, "pseudo-signs")
+
+
+def second_passes(pairs: Pairs) -> list[Quantity]:
+    """Size and time of the second pass of a word's last movement over those of the first, words of the first signer.
+
+    Size: the largest distance of the strong wrist from where the pass begins. Movements whose first pass is smaller
+    than 1.5 cm are left out. Empty where no word has two passes.
+    """
+    strong = strong_side(pairs)
+    sizes, times = [], []
+    for k in range(len(pairs.head["words"]) // 2):
+        passes = pairs.events(k).passes
+        if len(passes) < 2:
+            continue
+        wrist = strong_wrist(pairs.word_clip(k), strong)
+        first, second = (_extent(wrist[begin : end + 1]) for begin, end in passes[:2])
+        if first >= _SHORTEST_PASS_M:
+            sizes.append(second / first)
+            times.append((passes[1][1] - passes[1][0]) / (passes[0][1] - passes[0][0]))
+    if not sizes:
+        return []
+    return [
+        Quantity("second pass over the first, size", "", percentiles(sizes), (0.6, 1.0), AIMED, spread=True),
+        Quantity("second pass over the first, time", "", percentiles(times), (0.85, 1.15), AIMED, spread=True),
+    ]
+
+
+def _extent(positions: Float) -> float:
+    return float(np.linalg.norm(positions - positions[0], axis=-1).max())
+
+
+def symmetric_words(pairs: Pairs, signs: Mapping[str, Sign]) -> list[int]:
+    """Numbers of the first signer's words whose signs are symmetric."""
+    glosses = [row["gloss"] for row in pairs.head["words"]][: len(pairs.head["words"]) // 2]
+    return [k for k, gloss in enumerate(glosses) if gloss in signs and signs[gloss].hands == "symmetric"]

@@ -1,0 +1,111 @@
+"""How a signer moves: measured on motions whose answer is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from signing import mirror, word
+from signsplice.evaluation.signer_motion import half_way, reaches, signer_motion
+from signsplice.evaluation.wrists import busier_side
+from signsplice.motion import kinematics, rotation
+from signsplice.motion.clip import Clip
+from signsplice.synth import planner, pose
+from signsplice.synth.signer import JOINTS, STANDARD
+
+Float = NDArray[np.float64]
+
+FPS = 30.0
+
+
+def moved(weak: Callable[[Float], Float]) -> Clip:
+    """Both hands before the chest, going out and back together; ``weak`` makes the weak wrists from the strong ones."""
+    state = np.tile(planner.resting(STANDARD), (60, 1))
+    t = np.arange(60) / FPS
+    wrist = np.array([-20.0, -12.0, 25.0]) + np.outer(np.sin(2.0 * np.pi * 0.7 * t), [-8.0, 3.0, 0.0])
+    state[:, 0:3], state[:, 27:30] = wrist, weak(wrist)
+    state[:, 30:33] = state[:, 3:6]
+    return pose.clip(state, STANDARD, FPS)
+
+
+def test_joints_turn_at_the_speed_that_was_set() -> None:
+    """30 degrees a second about one axis, on top of a sign; relative to the parent, so that the head does not count the
+    neck's turn.
+    """
+    clip = word("MOTHER").clip
+    turn = rotation.exp(np.deg2rad(30.0) / clip.fps * np.arange(len(clip))[:, None] * [0.0, 1.0, 0.0])
+    local = np.array(clip.local_rotations)
+    local[:, JOINTS["Neck"]] = turn
+    local[:, JOINTS["Head"]] = rotation.IDENTITY
+    motion = signer_motion([replace(clip, local_rotations=local)], "right")
+    assert motion.angular_deg["neck"] == pytest.approx(30.0)
+    assert motion.angular_deg["head"] == pytest.approx(0.0, abs=1e-6)
+    assert len(motion.speed) == len(motion.abduction_deg) == len(motion.wrist_bend_deg)
+    assert 10 < len(motion.speed) < len(clip) - 1, "rests do not count"
+
+
+def test_the_strong_side_is_the_one_that_is_measured() -> None:
+    clip = word("MOTHER").clip
+    rotations, roots = mirror(clip)
+    left_handed = replace(clip, local_rotations=rotations, root_positions=roots)
+    assert (busier_side(clip), busier_side(left_handed)) == ("right", "left")
+    one, other = signer_motion([clip], "right"), signer_motion([left_handed], "left")
+    for field in ("speed", "abduction_deg", "wrist_bend_deg"):
+        assert np.allclose(getattr(one, field), getattr(other, field), atol=1e-3), field
+    wrong = signer_motion([clip], "left")
+    assert np.median(wrong.speed) < 0.3 * np.median(one.speed)
+
+
+def test_speed_is_in_arm_lengths() -> None:
+    clip = word("MOTHER").clip
+    _, positions = kinematics.forward(clip, [JOINTS["RightHand"]])
+    fastest = np.linalg.norm(np.diff(positions[:, 0], axis=0), axis=-1).max() * clip.fps / 55.0
+    assert signer_motion([clip], "right").speed.max() == pytest.approx(fastest)
+
+
+def test_hands_that_mirror_each_other_are_no_distance_apart() -> None:
+    motion = signer_motion([moved(lambda wrist: wrist)], "right")
+    assert len(motion.mirror_cm) > 30
+    assert motion.mirror_cm.max() < 1e-3
+    assert motion.mirror_lag == pytest.approx(0.0, abs=0.1)
+
+
+def test_hands_that_differ_in_place_and_time_are_measured_so() -> None:
+    lower = signer_motion([moved(lambda wrist: wrist - np.array([0.0, 2.0, 0.0]))], "right")
+    assert np.median(lower.mirror_cm) == pytest.approx(2.0, abs=0.1)
+    late = signer_motion([moved(lambda wrist: np.roll(wrist, 2, axis=0))], "right")
+    assert np.median(late.mirror_lag) == pytest.approx(2.0, abs=0.3)
+    still = signer_motion([moved(lambda wrist: np.broadcast_to(wrist[0], wrist.shape))], "right")
+    assert len(still.mirror_cm) == len(still.mirror_lag) == 0
+
+
+def test_the_upper_arm_hangs_at_no_angle_and_is_level_at_ninety() -> None:
+    clip = word("MOTHER").clip
+    local = np.array(clip.local_rotations)
+    local[:, JOINTS["RightShoulder"]] = rotation.IDENTITY
+    local[:, JOINTS["RightArm"]] = rotation.IDENTITY  # the rest pose is a T-pose
+    assert signer_motion([replace(clip, local_rotations=local)], "right").abduction_deg == pytest.approx(90.0, abs=3.0)
+
+
+def test_a_reach_lies_between_two_minima_and_is_fast() -> None:
+    speed = np.array([0.3, 0.1, 0.4, 0.9, 0.8, 0.2, 0.3, 0.4, 0.3, 0.1, 0.2, 0.05, 0.6])
+    assert reaches(speed) == [(1, 5)]
+    assert reaches(speed[:2]) == []
+
+
+def test_a_finger_is_half_formed_where_half_of_its_way_is_done() -> None:
+    linear = np.outer(np.arange(11.0), [4.0, 0.0, 3.0])
+    assert half_way(linear) == pytest.approx(0.5)
+    early = np.array([[0.0], [10.0], [30.0], [40.0], [40.0]])
+    assert half_way(early) == pytest.approx(1.5 / 4.0)
+    assert half_way(0.3 * linear) is None, "15 degrees are no change of handshape"
+
+
+def test_a_clip_without_motion_has_no_figures() -> None:
+    still = word("MOTHER").clip[:3]
+    motion = signer_motion([still], "right")
+    assert all(len(getattr(motion, field)) == 0 for field in ("speed", "mirror_cm", "mirror_lag", "forming"))
