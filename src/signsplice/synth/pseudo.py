@@ -52,6 +52,8 @@ _FAR = 0.35
 """Fraction of the movements away from a touch that go to another location."""
 _SIX_DIRECTIONS = tuple(DIRECTIONS.values())
 _TRIES = 400
+_TOUCH_TRIES = 16
+"""Touches of one place hardly differ, so that more tries would find none either."""
 _BATCH = 16
 """How many drawn segments are checked together."""
 
@@ -96,8 +98,8 @@ def _segments(hands: str, course: str, starts: dict[str, float], rng: np.random.
     first_kind = "H" if rng.random() < held else "X"
     segments: list[Segment] = []
 
-    def add(draw: Callable[[], Segment]) -> bool:
-        for _ in range(_TRIES // _BATCH):
+    def add(draw: Callable[[], Segment], tries: int = _TRIES) -> bool:
+        for _ in range(max(1, tries // _BATCH)):
             found = _first_easy([draw() for _ in range(_BATCH)], hands)
             if found is not None:
                 segments.append(found)
@@ -122,7 +124,7 @@ def _segments(hands: str, course: str, starts: dict[str, float], rng: np.random.
             draw = partial(_release, rng, start, base, table)
         else:
             draw = partial(_movement, rng, start, segments[-1].weak, table, again=again)
-        if not add(draw):
+        if not add(draw, _TOUCH_TRIES if n == 0 and course == "touch" else _TRIES):
             return None
         if n == 0 and rng.random() < 0.1:
             segments.append(Segment("H", segments[-1].strong, segments[-1].weak))

@@ -10,7 +10,6 @@ spread tells which differences mean something.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ import torch
 from signsplice.errors import FormatError, InputError
 from signsplice.evaluation.hidden_frames import CONTEXT, HiddenFrames, hidden_frames
 from signsplice.evaluation.tables import markdown
+from signsplice.formats.atomic import replacing
 from signsplice.formats.json_files import check_type, read_json
 from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
@@ -33,7 +33,7 @@ from signsplice.synth.training_data import TrainingDataPlan
 from signsplice.train import provenance
 from signsplice.train.processes import Processes
 from signsplice.train.product import training
-from signsplice.train.product.training import ProductTraining
+from signsplice.train.product.training import SCHEDULES, ProductTraining
 
 LENGTHS = (8, 12, 18)
 """Hidden frames per gap."""
@@ -181,13 +181,18 @@ def _measured(job: tuple[Ablation, tuple[str, ...], int]) -> AblationRow:
     training.make(
         ProductTraining("transition", ablation.scale, seed), [signing], bundle, Processes(0, 1, torch.device("cpu"))
     )
+    return AblationRow(traits, seed, errors(ablation.clip, bundle))
+
+
+def errors(clip: Clip, bundle: Path) -> dict[str, tuple[float, ...]]:
+    """The errors of a bundle's transition network on frames hidden from a clip, as ``AblationRow`` holds them."""
     sessions = open_sessions(bundle)
     base, whole, arms = (
-        hidden_frames([ablation.clip], [transition], LENGTHS, STRIDE)
+        hidden_frames([clip], [transition], LENGTHS, STRIDE)
         for transition in (find_transition("hermite"), _WholeAnswer(sessions), _ArmsAlone(sessions))
     )
-    errors = {group: _ratios(whole, base, field) for group, field in GROUPS.items()}
-    return AblationRow(traits, seed, errors | {ARMS: _ratios(arms, base, GROUPS["all"])})
+    by_group = {group: _ratios(whole, base, field) for group, field in GROUPS.items()}
+    return by_group | {ARMS: _ratios(arms, base, GROUPS["all"])}
 
 
 def _ratios(rows: Sequence[HiddenFrames], base: Sequence[HiddenFrames], field: str) -> tuple[float, ...]:
@@ -226,10 +231,36 @@ def _write(path: Path, ablation: Ablation, hermite: Sequence[HiddenFrames], rows
     )
 
 
+def write_page(path: Path, ablation: Ablation, rows: Sequence[AblationRow]) -> None:
+    """Write the tables with what a reader needs to know of them, whole or not at all."""
+    plan, (first, end) = PLANS[ablation.scale], ablation.frames
+    schedule = SCHEDULES["transition", ablation.scale]
+    lines = [
+        "# What each trait of the synthetic signer is worth",
+        "",
+        f"Frames {first} to {end - 1} of `{ablation.name}`; other frames were not looked at. Transition networks",
+        f"(width {schedule.config.width}, {schedule.steps} steps of {schedule.batch} gaps) were trained on signing by",
+        f"{plan.n_signers} synthetic signers with {plan.n_words} words and {plan.n_seams} seams each, which differ in",
+        "the traits of their manner alone. Each filled frames hidden from the clip.",
+        "",
+        "All columns: the network's error over that of the Hermite transition that it corrects, 1 where it is no",
+        f"better. Those without a length are means over {', '.join(map(str, LENGTHS))} hidden frames at 30 a second.",
+        "*All joints*: elbows, wrists and fingers, seen from the root. *Hands*: wrists. *Fingers*: seen from their",
+        "wrist. *Arms alone*: all joints, with the network's answer for arms only, as the product uses it.",
+        "",
+        *table(rows),
+        "",
+        f"`{ablation.signature}`",
+    ]
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
 def table(rows: Sequence[AblationRow]) -> list[str]:
     """The rows as Markdown: single traits ranked, then what was tried with several seeds, mean and spread."""
     head = ("traits", "all joints", *(f"at {n}" for n in LENGTHS), "hands", "fingers", "trunk and head", "arms alone")
-    first = sorted((row for row in rows if row.seed == 0 and len(row.traits) != N_BEST), key=lambda row: row.mean)
+    alone = [row for row in rows if row.seed == 0 and len(row.traits) in (0, 1, len(TRAITS))]
+    first = sorted(alone, key=lambda row: row.mean)
     several = dict.fromkeys(row.traits for row in rows if row.seed != 0)
     groups = [[row for row in rows if row.traits == traits] for traits in several]
     lines = ["Seed 0, the best first:", "", *markdown(head, [_cells([row]) for row in first])]
