@@ -61,15 +61,8 @@ _BATCH = 16
 def sign(seed: int) -> Sign:
     """The pseudo-sign of a seed, ``PSEUDO-<seed>``: without ``phonology.faults``, within reach and joint limits."""
     rng = stream("pseudo", seed)
-    # Drawn once, not in each try: what has few easy postures must not become rare.
-    hands = _pick(rng, frequencies.HANDS)
-    mirrored = "symmetric" if hands == "alternating" else hands
-    places = frequencies.PLACES[mirrored]
-    place = _pick(rng, places)
-    course = _pick(rng, frequencies.COURSES)
-    if place == "neutral" and course != "still":
-        course = "free"
-    starts = frequencies.LOCATIONS[mirrored][place]
+    hands, place, course = kind(rng)
+    starts = frequencies.LOCATIONS[_table(hands)][place]
     if course in ("touch", "release"):
         starts = {location: weight for location, weight in starts.items() if location not in IN_SPACE}
     for _ in range(_TRIES):
@@ -80,13 +73,27 @@ def sign(seed: int) -> Sign:
     raise RuntimeError(f"no pseudo-sign for seed {seed}")  # does not happen for the first 10,000 seeds
 
 
+def kind(rng: np.random.Generator) -> tuple[str, str, str]:
+    """Hands, place and course of a sign, keys of the tables in ``frequencies``. They are drawn once, not in each try:
+    what has few easy postures must not become rare.
+    """
+    hands = _pick(rng, frequencies.HANDS)
+    place = _pick(rng, frequencies.PLACES[_table(hands)])
+    course = _pick(rng, frequencies.COURSES)
+    return hands, place, "free" if place == "neutral" and course != "still" else course
+
+
+def _table(hands: str) -> str:
+    return "symmetric" if hands == "alternating" else hands
+
+
 def _everywhere(hands: str) -> dict[str, float]:
     """The locations of all places where such signs are made, with their frequencies."""
-    hands = "symmetric" if hands == "alternating" else hands
+    of_place = frequencies.LOCATIONS[_table(hands)]
     return {
-        location: fraction * weight / sum(frequencies.LOCATIONS[hands][place].values())
-        for place, fraction in frequencies.PLACES[hands].items()
-        for location, weight in frequencies.LOCATIONS[hands][place].items()
+        location: fraction * weight / sum(of_place[place].values())
+        for place, fraction in frequencies.PLACES[_table(hands)].items()
+        for location, weight in of_place[place].items()
     }
 
 
