@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 MINUTES ?= 10
+FRAMES ?= 0:315
 BIN := $(VENV)/bin
 NODE := viewer/node_modules/.package-lock.json
 PAGE := src/signsplice/service/page/index.html
@@ -11,7 +12,7 @@ ITSELF := $(PIP) --no-deps --no-build-isolation --editable .
 COMPILE := $(VENV)/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
 	--only-binary :all: --no-annotate --custom-compile-command "make lock" $(if $(UPGRADE),--upgrade)
 
-.PHONY: attacks demo test test-slow lint types unit viewer wheel try-wheel lock bench fuzz words corpus smoke paper weights clean
+.PHONY: attacks demo test test-slow lint types unit viewer wheel try-wheel lock bench fuzz words corpus smoke paper traits weights clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet and a report in out/demo
 	$(BIN)/signsplice demo --out out/demo
@@ -69,6 +70,9 @@ smoke: $(VENV)/.dev            ## the paper's whole way in minutes, systems of a
 
 paper: $(VENV)/.dev            ## the paper whole at cpu scale: hours; SCALE=paper for its sizes, on a GPU
 	runs/paper.sh
+
+traits: $(VENV)/.dev           ## what each trait of the signer is worth on frames FRAMES=0:315 of a capture, CLIP=FILE: under an hour
+	OMP_NUM_THREADS=1 $(BIN)/signsplice train traits $(CLIP) --frames $(FRAMES) -o docs/measured/signer-ablation.json
 
 weights: $(VENV)/.dev          ## train networks of the shipped sizes into out/weights, not the shipped bytes: three hours
 	runs/weights.sh

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from signsplice.evaluation.corpus_checks import over_limit
-from signsplice.synth import locations, phonology, planner, pose, pseudo, truth
+from signsplice.synth import frequencies, locations, phonology, planner, pose, pseudo, truth
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.locations import WeakArm
 from signsplice.synth.phonology import Posture, Sign
+from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, draw_signer
 
 
@@ -55,6 +56,25 @@ def test_pseudo_signs_vary(signs: list[Sign]) -> None:
     assert any(move.times > 1 for move in moves)
     assert {sign.segments[-1].kind for sign in signs} == {"M", "H"}
     assert {sign.segments[0].kind for sign in signs} == {"X", "H"}
+
+
+def test_hands_and_places_are_as_frequent_as_in_the_lexicon_of_asl() -> None:
+    kinds = [pseudo.kind(stream("pseudo", seed)) for seed in range(2000)]
+    hands = Counter(hands for hands, _, _ in kinds)
+    places = Counter(place for _, place, _ in kinds)
+    found = (hands["one"], hands["symmetric"] + hands["alternating"], hands["base"], places["hand"], places["neutral"])
+    assert np.array(found) / 2000 == pytest.approx([0.39, 0.35, 0.25, 0.25, 0.36], abs=0.02), "ASL-LEX 2.0"
+
+
+def test_no_try_changes_what_was_drawn_first(signs: list[Sign]) -> None:
+    for seed, sign in enumerate(signs):
+        hands, place, course = pseudo.kind(stream("pseudo", seed))
+        table = "symmetric" if hands == "alternating" else hands
+        assert sign.hands == hands, seed
+        assert sign.segments[0].strong.location in frequencies.LOCATIONS[table][place], seed
+        if course == "touch":
+            assert sign.segments[0].strong.off > 0.0, seed
+            assert sign.segments[1].strong.off == 0.0, seed
 
 
 def test_all_postures_are_within_reach_and_joint_limits(signs: list[Sign]) -> None:

@@ -164,17 +164,21 @@ def pairs(
     metavar="N",
     help="Number of transitions in each signer's sentences.",
 )
+@click.option("--traits", default="all", show_default=True, metavar="NAMES|none|all",
+              help="How signers differ from plain motion: names of traits with commas between.")  # fmt: skip
 @_SEED
 @_FPS
 @click.option("--processes", type=int, default=2, show_default=True, metavar="N", help="Number of processes.")
-def endless(output: str, signers: int, words: int, seams: int, seed: int, fps: float, processes: int) -> None:
+def endless(
+    output: str, signers: int, words: int, seams: int, traits: str, seed: int, fps: float, processes: int
+) -> None:
     """Write signing to train networks on: many signers, each with their own words, on the canonical humanoid.
 
     Called again after an interruption, it continues.
     """
     from signsplice.synth import training_data
 
-    plan = training_data.TrainingDataPlan(signers, words, seams, seed, _rate(fps))
+    plan = training_data.TrainingDataPlan(signers, words, seams, seed, _rate(fps), _traits(traits))
     with progress(f"signing by {signers} signers") as advance:
         n_parts = training_data.write(plan, Path(output), advance, processes)
     print(f"{output}: {n_parts} signers of {words} words and {seams} seams each")
@@ -250,6 +254,13 @@ def _frame_range(text: str) -> tuple[int, int]:
     if not (colon and first.isdecimal() and stop.isdecimal() and int(first) < int(stop)):
         raise InputError(f"--real-frames {text}, expected FIRST:STOP with FIRST below STOP, as in 0:315")
     return int(first), int(stop)
+
+
+def _traits(text: str) -> tuple[str, ...] | None:
+    """Names of traits, none of them, or None for all."""
+    if text == "all":
+        return None
+    return () if text == "none" else tuple(text.split(","))
 
 
 def _rate(fps: float) -> float:

@@ -1,4 +1,4 @@
-"""The commands `train paper`, `train cutter`, `train transition` and `export`."""
+"""The commands `train paper`, `train cutter`, `train transition`, `train traits` and `export`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from signsplice.cli.clips import load, reads_clips
 from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def _product_options(command: Command) -> Command:
     for option in reversed(
         (
             click.option("--out", required=True, metavar="DIR", help="Bundle that the network is written into."),
-            click.option("--scale", type=click.Choice(("smoke", "ship", "more", "corpus")), default="ship",
+            click.option("--scale", type=click.Choice(("smoke", "small", "ship", "more", "corpus")), default="ship",
                          show_default=True, help="How large the network is and how long it is trained."),
             click.option("--steps", type=int, metavar="N", help="Steps in place of the scale's."),
             click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of weights and pairs."),
@@ -182,6 +183,47 @@ def transition(
     errors = f"{result.after:.1f} tuned, {result.before:.1f} before, {result.classical:.1f} classical"
     print(f"trained on {result.n_train} words; error on {result.n_held} held back, arm length / 1000: {errors}")
     print(f"{out}: written" if result.better else f"{out}: not written, because the tuned network is no better")
+
+
+@train.command()
+@click.argument("clip", metavar="CLIP")
+@click.option("--frames", required=True, metavar="A:B", help="Frames A..B-1 of the clip are used, no others.")
+@click.option(
+    "-o", "--output", required=True, metavar="OUT.json", help="File of the results; the table goes to OUT.md."
+)
+@click.option("--work", default="out/traits", show_default=True, metavar="DIR", help="Folder for signing and networks.")
+@click.option("--scale", type=click.Choice(("smoke", "small")), default="small", show_default=True,
+              help="How much signing, how large the networks are and how long they are trained.")  # fmt: skip
+@click.option("--processes", type=int, default=2, show_default=True, metavar="N", help="Networks trained at once.")
+@reads_clips
+def traits(clip: str, frames: str, output: str, work: str, scale: str, processes: int) -> None:
+    """Train small transition networks on signing with each trait of the signer's manner alone, and measure them on
+    frames hidden from a captured clip. The same command continues after an interruption.
+    """
+    check_extra()
+    if processes < 1:
+        raise InputError(f"--processes {processes}, expected at least 1")
+    if Path(output).suffix != ".json":
+        raise InputError(f"-o {output}, expected a name that ends in .json")
+    from signsplice.motion.clip import resample
+    from signsplice.rig.canonical import FEATURE_FPS
+    from signsplice.train.product import trait_ablation
+
+    loaded = load(clip)
+    first, end = _frames(frames, len(loaded))
+    seen = resample(loaded[first:end], FEATURE_FPS)
+    ablation = trait_ablation.Ablation(Path(clip).name, seen, (first, end), Path(work), scale)
+    rows = trait_ablation.run(ablation, Path(output), processes, lambda line: print(line, file=sys.stderr))
+    trait_ablation.write_page(Path(output).with_suffix(".md"), ablation, rows)
+    print(f"{output}, {Path(output).with_suffix('.md')}: {len(rows)} networks")
+
+
+def _frames(text: str, n_frames: int) -> tuple[int, int]:
+    """The first frame and the end of A:B."""
+    first, colon, end = text.partition(":")
+    if not (colon and first.isdecimal() and end.isdecimal() and int(first) < int(end) <= n_frames):
+        raise InputError(f"--frames {text!r}, expected A:B with A < B <= {n_frames}, B not included")
+    return int(first), int(end)
 
 
 @click.command()

@@ -184,6 +184,9 @@ class LearnedTransition(GapTransition):
     name, learned = NAME, True
     summary = "limited Hermite curve, its arms bent by a network that sees eight frames on either side"
 
+    corrected = _CORRECTED
+    """Roles (R, 1) whose joints the network corrects."""
+
     def __init__(self, sessions: Sessions) -> None:
         self.sessions = sessions
         self.base = find_transition("hermite")
@@ -198,7 +201,7 @@ class LearnedTransition(GapTransition):
         shape = (1, seen.n_gap, len(ROLES), 3)
         turns = self.sessions.run("bridge", inputs, turns=shape)["turns"][0]
         deltas = features.delta_rotvecs(turns[: seen.n_gap], seen, len(base))
-        deltas = np.where(_CORRECTED, deltas, 0.0)
+        deltas = np.where(self.corrected, deltas, 0.0)
         return replace(base, local_rotations=apply_deltas(base.skeleton, base.local_rotations, deltas))
 
     def warnings(self, gap: Gap) -> tuple[str, ...]:

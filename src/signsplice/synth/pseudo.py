@@ -1,9 +1,17 @@
 """Pseudo-signs: random, well-formed signs without meaning, any number of them by seed, to train networks on.
 
-Frequencies follow the lexicon of American Sign Language in round numbers: about half of the signs use one hand, few
-handshapes make up most signs, neutral space and face are the commonest locations (ASL-LEX 2.0, Sehyr et al. 2021).
-Kinds of movement follow this package's words in round numbers, including those that end or begin with a touch. Rare
-kinds are drawn more often than they occur, so that networks see all of them.
+Hands and places have the frequencies of the lexicon of American Sign Language (ASL-LEX 2.0, Sehyr et al. 2021). They
+are drawn once for each sign; only what they leave open is drawn again until the posture is easy.
+
+| of 2,000 signs | here | ASL-LEX |
+| --- | --- | --- |
+| one hand | MEASURED | .39 |
+| both hands, symmetric or alternating | MEASURED | .35 |
+| at the other hand, at the first posture | MEASURED | .25 |
+| in neutral space, at the first posture | MEASURED | .36 |
+
+Few handshapes make up most signs, as there. Kinds of movement follow this package's words in round numbers, including
+those that end or begin with a touch. Rare kinds are drawn more often than they occur, so that networks see all of them.
 """
 
 from __future__ import annotations
@@ -16,7 +24,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.synth import locations, pose
+from signsplice.synth import frequencies, locations, pose
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.locations import MIRROR, WeakArm
 from signsplice.synth.phonology import (
@@ -38,59 +46,14 @@ from signsplice.synth.signer import STANDARD
 Float = NDArray[np.float64]
 T = TypeVar("T")
 
-_HANDS = {"one": 0.60, "symmetric": 0.14, "alternating": 0.08, "base": 0.18}
-_SHAPES = {
-    **dict.fromkeys(("B", "1", "5"), 8.0),
-    **dict.fromkeys(("A", "S", "C", "F", "V", "O-flat", "5-claw", "B-bent", "L", "X"), 3.0),
-    **dict.fromkeys(("Y", "H", "O", "10", "W", "K", "I", "8-open", "3", "V-bent", "R", "ILY", "E", "D", "G"), 1.2),
-}
-_LOCATIONS = {
-    **{"space": 6.0, "space-mid": 3.0, "space-out": 2.0, "space-high": 3.0, "space-low": 1.5, "face-space": 2.0},
-    **dict.fromkeys(("chin", "forehead", "mouth", "cheek", "chest", "temple", "nose"), 2.0),
-    **dict.fromkeys(("ear", "eye", "shoulder", "chest-strong", "heart", "belly", "throat", "jaw", "mouth-corner"), 0.7),
-    **dict.fromkeys(("space-in", "space-far", "side-space", "shoulder-weak", "space-high-out"), 0.8),
-    **dict.fromkeys(("crown", "under-chin", "cheek-weak", "chin-weak", "waist", "upper-arm-weak", "above-head"), 1.0),
-}
-_MIRRORED_LOCATIONS = {
-    **{"space": 5.0, "space-mid": 5.0, "space-out": 2.0, "space-low": 2.0, "space-high": 2.0, "space-low-mid": 1.5},
-    **dict.fromkeys(("chest-strong", "cheek", "temple", "waist"), 0.7),
-}
-_BASE_LOCATIONS = {
-    **{"base-palm": 5.0, "base-back": 3.0, "base-radial": 2.0, "base-fingertips": 1.0, "base-index": 1.0},
-    **{"base-wrist": 1.0, "forearm-weak": 1.0, "base-fingers": 1.0},
-    **dict.fromkeys(("base-ulnar", "base-heel", "base-fingers-back"), 0.5),
-}
-_PARTS = {
-    **dict.fromkeys(("palm", "index", "tips", "fingertips"), 3.0),
-    **dict.fromkeys(("radial", "ulnar", "middles", "pinch", "thumb", "back"), 1.0),
-}
-_BASES = (
-    Posture("B", "space-low-mid", "palm", (0.0, 1.0, 0.0), (-0.6, 0.0, 0.8)),
-    Posture("B", "space-low-mid", "palm", (0.0, -1.0, 0.0), (-0.8, 0.0, 0.6)),
-    Posture("S", "space-low-mid", "palm", (0.0, -1.0, 0.0), (-0.7, 0.0, 0.7)),
-    Posture("1", "space-mid", "palm", (-1.0, 0.0, 0.0), (-0.2, 0.6, 0.7)),
-    Posture("B", "space-mid", "palm", (-1.0, 0.0, 0.0), (0.0, 0.5, 0.85)),
-    Posture("B-open", "space-mid", "palm", (0.0, 1.0, 0.0), (-0.5, 0.0, 0.87), shift=(0.0, -6.0, 2.0)),
-)
-_MANNERS = {"free": 0.70, "touch": 0.16, "release": 0.10, "still": 0.04}
-"""How a sign is made: it moves freely; it ends in a touch of the body or the other hand, once or repeatedly; it begins
-there, mostly with a touch, and moves away; or it is one posture.
-"""
-_MOVEMENTS = {
-    **{"move": 0.36, "rotation": 0.12, "circle": 0.11, "local": 0.13, "shape": 0.09, "zigzag": 0.05, "far": 0.06},
-    **{"base": 0.04, "slash": 0.04},
-}
-_LOCAL_RANGES = {
-    **{"wiggle": (18.0, 26.0), "twist": (22.0, 36.0), "nod": (20.0, 34.0), "bend": (40.0, 62.0), "tremble": (0.6, 1.4)},
-}
 _NEAR_BODY = 0.4
 """Fraction of the postures at the body that are some centimetres from their location."""
 _FAR = 0.35
 """Fraction of the movements away from a touch that go to another location."""
-_OFF_BASE = 0.12
-"""Fraction of the signs with a base that do not begin at it."""
 _SIX_DIRECTIONS = tuple(DIRECTIONS.values())
 _TRIES = 400
+_TOUCH_TRIES = 16
+"""Touches of one place hardly differ, so that more tries would find none either."""
 _BATCH = 16
 """How many drawn segments are checked together."""
 
@@ -98,30 +61,52 @@ _BATCH = 16
 def sign(seed: int) -> Sign:
     """The pseudo-sign of a seed, ``PSEUDO-<seed>``: without ``phonology.faults``, within reach and joint limits."""
     rng = stream("pseudo", seed)
-    # Drawn once, not in each try: kinds of hands with few easy postures must not become rare.
-    hands = _pick(rng, _HANDS)
+    hands, place, course = kind(rng)
+    starts = frequencies.LOCATIONS[_table(hands)][place]
+    if course in ("touch", "release"):
+        starts = {location: weight for location, weight in starts.items() if location not in IN_SPACE}
     for _ in range(_TRIES):
-        segments = _segments(hands, rng)
+        segments = _segments(hands, course, starts, rng)
         made = Sign(f"PSEUDO-{seed}", hands, tuple(segments or ()), source="drawn at random", kind="pseudo")
         if segments and not faults(made):
             return made
     raise RuntimeError(f"no pseudo-sign for seed {seed}")  # does not happen for the first 10,000 seeds
 
 
-def _segments(hands: str, rng: np.random.Generator) -> list[Segment] | None:
+def kind(rng: np.random.Generator) -> tuple[str, str, str]:
+    """Hands, place and course of a sign, keys of the tables in ``frequencies``. They are drawn once, not in each try:
+    what has few easy postures must not become rare.
+    """
+    hands = _pick(rng, frequencies.HANDS)
+    place = _pick(rng, frequencies.PLACES[_table(hands)])
+    course = _pick(rng, frequencies.COURSES)
+    return hands, place, "free" if place == "neutral" and course != "still" else course
+
+
+def _table(hands: str) -> str:
+    return "symmetric" if hands == "alternating" else hands
+
+
+def _everywhere(hands: str) -> dict[str, float]:
+    """The locations of all places where such signs are made, with their frequencies."""
+    of_place = frequencies.LOCATIONS[_table(hands)]
+    return {
+        location: fraction * weight / sum(of_place[place].values())
+        for place, fraction in frequencies.PLACES[_table(hands)].items()
+        for location, weight in of_place[place].items()
+    }
+
+
+def _segments(hands: str, course: str, starts: dict[str, float], rng: np.random.Generator) -> list[Segment] | None:
     """Segments with easy postures, drawn one by one; None where none was found for one of them."""
-    table = {"base": _BASE_LOCATIONS, "one": _LOCATIONS}.get(hands, _MIRRORED_LOCATIONS)
+    table = _everywhere(hands)
     base = _base(rng) if hands == "base" else None
-    starts = _LOCATIONS if hands == "base" and rng.random() < _OFF_BASE else table
-    manner = _pick(rng, _MANNERS)
-    if manner in ("touch", "release"):
-        starts = {location: weight for location, weight in starts.items() if location not in IN_SPACE}
-    held = {"free": 0.22, "touch": 0.15, "release": 0.70, "still": 1.0}[manner]
+    held = {"free": 0.22, "touch": 0.15, "release": 0.70, "still": 1.0}[course]
     first_kind = "H" if rng.random() < held else "X"
     segments: list[Segment] = []
 
-    def add(draw: Callable[[], Segment]) -> bool:
-        for _ in range(_TRIES // _BATCH):
+    def add(draw: Callable[[], Segment], tries: int = _TRIES) -> bool:
+        for _ in range(max(1, tries // _BATCH)):
             found = _first_easy([draw() for _ in range(_BATCH)], hands)
             if found is not None:
                 segments.append(found)
@@ -130,35 +115,35 @@ def _segments(hands: str, rng: np.random.Generator) -> list[Segment] | None:
 
     def draw_first() -> Segment:
         start = _posture(rng, _pick(rng, starts))
-        if manner == "touch":
+        if course == "touch":
             start = _shifted(rng, replace(start, off=float(rng.uniform(3.0, 8.0))), float(rng.uniform(0.0, 3.0)))
-        return Segment(first_kind, replace(start, off=0.0) if manner == "release" else start, base)
+        return Segment(first_kind, replace(start, off=0.0) if course == "release" else start, base)
 
     if not add(draw_first):
         return None
-    if manner == "still":
+    if course == "still":
         return segments
     for n in range(_pick(rng, {1: 0.77, 2: 0.14, 3: 0.07, 4: 0.02})):
         start, again = segments[-1].strong, n > 0
-        if n == 0 and manner == "touch":
+        if n == 0 and course == "touch":
             draw = partial(_touch, rng, start, base)
-        elif n == 0 and manner == "release":
+        elif n == 0 and course == "release":
             draw = partial(_release, rng, start, base, table)
         else:
             draw = partial(_movement, rng, start, segments[-1].weak, table, again=again)
-        if not add(draw):
+        if not add(draw, _TOUCH_TRIES if n == 0 and course == "touch" else _TRIES):
             return None
         if n == 0 and rng.random() < 0.1:
             segments.append(Segment("H", segments[-1].strong, segments[-1].weak))
-    if rng.random() < (0.60 if manner == "touch" else 0.36) and segments[-1].kind == "M":
+    if rng.random() < (0.60 if course == "touch" else 0.36) and segments[-1].kind == "M":
         segments.append(Segment("H", segments[-1].strong, segments[-1].weak))
     return segments
 
 
 def _base(rng: np.random.Generator) -> Posture:
     """The posture of a weak hand that the strong hand signs at."""
-    base = _BASES[rng.integers(len(_BASES))]
-    return replace(base, shape=_pick(rng, _SHAPES)) if rng.random() < 0.35 else base
+    base = frequencies.BASES[rng.integers(len(frequencies.BASES))]
+    return replace(base, shape=_pick(rng, frequencies.SHAPES)) if rng.random() < 0.35 else base
 
 
 def _touch(rng: np.random.Generator, start: Posture, base: Posture | None) -> Segment:
@@ -177,7 +162,7 @@ def _release(rng: np.random.Generator, start: Posture, base: Posture | None, tab
     else:
         end = _shifted(rng, replace(start, off=float(rng.uniform(3.0, 13.0))), float(rng.uniform(0.0, 5.0)))
     if rng.random() < 0.3:
-        end = replace(end, shape=_pick(rng, _SHAPES))
+        end = replace(end, shape=_pick(rng, frequencies.SHAPES))
     if rng.random() < 0.25:
         end = replace(end, palm=_direction(rng))
     return Segment("M", end, base, _bow(rng), times=_pick(rng, {1: 0.85, 2: 0.15}))
@@ -192,8 +177,8 @@ def _posture(rng: np.random.Generator, location: str) -> Posture:
     elif rng.random() < _NEAR_BODY:
         x, y, z = rng.normal(0.0, (2.5, 2.5, 1.0)) * (rng.random(3) < 0.6)
         shift = float(x), float(y), float(z)
-    part = "palm" if free else _pick(rng, _PARTS)
-    return Posture(_pick(rng, _SHAPES), location, part, _direction(rng), _direction(rng), off, shift)
+    part = "palm" if free else _pick(rng, frequencies.PARTS)
+    return Posture(_pick(rng, frequencies.SHAPES), location, part, _direction(rng), _direction(rng), off, shift)
 
 
 def _movement(
@@ -202,7 +187,7 @@ def _movement(
     """A movement from ``start``: to another location or posture, in a circle, a zigzag, a long diagonal, within the
     hand, or with the base.
     """
-    kind = _pick(rng, _MOVEMENTS)
+    kind = _pick(rng, frequencies.MOVEMENTS)
     if kind == "base" and base is None:
         kind = "move"
     times = _pick(rng, {1: 0.76, 2: 0.19, 3: 0.05}) if not again else 1
@@ -214,10 +199,12 @@ def _movement(
     if kind == "local":
         local = _pick(rng, {"wiggle": 0.25, "twist": 0.35, "nod": 0.17, "bend": 0.15, "tremble": 0.08})
         cycles = _pick(rng, {1.5: 0.25, 2.0: 0.35, 2.5: 0.15, 3.0: 0.2, 5.0: 0.05})
-        return Segment("M", start, base, local=Local(local, float(rng.uniform(*_LOCAL_RANGES[local])), cycles))
+        return Segment(
+            "M", start, base, local=Local(local, float(rng.uniform(*frequencies.LOCAL_RANGES[local])), cycles)
+        )
     if kind == "shape":
         times = _pick(rng, {1: 0.5, 2: 0.3, 3: 0.2})
-        return Segment("M", replace(start, shape=_pick(rng, _SHAPES)), base, times=times)
+        return Segment("M", replace(start, shape=_pick(rng, frequencies.SHAPES)), base, times=times)
     if kind == "zigzag":
         end = start if rng.random() < 0.5 else _shifted(rng, start, float(rng.uniform(5.0, 12.0)))
         swings = float(_pick(rng, {2.0: 0.5, 3.0: 0.4, 4.0: 0.1}))
@@ -243,7 +230,7 @@ def _movement(
     if kind == "rotation":
         end = replace(_shifted(rng, start, float(rng.uniform(0.0, 5.0))), palm=_direction(rng))
     if rng.random() < 0.1:
-        end = replace(end, shape=_pick(rng, _SHAPES))
+        end = replace(end, shape=_pick(rng, frequencies.SHAPES))
     return Segment("M", end, base, _bow(rng), times=times)
 
 

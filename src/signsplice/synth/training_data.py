@@ -7,7 +7,7 @@ see it. The parts contain none of this package's words and neither signer of a c
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
+from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.rig.canonical import canonical_bones, canonical_motion
 from signsplice.synth import planner, pseudo, running, truth
-from signsplice.synth.manner import only
+from signsplice.synth.manner import PLAIN, TRAITS, only
 from signsplice.synth.parts import is_whole
 from signsplice.synth.planner import Events, IsolatedWord
 from signsplice.synth.pool import Pool
@@ -35,6 +36,8 @@ VERSION = 7
 FIRST_SIGNER = 1000
 """Seed of the first signer; the signers of any corpus of pairs have lower seeds."""
 _SHORTEST, _LONGEST = 3, 12
+_SIGNS_KEPT = 256
+"""Pseudo-signs that are kept for the next part, which may be the same signer's."""
 _NO_MOVEMENT = (-1, -1)
 _NEAR = 3.0
 """Standard deviation, frames, of the cut frames near the true ones for which a transition length is stored too."""
@@ -49,7 +52,8 @@ class TrainingDataPlan:
     n_seams: least number of seams in sentences of each signer
     seed: of signers, words and sentences
     fps: frame rate
-    traits: traits of manner that signers have, names of ``manner.TRAITS``; None for all
+    traits: traits of manner that signers have, names of ``manner.TRAITS``; None for all. The signers' bodies, words and
+        sentences are the same whatever their traits
     """
 
     n_signers: int = 40
@@ -63,15 +67,31 @@ class TrainingDataPlan:
 def write(plan: TrainingDataPlan, folder: Path, progress: Progress | None = None, processes: int = 2) -> int:
     """Make the parts that do not exist yet, or are damaged; return how many exist then.
 
-    Raises ``InputError`` where a number is out of range or the folder cannot be written.
+    Raises ``InputError`` where a number is out of range, a trait is unknown or the folder cannot be written.
     """
-    if plan.n_signers < 1 or plan.n_words < 2 or plan.n_seams < 0:
-        raise InputError(f"{plan}: expected at least 1 signer, 2 words and 0 seams")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made ({error.strerror})") from error
-    jobs = [(plan, number, path_of(folder, plan, number)) for number in range(plan.n_signers)]
+    return write_all([(plan, folder)], progress, processes)
+
+
+def write_all(
+    plans: Sequence[tuple[TrainingDataPlan, Path]], progress: Progress | None = None, processes: int = 2
+) -> int:
+    """The same for several plans, each with its folder. A signer's parts of all plans are made one after another, and
+    plans that differ in their traits alone share its pseudo-signs.
+    """
+    for plan, folder in plans:
+        if plan.n_signers < 1 or plan.n_words < 2 or plan.n_seams < 0:
+            raise InputError(f"{plan}: expected at least 1 signer, 2 words and 0 seams")
+        only(PLAIN, plan.traits or ())
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be made ({error.strerror})") from error
+    jobs = [
+        (plan, number, path_of(folder, plan, number))
+        for number in range(max(plan.n_signers for plan, _ in plans))
+        for plan, folder in plans
+        if number < plan.n_signers
+    ]
     todo = [job for job in jobs if not is_whole(job[2])]
     with Pool(processes) as run:
         for done, _ in enumerate(run(_write_part, todo), len(jobs) - len(todo) + 1):
@@ -81,8 +101,16 @@ def write(plan: TrainingDataPlan, folder: Path, progress: Progress | None = None
 
 
 def path_of(folder: Path, plan: TrainingDataPlan, number: int) -> Path:
-    """The file of a signer's part."""
-    return folder / f"signer-{plan.seed}-{number:04d}-{plan.n_words}x{plan.n_seams}-{plan.fps:g}fps-v{VERSION}.npz"
+    """The file of a signer's part. Its name tells the signer's traits, unless these are all."""
+    size = f"{plan.n_words}x{plan.n_seams}-{plan.fps:g}fps"
+    return folder / f"signer-{plan.seed}-{number:04d}-{size}{_traits_in_name(plan.traits)}-v{VERSION}.npz"
+
+
+def _traits_in_name(traits: tuple[str, ...] | None) -> str:
+    """The same for all orders of the same traits; empty for all of them."""
+    if traits is None or set(traits) == set(TRAITS):
+        return ""
+    return "-" + ("+".join(name for name in TRAITS if name in traits) or "plain")
 
 
 def _write_part(job: tuple[TrainingDataPlan, int, Path]) -> None:
@@ -115,7 +143,8 @@ def part(plan: TrainingDataPlan, number: int) -> dict[str, Array]:
     if plan.traits is not None:
         signer = replace(signer, manner=only(signer.manner, plan.traits))
     seeds = rng.integers(2**40, size=plan.n_words).tolist()
-    words = [planner.isolated(pseudo.sign(int(k)), signer, fps=plan.fps) for k in seeds]
+    signs = [CACHE.recent(pseudo.sign, int(k), most=_SIGNS_KEPT) for k in seeds]
+    words = [planner.isolated(sign, signer, fps=plan.fps) for sign in signs]
     frames = [packed(word.clip) for word in words]
     lengths = [len(word) for word in words]
     sentences: list[tuple[int, int]] = []

@@ -84,12 +84,13 @@ SCHEDULES: dict[tuple[str, str], TrainingSchedule] = {
     ("cutter", "more"): TrainingSchedule(CuttingConfig(), 5_000, 2, 5e-4, 24),
     ("cutter", "corpus"): TrainingSchedule(CuttingConfig(), 8_000, 2, 5e-4, 24, clean=True),
     ("transition", "smoke"): TrainingSchedule(BridgeConfig(32, 2, 2, 64), 20, 4, 3e-3, 8),
+    ("transition", "small"): TrainingSchedule(BridgeConfig(96, 4, 4, 384), 600, 32, 1e-3, 64),
     ("transition", "ship"): TrainingSchedule(BridgeConfig(192, 6, 4, 768), 6_000, 32, 8e-4, 512),
     ("transition", "more"): TrainingSchedule(BridgeConfig(192, 6, 4, 768), 4_000, 32, 4e-4, 512),
     ("transition", "corpus"): TrainingSchedule(BridgeConfig(192, 6, 4, 768), 4_000, 32, 4e-4, 512, clean=True),
 }
-"""Each network at each scale. ``more`` continues an earlier training, on other data; ``corpus`` continues one on a
-corpus of pairs, whose words and transitions it uses without augmentation.
+"""Each network at each scale. ``small`` compares data (``trait_ablation``). ``more`` continues an earlier training, on
+other data; ``corpus`` continues one on a corpus of pairs, whose words and transitions it uses without augmentation.
 """
 
 
