@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.synth import notation, planner
+from signsplice.synth.manner import PLAIN, Manner
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import JOINTS, STANDARD, Signer, draw_signer
@@ -27,14 +29,14 @@ def sign(gloss: str) -> Sign:
     return SIGNS[gloss]
 
 
-def signer_of(seed: int | None) -> Signer:
-    """The standard signer for None, else the signer of a seed."""
-    return STANDARD if seed is None else draw_signer(seed)
+def signer_of(seed: int | None, manner: Manner = PLAIN) -> Signer:
+    """The standard signer for None, else the signer of a seed, with a manner, by default a plain one."""
+    return replace(STANDARD if seed is None else draw_signer(seed), manner=manner)
 
 
 @cache
 def word(gloss: str, seed: int | None = None, fps: float = 30.0) -> IsolatedWord:
-    """An isolated word made by ``signer_of(seed)``."""
+    """An isolated word made plainly by ``signer_of(seed)``."""
     return planner.isolated(sign(gloss), signer_of(seed), fps=fps)
 
 

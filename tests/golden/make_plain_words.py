@@ -31,7 +31,7 @@ TURNS hands=alternating
   M  shape=5 local=wiggle path=arc:up:4
 CUTS hands=base
   source: a base hand, an arc, a zigzag
-  X  shape=B at=base-palm by=ulnar off=3 palm=in fingers=fwd-up w.shape=B w.at=space-low-mid w.by=palm w.palm=up w.fingers=in-fwd
+  X  shape=B at=base-palm by=ulnar off=3 palm=in fingers=fwd-up w.shape=B w.at=space-low-mid w.palm=up w.fingers=in-fwd
   M  off=0 path=arc:up:5
   M  at=space path=zigzag:up:3:2 head=nod
   H
@@ -45,9 +45,8 @@ def words(signer: Callable[[int], Signer] = draw_signer) -> dict[str, NDArray[np
         word = planner.isolated(sign, signer(SEED))
         e = word.events
         arrays[f"{gloss} states"] = word.states[::4].round(12)
-        arrays[f"{gloss} events"] = np.array(
-            [len(word), e.up, e.start, e.end, e.down, *e.first, *sum(e.passes, ())], float
-        )
+        spans = np.array([*([e.first] if e.first else []), *e.passes], np.float64)
+        arrays[f"{gloss} events"] = np.concatenate([[len(word), e.up, e.start, e.end, e.down], spans.ravel()])
     return arrays
 
 

@@ -56,7 +56,7 @@ def test_a_trajectory_passes_every_knot_on_its_frame() -> None:
     made = trajectory.through(knots)
     assert len(made) == 41
     for knot in knots:
-        assert np.allclose(made[knot.frame], knot.state, atol=1e-8)
+        assert np.allclose(made[int(knot.frame)], knot.state, atol=1e-8)
 
 
 def test_a_trajectory_rests_at_stops_and_passes_the_other_knots() -> None:

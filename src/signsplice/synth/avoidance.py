@@ -17,9 +17,11 @@ Float = NDArray[np.float64]
 
 TOLERANCE_CM = 0.2
 """Depth up to which a touch may press into the body."""
-TOUCH_CM = 0.5
-"""Greatest distance from the skin at which a hand counts as touching it."""
+TOUCH_CM = 1.0
+"""Distance from the skin up to which a hand may be meant to touch it."""
 _ROUNDS = 30
+_STUCK_CM = 0.35
+"""Depth from which a hand that is still in the body after these rounds is pushed on, in a steadier direction."""
 _KERNEL = np.array([0.12, 0.35, 0.72, 1.0, 0.72, 0.35, 0.12])
 
 
@@ -31,8 +33,15 @@ def clear_collisions(states: Float, signer: Signer, ends: bool = False) -> Float
     """
     signer = replace(signer, left_handed=False)
     level = smoothing.fade_window(len(states)) if ends else np.ones(len(states))
-    for n in range(_ROUNDS):
+    mean = np.zeros((len(states), 2, 3))
+    for n in range(2 * _ROUNDS):
         depth, out = penetration(states, signer)
+        if n >= _ROUNDS:
+            if depth.max() < _STUCK_CM:
+                break
+            # On either side of a nose or a finger by turns: the mean direction leads out.
+            mean = 0.8 * mean + 0.2 * out
+            out = mean / (np.linalg.norm(mean, axis=-1, keepdims=True) + 1e-9)
         gain = 0.6 if n < _ROUNDS // 2 else 1.0  # gently first: of two hands that meet, both are pushed
         push = gain * np.maximum(depth - 0.7 * TOLERANCE_CM, 0.0) * (depth > TOLERANCE_CM)
         if not push.any():
@@ -57,6 +66,6 @@ def penetration(states: Float, signer: Signer) -> tuple[Float, Float]:
 
 
 def touching(states: Float, signer: Signer) -> NDArray[np.bool_]:
-    """Whether either hand touches head, trunk or the other hand (T,)."""
+    """Whether either hand touches head, trunk or the other hand, or nearly does (T,)."""
     depth, _ = penetration(states, replace(signer, left_handed=False))
     return np.asarray(depth.max(axis=1) > -TOUCH_CM)

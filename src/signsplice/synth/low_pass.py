@@ -12,6 +12,8 @@ Float = NDArray[np.float64]
 _LEAST_PASS = 0.18
 """Standard deviation of the smoothing over the duration of a movement's shortest pass, at most: the movement keeps 85 %
 of its size when it is repeated."""
+_AT_TOUCH = 0.4
+"""Standard deviation of the smoothing at a touch, frames, at most: hands come and go as straight as they would."""
 _REACH = 4.0
 """How far from a touch the correction of its posture reaches, in standard deviations of the smoothing."""
 
@@ -22,11 +24,11 @@ def low_passed(
     """States (T, 63) smoothed in time by a Gaussian of standard deviation ``deviation``, frames.
 
     The first and the last frame stay as they are; within repeated ``passes``, [begin, end] each, and near both ends of
-    the word it is smoothed less. In the frames ``touches`` the states stay as they are, and those around them are
-    moved along, less with their distance.
+    the word, and near the frames ``touches``, it is smoothed less. In those frames the states stay as they are, and
+    those around them are moved along, less with their distance.
     """
     n = len(states)
-    width = _deviations(n, deviation, passes)
+    width = _deviations(n, deviation, passes, touches)
     frames = np.arange(n)
     weights = np.exp(-0.5 * ((frames - frames[:, None]) / np.maximum(width, 1e-3)[:, None]) ** 2)
     smooth = (weights / weights.sum(axis=1, keepdims=True)) @ states
@@ -38,15 +40,16 @@ def low_passed(
     return np.asarray(smooth + _bump(frames, centres, radius) @ factors)
 
 
-def _deviations(n_frames: int, deviation: float, passes: Sequence[tuple[int, int]]) -> Float:
-    """The smoothing's standard deviation (T,) in each frame."""
+def _deviations(n_frames: int, deviation: float, passes: Sequence[tuple[int, int]], touches: Sequence[int]) -> Float:
+    """The smoothing's standard deviation (T,) in each frame. It changes by no more than 1 in 3 frames."""
     frames = np.arange(n_frames)
     out = np.minimum(deviation, np.minimum(frames, n_frames - 1 - frames) / 3.0)
-    shortest = min((stop - begin for begin, stop in passes), default=0)
-    if len(passes) > 1 and _LEAST_PASS * shortest < deviation:
-        # Changes by at most 1 in 3 frames, so that the smoothed time never runs backwards.
+    if len(passes) > 1:
+        least = _LEAST_PASS * min(stop - begin for begin, stop in passes)
         away = np.maximum(np.maximum(passes[0][0] - frames, frames - passes[-1][1]), 0)
-        out = np.minimum(out, _LEAST_PASS * shortest + away / 3.0)
+        out = np.minimum(out, least + away / 3.0)
+    for touch in touches:
+        out = np.minimum(out, _AT_TOUCH + np.abs(frames - touch) / 3.0)
     return np.asarray(out, np.float64)
 
 

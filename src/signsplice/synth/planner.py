@@ -8,8 +8,6 @@ end of a sign's movements, falls on a frame where the hands stop, so that a hold
 from __future__ import annotations
 
 import itertools
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -112,7 +110,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     states = np.concatenate(
         [
             np.broadcast_to(rest, (before, pose.SIZE)),
-            _from_rest_to_rest(knots, rest, up, down, signer),
+            trajectory.from_rest_to_rest(knots, rest, up, down, signer),
             np.broadcast_to(rest, (after, pose.SIZE)),
         ]
     )
@@ -128,28 +126,6 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     states = clear_collisions(states, signer)
     clip = pose.clip(states, signer, fps, sign.gloss)
     return IsolatedWord(sign, signer, states, clip, _with_touches(events, clip, sign, signer))
-
-
-def _from_rest_to_rest(knots: Sequence[Knot], rest: Float, up: int, down: int, signer: Signer) -> Float:
-    """States of every whole frame of the preparation, ``up`` frames until the first knot's, of the trajectory, and of
-    the retraction, ``down`` frames from the last knot's.
-    """
-    core, still = trajectory.through(knots), _still(rest)
-    first, last = knots[0].frame, knots[-1].frame
-    end = core[-1] if last == round(last) else knots[-1].state
-    rising = np.arange(1, up + 1 + math.ceil(first)) / (up + 1 + first)
-    falling = (np.arange(math.floor(last) + 1, round(last) + down + 1) - last) / (round(last) + down + 1 - last)
-    return np.concatenate(
-        [
-            trajectory.reach(still, _still(knots[0].state), up, signer, rising),
-            core,
-            trajectory.reach(_still(end), still, down, signer, falling),
-        ]
-    )
-
-
-def _still(state: Float) -> Float:
-    return np.broadcast_to(state, (3, pose.SIZE))
 
 
 _HELD = {
@@ -231,7 +207,7 @@ class _SegmentPlan:
         self.postures = self._postures()
         self.pace = tempo_of(sign, signer, take)
         self._set_out()
-        least = fps * self.pace.least_s / signer.tempo / (self.knots[-1].frame + 1)
+        least = fps * self.pace.least_s / signer.tempo / (self.stop + 1)
         if least > 1.0:
             self.pace = replace(self.pace, movement=least * self.pace.movement)
             self._set_out()
@@ -240,6 +216,11 @@ class _SegmentPlan:
         """Set the knots and the segments in time."""
         self.knots = [Knot(0, self._first_state(), True)]
         self.timed = [self._add(n, segment) for n, segment in enumerate(self.sign.segments)]
+
+    @property
+    def stop(self) -> int:
+        """The frame of the last knot set so far."""
+        return round(self.knots[-1].frame)
 
     def stops(self) -> list[int]:
         """Frames, 0 at the first posture, where a segment or a pass begins or ends, in order."""
@@ -264,12 +245,11 @@ class _SegmentPlan:
         moves = [
             [(begin + offset, stop + offset) for begin, stop in timed.passes] for timed in self.timed if timed.passes
         ]
-        end = offset + self.knots[-1].frame
         return Events(
             up=up,
             start=offset,
-            end=end,
-            down=end + down + 1,
+            end=offset + self.stop,
+            down=offset + self.stop + down + 1,
             first=moves[0][0] if moves else None,
             passes=tuple(moves[-1]) if moves else (),
         )
@@ -317,7 +297,7 @@ class _SegmentPlan:
         """Add a segment's knots."""
         segments = self.sign.segments
         last = n == len(segments) - 1
-        begin = self.knots[-1].frame
+        begin = self.stop
         passes: tuple[tuple[int, int], ...] = ()
         if segment.kind == "M":
             passes = self._add_passes(n, segment, stops=last or segments[n + 1].kind == "H")
@@ -332,7 +312,7 @@ class _SegmentPlan:
             if pause_s and not touches(segment, self.sign):
                 state = drifted(state, drift, self.signer, self.sign.hands)
             self.knots.append(Knot(begin + n_frames, state, True))
-        return _TimedSegment(segment, begin, self.knots[-1].frame, passes)
+        return _TimedSegment(segment, begin, self.stop, passes)
 
     def _frames(self, seconds: float, factor: float) -> int:
         return round(self.fps * seconds * factor / self.tempo / self.signer.tempo)
@@ -352,7 +332,7 @@ class _SegmentPlan:
     def _add_passes(self, n: int, segment: Segment, stops: bool) -> tuple[tuple[int, int], ...]:
         """Add a movement's knots; the frames of its passes."""
         path = self._path(n, begin=n - 1)
-        start = begin = self.knots[-1].frame
+        start = begin = self.stop
         revolutions = path.revolutions
         count = 2 * segment.times - 1 if not path.still else segment.times
         each = self._frames(path.seconds() / segment.tempo, self.pace.movement)
@@ -371,7 +351,7 @@ class _SegmentPlan:
             start += stroke.n_frames
         self.knots[-1] = replace(self.knots[-1], stop=stops)
         if segment.local is not None and path.still:
-            return ((begin, self.knots[-1].frame),)
+            return ((begin, self.stop),)
         return tuple(passes)
 
 

@@ -20,13 +20,13 @@ from signsplice.synth.trajectory import Knot
 
 Float = NDArray[np.float64]
 
-_MOVEMENT, _MOVEMENT_SPREAD = 0.06, 0.16
+_MOVEMENT, _MOVEMENT_SPREAD = 0.03, 0.16
 """Mean and standard deviation, over words, of the logarithm of the factor on a movement's duration."""
 _HOLD_SPREAD = 0.30
 """The same deviation for a word's holds."""
 _TAKE_SPREAD = 0.03
 """The same for takes of one word."""
-_FIRST, _LAST, _LAST_TOUCH = 1.4, 1.55, 3.5
+_FIRST, _LAST, _LAST_TOUCH = 1.45, 1.6, 3.3
 """Usual holds of a citation form over the plain ones: the first, the last, and the last one where the hand touches."""
 _LEAST_S = 0.35
 """Least duration of a word with a movement."""

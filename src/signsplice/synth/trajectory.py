@@ -118,6 +118,29 @@ def reach(before: Float, after: Float, n_frames: int, signer: Signer, at: Float 
     return states
 
 
+def from_rest_to_rest(knots: Sequence[Knot], rest: Float, up: int, down: int, signer: Signer) -> Float:
+    """States of every whole frame of the preparation, ``up`` frames until the first knot's, of the trajectory, and of
+    the retraction, ``down`` frames from the last knot's.
+    """
+    core, still = through(knots), _still(rest)
+    first, last = knots[0].frame, knots[-1].frame
+    end = core[-1] if last == round(last) else knots[-1].state
+    rising = np.arange(1.0, up + 1 + math.ceil(first)) / (up + 1 + first)
+    stop = round(last) + down + 1
+    falling = (np.arange(math.floor(last) + 1.0, stop) - last) / (stop - last)
+    return np.concatenate(
+        [
+            reach(still, _still(knots[0].state), up, signer, rising),
+            core,
+            reach(_still(end), still, down, signer, falling),
+        ]
+    )
+
+
+def _still(state: Float) -> Float:
+    return np.broadcast_to(state, (3, pose.SIZE))
+
+
 _SHOULDER_DISTANCE_CM = 23.0
 """Least distance at which a wrist passes its shoulder; any nearer, the elbow would have to swing round."""
 _PASSING_DIRECTION = np.array([-0.35, 0.0, 0.94])
