@@ -105,13 +105,13 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
         ]
     )
     offset = before + up
-    events = segments.events(before - 1, offset, down)
-    states = two_hands.in_their_own_time(states, sign, signer, take, fps, events)
+    end = offset + segments.knots[-1].frame
+    states = two_hands.in_their_own_time(states, sign, signer, take, fps, (before - 1, offset, end, end + down + 1))
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     segments.add_overlays(states, offset)
     states = clear_collisions(states, signer)
     clip = pose.clip(states, signer, fps, sign.gloss)
-    return IsolatedWord(sign, signer, states, clip, events)
+    return IsolatedWord(sign, signer, states, clip, segments.events(before - 1, offset, down))
 
 
 def _still(state: Float) -> Float:
