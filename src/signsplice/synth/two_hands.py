@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 Float = NDArray[np.float64]
 
 _FREE_CM = 3.5
-"""Distance from there at which hands are as free as in the open."""
+"""How much farther than that hands are as free as in the open."""
 _PLACE_CM = (1.5, 3.5)
 """Least and greatest distance of one hand from the mirror image of the other, where both are free."""
-_LAG_FRAMES = (0.7, 2.2)
+_LAG_FRAMES = (0.5, 1.7)
 """Least and greatest lag of one hand, frames of 30 a second."""
 
 
@@ -60,7 +60,7 @@ def in_their_own_time(
         times[:, 27:54] = own[:, None]
     if formed:
         late = finger_timing.delays(signer, sign.gloss, take) * fps / 30.0
-        inside = _within(frames, start, end, fps)
+        inside = _within(frames, up, down, fps)
         for which, first in enumerate((6, 33)):
             times[:, first : first + 21] -= (free[:, which] * inside)[:, None] * late[which]
     times = np.clip(np.maximum.accumulate(times, axis=0), 0.0, frames[-1])
@@ -77,7 +77,7 @@ def _freedom(gaps: Float, fps: float) -> Float:
     """
     nearest = np.minimum(gaps[:, :2], gaps[:, 2:3])
     level = _smooth_step((nearest - TOUCH_CM) / _FREE_CM)
-    side = max(1, round(3 * fps / 30.0))
+    side = max(1, round(4 * fps / 30.0))
     least = minimum_filter1d(level, 2 * side + 1, axis=0)
     return np.asarray(gaussian_filter1d(least, 0.5 * side, axis=0, radius=side))
 
