@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.synth import notation, planner
+from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import JOINTS, STANDARD, Signer, draw_signer
@@ -36,6 +38,12 @@ def signer_of(seed: int | None) -> Signer:
 def word(gloss: str, seed: int | None = None, fps: float = 30.0) -> IsolatedWord:
     """An isolated word made by ``signer_of(seed)``."""
     return planner.isolated(sign(gloss), signer_of(seed), fps=fps)
+
+
+@cache
+def plain_word(gloss: str, seed: int | None = None) -> IsolatedWord:
+    """The same without any trait of manner."""
+    return planner.isolated(sign(gloss), replace(signer_of(seed), manner=PLAIN))
 
 
 def made(*lines: str, hands: str = "one", seed: int | None = None, fps: float = 30.0) -> IsolatedWord:
