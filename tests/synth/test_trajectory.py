@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from signing import signer_of, word
-from signsplice.synth import hand, planner, pose, trajectory
+from signsplice.synth import hand, manner, planner, pose, trajectory
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, Signer
@@ -17,7 +17,7 @@ from signsplice.synth.trajectory import Knot
 
 Float = NDArray[np.float64]
 
-PLAIN = replace(STANDARD, arch=0.0)
+PLAIN = replace(STANDARD, arch=0.0, manner=manner.PLAIN)
 
 
 def state(seed: int, spread: float = 5.0) -> Float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,13 +10,12 @@ from numpy.typing import NDArray
 
 from signsplice.synth import trajectory
 from signsplice.synth.avoidance import penetration
-from signsplice.synth.gaps import TOUCH_CM, skin_gaps
+from signsplice.synth.gaps import TOUCH_CM, between_hands
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import Signer
 
 if TYPE_CHECKING:
     from signsplice.synth.phonology import Sign
-    from signsplice.synth.planner import Events
 
 Float = NDArray[np.float64]
 
@@ -30,24 +30,26 @@ _GIVE_CM = (0.15, 0.4)
 
 
 def base_motion(
-    states: Float, gaps: Float, sign: Sign, signer: Signer, take: int, fps: float, events: Events
+    states: Float, gaps: Float, sign: Sign, signer: Signer, take: int, fps: float, span: tuple[int, int, int, int]
 ) -> tuple[Float, Float]:
     """At which time (T,), frames, a base hand's motion is taken, so that it comes and goes in its own time and is in
     place while it is touched; and the displacements (T, 63), cm, of both hands for that.
 
-    gaps: ``skin_gaps`` of the states
+    gaps: ``hand_gaps`` of the states
+    span: as of ``in_their_own_time``
     """
+    up, start, end, down = span
     rng = stream("base_lag", signer.name, sign.gloss, take)
     lags = signer.manner.base_lag * _LAG_S * fps * rng.uniform(-1.0, 1.0, 2)
-    touched = np.flatnonzero(gaps[events.start : events.end + 1, 2] < TOUCH_CM) + events.start
-    middle = (events.start + events.end) // 2
+    touched = np.flatnonzero(gaps[start : end + 1, 2] < TOUCH_CM) + start
+    middle = (start + end) // 2
     first, last = (int(touched[0]), int(touched[-1])) if len(touched) else (middle, middle)
     back = len(states) - 1
     times, shift = np.arange(len(states), dtype=np.float64), _give(states, gaps[:, 3], rng, signer, fps)
-    own, way = _coming(states[: first + 1], gaps[: first + 1, 3], events.up, events.start, float(lags[0]), signer)
+    own, way = _coming(states[: first + 1], gaps[: first + 1, 3], up, start, float(lags[0]), signer)
     times[: first + 1] = own
     shift[: first + 1, :3] += way
-    ends = back - events.down, back - events.end
+    ends = back - down, back - end
     own, way = _coming(states[last:][::-1], gaps[last:, 3][::-1], *ends, -float(lags[1]), signer)
     times[last:] = back - own[::-1]
     shift[last:, :3] += way[::-1]
@@ -64,13 +66,13 @@ def _coming(states: Float, gap: Float, up: int, start: int, lag: float, signer: 
     frames = np.arange(len(states), dtype=np.float64)
     u = np.clip((frames - up) / max(1, start - up), 0.0, 1.0)
     hill = trajectory.bump(u**2)[:, None]  # highest near to the touch, where the base hand is in the way
-    out = penetration(states[-1:], signer)[1][0, 0]
+    out = penetration(states[-1:], replace(signer, left_handed=False))[1][0, 0]
     for share, detour in _WAYS:
         times = _own_times(frames, states[:, 27:30], up, start, share * lag)
         way = detour * signer.scale * hill * out
         tried = trajectory.taken_at(states, np.column_stack([*[frames] * 27, *[times] * 27, *[frames] * 9]))
         tried[:, :3] += way
-        if (skin_gaps(tried, signer)[:, 3] >= np.minimum(gap, 0.0) - _DEEPER_CM).all():
+        if (between_hands(tried, signer) >= np.minimum(gap, 0.0) - _DEEPER_CM).all():
             return times, way
     return frames, np.zeros((len(states), 3))
 

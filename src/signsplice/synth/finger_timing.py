@@ -13,7 +13,7 @@ Float = NDArray[np.float64]
 
 _PER_FINGER = (4, 4, 4, 4, 5)
 """How many of ``hand.ANGLES`` belong to each finger, the thumb last."""
-_MOST_FRAMES = 1.0
+_MOST_FRAMES = 1.2
 """How much earlier or later than the hand a finger moves within a sign at most, frames of 30 a second."""
 _HAND_ADVANCE, _FINGER_ADVANCE = 0.12, 0.15
 """How much the timing of all fingers of a hand, and of one more, differs between reaches: height of a bump on time."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body import collision
-from signsplice.body.capsules import body_capsules, capsule_ends
+from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.synth import pose
@@ -20,22 +20,34 @@ TOUCH_CM = 0.5
 """Distance of the skins up to which hands count as touching."""
 
 
-def skin_gaps(states: Float, signer: Signer) -> Float:
+def hand_gaps(states: Float, signer: Signer) -> Float:
     """Distances (T, 4) between skins, cm, negative inside: of the strong hand and of the weak one from head and trunk,
     of the strong hand from the weak hand or arm, and from the weak hand alone.
     """
+    body, starts, ends = _posed(states, signer)
+    groups = body.groups
+    solid = (*groups.head, *groups.trunk)
+    parts = zip(body.parts, body.sides, strict=True)
+    arm = tuple(n for n, (part, side) in enumerate(parts) if side == "left" and part in ("sleeve", "cuff"))
+    pairs = ((groups.right, solid), (groups.left, solid), (groups.right, arm), (groups.right, groups.left))
+    gaps = np.stack([_gap(body, starts, ends, *pair) for pair in pairs], axis=1)
+    gaps[:, 2] = gaps[:, 2:].min(axis=1)
+    return gaps
+
+
+def between_hands(states: Float, signer: Signer) -> Float:
+    """Distance (T,) between the skins of the two hands, cm, negative inside."""
+    body, starts, ends = _posed(states, signer)
+    return _gap(body, starts, ends, body.groups.right, body.groups.left)
+
+
+def _posed(states: Float, signer: Signer) -> tuple[BodyCapsules, Float, Float]:
+    """The capsules of a right-handed signer's body, and where their axes (T, C, 3) start and end."""
     signer = replace(signer, left_handed=False)
     bones = skeleton(signer)
     body = body_capsules(bones)
-    starts, ends = capsule_ends(body, *kinematics.forward(Clip(bones, *pose.rotations(states, signer), 30.0)))
-    groups = body.groups
-    solid = [*groups.head, *groups.trunk]
-    parts = zip(body.parts, body.sides, strict=True)
-    sleeves = [n for n, (part, side) in enumerate(parts) if side == "left" and part in ("sleeve", "cuff")]
+    return body, *capsule_ends(body, *kinematics.forward(Clip(bones, *pose.rotations(states, signer), 30.0)))
 
-    def gap(own: tuple[int, ...], other: list[int]) -> Float:
-        return np.asarray(-collision.overlap(starts, ends, body.radii, own, other)[0].max(axis=(1, 2)))
 
-    between = gap(groups.right, list(groups.left))
-    on_arm = np.minimum(between, gap(groups.right, sleeves))
-    return np.stack([gap(groups.right, solid), gap(groups.left, solid), on_arm, between], axis=1)
+def _gap(body: BodyCapsules, starts: Float, ends: Float, own: tuple[int, ...], other: tuple[int, ...]) -> Float:
+    return np.asarray(-collision.overlap(starts, ends, body.radii, own, other)[0].max(axis=(1, 2)))

@@ -117,12 +117,11 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     offset = before + up
     states = segments.low_passed(states, offset)
     events = segments.events(before - 1, offset, down)
-    states = two_hands.in_their_own_time(states, sign, signer, take, fps, events)
+    span = events.up, events.start, events.end, events.down
+    states = two_hands.in_their_own_time(states, sign, signer, take, fps, span)
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     segments.add_overlays(states, offset)
-    states = add_body_motion(
-        states, Span(events.up, events.start, events.end, events.down), signer, fps, (sign.gloss, take)
-    )
+    states = add_body_motion(states, Span(*span), signer, fps, (sign.gloss, take))
     states = clear_collisions(states, signer)
     clip = pose.clip(states, signer, fps, sign.gloss)
     return IsolatedWord(sign, signer, states, clip, _with_touches(events, clip, sign, signer))

@@ -184,8 +184,11 @@ def taken_at(states: Float, times: Float) -> Float:
     """States (T, 63), each number taken at a time of its own, frames (T, 63); between frames by a cubic spline."""
     frames = np.arange(len(states))
     taken = states.copy()
-    for column in np.flatnonzero((times != frames[:, None]).any(axis=0)).tolist():
-        taken[:, column] = CubicSpline(frames, states[:, column])(times[:, column])
+    each, group = np.unique(times, axis=1, return_inverse=True)
+    group = group.ravel()
+    for n, own in enumerate(each.T):
+        if (own != frames).any():
+            taken[:, group == n] = CubicSpline(frames, states[:, group == n])(own)
     return taken
 
 

@@ -11,56 +11,64 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
-from signsplice.synth import finger_timing, pose, trajectory
+from signsplice.synth import finger_timing, hand, pose, trajectory
 from signsplice.synth.base_hand import base_motion
-from signsplice.synth.gaps import TOUCH_CM, skin_gaps
+from signsplice.synth.gaps import TOUCH_CM, hand_gaps
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import Signer
 
 if TYPE_CHECKING:
     from signsplice.synth.phonology import Sign
-    from signsplice.synth.planner import Events
 
 Float = NDArray[np.float64]
 
 _FREE_CM = 3.5
-"""Distance from there at which hands are as free as in the open."""
+"""How much farther than that hands are as free as in the open."""
 _PLACE_CM = (1.5, 3.5)
 """Least and greatest distance of one hand from the mirror image of the other, where both are free."""
-_LAG_FRAMES = (0.7, 2.2)
+_LAG_FRAMES = (0.5, 1.7)
 """Least and greatest lag of one hand, frames of 30 a second."""
 
 
-def in_their_own_time(states: Float, sign: Sign, signer: Signer, take: int, fps: float, events: Events) -> Float:
+def in_their_own_time(
+    states: Float, sign: Sign, signer: Signer, take: int, fps: float, span: tuple[int, int, int, int]
+) -> Float:
     """States (T, 63) of a whole word in which hands and fingers differ in place and time as the signer's manner has it;
     the states themselves where it is plain.
+
+    span: the last frame of rest, the first posture, the last one, the first frame of rest again
     """
+    up, start, end, down = span
     manner = signer.manner
     mirrored, base = sign.hands in ("symmetric", "alternating"), sign.hands == "base"
-    inner = states[events.start : events.end + 1, :54].reshape(-1, 2, 27)[..., pose.FINGERS]
+    inner = states[start : end + 1, :54].reshape(-1, 2, 27)[..., pose.FINGERS]
     formed = manner.finger_stagger > 0.0 and float(np.ptp(inner, axis=0).max()) > 0.05
     if not (formed or (mirrored and manner.hand_difference) or (base and manner.base_lag)):
         return states
-    gaps = skin_gaps(states, signer)
+    gaps = hand_gaps(states, signer)
     free = _freedom(gaps, fps)  # (T, 2)
     frames = np.arange(len(states), dtype=np.float64)
     times = np.repeat(frames[:, None], pose.SIZE, axis=1)  # at which time each number is taken, (T, 63)
     shift = np.zeros_like(states)
     if mirrored and manner.hand_difference:
-        level = free.min(axis=1) * _within(frames, events.up, events.down, fps)
+        level = free.min(axis=1) * _within(frames, up, down, fps)
         lag, place = _difference(frames / fps, sign, signer, take)
         times[:, 27:54] -= (lag * fps / 30.0 * level)[:, None]
         shift[:, 27:30] = place * level[:, None]
     if base and manner.base_lag:
-        own, shift = base_motion(states, gaps, sign, signer, take, fps, events)
+        own, shift = base_motion(states, gaps, sign, signer, take, fps, span)
         times[:, 27:54] = own[:, None]
     if formed:
         late = finger_timing.delays(signer, sign.gloss, take) * fps / 30.0
-        inside = _within(frames, events.start, events.end, fps)
+        inside = _within(frames, up, down, fps)
         for which, first in enumerate((6, 33)):
             times[:, first : first + 21] -= (free[:, which] * inside)[:, None] * late[which]
     times = np.clip(np.maximum.accumulate(times, axis=0), 0.0, frames[-1])
-    return trajectory.taken_at(states, times) + shift
+    states = trajectory.taken_at(states, times) + shift
+    if formed:
+        fingers = pose.hands(states)[..., pose.FINGERS]
+        np.clip(fingers, hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=fingers)
+    return states
 
 
 def _freedom(gaps: Float, fps: float) -> Float:
@@ -69,7 +77,7 @@ def _freedom(gaps: Float, fps: float) -> Float:
     """
     nearest = np.minimum(gaps[:, :2], gaps[:, 2:3])
     level = _smooth_step((nearest - TOUCH_CM) / _FREE_CM)
-    side = max(1, round(3 * fps / 30.0))
+    side = max(1, round(4 * fps / 30.0))
     least = minimum_filter1d(level, 2 * side + 1, axis=0)
     return np.asarray(gaussian_filter1d(least, 0.5 * side, axis=0, radius=side))
 
