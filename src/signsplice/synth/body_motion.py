@@ -31,7 +31,7 @@ _GAZE = 0.5
 """How much of the trunk's motion the head takes back, so that it keeps facing the addressee."""
 _END_NOD_DEG, _END_NOD_S = 7.0, 0.36
 """A nod at the end of a sign, and how long it takes; three signs in five have one."""
-_TOUCHED = 0.35
+_TOUCHED = 0.25
 """What is left of the head's turns while a hand touches it."""
 _MEET_NOD_DEG, _MEET_TILT_DEG = 5.0, 6.0
 """How far the head goes to meet a hand in front of it, and one at its side."""
@@ -69,9 +69,9 @@ def add_body_motion(states: Float, span: Span, signer: Signer, fps: float, names
     touched = _smoothed(_step((3.0 * signer.scale - near.head.min(axis=1)) / (3.0 * signer.scale)), fps, 0.10)
     if manner.body_motion:
         trunk, head = _turns(states, span, signer, fps, names)
-        head *= (1.0 - (1.0 - _TOUCHED) * touched)[:, None]
+        calm = 1.0 - (1.0 - _TOUCHED) * touched[:, None]
         states[:, pose.TRUNK] += manner.body_motion * level * trunk
-        states[:, pose.HEAD] += manner.body_motion * level * (head - _GAZE * trunk)
+        states[:, pose.HEAD] += manner.body_motion * level * calm * (head - _GAZE * trunk)
     if manner.head_to_hand:
         rng = stream("head-to-hand", signer.name, *names)
         size = manner.head_to_hand * rng.uniform(0.7, 1.3)

@@ -52,6 +52,7 @@ _SHARPNESS = 2.5
 _HEIGHT_COST = 12.0  # of an elbow that is an upper arm's length higher, for low elbows
 _LOWEST_SPINE = 0.7  # of the trunk's rotation, where trunk and head move much
 _BREACH = np.deg2rad(16.0)  # how far beyond a limit costs 1, for low elbows
+_PRESSED_CM = 3.0  # how deep elbow or forearm lie in the trunk for a cost of 1, for low elbows
 _ONSET = np.deg2rad(6.0)
 
 
@@ -162,28 +163,46 @@ def wrist_angles(arm: Arm, rotvecs: Float, signer: Signer) -> Wrist:
     angles = np.stack([twist, deviation, flexion, np.broadcast_to(_SWIVELS - usual, twist.shape)], axis=-1)
     cost = np.square(angles / _EASE).sum(axis=-1)
     if signer.manner.low_elbows:
-        cost = cost + signer.manner.low_elbows * _raised_cost(arm, angles[..., :3])
+        cost = cost + signer.manner.low_elbows * _raised_cost(arm, angles[..., :3], signer)
     weight = np.exp(-_SHARPNESS * (cost - cost.min(axis=-1, keepdims=True)))
     swivel = (weight * _SWIVELS).sum(axis=-1) / weight.sum(axis=-1)
     chosen = rotation.multiply(rotation.exp(-swivel[..., None] * axis[..., 0, :]), wanted[..., 0, :])
     return Wrist(swivel, *_split(chosen))
 
 
-def _raised_cost(arm: Arm, angles: Float) -> Float:
-    """What each candidate swivel (..., 13) costs that lifts the elbow, and that bends forearm and wrist beyond their
-    limits: angles (..., 13, 3) of twist, deviation and flexion.
+def _raised_cost(arm: Arm, angles: Float, signer: Signer) -> Float:
+    """What each candidate swivel (..., 13) costs that lifts the elbow, that puts elbow or forearm into the trunk, and
+    that bends forearm and wrist beyond their limits: angles (..., 13, 3) of twist, deviation and flexion.
 
-    Casual signing moves distal joints rather than proximal ones (Napoli et al. 2014), so elbows hang as low as the
-    wrists allow.
+    Casual signing moves distal joints rather than proximal ones (Napoli et al. 2014), so elbows hang as low as body
+    and wrists allow.
     """
     bone = -rotation.to_matrix(arm.upper)[..., 0]  # unit vector from shoulder to elbow, (..., 3)
-    along = np.sum(bone * arm.direction, axis=-1)
-    side = np.cross(arm.direction, bone)[..., 1:2]
-    up = (bone[..., 1] - along * arm.direction[..., 1])[..., None]
-    height = up * np.cos(_SWIVELS) + side * np.sin(_SWIVELS)  # of the elbow over the line from shoulder to wrist
+    along = np.sum(bone * arm.direction, axis=-1, keepdims=True) * arm.direction
+    side = np.cross(arm.direction, bone)
+    cos, sin = np.cos(_SWIVELS)[:, None], np.sin(_SWIVELS)[:, None]
+    off = (bone - along)[..., None, :] * cos + side[..., None, :] * sin  # (..., 13, 3)
     low, high = np.array([[-FOREARM_LIMIT, FOREARM_LIMIT], *WRIST_LIMITS]).T
     breach = np.maximum(0.0, np.maximum(angles - high, low - angles) + _MARGIN + _ONSET)
-    return np.asarray(_HEIGHT_COST * height + np.square(breach / _BREACH).sum(axis=-1))
+    broad = np.array([-signer.shoulders, 1.0, 1.0])
+    upper_arm, forearm = UPPER_ARM * signer.arms, FOREARM * signer.arms
+    reach = np.sqrt(upper_arm**2 + forearm**2 + 2.0 * upper_arm * forearm * np.cos(arm.bend))[..., None]
+    shoulder = COLLAR * broad + rotation.rotate(arm.collar, SHOULDER * broad)
+    elbow = (shoulder + upper_arm * along)[..., None, :] + upper_arm * off
+    wrist = (shoulder + reach * arm.direction)[..., None, :]
+    depth = np.maximum(0.0, np.stack([_trunk_depth(elbow), _trunk_depth(0.55 * elbow + 0.45 * wrist)]))
+    cost = _HEIGHT_COST * off[..., 1] + np.square(breach / _BREACH).sum(axis=-1)
+    return np.asarray(cost + np.square(depth / _PRESSED_CM).sum(axis=0))
+
+
+def _trunk_depth(points: Float) -> Float:
+    """Depth (...) of an arm's axis at points (..., 3) in the trunk of the standard body, cm: an oval around a line from
+    side to side, ending at the shoulders.
+    """
+    half_width, thick = 9.3, 13.5  # thick: half of the trunk's and half of the arm's
+    beside = np.maximum(np.abs(points[..., 0]) - half_width, 0.0)
+    depth = thick - np.sqrt(np.square(beside) + np.square(points[..., 2] - 0.7))
+    return np.asarray(depth * smooth_step((10.0 - points[..., 1]) / 10.0))
 
 
 def _split(quats: Float) -> tuple[Float, Float, Float]:
