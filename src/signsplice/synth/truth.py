@@ -120,16 +120,16 @@ def by_partner(kind: str) -> bool:
     return kind == "partner"
 
 
-def splice(p: IsolatedWord, q: IsolatedWord, partner: bool = True) -> Splice:
+def splice(p: IsolatedWord, q: IsolatedWord, *, partner: bool = True) -> Splice:
     """The ground truth for word ``p`` before word ``q``. Raises ``InputError`` for two signers or frame rates.
 
     partner: whether the cut depends on both words; without, each is left and entered as beside ``ANY_PARTNER``.
     """
-    pre, post = cut(p, q, partner)
+    pre, post = cut(p, q, partner=partner)
     return Splice(pre, post, transition(p.states[pre - 2 : pre + 1], q.states[post : post + 3], p))
 
 
-def cut(p: IsolatedWord, q: IsolatedWord, partner: bool = True) -> tuple[int, int]:
+def cut(p: IsolatedWord, q: IsolatedWord, *, partner: bool = True) -> tuple[int, int]:
     """The last frame kept of ``p`` and the first frame kept of ``q``; see ``splice``."""
     check_alike(p, q)
     relation = relate(p, q) if partner else ANY_PARTNER
