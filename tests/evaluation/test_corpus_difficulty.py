@@ -51,11 +51,18 @@ def test_every_cutter_and_rule_is_scored(pairs: Pairs) -> None:
 
 def test_a_reader_is_right_without_error_and_often_wrong_with_much(pairs: Pairs) -> None:
     numbers = list(range(25))
-    fractions = corpus_difficulty.score_reading(pairs, numbers, SIGNS, (0.0, 8.0))
-    assert fractions[0.0] == 1.0
-    assert 0.0 < fractions[8.0] < 1.0
-    assert corpus_difficulty.score_reading(pairs, numbers, SIGNS, (8.0,))[8.0] == fractions[8.0]
-    assert corpus_difficulty.score_reading(pairs, numbers, {}, (1.0,)) == {1.0: 0.0}, "no sign known: no pair"
+    exactly, badly = corpus_difficulty.score_reading(pairs, numbers, SIGNS, (0.0, 8.0))
+    assert (exactly.error_cm, exactly.exact, exactly.near) == (0.0, 1.0, 1.0)
+    assert 0.0 < badly.exact < badly.near <= 1.0
+    assert corpus_difficulty.score_reading(pairs, numbers, SIGNS, (8.0,)) == [badly]
+    (none,) = corpus_difficulty.score_reading(pairs, numbers, {}, (1.0,))
+    assert (none.exact, none.near) == (0.0, 0.0), "no sign known: no pair"
+
+
+def test_a_reader_who_sees_to_5_mm_is_nearly_always_right(pairs: Pairs) -> None:
+    (seen,) = corpus_difficulty.score_reading(pairs, list(range(25)), SIGNS, (0.5,))
+    assert seen.exact >= 0.88
+    assert seen.near == 1.0
 
 
 def test_fitted_rules_use_the_most_frequent_offsets(pairs: Pairs) -> None:

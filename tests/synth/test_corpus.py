@@ -21,6 +21,7 @@ from signsplice.motion import kinematics
 from signsplice.synth import corpus, planner, pseudo, truth
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.synth.signer import STANDARD, draw_signer, skeleton
+from signsplice.synth.splits import draw_splits
 
 GLOSSES = ("I", "MOTHER", "BOOK", "YES", "fs-A")
 RECIPE = Recipe(tuple(map(sign, GLOSSES)), seed=0, n_other=7)
@@ -119,7 +120,7 @@ def test_unseen_words_are_in_no_pair_of_another_part() -> None:
     n = 30
     recipe = replace(RECIPE, signs=tuple(pseudo_like(k) for k in range(n)))
     all_pairs = [(0, p, q) for p in range(n) for q in range(n)] + [(1, 0, 1), (1, 2, 2)]
-    made = corpus._splits(recipe, all_pairs)["unseen-words"]
+    made = draw_splits(recipe.seed, n, all_pairs)["unseen-words"]
     words = {part: {w for k in numbers for w in all_pairs[k][1:]} for part, numbers in made.items()}
     assert [len(words[part]) for part in ("train", "valid", "test")] == [21, 3, 6]
     assert set.union(*words.values()) == set(range(n))
@@ -143,8 +144,7 @@ def test_the_unseen_signer_is_in_the_test_part_alone(pairs: Pairs) -> None:
 
 def test_splits_are_drawn_by_seed() -> None:
     every = [(0, p, q) for p in range(12) for q in range(12)]
-    signs = tuple(pseudo_like(k) for k in range(12))
-    one, two, three = (corpus._splits(replace(RECIPE, signs=signs, seed=seed), every) for seed in (0, 0, 1))
+    one, two, three = (draw_splits(seed, 12, every) for seed in (0, 0, 1))
     assert one == two
     assert one["random"] != three["random"]
     assert one["unseen-words"] != three["unseen-words"]
@@ -168,6 +168,7 @@ def test_the_hash_depends_on_every_field_of_the_recipe() -> None:
             replace(RECIPE, seed=1),
             replace(RECIPE, fps=25.0),
             replace(RECIPE, n_other=8),
+            replace(RECIPE, truth="word"),
             replace(RECIPE, signs=RECIPE.signs[:4]),
             replace(RECIPE, signs=RECIPE.signs[::-1]),
             replace(RECIPE, signs=(other_sign, *RECIPE.signs[1:])),
@@ -181,6 +182,7 @@ def test_the_hash_depends_on_every_field_of_the_recipe() -> None:
 def test_the_head_names_version_hash_seed_and_rate(pairs: Pairs) -> None:
     head = json.loads((pairs.folder / "corpus.json").read_text())
     assert (head["version"], head["hash"], head["seed"], head["fps"]) == (corpus.VERSION, RECIPE.hash, 0, 30.0)
+    assert head["truth"] == "partner"
     assert head["extent"] == 1.3
 
 
@@ -317,7 +319,7 @@ def test_reading_refuses_what_is_no_corpus(pairs: Pairs, tmp_path: Path) -> None
     assert len(Pairs(copy)) == 32
     head = json.loads((copy / "corpus.json").read_text())
     (copy / "corpus.json").write_text(json.dumps(head | {"version": 99}))
-    with pytest.raises(InputError, match="version 99, expected 1; make it again"):
+    with pytest.raises(InputError, match="version 99, expected 1 or 2; make it again"):
         Pairs(copy)
     for damaged in ("{", "[]"):
         (copy / "corpus.json").write_text(damaged)

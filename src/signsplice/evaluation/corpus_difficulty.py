@@ -166,7 +166,8 @@ def score_reading(
         distances = []
         for n, (p, q, pre, post) in enumerate(rows):
             rng = stream("reading", round(1e4 * error), n)
-            read = truth.cut(_with_noise(words[p], error, rng), _with_noise(words[q], error, rng), pairs.by_partner)
+            seen = _with_noise(words[p], error, rng), _with_noise(words[q], error, rng)
+            read = truth.cut(*seen, partner=pairs.by_partner)
             distances.append(max(abs(read[0] - pre), abs(read[1] - post)))
         found = np.array(distances or [np.inf])
         out.append(ReadingAccuracy(error, float((found == 0).mean()), float((found <= 1).mean())))

@@ -129,6 +129,7 @@ def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, 
     Raises ``InputError`` where the folder holds something else or cannot be written, or another call makes the same.
     """
     folder = Path(folder)
+    truth.by_partner(recipe.truth)
     check_folder(folder, HEAD, lambda _: _FILES)
     target = folder.resolve()  # "." has no name of its own
     part = target.with_name(f".{target.name}-{recipe.hash}.part")
@@ -156,10 +157,9 @@ def _write_rows(
     """Write the rows' files, as far as they are not there whole; returns the words of both signers."""
     todo = [row for row in rows if not is_whole(row.path(part))]
     total, done = sum(len(row.after) for row in rows), sum(len(row.after) for row in rows if row not in todo)
-    partner = truth.by_partner(recipe.truth)
     with Pool(processes) as run:
         words = [list(run(_word, [(sign, signer, recipe.fps) for sign in recipe.signs])) for signer in recipe.signers()]
-        jobs = ((row.path(part), words[row.signer], row, partner) for row in todo)
+        jobs = ((row.path(part), words[row.signer], row, truth.by_partner(recipe.truth)) for row in todo)
         for row in run(_write_row, jobs):
             done += len(row.after)
             if progress is not None:
@@ -187,7 +187,7 @@ def _write_row(job: tuple[Path, list[IsolatedWord], _PairRow, bool]) -> _PairRow
     p = words[row.before]
     states, index = [], []
     for q in row.after:
-        splice = truth.splice(p, words[q], partner)
+        splice = truth.splice(p, words[q], partner=partner)
         states.append(splice.states)
         index.append((splice.pre, splice.post, len(splice.states)))
     clip = pose.clip(np.concatenate(states), p.signer, p.clip.fps)

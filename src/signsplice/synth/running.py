@@ -76,7 +76,7 @@ def utter(words: Sequence[IsolatedWord], changes: bool = True, partner: bool = T
     """
     if not words:
         raise InputError("no words, expected at least one")
-    cuts = [truth.cut(p, q, partner) for p, q in itertools.pairwise(words)]
+    cuts = [truth.cut(p, q, partner=partner) for p, q in itertools.pairwise(words)]
     leaves, enters = [pre for pre, _ in cuts], [0, *(post for _, post in cuts)]
     signed: list[tuple[Float, tuple[str, ...]]] = [(word.states, ()) for word in words]
     if changes:

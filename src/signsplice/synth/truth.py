@@ -35,10 +35,10 @@ KINDS = {
 UNDERSHOOT = 0.2
 """Fraction of a movement's time that may be left out before (or after) a posture where it stops: a minimum-jerk
 movement has 5.8 % of its path left then, and 41 % of its peak speed."""
-TURNING = 0.75
-"""The same where it turns without a stop, over ``UNDERSHOOT``: a cosine has 5.4 % of its path left at 0.15."""
-UNDERSHOOT_CM = 1.0
-"""Most of a movement's path that may be left out before a posture, cm on the standard body."""
+TURNING = 0.65
+"""The same where it turns without a stop, over ``UNDERSHOOT``."""
+UNDERSHOOT_PATH, UNDERSHOOT_CM = 0.058, 1.0
+"""Most of a movement's path that may be left out before a posture, as a fraction, and in cm on the standard body."""
 ALONG_MORE = 0.3
 """How much less undershoot there is across the travel between the words than along it, and again opposed to it."""
 TOUCHING_CM, FREE_CM = 1.0, 4.0
@@ -61,6 +61,8 @@ DIRECTION_CM = 4.0
 """Displacement at which a direction counts half: shorter ones have hardly any."""
 SEEN_S = 0.133
 """Time on either side of an event over which the position of the hand is averaged."""
+
+_PATH_POINTS = 8
 
 TOO_DEEP_CM = 0.35
 """Depth that a hand may have at most in head, trunk or the other hand within a transition."""
@@ -119,16 +121,16 @@ def by_partner(kind: str) -> bool:
     return kind == "partner"
 
 
-def splice(p: IsolatedWord, q: IsolatedWord, partner: bool = True) -> Splice:
+def splice(p: IsolatedWord, q: IsolatedWord, *, partner: bool = True) -> Splice:
     """The ground truth for word ``p`` before word ``q``. Raises ``InputError`` for two signers or frame rates.
 
     partner: whether the cut depends on both words; without, each is left and entered as beside ``ANY_PARTNER``.
     """
-    pre, post = cut(p, q, partner)
+    pre, post = cut(p, q, partner=partner)
     return Splice(pre, post, transition(p.states[pre - 2 : pre + 1], q.states[post : post + 3], p))
 
 
-def cut(p: IsolatedWord, q: IsolatedWord, partner: bool = True) -> tuple[int, int]:
+def cut(p: IsolatedWord, q: IsolatedWord, *, partner: bool = True) -> tuple[int, int]:
     """The last frame kept of ``p`` and the first frame kept of ``q``; see ``splice``."""
     check_alike(p, q)
     relation = relate(p, q) if partner else ANY_PARTNER
@@ -199,24 +201,31 @@ def kept_pass(p: IsolatedWord) -> tuple[int, int]:
     return passes[-2] if len(passes) > 1 else passes[-1]
 
 
-def undershoot(path_cm: float) -> float:
-    """Fraction of a movement's time that may be left out before a posture at rest, by its path on the standard body:
-    so much that a minimum-jerk movement has at most 5.8 % of its path left, and at most ``UNDERSHOOT_CM``.
+def undershoot(path_cm: float, chord_cm: float) -> float:
+    """Fraction of a movement's time that may be left out before a posture where it stops, by the lengths of its path
+    and chord on the standard body.
+
+    So much that at most ``UNDERSHOOT_PATH`` of the path and ``UNDERSHOOT_CM`` are left: of a straight path as minimum
+    jerk has it; of circles and zigzags, which keep their speed to the end, that fraction itself.
     """
-    share = np.linspace(0.0, UNDERSHOOT, 201)
-    left = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
-    return float(np.interp(UNDERSHOOT_CM / max(path_cm, UNDERSHOOT_CM), left, share))
+    times = np.linspace(0.0, UNDERSHOOT, 201)
+    left = times**3 * (10.0 - 15.0 * times + 6.0 * times**2)
+    most = min(UNDERSHOOT_PATH, UNDERSHOOT_CM / max(path_cm, UNDERSHOOT_CM))
+    straight = min(1.0, chord_cm / (path_cm + UNDERSHOOT_CM))
+    return straight * float(np.interp(most, left, times)) + (1.0 - straight) * most
 
 
 def _undershoot(word: IsolatedWord, begin: int, stop: int, alignment: float, gap_cm: float | None) -> float:
     """Fraction of the time of a movement that is left out at a posture with a skin distance."""
     if gap_cm is None:
         raise ValueError("events without skin distances")
-    frames = np.linspace(begin, stop, 7).round().astype(int)  # few, so that a reader's errors hardly lengthen the path
-    path = word.states[frames, pose.WRIST]
-    length = float(np.linalg.norm(np.diff(path, axis=0), axis=-1).sum()) / word.signer.scale
+    # Few points, each the mean of three frames: so a reader's errors hardly lengthen the path.
+    frames = np.linspace(begin, stop, _PATH_POINTS).round().astype(int)[:, None] + [-1, 0, 1]
+    path = word.states[np.clip(frames, begin, stop), pose.WRIST].mean(axis=1) / word.signer.scale
+    length = float(np.linalg.norm(np.diff(path, axis=0), axis=-1).sum())
     free = min(1.0, max(0.0, (gap_cm - TOUCHING_CM) / (FREE_CM - TOUCHING_CM)))
-    return undershoot(length) * free * (1.0 - 0.5 * ALONG_MORE * (1.0 - alignment))
+    share = undershoot(length, float(np.linalg.norm(path[-1] - path[0])))
+    return share * free * (1.0 - 0.5 * ALONG_MORE * (1.0 - alignment))
 
 
 def _far(relation: Relation) -> float:
