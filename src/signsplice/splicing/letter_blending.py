@@ -17,13 +17,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.lexicon.entry import LETTER_MARK
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, unchecked_copy
 from signsplice.rig.arms import arms
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS, finger_roles
-from signsplice.splicing.fingerspelling import LEAST_HOLD_S
+from signsplice.splicing.fingerspelling import LEAST_HOLD_S, letter, spelling_side
 from signsplice.splicing.free_hand import ArmStretch, SeamFrames
 from signsplice.splicing.gap import gap_at
 
@@ -36,13 +35,11 @@ FREE = {
     **dict.fromkeys("MW", ("Little",)),
     "F": ("Middle", "Ring", "Little"),
 }
-"""The fingers that letters of the American manual alphabet do not select (Keane 2014). A, B, C, E, O and S select all."""
+"""Fingers that letters of the American manual alphabet do not select (Keane 2014); A, B, C, E, O and S select all."""
 EARLY_S = 0.07
 """How long a free finger moves while its letter is held, at most."""
 _LEAST_RAD = 0.15
 """Turn of a joint from which a finger has a way to go."""
-_RAISED = 0.4
-"""Lift of the other hand (``Arms.lift``) from which a letter is two-handed, of another alphabet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +86,8 @@ def blend(seam: SeamFrames, speed: float = 1.0) -> BlendedSeam:
     speed: how many times as fast the letters play.
     """
     cut, before, after = seam.cut, seam.before, seam.after
-    side = _spelling_side(seam)
-    if side is None:
+    which = spelling_side(arms(before), cut.pre, arms(after), cut.post)
+    if which is None:
         return BlendedSeam(seam)
     n_new, fps = len(seam.filled.clip), before.fps / speed
     most = min(round(EARLY_S * fps), math.ceil(LEAST_HOLD_S * fps - 1e-6) // 2)
@@ -99,9 +96,9 @@ def blend(seam: SeamFrames, speed: float = 1.0) -> BlendedSeam:
     leaving, entering = [], []
     for name in FINGERS[1:]:
         # First and last frame of the way, counted from the last one kept.
-        first = -early if name in FREE.get(_letter(before), ()) else 0
-        last = n_new + 1 + (late if name in FREE.get(_letter(after), ()) else 0)
-        joints = _joints(before, side, name)
+        first = -early if name in FREE.get(letter(before), ()) else 0
+        last = n_new + 1 + (late if name in FREE.get(letter(after), ()) else 0)
+        joints = _joints(before, ("left", "right")[which], name)
         start = before.local_rotations[cut.pre + first, joints]
         end = after.local_rotations[cut.post + last - n_new - 1, joints]
         if last - first == n_new + 1 or rotation.angle_between(start, end).max(initial=0.0) < _LEAST_RAD:
@@ -125,20 +122,7 @@ def _moving(joints: list[int], start: int, rotations: Float) -> MovingFinger:
     return MovingFinger(ArmStretch(tuple(joints), start, start + len(rotations)), rotations)
 
 
-def _letter(clip: Clip) -> str:
-    return clip.name[len(LETTER_MARK) :].upper()
-
-
 def _joints(clip: Clip, side: str, finger: str) -> list[int]:
     """The joints that a rig has of a finger."""
     known = rig_info(clip.skeleton).roles.joints
     return [known[side + role] for role in finger_roles(finger) if side + role in known]
-
-
-def _spelling_side(seam: SeamFrames) -> str | None:
-    """The side of the one hand that spells; None where it is another one in the two letters, or both are raised."""
-    lifts = [arms(clip).lift[frame] for clip, frame in ((seam.before, seam.cut.pre), (seam.after, seam.cut.post))]
-    sides = {int(np.argmax(lift)) for lift in lifts}
-    if len(sides) > 1 or max(lift.min() for lift in lifts) > _RAISED:
-        return None
-    return ("left", "right")[sides.pop()]

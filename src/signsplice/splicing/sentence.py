@@ -54,6 +54,7 @@ class _SentenceWord:
     seam: the seam by which it is entered.
     n_left_out: how many frames are left out at its beginning.
     remade: where idle arms were made anew in it.
+    slid_m: how far it is slid to the side, as a doubled letter.
     fingers: those of a letter that are on their way from or to its neighbour; ``shown`` is without them.
     """
 
@@ -68,6 +69,7 @@ class _SentenceWord:
     seam: Seam | None = None
     n_left_out: int = 0
     remade: list[ArmStretch] = field(default_factory=list)
+    slid_m: float = 0.0
     fingers: list[MovingFinger] = field(default_factory=list)
 
 
@@ -246,18 +248,23 @@ class SentenceBuilder:
         )
         p, q = before.played, after.played
         cut, entry = p.cut(planned.cut, q), p.first(before.entry)
+        letters = planned.letters
+        if letters is not None and letters.slides:
+            after.slid_m = before.slid_m + fingerspelling.SLIDE_M
+            after.shown, stretch = fingerspelling.slid(after.shown, cut.post, after.slid_m)
+            after.remade.append(stretch)
         seam = free_hand.SeamFrames(before.shown, after.shown, cut, entry, gap, filled)
-        if before.shown is not p.clip:
+        if before.shown is not p.clip or after.shown is not q.clip:
             seam = seam.refilled(gap.n_frames, refill)
         done = free_hand.finish(seam, rules, refill)
         before.shown, after.shown = done.before, done.after
         before.remade += done.remade[0]
         after.remade += done.remade[1]
         made = done.filled
-        if planned.letters is not None and planned.letters.is_doubled:
-            made = replace(made, clip=fingerspelling.bounce(made.clip, before.clip))
+        if letters is not None and letters.is_doubled and not letters.slides:
+            made = replace(made, clip=fingerspelling.formed_anew(made.clip, before.clip))
             made = made if made.depth is None else led_around(made, done.gap)
-        elif planned.letters is not None:
+        elif letters is not None and not letters.is_doubled:
             held = with_fingers(before.shown, before.fingers)
             blended = blend(replace(done, before=held, filled=made), options.sign_speed)
             before.fingers += blended.before
