@@ -6,9 +6,10 @@ Cutters and durations are made for signs, whose hands travel: between letters th
 al. 2004), and viewers of avatars prefer slower than human (Al-khazraji et al. 2021). The times below give 3.0 on the
 average of twenty words (1.9 to 3.8).
 
-**Doubled letters.** A slide to the side, relaxing and forming the letter again, and a bounce of less than half an inch
-are all in use in American Sign Language (Vicars, lifeprint.com). Here the hand bounces and the fingers relax a little:
-it fits every letter, and both letters stay as they were recorded, where a slide would displace the second.
+**Doubled letters.** A slide to the strong side by about two inches, relaxing and forming the letter again, and a bounce
+of less than half an inch are all in use in American Sign Language (Vicars, lifeprint.com). Open letters slide here.
+Those in which fingers and thumb touch (A, E, M, N, O, S, T) are formed anew, as is taught, and so is what is no letter
+of this alphabet. A slide moves the arm of the second letter; the hand goes back on the way to the next.
 """
 
 from __future__ import annotations
@@ -20,13 +21,14 @@ from numpy.typing import NDArray
 
 from signsplice.body.arm_ik import move_wrists
 from signsplice.errors import InputError
-from signsplice.lexicon.entry import is_letter
+from signsplice.lexicon.entry import LETTER_MARK, is_letter
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import Arms, active_span, arms
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
 from signsplice.splicing.cut import Cut
+from signsplice.splicing.free_hand import ArmStretch
 
 Float = NDArray[np.float64]
 
@@ -35,8 +37,8 @@ TURN_RAD_S = 11.0
 TRAVEL_M_S = 0.6
 """Mean speed of the wrist on its way to the next letter."""
 LEAST_WAY_S = 0.1
-BOUNCE_S = 0.2
-"""Time of a bounce between doubled letters."""
+DOUBLED_S = 0.2
+"""Time from a letter to the same letter again."""
 LEAST_HOLD_S, END_HOLD_S = 0.13, 0.25
 """Least time for which a letter is held, and for which the first and the last are: signers stress them (Lapiak,
 handspeak.com)."""
@@ -45,8 +47,14 @@ _STILL_M_S, _STILL_RAD_S = 0.15, 1.5
 _SAME_RAD, _SAME_M = 0.25, 0.03
 """Largest turn of a joint, and travel of a wrist, between two letters that look the same."""
 _BOUNCE_M = 0.0127
-_RELAXED = 0.4
-"""How far the fingers go towards their pose at rest."""
+_RELAXED = 0.65
+"""How far the fingers go towards their pose at rest before they form a letter anew."""
+SLIDE_M = 0.045
+"""How far a doubled letter slides to the side."""
+SLID = frozenset("BCDFGHIKLPQRUVWXY123456789")
+"""Letters and digits of the American manual alphabet that slide when they are doubled."""
+_RAISED = 0.4
+"""Lift of the other hand (``Arms.lift``) from which a letter is two-handed, of another alphabet."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +64,14 @@ class LetterSeam:
     cut: last frame kept of the first, first frame kept of the second.
     seconds: from the one to the other.
     is_doubled: whether the hand would stand still between them.
+    slides: whether the second one is told apart by a slide to the side.
     warnings: what a user should know, one line each.
     """
 
     cut: Cut
     seconds: float
     is_doubled: bool
+    slides: bool = False
     warnings: tuple[str, ...] = ()
 
 
@@ -90,12 +100,44 @@ def letter_seam(before: Clip, after: Clip, entry: int, transition_s: float, spee
     post = int(second[0])
     turn, travel = _turn_and_travel(before, p, pre, after, q, post)
     is_doubled = turn < _SAME_RAD and travel < _SAME_M
-    needed = BOUNCE_S if is_doubled else max(turn / TURN_RAD_S, travel / TRAVEL_M_S, LEAST_WAY_S)
+    needed = DOUBLED_S if is_doubled else max(turn / TURN_RAD_S, travel / TRAVEL_M_S, LEAST_WAY_S)
     can_hold = (_held_until(second, post, np.inf, after.fps) - post) / after.fps
     warnings: tuple[str, ...] = ()
     if can_hold < LEAST_WAY_S / speed:
         warnings = (f"{after.name} is still for {can_hold:.2f} s only, less than the way to it takes",)
-    return LetterSeam(Cut(pre, post), max(min(needed / speed, can_hold), LEAST_WAY_S / speed), is_doubled, warnings)
+    slides = is_doubled and letter(before) == letter(after) in SLID and spelling_side(p, pre, q, post) is not None
+    seconds = max(min(needed / speed, can_hold), LEAST_WAY_S / speed)
+    return LetterSeam(Cut(pre, post), seconds, is_doubled, slides, warnings)
+
+
+def letter(clip: Clip) -> str:
+    """The letter that a clip is by its name, in upper case."""
+    return clip.name[len(LETTER_MARK) :].upper()
+
+
+def spelling_side(p: Arms, pre: int, q: Arms, post: int) -> int | None:
+    """The side of the one hand that spells in a frame of each of two letters, 0 left or 1 right; None where it is not
+    one hand, or both are raised.
+    """
+    lifts = np.array([p.lift[pre], q.lift[post]])
+    sides = set(lifts.argmax(axis=1).tolist())
+    return None if len(sides) > 1 or lifts.min(axis=1).max() > _RAISED else sides.pop()
+
+
+def slid(clip: Clip, post: int, metres: float) -> tuple[Clip, ArmStretch]:
+    """A letter whose hand is ``metres`` further to its side from frame ``post`` on, less where it rises and sinks, and
+    the joints and frames that are changed so.
+    """
+    own = arms(clip)
+    side = int(np.argmax(own.lift[post]))
+    outwards = own.shoulders[:, side] - own.shoulders[:, 1 - side]
+    outwards = outwards / np.linalg.norm(outwards, axis=-1, keepdims=True)
+    lift = own.lift[:, side]
+    level = np.clip((lift - lift.min()) / (lift[post] - lift.min()), 0.0, 1.0)
+    moves = np.zeros((len(clip), 2, 3))
+    moves[post:, side] = (level[:, None] * outwards * (metres / own.metres))[post:]
+    joints = rig_info(clip.skeleton).arm_joints[3 * side : 3 * side + 3]
+    return move_wrists(clip, moves), ArmStretch(tuple(int(joint) for joint in joints), post, len(clip))
 
 
 def held_until(clip: Clip, entry: int, speed: float = 1.0) -> int:
@@ -115,9 +157,9 @@ def _held_until(still: NDArray[np.intp], entry: int, seconds: float, fps: float)
     return min(begin + int(np.ceil(min(seconds, end / fps) * fps - 1e-6)), end)
 
 
-def bounce(new: Clip, before: Clip) -> Clip:
-    """The frames between two letters that look the same, with the hand that spells led a little back and up and its
-    fingers towards their pose at rest, the first frame of ``before``; both fade out at the ends.
+def formed_anew(new: Clip, before: Clip) -> Clip:
+    """The frames between two letters that look the same, with the fingers that spell led towards their pose at rest,
+    the first frame of ``before``, and the hand a little back and up; both fade out at the ends.
     """
     spelling = arms(new)
     side = int(np.argmax(spelling.lift.mean(axis=0)))

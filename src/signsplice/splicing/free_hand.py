@@ -44,7 +44,8 @@ _ROUNDS = 8
 
 @dataclass(frozen=True)
 class Remade:
-    """Joints of a sign's span that do not show its clip: an idle arm that was given more time.
+    """Joints of a sign's span that do not show its clip: an idle arm that was given more time, the fingers of a spelled
+    letter that are on their way, the arm of one that slides.
 
     joints: their names.
     frames: of the output, half-open; outside them these joints too are the clip's.
@@ -56,9 +57,9 @@ class Remade:
 
 @dataclass(frozen=True)
 class ArmStretch:
-    """Frames of a word in which one arm was made anew.
+    """Frames of a word in which an arm, or a finger, was made anew.
 
-    joints: of the arm.
+    joints: of the arm or the finger.
     start, stop: frames of the word's clip, half-open.
     """
 

@@ -23,7 +23,7 @@ class Span:
     source: frames of that clip, counted at the output rate; None for a transition.
     output: frames of the output.
     warp: each output frame with the frame of the clip that it shows, where a tempo changed when frames come; else None.
-    remade: an idle arm whose frames are not those of the clip; None where all are.
+    remade: joints whose frames are not those of the clip, an idle arm's or a spelled letter's; None where all are.
     """
 
     kind: Literal["sign", "transition"]

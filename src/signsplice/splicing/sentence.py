@@ -30,6 +30,7 @@ from signsplice.splicing.filling import FilledGap, fill, led_around
 from signsplice.splicing.fingerspelling import LetterSeam
 from signsplice.splicing.free_hand import ArmStretch
 from signsplice.splicing.gap import Gap, gap_at
+from signsplice.splicing.letter_blending import MovingFinger, blend, with_fingers
 from signsplice.splicing.options import SpliceOptions
 from signsplice.splicing.result import Piece, Span
 from signsplice.splicing.seam import Seam, score
@@ -53,6 +54,8 @@ class _SentenceWord:
     seam: the seam by which it is entered.
     n_left_out: how many frames are left out at its beginning.
     remade: where idle arms were made anew in it.
+    slid_m: how far it is slid to the side, as a doubled letter.
+    fingers: those of a letter that are on their way from or to its neighbour; ``shown`` is without them.
     """
 
     index: int
@@ -66,12 +69,14 @@ class _SentenceWord:
     seam: Seam | None = None
     n_left_out: int = 0
     remade: list[ArmStretch] = field(default_factory=list)
+    slid_m: float = 0.0
+    fingers: list[MovingFinger] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
 class _PlannedSeam:
-    """Two words, where the first is left and the second entered, the gap between them, warnings about it, and whether
-    they are one letter twice.
+    """Two words, where the first is left and the second entered, the gap between them, warnings about it, and their
+    seam as letters of one spelled word, where they are.
     """
 
     before: _SentenceWord
@@ -79,7 +84,7 @@ class _PlannedSeam:
     cut: Cut
     gap: Gap
     warnings: tuple[str, ...]
-    is_doubled: bool = False
+    letters: LetterSeam | None = None
 
 
 @dataclass
@@ -196,7 +201,7 @@ class SentenceBuilder:
                 warnings = (*warnings, line)
             p, q = before.played, after.played
             gap = gap_at(p.clip, q.clip, p.cut(cut, q), n_frames, p.first(before.entry))
-            seams.append(_PlannedSeam(before, after, cut, gap, warnings, letters is not None and letters.is_doubled))
+            seams.append(_PlannedSeam(before, after, cut, gap, warnings, letters))
         return seams
 
     def _is_spelled(self, before: _SentenceWord, after: _SentenceWord) -> bool:
@@ -243,17 +248,28 @@ class SentenceBuilder:
         )
         p, q = before.played, after.played
         cut, entry = p.cut(planned.cut, q), p.first(before.entry)
+        letters = planned.letters
+        if letters is not None and letters.slides:
+            after.slid_m = before.slid_m + fingerspelling.SLIDE_M
+            after.shown, stretch = fingerspelling.slid(after.shown, cut.post, after.slid_m)
+            after.remade.append(stretch)
         seam = free_hand.SeamFrames(before.shown, after.shown, cut, entry, gap, filled)
-        if before.shown is not p.clip:
+        if before.shown is not p.clip or after.shown is not q.clip:
             seam = seam.refilled(gap.n_frames, refill)
         done = free_hand.finish(seam, rules, refill)
         before.shown, after.shown = done.before, done.after
         before.remade += done.remade[0]
         after.remade += done.remade[1]
         made = done.filled
-        if planned.is_doubled:
-            made = replace(made, clip=fingerspelling.bounce(made.clip, before.clip))
+        if letters is not None and letters.is_doubled and not letters.slides:
+            made = replace(made, clip=fingerspelling.formed_anew(made.clip, before.clip))
             made = made if made.depth is None else led_around(made, done.gap)
+        elif letters is not None and not letters.is_doubled:
+            held = with_fingers(before.shown, before.fingers)
+            blended = blend(replace(done, before=held, filled=made), options.sign_speed)
+            before.fingers += blended.before
+            after.fingers += blended.after
+            return replace(planned, gap=blended.seam.gap), blended.seam.filled
         return replace(planned, gap=done.gap), made
 
     def _score(self, planned: _PlannedSeam, filled: FilledGap | None) -> Seam:
@@ -288,9 +304,10 @@ class SentenceBuilder:
             source = played.source(start, stop)
             span = self._span("sign", word.index, word.clip.name, (first + source[0], first + source[1]), stop - start)
             span = replace(span, warp=played.warp(start, stop, span.output[0]))
-            if word.remade:
-                span = replace(span, remade=free_hand.remade(word.remade, word.shown, (start, stop), span.output[0]))
-            return Piece(word.shown[start:stop], span, word.seam, word.warnings)
+            moved = [*word.remade, *(finger.stretch for finger in word.fingers)]
+            if moved:
+                span = replace(span, remade=free_hand.remade(moved, word.shown, (start, stop), span.output[0]))
+            return Piece(with_fingers(word.shown, word.fingers)[start:stop], span, word.seam, word.warnings)
 
     def _span(
         self,

@@ -203,7 +203,7 @@ def _agreeing(posture: Posture, persons: dict[str, str | None], yaw: float, is_w
 
 
 def _facing(posture: Posture, by_palm: bool) -> Posture:
-    """The posture with its hand as nearly turned so as the arm goes easily; palm or fingers, what leads, counts more."""
+    """The posture with its hand as nearly turned so as its arm goes easily; what leads, palm or fingers, first."""
     wanted = np.array([posture.palm, posture.fingers])
     directions = _directions(_N_DIRECTIONS)
     rolls = 2.0 * np.pi * np.arange(_N_ROLLS) / _N_ROLLS

@@ -161,7 +161,7 @@ class PathMotion:
         return float(np.linalg.norm(np.diff(wrists, axis=0), axis=-1).sum(axis=0).max())
 
     def knots(self, n_frames: int, back: bool = False) -> list[tuple[float, float]]:
-        """Knots of one pass of ``n_frames``, or of the way ``back``, after its start: (progress, fraction of its time)."""
+        """Knots of a pass of ``n_frames``, or of the way ``back``, after its start: (progress, fraction of time)."""
         kinds = {path.kind for path in self._paths}
         if kinds & {"circle", "zigzag"} and not (back and self.lift is not None):
             n = min(max(map(_n_knots, self._paths)), n_frames)
