@@ -15,7 +15,8 @@ ALPHABET = notation.alphabet()
 EVERY = (*EVERYDAY.values(), *ALPHABET.values())
 CITATION = re.compile(
     r"\((Stokoe, Casterline and Croneberg 1965|Sternberg 1998|Costello 1998|Tennant and Brown 1998|Valli 2005"
-    r"|ASL-LEX 2\.0|Lifeprint|Handspeak)\)$"
+    r"|ASL-LEX 2\.0|Lifeprint|Handspeak|Long 1918|PocketSign|Wiktionary|Wikipedia|Schneider 2001"
+    r"|Costello 1998; pointing: Long 1918)\)$"
 )
 FIRST_SENTENCE = "HELLO I DEAF SIGN THANK-YOU NAME MY YOU SEE TOMORROW"
 

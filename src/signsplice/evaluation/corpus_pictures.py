@@ -26,6 +26,11 @@ SHEET_WORDS = (
 )
 N_ROWS = 10
 """Pseudo-signs and pairs on a sheet."""
+MENDED = (
+    *("PHONE", "I", "WE", "HE-SHE", "BIRD", "fs-P", "fs-Q", "READ", "FEEL", "TASTE", "PLEASE", "SORRY", "DAY", "STAND"),
+    *("DANCE", "PROUD", "DIFFERENT", "RESPONSIBLE", "GIRAFFE", "ANGRY", "ELEPHANT", "DOG", "SIT"),
+)
+"""Words and letters whose form was changed after published descriptions."""
 _BLUE, _AMBER = "#3f6fa8", "#de8e20"
 
 
@@ -44,6 +49,7 @@ def write_sheets(
     made = [planner.isolated(pseudo.sign(seed)) for seed in range(N_ROWS)]
     rows = [strip for word in made for strip in _with_side(_word_strip(word))]
     write_strips(rows, images / "corpus-pseudo.png", progress=advance)
+    write_front_and_side(MENDED, images / "corpus-mended.png")
     n_words = len(pairs.head["words"]) // 2
     first = np.flatnonzero(pairs.index[:, 0] < n_words)
     chosen = stream("sheet", n_words).choice(first, min(N_ROWS, len(first)), replace=False).tolist()
@@ -96,6 +102,30 @@ def _write_letters(letters: Sequence[planner.IsolatedWord], path: Path, columns:
         write_line(pen, letter.sign.gloss.removeprefix("fs-"), x + 0.5 * size, y + size + 2, size, INK, 15)
     with replacing(path) as temporary:
         sheet.save(temporary, format="PNG")
+
+
+def write_front_and_side(glosses: Sequence[str], path: Path, columns: int = 3, size: int = 160) -> None:
+    """Write a page of words and letters of this package: two frames of each from the front, then from the side; the
+    first posture and the last one, or the end of the first of several passes.
+    """
+    from signsplice.render.page import INK, PAPER, pillow, write_line
+    from signsplice.render.picture import draw, make_scene
+
+    image_ = pillow("Image")
+    signs = {**notation.everyday(), **notation.alphabet()}
+    width, height = 4 * size + 14, size + 20
+    sheet = image_.new("RGB", (columns * width, -(-len(glosses) // columns) * height), PAPER)
+    pen = pillow("ImageDraw").Draw(sheet)
+    for n, gloss in enumerate(glosses):
+        word = planner.isolated(signs[gloss])
+        e = word.events
+        frames = (e.start, e.passes[0][1] if len(e.passes) > 1 else e.end)
+        x, y = n % columns * width, n // columns * height
+        write_line(pen, gloss, x + 2.0 * size, y + 2, 4 * size, INK, 13)
+        for k, (view, frame) in enumerate((v, f) for v in ("front", "side") for f in frames):
+            sheet.paste(image_.fromarray(draw(make_scene(word.clip, view), frame, size, size)), (x + k * size, y + 20))
+    with replacing(path) as temporary:
+        sheet.quantize(256, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)
 
 
 def check_matplotlib() -> None:
