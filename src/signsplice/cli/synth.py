@@ -213,17 +213,17 @@ def _chosen(path: str | None, n_words: int | None, n_pseudo: int, seed: int, lea
     return chosen
 
 
+def _rate(fps: float) -> float:
+    if not 10.0 <= fps <= 240.0:
+        raise InputError(f"--fps {fps:g}, expected 10 to 240")
+    return fps
+
+
 def _frame_range(text: str) -> tuple[int, int]:
     first, colon, stop = text.partition(":")
     if not (colon and first.isdecimal() and stop.isdecimal() and int(first) < int(stop)):
         raise InputError(f"--real-frames {text}, expected FIRST:STOP with FIRST below STOP, as in 0:315")
     return int(first), int(stop)
-
-
-def _rate(fps: float) -> float:
-    if not 10.0 <= fps <= 240.0:
-        raise InputError(f"--fps {fps:g}, expected 10 to 240")
-    return fps
 
 
 COMMANDS = (synth,)
