@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from signing import mirror, word
+from signsplice.evaluation.hand_likeness import hand_likeness
 from signsplice.evaluation.signer_motion import half_way, reaches, signer_motion
 from signsplice.evaluation.wrists import busier_side
 from signsplice.motion import kinematics, rotation
@@ -68,19 +69,22 @@ def test_speed_is_in_arm_lengths() -> None:
 
 
 def test_hands_that_mirror_each_other_are_no_distance_apart() -> None:
-    motion = signer_motion([moved(lambda wrist: wrist)], "right")
-    assert len(motion.mirror_cm) > 30
-    assert motion.mirror_cm.max() < 1e-3
-    assert motion.mirror_lag == pytest.approx(0.0, abs=0.1)
+    motion = hand_likeness([moved(lambda wrist: wrist)])
+    assert len(motion.cm) > 30
+    assert motion.cm.max() < 1e-3
+    assert motion.lag == pytest.approx(0.0, abs=0.1)
 
 
 def test_hands_that_differ_in_place_and_time_are_measured_so() -> None:
-    lower = signer_motion([moved(lambda wrist: wrist - np.array([0.0, 2.0, 0.0]))], "right")
-    assert np.median(lower.mirror_cm) == pytest.approx(2.0, abs=0.1)
-    late = signer_motion([moved(lambda wrist: np.roll(wrist, 2, axis=0))], "right")
-    assert np.median(late.mirror_lag) == pytest.approx(2.0, abs=0.3)
-    still = signer_motion([moved(lambda wrist: np.broadcast_to(wrist[0], wrist.shape))], "right")
-    assert len(still.mirror_cm) == len(still.mirror_lag) == 0
+    lower = hand_likeness([moved(lambda wrist: wrist - np.array([0.0, 2.0, 0.0]))])
+    assert np.median(lower.cm) == pytest.approx(2.0, abs=0.1)
+    late = hand_likeness([moved(lambda wrist: np.roll(wrist, 2, axis=0))])
+    assert np.median(late.lag) == pytest.approx(2.0, abs=0.3)
+    still = hand_likeness([moved(lambda wrist: np.broadcast_to(wrist[0], wrist.shape))])
+    assert len(still.cm) == len(still.lag) == 0
+    told = hand_likeness([moved(lambda wrist: np.broadcast_to(wrist[0], wrist.shape))], [[(10, 30)]])
+    assert (len(told.cm), len(told.lag)) == (21, 0), "stretches that are told count as they are"
+    assert told.cm.max() > 8.0
 
 
 def test_the_upper_arm_hangs_at_no_angle_and_is_level_at_ninety() -> None:
@@ -108,4 +112,4 @@ def test_a_finger_is_half_formed_where_half_of_its_way_is_done() -> None:
 def test_a_clip_without_motion_has_no_figures() -> None:
     still = word("MOTHER").clip[:3]
     motion = signer_motion([still], "right")
-    assert all(len(getattr(motion, field)) == 0 for field in ("speed", "mirror_cm", "mirror_lag", "forming"))
+    assert all(len(getattr(motion, field)) == 0 for field in ("speed", "abduction_deg", "forming"))

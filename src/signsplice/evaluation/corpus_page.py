@@ -87,14 +87,12 @@ def read_real(folder: Path | None, frames: tuple[int, int] | None = None) -> dic
         clip = load(path)
         if "idle" in path.stem.lower() or not _moves(clip):
             continue
-        name, part = path.stem, clip
-        if frames is not None:
-            part = clip[frames[0] : frames[1]]
-            name = f"{name}, frames {frames[0]} to {frames[0] + len(part) - 1}"
-        if len(part) < FEWEST_FRAMES:
+        first, stop = (0, len(clip)) if frames is None else (frames[0], min(frames[1], len(clip)))
+        if stop - first < FEWEST_FRAMES:
             where = "" if frames is None else f" in {frames[0]}:{frames[1]}"
-            raise InputError(f"{path}: has {len(part)} frames{where}, expected at least {FEWEST_FRAMES} to measure")
-        clips[name] = part
+            n = max(0, stop - first)
+            raise InputError(f"{path}: has {n} frames{where}, expected at least {FEWEST_FRAMES} to measure")
+        clips[path.stem if frames is None else f"{path.stem}, frames {first} to {stop - 1}"] = clip[first:stop]
     return clips
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.evaluation.agreement import Quantity, percentiles
+from signsplice.evaluation.hand_likeness import hand_likeness
 from signsplice.evaluation.hidden_frames import hidden_frames
 from signsplice.evaluation.sign_kinds import AIMED, ASL_LEX, symmetric_words
 from signsplice.evaluation.signer_motion import MeasuredMotion, half_formed, signer_motion
@@ -44,11 +45,14 @@ _MEASURES = {
     "speed": ("wrist speed while moving", "arms/s"),
     "abduction_deg": ("strong upper arm from the trunk", "degrees"),
     "wrist_bend_deg": ("bend of the strong wrist", "degrees"),
-    "mirror_cm": ("symmetric hands from a mirror image", "cm"),
-    "mirror_lag": ("time between symmetric hands", "frames"),
     "forming": ("finger half formed, of the reach's time", ""),
 }
 """Fields of ``MeasuredMotion`` with their name and unit."""
+_LIKENESS = {
+    "cm": ("symmetric hands from a mirror image", "cm", (1.0, 3.0)),
+    "lag": ("time between symmetric hands", "frames", (1.0, 2.0)),
+}
+"""Fields of ``HandLikeness`` with their name, unit and the range aimed at."""
 
 
 def durations(pairs: Pairs) -> list[Quantity]:
@@ -240,16 +244,9 @@ def signing_motion(pairs: Pairs) -> MeasuredMotion:
     return signer_motion(clips, strong_side(pairs))
 
 
-def beside_captures(pairs: Pairs, signs: Mapping[str, Sign], captured: Mapping[str, Clip]) -> list[Quantity]:
-    """How the first signer moves beside captured clips by name, one line for each measure and clip, and the likeness
-    of the hands in symmetric words. Without captured clips, lines with other references alone.
-    """
-    ours, strong = signing_motion(pairs), strong_side(pairs)
-    words = []
-    for k in symmetric_words(pairs, signs):
-        events = pairs.events(k)
-        words.append(pairs.word_clip(k)[events.start : events.end + 1])
-    mirrored = signer_motion(words, strong)
+def beside_captures(pairs: Pairs, captured: Mapping[str, Clip]) -> list[Quantity]:
+    """How the first signer moves beside captured clips by name, one line for each measure and clip."""
+    ours = signing_motion(pairs)
     lines = []
     for name, clip in captured.items():
         real = signer_motion([clip], busier_side(clip))
@@ -258,16 +255,30 @@ def beside_captures(pairs: Pairs, signs: Mapping[str, Sign], captured: Mapping[s
                 us, them = (float(np.sqrt(np.mean(one.angular_deg[role] ** 2))) for one in (ours, real))
                 lines.append(Quantity(f"{text}, rms", "degrees/s", (us,), (them,), f"{name}; n = {len(real.speed)}"))
         for field, (text, unit) in _MEASURES.items():
-            values = getattr(mirrored if field.startswith("mirror") else ours, field)
-            real_values = getattr(real, field)
-            if len(values) and len(real_values):
-                few = len(real_values) < FEWEST
-                figures = (float(np.median(real_values)),) if few else percentiles(real_values)
-                lines.append(Quantity(text, unit, percentiles(values), figures, f"{name}; n = {len(real_values)}"))
-    if len(mirrored.mirror_cm):
-        text, unit = _MEASURES["mirror_cm"]
-        lines.append(Quantity(text, unit, percentiles(mirrored.mirror_cm), (1.0, 3.0), AIMED))
-    if len(mirrored.mirror_lag):
-        text, unit = _MEASURES["mirror_lag"]
-        lines.append(Quantity(text, unit, percentiles(mirrored.mirror_lag), (1.0, 2.0), AIMED))
+            lines += _beside(text, unit, getattr(ours, field), getattr(real, field), name)
     return lines
+
+
+def likeness_of_hands(pairs: Pairs, signs: Mapping[str, Sign], captured: Mapping[str, Clip]) -> list[Quantity]:
+    """How far the hands of symmetric words differ, from the first posture to the last, beside captured clips by name,
+    where their hands mirror each other, and beside the ranges aimed at.
+    """
+    words = symmetric_words(pairs, signs)
+    stretches = [[(pairs.events(k).start, pairs.events(k).end)] for k in words]
+    ours = hand_likeness([pairs.word_clip(k) for k in words], stretches)
+    lines = []
+    for field, (text, unit, aim) in _LIKENESS.items():
+        values = getattr(ours, field)
+        for name, clip in captured.items():
+            lines += _beside(text, unit, values, getattr(hand_likeness([clip]), field), name)
+        if len(values):
+            lines.append(Quantity(text, unit, percentiles(values), aim, AIMED))
+    return lines
+
+
+def _beside(text: str, unit: str, ours: Float, real: Float, name: str) -> list[Quantity]:
+    """Values of the corpus beside those of a captured clip, of which few give a median alone; none without values."""
+    if not (len(ours) and len(real)):
+        return []
+    figures = percentiles(real) if len(real) >= FEWEST else (float(np.median(real)),)
+    return [Quantity(text, unit, percentiles(ours), figures, f"{name}; n = {len(real)}")]

@@ -13,7 +13,8 @@ from signsplice.evaluation import agreement, corpus_pictures, corpus_realism, si
 from signsplice.evaluation.agreement import number
 from signsplice.evaluation.corpus_realism import rms_jerk, speeds
 from signsplice.evaluation.flexion import flexions
-from signsplice.evaluation.signer_motion import MIRRORED_FRAMES, MIRRORED_SPEED, MOVING
+from signsplice.evaluation.hand_likeness import MIRRORED_FRAMES, MIRRORED_SPEED
+from signsplice.evaluation.signer_motion import MOVING
 from signsplice.evaluation.tables import markdown
 from signsplice.evaluation.wrists import busier_side, strong_side, strong_wrist
 from signsplice.motion.clip import Clip
@@ -33,9 +34,9 @@ _HOW = f"""Percentiles 5 / 25 / 50 / 75 / 95, or one figure. An agreeing median,
 than {corpus_realism.FEWEST} values give a median alone. "{sign_kinds.AIMED}": what this project aims at, without a
 published table behind it. A clip's own figures are measured as the
 corpus's are, on frames in which a wrist is faster than {MOVING:g} arm lengths/s. Joints turn relative to their
-parent. The strong side of a clip is the one whose wrist moves farther. Hands are compared with a mirror image where
-both are faster than {MIRRORED_SPEED:g} arm lengths/s and move as in a mirror for {MIRRORED_FRAMES} frames or more: in
-the corpus in its symmetric words, in a clip wherever they do. A reach lies between two minima of the wrist's speed."""
+parent. The strong side of a clip is the one whose wrist moves farther. Hands are compared with a mirror image in
+the symmetric words of the corpus, and in a clip wherever both are faster than {MIRRORED_SPEED:g} arm lengths/s and
+move as in a mirror for {MIRRORED_FRAMES} frames or more. A reach lies between two minima of the wrist's speed."""
 
 
 def tables(pairs: Pairs, signs: Mapping[str, Sign], real: Mapping[str, Clip], plot: Path) -> list[str]:
@@ -49,7 +50,8 @@ def tables(pairs: Pairs, signs: Mapping[str, Sign], real: Mapping[str, Clip], pl
     quantities = [
         *durations,
         *corpus_realism.motion_quantities(pairs, motion),
-        *corpus_realism.beside_captures(pairs, signs, captured),
+        *corpus_realism.beside_captures(pairs, captured),
+        *corpus_realism.likeness_of_hands(pairs, signs, captured),
         *sign_kinds.second_passes(pairs),
         *sign_kinds.known_kinds(),
     ]

@@ -8,7 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.evaluation.agreement import Quantity, percentiles
-from signsplice.evaluation.wrists import strong_side, strong_wrist
+from signsplice.evaluation.wrists import strong_side
+from signsplice.motion import kinematics
+from signsplice.motion.clip import Clip
+from signsplice.rig.info import rig_info
 from signsplice.synth import notation, pseudo
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.phonology import ON_BASE, Sign
@@ -54,7 +57,7 @@ def known_kinds() -> list[Quantity]:
 def second_passes(pairs: Pairs) -> list[Quantity]:
     """Size and time of the second pass of a word's last movement over those of the first, words of the first signer.
 
-    Size: the largest distance of the strong wrist from where the pass begins. Movements whose first pass is smaller
+    Size: the largest distance of the strong wrist, seen from the chest, from where the pass begins. Movements whose first pass is smaller
     than 1.5 cm are left out. Empty where no word has two passes.
     """
     strong = strong_side(pairs)
@@ -63,7 +66,7 @@ def second_passes(pairs: Pairs) -> list[Quantity]:
         passes = pairs.events(k).passes
         if len(passes) < 2:
             continue
-        wrist = strong_wrist(pairs.word_clip(k), strong)
+        wrist = _from_chest(pairs.word_clip(k), strong)
         first, second = (_extent(wrist[begin : end + 1]) for begin, end in passes[:2])
         if first >= _SHORTEST_PASS_M:
             sizes.append(second / first)
@@ -74,6 +77,17 @@ def second_passes(pairs: Pairs) -> list[Quantity]:
         Quantity("second pass over the first, size", "", percentiles(sizes), (0.6, 1.0), AIMED, spread=True),
         Quantity("second pass over the first, time", "", percentiles(times), (0.85, 1.15), AIMED, spread=True),
     ]
+
+
+def _from_chest(clip: Clip, strong: str) -> Float:
+    """Positions (T, 3) of the strong wrist in the axes of the joint that carries the shoulders, m."""
+    info = rig_info(clip.skeleton)
+    joints = info.roles.joints
+    chest = int(clip.skeleton.parents[joints[f"{strong}Shoulder"]])
+    rotations, positions = kinematics.forward(clip, [chest, joints[f"{strong}Hand"]])
+    return (
+        np.asarray(np.einsum("tba,tb->ta", rotations[:, 0], positions[:, 1] - positions[:, 0])) * info.sizes.unit.metres
+    )
 
 
 def _extent(positions: Float) -> float:

@@ -1,0 +1,94 @@
+"""How far the two hands of a signer differ in place and time where they move as in a mirror."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.motion import kinematics
+from signsplice.motion.clip import Clip
+from signsplice.rig.info import rig_info
+
+Float = NDArray[np.float64]
+
+MIRRORED_SPEED, MIRRORED_COSINE, MIRRORED_FRAMES = 0.3, 0.5, 6
+"""Hands mirror each other while both wrists are faster than this (arm lengths a second), one wrist's velocity and the
+mirror image of the other's have at least this cosine, and both for at least so many frames.
+"""
+_LARGEST_LAG = 3
+
+
+@dataclass(frozen=True, eq=False)
+class HandLikeness:
+    """How far two hands differ that mirror each other.
+
+    cm: distance of the right wrist from the mirror image of the left one in N frames (N,). The mirror is the plane
+        through the middle of the shoulders, across their line.
+    lag: by how many frames one hand is behind the other, for each stretch in which both wrists become faster than
+        ``MIRRORED_SPEED`` (K,): the shift, up to three frames, at which the speeds of both correlate best.
+    """
+
+    cm: Float
+    lag: Float
+
+
+def hand_likeness(clips: Sequence[Clip], stretches: Sequence[Sequence[tuple[int, int]]] | None = None) -> HandLikeness:
+    """How far the hands differ in stretches [begin, end] of frames of each clip, or where ``MIRRORED_SPEED`` and the
+    numbers with it say that they mirror each other.
+    """
+    distances, lags = [np.empty(0)], []
+    for n, clip in enumerate(clips):
+        hands, speed, cosine = _seen_from_shoulders(clip)
+        found = _alike(speed, cosine) if stretches is None else stretches[n]
+        for begin, end in found:
+            distances.append(np.linalg.norm(hands[0, begin : end + 1] - hands[1, begin : end + 1], axis=-1))
+            if end > begin and speed[:, begin:end].max(axis=1).min() > MIRRORED_SPEED:
+                lags.append(_lag(speed, begin, end))
+    return HandLikeness(100.0 * np.concatenate(distances), np.array(lags))
+
+
+def _seen_from_shoulders(clip: Clip) -> tuple[Float, Float, Float]:
+    """The right wrist and the left one's mirror image (2, T, 3), m, their speeds (2, T - 1), arm lengths a second, and
+    the cosine (T - 1,) between their velocities.
+    """
+    info = rig_info(clip.skeleton)
+    roles = ("rightHand", "leftHand", "leftUpperArm", "rightUpperArm")
+    _, positions = kinematics.forward(clip, [info.roles.joints[role] for role in roles])
+    right, left, one, other = np.swapaxes(positions * info.sizes.unit.metres, 0, 1)  # (T, 3) each
+    middle = 0.5 * (one + other)
+    across = (one - other) / np.linalg.norm(one - other, axis=-1, keepdims=True)
+    image = left - middle
+    image = image - 2.0 * (image * across).sum(-1, keepdims=True) * across
+    hands = np.stack([right - middle, image])
+    velocity = np.diff(hands, axis=1) * clip.fps / (info.sizes.arm_length * info.sizes.unit.metres)
+    speed = np.linalg.norm(velocity, axis=-1)
+    return hands, speed, np.einsum("ti,ti->t", *velocity) / np.maximum(speed.prod(axis=0), 1e-12)
+
+
+def _alike(speed: Float, cosine: Float) -> list[tuple[int, int]]:
+    """Stretches [begin, end] in which the hands mirror each other."""
+    alike = (speed.min(axis=0) > MIRRORED_SPEED) & (cosine > MIRRORED_COSINE)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], alike, [False]])))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= MIRRORED_FRAMES]
+
+
+def _lag(speed: Float, first: int, stop: int) -> float:
+    """By how many frames one of two speeds (2, T) is behind the other over [first, stop), with a fraction of a frame
+    from a parabola through the best shift and its neighbours.
+    """
+    shifts = [s for s in range(-_LARGEST_LAG, _LARGEST_LAG + 1) if first + s >= 0 and stop + s <= speed.shape[1]]
+    scores = np.array([_correlation(speed[0, first:stop], speed[1, first + s : stop + s]) for s in shifts])
+    best = int(np.argmax(scores))
+    if not 0 < best < len(shifts) - 1:
+        return float(abs(shifts[best]))
+    before, at, after = scores[best - 1 : best + 2]
+    bow = before - 2.0 * at + after
+    return float(abs(shifts[best] + (0.5 * (before - after) / bow if bow < 0.0 else 0.0)))
+
+
+def _correlation(a: Float, b: Float) -> float:
+    a, b = a - a.mean(), b - b.mean()
+    return float((a * b).sum() / max(float(np.sqrt((a**2).sum() * (b**2).sum())), 1e-12))
