@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from signsplice.motion import rotation
 from signsplice.rig.canonical import canonical_motion
 from signsplice.rig.canonical_map import LEFT, ROLES, TIPS
 from signsplice.synth import planner, pseudo, training_data, truth
+from signsplice.synth.manner import TRAITS
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import RESTS, draw_signer
 from signsplice.synth.training_data import TrainingDataPlan
@@ -118,3 +120,34 @@ def test_a_part_that_is_cut_off_is_made_again(left: float, tmp_path: Path, monke
     training_data.write(PLAN, tmp_path, lambda a, b: reported.append((a, b)), processes=1)
     assert reported == [(2, 2)]
     assert path.read_bytes() == content
+
+
+def test_names_of_parts_tell_the_traits() -> None:
+    names = {
+        traits: training_data.path_of(Path(), replace(PLAN, traits=traits), 1).name
+        for traits in (None, (), ("undershoot",), ("undershoot", "low_elbows"), ("low_elbows", "undershoot"), TRAITS)
+    }
+    assert names[None] == names[TRAITS] == training_data.path_of(Path(), PLAN, 1).name
+    assert "-plain-" in names[()]
+    assert "-undershoot-" in names[("undershoot",)]
+    assert "-low_elbows+undershoot-" in names[("undershoot", "low_elbows")]
+    assert len(set(names.values())) == 4
+    assert names[("undershoot", "low_elbows")] == names[("low_elbows", "undershoot")], "the order does not matter"
+    everything = training_data.path_of(Path(), replace(PLAN, traits=TRAITS[1:]), 1).name
+    assert len(everything) < 255, "a file system takes the name"
+    with pytest.raises(InputError, match="no trait 'speed', expected some of low_pass_frames,"):
+        training_data.write(replace(PLAN, traits=("speed",)), Path("nowhere"))
+
+
+def test_plans_that_differ_in_traits_share_bodies_and_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[int] = []
+    draw = pseudo.sign
+    monkeypatch.setattr(pseudo, "sign", lambda seed: drawn.append(seed) or draw(seed))
+    plan = TrainingDataPlan(n_signers=1, n_words=2, n_seams=1, seed=4, fps=12.0)
+    plans = [(replace(plan, traits=traits), tmp_path / name) for name, traits in (("none", ()), ("one", TRAITS[:1]))]
+    reported: list[tuple[int, int]] = []
+    training_data.write_all(plans, lambda a, b: reported.append((a, b)), processes=1)
+    assert reported == [(1, 2), (2, 2)]
+    assert len(drawn) == 2, "each pseudo-sign is drawn once"
+    one, other = (np.load(training_data.path_of(folder, plan, 0)) for plan, folder in plans)
+    np.testing.assert_array_equal(one["bones"], other["bones"])

@@ -191,12 +191,13 @@ def transition(
 @click.option(
     "-o", "--output", required=True, metavar="OUT.json", help="File of the results; the table goes to OUT.md."
 )
+@click.option("--same-as", metavar="FILE.json", help="Measure the networks of these results, for a last look.")
 @click.option("--work", default="out/traits", show_default=True, metavar="DIR", help="Folder for signing and networks.")
 @click.option("--scale", type=click.Choice(("smoke", "small")), default="small", show_default=True,
               help="How much signing, how large the networks are and how long they are trained.")  # fmt: skip
 @click.option("--processes", type=int, default=2, show_default=True, metavar="N", help="Networks trained at once.")
 @reads_clips
-def traits(clip: str, frames: str, output: str, work: str, scale: str, processes: int) -> None:
+def traits(clip: str, frames: str, output: str, same_as: str | None, work: str, scale: str, processes: int) -> None:
     """Train small transition networks on signing with each trait of the signer's manner alone, and measure them on
     frames hidden from a captured clip. The same command continues after an interruption.
     """
@@ -213,7 +214,8 @@ def traits(clip: str, frames: str, output: str, work: str, scale: str, processes
     first, end = _frames(frames, len(loaded))
     seen = resample(loaded[first:end], FEATURE_FPS)
     ablation = trait_ablation.Ablation(Path(clip).name, seen, (first, end), Path(work), scale)
-    rows = trait_ablation.run(ablation, Path(output), processes, lambda line: print(line, file=sys.stderr))
+    earlier = None if same_as is None else Path(same_as)
+    rows = trait_ablation.run(ablation, Path(output), processes, lambda line: print(line, file=sys.stderr), earlier)
     trait_ablation.write_page(Path(output).with_suffix(".md"), ablation, rows)
     print(f"{output}, {Path(output).with_suffix('.md')}: {len(rows)} networks")
 

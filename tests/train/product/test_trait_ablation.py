@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -87,6 +87,14 @@ def test_a_call_that_was_stopped_continues(
         trait_ablation.run(ablation, out, processes=1)
 
 
+def test_a_last_look_chooses_nothing(ablation: Ablation, trained: list[Any], tmp_path: Path) -> None:
+    chosen = AblationRow(("base_lag", "hesitation"), 7, {"all": (1.0,)})
+    stored = {"signature": "another", "rows": [asdict(chosen)]}
+    (tmp_path / "first.json").write_text(json.dumps(stored))
+    trait_ablation.run(ablation, tmp_path / "last.json", processes=1, same_as=tmp_path / "first.json")
+    assert trained == [(chosen.traits, 7)]
+
+
 @pytest.mark.usefixtures("trained")
 def test_the_page_ranks_traits_and_gives_mean_and_spread(ablation: Ablation, tmp_path: Path) -> None:
     rows = trait_ablation.run(ablation, tmp_path / "rows.json", processes=1)
@@ -103,7 +111,7 @@ def test_the_page_ranks_traits_and_gives_mean_and_spread(ablation: Ablation, tmp
 
 
 def test_errors_are_those_of_every_joint_and_of_the_arms_alone() -> None:
-    errors = trait_ablation.errors(word("MOTHER").clip, WEIGHTS)
+    errors = trait_ablation.errors(word("MOTHER").clip[10:50], WEIGHTS)
     assert set(errors) == {"all", "hands", "fingers", "trunk", "arms"}
     assert all(len(of) == len(LENGTHS) for of in errors.values())
     assert max(errors["hands"]) < 1.0, "the networks that ship are better than the curve on synthetic signing"

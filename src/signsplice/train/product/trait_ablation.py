@@ -43,7 +43,7 @@ N_BEST = 4
 """Traits that are tried together: those that help most alone."""
 SEEDS = (0, 1, 2)
 """Seeds of the networks that tell the spread."""
-PLANS = {"smoke": TrainingDataPlan(2, 3, 3), "small": TrainingDataPlan(10, 40, 160)}
+PLANS = {"smoke": TrainingDataPlan(2, 3, 3), "small": TrainingDataPlan(8, 40, 150)}
 """The signing of every set of traits at each scale of the network."""
 GROUPS = {"all": "position_error", "hands": "hand_error", "fingers": "finger_error", "trunk": "trunk_error"}
 ARMS = "arms"
@@ -114,11 +114,13 @@ def run(
     out: Path,
     processes: int = 2,
     report: Callable[[str], None] | None = None,
+    same_as: Path | None = None,
 ) -> list[AblationRow]:
     """Train and measure all networks; rows are added to the JSON file ``out`` as they come, those there are kept.
 
-    report: called with a line about every step. Raises ``InputError`` where the clip is too short, or ``out`` holds
-    rows of another ablation.
+    report: called with a line about every step. same_as: file of an ablation whose networks are measured, so that no
+    trait is chosen by what this one finds. Raises ``InputError`` where the clip is too short, or ``out`` holds rows of
+    another ablation.
     """
     report = report or (lambda _: None)
     hermite = hidden_frames([ablation.clip], [find_transition("hermite")], LENGTHS, STRIDE)
@@ -134,6 +136,9 @@ def run(
                 _write(out, ablation, hermite, rows)
                 report(f"{label(row.traits)}, seed {row.seed}: {row.mean:.3f} of {hermite[0].transition}")
 
+    if same_as is not None:
+        finish([(row.traits, row.seed) for row in read(same_as)])
+        return rows
     finish([((), 0), (TRAITS, 0), *(((name,), 0) for name in TRAITS)])
     best = best_together(rows)
     finish([(traits, seed) for seed in SEEDS for traits in ((), TRAITS, best)])
@@ -199,12 +204,12 @@ def _ratios(rows: Sequence[HiddenFrames], base: Sequence[HiddenFrames], field: s
     return tuple(getattr(row, field) / getattr(of, field) for row, of in zip(rows, base, strict=True))
 
 
-def read(path: Path, signature: str) -> list[AblationRow]:
-    """The rows of a file. Raises ``InputError`` where it holds none, or those of another signature."""
+def read(path: Path, signature: str | None = None) -> list[AblationRow]:
+    """The rows of a file. Raises ``InputError`` where it holds none, or not those of a signature that is expected."""
     stored = read_json(path, "the rows of an ablation")
     try:
         check_type(stored, Mapping, "the file")
-        if stored.get("signature") != signature:
+        if signature is not None and stored.get("signature") != signature:
             raise InputError(
                 f"{path}: holds rows of {stored.get('signature')}, expected {signature}; name another file"
             )
