@@ -326,7 +326,9 @@ class _SegmentPlan:
             weak = WeakArm(self.signer, postures[n][1])
             lift = locations.lifted(surface, weak) * segment.lift * self.signer.scale
         carried = all(end.location in ON_BASE for end in ends)
-        return PathMotion(segment, self.sign.hands, self.signer, postures[begin], postures[n], self.size, lift, carried)
+        return PathMotion(
+            segment, self.sign.hands, self.signer, postures[begin], postures[n], self.size, lift=lift, carried=carried
+        )
 
     def _add_passes(self, n: int, segment: Segment, stops: bool) -> tuple[tuple[int, int], ...]:
         """Add a movement's knots; the frames of its passes."""
