@@ -135,7 +135,7 @@ def test_stops_fall_between_frames_and_events_on_the_nearest() -> None:
     assert np.allclose(off[:, 1], 0.5 * (off[:, 0] + off[:, 2])), "what lies between moves in proportion"
     one = planner.isolated(sign("MOTHER"), signer)
     assert one.events == word("MOTHER").events
-    assert not np.allclose(one.states[one.events.end - 3], word("MOTHER").states[one.events.end - 3], atol=0.02)
+    assert np.abs(one.states - word("MOTHER").states)[:, :3].max() > 0.3
 
 
 # --- tempo
@@ -160,8 +160,8 @@ def test_words_differ_in_tempo_for_every_signer_and_takes_a_little() -> None:
     one, other = (replace(draw_signer(seed), manner=manner) for seed in (1, 2))
     words = [sign(gloss) for gloss in ("MOTHER", "BOOK", "HELLO", "TREE", "LEARN", "YES", "NAME", "CAR")]
     tempos = np.log([[timing.tempo_of(w, s, t).movement for s in (one, other) for t in range(3)] for w in words])
-    assert tempos.mean(axis=1).std() > 0.08, "between words"
-    assert tempos.std(axis=1).max() < 0.05, "between takes and signers"
+    assert tempos.mean(axis=1).std() > 0.05, "between words"
+    assert tempos.std(axis=1).max() < 0.045, "between takes and signers"
     assert timing.tempo_of(words[0], replace(one, manner=PLAIN), 0) == timing.Tempo()
 
 
@@ -189,8 +189,8 @@ def test_a_touch_at_the_start_of_a_repeated_movement_is_kept() -> None:
     text = TAPS.replace("off=6", "off=0").replace("M  off=0", "M  off=6")
     one = made(text, Manner(pass_difference=1.0))
     assert all(abs(depth(one)[begin]) < 0.5 for begin, _ in one.events.passes)
-    far = [depth(one)[stop] for _, stop in one.events.passes]
-    assert max(far[1:]) > far[0] + 0.3, "it goes away less far"
+    far = [one.states[stop, 2] for _, stop in one.events.passes]
+    assert min(far[1:]) < far[0] - 0.8, "it goes away less far"
 
 
 def test_later_revolutions_of_a_circle_are_smaller() -> None:
@@ -207,7 +207,7 @@ def test_later_revolutions_of_a_circle_are_smaller() -> None:
 
 def test_few_holds_are_longer_and_hands_drift_meanwhile() -> None:
     signer = signer_of(None, Manner(hesitation=1.0))
-    pauses = [timing.hold_pause(signer, "A", 0, n) for n in range(400)]
+    pauses = [timing.hold_pause(signer, sign("MOTHER"), 0, n) for n in range(400)]
     long = [n for n, (pause, _) in enumerate(pauses) if pause]
     assert 10 < len(long) < 60
     assert all(0.15 <= pauses[n][0] <= 0.45 for n in long)
@@ -245,7 +245,7 @@ def test_sentences_hesitate_rarely_and_the_truth_of_a_pair_never() -> None:
                 assert part.changed == ("pause",)
                 paused += 1
         exact = running.utter([words[n] for n in order], changes=False)
-        for p, q, seam in zip(exact.words, exact.words[1:], exact.seams, strict=True):
+        for p, q, seam in zip(exact.words[:-1], exact.words[1:], exact.seams, strict=True):
             assert len(seam.states) == len(truth.splice(p, q).states)
     assert 1 <= paused < 0.25 * seen
 
@@ -254,3 +254,12 @@ def test_stuck_hands_are_pushed_on() -> None:
     """A hand that passes the nose on a smoothed path: it was left 20 mm deep in the head."""
     one = planner.isolated(sign("LEARN"), replace(STANDARD, manner=Manner(low_pass_frames=1.0)))
     assert depth(one).max() < 0.35
+
+
+@pytest.mark.parametrize("turns", ["4", "6"])
+def test_short_uneven_revolutions_have_knots_in_order(turns: str) -> None:
+    text = f"TURNS hands=one\n  X shape=index at=space palm=in fingers=fwd-up\n  M path=circle:sagittal:1:{turns}\n"
+    for take in range(3):
+        (one,) = notation.parse(text).values()
+        plan = planner._SegmentPlan(one, signer_of(None, ALL), 30.0, np.random.default_rng(0), take)
+        assert (np.diff([knot.frame for knot in plan.knots]) > 0.3).all()

@@ -305,7 +305,7 @@ class _SegmentPlan:
             factor = self.pace.last_hold if last else self.pace.first_hold if n == 0 else 1.0
             if last and n > 0 and touches(segment, self.sign):
                 usual, factor = LAST_TOUCH_S, self.pace.last_touch
-            pause_s, drift = hold_pause(self.signer, self.sign.gloss, self.take, n)
+            pause_s, drift = hold_pause(self.signer, self.sign, self.take, n)
             n_frames = max(2, self._frames(segment.seconds or usual, factor) + round(self.fps * pause_s))
             state = self.knots[-1].state
             if pause_s and not touches(segment, self.sign):
@@ -344,8 +344,9 @@ class _SegmentPlan:
         passes = []
         for k, stroke in enumerate(strokes(path, count, each, self.sign.gloss, self.take, n)):
             for s, fraction in path.knots(stroke.n_frames, not stroke.forward):
-                frame = start + round(turned(fraction) * stroke.n_frames)
-                self.knots.append(Knot(frame, path.of_pass(k, stroke.along(s)), False))
+                time = turned(fraction) * stroke.n_frames
+                time = time if path.rounds and s < 1.0 else round(time)  # uneven rounds: knots less than a frame apart
+                self.knots.append(Knot(start + time, path.of_pass(k, stroke.along(s)), False))
             if stroke.forward:
                 cuts = [start + round(stroke.n_frames * turned(t / revolutions)) for t in range(revolutions + 1)]
                 passes += list(itertools.pairwise(cuts))

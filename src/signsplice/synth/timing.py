@@ -62,30 +62,32 @@ class Tempo:
 
 def tempo_of(sign: Sign, signer: Signer, take: int) -> Tempo:
     """The tempo of a take: words differ from one another in the same way for every signer, takes a little. Letters, and
-    words whose only posture is held, keep the plain durations of a word, but differ.
+    words whose only posture is held, differ too, but are not longer on average.
     """
     spread = signer.manner.tempo_spread
     if not spread:
         return Tempo()
     word = np.clip(stream("tempo-spread", sign.gloss).standard_normal(2), -2.0, 2.0)
     once = np.clip(stream("tempo-spread", signer.name, sign.gloss, take).standard_normal(2), -2.0, 2.0)
-    still = len(sign.segments) == 1
+    still = len(sign.segments) == 1 or sign.kind == "letter"
     varied = spread * (np.array([_MOVEMENT_SPREAD, 0.5 * _HOLD_SPREAD if still else _HOLD_SPREAD]) * word)
     movement, hold = np.exp(varied + spread * _TAKE_SPREAD * once)
     return Tempo(
-        movement=float(movement * np.exp(spread * _MOVEMENT)),
-        first_hold=float(hold * _FIRST**spread),
+        movement=float(movement * (1.0 if still else np.exp(spread * _MOVEMENT))),
+        first_hold=float(hold * (1.0 if still else _FIRST**spread)),
         last_hold=float(hold * (1.0 if still else _LAST**spread)),
         last_touch=float(hold * _LAST_TOUCH**spread),
         least_s=0.0 if still else _LEAST_S * min(spread, 1.0),
     )
 
 
-def hold_pause(signer: Signer, gloss: str, take: int, number: int) -> tuple[float, Float]:
+def hold_pause(signer: Signer, sign: Sign, take: int, number: int) -> tuple[float, Float]:
     """How much longer (seconds) a word's hold ``number`` lasts by hesitation, mostly 0, and how far (3,), cm, the hands
-    drift meanwhile: mostly down.
+    drift meanwhile: mostly down. Words that are nothing but a hold have no pause, since a sentence keeps most of it.
     """
-    pause, rng = _pause(signer, _HOLD_PAUSE_S, gloss, take, number)
+    if len(sign.segments) == 1:
+        return 0.0, np.zeros(3)
+    pause, rng = _pause(signer, _HOLD_PAUSE_S, sign.gloss, take, number)
     direction = rng.standard_normal(3) + np.array([0.0, -1.5, 0.0])
     return pause, _DRIFT_CM * signer.scale * pause * direction / float(np.linalg.norm(direction))
 
