@@ -18,12 +18,12 @@ from signsplice.synth.signer import Signer
 
 Float = NDArray[np.float64]
 
-_USUAL_CM, _MOST_CM = 0.6, 2.0
+_USUAL_CM, _MOST_CM = 0.5, 2.0
 """How far short a movement stays at the usual tempo, and at most."""
 _OF_DISTANCE = 0.1
 """The most that a movement stays short, as a fraction of its distance."""
-_LOWER = 0.7
-"""How much lower signs at the head are made, over how far short movements stay."""
+_LOWER = 0.5
+"""How much lower still signs at the head are made, over how far short movements stay; both together are limited."""
 
 
 def short_cm(tempo: float, signer: Signer) -> float:
@@ -56,6 +56,7 @@ def undershot(
         shift = back * min(amount / max(float(np.linalg.norm(back)), 1e-9), _OF_DISTANCE)
         if sign.segments[n].strong.location in ON_HEAD:
             shift = shift - np.array([0.0, _LOWER * amount, 0.0])
+            shift *= min(1.0, _MOST_CM * signer.manner.undershoot * signer.scale / float(np.linalg.norm(shift)))
         short = translated(strong, shift, signer)
         moved.append((short, short if weak is strong else weak))
     return moved
