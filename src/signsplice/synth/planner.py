@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import locations, pose, trajectory
 from signsplice.synth.avoidance import clear_collisions
-from signsplice.synth.body_motion import Span, add_body_motion
+from signsplice.synth.body_motion import add_body_motion
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.locations import WeakArm
 from signsplice.synth.overlays import add_gesture, add_local_movement
@@ -109,9 +109,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     segments.add_overlays(states, offset)
     events = segments.events(before - 1, offset, down)
-    states = add_body_motion(
-        states, Span(events.up, events.start, events.end, events.down), signer, fps, (sign.gloss, take)
-    )
+    states = add_body_motion(states, events, signer, fps, (sign.gloss, take))
     states = clear_collisions(states, signer)
     clip = pose.clip(states, signer, fps, sign.gloss)
     return IsolatedWord(sign, signer, states, clip, events)
