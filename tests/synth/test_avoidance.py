@@ -135,7 +135,9 @@ def test_no_wrist_swings_behind_the_chest_and_no_joint_flips(seed: int) -> None:
     for gloss in MANY:
         one = word(gloss, seed)
         e = one.events
-        assert wrists(one)[e.up : e.down + 1, :, 2].min() > 0.0, f"{gloss}: a wrist goes behind the chest joint"
+        away = wrists(one)[e.up : e.down + 1]
+        raised = away[..., 1] > -30.0 * one.signer.scale  # a hanging hand does not go with the trunk
+        assert away[raised][:, 2].min() > 0.0, f"{gloss}: a wrist goes behind the chest joint"
         local_quats = one.clip.local_rotations[:, ARM]
         step = np.rad2deg(rotation.angle_between(local_quats[:-1], local_quats[1:]))
         assert step.max() < 60.0, f"{gloss}: a joint of the arm rotates by {step.max():.0f} degrees in a frame"
@@ -167,4 +169,6 @@ def test_every_rest_pose_is_free_and_leaves_the_sign_as_it_is(rest: str, number:
     assert (lowest[0] > lowest[1] + 5.0) == (rest != "hanging"), "hands that rest in front of the body do not hang"
     if rest != "hanging":
         weak = wrists(one)[one.events.start : one.events.end + 1, STRONG if signer.left_handed else WEAK]
-        assert np.ptp(weak, axis=0).max() < 4.0, "the hand that does not sign stays where it rests"
+        assert np.ptp(weak, axis=0).max() < 6.0, (
+            "but for the trunk's motion, the hand that does not sign stays where it rests"
+        )

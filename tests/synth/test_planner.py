@@ -13,6 +13,7 @@ from signing import made, mirror, plain_word, seen_from_chest, sign, signer_of, 
 from signsplice.motion import kinematics
 from signsplice.synth import planner, pose
 from signsplice.synth.handshapes import HANDSHAPES
+from signsplice.synth.manner import PLAIN
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import JOINTS, STANDARD, draw_signer
 
@@ -23,6 +24,11 @@ KINDS = (*ONE, "BOOK", "HOUSE", "SIGN", "CAR", "LEARN", "NAME", "TREE")
 LETTERS = ("fs-A", "fs-J")
 WORDS = (*KINDS, *LETTERS)
 STRONG, WEAK = 1, 0
+
+
+def plainly(one: IsolatedWord) -> IsolatedWord:
+    """A word as its signer makes it without any trait of manner."""
+    return planner.isolated(one.sign, replace(one.signer, manner=PLAIN), fps=one.clip.fps)
 
 
 def speeds(one: IsolatedWord) -> Float:
@@ -90,7 +96,7 @@ def test_holds_are_still(gloss: str) -> None:
     speed = speeds(one)
     begin = e.passes[-1][1] if e.passes else e.start
     assert e.end - begin >= 2
-    assert speed[begin : e.end, STRONG].max() < 0.25
+    assert speed[begin : e.end, STRONG].max() < 0.4, "but for small motions, of the head that it is at, too"
     peak = speed[e.start : begin + 1].max(initial=0.0)
     if e.passes and gloss != "NO":  # which moves its fingers alone
         assert peak > 4.0 * speed[begin : e.end, STRONG].max()
@@ -198,7 +204,7 @@ def test_head_and_trunk_follow_the_notation() -> None:
 
 
 def test_a_tilt_to_the_strong_side_leans_the_head_to_the_right() -> None:
-    one = made("X shape=S at=space palm=in fingers=fwd", "M shift=0,4,0 head=tilt trunk=out")
+    one = plainly(made("X shape=S at=space palm=in fingers=fwd", "M shift=0,4,0 head=tilt trunk=out"))
     positions = kinematics.forward(one.clip, [JOINTS[n] for n in ("Spine2", "Head", "HeadTop_End", "Hips")])[1]
     tilted, upright = positions[(one.events.start + one.events.end) // 2], positions[0]
     assert (tilted[2] - tilted[1])[0] < (upright[2] - upright[1])[0] - 1.0, "the top goes to the signer's right, -x"
@@ -206,7 +212,7 @@ def test_a_tilt_to_the_strong_side_leans_the_head_to_the_right() -> None:
 
 
 def test_a_shake_of_the_head_rotates_it_about_the_vertical() -> None:
-    one = word("NO")
+    one = plainly(word("NO"))
     rotations, _ = kinematics.forward(one.clip, [JOINTS["Spine2"], JOINTS["Head"]])
     nose = np.einsum("tba,tb->ta", rotations[:, 0], rotations[:, 1, :, 2])
     assert np.ptp(nose[:, 0]) > 0.25, "to both sides"
@@ -320,8 +326,9 @@ def test_alternating_hands_swap_their_positions_along_a_path() -> None:
 @pytest.mark.parametrize("gloss", ONE)
 def test_the_weak_hand_hangs_during_a_one_handed_word(gloss: str) -> None:
     one = word(gloss)
-    travel = np.abs(wrists(one) - wrists(one)[0]).max(axis=(0, 2))
-    assert travel[WEAK] < 2.5
+    positions = kinematics.forward(one.clip, [JOINTS["LeftHand"], JOINTS["RightHand"]])[1]
+    travel = np.abs(positions - positions[0]).max(axis=(0, 2))
+    assert travel[WEAK] < 2.5, "wherever the trunk goes"
     assert travel[STRONG] > 30.0
 
 

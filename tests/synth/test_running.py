@@ -81,7 +81,7 @@ def test_a_weak_hand_stays_between_two_words_that_need_it() -> None:
     assert up[:, 1].min() > -15.0, "in front of the trunk"
     assert down[exact.stretches[2].start : exact.stretches[2].stop, 1].max() < -20.0, "else it goes down"
     left = wrist[middle.start - len(sentence.seams[0].states) - 1]
-    assert np.abs(up - left).max() < 1.0, "where the word before left it"
+    assert np.abs(up - left).max() < 3.0, "where the word before left it, but for the trunk's motion"
     step = np.linalg.norm(np.diff(wrist, axis=0), axis=-1)
     assert step[middle.start - 1 : middle.stop].max() < 6.0
 

@@ -7,7 +7,8 @@ they are back.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ from signsplice.synth import pose
 from signsplice.synth.carrying import Nearness, carried, nearness
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import Signer
+
+if TYPE_CHECKING:
+    from signsplice.synth.planner import Events
 
 Float = NDArray[np.float64]
 
@@ -39,23 +43,7 @@ _MEET_CM, _MEET_FULL_CM = 14.0, 4.0
 """Distance of a hand from the head's skin from which the head goes to meet it, and at which it has done so."""
 
 
-@dataclass(frozen=True)
-class Span:
-    """When a word's hands are away from rest.
-
-    up: last frame of rest before the word
-    start: first posture
-    end: last posture
-    down: first frame of rest after the word
-    """
-
-    up: int
-    start: int
-    end: int
-    down: int
-
-
-def add_body_motion(states: Float, span: Span, signer: Signer, fps: float, names: tuple[str | int, ...]) -> Float:
+def add_body_motion(states: Float, events: Events, signer: Signer, fps: float, names: tuple[str | int, ...]) -> Float:
     """States (T, 63) of an isolated word with motion of head and trunk, where the signer's manner has any, and with
     hands that keep their places on the body; ``names`` seed what is random.
     """
@@ -65,10 +53,12 @@ def add_body_motion(states: Float, span: Span, signer: Signer, fps: float, names
     right_handed = replace(signer, left_handed=False)
     near = nearness(states, right_handed)
     states = states.copy()
-    level = _level(len(states), span, fps)[:, None]
-    touched = _smoothed(_step((3.0 * signer.scale - near.head.min(axis=1)) / (3.0 * signer.scale)), fps, 0.10)
+    level = _level(len(states), events, fps)[:, None]
+    touched = _smoothed(
+        pose.smooth_step((3.0 * signer.scale - near.head.min(axis=1)) / (3.0 * signer.scale)), fps, 0.10
+    )
     if manner.body_motion:
-        trunk, head = _turns(states, span, signer, fps, names)
+        trunk, head = _turns(states, events, signer, fps, names)
         calm = 1.0 - (1.0 - _TOUCHED) * touched[:, None]
         states[:, pose.TRUNK] += manner.body_motion * level * trunk
         states[:, pose.HEAD] += manner.body_motion * level * calm * (head - _GAZE * trunk)
@@ -79,20 +69,22 @@ def add_body_motion(states: Float, span: Span, signer: Signer, fps: float, names
     return carried(states, near, right_handed)
 
 
-def _level(n_frames: int, span: Span, fps: float) -> Float:
+def _level(n_frames: int, events: Events, fps: float) -> Float:
     """Weights (T,) that rise from 0 at ``up`` and are back at 0 at ``down``, with no jump of their acceleration."""
     t = np.arange(n_frames)
     ramp = max(1.0, 0.22 * fps)
-    return _step((t - span.up) / ramp) * _step((span.down - t) / ramp)
+    return pose.smooth_step((t - events.up) / ramp) * pose.smooth_step((events.down - t) / ramp)
 
 
-def _turns(states: Float, span: Span, signer: Signer, fps: float, names: tuple[str | int, ...]) -> tuple[Float, Float]:
+def _turns(
+    states: Float, events: Events, signer: Signer, fps: float, names: tuple[str | int, ...]
+) -> tuple[Float, Float]:
     """Rotation vectors (T, 3) of trunk and head: from one turn to the next, with the reach of the hands, and a nod at
     the sign's end.
     """
     rng = stream("body-motion", signer.name, *names)
-    n_steps = max(2, round((span.down - span.up) / fps / _STEP_S * signer.tempo))
-    times = np.linspace(span.up, span.down, n_steps + 1)
+    n_steps = max(2, round((events.down - events.up) / fps / _STEP_S * signer.tempo))
+    times = np.linspace(events.up, events.down, n_steps + 1)
     times[1:-1] += rng.uniform(-0.25, 0.25, n_steps - 1) * (times[1] - times[0])
     turns = np.zeros((2, n_steps + 1, 3))
     turns[:, 1:-1] = np.clip(rng.standard_normal((2, n_steps - 1, 3)), -1.8, 1.8)
@@ -104,7 +96,7 @@ def _turns(states: Float, span: Span, signer: Signer, fps: float, names: tuple[s
     trunk += rng.uniform(0.6, 1.4) * _reaching(states, signer, fps)
     if rng.random() < 0.6:
         frames = 0.5 * _END_NOD_S * fps
-        u = np.clip((np.arange(len(states)) - span.end) / frames, -1.0, 1.0)
+        u = np.clip((np.arange(len(states)) - events.end) / frames, -1.0, 1.0)
         head[:, 0] += np.deg2rad(_END_NOD_DEG) * rng.uniform(0.6, 1.3) * (1.0 - u * u) ** 3
     return trunk, head
 
@@ -121,7 +113,7 @@ def _reaching(states: Float, signer: Signer, fps: float) -> Float:
     forward to the front, turns to where both hands are, leans after far hands and away from the side of a high one.
     """
     wrists = pose.hands(states)[..., pose.WRIST] / signer.scale  # (T, 2, 3)
-    raised = _step((wrists[..., 1] + 36.0) / 30.0)  # 0 where a hand hangs, 1 in signing space
+    raised = pose.smooth_step((wrists[..., 1] + 36.0) / 30.0)  # 0 where a hand hangs, 1 in signing space
     out, up, forward = (raised * wrists[..., k] for k in range(3))
     lean = 0.06 * (np.maximum(forward.max(axis=1), 10.0) - 10.0)
     turn = 0.10 * (forward[:, 0] - forward[:, 1]) + 0.12 * (out[:, 0] - out[:, 1])
@@ -133,17 +125,15 @@ def _meeting(near: Nearness, signer: Signer, fps: float) -> Float:
     """Rotation vectors (T, 3) of a head that goes to meet the hands near it: forward to a hand at its front, to the
     side to a hand there.
     """
-    weight = _step((_MEET_CM - near.head / signer.scale) / (_MEET_CM - _MEET_FULL_CM))  # (T, 2)
+    weight = pose.smooth_step((_MEET_CM - near.head / signer.scale) / (_MEET_CM - _MEET_FULL_CM))  # (T, 2)
     wide = 2 * round(0.13 * fps) + 1  # early, and for as long as a repeated movement lasts
     weight = _smoothed(maximum_filter1d(weight, wide, axis=0, mode="nearest"), fps, 0.10)
     front = weight.max(axis=1)
     aside = -_smoothed(near.head_side, fps, 0.06) * weight
-    return np.deg2rad(np.stack([_MEET_NOD_DEG * front, 0.0 * front, _MEET_TILT_DEG * aside.sum(axis=1)], axis=-1))
+    return np.asarray(
+        np.deg2rad(np.stack([_MEET_NOD_DEG * front, 0.0 * front, _MEET_TILT_DEG * aside.sum(axis=1)], axis=-1))
+    )
 
 
 def _smoothed(values: Float, fps: float, seconds: float) -> Float:
     return np.asarray(gaussian_filter1d(values, seconds * fps, axis=0, mode="nearest"))
-
-
-def _step(x: Float) -> Float:
-    return pose.smooth_step(x)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import locations, pose, trajectory, two_hands, undershoot
 from signsplice.synth.avoidance import clear_collisions, touching
-from signsplice.synth.body_motion import Span, add_body_motion
+from signsplice.synth.body_motion import add_body_motion
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.locations import WeakArm
 from signsplice.synth.low_pass import low_passed
@@ -121,7 +121,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     states = two_hands.in_their_own_time(states, sign, signer, take, fps, span)
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     segments.add_overlays(states, offset)
-    states = add_body_motion(states, Span(*span), signer, fps, (sign.gloss, take))
+    states = add_body_motion(states, events, signer, fps, (sign.gloss, take))
     states = clear_collisions(states, signer)
     clip = pose.clip(states, signer, fps, sign.gloss)
     return IsolatedWord(sign, signer, states, clip, _with_touches(events, clip, sign, signer))

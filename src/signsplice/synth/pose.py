@@ -51,9 +51,9 @@ _EASE = np.deg2rad([60.0, 22.0, 42.0, 32.0])  # forearm twist, wrist deviation, 
 _SHARPNESS = 2.5
 _HEIGHT_COST = 12.0  # of an elbow that is an upper arm's length higher, for low elbows
 _LOWEST_SPINE = 0.7  # of the trunk's rotation, where trunk and head move much
-_BREACH = np.deg2rad(16.0)  # how far beyond a limit costs 1, for low elbows
-_PRESSED_CM = 3.0  # how deep elbow or forearm lie in the trunk for a cost of 1, for low elbows
-_ONSET = np.deg2rad(6.0)
+_BREACH = np.deg2rad(12.0)  # how far beyond a limit costs 1, for low elbows
+_PRESSED_CM = 3.0  # how deep elbow or forearm lie in the trunk for a cost of 0.5, for low elbows
+_ONSET = np.deg2rad(6.0)  # before a limit is approached softly, where that cost begins
 
 
 def hands(states: Float) -> Float:
@@ -192,7 +192,7 @@ def _raised_cost(arm: Arm, angles: Float, signer: Signer) -> Float:
     wrist = (shoulder + reach * arm.direction)[..., None, :]
     depth = np.maximum(0.0, np.stack([_trunk_depth(elbow), _trunk_depth(0.55 * elbow + 0.45 * wrist)]))
     cost = _HEIGHT_COST * off[..., 1] + np.square(breach / _BREACH).sum(axis=-1)
-    return np.asarray(cost + np.square(depth / _PRESSED_CM).sum(axis=0))
+    return np.asarray(cost + (np.square(depth) / (_PRESSED_CM * (_PRESSED_CM + depth))).sum(axis=0))
 
 
 def _trunk_depth(points: Float) -> Float:
@@ -265,7 +265,7 @@ def rotations(states: Float, signer: Signer) -> tuple[Float, Float]:
 
 def _trunk_parts(signer: Signer) -> tuple[float, float, float]:
     """Which part of the trunk's rotation each joint of the spine has, 1 over it: a third each in plain motion, while in
-    captured signing the lowest joint turns eight times as fast as the others.
+    captured signing the lowest joint turns several times as fast as the others.
     """
     lowest = 1.0 / 3.0 + (_LOWEST_SPINE - 1.0 / 3.0) * min(signer.manner.body_motion, 1.0)
     return (1.0 / lowest, 2.0 / (1.0 - lowest), 2.0 / (1.0 - lowest)) if signer.manner.body_motion else (3.0, 3.0, 3.0)
