@@ -53,7 +53,21 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "signed: 2 sentences of 4 words, recipe",
         ),
         (
-            ("pairs", "-o", "pairs", "--words", "2", "--pseudo", "1", "--other-signer", "2", "--seed", "4"),
+            (
+                "pairs",
+                "-o",
+                "pairs",
+                "--words",
+                "2",
+                "--pseudo",
+                "1",
+                "--other-signer",
+                "2",
+                "--seed",
+                "4",
+                "--truth",
+                "word",
+            ),
             "pairs: 11 pairs of 3",
         ),
     ):
@@ -110,7 +124,7 @@ def test_pairs_are_those_of_the_library_and_of_one_process(folder: Path, tmp_pat
     glosses = [row["gloss"] for row in made.head["words"]][:3]
     assert glosses[2] == "PSEUDO-400000"
     signs = (*(sign(gloss) for gloss in glosses[:2]), pseudo.sign(400_000))
-    recipe = Recipe(signs, seed=4, n_other=2)
+    recipe = Recipe(signs, seed=4, n_other=2, truth="word")
     assert made.head["hash"] == recipe.hash
     corpus.write_pairs(recipe, tmp_path / "pairs", processes=1)
     for path in (folder / "pairs").iterdir():
@@ -132,6 +146,7 @@ def test_words_are_drawn_by_seed_and_keep_their_order() -> None:
 BROKEN = "WAVE  hands=one\n  X  shape=B-opn at=space palm=fwd fingers=up\n"
 UNLAWFUL = "WAVE  hands=one\n  X  shape=B-open at=space palm=up fingers=up\n"
 BAD_CALLS = [
+    (("pairs", "-o", "out", "--truth", "both"), "'both' is not one of 'partner', 'word'"),
     (("lexicon",), "Missing option '-o'"),
     (("lexicon", "-o", "out", "--signs", "none.signs"), "none.signs: no such file"),
     (

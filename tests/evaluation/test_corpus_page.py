@@ -106,6 +106,8 @@ def test_a_whole_page_of_a_small_corpus(pairs: Pairs, tmp_path: Path, monkeypatc
         assert part in text
     assert "| drawn; n = " not in text, "no figure is held against a keyed clip"
     assert "| pairs that differ in any bit, of 25 drawn and planned anew | 0 |" in text
+    assert "of 20, whose touch is not flagged, or flagged and not seen | 0, 0 |" in text
+    assert "| within one frame |" in text
     assert (images / "corpus-realism.png").stat().st_size > 10_000
     for line in text.splitlines():
         if line.startswith("!["):

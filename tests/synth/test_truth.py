@@ -167,7 +167,7 @@ BEFORE = [
     ("twice", TURNED, {}, 29),
     ("twice, at the skin", TURNED | {"gap_last_cm": 0.0}, {}, 30),
     ("thrice", {"passes": ((20, 24), (26, 30), (32, 36))}, {}, 30),
-    ("circles, which go on", {"passes": ((20, 30), (30, 40))}, {"leaving": 1.0}, 30),
+    ("circles all stay", {"passes": ((20, 30), (30, 40))}, {"leaving": 1.0}, 44),
 ]
 
 
@@ -312,7 +312,7 @@ def test_a_small_error_of_reading_moves_a_cut_by_a_frame_at_most() -> None:
 
 @pytest.mark.parametrize(("a", "b"), PAIRS[::3])
 def test_a_transition_continues_both_words_smoothly(a: str, b: str) -> None:
-    """The wrists' velocity changes at the seams not much more than within the two words, or than in a fast reversal."""
+    """The wrists' velocity changes at the seams no more than within the two words, or than in a fast reversal."""
     p, q = word(a), word(b)
     sentence = running.utter([p, q], changes=False)
     (true,) = sentence.seams
@@ -321,13 +321,12 @@ def test_a_transition_continues_both_words_smoothly(a: str, b: str) -> None:
     isolated = max(np.linalg.norm(np.diff(wrists(w), n=2, axis=0), axis=-1).max() for w in (p, q))
     first, stop = true.pre, true.pre + len(true.states) + 1
     for seam in (first, stop):
-        assert change[seam - 1] < max(1.35 * isolated, 1.5), "cm per frame per frame"
+        assert change[seam - 1] < max(1.2 * isolated, 1.5), "cm per frame per frame"
     step = np.linalg.norm(velocity, axis=-1).max(axis=-1)
     assert step[[first, stop - 1]].max() < 1.1 * step.max()
     local_quats = sentence.clip.local_rotations
     cosine = np.abs(np.sum(local_quats[1:] * local_quats[:-1], axis=-1))
-    turn = np.rad2deg(2.0 * np.arccos(np.minimum(cosine, 1.0))).max()
-    assert turn < (90.0 if a == "SIGN" else 75.0), "degrees per frame; SIGN is left within its circles"
+    assert np.rad2deg(2.0 * np.arccos(np.minimum(cosine, 1.0))).max() < 75.0, "degrees per frame"
 
 
 def test_transitions_stay_out_of_the_body_and_within_limits() -> None:

@@ -173,9 +173,8 @@ def leave(p: IsolatedWord, relation: Relation) -> int:
         return events.start + max(1, round((events.end - events.start) * share))
     begin, stop = kept_pass(p)
     left_out = _undershoot(p, begin, stop, relation.leaving, events.gap_last_cm) * (stop - begin)
-    if stop < events.passes[-1][1]:  # a pass is dropped
-        goes_on = stop == events.passes[-1][0]  # a circle's revolution, which has no posture at its end
-        return stop if goes_on else _towards(stop, -TURNING * left_out)
+    if stop < events.passes[-1][1]:  # a pass is dropped, and the hand turns
+        return _towards(stop, -TURNING * left_out)
     if events.end - stop > LONG_HOLD_S * p.clip.fps:
         return _towards(stop, -left_out)
     kept = (KEEP_DOWN + DOWN_ALONG * relation.going_down) * _far(relation)
@@ -196,9 +195,12 @@ def enter(q: IsolatedWord, relation: Relation) -> int:
 
 
 def kept_pass(p: IsolatedWord) -> tuple[int, int]:
-    """The last pass of the last movement that running signing keeps: a repeated movement loses one."""
+    """The last pass of the last movement that running signing keeps: a repeated movement loses one. Revolutions of a
+    circle, which follow one another without a return, all stay: between two of them the hand is at full speed.
+    """
     passes = p.events.passes
-    return passes[-2] if len(passes) > 1 else passes[-1]
+    returns = len(passes) > 1 and passes[-2][1] < passes[-1][0]
+    return passes[-2] if returns else passes[-1]
 
 
 def undershoot(path_cm: float, chord_cm: float) -> float:
