@@ -132,7 +132,7 @@ def _changed(
         stays[:, 27:54] = signed[k - 1][0][leaves[k - 1], 27:54] + small
         if penetration(stays[enters[k] : leaves[k] + 1], word.signer)[0].max() < truth.TOO_DEEP_CM:
             states, changed = stays, ["weak"]
-    points = word.sign.gloss in PRONOUNS and word.sign.segments[0].strong.shape in ("1", "index")
+    points = word.sign.gloss in PRONOUNS and word.sign.segments[0].strong.shape in ("1", "1-bent", "index")
     other = following.states[following.events.start, pose.FINGERS]
     if points and np.abs(other - states[leaves[k], pose.FINGERS]).mean() > 0.1:
         states = states.copy()
