@@ -57,8 +57,8 @@ def known_kinds() -> list[Quantity]:
 def second_passes(pairs: Pairs) -> list[Quantity]:
     """Size and time of the second pass of a word's last movement over those of the first, words of the first signer.
 
-    Size: the largest distance of the strong wrist, seen from the chest, from where the pass begins. Movements whose first pass is smaller
-    than 1.5 cm are left out. Empty where no word has two passes.
+    Size: the largest distance of the strong wrist, seen from the chest, from where the pass begins. Movements whose
+    first pass is smaller than 1.5 cm are left out. Empty where no word has two passes.
     """
     strong = strong_side(pairs)
     sizes, times = [], []

@@ -1,4 +1,7 @@
-"""How a signer moves: speeds of head, trunk and arm, postures of the strong arm, and when fingers form. All of it is measured on clips alone, in the same way on synthetic and on captured motion."""
+"""How a signer moves: speeds of head, trunk and arm, postures of the strong arm, and when fingers form.
+
+All of it is measured on clips alone, in the same way on synthetic and on captured motion.
+"""
 
 from __future__ import annotations
 
