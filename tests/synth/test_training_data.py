@@ -15,6 +15,7 @@ from signsplice.rig.canonical import canonical_motion
 from signsplice.rig.canonical_map import LEFT, ROLES, TIPS
 from signsplice.synth import planner, pseudo, training_data, truth
 from signsplice.synth.manner import TRAITS
+from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import RESTS, draw_signer
 from signsplice.synth.training_data import TrainingDataPlan
@@ -142,7 +143,12 @@ def test_names_of_parts_tell_the_traits() -> None:
 def test_plans_that_differ_in_traits_share_bodies_and_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[int] = []
     draw = pseudo.sign
-    monkeypatch.setattr(pseudo, "sign", lambda seed: drawn.append(seed) or draw(seed))
+
+    def sign(seed: int) -> Sign:
+        drawn.append(seed)
+        return draw(seed)
+
+    monkeypatch.setattr(pseudo, "sign", sign)
     plan = TrainingDataPlan(n_signers=1, n_words=2, n_seams=1, seed=4, fps=12.0)
     plans = [(replace(plan, traits=traits), tmp_path / name) for name, traits in (("none", ()), ("one", TRAITS[:1]))]
     reported: list[tuple[int, int]] = []

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from signsplice.errors import FormatError, InputError
 from signsplice.evaluation.hidden_frames import CONTEXT, HiddenFrames, hidden_frames
@@ -34,6 +35,8 @@ from signsplice.train import provenance
 from signsplice.train.processes import Processes
 from signsplice.train.product import training
 from signsplice.train.product.training import SCHEDULES, ProductTraining
+
+Float = NDArray[np.float64]
 
 LENGTHS = (8, 12, 18)
 """Hidden frames per gap."""
@@ -100,7 +103,7 @@ class Ablation:
 class _WholeAnswer(LearnedTransition):
     """The curve with the network's answer for every joint; hands are not led around the body."""
 
-    name, learned, corrected = "network", False, np.True_
+    name, learned, corrected = "network", False, np.ones((1, 1), bool)
 
 
 class _ArmsAlone(LearnedTransition):
@@ -286,7 +289,7 @@ def _cells(rows: Sequence[AblationRow]) -> list[str]:
     return [label(rows[0].traits), *map(_mean_and_spread, columns)]
 
 
-def _mean_and_spread(values: np.ndarray) -> str:  # type: ignore[type-arg]
+def _mean_and_spread(values: Float) -> str:
     if len(values) == 1:
         return f"{values[0]:.3f}"
     return f"{values.mean():.3f} ± {values.std(ddof=1):.3f}"
