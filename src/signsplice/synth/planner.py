@@ -19,6 +19,7 @@ from signsplice.synth.avoidance import clear_collisions, touching
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.locations import WeakArm
 from signsplice.synth.low_pass import low_passed
+from signsplice.synth.manner import PLAIN
 from signsplice.synth.overlays import add_gesture, add_local_movement
 from signsplice.synth.passes import strokes, varied_rounds
 from signsplice.synth.paths import PathMotion, drifted, translated
@@ -107,6 +108,8 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     )
     offset = before + up
     states = segments.low_passed(states, offset)
+    if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
+        trajectory.clip_fingers(states)
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     segments.add_overlays(states, offset)
     states = clear_collisions(states, signer)
