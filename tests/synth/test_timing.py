@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from signing import SIGNS, sign, signer_of, word, wrists
-from signsplice.synth import notation, planner, pose, running, timing, trajectory, truth
+from signsplice.evaluation.corpus_checks import over_limit
+from signsplice.synth import notation, planner, pose, pseudo, running, timing, trajectory, truth
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.low_pass import low_passed
 from signsplice.synth.manner import PLAIN, Manner
@@ -254,6 +255,12 @@ def test_stuck_hands_are_pushed_on() -> None:
     """A hand that passes the nose on a smoothed path: it was left 20 mm deep in the head."""
     one = planner.isolated(sign("LEARN"), replace(STANDARD, manner=Manner(low_pass_frames=1.0)))
     assert depth(one).max() < 0.35
+
+
+@pytest.mark.parametrize("trait", ["off_frame", "pass_difference", "tempo_spread"])
+def test_splines_through_uneven_knots_keep_fingers_within_their_limits(trait: str) -> None:
+    one = planner.isolated(pseudo.sign(11), signer_of(None, Manner(**{trait: 1.0})))
+    assert over_limit(one.clip.local_rotations) == 0.0
 
 
 @pytest.mark.parametrize("turns", ["4", "6"])

@@ -19,15 +19,15 @@ class Manner:
 
     low_pass_frames: standard deviation of the Gaussian by which motion is smoothed in time, frames of 30 a second
     off_frame: how far from a frame stops may fall, 0 on frames to 1 anywhere
-    tempo_spread: spread of the durations of movements and holds between signs
+    tempo_spread: how much longer holds of words alone are, and how far words differ in their movements' and holds' tempo
     low_elbows: how low elbows hang, the wrists bending instead
     head_to_hand: how far the head goes to meet a hand at face or chin
     body_motion: size of turns and nods of the head, and of the trunk's lean
     hand_difference: how far the hands of a symmetric sign differ in place and time
-    pass_difference: how far the passes of a repeated movement differ in size and time
+    pass_difference: how far later passes of a repeated movement are smaller than the first and differ in time
     finger_stagger: how far each finger moves in a time of its own
     undershoot: how far short of their place, and how much lower, hasty movements stay
-    hesitation: how often holds and transitions take longer
+    hesitation: how often holds, and transitions in sentences with changes, take longer
     base_lag: how far a base hand arrives in a time of its own
     """
 

@@ -20,6 +20,7 @@ from signsplice.synth.body_motion import add_body_motion
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.locations import WeakArm
 from signsplice.synth.low_pass import low_passed
+from signsplice.synth.manner import PLAIN
 from signsplice.synth.overlays import add_gesture, add_local_movement
 from signsplice.synth.passes import strokes, varied_rounds
 from signsplice.synth.paths import PathMotion, drifted, translated
@@ -119,6 +120,8 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     events = segments.events(before - 1, offset, down)
     span = events.up, events.start, events.end, events.down
     states = two_hands.in_their_own_time(states, sign, signer, take, fps, span)
+    if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
+        trajectory.clip_fingers(states)
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     segments.add_overlays(states, offset)
     states = add_body_motion(states, events, signer, fps, (sign.gloss, take))

@@ -113,9 +113,15 @@ def reach(before: Float, after: Float, n_frames: int, signer: Signer, at: Float 
             bow = _BOW_DIRECTION - (_BOW_DIRECTION @ change[wrist]) * change[wrist] / length**2
             states[:, wrist] += hill * signer.arch * length * bow
             _avoid_shoulder(states[:, wrist], hill, start[wrist], end[wrist], signer)
+    clip_fingers(states)
+    return states
+
+
+def clip_fingers(states: Float) -> None:
+    """Clip the finger angles of states (T, 63) to their limits, in place."""
+    for first in (0, 27):
         fingers = states[:, first : first + 27][:, pose.FINGERS]
         np.clip(fingers, hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=fingers)
-    return states
 
 
 def from_rest_to_rest(knots: Sequence[Knot], rest: Float, up: int, down: int, signer: Signer) -> Float:
