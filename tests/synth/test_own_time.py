@@ -189,8 +189,8 @@ def test_fingers_of_transitions_form_at_different_times() -> None:
 @pytest.mark.parametrize("amount", [1.0, 1.5])
 def test_staggered_fingers_of_a_reach_never_reverse(amount: float) -> None:
     for before, after in seams():
-        still = [np.repeat(x[None], 3, axis=0) for x in (before[-1], after[0])]
-        made_ = np.concatenate([before[-1:], staggered(*still, amount=amount), after[:1]])[:, pose.FINGERS]
+        held, reached = (np.repeat(x[None], 3, axis=0) for x in (before[-1], after[0]))
+        made_ = np.concatenate([before[-1:], staggered(held, reached, amount=amount), after[:1]])[:, pose.FINGERS]
         steps = np.diff(made_, axis=0) * np.sign(made_[-1] - made_[0])
         assert steps.min() > -1e-9
 
@@ -290,3 +290,18 @@ def test_a_base_hand_gives_way_by_millimetres_where_it_is_struck() -> None:
     given = np.linalg.norm((real.states - plain.states)[:, 27:30], axis=-1)[plain.events.start : plain.events.end + 1]
     assert 0.1 < given.max() < 0.6
     assert given[0] < 0.3 * given.max(), "before the touch it keeps its place"
+
+
+# --- past the shoulder
+
+
+def test_a_hand_that_comes_back_past_its_shoulder_is_not_thrown_forward() -> None:
+    before, after = (np.zeros((3, pose.SIZE)) for _ in range(2))
+    before[:, 27:30] = [(-11.2, 3.2, 24.1), (-11.1, 5.5, 24.8), (-11.1, 8.3, 21.7)]
+    after[:, 27:30] = (-25.4, -39.9, 4.2)
+    thrown, kept = (
+        trajectory.reach(before, after, 9, replace(STANDARD, manner=manner))[:, 29].max() - 24.8
+        for manner in (PLAIN, USUAL)
+    )
+    assert thrown > 25.0
+    assert kept < 20.0

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, make_interp_spline
 
 from signsplice.synth import finger_timing, hand, pose
+from signsplice.synth.manner import PLAIN
 from signsplice.synth.signer import COLLAR, SHOULDER, Signer
 
 if TYPE_CHECKING:
@@ -150,6 +151,8 @@ def _still(state: Float) -> Float:
 _SHOULDER_DISTANCE_CM = 23.0
 """Least distance at which a wrist passes its shoulder; any nearer, the elbow would have to swing round."""
 _PASSING_DIRECTION = np.array([-0.35, 0.0, 0.94])
+_MOST_PASSING_CM = 16.0
+"""How far a path bows forward for that at most; plain motion has no limit, and throws a hand forward now and then."""
 
 
 def _avoid_shoulder(path: Float, hill: Float, start: Float, end: Float, signer: Signer) -> None:
@@ -157,11 +160,14 @@ def _avoid_shoulder(path: Float, hill: Float, start: Float, end: Float, signer: 
     shoulder = (COLLAR + SHOULDER) * np.array([-signer.shoulders, 1.0, 1.0]) * signer.scale
     ends = min(float(np.linalg.norm(start - shoulder)), float(np.linalg.norm(end - shoulder)))
     least = min(_SHOULDER_DISTANCE_CM * signer.scale, ends)
+    left = np.inf if signer.manner == PLAIN else _MOST_PASSING_CM * signer.scale
     for _ in range(4):
         lack = least - np.linalg.norm(path - shoulder, axis=-1)
         if lack.max() <= 0.0:
             break
-        path += hill * float((lack / np.maximum(hill[:, 0], 0.2)).max()) * _PASSING_DIRECTION
+        bow = min(float((lack / np.maximum(hill[:, 0], 0.2)).max()), left)
+        left -= bow
+        path += hill * bow * _PASSING_DIRECTION
 
 
 def _end_derivatives(frames: Float) -> tuple[Float, Float, Float]:
