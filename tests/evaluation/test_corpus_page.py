@@ -51,7 +51,7 @@ def test_a_page_is_filled_between_its_marks_alone(
     assert text.endswith(corpus_page.END + after)
     assert "old, old" not in text
     middle = text[text.index(corpus_page.BEGIN) : text.index(corpus_page.END)]
-    assert f"Corpus `{pairs.head['hash']}`: 28 pairs, seed 0, 30 fps." in middle
+    assert f"Corpus `{pairs.head['hash']}`, version 2: 28 pairs, truth by partner, seed 0, 30 fps." in middle
     assert [line for line in middle.splitlines() if line.startswith("###")] == [
         *("### Realism", "### Difficulty", "### Validity")
     ]
