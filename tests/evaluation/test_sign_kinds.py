@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from signing import sign
 from signsplice.evaluation import sign_kinds
+from signsplice.motion.clip import Clip
 from signsplice.synth import notation
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 
@@ -67,6 +70,16 @@ def test_second_passes_are_held_against_first_ones(tmp_path: Path) -> None:
     assert size.ours[0] == size.ours[4], "the other word has one pass"
     assert size.spread
     assert size.real == (0.6, 1.0)
+    (walking, _) = sign_kinds.second_passes(_Walking(made.folder))
+    assert walking.ours == pytest.approx(size.ours, abs=1e-4), "a body that moves adds nothing"
+
+
+class _Walking(Pairs):
+    """A corpus whose signer walks."""
+
+    def word_clip(self, number: int) -> Clip:
+        clip = super().word_clip(number)
+        return replace(clip, root_positions=clip.root_positions + np.outer(np.arange(len(clip)), [0.0, 0.5, 1.0]))
 
 
 def test_without_repeated_movements_there_are_no_rows(tmp_path: Path) -> None:
