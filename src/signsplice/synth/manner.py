@@ -19,7 +19,7 @@ class Manner:
 
     low_pass_frames: standard deviation of the Gaussian by which motion is smoothed in time, frames of 30 a second
     off_frame: how far from a frame stops may fall, 0 on frames to 1 anywhere
-    tempo_spread: how much longer holds of words alone are, and how far words differ in their movements' and holds' tempo
+    tempo_spread: how much longer holds of words alone are, and how far words differ in tempo
     low_elbows: how low elbows hang, the wrists bending instead
     head_to_hand: how far the head goes to meet a hand at face or chin
     body_motion: size of turns and nods of the head, and of the trunk's lean

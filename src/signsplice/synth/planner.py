@@ -116,10 +116,10 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
         ]
     )
     offset = before + up
-    states = segments.low_passed(states, offset)
     events = segments.events(before - 1, offset, down)
     span = events.up, events.start, events.end, events.down
     states = two_hands.in_their_own_time(states, sign, signer, take, fps, span)
+    states = segments.low_passed(states, offset)
     if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
         trajectory.clip_fingers(states)
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
@@ -206,8 +206,8 @@ class _SegmentPlan:
         self.size = signer.amplitude * float(np.exp(0.05 * rng.standard_normal()))
         self.tempo = float(np.exp(0.05 * np.clip(rng.standard_normal(), -2, 2)))
         self.jitter = 0.7 * signer.scale * rng.standard_normal(3)
-        self.postures = self._postures()
         self.pace = tempo_of(sign, signer, take)
+        self.postures = self._postures()
         self._set_out()
         least = fps * self.pace.least_s / signer.tempo / (self.stop + 1)
         if least > 1.0:
@@ -279,7 +279,7 @@ class _SegmentPlan:
             if location in IN_SPACE and not (meets and location.endswith("-mid")):
                 strong = translated(strong, self.jitter, self.signer)
             pairs.append((strong, strong if meets else weak.hand))
-        tempo, rest = self.tempo * self.signer.tempo, resting(self.signer, self.sign.gloss)
+        tempo, rest = self.tempo * self.signer.tempo / self.pace.movement, resting(self.signer, self.sign.gloss)
         touching = [touches(segment, self.sign) for segment in self.sign.segments]
         return undershoot.undershot(pairs, self.sign, touching, rest, tempo, self.signer)
 

@@ -11,13 +11,12 @@ from signsplice.body.capsules import body_capsules, capsule_ends
 from signsplice.body.touch import SkinPairs, pair_gaps, skin_pairs
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
+from signsplice.synth.gaps import TOUCH_CM
 from signsplice.synth.phonology import Sign
 from signsplice.synth.signer import SIDES, Signer
 
 Float = NDArray[np.float64]
 
-TOUCH_CM = 0.5
-"""Skin distance up to which a hand touches."""
 MIRRORED_HANDS = ("symmetric", "alternating")
 """Kinds of hands of which either may touch; of others the strong one."""
 
