@@ -51,7 +51,7 @@ _EASE = np.deg2rad([60.0, 22.0, 42.0, 32.0])  # forearm twist, wrist deviation, 
 _SHARPNESS = 2.5
 _HEIGHT_COST = 12.0  # of an elbow that is an upper arm's length higher, for low elbows
 _LOWEST_SPINE = 0.7  # of the trunk's rotation, where trunk and head move much
-_BREACH = np.deg2rad(12.0)  # how far beyond a limit costs 1, for low elbows
+_BREACH = np.deg2rad(14.0)  # how far beyond a limit costs 1, for low elbows
 _PRESSED_CM = 3.0  # how deep elbow or forearm lie in the trunk for a cost of 0.5, for low elbows
 _ONSET = np.deg2rad(6.0)  # before a limit is approached softly, where that cost begins
 
