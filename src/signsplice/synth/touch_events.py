@@ -30,7 +30,7 @@ def touching_sides(sign: Sign, signer: Signer) -> tuple[str, ...]:
 
 def skin_gaps(clip: Clip, frames: Sequence[int], sides: Sequence[str]) -> Float:
     """Least distance (F,), cm, at some frames, from the skin of the hands ``sides`` to head, neck, trunk, the other
-    hand and the other arm; negative inside.
+    hand and the other arm; negative inside, rounded so that a mirrored signer has the same.
     """
     at = list(frames)
     body = body_capsules(clip.skeleton)
@@ -41,7 +41,7 @@ def skin_gaps(clip: Clip, frames: Sequence[int], sides: Sequence[str]) -> Float:
     wanted = np.flatnonzero(_of_hands(pairs, sides, np.array([*body.groups.left, *body.groups.right])))
     rows, k = np.repeat(np.arange(len(at)), len(wanted)), np.tile(wanted, len(at))
     distance = pair_gaps(starts, ends, body.radii, pairs, rows, k).distance
-    return np.asarray(distance.reshape(len(at), -1).min(axis=1))
+    return np.asarray(distance.reshape(len(at), -1).min(axis=1).round(6))
 
 
 def _of_hands(pairs: SkinPairs, sides: Sequence[str], hands: NDArray[np.intp]) -> NDArray[np.bool_]:
