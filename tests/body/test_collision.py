@@ -15,8 +15,9 @@ from signsplice.body import capsules, collision
 from signsplice.body.capsules import capsule_ends
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip
-from signsplice.synth import planner, pose
+from signsplice.synth import pose
 from signsplice.synth.handshapes import HANDSHAPES
+from signsplice.synth.rest import resting
 from signsplice.synth.signer import STANDARD, skeleton
 
 Float = NDArray[np.float64]
@@ -134,7 +135,7 @@ def posed(right: tuple[float, float, float], left: tuple[float, float, float] | 
     """One frame of the standard signer with the right wrist (and the left one, in the mirror) at a position in the
     chest's axes, cm, and flat hands.
     """
-    state = np.array(planner.resting(STANDARD))
+    state = np.array(resting(STANDARD))
     for first, at in ((0, right), (27, left)):
         if at is not None:
             state[first : first + 3] = at

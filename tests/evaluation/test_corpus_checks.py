@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from signing import word
 from signsplice.evaluation import corpus_checks
 from signsplice.motion import rotation
-from signsplice.synth import notation, planner, pose
+from signsplice.synth import notation, pose
 from signsplice.synth.corpus import Pairs, scaled_positions
+from signsplice.synth.rest import resting
 from signsplice.synth.signer import JOINTS, STANDARD
 
 Float = NDArray[np.float64]
@@ -45,7 +46,7 @@ def with_arrays(corpus: Pairs, folder: Path, **changes: NDArray[Any]) -> Pairs:
 
 def in_the_chest(n: int) -> Float:
     """States (n, 63) with the strong hand in the breast bone."""
-    state = np.array(planner.resting(STANDARD))
+    state = np.array(resting(STANDARD))
     state[:3] = (-6.0, 4.0, 9.0)
     state[3:6] = 0.0
     return np.repeat(state[None], n, axis=0)

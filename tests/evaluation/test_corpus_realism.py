@@ -14,9 +14,10 @@ from signsplice.evaluation.flexion import flexions
 from signsplice.evaluation.signer_motion import signer_motion
 from signsplice.motion.clip import Clip
 from signsplice.rig.roles import FINGERS
-from signsplice.synth import planner, pose
+from signsplice.synth import pose
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.handshapes import HANDSHAPES
+from signsplice.synth.rest import resting
 from signsplice.synth.signer import STANDARD
 
 
@@ -48,7 +49,7 @@ def test_the_jerk_of_a_cubic_is_its_third_derivative() -> None:
 
 
 def test_finger_bends_are_the_angles_that_were_set() -> None:
-    state = np.array(planner.resting(STANDARD))
+    state = np.array(resting(STANDARD))
     degrees = np.zeros(21)
     for n in range(4):
         degrees[4 * n + 2], degrees[4 * n + 3] = 20.0 + 10.0 * n, 5.0 + 6.0 * n

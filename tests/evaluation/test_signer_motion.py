@@ -15,7 +15,8 @@ from signsplice.evaluation.signer_motion import half_way, reaches, signer_motion
 from signsplice.evaluation.wrists import busier_side
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip
-from signsplice.synth import planner, pose
+from signsplice.synth import pose
+from signsplice.synth.rest import resting
 from signsplice.synth.signer import JOINTS, STANDARD
 
 Float = NDArray[np.float64]
@@ -25,7 +26,7 @@ FPS = 30.0
 
 def moved(weak: Callable[[Float], Float]) -> Clip:
     """Both hands before the chest, going out and back together; ``weak`` makes the weak wrists from the strong ones."""
-    state = np.tile(planner.resting(STANDARD), (60, 1))
+    state = np.tile(resting(STANDARD), (60, 1))
     t = np.arange(60) / FPS
     wrist = np.array([-20.0, -12.0, 25.0]) + np.outer(np.sin(2.0 * np.pi * 0.7 * t), [-8.0, 3.0, 0.0])
     state[:, 0:3], state[:, 27:30] = wrist, weak(wrist)

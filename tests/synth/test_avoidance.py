@@ -16,7 +16,8 @@ from signsplice.synth import planner, pose
 from signsplice.synth.avoidance import TOLERANCE_CM, clear_collisions, penetration
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.phonology import Posture, Segment, Sign
-from signsplice.synth.planner import IsolatedWord, touches
+from signsplice.synth.planner import IsolatedWord
+from signsplice.synth.segment_plan import touches
 from signsplice.synth.signer import JOINTS, RESTS, STANDARD, draw_signer
 
 Float = NDArray[np.float64]

@@ -13,10 +13,11 @@ from signing import seen_from_chest, signer_of
 from signsplice.body import capsules, collision
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
-from signsplice.synth import hand, locations, planner, pose
+from signsplice.synth import hand, locations, pose
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.locations import WeakArm
 from signsplice.synth.phonology import DIRECTIONS, IN_SPACE, LOCATIONS, ON_BASE, PARTS, Posture, Vector
+from signsplice.synth.rest import resting
 from signsplice.synth.signer import JOINTS, STANDARD, Signer, skeleton
 
 Float = NDArray[np.float64]
@@ -188,7 +189,7 @@ CRAMPED = ("shoulder", "chest-strong")
 @pytest.mark.parametrize("part", ["index", "palm", "thumb"])
 def test_a_part_of_the_hand_is_at_its_distance_from_the_location(location: str, part: str) -> None:
     directions = easy_directions(location, part, "B-open")
-    weak = WeakArm(STANDARD, planner.resting(STANDARD)[27:54])
+    weak = WeakArm(STANDARD, resting(STANDARD)[27:54])
     for off in (0.0, 2.0, 5.0):
         strong = locations.strong_hand(Posture("B-open", location, part, *directions, off=off), weak)
         point = centre(clip_of(strong, weak.hand, STANDARD), "Right", PART_JOINTS[part])[0]
@@ -205,7 +206,7 @@ def test_a_part_of_the_hand_is_at_its_distance_from_the_location(location: str, 
 @pytest.mark.parametrize("part", list(PART_JOINTS))
 def test_every_signer_touches_the_location_with_the_same_part(seed: int | None, part: str) -> None:
     signer = right_handed(seed)
-    weak = WeakArm(signer, planner.resting(signer)[27:54])
+    weak = WeakArm(signer, resting(signer)[27:54])
     for location in ("chin", "chest", "temple"):
         directions = easy_directions(location, part, "5")
         strong = locations.strong_hand(Posture("5", location, part, *directions), weak)

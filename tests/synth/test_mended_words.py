@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from signing import seen_from_chest, sign
 from signsplice.synth import hand, planner, pose
+from signsplice.synth.events import Events
 from signsplice.synth.locations import body_locations
 from signsplice.synth.manner import PLAIN
+from signsplice.synth.segment_plan import FPS
 from signsplice.synth.signer import STANDARD
 
 Float = NDArray[np.float64]
@@ -36,7 +38,7 @@ class Hands:
     strong: Float
     weak: Float
     weak_elbow: Float
-    events: planner.Events
+    events: Events
 
     def at(self, frame: int, name: str, weak: bool = False) -> Float:
         points = self.weak if weak else self.strong
@@ -98,7 +100,7 @@ def above_weak_arm(h: Hands) -> float:
 def repeated(h: Hands) -> float:
     """Seconds from the first pass to the last one; 0 where there is but one."""
     passes = h.events.passes
-    return (passes[-1][1] - passes[0][0]) / planner.FPS if len(passes) > 1 else 0.0
+    return (passes[-1][1] - passes[0][0]) / FPS if len(passes) > 1 else 0.0
 
 
 def first_outward(h: Hands) -> float:

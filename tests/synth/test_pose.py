@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from signing import mirror, seen_from_chest, signer_of, word
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import kinematics, rotation
-from signsplice.synth import hand, locations, planner, pose
+from signsplice.synth import hand, locations, pose
 from signsplice.synth.handshapes import HANDSHAPES
+from signsplice.synth.rest import resting
 from signsplice.synth.signer import FOREARM, JOINTS, STANDARD, UPPER_ARM, Signer, draw_signer, skeleton
 
 Float = NDArray[np.float64]
@@ -204,7 +205,7 @@ def test_equal_hand_states_are_mirror_images() -> None:
 @pytest.mark.parametrize("left_handed", [False, True])
 def test_feet_stay_while_the_hips_sway(seed: int | None, left_handed: bool) -> None:
     signer = replace(signer_of(seed), left_handed=left_handed)
-    states = np.repeat(planner.resting(signer)[None], 60, axis=0)
+    states = np.repeat(resting(signer)[None], 60, axis=0)
     t = np.linspace(0.0, 2.0 * np.pi, 60)
     states[:, pose.ROOT] = np.stack([2.0 * np.sin(t), np.zeros(60), 1.5 * np.cos(t)], axis=-1)
     rotations, positions = kinematics.forward(

@@ -17,6 +17,7 @@ from signsplice.synth.avoidance import penetration
 from signsplice.synth.low_pass import low_passed
 from signsplice.synth.manner import PLAIN, Manner
 from signsplice.synth.planner import IsolatedWord
+from signsplice.synth.segment_plan import SegmentPlan
 from signsplice.synth.signer import STANDARD, draw_signer
 from signsplice.synth.trajectory import Knot
 
@@ -148,7 +149,7 @@ def test_signs_alone_last_as_long_as_those_of_asl_lex() -> None:
     signer = signer_of(None, ALL)
     seconds = []
     for one in signs:
-        plan = planner._SegmentPlan(one, signer, 30.0, np.random.default_rng(0), 0)
+        plan = SegmentPlan(one, signer, 30.0, np.random.default_rng(0), 0)
         seconds.append((plan.stop + 1) / 30.0)
     ratio = np.percentile(seconds, (5, 25, 50, 75, 95)) / [0.40, 0.63, 0.83, 1.03, 1.37]
     assert np.abs(ratio[1:4] - 1.0).max() < 0.15, ratio
@@ -268,5 +269,5 @@ def test_short_uneven_revolutions_have_knots_in_order(turns: str) -> None:
     text = f"TURNS hands=one\n  X shape=index at=space palm=in fingers=fwd-up\n  M path=circle:sagittal:1:{turns}\n"
     for take in range(3):
         (one,) = notation.parse(text).values()
-        plan = planner._SegmentPlan(one, signer_of(None, ALL), 30.0, np.random.default_rng(0), take)
+        plan = SegmentPlan(one, signer_of(None, ALL), 30.0, np.random.default_rng(0), take)
         assert (np.diff([knot.frame for knot in plan.knots]) > 0.3).all()

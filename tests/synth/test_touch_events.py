@@ -6,10 +6,12 @@ import pytest
 
 from signing import made, word
 from signsplice.evaluation.corpus_touches import skin_distance
+from signsplice.synth.gaps import TOUCH_CM
 from signsplice.synth.phonology import Sign
-from signsplice.synth.planner import IsolatedWord, touches
+from signsplice.synth.planner import IsolatedWord
+from signsplice.synth.segment_plan import touches
 from signsplice.synth.signer import STANDARD, draw_signer
-from signsplice.synth.touch_events import TOUCH_CM, skin_gaps, touching_sides
+from signsplice.synth.touch_events import skin_gaps, touching_sides
 
 LEFT_HANDED = next(seed for seed in range(100) if draw_signer(seed).left_handed)
 

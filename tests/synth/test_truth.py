@@ -15,7 +15,8 @@ from signsplice.errors import InputError
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.synth import pose, running, trajectory, truth
 from signsplice.synth.avoidance import penetration
-from signsplice.synth.planner import Events, IsolatedWord
+from signsplice.synth.events import Events
+from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import STANDARD
 
 Float = NDArray[np.float64]

@@ -20,8 +20,8 @@ from signsplice.splicing.gap import Gap
 from signsplice.splicing.transition import TRANSITIONS
 from signsplice.synth import planner, pose, truth
 from signsplice.synth.corpus import Pairs
+from signsplice.synth.events import Events
 from signsplice.synth.phonology import Sign
-from signsplice.synth.planner import Events
 from signsplice.synth.rng import stream
 
 Progress = Callable[[int, int], None]

@@ -21,7 +21,7 @@ from signsplice.synth.rng import stream
 from signsplice.synth.signer import Signer
 
 if TYPE_CHECKING:
-    from signsplice.synth.planner import Events
+    from signsplice.synth.events import Events
 
 Float = NDArray[np.float64]
 

@@ -36,9 +36,10 @@ from signsplice.formats.reading import read_bytes
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.synth import planner, pose, truth
+from signsplice.synth.events import Events
 from signsplice.synth.parts import is_whole
 from signsplice.synth.phonology import Sign
-from signsplice.synth.planner import Events, IsolatedWord
+from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.pool import Pool
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, Signer, draw_signer, read_signer, skeleton

@@ -25,6 +25,7 @@ from signsplice.synth.corpus import VERSION, Recipe
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.rng import stream
+from signsplice.synth.segment_plan import FPS
 from signsplice.synth.signer import STANDARD, Signer, draw_signer, skeleton
 
 Progress = Callable[[int, int], None]
@@ -37,7 +38,7 @@ SHORTEST, LONGEST = 3, 12
 
 
 def write_lexicon(
-    signs: Sequence[Sign], signer: Signer, folder: Path, fps: float = planner.FPS, progress: Progress | None = None
+    signs: Sequence[Sign], signer: Signer, folder: Path, fps: float = FPS, progress: Progress | None = None
 ) -> None:
     """Write every sign's isolated word as BVH, and ``glosses.csv`` with source, synonyms and kind; all or nothing.
 
@@ -92,7 +93,7 @@ def _hierarchy(signer: str) -> bytes | None:
         return None
     joints = skeleton(STANDARD if seed is None else draw_signer(int(seed[1])))
     still = np.tile([1.0, 0.0, 0.0, 0.0], (1, len(joints), 1))
-    return encode(Clip(joints, still, np.zeros((1, 3)), planner.FPS)).partition(b"MOTION")[0]
+    return encode(Clip(joints, still, np.zeros((1, 3)), FPS)).partition(b"MOTION")[0]
 
 
 def _sentence_files(folder: Path) -> list[str]:

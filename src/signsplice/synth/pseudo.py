@@ -39,7 +39,7 @@ from signsplice.synth.phonology import (
     Vector,
     faults,
 )
-from signsplice.synth.planner import resting
+from signsplice.synth.rest import resting
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD
 

@@ -19,7 +19,8 @@ from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.synth import pose, truth
 from signsplice.synth.avoidance import penetration
-from signsplice.synth.planner import IsolatedWord, resting
+from signsplice.synth.planner import IsolatedWord
+from signsplice.synth.rest import resting
 from signsplice.synth.signer import skeleton
 from signsplice.synth.timing import transition_pause
 

@@ -11,7 +11,6 @@ from signsplice.body.capsules import body_capsules, capsule_ends
 from signsplice.body.touch import SkinPairs, pair_gaps, skin_pairs
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
-from signsplice.synth.gaps import TOUCH_CM
 from signsplice.synth.phonology import Sign
 from signsplice.synth.signer import SIDES, Signer
 

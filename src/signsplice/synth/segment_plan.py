@@ -1,0 +1,214 @@
+"""A sign's segments in time: postures, the knots of the trajectory through them, holds and passes."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.synth import locations, undershoot
+from signsplice.synth.avoidance import touching
+from signsplice.synth.events import Events
+from signsplice.synth.locations import WeakArm
+from signsplice.synth.low_pass import low_passed
+from signsplice.synth.overlays import add_gesture, add_local_movement
+from signsplice.synth.passes import strokes, varied_rounds
+from signsplice.synth.paths import PathMotion, drifted, translated
+from signsplice.synth.phonology import IN_SPACE, ON_BASE, Posture, Segment, Sign
+from signsplice.synth.rest import resting
+from signsplice.synth.signer import Signer
+from signsplice.synth.timing import hold_pause, tempo_of
+from signsplice.synth.trajectory import Knot
+
+Float = NDArray[np.float64]
+
+FPS = 30.0
+
+FIRST_HOLD_S, INNER_HOLD_S, LAST_HOLD_S = 0.15, 0.07, 0.40
+"""Usual holds of a citation form; the last one is the longest (Liddell and Johnson 1989)."""
+LAST_TOUCH_S = 0.1
+"""A last hold that touches the body: hands rest there for a moment only."""
+
+
+@dataclass(frozen=True)
+class TimedSegment:
+    """A segment, its [begin, end] frames, and for a movement those of each pass."""
+
+    segment: Segment
+    begin: int
+    end: int
+    passes: tuple[tuple[int, int], ...] = ()
+
+
+class SegmentPlan:
+    """A sign's segments in time, frame 0 at the first posture, and the knots of their trajectory."""
+
+    def __init__(self, sign: Sign, signer: Signer, fps: float, rng: np.random.Generator, take: int) -> None:
+        self.sign, self.signer, self.fps, self.take = sign, signer, fps, take
+        self.size = signer.amplitude * float(np.exp(0.05 * rng.standard_normal()))
+        self.tempo = float(np.exp(0.05 * np.clip(rng.standard_normal(), -2, 2)))
+        self.jitter = 0.7 * signer.scale * rng.standard_normal(3)
+        self.pace = tempo_of(sign, signer, take)
+        self.postures = self._postures()
+        self._set_out()
+        least = fps * self.pace.least_s / signer.tempo / (self.stop + 1)
+        if least > 1.0:
+            self.pace = replace(self.pace, movement=least * self.pace.movement)
+            self._set_out()
+
+    def _set_out(self) -> None:
+        """Set the knots and the segments in time."""
+        self.knots = [Knot(0, self._first_state(), True)]
+        self.timed = [self._add(n, segment) for n, segment in enumerate(self.sign.segments)]
+
+    @property
+    def stop(self) -> int:
+        """The frame of the last knot set so far."""
+        return round(self.knots[-1].frame)
+
+    def stops(self) -> list[int]:
+        """Frames, 0 at the first posture, where a segment or a pass begins or ends, in order."""
+        spans = [span for timed in self.timed for span in ((timed.begin, timed.end), *timed.passes)]
+        return sorted({frame for span in spans for frame in span})
+
+    def low_passed(self, states: Float, offset: int) -> Float:
+        """States of the whole word as the signer's low pass leaves them."""
+        deviation = self.signer.manner.low_pass_frames * self.fps / FPS
+        if not deviation:
+            return states
+        frames = [frame + offset for frame in self.stops()]
+        told = {t.end + offset for t in self.timed if touches(t.segment, self.sign)}
+        passes = [(begin + offset, stop + offset) for t in self.timed for begin, stop in t.passes]
+        touched = touching(states[frames], self.signer)
+        return low_passed(
+            states, deviation, passes, [f for f, one in zip(frames, touched, strict=True) if one or f in told]
+        )
+
+    def events(self, up: int, offset: int, down: int) -> Events:
+        """The word's events, its first posture at frame ``offset``, with ``down`` frames of retraction."""
+        moves = [
+            [(begin + offset, stop + offset) for begin, stop in timed.passes] for timed in self.timed if timed.passes
+        ]
+        return Events(
+            up=up,
+            start=offset,
+            end=offset + self.stop,
+            down=offset + self.stop + down + 1,
+            first=moves[0][0] if moves else None,
+            passes=tuple(moves[-1]) if moves else (),
+        )
+
+    def add_overlays(self, states: Float, offset: int) -> None:
+        """Add local movements and gestures of head and trunk to states of the whole word, in place."""
+        for timed in self.timed:
+            add_gesture(states, timed.segment, timed.begin + offset, timed.end + offset, self.fps)
+        for timed in self.timed:
+            if timed.segment.local is not None:
+                part = states[timed.begin + offset : timed.end + offset + 1]
+                add_local_movement(part, timed.segment, self.sign.hands, self.signer)
+
+    def _postures(self) -> list[tuple[Float, Float]]:
+        """Both hand states at the end of each segment; a weak hand without a posture of its own mirrors or rests."""
+        meets = self.sign.hands in ("symmetric", "alternating")
+        arms: dict[Posture | None, WeakArm] = {}
+        pairs = []
+        for segment in self.sign.segments:
+            if segment.weak not in arms:
+                arms[segment.weak] = WeakArm(self.signer, self._weak_hand(segment.weak))
+            weak = arms[segment.weak]
+            strong = locations.strong_hand(segment.strong, weak, meets, self.size)
+            location = segment.strong.location
+            if location in IN_SPACE and not (meets and location.endswith("-mid")):
+                strong = translated(strong, self.jitter, self.signer)
+            pairs.append((strong, strong if meets else weak.hand))
+        tempo, rest = self.tempo * self.signer.tempo / self.pace.movement, resting(self.signer, self.sign.gloss)
+        touching = [touches(segment, self.sign) for segment in self.sign.segments]
+        return undershoot.undershot(pairs, self.sign, touching, rest, tempo, self.signer)
+
+    def _weak_hand(self, posture: Posture | None) -> Float:
+        if posture is None:
+            return resting(self.signer, self.sign.gloss)[27:54]
+        return locations.weak_hand(posture, self.signer, self.size)
+
+    def _first_state(self) -> Float:
+        """The first posture; hands that alternate are where the first movement begins for each."""
+        moves = [n for n, s in enumerate(self.sign.segments) if s.kind == "M"]
+        if self.sign.hands == "alternating" and moves:
+            return self._path(moves[0], begin=0).at(0.0)
+        return np.concatenate([*self.postures[0], np.zeros(9)])
+
+    def _add(self, n: int, segment: Segment) -> TimedSegment:
+        """Add a segment's knots."""
+        segments = self.sign.segments
+        last = n == len(segments) - 1
+        begin = self.stop
+        passes: tuple[tuple[int, int], ...] = ()
+        if segment.kind == "M":
+            passes = self._add_passes(n, segment, stops=last or segments[n + 1].kind == "H")
+        elif segment.kind == "H":
+            usual = LAST_HOLD_S if last else FIRST_HOLD_S if n == 0 else INNER_HOLD_S
+            factor = self.pace.last_hold if last else self.pace.first_hold if n == 0 else 1.0
+            if last and n > 0 and touches(segment, self.sign):
+                usual, factor = LAST_TOUCH_S, self.pace.last_touch
+            pause_s, drift = hold_pause(self.signer, self.sign, self.take, n)
+            n_frames = max(2, self._frames(segment.seconds or usual, factor) + round(self.fps * pause_s))
+            state = self.knots[-1].state
+            if pause_s and not touches(segment, self.sign):
+                state = drifted(state, drift, self.signer, self.sign.hands)
+            self.knots.append(Knot(begin + n_frames, state, True))
+        return TimedSegment(segment, begin, self.stop, passes)
+
+    def _frames(self, seconds: float, factor: float) -> int:
+        return round(self.fps * seconds * factor / self.tempo / self.signer.tempo)
+
+    def _path(self, n: int, begin: int) -> PathMotion:
+        """The motion of segment ``n`` from the posture of segment ``begin``."""
+        segment, postures = self.sign.segments[n], self.postures
+        ends = (segment.strong, self.sign.segments[begin].strong)
+        lift = None
+        if segment.lift:
+            surface = next((end for end in ends if end.location not in IN_SPACE), ends[0])
+            weak = WeakArm(self.signer, postures[n][1])
+            lift = locations.lifted(surface, weak) * segment.lift * self.signer.scale
+        carried = all(end.location in ON_BASE for end in ends)
+        return PathMotion(
+            segment, self.sign.hands, self.signer, postures[begin], postures[n], self.size, lift=lift, carried=carried
+        )
+
+    def _add_passes(self, n: int, segment: Segment, stops: bool) -> tuple[tuple[int, int], ...]:
+        """Add a movement's knots; the frames of its passes."""
+        path = self._path(n, begin=n - 1)
+        start = begin = self.stop
+        revolutions = path.revolutions
+        count = 2 * segment.times - 1 if not path.still else segment.times
+        each = self._frames(path.seconds() / segment.tempo, self.pace.movement)
+        if segment.seconds is not None:
+            each = round(segment.seconds * self.fps / count)
+        each = max(6 * revolutions if path.circles else 4, each)
+        path, turned = varied_rounds(path, self.sign.gloss, self.take, n)
+        passes = []
+        for k, stroke in enumerate(strokes(path, count, each, self.sign.gloss, self.take, n)):
+            for s, fraction in path.knots(stroke.n_frames, not stroke.forward):
+                time = turned(fraction) * stroke.n_frames
+                time = time if path.rounds and s < 1.0 else round(time)  # uneven rounds: knots less than a frame apart
+                self.knots.append(Knot(start + time, path.of_pass(k, stroke.along(s)), False))
+            if stroke.forward:
+                cuts = [start + round(stroke.n_frames * turned(t / revolutions)) for t in range(revolutions + 1)]
+                passes += list(itertools.pairwise(cuts))
+            start += stroke.n_frames
+        self.knots[-1] = replace(self.knots[-1], stop=stops)
+        if segment.local is not None and path.still:
+            return ((begin, self.stop),)
+        return tuple(passes)
+
+
+def touches(segment: Segment, sign: Sign) -> bool:
+    """Whether the notation puts a segment's strong hand on the body, the base hand, or (mirrored, on the midline) the
+    other hand. What is seen to touch, which events tell, can differ.
+    """
+    posture = segment.strong
+    meets = sign.hands in ("symmetric", "alternating") and posture.location in ("space-mid", "space-low-mid")
+    free = posture.location in IN_SPACE and not meets
+    return not free and abs(posture.off) < 1.0 and all(abs(c) < 1.0 for c in posture.shift)
