@@ -81,7 +81,7 @@ def lexicon(
 @click.option(
     "--exact",
     is_flag=True,
-    help="Keep every frame outside transitions isolated: no weak hand stays up, no pronoun assimilates.",
+    help="Join words as pairs: no weak hand stays up, no pronoun assimilates, no transition pauses.",
 )
 def sentences(
     output: str, count: int, signs: str | None, words: int | None, pseudo: int, seed: int, fps: float, exact: bool
