@@ -41,7 +41,7 @@ def test_outside_the_transition_all_frames_are_isolated_frames(a: str, b: str) -
     true = truth.splice(p, q)
     sentence = running.utter([p, q], changes=False)
     n = len(true.states)
-    new_rotations, new_roots = pose.rotations(true.states, STANDARD)
+    new_rotations, new_roots = pose.rotations(true.states, p.signer)
     assert len(sentence.clip) == true.pre + 1 + n + len(q) - true.post
     for got, before, new, after in (
         (sentence.clip.local_rotations, p.clip.local_rotations, new_rotations, q.clip.local_rotations),
@@ -334,7 +334,7 @@ def test_transitions_stay_out_of_the_body_and_within_limits() -> None:
     for a, b in PAIRS[::4]:
         true = splice(a, b)
         assert penetration(true.states, STANDARD)[0].max() < 0.5, (a, b)
-        assert over_limit(pose.rotations(true.states, STANDARD)[0]) == 0.0, (a, b)
+        assert over_limit(pose.rotations(true.states, p.signer)[0]) == 0.0, (a, b)
 
 
 def test_longer_travel_takes_no_fewer_frames() -> None:
@@ -370,7 +370,7 @@ def test_a_transition_without_collisions_is_a_reach() -> None:
     p, q = word("YOU"), word("fs-A")
     true = truth.splice(p, q)
     reach = trajectory.reach(
-        p.states[true.pre - 2 : true.pre + 1], q.states[true.post : true.post + 3], len(true.states), STANDARD
+        p.states[true.pre - 2 : true.pre + 1], q.states[true.post : true.post + 3], len(true.states), p.signer
     )
     assert np.array_equal(true.states, reach)
 

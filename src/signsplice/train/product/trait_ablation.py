@@ -46,7 +46,7 @@ N_BEST = 4
 """Traits that are tried together: those that help most alone."""
 SEEDS = (0, 1, 2)
 """Seeds of the networks that tell the spread."""
-PLANS = {"smoke": TrainingDataPlan(2, 3, 3), "small": TrainingDataPlan(8, 40, 150)}
+PLANS = {"smoke": TrainingDataPlan(2, 3, 3), "small": TrainingDataPlan(5, 40, 150)}
 """The signing of every set of traits at each scale of the network."""
 GROUPS = {"all": "position_error", "hands": "hand_error", "fingers": "finger_error", "trunk": "trunk_error"}
 ARMS = "arms"
