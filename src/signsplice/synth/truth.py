@@ -69,6 +69,8 @@ TOO_DEEP_CM = 0.35
 
 PACE = 0.74
 """Duration of transitions in running signing, over what the travel law gives."""
+TURN_S = (0.08, 0.13)
+"""Least duration of a hand's rotation, before the pace: seconds, and seconds a radian."""
 WEAK_PACE = 0.72
 """The same for the weak hand, which need not be exact, over the strong hand's."""
 
@@ -272,10 +274,18 @@ def transition(before: Float, after: Float, p: IsolatedWord, pause_s: float = 0.
 
 def transition_frames(start: Float, end: Float, p: IsolatedWord) -> int:
     """How many frames are new between two states (63,), by the travel law for the hand that takes longer (the weak hand
-    is faster), and at least as many as the handshape takes to form; the law includes the signer's tempo.
+    is faster), and at least as many as the hands take to turn and the handshape to form; the law includes the signer's
+    tempo.
     """
-    travel = np.linalg.norm(pose.hands(end)[:, pose.WRIST] - pose.hands(start)[:, pose.WRIST], axis=-1)
-    strong, weak = (trajectory.travel_seconds(float(distance), p.signer) for distance in travel)
+    change = pose.hands(end) - pose.hands(start)
+    travel, turn = (np.linalg.norm(change[:, part], axis=-1) for part in (pose.WRIST, pose.ROTVEC))
+    strong, weak = (
+        max(
+            trajectory.travel_seconds(float(distance), p.signer),
+            (TURN_S[0] + TURN_S[1] * float(angle)) / p.signer.tempo,
+        )
+        for distance, angle in zip(travel, turn, strict=True)
+    )
     formed = float(np.abs(end[pose.FINGERS] - start[pose.FINGERS]).mean())
     seconds = max(PACE * strong, PACE * WEAK_PACE * weak, (0.09 + 0.10 * formed) / p.signer.tempo)
     return max(2, round(p.clip.fps * seconds) - 1)
