@@ -68,6 +68,7 @@ class TrainingSchedule:
     - rate: highest learning rate
     - n_judged: validation draws
     - clean: whether the data are used without augmentation
+    - n_checks: how often it is validated, and its checkpoint kept, on the way
     """
 
     config: CuttingConfig | BridgeConfig
@@ -76,6 +77,7 @@ class TrainingSchedule:
     rate: float
     n_judged: int
     clean: bool = False
+    n_checks: int = 40
 
 
 SCHEDULES: dict[tuple[str, str], TrainingSchedule] = {
@@ -84,7 +86,7 @@ SCHEDULES: dict[tuple[str, str], TrainingSchedule] = {
     ("cutter", "more"): TrainingSchedule(CuttingConfig(), 5_000, 2, 5e-4, 24),
     ("cutter", "corpus"): TrainingSchedule(CuttingConfig(), 8_000, 2, 5e-4, 24, clean=True),
     ("transition", "smoke"): TrainingSchedule(BridgeConfig(32, 2, 2, 64), 20, 4, 3e-3, 8),
-    ("transition", "small"): TrainingSchedule(BridgeConfig(96, 4, 4, 384), 600, 32, 1e-3, 64),
+    ("transition", "small"): TrainingSchedule(BridgeConfig(96, 4, 4, 384), 600, 32, 1e-3, 64, n_checks=2),
     ("transition", "ship"): TrainingSchedule(BridgeConfig(192, 6, 4, 768), 6_000, 32, 8e-4, 512),
     ("transition", "more"): TrainingSchedule(BridgeConfig(192, 6, 4, 768), 4_000, 32, 4e-4, 512),
     ("transition", "corpus"): TrainingSchedule(BridgeConfig(192, 6, 4, 768), 4_000, 32, 4e-4, 512, clean=True),
@@ -219,7 +221,7 @@ def _trained(
     if warm_starts:
         warm_start.load_mean(task, warm_starts)
     loop = LoopConfig(
-        training.n_steps, schedule.batch, "adamw", schedule.rate, training.seed, max(1, training.n_steps // 40),
+        training.n_steps, schedule.batch, "adamw", schedule.rate, training.seed, max(1, training.n_steps // schedule.n_checks),
         schedule.n_judged, bf16=processes.device.type == "cuda",
     )  # fmt: skip
     with (
