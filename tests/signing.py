@@ -40,12 +40,6 @@ def word(gloss: str, seed: int | None = None, fps: float = 30.0) -> IsolatedWord
     return planner.isolated(sign(gloss), signer_of(seed), fps=fps)
 
 
-@cache
-def plain_word(gloss: str, seed: int | None = None) -> IsolatedWord:
-    """The same without any trait of manner."""
-    return planner.isolated(sign(gloss), replace(signer_of(seed), manner=PLAIN))
-
-
 def made(*lines: str, hands: str = "one", seed: int | None = None, fps: float = 30.0) -> IsolatedWord:
     """An isolated word from lines of notation."""
     text = f"WORD hands={hands}\n" + "".join(f"  {line}\n" for line in lines)

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from signing import word
+from signing import sign
 from signsplice.evaluation import corpus_checks
 from signsplice.motion import rotation
-from signsplice.synth import notation, pose
+from signsplice.synth import notation, planner, pose
 from signsplice.synth.corpus import Pairs, scaled_positions
 from signsplice.synth.rest import resting
 from signsplice.synth.signer import JOINTS, STANDARD
@@ -105,7 +105,7 @@ def test_pairs_of_unknown_signs_are_not_planned_anew(pairs: Pairs) -> None:
 
 
 def test_positions_are_scaled_alike_everywhere(pairs: Pairs) -> None:
-    one = word("MOTHER")
+    one = planner.isolated(sign("MOTHER"), STANDARD)
     scaled = scaled_positions(one.clip, STANDARD.stature_cm)
     assert np.abs(pairs.word(1) - scaled).max() < 1e-6
     head: dict[str, Any] = json.loads((pairs.folder / "corpus.json").read_text())

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from signsplice.lexicon import Lexicon, shipped
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
-from signsplice.rig.arms import arms
+from signsplice.rig.arms import arms, seen_from_trunk
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, splice, stream
 from signsplice.splicing.fingerspelling import spelling_side
 from signsplice.splicing.letter_blending import FREE
@@ -121,9 +121,9 @@ def test_open_letters_slide_to_the_side(word: str, lexicon: Lexicon) -> None:
     clips = letters(word, lexicon)
     result = splice(clips)
     own, (_, second) = arms(result.clip), (result.spans[0].output, result.spans[2].output)
-    step = (own.wrists[second[0] + 3, 1] - own.wrists[result.spans[0].output[1] - 1, 1]) * own.metres
-    right = own.shoulders[0, 1] - own.shoulders[0, 0]
-    assert step @ right / np.linalg.norm(right) == pytest.approx(0.045, abs=0.005)
+    places = seen_from_trunk(own)[0][:, 1] * own.metres
+    step = places[second[0] + 3] - places[result.spans[0].output[1] - 1]
+    assert -step[0] == pytest.approx(0.045, abs=0.005)
     assert np.linalg.norm(step) < 0.05
     assert result.spans[2].remade is not None
     assert set(result.spans[2].remade.joints) == {f"mixamorig:Right{name}" for name in ("Arm", "ForeArm", "Hand")}
@@ -137,9 +137,8 @@ def test_the_hand_slides_on_for_a_third_and_goes_back_for_another_letter(lexicon
     own = arms(result.clip)
     spans = [span.output for span in result.spans if span.kind == "sign"]
     frames = [spans[0][1] - 1, *(start + 2 for start, _ in spans[1:])]
-    at = own.wrists[frames, 1] * own.metres
-    right = own.shoulders[0, 1] - own.shoulders[0, 0]
-    out = np.array([(place - at[0]) @ right / np.linalg.norm(right) for place in at])
+    at = seen_from_trunk(own)[0][frames, 1] * own.metres
+    out = at[0, 0] - at[:, 0]
     assert out[1:3] == pytest.approx([0.045, 0.09], abs=0.006)
     assert abs(out[3]) < 0.02
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from signing import SIGNS, made, sign
+from signing import SIGNS, made, sign, signer_of
 from signsplice.errors import InputError
 from signsplice.synth import inflection, notation, planner, pose
 from signsplice.synth.avoidance import penetration
@@ -101,7 +101,7 @@ def test_aspects_repeat_faster_or_slower() -> None:
 
 
 def test_the_continuative_goes_round() -> None:
-    one = isolated("LOOK-CONTINUATIVE")
+    one = planner.isolated(form(SIGNS, "LOOK-CONTINUATIVE"), signer_of(None))
     (_, stop), (begin, _), *_ = one.events.passes
     heights = one.states[stop : begin + 1, 1]
     assert heights.max() - heights[[0, -1]].max() > 2.0

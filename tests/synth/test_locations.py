@@ -189,13 +189,14 @@ CRAMPED = ("shoulder", "chest-strong")
 @pytest.mark.parametrize("part", ["index", "palm", "thumb"])
 def test_a_part_of_the_hand_is_at_its_distance_from_the_location(location: str, part: str) -> None:
     directions = easy_directions(location, part, "B-open")
-    weak = WeakArm(STANDARD, resting(STANDARD)[27:54])
+    signer = right_handed(None)  # low elbows bend wrists more
+    weak = WeakArm(signer, resting(signer)[27:54])
     for off in (0.0, 2.0, 5.0):
         strong = locations.strong_hand(Posture("B-open", location, part, *directions, off=off), weak)
-        point = centre(clip_of(strong, weak.hand, STANDARD), "Right", PART_JOINTS[part])[0]
-        found = locations.body_locations(STANDARD)[location]
+        point = centre(clip_of(strong, weak.hand, signer), "Right", PART_JOINTS[part])[0]
+        found = locations.body_locations(signer)[location]
         assert np.allclose(point, found.point + (HALF_THICK[part] + off) * found.normal, atol=0.02)
-        skin = height(point[None], solid(STANDARD))[0] - HALF_THICK[part]
+        skin = height(point[None], solid(signer))[0] - HALF_THICK[part]
         if location in HOLLOW:
             assert -1.0 < skin < off + 0.15, "the nose over the mouth, the chin over the throat are nearer"
         else:

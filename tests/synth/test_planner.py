@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from signing import made, mirror, plain_word, seen_from_chest, sign, signer_of, word, wrists
+from signing import made, mirror, seen_from_chest, sign, signer_of, word, wrists
 from signsplice.motion import kinematics
 from signsplice.synth import planner, pose
 from signsplice.synth.handshapes import HANDSHAPES
@@ -91,7 +91,7 @@ def test_hands_move_between_the_frames_of_rest(gloss: str) -> None:
 
 @pytest.mark.parametrize("gloss", ["MOTHER", "HELLO", "NO", "BOOK", "HOUSE", "LEARN", "NAME", "fs-A"])
 def test_holds_are_still(gloss: str) -> None:
-    one = plain_word(gloss)
+    one = word(gloss)
     e = one.events
     speed = speeds(one)
     begin = e.passes[-1][1] if e.passes else e.start
@@ -295,7 +295,7 @@ def test_a_greater_amplitude_makes_larger_movements_in_space() -> None:
 @pytest.mark.parametrize("gloss", ["BOOK", "HOUSE"])
 @pytest.mark.parametrize("seed", [None, 3])
 def test_symmetric_hands_are_mirror_images(gloss: str, seed: int | None) -> None:
-    one = plain_word(gloss, seed)
+    one = word(gloss, seed)
     e = one.events
     left, right = np.moveaxis(wrists(one)[e.start : e.end + 1], 1, 0)
     assert np.abs(left * [-1.0, 1.0, 1.0] - right).max() < 2.0, "but for small motions and collision avoidance"
@@ -304,7 +304,7 @@ def test_symmetric_hands_are_mirror_images(gloss: str, seed: int | None) -> None
 
 
 def test_alternating_circles_are_half_a_revolution_apart() -> None:
-    one = plain_word("BICYCLE")
+    one = word("BICYCLE")
     begin, stop = one.events.passes[0]
     half = (stop - begin) // 2
     strong, weak = np.moveaxis(pose.hands(one.states)[..., pose.WRIST], 1, 0)
@@ -315,7 +315,7 @@ def test_alternating_circles_are_half_a_revolution_apart() -> None:
 
 
 def test_alternating_hands_swap_their_positions_along_a_path() -> None:
-    one = plain_word("CAR")
+    one = word("CAR")
     begin, stop = one.events.passes[0]
     strong, weak = np.moveaxis(pose.hands(one.states)[..., pose.WRIST], 1, 0)
     assert np.abs(strong[begin] - weak[stop]).max() < 0.7
@@ -334,7 +334,7 @@ def test_the_weak_hand_hangs_during_a_one_handed_word(gloss: str) -> None:
 
 @pytest.mark.parametrize("gloss", ["LEARN", "NAME"])
 def test_a_base_hand_keeps_its_own_handshape_and_position(gloss: str) -> None:
-    one = plain_word(gloss)
+    one = word(gloss)
     e = one.events
     assert one.sign.segments[0].weak is not None
     shape = HANDSHAPES[one.sign.segments[0].weak.shape].angles

@@ -14,6 +14,7 @@ from signing import SIGNS, sign, signer_of, word, wrists
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.synth import notation, planner, pose, pseudo, running, timing, trajectory, truth
 from signsplice.synth.avoidance import penetration
+from signsplice.synth.events import Events
 from signsplice.synth.low_pass import low_passed
 from signsplice.synth.manner import PLAIN, Manner
 from signsplice.synth.planner import IsolatedWord
@@ -37,6 +38,11 @@ TAPS = """TAPS hands=one
 def made(text: str, manner: Manner, take: int = 0) -> IsolatedWord:
     (one,) = notation.parse(text).values()
     return planner.isolated(one, signer_of(None, manner), take)
+
+
+def frames_of(events: Events) -> Events:
+    """The events without skin distances, which differ where a hand is a little elsewhere."""
+    return replace(events, gap_first_cm=None, gap_last_cm=None)
 
 
 def depth(one: IsolatedWord) -> Float:

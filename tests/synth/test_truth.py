@@ -333,8 +333,8 @@ def test_a_transition_continues_both_words_smoothly(a: str, b: str) -> None:
 def test_transitions_stay_out_of_the_body_and_within_limits() -> None:
     for a, b in PAIRS[::4]:
         true = splice(a, b)
-        assert penetration(true.states, STANDARD)[0].max() < 0.5, (a, b)
-        assert over_limit(pose.rotations(true.states, p.signer)[0]) == 0.0, (a, b)
+        assert penetration(true.states, word(a).signer)[0].max() < 0.5, (a, b)
+        assert over_limit(pose.rotations(true.states, word(a).signer)[0]) == 0.0, (a, b)
 
 
 def test_longer_travel_takes_no_fewer_frames() -> None:

@@ -28,6 +28,7 @@ class Arms:
 
     shoulders, elbows, wrists: (T, 2, 3) positions.
     hand_rotations: (T, 2, 3, 3) global rotation matrices.
+    hips: (T, 3) positions.
     up: (3,) the world's vertical, a unit vector.
     length: shoulder to wrist, clip units.
     shoulder_width: distance of the shoulder joints, clip units.
@@ -39,6 +40,7 @@ class Arms:
     elbows: Float
     wrists: Float
     hand_rotations: Float
+    hips: Float
     up: Float
     length: float
     shoulder_width: float
@@ -74,12 +76,26 @@ def _arms(clip: Clip) -> Arms:
         elbows=elbows,
         wrists=wrists,
         hand_rotations=rotations[:, 2:6:3],
+        hips=positions[:, 6],
         up=up,
         length=body.arm_length,
         shoulder_width=body.shoulder_width,
         metres=body.unit.metres,
         fps=clip.fps,
     )
+
+
+def seen_from_trunk(own: Arms) -> tuple[Float, Float]:
+    """Positions (T, 2, 3) and rotation matrices (T, 2, 3, 3) of the hands, from between the shoulders and in axes that
+    turn and lean with the trunk: a body that sways moves no hand.
+    """
+    neck = own.shoulders.mean(axis=1)
+    left, trunk = own.shoulders[:, 0] - own.shoulders[:, 1], neck - own.hips
+    front = np.cross(left, trunk)
+    axes = np.stack([left, np.cross(front, left), front], axis=1)  # (T, 3, 3)
+    axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
+    wrists = np.einsum("tab,thb->tha", axes, own.wrists - neck[:, None])
+    return wrists, np.einsum("tab,thbc->thac", axes, own.hand_rotations)
 
 
 def active_span(arms: Arms) -> tuple[int, int]:

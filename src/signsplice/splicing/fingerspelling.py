@@ -14,6 +14,7 @@ of this alphabet. A slide moves the arm of the second letter; the hand goes back
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,7 +25,7 @@ from signsplice.errors import InputError
 from signsplice.lexicon.entry import LETTER_MARK, is_letter
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
-from signsplice.rig.arms import Arms, active_span, arms
+from signsplice.rig.arms import Arms, active_span, arms, seen_from_trunk
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
 from signsplice.splicing.cut import Cut
@@ -172,7 +173,7 @@ def formed_anew(new: Clip, before: Clip) -> Clip:
     moved = move_wrists(new, moves)
     if active_span(arms(before))[0] == 0:  # no rest is known
         return moved
-    joints = _hand_joints(new, (("left", "right")[side],))[1:]
+    joints = _hand_joints(new, [side])[1:]
     local = np.array(moved.local_rotations)
     rest = np.broadcast_to(before.local_rotations[0, joints], local[:, joints].shape)
     local[:, joints] = rotation.slerp(local[:, joints], rest, _RELAXED * bump[:, None])
@@ -180,37 +181,50 @@ def formed_anew(new: Clip, before: Clip) -> Clip:
 
 
 def _still_frames(clip: Clip, own: Arms, speed: float) -> NDArray[np.intp]:
-    """The frames away from rest in which neither wrists nor fingers move: in both steps beside them. Where steps are
-    so long that a hold may have but one, and none has two, in either.
+    """The frames away from rest in which neither the wrist of a raised hand, seen from the trunk, nor its fingers
+    move: in both steps beside them. Where steps are so long that a hold may have but one, and none has two, in either.
     """
-    joints = _hand_joints(clip)
+    start, stop = active_span(own)
+    spelling = _spelling(own.lift[start:stop])
+    joints = _hand_joints(clip, spelling)
     turns = rotation.angle_between(clip.local_rotations[1:, joints], clip.local_rotations[:-1, joints]).max(
         axis=1, initial=0.0
     )
-    steps = np.linalg.norm(np.diff(own.wrists, axis=0), axis=-1).max(axis=1) * own.metres
+    steps = np.linalg.norm(np.diff(seen_from_trunk(own)[0][:, spelling], axis=0), axis=-1).max(axis=1) * own.metres
     rate = clip.fps / speed  # of frames in the time of the recording
     moves = (turns * rate > _STILL_RAD_S) | (steps * rate > _STILL_M_S)  # (T - 1,)
-    start, stop = active_span(own)
     still = ~(np.append(moves, False) | np.append(False, moves))
     if not still[start:stop].any() and 2.0 / rate > LEAST_HOLD_S:
         still = ~(np.append(moves, True) & np.append(True, moves))
     return np.flatnonzero(still[start:stop]) + start
 
 
+def _spelling(lifts: Float) -> list[int]:
+    """The sides, 0 left or 1 right, of the hands with lifts (T, 2) that spell: those that are raised, at least the
+    higher one. The other hangs, and goes with the body.
+    """
+    highest = lifts.max(axis=0)
+    return np.flatnonzero(highest >= min(_RAISED, float(highest.max()))).tolist()
+
+
 def _turn_and_travel(before: Clip, p: Arms, pre: int, after: Clip, q: Arms, post: int) -> tuple[float, float]:
-    """The farthest turn of a joint of hands and fingers, radians, and travel of a wrist, m, between two frames."""
-    joints = _hand_joints(before)
+    """The farthest turn of a joint of spelling hands and their fingers, radians, and travel of a wrist, m, between two
+    frames.
+    """
+    spelling = _spelling(np.array([p.lift[pre], q.lift[post]]))
+    joints = _hand_joints(before, spelling)
     turns = rotation.angle_between(before.local_rotations[pre, joints], after.local_rotations[post, joints])
-    cosine = np.einsum("hab,hab->h", p.hand_rotations[pre], q.hand_rotations[post])
+    (start, start_axes), (end, end_axes) = (
+        [seen[frame, spelling] for seen in seen_from_trunk(own)] for own, frame in ((p, pre), (q, post))
+    )
+    cosine = np.einsum("hab,hab->h", start_axes, end_axes)
     hands = np.arccos(np.clip(0.5 * (cosine - 1.0), -1.0, 1.0))
-    travel = np.linalg.norm(q.wrists[post] - p.wrists[pre], axis=-1) * p.metres
+    travel = np.linalg.norm(end - start, axis=-1) * p.metres
     return float(max(turns.max(initial=0.0), hands.max())), float(travel.max())
 
 
-def _hand_joints(clip: Clip, sides: tuple[str, ...] = ("left", "right")) -> list[int]:
-    """The joints of hands and fingers that the rig has, each hand before its fingers."""
+def _hand_joints(clip: Clip, sides: Sequence[int]) -> list[int]:
+    """The joints of hands, 0 left or 1 right, and fingers that the rig has, each hand before its fingers."""
+    names = tuple(("left", "right")[side] + part for side in sides for part in ("Hand", *FINGERS))
     joints = rig_info(clip.skeleton).roles.joints
-    parts = ("Hand", *FINGERS)
-    return [
-        joint for role, joint in joints.items() if role.startswith(tuple(s + part for s in sides for part in parts))
-    ]
+    return [joint for role, joint in joints.items() if role.startswith(names)]

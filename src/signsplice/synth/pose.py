@@ -49,6 +49,7 @@ _HINT = np.array([-0.55, -1.0, -0.35])  # a right elbow hangs down, out and a li
 _SWIVELS = np.deg2rad(np.linspace(-75.0, 45.0, 13))  # negative lifts the elbow outwards
 _EASE = np.deg2rad([60.0, 22.0, 42.0, 32.0])  # forearm twist, wrist deviation, wrist flexion, swivel that cost 1
 _SHARPNESS = 2.5
+_BLUNTER = 1.5  # with low elbows, whose cost can have two minima: an elbow would jump from one to the other
 _HEIGHT_COST = 12.0  # of an elbow that is an upper arm's length higher, for low elbows
 _LOWEST_SPINE = 0.7  # of the trunk's rotation, where trunk and head move much
 _BREACH = np.deg2rad(14.0)  # how far beyond a limit costs 1, for low elbows
@@ -164,7 +165,8 @@ def wrist_angles(arm: Arm, rotvecs: Float, signer: Signer) -> Wrist:
     cost = np.square(angles / _EASE).sum(axis=-1)
     if signer.manner.low_elbows:
         cost = cost + signer.manner.low_elbows * _raised_cost(arm, angles[..., :3], signer)
-    weight = np.exp(-_SHARPNESS * (cost - cost.min(axis=-1, keepdims=True)))
+    sharpness = _SHARPNESS / (1.0 + _BLUNTER * signer.manner.low_elbows)
+    weight = np.exp(-sharpness * (cost - cost.min(axis=-1, keepdims=True)))
     swivel = (weight * _SWIVELS).sum(axis=-1) / weight.sum(axis=-1)
     chosen = rotation.multiply(rotation.exp(-swivel[..., None] * axis[..., 0, :]), wanted[..., 0, :])
     return Wrist(swivel, *_split(chosen))
