@@ -17,7 +17,7 @@ Float = NDArray[np.float64]
 
 TOLERANCE_CM = 0.2
 """Depth up to which a touch may press into the body."""
-TOUCH_CM = 1.0
+NEAR_CM = 1.0
 """Distance from the skin up to which a hand may be meant to touch it."""
 _ROUNDS = 30
 _STUCK_CM = 0.35
@@ -68,4 +68,4 @@ def penetration(states: Float, signer: Signer) -> tuple[Float, Float]:
 def touching(states: Float, signer: Signer) -> NDArray[np.bool_]:
     """Whether either hand touches head, trunk or the other hand, or nearly does (T,)."""
     depth, _ = penetration(states, replace(signer, left_handed=False))
-    return np.asarray(depth.max(axis=1) > -TOUCH_CM)
+    return np.asarray(depth.max(axis=1) > -NEAR_CM)

@@ -21,7 +21,6 @@ import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -58,8 +57,6 @@ EXTENT = 1.3
 """Side of the cube, in statures, that is scaled to [-0.5, 0.5]^3: wide enough for every reach."""
 
 HEAD = "corpus.json"
-_HASHED = {"direction": "way", "revolutions": "turns", "location": "place"}
-"""Fields of ``phonology.Path`` and ``Posture`` that are hashed under an older name, so that hashes stay the same."""
 _KINDS = ("rotations", "roots", "positions")
 _FILES = (HEAD, "pairs.npy", *(f"{part}_{kind}.npy" for part in ("word", "new") for kind in _KINDS))
 
@@ -84,8 +81,7 @@ class Recipe:
     @property
     def hash(self) -> str:
         """Twelve hex digits that change with everything the corpus depends on."""
-        recipe = asdict(self, dict_factory=lambda items: {_HASHED.get(name, name): value for name, value in items})
-        text = json.dumps({"version": VERSION, **recipe}, sort_keys=True)
+        text = json.dumps({"version": VERSION, **asdict(self)}, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
     def signers(self) -> tuple[Signer, Signer]:
@@ -264,7 +260,11 @@ def _head(
 
 
 class Pairs:
-    """A corpus of pairs on disk, its arrays memory-mapped. Pairs and words go by number; ``len`` counts the pairs."""
+    """A corpus of pairs on disk, its arrays memory-mapped. Pairs and words go by number; ``len`` counts the pairs.
+
+    by_partner: whether the cuts of a word depend on its partner, too
+    signers: the two signers of the recipe
+    """
 
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
@@ -277,6 +277,8 @@ class Pairs:
             self.index = mapped_array(self.folder / "pairs.npy")
             self.words = {k: mapped_array(self.folder / f"word_{k}.npy") for k in _KINDS}
             self.new = {k: mapped_array(self.folder / f"new_{k}.npy") for k in _KINDS}
+            self.by_partner = truth.by_partner(self.head.get("truth", "partner"))
+            self.signers = tuple(read_signer(row) for row in self.head.get("signers", []))
         except (OSError, TypeError, ValueError, InputError) as error:
             hint = "make one with `signsplice synth pairs`"
             raise InputError(f"{self.folder}: is no corpus of pairs ({error}); {hint}") from error
@@ -291,16 +293,6 @@ class Pairs:
     def version(self) -> int:
         """1 or 2."""
         return int(self.head["version"])
-
-    @property
-    def by_partner(self) -> bool:
-        """Whether the cuts of a word depend on its partner, too."""
-        return truth.by_partner(self.head.get("truth", "partner"))
-
-    @cached_property
-    def signers(self) -> tuple[Signer, ...]:
-        """The two signers of the recipe."""
-        return tuple(read_signer(row) for row in self.head["signers"])
 
     def split(self, name: str, part: str) -> list[int]:
         """Pair numbers of a part (train, valid, test) of a split. Raises ``InputError`` for unknown names."""

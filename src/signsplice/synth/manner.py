@@ -47,7 +47,7 @@ class Manner:
 
 PLAIN = Manner()
 """Motion without any trait."""
-USUAL = Manner(1.0, *[1.0] * (len(fields(Manner)) - 1))
+USUAL = Manner(*[1.0] * len(fields(Manner)))
 """Motion with every trait as strong as is usual."""
 TRAITS = tuple(f.name for f in fields(Manner))
 

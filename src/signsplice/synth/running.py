@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.synth import pose, truth
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.rest import resting
 from signsplice.synth.signer import skeleton
 from signsplice.synth.timing import transition_pause
 
@@ -28,6 +28,8 @@ Float = NDArray[np.float64]
 
 PRONOUNS = frozenset({"I", "YOU", "HE-SHE", "THEY", "THIS", "THAT", "THERE"})
 """Pointing signs, which assimilate where they have the pointing hand's own shape."""
+TREMOR_S = 0.15
+"""Standard deviation of the Gaussian that tells a resting hand's tremor from its slower motion, seconds."""
 ASSIMILATION = 0.4
 """How far a pronoun's fingers go towards the next word's handshape, as a fraction."""
 
@@ -129,8 +131,8 @@ def _changed(
     following = words[k + 1]
     if k > 0 and not word.sign.two_handed and words[k - 1].sign.two_handed and following.sign.two_handed:
         stays = states.copy()
-        small = states[:, 27:54] - resting(word.signer, word.sign.gloss)[27:54]
-        stays[:, 27:54] = signed[k - 1][0][leaves[k - 1], 27:54] + small
+        tremor = states[:, 27:54] - gaussian_filter1d(states[:, 27:54], TREMOR_S * word.clip.fps, axis=0)
+        stays[:, 27:54] = signed[k - 1][0][leaves[k - 1], 27:54] + tremor
         if penetration(stays[enters[k] : leaves[k] + 1], word.signer)[0].max() < truth.TOO_DEEP_CM:
             states, changed = stays, ["weak"]
     points = word.sign.gloss in PRONOUNS and word.sign.segments[0].strong.shape in ("1", "1-bent", "index")

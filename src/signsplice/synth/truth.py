@@ -37,15 +37,17 @@ UNDERSHOOT = 0.2
 movement has 5.8 % of its path left then, and 41 % of its peak speed."""
 TURNING = 0.65
 """The same where it turns without a stop, over ``UNDERSHOOT``."""
-UNDERSHOOT_PATH, UNDERSHOOT_CM = 0.058, 1.0
-"""Most of a movement's path that may be left out before a posture, as a fraction, and in cm on the standard body."""
+UNDERSHOOT_PATH, UNDERSHOOT_CM = 0.03, 0.5
+"""Most of a minimum-jerk movement's path that may be left out before a posture, as a fraction, and in cm on the
+standard body. Movements smoothed in time can lose up to four times as much."""
 ALONG_MORE = 0.3
 """How much less undershoot there is across the travel between the words than along it, and again opposed to it."""
 TOUCHING_CM, FREE_CM = 1.0, 4.0
 """Skin distances up to which a posture is not undershot, and from which it is undershot in full."""
 
-LONG_HOLD_S = 0.2
-"""A last hold that is longer is deleted; a shorter one, as after a touch, stays."""
+SHORT_HOLD_S, LONG_HOLD_S = 0.1, 0.35
+"""Last holds up to the first one stay, as after a short touch; from the second one on they are deleted. Between them a
+part of the hold stays."""
 KEEP_DOWN, DOWN_ALONG = 0.22, 0.12
 """Fraction of the retraction that stays where it leads across the travel, and how much more along, and less opposed."""
 KEEP_UP, UP_ALONG = 0.24, 0.11
@@ -177,10 +179,11 @@ def leave(p: IsolatedWord, relation: Relation) -> int:
     left_out = _undershoot(p, begin, stop, relation.leaving, events.gap_last_cm) * (stop - begin)
     if stop < events.passes[-1][1]:  # a pass is dropped, and the hand turns
         return _towards(stop, -TURNING * left_out)
-    if events.end - stop > LONG_HOLD_S * p.clip.fps:
-        return _towards(stop, -left_out)
-    kept = (KEEP_DOWN + DOWN_ALONG * relation.going_down) * _far(relation)
-    return events.end + round(kept * (events.down - events.end))
+    hold = events.end - stop
+    deleted = (hold / p.clip.fps - SHORT_HOLD_S) / (LONG_HOLD_S - SHORT_HOLD_S)
+    deleted = min(1.0, max(0.0, deleted))
+    kept = (KEEP_DOWN + DOWN_ALONG * relation.going_down) * _far(relation) * (events.down - events.end)
+    return _towards(stop, (1.0 - deleted) * (hold + kept) - deleted * left_out)
 
 
 def enter(q: IsolatedWord, relation: Relation) -> int:
@@ -191,7 +194,7 @@ def enter(q: IsolatedWord, relation: Relation) -> int:
     begin, stop = events.first
     if begin > events.start:  # the first hold is deleted
         left_out = _undershoot(q, begin, stop, relation.entering, events.gap_first_cm) * (stop - begin)
-        return _towards(begin, left_out)
+        return begin + math.trunc(left_out)
     kept = (KEEP_UP + UP_ALONG * relation.coming_up) * _far(relation)
     return events.start - round(kept * (events.start - events.up))
 
@@ -237,8 +240,8 @@ def _far(relation: Relation) -> float:
 
 
 def _towards(posture: int, frames: float) -> int:
-    """A number of frames from a posture, rounded towards it."""
-    return posture + math.trunc(frames)
+    """A number of frames from a posture: where that is before it, rounded towards it."""
+    return posture + (math.trunc(frames) if frames < 0.0 else round(frames))
 
 
 def _seen(word: IsolatedWord, frame: int, least: int = 0, most: int | None = None) -> Float:

@@ -132,10 +132,12 @@ def test_a_network_is_trained_on_signing_with_the_traits_alone(ablation: Ablatio
     trait_ablation._make_signing(ablation, [(), ("base_lag",)], 1, lambda _: None)
     row = trait_ablation._measured((ablation, ("base_lag",), 1))
     assert (row.traits, row.seed) == (("base_lag",), 1)
-    parts = sorted(path.name for path in (ablation.folder / "signing" / "base_lag").iterdir())
+    parts = sorted(path.name for path in (trait_ablation._work(ablation) / "signing" / "base_lag").iterdir())
     assert len(parts) == 2
     assert all("-base_lag-v" in name for name in parts)
-    assert json.loads((ablation.folder / "networks" / "base_lag-seed1" / "bundle.json").read_text())["networks"]
+    assert json.loads((trait_ablation._work(ablation) / "networks" / "base_lag-seed1" / "bundle.json").read_text())[
+        "networks"
+    ]
 
 
 @pytest.mark.parametrize(

@@ -160,11 +160,16 @@ def label(traits: tuple[str, ...]) -> str:
     return {(): "none", TRAITS: "all"}.get(traits, ", ".join(traits))
 
 
+def _work(ablation: Ablation) -> Path:
+    """The folder of what is made at a scale from a version of the signing."""
+    return ablation.folder / f"{ablation.scale}-v{training_data.VERSION}"
+
+
 def _signing(ablation: Ablation, traits: tuple[str, ...]) -> tuple[TrainingDataPlan, Path]:
     """The signing of a set of traits, and its folder."""
     plan = PLANS[ablation.scale]
     plan = TrainingDataPlan(plan.n_signers, plan.n_words, plan.n_seams, traits=traits)
-    return plan, ablation.folder / "signing" / (label(traits).replace(", ", "+"))
+    return plan, _work(ablation) / "signing" / (label(traits).replace(", ", "+"))
 
 
 def _make_signing(
@@ -185,7 +190,7 @@ def _measured(job: tuple[Ablation, tuple[str, ...], int]) -> AblationRow:
     """Train the network of a set of traits and a seed, and measure it."""
     ablation, traits, seed = job
     signing = _signing(ablation, traits)[1]
-    bundle = ablation.folder / "networks" / f"{signing.name}-seed{seed}"
+    bundle = _work(ablation) / "networks" / f"{signing.name}-seed{seed}"
     training.make(
         ProductTraining("transition", ablation.scale, seed), [signing], bundle, Processes(0, 1, torch.device("cpu"))
     )
