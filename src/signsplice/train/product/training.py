@@ -221,8 +221,8 @@ def _trained(
     if warm_starts:
         warm_start.load_mean(task, warm_starts)
     loop = LoopConfig(
-        training.n_steps, schedule.batch, "adamw", schedule.rate, training.seed, max(1, training.n_steps // schedule.n_checks),
-        schedule.n_judged, bf16=processes.device.type == "cuda",
+        training.n_steps, schedule.batch, "adamw", schedule.rate, training.seed,
+        max(1, training.n_steps // schedule.n_checks), schedule.n_judged, bf16=processes.device.type == "cuda",
     )  # fmt: skip
     with (
         only_one(folder) if processes.first else nullcontext(),
