@@ -79,7 +79,7 @@ def test_splice_writes_a_clip_and_a_report_that_rebuilds_it(folder: Path) -> Non
             source = sources[span["clip"]].local_rotations[slice(*span["source"])]
             same = np.abs(np.sum(part * source, axis=-1))
             assert np.allclose(same[:, 1:], 1.0, atol=1e-12)
-            assert np.allclose(same[:, 0], 1.0, atol=1e-4), "words are turned to face alike, by less than 2 degrees"
+            assert np.allclose(same[:, 0], 1.0, atol=3e-4), "words are turned to face alike, by less than 3 degrees"
     first = report["spans"][0]["output"]
     assert out.channels is not None
     assert sources[0].channels is not None
