@@ -77,7 +77,9 @@ def test_splice_writes_a_clip_and_a_report_that_rebuilds_it(folder: Path) -> Non
         if span["kind"] == "sign":
             part = out.local_rotations[slice(*span["output"])]
             source = sources[span["clip"]].local_rotations[slice(*span["source"])]
-            assert np.allclose(np.abs(np.sum(part * source, axis=-1)), 1.0, atol=1e-12)
+            same = np.abs(np.sum(part * source, axis=-1))
+            assert np.allclose(same[:, 1:], 1.0, atol=1e-12)
+            assert np.allclose(same[:, 0], 1.0, atol=3e-4), "words are turned to face alike, by less than 3 degrees"
     first = report["spans"][0]["output"]
     assert out.channels is not None
     assert sources[0].channels is not None
@@ -91,7 +93,7 @@ def test_splicing_options_change_the_result(folder: Path, signsplice: Call) -> N
         (("--transition-time", "fixed"), lambda r: r["seams"][0]["n_transition"] == 8),
         (("--cutter", "ends", "--transition", "slerp"), lambda r: (r["cutter"], r["transition"]) == ("ends", "slerp")),
         (("--fps", "60"), lambda r: r["fps"] == 60.0),
-        (("--sign-speed", "2", "--cutter", "ends"), lambda r: r["frames"] < 90),
+        (("--sign-speed", "2", "--cutter", "ends"), lambda r: r["frames"] < 100),
         (("--tempo", "natural"), lambda r: r["tempo"]["mode"] == "natural" and r["spans"][0]["warp"]),
         (("--tempo", "0.9"), lambda r: r["tempo"]["asked_seconds"] == 0.9),
     ):

@@ -16,9 +16,9 @@ from signsplice.splicing.collision_avoidance import SIDES
 from signsplice.splicing.cut import Cut
 
 _NEAR_REST, _TURNED_RAD = 0.13, np.deg2rad(20.0)
-"""A hand is at rest where it is this near to where it rests, in arm lengths, and turned by no more than this. While the
-other hand signs, that of the synthetic signer stays within 0.11 and 12 degrees, however it rests; a hand that signs too
-has 0.16 at least, and 60 degrees where it is nearer than 0.2.
+"""A hand is at rest where it is this near to where it rests from the hips, in arm lengths, and turned by no more than
+this. While the other hand signs, that of the synthetic signer stays within 0.12 and 16 degrees, however it rests; one
+that signs too has 0.20 at least. (From the shoulders, which sway, it is 0.20 against 0.22.)
 """
 _HANGING, _LOW = 0.25, 0.6
 """Height, in arm lengths above a hanging wrist, up to which an arm hangs; up to which both hands rest where both are
@@ -62,7 +62,7 @@ def _frames_at_rest(motion: Arms, side: int, frame: int, step: int) -> int:
     beginning); 0 where it does not rest there.
     """
     end = 0 if step > 0 else -1
-    places = motion.wrists - motion.shoulders  # (T, 2, 3)
+    places = motion.wrists - motion.hips[:, None]  # (T, 2, 3)
     edge = places[:4] if step > 0 else places[-4:]
     speeds = np.linalg.norm(np.diff(edge, axis=0), axis=-1).max(axis=0, initial=0.0) * motion.fps * motion.metres
     heights, is_still = motion.lift[end], speeds < _STILL_M_S
