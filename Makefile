@@ -71,7 +71,7 @@ smoke: $(VENV)/.dev            ## the paper's whole way in minutes, systems of a
 paper: $(VENV)/.dev            ## the paper whole at cpu scale: hours; SCALE=paper for its sizes, on a GPU
 	runs/paper.sh
 
-traits: $(VENV)/.dev           ## what each trait of the signer is worth on frames FRAMES=0:315 of a capture, CLIP=FILE: under an hour
+traits: $(VENV)/.dev           ## what each trait of the signer is worth on frames FRAMES=0:315 of a capture, CLIP=FILE: about an hour
 	OMP_NUM_THREADS=1 $(BIN)/signsplice train traits $(CLIP) --frames $(FRAMES) -o docs/measured/signer-ablation.json
 
 weights: $(VENV)/.dev          ## train networks of the shipped sizes into out/weights, not the shipped bytes: three hours

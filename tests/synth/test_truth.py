@@ -85,35 +85,35 @@ def strong_path(one: IsolatedWord, first: int, last: int) -> float:
 
 @pytest.mark.parametrize("seed", [None, 3])
 def test_no_target_posture_is_cut_into_beyond_the_undershoot(seed: int | None) -> None:
-    """Where partners ask for most, a first or last movement keeps all but about 1 cm, and 7 %, of its path."""
+    """Where partners ask for most, a first or last movement loses a frame at most, and so about 0.5 cm of its path."""
     most = replace(FAR, leaving=1.0, entering=1.0, going_down=-1.0, coming_up=-1.0)
     n_cut = 0
     for gloss in ("FRIEND", "TOMORROW", "RAIN", "BIG", "GRANDMOTHER", "FOR", "IDEA", "HOME", "LEARN", "SIGN", "MY"):
         one = word(gloss, seed)
         pre, post = truth.leave(one, most), truth.enter(one, most)
         if one.events.passes:
-            begin, stop = truth.kept_pass(one)
+            _, stop = truth.kept_pass(one)
             left = strong_path(one, min(pre, stop), stop)
-            assert left <= 1.1, gloss
-            assert left <= 0.07 * strong_path(one, begin, stop) + 0.05, gloss
+            assert stop - pre <= 1, gloss
+            assert left <= 0.7, gloss
             n_cut += pre < stop
         if one.events.first is not None:
-            begin, stop = one.events.first
+            begin, _ = one.events.first
             gone = strong_path(one, begin, max(post, begin))
-            assert gone <= 1.1, gloss
-            assert gone <= 0.07 * strong_path(one, begin, stop) + 0.05, gloss
-    assert n_cut >= 2, "some are undershot"
+            assert post - begin <= 1, gloss
+            assert gone <= 0.7, gloss
+    assert n_cut >= 1, "some are undershot"
 
 
-def test_undershoot_leaves_out_a_twentieth_of_the_path_and_one_centimetre() -> None:
+def test_undershoot_leaves_out_three_percent_of_the_path_and_half_a_centimetre() -> None:
     def left(share: float) -> float:
         return share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
 
     for path in (2.0, 8.0, 15.0, 30.0, 80.0):
-        assert left(truth.undershoot(path, path)) * path <= min(1.0, 0.058 * path) + 1e-3
-        assert truth.undershoot(path, 0.0) * path <= min(1.0, 0.058 * path) + 1e-3, "a circle keeps its speed"
+        assert left(truth.undershoot(path, path)) * path <= min(0.5, 0.03 * path) + 1e-3
+        assert truth.undershoot(path, 0.0) * path <= min(0.5, 0.03 * path) + 1e-3, "a circle keeps its speed"
         assert truth.undershoot(path, 0.0) < truth.undershoot(path, path)
-    assert truth.undershoot(15.0, 15.0) > 0.18
+    assert truth.undershoot(15.0, 15.0) > 0.14
 
 
 def test_both_cut_frames_depend_on_both_words() -> None:
@@ -141,34 +141,35 @@ def test_kinds_of_truth_are_checked() -> None:
         truth.by_partner("both")
 
 
-MOVED = Events(5, 20, 40, 60, (20, 30), ((20, 30),), False, False, gap_first_cm=20.0, gap_last_cm=20.0)
-"""X M H: rest to 5, up to 20, moves to 30, held to 40, down to 60."""
+MOVED = Events(5, 20, 42, 62, (20, 30), ((20, 30),), False, False, gap_first_cm=20.0, gap_last_cm=20.0)
+"""X M H: rest to 5, up to 20, moves to 30, held to 42, down to 62."""
 LONGER = {"passes": ((20, 35),), "end": 50}
 TURNED = {"passes": ((20, 30), (36, 46)), "end": 52}
 BEFORE = [
-    # a letter: 0.6 of its hold of 20 frames, 0.17 more before another shape
-    ("a hold alone", {"passes": (), "first": None}, {"shape_change": 0.0}, 32),
-    ("a hold alone, another shape", {"passes": (), "first": None}, {"shape_change": 0.9}, 35),
+    # a letter: 0.6 of its hold of 22 frames, 0.17 more before another shape
+    ("a hold alone", {"passes": (), "first": None}, {"shape_change": 0.0}, 33),
+    ("a hold alone, another shape", {"passes": (), "first": None}, {"shape_change": 0.9}, 37),
     ("a short hold alone keeps a frame", {"passes": (), "first": None, "end": 21}, {}, 21),
-    # a long hold is deleted: nearly 0.2 of the movement's frames, less across and opposed, none near the skin
+    # a long hold is deleted: 0.15 of the movement's frames, less across and opposed, none near the skin
     ("held, along", {}, {"leaving": 1.0}, 29),
     ("held, a longer movement, along", LONGER, {"leaving": 1.0}, 33),
-    ("held, a longer movement", LONGER, {}, 33),
+    ("held, a longer movement", LONGER, {}, 34),
     ("held, a longer movement, opposed", LONGER, {"leaving": -1.0}, 34),
     ("held at the skin, along", {"gap_last_cm": 0.4}, {"leaving": 1.0}, 30),
     ("held near the skin, along", {"gap_last_cm": 2.5}, {"leaving": 1.0}, 30),
     ("held at 3 cm, along", {"gap_last_cm": 3.0}, {"leaving": 1.0}, 29),
-    # a short hold or none: 0.22 of the retraction's twenty frames, 0.12 more along and less opposed
-    ("a short hold", {"end": 36, "down": 56}, {}, 40),
+    # a hold of 0.2 s stays to three fifths
+    # without a hold 0.22 of the retraction's twenty frames, 0.12 more along and less opposed
+    ("a short hold", {"end": 36, "down": 56}, {}, 36),
     ("free", {"end": 30, "down": 50}, {}, 34),
     ("free, towards the next", {"end": 30, "down": 50}, {"going_down": 1.0}, 37),
     ("free, away from the next", {"end": 30, "down": 50}, {"going_down": -1.0}, 32),
     ("free, the next near", {"end": 30, "down": 50}, {"travel_cm": 3.0}, 32),
     # a repeated movement loses a pass; it turns there
-    ("twice", TURNED, {}, 29),
+    ("twice", TURNED, {}, 30),
     ("twice, at the skin", TURNED | {"gap_last_cm": 0.0}, {}, 30),
     ("thrice", {"passes": ((20, 24), (26, 30), (32, 36))}, {}, 30),
-    ("circles all stay", {"passes": ((20, 30), (30, 40))}, {"leaving": 1.0}, 44),
+    ("circles all stay", {"passes": ((20, 30), (30, 40))}, {"leaving": 1.0}, 46),
 ]
 
 

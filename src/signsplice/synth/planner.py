@@ -1,8 +1,9 @@
 """Turns signs in notation into motion: knots from postures and paths, trajectories through them, small motions,
 collision avoidance.
 
-An isolated word consists of rest, preparation, the sign's segments, retraction and rest. Every hold, and the start and
-end of a sign's movements, falls on a frame where the hands stop, so that a hold can be distinguished from a movement.
+An isolated word consists of rest, preparation, the sign's segments, retraction and rest. Holds, and starts and ends of
+movements, are stops; with the trait ``off_frame`` they lie up to 0.45 frames from the nearest frame, the
+event's.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ transition that the signer makes between them.
 The rules are those of running signing: a movement is inserted between two signs and holds are deleted (Liddell and
 Johnson 1989), repetitions get fewer (their "single sequence", 1986), and the hands do not stop at the seam. A target
 posture may be undershot (Mauk 2003; Tyrone and Mauk 2010), by a small part of the movement that leads to it, and less
-the nearer it is to the skin; no rule cuts deeper. Every rule reads what the two clips show, and what it reads changes
+the nearer it is to the skin. Which rule applies hangs on event frames; within a rule, what the two clips show changes
 the cut continuously, so that a small error of reading rarely changes a frame. docs/corpus.md describes the rules.
 
 In the code ``p`` is the word before and ``q`` the word after.
