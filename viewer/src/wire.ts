@@ -18,7 +18,7 @@ export interface SentenceToken {
   suggestions: string[];
 }
 
-/** Joints of a sign's span that do not show its clip: an idle arm that was given more time. */
+/** Joints of a sign's span that do not show its clip: an idle arm that was given more time, the fingers of a spelled letter that are on their way, the arm of one that slides. */
 export interface Remade {
   joints: string[];
   frames: [number, number];

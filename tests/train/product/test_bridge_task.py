@@ -109,12 +109,12 @@ def test_the_bridge_can_learn_one_batch_by_heart(gaps: GapDataset) -> None:
     batch = gaps.batch([5, 6])
     optimiser = torch.optim.AdamW(task.parameters(), 3e-3)
     first = task(batch).item()
-    for _ in range(80):
+    for _ in range(200):
         loss = task(batch)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
-    # Over four seeds at most 0.10 of the first loss; a network that does not see its tokens stays above 0.5.
+    # Over four seeds at most 0.23 of the first loss; a network that does not see its tokens stays above 0.5.
     assert loss.item() < 0.3 * first
 
 
