@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from signing import mirror, word
 from signsplice.evaluation.hand_likeness import hand_likeness
-from signsplice.evaluation.signer_motion import half_way, reaches, signer_motion
+from signsplice.evaluation.signer_motion import half_changed_at, reaches, signer_motion
 from signsplice.evaluation.wrists import busier_side
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip
@@ -104,10 +104,10 @@ def test_a_reach_lies_between_two_minima_and_is_fast() -> None:
 
 def test_a_finger_is_half_formed_where_half_of_its_way_is_done() -> None:
     linear = np.outer(np.arange(11.0), [4.0, 0.0, 3.0])
-    assert half_way(linear) == pytest.approx(0.5)
+    assert half_changed_at(linear) == pytest.approx(0.5)
     early = np.array([[0.0], [10.0], [30.0], [40.0], [40.0]])
-    assert half_way(early) == pytest.approx(1.5 / 4.0)
-    assert half_way(0.3 * linear) is None, "15 degrees are no change of handshape"
+    assert half_changed_at(early) == pytest.approx(1.5 / 4.0)
+    assert half_changed_at(0.3 * linear) is None, "15 degrees are no change of handshape"
 
 
 def test_a_clip_without_motion_has_no_figures() -> None:

@@ -244,7 +244,7 @@ def signing_motion(pairs: Pairs) -> MeasuredMotion:
     return signer_motion(clips, strong_side(pairs))
 
 
-def beside_captures(pairs: Pairs, captured: Mapping[str, Clip]) -> list[Quantity]:
+def compared_with_captures(pairs: Pairs, captured: Mapping[str, Clip]) -> list[Quantity]:
     """How the first signer moves beside captured clips by name, one line for each measure and clip."""
     ours = signing_motion(pairs)
     lines = []
@@ -255,7 +255,7 @@ def beside_captures(pairs: Pairs, captured: Mapping[str, Clip]) -> list[Quantity
                 us, them = (float(np.sqrt(np.mean(one.angular_deg[role] ** 2))) for one in (ours, real))
                 lines.append(Quantity(f"{text}, rms", "degrees/s", (us,), (them,), f"{name}; n = {len(real.speed)}"))
         for field, (text, unit) in _MEASURES.items():
-            lines += _beside(text, unit, getattr(ours, field), getattr(real, field), name)
+            lines += _compared(text, unit, getattr(ours, field), getattr(real, field), name)
     return lines
 
 
@@ -270,13 +270,13 @@ def likeness_of_hands(pairs: Pairs, signs: Mapping[str, Sign], captured: Mapping
     for field, (text, unit, aim) in _LIKENESS.items():
         values = getattr(ours, field)
         for name, clip in captured.items():
-            lines += _beside(text, unit, values, getattr(hand_likeness([clip]), field), name)
+            lines += _compared(text, unit, values, getattr(hand_likeness([clip]), field), name)
         if len(values):
             lines.append(Quantity(text, unit, percentiles(values), aim, AIMED))
     return lines
 
 
-def _beside(text: str, unit: str, ours: Float, real: Float, name: str) -> list[Quantity]:
+def _compared(text: str, unit: str, ours: Float, real: Float, name: str) -> list[Quantity]:
     """Values of the corpus beside those of a captured clip, of which few give a median alone; none without values."""
     if not (len(ours) and len(real)):
         return []

@@ -50,7 +50,7 @@ def tables(pairs: Pairs, signs: Mapping[str, Sign], real: Mapping[str, Clip], pl
     quantities = [
         *durations,
         *corpus_realism.motion_quantities(pairs, motion),
-        *corpus_realism.beside_captures(pairs, captured),
+        *corpus_realism.compared_with_captures(pairs, captured),
         *corpus_realism.likeness_of_hands(pairs, signs, captured),
         *sign_kinds.second_passes(pairs),
         *sign_kinds.known_kinds(),

@@ -111,7 +111,7 @@ def reaches(speed: Float) -> list[tuple[int, int]]:
 
 def half_formed(clip: Clip, strong: str, spans: Sequence[tuple[int, int]]) -> Iterator[float]:
     """When the fingers of the strong hand have made half of their change of bend, as fractions of the time of spans
-    [begin, end] of frames (``half_way``).
+    [begin, end] of frames (``half_changed_at``).
     """
     bends = flexions(clip)
     n = len(clip)
@@ -123,12 +123,12 @@ def half_formed(clip: Clip, strong: str, spans: Sequence[tuple[int, int]]) -> It
     ]  # (T, 3) each
     for first, last in spans:
         for bend in fingers:
-            fraction = half_way(bend[first : last + 1])
+            fraction = half_changed_at(bend[first : last + 1])
             if fraction is not None:
                 yield fraction
 
 
-def half_way(values: Float) -> float | None:
+def half_changed_at(values: Float) -> float | None:
     """When values (T, K), degrees, have first made half of their way from first to last, as a fraction of the time;
     None where they change by less than 20.
     """

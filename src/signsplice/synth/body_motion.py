@@ -58,7 +58,7 @@ def add_body_motion(states: Float, events: Events, signer: Signer, fps: float, n
         pose.smooth_step((3.0 * signer.scale - near.head.min(axis=1)) / (3.0 * signer.scale)), fps, 0.10
     )
     if manner.body_motion:
-        trunk, head = _turns(states, events, signer, fps, names)
+        trunk, head = _trunk_and_head(states, events, signer, fps, names)
         calm = 1.0 - (1.0 - _TOUCHED) * touched[:, None]
         states[:, pose.TRUNK] += manner.body_motion * level * trunk
         states[:, pose.HEAD] += manner.body_motion * level * calm * (head - _GAZE * trunk)
@@ -76,7 +76,7 @@ def _level(n_frames: int, events: Events, fps: float) -> Float:
     return pose.smooth_step((t - events.up) / ramp) * pose.smooth_step((events.down - t) / ramp)
 
 
-def _turns(
+def _trunk_and_head(
     states: Float, events: Events, signer: Signer, fps: float, names: tuple[str | int, ...]
 ) -> tuple[Float, Float]:
     """Rotation vectors (T, 3) of trunk and head: from one turn to the next, with the reach of the hands, and a nod at
