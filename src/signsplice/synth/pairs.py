@@ -197,13 +197,13 @@ class StoredRow(NamedTuple):
     after: tuple[int, ...]
 
 
-def save_row(path: Path, index: Sequence[tuple[int, int, int]], arrays: Mapping[str, Array]) -> None:
+def save_row(path: Path, index: Sequence[tuple[int, int, int]], arrays: Mapping[str, Array], **besides: Array) -> None:
     """Store the pairs of a row: ``index`` is pre, post and the number of transition frames of each; ``arrays`` (by
-    ``KINDS``) are those frames, pair after pair.
+    ``KINDS``) are those frames, pair after pair. ``besides``: what else the maker of the row wants to find again.
     """
     temporary = path.with_name(f"_{path.name}")
     singles = {kind: arrays[kind].astype(np.float32) for kind in KINDS}
-    np.savez(temporary, index=np.array(index, np.int32).reshape(-1, 3), **singles)  # type: ignore[arg-type]
+    np.savez(temporary, index=np.array(index, np.int32).reshape(-1, 3), **singles, **besides)  # type: ignore[arg-type]
     put_file(temporary, path)
 
 
