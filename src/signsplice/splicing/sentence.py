@@ -281,7 +281,15 @@ class SentenceBuilder:
         with self.timed("join"):
             before, after, cut = planned.before, planned.after, planned.cut
             own = Cut(cut.pre + before.n_left_out, cut.post + after.n_left_out)
-            return score(planned.gap, filled, before.clip.name, after.clip.name, own, planned.warnings)
+            return score(
+                planned.gap,
+                filled,
+                before.clip.name,
+                after.clip.name,
+                own,
+                planned.warnings,
+                by_system=planned.made is not None,
+            )
 
     def _n_frames(self, before: Clip, after: Clip, cut: Cut, letters: LetterSeam | None) -> tuple[int, tuple[str, ...]]:
         """Number of transition frames: by the user's time, by the way between letters, or by the duration; the human

@@ -39,11 +39,13 @@ class SystemSplice:
 
     pre, post: last frame kept of the one, first frame kept of the other; None where the system found none.
     frames: the frames between, on the words' skeleton; None where there are none.
+    warnings: what a user should know, one line each.
     """
 
     pre: int | None
     post: int | None
     frames: Clip | None = None
+    warnings: tuple[str, ...] = ()
 
 
 class WholeSystem(Method, ABC):
@@ -139,7 +141,7 @@ def miss(system: WholeSystem, found: SystemSplice, before: SentenceWord, after: 
 def missing(misses: Sequence[str], n_seams: int) -> str:
     """The message about seams for which a system has no splice."""
     of = f"{len(misses)} of {n_seams} seams: " if n_seams > 1 else ""
-    return f"{of}{'; '.join(misses)}; the option to fill misses joins such words by the default methods, with a warning"
+    return f"{of}{'; '.join(misses)}; --fill-misses joins such words by the default methods, with a warning"
 
 
 def found_seam(found: SystemSplice, before: SentenceWord, after: SentenceWord) -> PlannedSeam:
@@ -150,4 +152,4 @@ def found_seam(found: SystemSplice, before: SentenceWord, after: SentenceWord) -
     after.entry = cut.post
     n_frames = 0 if found.frames is None else len(found.frames)
     gap = gap_at(before.clip, after.clip, cut, n_frames, before.entry)
-    return PlannedSeam(before, after, cut, gap, (), made=found.frames)
+    return PlannedSeam(before, after, cut, gap, found.warnings, made=found.frames)
