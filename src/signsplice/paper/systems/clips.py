@@ -101,8 +101,10 @@ class ClipSplicer(PairCutter, GapTransition, WholeSystem):
             unit_cm = 100.0 * rig_info(clip.skeleton).sizes.unit.metres
             x, y, z = (value / unit_cm for value in stored.middle)
             return replace(stored, middle=(x, y, z), side=stored.side / unit_cm)
+        unscaled = space_of(skeleton(), (0.0, 0.0, 0.0), 1.0)
+        unscaled.indices(clip.skeleton, clip.name)
         height = stature(clip.skeleton)
-        return space_of(skeleton(), (0.0, 0.5 * height, 0.0), EXTENT * height)
+        return replace(unscaled, middle=(0.0, 0.5 * height, 0.0), side=EXTENT * height)
 
     def _numbers(self, clip: Clip) -> Float:
         """Positions (T, 3 J) of a clip. Raises ``InputError`` where it lacks a joint, or runs at another rate."""
