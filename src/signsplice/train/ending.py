@@ -37,9 +37,28 @@ def losses(folder: Path, step: int) -> list[float]:
     return [line[LOSS] for line in logs.lines(folder / logs.NAME) if LOSS in line and line["step"] <= step]
 
 
-def reason(step: int, steps: int, plateau: bool) -> str:
-    """Why a finished training ended after ``step`` of at most ``steps`` steps."""
-    return STEPS if step >= steps else PLATEAU if plateau else TIME
+def cpu_seconds(folder: Path, step: int) -> float:
+    """Processor seconds in a training's log up to a step, of the first process; 0 without a log."""
+    lines = logs.lines(folder / logs.NAME)
+    return max((line.get("cpu_s", 0.0) for line in lines if line["step"] <= step), default=0.0)
+
+
+def has_ended(folder: Path, step: int, patience: int | None, most_cpu_s: float | None) -> bool:
+    """Whether a training that was called again has ended, at ``step``, before its last step."""
+    if most_cpu_s is not None:
+        trained = [line for line in logs.lines(folder / logs.NAME) if line["step"] == step and "loss" in line]
+        if any(line.get("cpu_s", 0.0) >= most_cpu_s for line in trained):
+            return True
+    return patience is not None and on_plateau(losses(folder, step), patience)
+
+
+def reason(folder: Path, steps: int, patience: int | None) -> tuple[int, str]:
+    """How many steps a finished training of at most ``steps`` took, and why it ended."""
+    step = max((line["step"] for line in logs.lines(folder / logs.NAME)), default=0)
+    if step >= steps:
+        return step, STEPS
+    plateau = patience is not None and on_plateau(losses(folder, step), patience)
+    return step, PLATEAU if plateau else TIME
 
 
 def of_parts(reasons: Sequence[str]) -> str:
