@@ -13,6 +13,7 @@ from signsplice.paper import bundles, clip_methods, kept_frames, protocol, publi
 from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice.paper.environment import environment
 from signsplice.paper.kept_frames import KeptFrames
+from signsplice.paper.plan import Choice, Run
 from signsplice.paper.protocol import Answer, Protocol
 from signsplice.paper.results import CLASSICAL, CORPUS_TRAINED, SHIPPED, Curve, ResultRow, Results
 from signsplice.paper.systems import open_bundle
@@ -50,6 +51,7 @@ class Judge:
     - progress: makes a progress bar
     - opener: opens a bundle
     - limit: largest number of pairs of a split, None for all
+    - splits: those that are judged, all if none is named
     - again: whether to judge known rows again
     """
 
@@ -59,6 +61,7 @@ class Judge:
     opener: Opener = open_bundle
     limit: int | None = None
     again: bool = False
+    splits: tuple[str, ...] = ()
 
     def protocols(self) -> list[Protocol]:
         """The test part of every split that has pairs in it. Raises ``InputError`` if none has."""
@@ -73,6 +76,7 @@ class Judge:
         """Judge methods on clips, then bundles; one judgement each. ``kept``: frames of earlier calls."""
         protocols = self.protocols()
         frames = kept_frames.merge(kept, kept_frames.choose(self.pairs, protocols[0]))
+        protocols = [p for p in protocols if not self.splits or p.split in self.splits]
         for method in methods:
             judgement = self.judge_method(method, protocols, frames)
             frames = list(judgement.kept)
@@ -183,19 +187,26 @@ def corpus_trained_methods(configs: Iterable[BundleConfig], warn: Warn) -> list[
     return [method for methods in by_source.values() for method in methods]
 
 
-def evaluate(
-    judge: Judge, out: Path, folder: Path, scale: str, systems: Sequence[str], warn: Warn
-) -> tuple[int, Results]:
+def _run(config: BundleConfig) -> Run:
+    """The training that made a bundle."""
+    return Run(
+        config.system or "", config.scale or "", config.optimiser or "", config.split or "", config.fr, config.seed or 0
+    )
+
+
+def evaluate(judge: Judge, out: Path, folder: Path, scale: str, choice: Choice, warn: Warn) -> tuple[int, Results]:
     """Judge the methods on clips and the bundles in ``folder``: the number of new rows, and all results.
 
     results.json and frames.npz in ``out`` are written after every method and bundle, so that an interrupted call loses
-    at most one. ``judge.known`` are the results before. ``systems``: judge only their bundles, if any are named.
+    at most one. ``judge.known`` are the results before. ``choice``: which bundles; methods on
+    clips are judged only if it names none.
     """
     configs = bundles.read_all(folder)
-    chosen = [config for config in configs if config.scale == scale and (not systems or config.system in systems)]
+    chosen = [config for config in configs if config.scale == scale and choice.allows(_run(config))]
+    named = bool(choice.systems or choice.optimisers or choice.seeds)
     if not chosen:
-        warn(f"{folder}: no bundle of scale {scale} there; only methods on clips are judged")
-    methods = [*clip_methods.all_clip_methods(), *corpus_trained_methods(configs, warn)]
+        warn(f"{folder}: no bundle of scale {scale} there" + ("" if named else "; only methods on clips are judged"))
+    methods = [] if named else [*clip_methods.all_clip_methods(), *corpus_trained_methods(configs, warn)]
     known, n_rows = judge.known, 0
     for judgement in judge.judgements(methods, chosen, kept_frames.load(out / kept_frames.FILE)):
         n_rows += len(judgement.rows)

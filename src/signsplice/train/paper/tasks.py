@@ -55,15 +55,16 @@ def token_bias(task: Task, valid: PairsData) -> float:
         return 0.0
     task.eval()
     network: Any = task.network
+    device = next(network.parameters()).device
     missing = []
     for first in range(0, len(valid), 64):
-        batch = valid.batch(range(first, min(first + 64, len(valid))))
+        batch = valid.batch(range(first, min(first + 64, len(valid)))).to(device)
         if isinstance(network, Spsn):
             logits = network(batch.x, batch.n_before, batch.mask)
         else:
             logits = network.encode(batch.x, batch.mask, batch.n_before).tokens
         margins = (logits[..., [NONE]] - logits[..., [PRE, POST]]).masked_fill(~batch.mask[..., None], torch.inf)
-        missing.append(margins.amin(1).amax(1))  # (B,)
+        missing.append(margins.amin(1).amax(1).cpu())  # (B,)
     return max(0.0, float(np.quantile(torch.cat(missing).double().numpy(), EMITTED, method="higher")) + 1e-3)
 
 
