@@ -7,6 +7,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -35,11 +36,12 @@ _T = TransformerConfig(32, 2, 1, 1, 48, 0.0)
 
 CONFIGS: dict[str, tuple[Config, int | None]] = {
     "spsn": (SpsnConfig(32, dropout=0.0), None),
-    "spsn-printed": (SpsnConfig(32, "printed", 0.0, steps=False), None),
+    "spsn-printed": (SpsnConfig(32, "printed", 0.0, steps=False, summary=False), None),
+    "spsn-no-summary": (SpsnConfig(32, dropout=0.0, summary=False), None),
     "spsn-wa": (SpsnConfig(32, "none", 0.0), None),
     "tfgn": (_T, FR),
-    "tfgn-wc": (_T, None),
-    "transformer": (TransformerConfig(32, 2, 1, 1, 48, 0.0, tokens=True), None),
+    "tfgn-wc": (replace(_T, marks=True), None),
+    "transformer": (replace(_T, tokens=True, steps=True), None),
     "progressive": (TransformerConfig(32, 2, 1, 1, 48, 0.0, counter=True), FR),
     "conv-s2s": (ConvS2SConfig(16, 3, 2, 0.0), None),
     "lstm": (LstmConfig(32), None),

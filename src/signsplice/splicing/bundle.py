@@ -51,6 +51,7 @@ class RunConfig:
     n_fed: numbers of a frame that the decoder is fed.
     most_frames: most frames that it makes.
     token_bias: added to the logits of both tokens.
+    marked: whether the encoder is given the splice positions as marks on the whole X.
     """
 
     positions: str
@@ -59,6 +60,7 @@ class RunConfig:
     n_fed: int
     most_frames: int
     token_bias: float = 0.0
+    marked: bool = False
 
 
 @dataclass(frozen=True)

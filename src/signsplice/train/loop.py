@@ -19,7 +19,7 @@ from torch.nn.parallel import DistributedDataParallel
 from signsplice.errors import InputError, SignspliceError
 from signsplice.synth.rng import stream
 from signsplice.train import checkpoint
-from signsplice.train.log import Log
+from signsplice.train.log import NAME, Log, lines
 from signsplice.train.prefetch import Dataset
 from signsplice.train.processes import Processes
 from signsplice.train.task import Task
@@ -48,6 +48,7 @@ class LoopConfig:
     - n_judged: validation examples
     - bf16: whether to compute in bfloat16
     - until: the step to stop at, as an interruption would; None: ``steps``
+    - snapshots: whether to keep the weights of every validation
     """
 
     steps: int
@@ -59,6 +60,7 @@ class LoopConfig:
     n_judged: int = 256
     bf16: bool = False
     until: int | None = None
+    snapshots: bool = False
 
 
 def make_optimiser(network: nn.Module, loop: LoopConfig) -> torch.optim.Optimizer:
@@ -107,6 +109,7 @@ def train(
     end = loop.steps if loop.until is None else min(loop.until, loop.steps)
     report = report_progress or (lambda *_: None)
     started, first = time.perf_counter(), step
+    cpu_before = _cpu_seconds(folder, step) - time.process_time()
     with Log(folder, step, processes.first) as log:
         while step < end:
             loss = _step(wrapped, optimiser, loop, data, step, processes)
@@ -116,6 +119,7 @@ def train(
                     "loss": _finite(_mean(loss, processes), step),
                     "rate": rate(loop, step - 1),
                     "seconds_a_step": (time.perf_counter() - started) / (step - first),
+                    "cpu_s": cpu_before + time.process_time(),
                 }
                 log.write(step, **numbers)
                 report(step, loop.steps, numbers)
@@ -123,9 +127,11 @@ def train(
                 _check_weights(task, step)
             if (step % loop.every == 0 or step == end) and processes.first:
                 scores = judge(task, valid, loop, processes)
-                log.write(step, **scores)
+                log.write(step, **scores, cpu_s=cpu_before + time.process_time())
                 report(step, loop.steps, scores)
                 checkpoint.save(folder, step, task, optimiser, recipe)
+                if loop.snapshots:
+                    checkpoint.save_snapshot(folder, step, task)
         if end == 0 and processes.first:
             checkpoint.save(folder, step, task, optimiser, recipe)
     return step
@@ -156,6 +162,11 @@ def _mean(loss: torch.Tensor, processes: Processes) -> float:
         torch.distributed.all_reduce(loss)
         loss = loss / processes.count
     return loss.item()
+
+
+def _cpu_seconds(folder: Path, step: int) -> float:
+    """Processor seconds that this process's part of the training took up to ``step``, from its log; 0 without one."""
+    return max((line.get("cpu_s", 0.0) for line in lines(folder / NAME) if line["step"] <= step), default=0.0)
 
 
 def _finite(loss: float, step: int) -> float:

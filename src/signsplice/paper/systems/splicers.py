@@ -34,7 +34,7 @@ class PaperSystem(ABC):
 
     def __init__(self, config: BundleConfig, runs: RunConfig, graphs: Sessions, decoding: str) -> None:
         self.name, self.config, self.graphs, self.decoding = config.system or "", config, graphs, decoding
-        self.frames_by, self.fr, self.n_fed = runs.frames, config.fr, runs.n_fed
+        self.frames_by, self.fr, self.n_fed, self.marked = runs.frames, config.fr, runs.n_fed, runs.marked
         self.most_frames, self.token_bias = runs.most_frames, runs.token_bias
 
     @property
@@ -120,6 +120,13 @@ class TwoNetworkSystem(PaperSystem):
             x, mask = cull(before, after, pre, post, self.fr)
         n_before = len(before) if self.fr is None else self.fr
         inputs: dict[str, Array] = {"x": single(x), "mask": mask[None], "n_before": np.array([n_before])}
+        if self.marked:
+            marks = np.zeros((1, len(x), 2), np.float32)  # no mark for a position that SPSN did not find
+            if pre is not None:
+                marks[0, pre, 0] = 1.0
+            if post is not None:
+                marks[0, n_before + post, 1] = 1.0
+            inputs["marks"] = marks
         if self.frames_by == "generator":
             return self._decode(self.graphs.run("encoder", inputs), n_frames)
         count = int(self.graphs.run("length", inputs)["numbers"][0].argmax()) + 1

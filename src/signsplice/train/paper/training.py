@@ -27,7 +27,7 @@ from signsplice.train.loop import SGD_RATE, LoopConfig, ProgressCallback, train
 from signsplice.train.paper.graphs import paper_graphs
 from signsplice.train.paper.networks.generator import Generator
 from signsplice.train.paper.pairs_data import PairsData
-from signsplice.train.paper.scales import SystemPart, parts, task
+from signsplice.train.paper.scales import UNBIASED, SystemPart, parts, task
 from signsplice.train.paper.tasks import MOST_FRAMES, token_bias
 from signsplice.train.processes import Processes, only_one
 from signsplice.train.task import Task
@@ -143,6 +143,7 @@ def trained(
         n_judged=training.n_judged,
         bf16=processes.device.type == "cuda" if training.bf16 is None else training.bf16,
         until=until,
+        snapshots=True,
     )
     train(made, loop, data, valid, folder, recipe(part, training, pairs), processes, progress)
     return made
@@ -155,7 +156,7 @@ def _write(
     for part, made, folder in zip(chosen, tasks, folders, strict=True):
         files |= _exported(part, made, folder)
     contents = facts(training, pairs, chosen, tasks, folders) | _provenance(training, pairs, folders)
-    if training.steps != 0:
+    if training.steps != 0 and training.system not in UNBIASED:
         contents["runs"]["token_bias"] = token_bias(tasks[0], PairsData(pairs, training.split, "valid"))
     logged = {
         f"{part.name}.jsonl": read_bytes(folder / logs.NAME) for part, folder in zip(chosen, folders, strict=True)
@@ -223,7 +224,8 @@ def facts(
             "positions": "encoder" if len(chosen) == 1 else "spsn",
             "frames": "filler" if generator is None else "generator",
             "concurrent": generator is not None and generator.concurrent,
-            "n_fed": 159 if generator is None else generator.n_fed,
+            "n_fed": normaliser.n_numbers if generator is None else generator.n_fed,
+            "marked": generator is not None and generator.marked,
             "most_frames": MOST_FRAMES,
         },
     }
