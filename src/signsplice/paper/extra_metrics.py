@@ -26,9 +26,15 @@ CONTEXT = 8
 
 REQUIRED = ("hips", "leftHand", "rightHand")
 """Roles of the joints without which nothing is measured."""
+FRAMES = 8
+"""Frames of a transition, from its first on, that have an error of their own."""
+FIRST = 2
+"""Frames that the paper calls the first ones (its figure 6)."""
 
 SIGNATURES = {
     "position_error": "position-error|joints:arms+fingers|frame:hips-place|unit:arm/1000|other-lengths:stretched|mean",
+    "frame_error": f"frame-error|joints:arms+fingers|frame:hips-place|unit:cm|by:index,1..{FRAMES}|mean:frames",
+    "first_frames_error": f"first-frames-error|joints:arms+fingers|frame:hips-place|unit:cm|frames:1..{FIRST}|mean:frames",
     "motion_ratio": "motion-ratio|joints:fingertips|frame:hips-place|path:P_pre,O,Q_post|sum/sum|of:predicted",
     "velocity_jump": f"{metrics.VELOCITY_JUMP}|over:Y|median:pairs|of:predicted",
     "jerk_ratio": f"{metrics.JERK_RATIO}|over:Y|context:{CONTEXT}|median:pairs|of:predicted",
@@ -62,6 +68,7 @@ class PairMotion:
     """The extra metrics of one pair; NaN where positions or frames are missing.
 
     - position_error: mean joint distance, thousandths of the arm's length
+    - frame_errors: mean joint distance of the first, second, ... frame, cm, while both transitions last
     - path: path length of the predicted fingertips, in the numbers' unit
     - true_path: path length of the true fingertips, in the numbers' unit
     - velocity_jump: largest jump of wrist velocity at the seams, m/s
@@ -69,6 +76,7 @@ class PairMotion:
     """
 
     position_error: float
+    frame_errors: tuple[float, ...]
     path: float
     true_path: float
     velocity_jump: float
@@ -118,9 +126,10 @@ def pair_motion(
     pre, post, frames = true
     nan = float("nan")
     error = position_error(prediction.frames, frames, layout) if len(prediction.frames) and len(frames) else nan
+    by_frame = frame_errors(prediction.frames, frames, layout)
     whole = utterance(*words, prediction)
     if whole is None or prediction.pre is None:
-        return PairMotion(error, nan, nan, nan, nan)
+        return PairMotion(error, by_frame, nan, nan, nan, nan)
     n = len(prediction.frames)
     true_whole = np.concatenate([words[0][pre : pre + 1], frames, words[1][post : post + 1]])
     first = min(prediction.pre + 1, CONTEXT)
@@ -128,6 +137,7 @@ def pair_motion(
     wrists = _positions(window)[:, list(layout.wrists)] * layout.metres  # (T, 2, 3)
     return PairMotion(
         position_error=error,
+        frame_errors=by_frame,
         path=_path(whole[prediction.pre : prediction.pre + n + 2], layout),
         true_path=_path(true_whole, layout),
         velocity_jump=metrics.velocity_jump(wrists, first, first + n, layout.fps),
@@ -140,10 +150,22 @@ def position_error(predicted: Float, true: Float, layout: NumberLayout) -> float
 
     A prediction of another length is stretched evenly onto the true one, first frame on first, last on last.
     """
+    return float(1000.0 * _arm_distances(stretched(predicted, len(true)), true, layout).mean() / layout.arm_length)
+
+
+def frame_errors(predicted: Float, true: Float, layout: NumberLayout) -> tuple[float, ...]:
+    """Mean distance of elbows, wrists and finger joints relative to the hips, cm: of the first predicted frame from the
+    first true one, of the second from the second, and so on for at most ``FRAMES`` frames that both have.
+    """
+    n = min(len(predicted), len(true), FRAMES)
+    return tuple((100.0 * layout.metres * _arm_distances(predicted[:n], true[:n], layout)).tolist())
+
+
+def _arm_distances(predicted: Float, true: Float, layout: NumberLayout) -> Float:
+    """The mean distance (n,) of elbows, wrists and finger joints in each of n frames, in the numbers' unit."""
     arms = list(layout.arms)
-    made = _from_hips(stretched(predicted, len(true)), layout)[:, arms]  # (m, J, 3)
-    errors = np.linalg.norm(made - _from_hips(true, layout)[:, arms], axis=-1)
-    return float(1000.0 * errors.mean() / layout.arm_length)
+    difference = _from_hips(predicted, layout)[:, arms] - _from_hips(true, layout)[:, arms]  # (n, J, 3)
+    return np.asarray(np.linalg.norm(difference, axis=-1).mean(axis=-1))
 
 
 def stretched(frames: Float, count: int) -> Float:
@@ -158,13 +180,16 @@ def stretched(frames: Float, count: int) -> Float:
 
 
 def summary(motions: Sequence[PairMotion]) -> dict[str, float]:
-    """Scores of a test set by name: mean position error, sum of paths over sum of true paths, median velocity jump and
-    median jerk ratio.
+    """Scores of a test set by name: mean position error, mean error of the n-th frame (frame_error-n) and of the first
+    ``FIRST``, sum of paths over sum of true paths, median velocity jump and median jerk ratio.
     """
     known = [m for m in motions if not np.isnan(m.path)]
     true_path = sum(m.true_path for m in known)
+    by_frame = {n: [m.frame_errors[n] for m in motions if n < len(m.frame_errors)] for n in range(FRAMES)}
     return {
         "position_error": _over([m.position_error for m in motions], np.mean),
+        "first_frames_error": _over([error for n in range(FIRST) for error in by_frame[n]], np.mean),
+        **{f"frame_error-{n + 1}": _over(errors, np.mean) for n, errors in by_frame.items()},
         "motion_ratio": sum(m.path for m in known) / true_path if true_path > 0.0 else float("nan"),
         "velocity_jump": _over([m.velocity_jump for m in known], np.median),
         "jerk_ratio": _over([m.jerk_ratio for m in known], np.median),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from signsplice.errors import InputError
-from signsplice.paper import bundles, clip_methods, kept_frames, protocol, published, results
+from signsplice.paper import bundles, clip_methods, curve, kept_frames, protocol, published, results
 from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice.paper.environment import environment
 from signsplice.paper.kept_frames import KeptFrames
@@ -115,8 +115,8 @@ class Judge:
         if best_fr and row.system in published.IN_ONE_PASS:
             one_pass = replace(row, system=published.IN_ONE_PASS[row.system])
             rows += self._rows(one_pass, "", _LazySystem(self, folder, "parallel"), allowed, kept)[0]
-        curve = bundles.training_curve(config, row)
-        return Judgement(tuple(rows), () if curve is None else (curve,), tuple(kept))
+        known = curve.load(folder, row.bundle or "")
+        return Judgement(tuple(rows), () if known is None else (known,), tuple(kept))
 
     def _rows(
         self,

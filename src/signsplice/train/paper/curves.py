@@ -1,0 +1,191 @@
+"""Validation curves of whole systems through their own positions, from the snapshots of their parts' weights.
+
+The parts of a system are trained one after another. A point of the curve takes all of them after the same fraction of
+their training: the positions are those that SPSN finds then, Culling is done there, and frames are made one by one. The
+pairs are those that the training loop validates on. The last point is compared with the exported bundle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from signsplice.errors import InputError
+from signsplice.formats.reading import read_bytes
+from signsplice.paper import bundles, curve
+from signsplice.paper.curve import Curve
+from signsplice.paper.metrics import accuracy, squared_error
+from signsplice.paper.prediction import Prediction
+from signsplice.paper.protocol import answers
+from signsplice.paper.systems import open_bundle
+from signsplice.splicing.bundle import BundleConfig
+from signsplice.synth.corpus import Pairs
+from signsplice.synth.rng import stream
+from signsplice.synth.signer import skeleton
+from signsplice.train import log as logs
+from signsplice.train.paper import scales
+from signsplice.train.paper.batch_prediction import WholeSystem, Words
+from signsplice.train.paper.networks.layers import Normaliser
+from signsplice.train.task import Task
+
+SNAPSHOTS = "snapshots"
+"""Folder of a part's snapshots, next to its checkpoint: STEP.pt with the weights."""
+N_JUDGED = 256
+"""Validation pairs, as many as the training loop judges."""
+
+
+@dataclass(frozen=True)
+class TrainedPart:
+    """A part of a bundle, and the folder of its training.
+
+    - name: name of the part
+    - folder: its checkpoint, log and snapshots
+    - steps: training steps
+    - batch: pairs in a batch
+    - snapshots: step -> file of weights
+    """
+
+    name: str
+    folder: Path
+    steps: int
+    batch: int
+    snapshots: Mapping[int, Path]
+
+    def after(self, fraction: float) -> int:
+        """The step of the snapshot nearest to a fraction of the training."""
+        return min(self.snapshots, key=lambda step: (abs(step - fraction * self.steps), step))
+
+    def core_minutes(self, step: int) -> float | None:
+        """Processor minutes of the first steps, None where they were not logged."""
+        lines = [line for line in logs.lines(self.folder / logs.NAME) if line["step"] <= step and "cpu_s" in line]
+        return lines[-1]["cpu_s"] / 60.0 if lines else None
+
+
+def write(
+    config: BundleConfig,
+    pairs: Pairs,
+    parts: Path,
+    device: torch.device,
+    progress: Callable[[int, int], None] | None = None,
+) -> Path:
+    """Make a bundle's curve and write it as curve.json into the bundle's folder; its path.
+
+    parts: the folder that holds a folder for each part. Raises ``InputError`` where there are no snapshots, and where
+    the last point is not the exported bundle's Accuracy.
+    """
+    made = measure(config, pairs, trained_parts(config, parts), device, progress)
+    exported = judged_bundle(config, pairs)
+    if curve.difference(made, exported) > curve.MOST_DIFFERENCE:
+        raise InputError(
+            f"{config.path.parent}: the last snapshots have an Accuracy of {made.column('accuracy')[-1]:.4f} on "
+            f"{made.n_pairs} validation pairs, the exported bundle {exported:.4f}; no curve is written"
+        )
+    return curve.save(made, config.path.parent)
+
+
+def trained_parts(config: BundleConfig, parts: Path) -> list[TrainedPart]:
+    """The parts of a bundle: the folders whose log is the one that the bundle holds.
+
+    Raises ``InputError`` where a part's training or its snapshots are not there, as in bundles that were made elsewhere.
+    """
+    config.require("config", "parts")
+    found = []
+    for name, facts in config.stored["parts"].items():
+        log = read_bytes(config.path.parent / f"{name}.jsonl")
+        same = [path.parent for path in sorted(parts.glob(f"{name}-*/{logs.NAME}")) if read_bytes(path) == log]
+        snapshots = {int(path.stem): path for folder in same[:1] for path in (folder / SNAPSHOTS).glob("[0-9]*.pt")}
+        if not snapshots:
+            raise InputError(f"{config.path.parent}: {parts} has no snapshots of its part {name}; no curve is made")
+        found.append(TrainedPart(name, same[0], facts["steps"], facts["batch"], dict(sorted(snapshots.items()))))
+    return found
+
+
+def measure(
+    config: BundleConfig,
+    pairs: Pairs,
+    parts: Sequence[TrainedPart],
+    device: torch.device,
+    progress: Callable[[int, int], None] | None = None,
+) -> Curve:
+    """The curve of a bundle, with as many points as its part with the fewest snapshots."""
+    row = bundles.result_row(config)
+    numbers = judged_pairs(pairs, config.split or "")
+    words, truths = _words(pairs, numbers), [_truth(pairs, number) for number in numbers]
+    tasks = [_task(config, part, pairs).to(device).eval() for part in parts]
+    bias = 0.0 if config.runs is None else config.runs.token_bias
+    system = WholeSystem([task.network for task in tasks], config.fr, bias)
+    fewest = min(parts, key=lambda part: len(part.snapshots))
+    points: list[tuple[float | None, ...]] = []
+    for done, step in enumerate(fewest.snapshots, 1):
+        steps = [part.after(step / fewest.steps) for part in parts]
+        for task, part, at in zip(tasks, parts, steps, strict=True):
+            _load(task, part.snapshots[at])
+        minutes = [part.core_minutes(at) for part, at in zip(parts, steps, strict=True)]
+        seen = float(sum(part.batch * at for part, at in zip(parts, steps, strict=True)))
+        spent = None if None in minutes else round(sum(m for m in minutes if m is not None), 3)
+        points.append((seen, spent, *(round(score, 6) for score in _scores(system.predict(words), truths))))
+        if progress is not None:
+            progress(done, len(fewest.snapshots))
+    return Curve(
+        row.system, config.split or "", row.scale, row.optimiser, row.fr, row.seed,
+        points, curve.COLUMNS, row.bundle or "", row.corpus, len(numbers),
+    )  # fmt: skip
+
+
+def judged_pairs(pairs: Pairs, split: str) -> list[int]:
+    """The validation pairs that the training loop judges: the first of a fixed random order."""
+    numbers = pairs.split(split, "valid")
+    if not numbers:
+        raise InputError(f"{pairs.folder}: no pair in {split} valid; no curve is made")
+    return [numbers[k] for k in stream("judged", len(numbers)).permutation(len(numbers))[:N_JUDGED].tolist()]
+
+
+def judged_bundle(config: BundleConfig, pairs: Pairs) -> float:
+    """The Accuracy of the exported bundle on the curve's pairs."""
+    answer = answers(pairs, open_bundle(config.path.parent))
+    numbers = judged_pairs(pairs, config.split or "")
+    return float(np.mean([accuracy(answer(number).frames, _truth(pairs, number)) for number in numbers]))
+
+
+def _scores(predictions: Sequence[Prediction], truths: Sequence[np.ndarray[Any, Any]]) -> tuple[float, float]:
+    """Accuracy (eq. 19) and MSE (eq. 21)."""
+    both = list(zip(predictions, truths, strict=True))
+    return (
+        float(np.mean([accuracy(made.frames, true) for made, true in both])),
+        float(np.mean([squared_error(made.frames, true) for made, true in both])),
+    )
+
+
+def _words(pairs: Pairs, numbers: Sequence[int]) -> list[Words]:
+    words = {word: np.array(pairs.word(word), np.float32) for word in set(pairs.index[list(numbers), :2].ravel().tolist())}
+    return [(words[p], words[q]) for p, q in pairs.index[list(numbers), :2].tolist()]
+
+
+def _truth(pairs: Pairs, number: int) -> np.ndarray[Any, Any]:
+    return np.asarray(pairs.truth(number)[2], np.float64)
+
+
+def _task(config: BundleConfig, part: TrainedPart, pairs: Pairs) -> Task:
+    """A part with the sizes that the bundle states, its weights not yet set."""
+    scale, system = config.scale or "", config.system or ""
+    known = {p.name: p for p in scales.parts(system, scale, config.fr, 0, config.optimiser or "", config.split or "")}
+    like = known[part.name]
+    sizes = type(like.config)(**config.stored["config"][part.name])
+    made = scales.SystemPart(part.name, sizes, like.fr, part.steps, part.batch, like.rate)
+    n_numbers = len(config.stored["normaliser"]["mean"])
+    blank = Normaliser(torch.zeros(n_numbers), torch.ones(n_numbers))
+    return scales.task(made, blank, skeleton(pairs.signers[0]).parents.tolist(), config.seed or 0)
+
+
+def _load(task: Task, path: Path) -> None:
+    """Set a task to a snapshot's weights. Raises ``InputError`` where the file is broken or of another network."""
+    try:
+        task.load_state_dict(torch.load(path, map_location="cpu", weights_only=True))
+    except Exception as error:  # a damaged file may raise anything
+        reason = (str(error) or type(error).__name__).splitlines()[0]
+        raise InputError(f"{path}: cannot be read as weights ({reason}); no curve is made") from error
