@@ -15,7 +15,6 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from signsplice.errors import InputError
-from signsplice.formats.reading import read_bytes
 from signsplice.splicing.bundle import BundleConfig, bundle_sha256, read_config, read_file, write_bundle
 from signsplice.train.export import check_bundle_folder
 
@@ -43,7 +42,7 @@ def halved(content: bytes) -> bytes:
 
 
 def halve_bundle(source: Path, out: Path, facts: Mapping[str, Any]) -> BundleConfig:
-    """Write a bundle whose weights have 16 bits into another folder, with the logs of its training.
+    """Write a bundle whose weights have 16 bits into another folder.
 
     bundle.json has ``precision`` and, in ``halved``, the sha256 of the bundle that it was made from with ``facts``.
     Raises ``InputError`` where the source is no bundle, has other than 32-bit weights, or is the folder to write.
@@ -55,8 +54,7 @@ def halve_bundle(source: Path, out: Path, facts: Mapping[str, Any]) -> BundleCon
         raise InputError(f"{out}: is the bundle itself; name another folder")
     check_bundle_folder(out)
     files = {name: halved(read_file(source, config, name)) for name in config.files}
-    logs = {path.name: read_bytes(path) for path in sorted(source.glob("*.jsonl"))}
     stored = {k: v for k, v in config.stored.items() if k not in ("version", "files")}
     stored |= {"precision": FLOAT16, "halved": {"bundle": bundle_sha256(source), **facts}}
-    write_bundle(out, stored, files, logs)
+    write_bundle(out, stored, files)
     return read_config(out)
