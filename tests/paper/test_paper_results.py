@@ -142,6 +142,9 @@ def test_the_plan_begins_with_the_rows_of_table_1_and_ends_with_sgd() -> None:
 
 def test_only_what_is_wanted_is_planned() -> None:
     assert {r.system for r in plan.runs("smoke", Choice(("lstm",)))} == {"lstm"}
+    asked = plan.runs("cpu", Choice(("lstm", "lpt-printed"), ("sgd",)))
+    assert [(r.system, r.optimiser) for r in asked] == [("lstm", "sgd"), ("lpt-printed", "sgd")]
+    assert any(r.seed for r in plan.runs("cpu", Choice(("lpt", "lstm")))), "no rival is to be found among one"
     wanted = plan.runs("paper", Choice(("lpt", "nat"), ("adamw",), ("unseen-signer",), (0,)))
     assert {(r.system, r.optimiser, r.split, r.seed) for r in wanted} == {
         ("lpt", "adamw", "random", 0),

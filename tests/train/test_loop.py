@@ -118,7 +118,7 @@ def deadline_call(folder: Path, deadline: float) -> dict[str, Tensor]:
 
 def test_checkpoints_are_written_between_rare_validations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     saved: list[int] = []
-    monkeypatch.setattr(loop.checkpoint, "save", lambda folder, step, *_: saved.append(step))
+    monkeypatch.setattr(checkpoint, "save", lambda folder, step, *_: saved.append(step))
     trained("spsn", tmp_path / "a", (None,))
     assert saved == [4, 6]
     saved.clear()

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from signsplice.paper.plan import Choice, Run
     from signsplice.paper.results import Results
 
-WHAT = ("all", "train", "evaluate", "table1", "table3", "figures", "speed", "search", "merge")
+WHAT = ("all", "train", "judge", "evaluate", "table1", "table3", "figures", "speed", "search", "merge")
 N_TIMED = 20
 
 
@@ -37,6 +37,7 @@ N_TIMED = 20
 @click.option("--split", "splits", multiple=True, type=click.Choice(("random", "unseen-words", "unseen-signer")),
               help="Likewise.")  # fmt: skip
 @click.option("--seed", "seeds", multiple=True, type=int, metavar="N", help="Likewise.")
+@click.option("--fr", "frs", multiple=True, type=int, metavar="N", help="Likewise; 8 is that of all tables but one.")
 @click.option("--minutes", type=float, metavar="M", help="Stop training after M minutes; the same call continues.")
 @click.option("--from", "sources", multiple=True, metavar="DIR", help="Folders of results that merge adds to --out.")
 @click.option("--steps", type=int, metavar="N", help="Training steps, in place of the scale's.")
@@ -56,6 +57,7 @@ def paper(
     optimisers: tuple[str, ...],
     splits: tuple[str, ...],
     seeds: tuple[int, ...],
+    frs: tuple[int, ...],
     minutes: float | None,
     sources: tuple[str, ...],
     steps: int | None,
@@ -63,8 +65,8 @@ def paper(
     limit: int | None,
     again: bool,
 ) -> None:
-    """Reproduce the paper. all: train missing systems, judge, write tables and figures. train: only the first,
-    evaluate: all but the first. table1, table3, figures: from results.json, in seconds, without corpus or networks.
+    """Reproduce the paper. all: train missing systems, judge, write tables and figures. train, judge: only that.
+    evaluate: all but training. table1, table3, figures: from results.json, in seconds, without corpus or networks.
     speed: time untrained systems of the scale's sizes. search: try learning rates and widths. merge: add results that
     were judged elsewhere.
     """
@@ -72,7 +74,7 @@ def paper(
 
     folder = Path(out)
     _check(systems, limit, steps, workers)
-    choice = plan.Choice(systems, optimisers, splits, seeds)
+    choice = plan.Choice(systems, optimisers, splits, seeds, frs)
     options = TrainingOptions(scale, Path(pairs), Path(bundles), steps, workers, deadline_in(minutes))
     if what == "speed":
         if systems or steps is not None or workers > 1 or again:
@@ -90,9 +92,11 @@ def paper(
         paper_training.train_missing(options, choice)
         if what == "train":
             return
-    if what in ("all", "evaluate"):
+    if what in ("all", "judge", "evaluate"):
         _make_folder(folder)
         _evaluate(folder, Path(pairs), Path(bundles), scale, choice, limit, again)
+        if what == "judge":
+            return
     if not (folder / results.FILE).is_file():
         raise InputError(f"{folder / results.FILE}: not there; `signsplice paper evaluate` or `all` makes it")
     known = results.load(folder / results.FILE)

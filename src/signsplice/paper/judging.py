@@ -203,7 +203,7 @@ def evaluate(judge: Judge, out: Path, folder: Path, scale: str, choice: Choice, 
     """
     configs = bundles.read_all(folder)
     chosen = [config for config in configs if config.scale == scale and choice.allows(_run(config))]
-    named = bool(choice.systems or choice.optimisers or choice.seeds)
+    named = bool(choice.systems or choice.optimisers or choice.seeds or choice.frs)
     if not chosen:
         warn(f"{folder}: no bundle of scale {scale} there" + ("" if named else "; only methods on clips are judged"))
     methods = [] if named else [*clip_methods.all_clip_methods(), *corpus_trained_methods(configs, warn)]

@@ -83,18 +83,26 @@ class Choice:
 
     - systems, optimisers, seeds: those of the trainings
     - splits: splits that are judged, and trained on
+    - frs: frames that Culling keeps, ``published.BEST_FR`` for the default and for systems without Culling
     """
 
     systems: tuple[str, ...] = ()
     optimisers: tuple[str, ...] = ()
     splits: tuple[str, ...] = ()
     seeds: tuple[int, ...] = ()
+    frs: tuple[int, ...] = ()
 
     def allows(self, run: Run) -> bool:
         """Whether a run is wanted: what it trains is judged on one of the splits."""
         feeding = tuple(_trained_on(split) for split in self.splits)
-        asked = ((self.systems, run.system), (self.optimisers, run.optimiser), (self.seeds, run.seed))
-        return all(not allowed or value in allowed for allowed, value in (*asked, (feeding, _trained_on(run.split))))
+        asked: tuple[tuple[tuple[object, ...], object], ...] = (
+            (self.systems, run.system),
+            (self.optimisers, run.optimiser),
+            (feeding, _trained_on(run.split)),
+            (self.seeds, run.seed),
+            (self.frs, published.BEST_FR if run.fr is None else run.fr),
+        )
+        return all(not allowed or value in allowed for allowed, value in asked)
 
 
 def _trained_on(split: str) -> str:
@@ -107,16 +115,18 @@ def runs(scale: str, choice: Choice | None = None, rival: str | None = None) -> 
     1. On the random split by AdamW: the systems of tables 1 and 3. At scale ``paper`` those of ``BY_SGD`` after them.
     2. The same systems on unseen words; at scale ``smoke`` only those of table 1.
     3. Seeds 1 and 2 of the systems in ``SEEDED`` and of ``rival``, the best rival; at scale ``smoke`` seed 1. While it
-       is not known (None), and rivals are wanted, the list ends before them.
-    4. LpTransformer for every fr, the systems of the related work on both splits, and SGD.
+       is not known (None), and all rivals are wanted, the list ends before them.
+    4. LpTransformer for every fr, the systems of the related work on both splits, and SGD: of the systems in
+       ``BY_SGD``, or of those that the choice names together with SGD.
     """
     wanted, smoke = choice or Choice(), scale == "smoke"
-    sgd = [Run(system, scale, "sgd", "random") for system in BY_SGD[scale]]
+    by_sgd = wanted.systems if "sgd" in wanted.optimisers and wanted.systems else BY_SGD[scale]
+    sgd = [Run(system, scale, "sgd", "random") for system in by_sgd]
     first = [Run(system, scale, "adamw", "random") for system in PAPER]
     first += sgd if scale == "paper" else []
     first += [Run(system, scale, "adamw", "unseen-words") for system in (TABLE_1 if smoke else PAPER)]
     chosen = [run for run in first if wanted.allows(run)]
-    if rival is None and any(run.system in RIVALS for run in chosen):
+    if rival is None and {Run(system, scale, "adamw", "random") for system in RIVALS} <= set(chosen):
         return chosen
     seeded = (*SEEDED, *(() if rival is None else (rival,)))
     last = [

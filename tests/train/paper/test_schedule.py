@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar
@@ -60,13 +61,13 @@ def test_no_training_goes_on_after_the_deadline(tmp_path: Path, monkeypatch: pyt
             raise DeadlineError("time is up")
 
     monkeypatch.setattr(training, "make", make)
-    monkeypatch.setattr(schedule.time, "monotonic", lambda: 20.0)
+    monkeypatch.setattr(time, "monotonic", lambda: 20.0)
     planned = Schedule(runs, corpus().folder, tmp_path, deadline=50.0)
     schedule.train_one_by_one(planned, lambda *_: None, lambda run, _: finished.append(run))
     assert finished == runs[:1]
     call = schedule.arguments(planned, runs[0])
     assert call[call.index("--minutes") + 1] == "0.5"
-    monkeypatch.setattr(schedule.time, "monotonic", lambda: 60.0)
+    monkeypatch.setattr(time, "monotonic", lambda: 60.0)
     started: list[Run] = []
     schedule.train_one_by_one(planned, lambda _, run: started.append(run), lambda *_: None)
     schedule.train_side_by_side(planned, 2, lambda _, run: started.append(run))

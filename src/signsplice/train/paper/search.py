@@ -91,7 +91,7 @@ class SearchRow:
 def widened(config: Config, factor: float) -> Config:
     """Sizes with ``factor`` times as many units; a multiple of the heads, where there are some."""
     heads = getattr(config, "n_heads", 1)
-    sizes = {"width": max(1, round(config.width * factor / heads)) * heads}
+    sizes: dict[str, Any] = {"width": max(1, round(config.width * factor / heads)) * heads}
     if hasattr(config, "inner"):
         sizes["inner"] = round(config.inner * factor)
     return replace(config, **sizes)
