@@ -55,7 +55,7 @@ CONFIGS: dict[str, tuple[Config, int | None]] = {
     "nat": (NatConfig(FR, 32, 2, 1, 1, 48, 4, 0.0), FR),
     "interpolation": (InterpolationConfig(FR, 32, 3), FR),
     "mixture": (MixtureConfig(32, 2, 1, 1, 48, 0.0, n_components=3), FR),
-    "skeletal": (SkeletalConfig(8, 2, 1, 2, 16, dropout=0.0), FR),
+    "skeletal": (SkeletalConfig(16, 2, 1, 1, 32, dropout=0.0), FR),
     "cam-stitch": (CamStitchConfig(FR, 32), FR),
 }
 GENERATORS = ("tfgn", "tfgn-wc", "transformer", "progressive", "conv-s2s", "lstm", "mixture", "skeletal", "cam-stitch")

@@ -59,10 +59,10 @@ def mixture_loss(log_likelihood: Tensor, real: Tensor, n_numbers: int) -> Tensor
     return ((-log_likelihood * real).sum(1) / real.sum(1)).mean() / n_numbers
 
 
-def counter_loss(counter: Tensor, real: Tensor) -> Tensor:
+def counter_loss(counter: Tensor, real: Tensor, weight: float = FRAME_WEIGHT) -> Tensor:
     """The loss () of counters (B, T) that should run to 1 over a pair's frames: scaled mean squared error."""
     true = torch.arange(1, counter.shape[1] + 1, device=counter.device) / real.sum(1, keepdim=True)
-    return FRAME_WEIGHT * (((counter.float() - true).square() * real).sum(1) / real.sum(1)).mean()
+    return weight * (((counter.float() - true).square() * real).sum(1) / real.sum(1)).mean()
 
 
 def last_loss(last: Tensor, real: Tensor) -> Tensor:

@@ -21,7 +21,7 @@ from signsplice.train.paper.losses import counter_loss, frame_loss, last_loss, m
 from signsplice.train.paper.networks.filling import Filler
 from signsplice.train.paper.networks.generator import FRAME, HIDDEN, START, Encoded, Generator, generate
 from signsplice.train.paper.networks.layers import Normaliser
-from signsplice.train.paper.networks.mixture_density import MixtureTransformer
+from signsplice.train.paper.networks.mixture_density import WIDTH_FLOOR, MixtureTransformer
 from signsplice.train.paper.networks.spsn import NONE, POST, PRE, Spsn
 from signsplice.train.paper.pairs_data import Batch, PairsData
 from signsplice.train.task import Task
@@ -180,7 +180,9 @@ class FrameTask(Task):
 
 
 class MixtureTask(FrameTask):
-    """A generator of mixtures of frames, trained by their likelihood."""
+    """A generator of mixtures of frames, trained by their likelihood; the error of the counter weighs as that of a
+    Gaussian of the smallest width.
+    """
 
     network: MixtureTransformer
 
@@ -190,7 +192,8 @@ class MixtureTask(FrameTask):
         encoded = self.network.encode(batch.x, batch.mask, batch.n_before)
         mixtures, counters = self.network.mixtures(encoded, inputs.frames, inputs.kinds)
         likelihood = mixtures.log_likelihood(self.normaliser(batch.new))
-        return mixture_loss(likelihood, batch.real, self.normaliser.n_numbers) + counter_loss(counters, batch.real)
+        loss = mixture_loss(likelihood, batch.real, self.normaliser.n_numbers)
+        return loss + counter_loss(counters, batch.real, 0.5 / WIDTH_FLOOR**2)
 
 
 class FillTask(Task):

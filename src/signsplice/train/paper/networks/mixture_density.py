@@ -1,17 +1,19 @@
 """Mixture density network on a Progressive Transformer (after Saunders et al. 2021 [9]).
 
-**Published**, as its abstract says: a Progressive Transformer, whose counter tracks the progress and ends the sequence,
-with a mixture density network at its output instead of one vector, so that a frame between several likely ones is not
-their mean ("regression to the mean"), and beside it an adversarial training. A mixture density network (Bishop 2006,
-section 5.6) maps the last states to mixing coefficients by a softmax, to centres linearly, and to the widths of isotropic
-Gaussians by an exponential, and is trained by the negative logarithm of the likelihood.
+**Published**, as its abstract says: a Progressive Transformer, whose counter tracks the progress and predicts the end
+of the sequence, with augmentations against drift, an adversarial training, and a mixture density network at its output
+for realistic and expressive sequences. A mixture density network (Bishop 2006, equations 5.148 to 5.153) maps the last
+states to mixing coefficients by a softmax, to centres linearly, and to the widths of isotropic Gaussians by an
+exponential, and is trained by the negative logarithm of the likelihood.
 
-**Adapted**: it reads the culled frames X_c instead of a text, and positions come from SPSN.
+**Adapted**: it reads the culled frames X_c instead of a text, positions come from SPSN, and its augmentations are
+those of the Progressive Transformer here. The adversarial training is left out.
 
-**Not verified**, because only the abstract could be read: the number of components (here 4), whether widths are shared
-by all numbers of a frame (here they are, as in Bishop), and what is fed back and returned at run time. Here it is the
-centre of the component with the largest coefficient, not a sample: the same pair always has the same frames. The
-adversarial training is left out.
+**Not verified**, because the equations of the article could not be read and its public code has the Progressive
+Transformer alone: the number of components (here 4), whether all numbers of a frame share a width (here they do, as in
+Bishop), whether the counter is part of the mixture (here it is not), and what is fed back and returned at run time.
+Here it is the centre of the component with the largest coefficient, not a sample: the same pair always has the same
+frames.
 """
 
 from __future__ import annotations
@@ -27,8 +29,10 @@ from signsplice.train.paper.networks.generator import Encoded
 from signsplice.train.paper.networks.layers import Normaliser
 from signsplice.train.paper.networks.tfgn import Transformer, TransformerConfig
 
-WIDTH_FLOOR = 0.02
-"""Added to every width, in deviations of the training pairs: a width of 0 has an infinite likelihood."""
+WIDTH_FLOOR = 0.1
+"""Added to every width, in deviations of the training pairs: a width of 0 has an infinite likelihood. As large as the
+noise on the frames that are fed.
+"""
 
 
 @dataclass(frozen=True)

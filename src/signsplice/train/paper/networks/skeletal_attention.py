@@ -1,18 +1,18 @@
 """Skeletal graph self-attention, SGSA (after Saunders et al. 2021 [12]).
 
-**Published**, as its abstract says: a sequence is a graph, with joints as nodes and with edges in space and in time; the
-features of each joint are kept apart throughout, and a layer of self-attention is given the adjacency matrix of the
-graph.
+**Published**, as its abstract says: a sequence is a graph, with joints as nodes and with edges in space and in time;
+the features of each joint are kept apart throughout, and a layer of self-attention is given the adjacency matrix of
+the graph.
 
-**Adapted**: it reads the culled frames X_c instead of a text. They are a graph as well, so that the encoder has the same
-layers, with edges to the frames on both sides, and a joint of the decoder attends to the frames of the same joint in the
-encoder. Positions come from SPSN.
+**Adapted**: it reads the culled frames X_c instead of a text. They are a graph as well, so that the encoder has the
+same layers, with edges to the frames on both sides, and a joint of the decoder attends to the frames of the same joint
+in the encoder. Positions come from SPSN.
 
-**Not verified**, because only the abstract could be read, and read so here: the adjacency matrix masks the attention, so
-that a joint attends to itself, to its parent and children in the same frame (bones, in both directions) and to itself in
-the nearest frames, and the weights of these sum to 1; frames are made one by one, so that edges in time run from earlier
-frames only; joints share their weights and are told apart by a learned vector each; the last frame is told by a token, as
-in TFGN.
+**Not verified**, because only the abstract could be read, and read so here: the adjacency matrix masks the attention,
+so that a joint attends to itself, to its parent and children in the same frame (bones, in both directions) and to
+itself in the nearest frames, and the weights of these sum to 1; frames are made one by one, so that edges in time run
+from earlier frames only; joints share their weights and are told apart by a learned vector each; the last frame is
+told by a token, as in TFGN.
 
 Shapes: J joints, C numbers of a joint's features; B J joints of all pairs of a batch.
 """
@@ -27,7 +27,7 @@ import torch
 from torch import Tensor, nn
 
 from signsplice.train.paper.networks.generator import FRAME, Encoded, Generator, State
-from signsplice.train.paper.networks.layers import FeedForward, MultiHead, Normaliser, positional_code
+from signsplice.train.paper.networks.layers import FeedForward, MultiHead, Normaliser, bones, positional_code
 
 
 @dataclass(frozen=True)
@@ -50,15 +50,6 @@ class SkeletalConfig:
     inner: int = 256
     reach: int = 1
     dropout: float = 0.1
-
-
-def bones(parents: Sequence[int]) -> Tensor:
-    """The adjacency matrix (J, J) of one frame: True between a joint and itself, its parent and its children."""
-    links = torch.eye(len(parents), dtype=torch.bool)
-    for joint, parent in enumerate(parents):
-        if parent >= 0:
-            links[joint, parent] = links[parent, joint] = True
-    return links
 
 
 def time_edges(n_new: int, n_past: int, reach: int, both_sides: bool, device: torch.device) -> Tensor:
@@ -88,7 +79,7 @@ class SkeletalAttention(nn.Module):
 
     def split(self, x: Tensor) -> Tensor:
         """(B, T, J, C) -> (B, H, J, T, C / H)."""
-        return x.unflatten(-1, (self.n_heads, -1)).permute(0, 3, 2, 1, 4)
+        return x.reshape(*x.shape[:3], self.n_heads, -1).permute(0, 3, 2, 1, 4)
 
     def forward(self, x: Tensor, cache: tuple[Tensor, Tensor], near: Tensor) -> tuple[Tensor, tuple[Tensor, Tensor]]:
         """Z (B, T, J, C) of features (B, T, J, C), and the extended cache.
@@ -158,8 +149,8 @@ class SkeletalTransformer(Generator):
         self.frame, self.last = nn.Linear(features, 3), nn.Linear(features, 1)
 
     def encode(self, x: Tensor, mask: Tensor, n_before: Tensor, marks: Tensor | None = None) -> Encoded:
-        """Memory: frames that may be read (B J, 1, 1, S), then keys and values (B J, H, S, C / H) of each decoder layer.
-        State: empty caches (B, H, J, 0, C / H).
+        """Memory: frames that may be read (B J, 1, 1, S), then keys and values (B J, H, S, C / H) of each decoder
+        layer. State: empty caches (B, H, J, 0, C / H).
         """
         config, n_joints, n_frames = self.config, self.n_fed // 3, x.shape[1]
         states = self.source(self.normaliser(x).unflatten(-1, (n_joints, 3))) + self.joints[0]
