@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from signsplice.paper.plan import Run
     from signsplice.paper.results import Results
 
-WHAT = ("all", "evaluate", "table1", "table3", "figures", "speed")
+WHAT = ("all", "evaluate", "table1", "table3", "figures", "speed", "curves")
 N_TIMED = 20
 
 
@@ -52,7 +52,8 @@ def paper(
     again: bool,
 ) -> None:
     """Reproduce the paper. all: train missing systems, judge, write tables and figures. evaluate: the same without
-    training. table1, table3, figures: from results.json, in seconds, without corpus or networks. speed: time untrained
+    training. curves: judge the systems after every part of their training, from the weights kept in it, for figures 4
+    and 5. table1, table3, figures: from results.json, in seconds, without corpus or networks. speed: time untrained
     systems of the scale's sizes.
     """
     from signsplice.paper import plan, results
@@ -65,11 +66,15 @@ def paper(
         _make_folder(folder)
         _speed(folder, Path(pairs), scale, limit or N_TIMED)
         return
+    if what == "curves":
+        _curves(Path(pairs), Path(bundles), scale, systems, again, required=True)
+        return
     if what in ("all", "evaluate"):
         _make_folder(folder)
         if what == "all":
             todo = plan.missing(plan.runs(scale, systems), Path(bundles))
             _train(todo, Path(pairs), Path(bundles), steps, workers)
+            _curves(Path(pairs), Path(bundles), scale, systems, again, required=False)
         _evaluate(folder, Path(pairs), Path(bundles), scale, systems, limit, again)
     if not (folder / results.FILE).is_file():
         raise InputError(f"{folder / results.FILE}: not there; `signsplice paper evaluate` or `all` makes it")
@@ -137,6 +142,24 @@ def _evaluate(
     print(f"{file}: {n_rows} rows judged, {len(known.rows)} in all")
 
 
+def _curves(pairs: Path, bundles: Path, scale: str, systems: Sequence[str], again: bool, required: bool) -> None:
+    """Write the validation curves that bundles lack."""
+    if not required and importlib.util.find_spec("torch") is None:
+        return
+    check_extra()
+    from signsplice.paper.bundles import read_all
+    from signsplice.synth.corpus import Pairs
+    from signsplice.train.paper import curves, schedule
+    from signsplice.train.processes import pick_device
+
+    configs = [c for c in read_all(bundles) if c.scale == scale and (not systems or c.system in systems)]
+    if required and not configs:
+        raise InputError(f"{bundles}: no bundle of scale {scale} there; `signsplice train paper` makes one")
+    judge = curves.CurveJudge(Pairs(pairs), bundles / schedule.PARTS, pick_device("auto"), progress)
+    for path in judge.write(configs, again, lambda line: warn([line])):
+        print(path)
+
+
 def _speed(folder: Path, pairs: Path, scale: str, n_pairs: int) -> None:
     """Export untrained systems, time them, and write speed.json and its table."""
     check_extra()
@@ -182,7 +205,7 @@ def _figures(results: Results, folder: Path, scale: str, required: bool) -> None
     for path in written:
         print(path)
     if left_out:
-        warn([f"nothing was measured for {', '.join(left_out)} at scale {scale}"])
+        warn([f"left out, for want of measurements at scale {scale}: {', '.join(left_out)}"])
 
 
 COMMANDS = (paper,)

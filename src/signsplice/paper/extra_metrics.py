@@ -30,7 +30,7 @@ FIRST = 2
 SIGNATURES = {
     "position_error": "position-error|joints:arms+fingers|frame:hips-place|unit:arm/1000|other-lengths:stretched|mean",
     "frame_error": f"frame-error|joints:arms+fingers|frame:hips-place|unit:cm|by:index,1..{FRAMES}|mean:frames",
-    "first_frames_error": f"first-frames-error|joints:arms+fingers|frame:hips-place|unit:cm|frames:1..{FIRST}|mean:frames",
+    "first_frames_error": f"frame-error|joints:arms+fingers|frame:hips-place|unit:cm|by:index,1..{FIRST}|mean:frames",
     "motion_ratio": "motion-ratio|joints:fingertips|frame:hips-place|path:P_pre,O,Q_post|sum/sum|of:predicted",
     "velocity_jump": f"{metrics.VELOCITY_JUMP}|over:Y|median:pairs|of:predicted",
     "jerk_ratio": f"{metrics.JERK_RATIO}|over:Y|context:{CONTEXT}|median:pairs|of:predicted",
@@ -142,6 +142,8 @@ def frame_errors(predicted: Float, true: Float, layout: NumberLayout) -> tuple[f
     first true one, of the second from the second, and so on for at most ``FRAMES`` frames that both have.
     """
     n = min(len(predicted), len(true), FRAMES)
+    if not n:
+        return ()
     return tuple((100.0 * layout.metres * _arm_distances(predicted[:n], true[:n], layout)).tolist())
 
 

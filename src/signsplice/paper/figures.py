@@ -30,7 +30,7 @@ SWEPT = ("lpt-printed", "lpt")
 """The systems that may be trained for several fr; the first that is, is shown."""
 LEAST_ACCURACY = 0.5
 """Accuracy at the lower edge of a plot, if every curve ends above it; curves enter from below."""
-_ERRORS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
+_ERRORS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.03, 0.02, 0.015, 0.01, 0.007, 0.005)
 """Errors 1 - Accuracy that have a tick."""
 
 
@@ -211,7 +211,8 @@ class _Plots:
             ax.annotate("seen by viewers above (paper)", (0.01, published.VISIBLE), fontsize=7, color="#6b6b6b",
                         xycoords=("axes fraction", "data"), ha="left", va="bottom")  # fmt: skip
             ax.set(xscale="log", yscale="log", xlabel="mean prediction time, ms a pair", ylabel="MSE")
-            ax.margins(0.22)
+            ax.set_xlim(_log_limits([x for x, _ in at]))
+            ax.set_ylim(_log_limits([y for _, y in at] + [published.VISIBLE]))
             _plain_ticks(ax)
             ax.set_title(title or f"MSE against prediction time ({self.setting})", fontsize=10)
         if len(groups) > 1 or "" not in groups:
@@ -283,11 +284,21 @@ def _accuracy_axis(ax: Any) -> None:
     ax.grid(alpha=0.25)
 
 
+def _log_limits(values: Sequence[float]) -> tuple[float, float]:
+    """The limits of a logarithmic axis with room for labels around values."""
+    low, high = min(values), max(values)
+    room = max(1.4, (high / low) ** 0.22)
+    return low / room, high * room
+
+
 def _plain_ticks(ax: Any) -> None:
-    """Put the ticks of logarithmic axes at 1, 2 and 5, in plain decimals."""
+    """Put the ticks of logarithmic axes at 1, 2, 5 and, where the axis is short, some between, in plain decimals."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        low, high = axis.get_view_interval()
+        axis.set_major_locator(
+            LogLocator(subs=(1.0, 2.0, 5.0) if high > 15.0 * low else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0))
+        )
         axis.set_minor_locator(NullLocator())
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.10f}".rstrip("0").rstrip(".")))

@@ -136,7 +136,7 @@ class Judge:
                 judged = protocol.judge(answer, self.pairs, p, advance)
             rows.append(replace(row, scores=results.finite(judged.scores), n_pairs=judged.n_pairs))
             if p.split == "random" and label:
-                kept = kept_frames.with_answers(kept, label, answer)
+                kept = kept_frames.with_answers(kept, label, answer, self.pairs)
         return rows, kept
 
     def _is_known(self, row: ResultRow) -> bool:
