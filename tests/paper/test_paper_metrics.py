@@ -15,7 +15,6 @@ from toys import corpus, motion
 from signsplice.paper import bleu, extra_metrics, metrics
 from signsplice.paper.prediction import Prediction
 from signsplice.rig import metrics as scores
-from signsplice.synth.corpus import EXTENT
 
 Float = NDArray[np.float64]
 
@@ -61,7 +60,7 @@ def score_of(
     prediction: Prediction, true: tuple[int, int, Float], words: tuple[Float, Float] | None = None
 ) -> metrics.PairScore:
     clip = corpus().word_clip(0)
-    layout = extra_metrics.number_layout(clip, EXTENT * corpus().signers[0].stature_cm)
+    layout = extra_metrics.number_layout(clip, corpus().spaces[0])
     return metrics.score(prediction, true, words or (motion(20, 8), motion(20, 9)), layout)
 
 

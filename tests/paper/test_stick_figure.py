@@ -27,7 +27,7 @@ def unreal_clip() -> Clip:
     offsets[0] = (0, 0, 0)
     skeleton = Skeleton(NAMES, np.array(PARENTS), np.array(offsets, float))
     still = np.zeros((2, len(NAMES), 4))
-    still[..., 0] = 1.0
+    still[..., 3] = 1.0
     return Clip(skeleton, still, np.zeros((2, 3)), 30.0)
 
 
@@ -35,7 +35,9 @@ def test_parts_and_hands_are_found_in_another_rig() -> None:
     joints = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16]
     parents = [-1, *(joints.index(PARENTS[joint]) for joint in joints[1:])]
     figure = stick_figure(unreal_clip(), joints, parents)
-    by_name = {NAMES[joint]: (part, finger) for joint, part, finger in zip(joints, figure.parts, figure.fingers, strict=True)}
+    by_name = {
+        NAMES[joint]: (part, finger) for joint, part, finger in zip(joints, figure.parts, figure.fingers, strict=True)
+    }
     assert by_name["spine_01"] == ("trunk", False)
     assert by_name["lowerarm_l"] == ("left", False)
     assert by_name["index_02_l"] == ("left", True)

@@ -1,6 +1,6 @@
 """Metrics beyond the paper's: joint distance in units of the body, amount of motion, and smoothness at the seams.
 
-All are computed from the 159 numbers, scaled back to metres. Positions are relative to the hips but not rotated with
+All are computed from the numbers, scaled back to metres. Positions are relative to the hips but not rotated with
 them, because the numbers hold no rotation of the hips.
 """
 
@@ -12,7 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
+from signsplice.motion.number_space import NumberSpace
 from signsplice.paper.prediction import Prediction
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
@@ -27,6 +29,9 @@ FRAMES = 8
 FIRST = 2
 """Frames that the paper calls the first ones (its figure 6)."""
 
+REQUIRED = ("hips", "leftHand", "rightHand")
+"""Roles of the joints without which nothing is measured."""
+
 SIGNATURES = {
     "position_error": "position-error|joints:arms+fingers|frame:hips-place|unit:arm/1000|other-lengths:stretched|mean",
     "frame_error": f"frame-error|joints:arms+fingers|frame:hips-place|unit:cm|by:index,1..{FRAMES}|mean:frames",
@@ -39,12 +44,12 @@ SIGNATURES = {
 
 @dataclass(frozen=True, eq=False)
 class NumberLayout:
-    """How to read the 159 numbers of a signer.
+    """How to read the numbers of a signer. Joints are counted in the order of the numbers.
 
-    - hips: joint index
-    - arms: joint indices of arms and fingers
-    - tips: joint indices of fingertips
-    - wrists: joint indices of both wrists
+    - hips: joint
+    - arms: joints of arms and fingers
+    - tips: joints of fingertips, or the wrists where the numbers hold no fingers
+    - wrists: joints of both wrists
     - arm_length: in the numbers' unit, the side of the cube
     - metres: metres per unit
     - fps: frames per second
@@ -79,22 +84,34 @@ class PairMotion:
     jerk_ratio: float
 
 
-def number_layout(clip: Clip, unit_cm: float) -> NumberLayout:
-    """How to read a signer's numbers; ``clip`` is any word of the signer, ``unit_cm`` the side of the cube."""
-    joints = rig_info(clip.skeleton).roles.joints
+def number_layout(clip: Clip, space: NumberSpace) -> NumberLayout:
+    """How to read a signer's numbers; ``clip`` is any word of the signer.
+
+    Raises ``InputError`` where hips or wrists are not known by name, or not among the numbers.
+    """
+    order = {joint: k for k, joint in enumerate(space.indices(clip.skeleton, clip.name))}
+    roles = rig_info(clip.skeleton).roles.joints
+    missing = [role for role in REQUIRED if roles.get(role) not in order]
+    if missing:
+        raise InputError(f"{clip.name}: {', '.join(missing)} not among the joints of the numbers; name them")
+    wrists = (order[roles["leftHand"]], order[roles["rightHand"]])
+    arms, tips = (
+        tuple(order[joint] for joint in chosen if joint in order)
+        for chosen in (metrics.arm_and_finger_joints(clip), metrics.fingertip_joints(clip))
+    )
     return NumberLayout(
-        hips=joints["hips"],
-        arms=tuple(metrics.arm_and_finger_joints(clip)),
-        tips=tuple(metrics.fingertip_joints(clip)),
-        wrists=(joints["leftHand"], joints["rightHand"]),
-        arm_length=rig_info(clip.skeleton).sizes.arm_length / unit_cm,
-        metres=unit_cm / 100.0,
+        hips=order[roles["hips"]],
+        arms=arms,
+        tips=tips or wrists,
+        wrists=wrists,
+        arm_length=rig_info(clip.skeleton).sizes.arm_length / space.side,
+        metres=space.side / 100.0,
         fps=clip.fps,
     )
 
 
 def utterance(before: Float, after: Float, prediction: Prediction) -> Float | None:
-    """Y (T, 159) = [P_1 .. P_pre, O, Q_post .. Q_M] of the filter layer (eq. 17); None if a position is missing."""
+    """Y (T, K) = [P_1 .. P_pre, O, Q_post .. Q_M] of the filter layer (eq. 17); None if a position is missing."""
     if prediction.pre is None or prediction.post is None:
         return None
     return np.concatenate([before[: prediction.pre + 1], prediction.frames, after[prediction.post :]])
@@ -105,7 +122,7 @@ def pair_motion(
 ) -> PairMotion:
     """The extra metrics of one pair.
 
-    true: pre, post and frames (m, 159). words: frames (N, 159) and (M, 159) of both words.
+    true: pre, post and frames (m, K). words: frames (N, K) and (M, K) of both words.
     """
     pre, post, frames = true
     nan = float("nan")
@@ -188,12 +205,12 @@ def _over(values: Sequence[float], aggregate: Callable[[list[float]], np.floatin
 
 
 def _positions(frames: Float) -> Float:
-    """Joint positions (T, 53, 3) of frames (T, 159)."""
+    """Joint positions (T, J, 3) of frames (T, 3 J)."""
     return frames.reshape(len(frames), -1, 3)
 
 
 def _from_hips(frames: Float, layout: NumberLayout) -> Float:
-    """Joint positions (T, 53, 3) relative to the hips."""
+    """Joint positions (T, J, 3) relative to the hips."""
     positions = _positions(frames)
     return np.asarray(positions - positions[:, layout.hips, None])
 

@@ -79,8 +79,8 @@ def _kept_pair(pairs: Pairs, number: int) -> KeptFrames:
 
 def _figure(pairs: Pairs, word: int) -> StickFigure:
     """How the numbers of a corpus are drawn."""
-    clip = pairs.word_clip(word)
-    return stick_figure(clip, range(len(clip.skeleton)), clip.skeleton.parents.tolist())
+    clip, space = pairs.word_clip(word), pairs.space(word)
+    return stick_figure(clip, space.indices(clip.skeleton, clip.name), space.parents)
 
 
 def with_answers(kept: Sequence[KeptFrames], name: str, answer: Answer, pairs: Pairs) -> list[KeptFrames]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from signsplice.errors import InputError
 from signsplice.paper import extra_metrics, metrics
 from signsplice.paper.prediction import Prediction, System
-from signsplice.synth.corpus import EXTENT, Pairs
+from signsplice.synth.corpus import Pairs
 from signsplice.synth.rng import stream
 
 Float = NDArray[np.float64]
@@ -119,7 +119,7 @@ def may_judge(trained_on: Mapping[str, Any], pairs: Pairs, protocol: Protocol) -
 
 
 def answers(pairs: Pairs, system: System) -> Answer:
-    """The predictions of a system that sees only the 159 numbers."""
+    """The predictions of a system that sees only the numbers."""
 
     def answer(number: int) -> Prediction:
         p, q = pairs.index[number, :2].tolist()
@@ -133,7 +133,6 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
 
     Raises ``InputError`` for a prediction with wrong shapes, values that are not finite, or positions out of range.
     """
-    half = len(pairs.head["words"]) // 2
     layouts: dict[int, extra_metrics.NumberLayout] = {}
     for number in protocol.numbers[:WARM_UP]:
         answer(number)
@@ -144,10 +143,10 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
         begun = time.perf_counter()
         prediction = answer(number)
         seconds.append(time.perf_counter() - begun)
-        _check(prediction, len(before), len(after), number)
-        signer = p // half
+        _check(prediction, before, after, number)
+        signer = pairs.signer(p)
         if signer not in layouts:
-            layouts[signer] = extra_metrics.number_layout(pairs.word_clip(p), EXTENT * pairs.signers[signer].stature_cm)
+            layouts[signer] = extra_metrics.number_layout(pairs.word_clip(p), pairs.spaces[signer])
         pre, post, frames = pairs.truth(number)
         truth = (pre, post, frames.astype(np.float64))
         scores.append(metrics.score(prediction, truth, (before, after), layouts[signer]))
@@ -157,11 +156,11 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
     return Judged(metrics.summary(scores) | times, len(scores))
 
 
-def _check(prediction: Prediction, n_before: int, n_after: int, number: int) -> None:
+def _check(prediction: Prediction, before: Float, after: Float, number: int) -> None:
     frames = prediction.frames
-    if frames.ndim != 2 or frames.shape[1] != metrics.NUMBERS or not np.isfinite(frames).all():
-        raise InputError(f"pair {number}: predicted frames {frames.shape}, expected finite (n, {metrics.NUMBERS})")
-    for what, position, count in (("pre", prediction.pre, n_before), ("post", prediction.post, n_after)):
+    if frames.ndim != 2 or frames.shape[1] != before.shape[1] or not np.isfinite(frames).all():
+        raise InputError(f"pair {number}: predicted frames {frames.shape}, expected finite (n, {before.shape[1]})")
+    for what, position, count in (("pre", prediction.pre, len(before)), ("post", prediction.post, len(after))):
         if position is not None and not 0 <= position < count:
             raise InputError(f"pair {number}: predicted {what} {position}, expected a frame of a word of {count}")
 

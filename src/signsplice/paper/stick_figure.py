@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cache
 
 import numpy as np
@@ -23,6 +23,8 @@ Float = NDArray[np.float64]
 
 TRUNK, LEFT, RIGHT, HIDDEN = "trunk", "left", "right", "hidden"
 SIDES = (RIGHT, LEFT)
+_NEARLY = 0.98
+"""Cosine of the angle, 11 degrees, within which a signer counts as facing along an axis."""
 _HIDDEN_ROLES = ("UpperLeg", "LowerLeg", "Foot", "Toes", "Eye", "jaw")
 
 
@@ -100,9 +102,7 @@ def stick_figure(clip: Clip, joints: Sequence[int], parents: Sequence[int]) -> S
         wrists=wrists,
         knuckles={side: known.get(f"{side}MiddleProximal", wrist) for side, wrist in wrists.items()},
         head=(known["head"], order[top]) if "head" in known and top in order else None,
-        view=tuple(
-            tuple(round(float(x), 9) + 0.0 for x in axis) for axis in (np.cross(stands.up, stands.forward), stands.up)
-        ),
+        view=(_along_axis(np.cross(stands.up, stands.forward)), _along_axis(stands.up)),
     )
 
 
@@ -113,9 +113,14 @@ def synthetic() -> StickFigure:
 
     body = skeleton()
     still = np.zeros((1, len(body), 4))
-    still[..., 0] = 1.0
-    found = stick_figure(Clip(body, still, np.zeros((1, 3)), 30.0), range(len(body)), body.parents.tolist())
-    return replace(found, view=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))  # its rest pose is no pose of a standing body
+    still[..., 3] = 1.0
+    return stick_figure(Clip(body, still, np.zeros((1, 3)), 30.0), range(len(body)), body.parents.tolist())
+
+
+def _along_axis(direction: Float) -> tuple[float, ...]:
+    """A unit vector, along an axis of the numbers where it nearly is."""
+    nearest = np.round(direction)
+    return tuple((nearest if direction @ nearest > _NEARLY else direction).round(9).tolist())
 
 
 def _owner(skeleton: Skeleton, joint: int, role_of: Mapping[int, str]) -> str:

@@ -27,7 +27,6 @@ from signsplice.paper.systems import open_bundle
 from signsplice.splicing.bundle import BundleConfig
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.rng import stream
-from signsplice.synth.signer import skeleton
 from signsplice.train import log as logs
 from signsplice.train.checkpoint import SNAPSHOTS
 from signsplice.train.paper import scales
@@ -206,7 +205,7 @@ def _task(config: BundleConfig, part: TrainedPart, pairs: Pairs) -> Task:
     made = scales.SystemPart(part.name, sizes, like.fr, part.steps, part.batch, like.rate)
     n_numbers = len(config.stored["normaliser"]["mean"])
     blank = Normaliser(torch.zeros(n_numbers), torch.ones(n_numbers))
-    return scales.task(made, blank, skeleton(pairs.signers[0]).parents.tolist(), config.seed or 0)
+    return scales.task(made, blank, pairs.spaces[0].parents, config.seed or 0)
 
 
 def _load(task: Task, path: Path) -> None:

@@ -19,7 +19,6 @@ from signsplice.formats.atomic import replacing_folder
 from signsplice.formats.reading import read_bytes
 from signsplice.splicing.bundle import write_bundle
 from signsplice.synth.corpus import Pairs
-from signsplice.synth.signer import skeleton
 from signsplice.train import checkpoint, provenance
 from signsplice.train import log as logs
 from signsplice.train.export import check_bundle_folder
@@ -132,7 +131,7 @@ def trained(
         raise InputError(f"{pairs.folder}: no pair in {training.split} train; make a corpus of more words")
     n_judgements = training.n_judgements or (4 if training.scale == "smoke" else 20)
     torch.manual_seed(training.seed)
-    made = task(part, data.normaliser(), skeleton(pairs.signers[0]).parents.tolist(), training.seed)
+    made = task(part, data.normaliser(), pairs.spaces[0].parents, training.seed)
     loop = LoopConfig(
         steps=part.steps,
         batch=part.batch,
