@@ -21,7 +21,7 @@ from signsplice.cli import paper as command
 from signsplice.errors import InputError, MissingExtraError
 from signsplice.paper import clip_methods, figures, judging, kept_frames, pictures, published, results, style
 from signsplice.paper.clip_methods import ClipMethod
-from signsplice.paper.curve import COLUMNS, Curve
+from signsplice.paper.curve import COLUMNS, OF_TRUE_POSITIONS, Curve
 from signsplice.paper.kept_frames import KeptFrames
 from signsplice.paper.protocol import choose
 from signsplice.paper.results import ResultRow, Results
@@ -31,8 +31,10 @@ SYSTEMS = (*style.COMPARED, *style.ABLATIONS["LpTransformer"][:-1], *style.ABLAT
 
 def curve_of(row: ResultRow, last: float = 0.97, minutes: float | None = 1.0) -> Curve:
     points = [(64.0 * k, minutes and minutes * k, last - 0.3 / k + 0.015, 0.01) for k in range(1, 21)]
-    identity = (row.system, "random", row.scale, row.optimiser, row.fr, row.seed)
-    return Curve(*identity, points, COLUMNS, row.bundle or "", row.corpus, 256)
+    return Curve(
+        row.system, "random", row.scale, row.optimiser, row.fr, row.seed,
+        points, COLUMNS, row.bundle or "", row.corpus, 256,
+    )  # fmt: skip
 
 
 def measured(**more: float) -> Results:
@@ -65,9 +67,12 @@ def test_every_figure_is_drawn_with_the_same_bytes_each_time(tmp_path: Path) -> 
     written, left_out = figures.write(measured(), kept_pairs(), one, "cpu")
     names = ["figure4a", "figure4b", "figure4c", "figure4d", "figure5a", "figure5b", "figure6", "figure7"]
     names.append("frame-errors")
-    assert sorted(path.name for path in written) == sorted(f"{n}{s}" for n in names for s in (".png", ".svg"))
+    files = [*(f"{n}{s}" for n in names for s in (".png", ".svg")), "frame-errors.md", "frame-errors.tex"]
+    assert sorted(path.name for path in written) == sorted(files)
+    errors = (one / "frame-errors.md").read_text()
+    assert f"| {published.name('lstm')} | AdamW | 1.0 | 1.0 | 2.0 |" in errors, "frames 1 to 2, frame 1, frame 2, ..."
     assert set(left_out) == {f"{name}-sgd" for name in (*names[:6], names[-1])}
-    assert all(path.stat().st_size > 5000 for path in written)
+    assert all(path.stat().st_size > 5000 for path in written if path.suffix in (".png", ".svg"))
     few = [r for r in measured().rows if r.system in style.COMPARED and r.fr in (None, 8)]
     drawn = Results().merged(few, [c for c in measured().curves if c.system in style.COMPARED and c.fr in (None, 8)])
     again = figures.write(drawn, kept_pairs()[:1], two, "cpu")[0]
@@ -106,7 +111,7 @@ def test_a_curve_that_ends_elsewhere_than_its_row_is_left_out(tmp_path: Path) ->
     lines = plots(of_rows(*rows).merged(curves=made)).accuracy({"": style.COMPARED}).axes[0].lines
     assert published.name("lstm") not in [line.get_label() for line in lines]
     assert len(lines) == len(style.COMPARED) - 1
-    at_true_positions = [Curve(*c.key, [(1.0, 0.9), (2.0, 0.95)]) for c in made]
+    at_true_positions = [replace(c, points=[(1.0, 0.9), (2.0, 0.95)], columns=OF_TRUE_POSITIONS) for c in made]
     assert plots(of_rows(*rows).merged(curves=at_true_positions)).accuracy({"": style.COMPARED}) is None
 
 

@@ -12,9 +12,9 @@ from toys import corpus, motion, of_rows, row
 
 from signsplice.errors import InputError
 from signsplice.paper import environment, kept_frames, plan, published, results
-from signsplice.paper.curve import COLUMNS
+from signsplice.paper.curve import COLUMNS, Curve
 from signsplice.paper.protocol import choose
-from signsplice.paper.results import Curve, Results
+from signsplice.paper.results import Results
 
 
 def test_a_new_row_replaces_the_row_of_its_key() -> None:

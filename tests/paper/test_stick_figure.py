@@ -19,7 +19,8 @@ PARENTS = (-1, 0, 1, 2, 3, 4, 2, 6, 7, 8, 9, 2, 11, 12, 13, 14, 1, 16, 17, 1, 19
 def unreal_clip() -> Clip:
     """A person of another rig who stands on +Z and faces +X, arms out: left is +Y."""
     place = {
-        "pelvis": (0, 0, 100), "spine_01": (0, 0, 30), "neck_01": (0, 0, 20), "head": (0, 0, 10), "head_end": (0, 0, 20),
+        "pelvis": (0, 0, 100), "spine_01": (0, 0, 30), "neck_01": (0, 0, 20), "head": (0, 0, 10),
+        "head_end": (0, 0, 20),
         "upperarm_l": (0, 20, 15), "upperarm_r": (0, -20, 15), "thigh_l": (0, 10, -5), "thigh_r": (0, -10, -5),
         "calf_l": (0, 0, -45), "calf_r": (0, 0, -45), "foot_l": (0, 0, -45), "foot_r": (0, 0, -45),
     }  # fmt: skip

@@ -143,8 +143,11 @@ def write_bundle(folder: Path, pairs: Pairs, **changes: Any) -> Path:
     (folder / "bundle.json").write_text(json.dumps(contents | changes))
     known = bundles.result_row(read_config(folder))
     points = [(64.0 * step, None, 0.9 + step / 1000.0, 0.01) for step in range(5, 25, 5)]
-    identity = (known.system, "random", known.scale, known.optimiser, known.fr, known.seed)
-    curve.save(Curve(*identity, points, curve.COLUMNS, known.bundle or "", known.corpus, 3), folder)
+    made = Curve(
+        known.system, "random", known.scale, known.optimiser, known.fr, known.seed,
+        points, curve.COLUMNS, known.bundle or "", known.corpus, 3,
+    )  # fmt: skip
+    curve.save(made, folder)
     return folder
 
 

@@ -35,7 +35,7 @@ _ERRORS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.03, 0.02, 0.015, 0.01, 0.007, 0.005)
 
 
 def write(results: Results, kept: Sequence[KeptFrames], folder: Path, scale: str) -> tuple[list[Path], list[str]]:
-    """The paths of the figures written, and a line for each figure or curve that was left out.
+    """The paths of the figures and of the table of errors by frame, and a line for each figure or curve left out.
 
     Figures 4 and 5 are drawn for AdamW, and for SGD with ``-sgd`` in the name. Raises ``MissingExtraError`` without
     matplotlib.
@@ -54,7 +54,7 @@ def write(results: Results, kept: Sequence[KeptFrames], folder: Path, scale: str
             "figure4d": plots.comparison,
             "figure5a": partial(plots.accuracy, ABLATIONS),
             "figure5b": plots.ablations,
-            "frame-errors": partial(frame_errors.plot, results, scale, optimiser, pyplot),
+            frame_errors.PAGE: partial(frame_errors.plot, results, scale, optimiser, pyplot),
         }
         for name, draw in by_name.items():
             name = name if optimiser == "adamw" else f"{name}-{optimiser}"
@@ -62,6 +62,7 @@ def write(results: Results, kept: Sequence[KeptFrames], folder: Path, scale: str
         left_out += plots.refused
     for name, chosen in (("figure6", kept[:1]), ("figure7", kept[1:])):
         written += _written(pyplot, draw_pairs(pyplot, chosen, scale), folder / name, left_out)
+    written += frame_errors.write(results, folder, scale)
     return written, list(dict.fromkeys(left_out))
 
 

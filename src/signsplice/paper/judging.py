@@ -11,10 +11,11 @@ from typing import Any
 from signsplice.errors import InputError
 from signsplice.paper import bundles, clip_methods, curve, kept_frames, protocol, published, results
 from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
+from signsplice.paper.curve import Curve
 from signsplice.paper.environment import environment
 from signsplice.paper.kept_frames import KeptFrames
 from signsplice.paper.protocol import Answer, Protocol
-from signsplice.paper.results import CLASSICAL, CORPUS_TRAINED, SHIPPED, Curve, ResultRow, Results
+from signsplice.paper.results import CLASSICAL, CORPUS_TRAINED, SHIPPED, ResultRow, Results
 from signsplice.paper.systems import open_bundle
 from signsplice.splicing.bundle import BundleConfig
 from signsplice.splicing.learned import SYSTEM

@@ -117,7 +117,8 @@ def _shown(count: int, columns: int) -> list[int]:
     if count <= columns:
         return list(range(count))
     first = list(range(min(FIRST + 1, columns - 1)))
-    return first + np.linspace(first[-1], count - 1, columns - len(first) + 1).round().astype(int).tolist()[1:]
+    others = np.linspace(first[-1], count - 1, columns - len(first) + 1)[1:]
+    return first + [round(at) for at in others.tolist()]
 
 
 def _true_frame(at: int, count: int, n_true: int) -> int:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,9 +71,9 @@ class StickFigure:
 def read_stick_figure(text: str) -> StickFigure:
     """The figure in a text of JSON. Raises ``ValueError``, ``KeyError`` or ``TypeError`` for any other."""
     row = json.loads(text)
-    lists = {name: tuple(row.pop(name)) for name in ("parents", "parts", "fingers")}
-    head, view = row.pop("head"), tuple(tuple(axis) for axis in row.pop("view"))
-    return StickFigure(**lists, head=None if head is None else tuple(head), view=view, **row)
+    joints = {name: tuple(row[name]) for name in ("parents", "parts", "fingers")}
+    head = None if row["head"] is None else tuple(row["head"])
+    return StickFigure(**{**row, **joints, "head": head, "view": tuple(map(tuple, row["view"]))})
 
 
 def stick_figure(clip: Clip, joints: Sequence[int], parents: Sequence[int]) -> StickFigure:
@@ -106,7 +105,6 @@ def stick_figure(clip: Clip, joints: Sequence[int], parents: Sequence[int]) -> S
     )
 
 
-@cache
 def synthetic() -> StickFigure:
     """The synthetic signer's, which frames without a figure are of."""
     from signsplice.synth.signer import skeleton

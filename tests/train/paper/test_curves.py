@@ -16,11 +16,12 @@ pytest.importorskip("torch")
 
 import torch
 
-from signsplice.paper import curve
+from signsplice.errors import InputError
+from signsplice.paper import bundles, curve
 from signsplice.paper.systems.splicers import OneNetworkSystem, PaperSystem, TwoNetworkSystem
 from signsplice.splicing.bundle import BundleConfig, read_config
 from signsplice.train.loop import LoopConfig, train
-from signsplice.train.paper import curves
+from signsplice.train.paper import curves, scales
 from signsplice.train.paper.batch_prediction import WholeSystem
 from signsplice.train.paper.networks.generator import Generator
 from signsplice.train.paper.scales import SYSTEMS, SystemPart
@@ -124,7 +125,7 @@ def trained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, system: str = "lpt"
         log = (tmp_path / "parts" / f"{name}-smoke-abc" / "log.jsonl").read_bytes()
         (config.path.parent / f"{name}.jsonl").write_bytes(log)
     toys = {name: SystemPart(name, CONFIGS[name][0], CONFIGS[name][1], 6, 4, 1e-2) for name in SYSTEMS[system]}
-    monkeypatch.setattr(curves.scales, "parts", lambda *_: tuple(toys.values()))
+    monkeypatch.setattr(scales, "parts", lambda *_: tuple(toys.values()))
     monkeypatch.setattr(curves, "open_bundle", lambda _: one_at_a_time(config, tasks))
     return config
 
@@ -138,12 +139,12 @@ def test_a_curve_ends_at_the_score_of_the_exported_bundle(tmp_path: Path, monkey
     lines: list[str] = []
     (path,) = judge(tmp_path).write([config], False, lines.append)
     assert not lines
-    made = curve.load(path.parent, curves.bundles.short_hash(config))
+    made = curve.load(path.parent, bundles.short_hash(config))
     assert made is not None
     assert made.column("pairs") == [4.0 * (2 + 3), 4.0 * (6 + 6)], "SPSN's nearest snapshots beside TFGN's two"
     minutes = made.column("core_minutes")
     assert None not in minutes
-    assert minutes == sorted(minutes, key=float)
+    assert minutes == sorted(minutes, key=lambda m: m or 0.0)
     assert curve.difference(made, curves.judged_bundle(config, corpus())) < curve.MOST_DIFFERENCE
     assert made.n_pairs == len(corpus().split("random", "valid"))
     stamp = os.stat(path).st_mtime_ns
@@ -176,5 +177,5 @@ def test_a_broken_snapshot_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     config = trained(tmp_path, monkeypatch)
     broken = next((tmp_path / "parts").glob("tfgn-*/snapshots/*.pt"))
     broken.write_bytes(b"no weights")
-    with pytest.raises(curves.InputError, match=rf"{broken.name}: cannot be read as weights"):
+    with pytest.raises(InputError, match=rf"{broken.name}: cannot be read as weights"):
         list(judge(tmp_path).write([config], False, print))
