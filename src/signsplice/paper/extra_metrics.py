@@ -24,6 +24,9 @@ CONTEXT = 8
 
 SIGNATURES = {
     "position_error": "position-error|joints:arms+fingers|frame:hips-place|unit:arm/1000|other-lengths:stretched|mean",
+    "first_error": "position-error|as-above|frames:1,2|other-lengths:not-stretched|mean",
+    "later_error": "position-error|as-above|frames:3..|other-lengths:not-stretched|mean",
+    "velocity_error": "velocity-error|joints:arms+fingers|frame:hips-place|unit:m/s|other-lengths:stretched|mean",
     "motion_ratio": "motion-ratio|joints:fingertips|frame:hips-place|path:P_pre,O,Q_post|sum/sum|of:predicted",
     "velocity_jump": f"{metrics.VELOCITY_JUMP}|over:Y|median:pairs|of:predicted",
     "jerk_ratio": f"{metrics.JERK_RATIO}|over:Y|context:{CONTEXT}|median:pairs|of:predicted",
@@ -57,6 +60,9 @@ class PairMotion:
     """The extra metrics of one pair; NaN where positions or frames are missing.
 
     - position_error: mean joint distance, thousandths of the arm's length
+    - first_error: the same in the first two frames, without stretching
+    - later_error: the same from the third frame on, as far as both go
+    - velocity_error: mean difference of the joints' velocities, m/s
     - path: path length of the predicted fingertips, in the numbers' unit
     - true_path: path length of the true fingertips, in the numbers' unit
     - velocity_jump: largest jump of wrist velocity at the seams, m/s
@@ -64,6 +70,9 @@ class PairMotion:
     """
 
     position_error: float
+    first_error: float
+    later_error: float
+    velocity_error: float
     path: float
     true_path: float
     velocity_jump: float
@@ -100,22 +109,45 @@ def pair_motion(
     """
     pre, post, frames = true
     nan = float("nan")
-    error = position_error(prediction.frames, frames, layout) if len(prediction.frames) and len(frames) else nan
+    errors = _frame_errors(prediction.frames, frames, layout)
     whole = utterance(*words, prediction)
     if whole is None or prediction.pre is None:
-        return PairMotion(error, nan, nan, nan, nan)
+        return PairMotion(*errors, nan, nan, nan, nan)
     n = len(prediction.frames)
     true_whole = np.concatenate([words[0][pre : pre + 1], frames, words[1][post : post + 1]])
     first = min(prediction.pre + 1, CONTEXT)
     window = whole[prediction.pre + 1 - first : prediction.pre + 1 + n + CONTEXT]
     wrists = _positions(window)[:, list(layout.wrists)] * layout.metres  # (T, 2, 3)
     return PairMotion(
-        position_error=error,
+        *errors,
         path=_path(whole[prediction.pre : prediction.pre + n + 2], layout),
         true_path=_path(true_whole, layout),
         velocity_jump=metrics.velocity_jump(wrists, first, first + n, layout.fps),
         jerk_ratio=metrics.jerk_ratio(wrists, first, first + n),
     )
+
+
+def _frame_errors(predicted: Float, true: Float, layout: NumberLayout) -> tuple[float, float, float, float]:
+    """Position error, the same of the first two frames and of later ones, and velocity error; NaN without frames."""
+    nan, n = float("nan"), min(len(predicted), len(true))
+    if not n:
+        return nan, nan, nan, nan
+    first = position_error(predicted[: min(2, n)], true[: min(2, n)], layout)
+    later = position_error(predicted[2:n], true[2:n], layout) if n > 2 else nan
+    return position_error(predicted, true, layout), first, later, velocity_error(predicted, true, layout)
+
+
+def velocity_error(predicted: Float, true: Float, layout: NumberLayout) -> float:
+    """Mean difference, m/s, of the velocities of elbows, wrists and finger joints relative to the hips; lengths as in
+    ``position_error``. NaN for a single frame.
+    """
+    if len(true) < 2:
+        return float("nan")
+    arms = list(layout.arms)
+    made, wanted = (
+        np.diff(_from_hips(frames, layout)[:, arms], axis=0) for frames in (stretched(predicted, len(true)), true)
+    )
+    return float(np.linalg.norm(made - wanted, axis=-1).mean() * layout.metres * layout.fps)
 
 
 def position_error(predicted: Float, true: Float, layout: NumberLayout) -> float:
@@ -141,13 +173,16 @@ def stretched(frames: Float, count: int) -> Float:
 
 
 def summary(motions: Sequence[PairMotion]) -> dict[str, float]:
-    """Scores of a test set by name: mean position error, sum of paths over sum of true paths, median velocity jump and
-    median jerk ratio.
+    """Scores of a test set by name: mean errors of positions and velocities, sum of paths over sum of true paths, and
+    medians of velocity jump and jerk ratio.
     """
     known = [m for m in motions if not np.isnan(m.path)]
     true_path = sum(m.true_path for m in known)
     return {
         "position_error": _over([m.position_error for m in motions], np.mean),
+        "first_error": "position-error|as-above|frames:1,2|other-lengths:not-stretched|mean",
+        "later_error": "position-error|as-above|frames:3..|other-lengths:not-stretched|mean",
+        "velocity_error": "velocity-error|joints:arms+fingers|frame:hips-place|unit:m/s|other-lengths:stretched|mean",
         "motion_ratio": sum(m.path for m in known) / true_path if true_path > 0.0 else float("nan"),
         "velocity_jump": _over([m.velocity_jump for m in known], np.median),
         "jerk_ratio": _over([m.jerk_ratio for m in known], np.median),

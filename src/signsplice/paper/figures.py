@@ -14,8 +14,8 @@ from signsplice.errors import MissingExtraError
 from signsplice.formats.atomic import replacing
 from signsplice.paper import published
 from signsplice.paper.kept_frames import HERMITE, PRODUCT, KeptFrames
+from signsplice.paper.lines import OPTIMISERS, pick
 from signsplice.paper.results import Curve, ResultRow, Results
-from signsplice.paper.tables import OPTIMISERS, pick
 
 COLOURS = ("#3f6fa8", "#de8e20", "#5a9367", "#b04a5a", "#7d5ba6", "#6b6b6b", "#2a9d9d", "#a08040")
 SIZE = (5.2, 3.6)
