@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from signsplice.paper.plan import Run
     from signsplice.paper.results import Results
 
-WHAT = ("all", "evaluate", "table1", "table3", "figures", "speed", "curves")
+WHAT = ("all", "evaluate", "tables", "table1", "table2", "table3", "claims", "figures", "curves", "speed")
+ONE_TABLE = ("table1", "table2", "table3")
 N_TIMED = 20
 
 
@@ -52,9 +53,9 @@ def paper(
     again: bool,
 ) -> None:
     """Reproduce the paper. all: train missing systems, judge, write tables and figures. evaluate: the same without
-    training. curves: judge the systems after every part of their training, from the weights kept in it, for figures 4
-    and 5. table1, table3, figures: from results.json, in seconds, without corpus or networks. speed: time untrained
-    systems of the scale's sizes.
+    training. tables: all tables, claims and figures from results.json, in seconds, without corpus or networks; table1,
+    table2, table3, claims, figures: those alone. curves: judge systems after every part of their training, from the
+    weights kept in it. speed: time untrained systems of the scale's sizes.
     """
     from signsplice.paper import plan, results
 
@@ -81,7 +82,7 @@ def paper(
     known = results.load(folder / results.FILE)
     if what != "figures":
         _tables(known, folder, scale, what)
-    if what not in ("table1", "table3"):
+    if what not in (*ONE_TABLE, "claims"):
         _figures(known, folder, scale, required=what == "figures")
 
 
@@ -181,12 +182,14 @@ def _speed(folder: Path, pairs: Path, scale: str, n_pairs: int) -> None:
 
 
 def _tables(results: Results, folder: Path, scale: str, what: str) -> None:
-    from signsplice.paper import tables
+    from signsplice.paper import claims_page, tables
 
-    pages = (what,) if what in ("table1", "table3") else tables.PAGES
+    pages = (what,) if what in ONE_TABLE else () if what == "claims" else tables.PAGES
     written = tables.write(results, folder, scale, pages)
+    if what not in ONE_TABLE:
+        written += claims_page.write(results, folder, scale)
     if not written:
-        raise InputError(f"{folder}: no row of scale {scale} for {' or '.join(pages)}")
+        raise InputError(f"{folder}: no row of scale {scale} for {' or '.join(pages) or what}")
     for path in written:
         print(path)
 

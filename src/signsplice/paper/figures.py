@@ -18,9 +18,9 @@ from signsplice.paper import frame_errors, published
 from signsplice.paper.curve import MOST_DIFFERENCE, Curve, difference
 from signsplice.paper.kept_frames import HERMITE, PRODUCT, KeptFrames
 from signsplice.paper.labels import label_points
+from signsplice.paper.lines import OPTIMISERS, pick
 from signsplice.paper.results import CORPUS_TRAINED, ResultRow, Results
 from signsplice.paper.style import ABLATIONS, CLASSICAL, COMPARED, ON_CLIPS, Style, plot_options, style
-from signsplice.paper.tables import OPTIMISERS, pick
 
 HALF = (5.2, 3.6)
 """Inches of one plot."""

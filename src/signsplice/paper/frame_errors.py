@@ -13,10 +13,10 @@ from signsplice.formats.atomic import replacing
 from signsplice.paper import layout, published
 from signsplice.paper.extra_metrics import FIRST, FRAMES
 from signsplice.paper.layout import Table, number
+from signsplice.paper.lines import OPTIMISERS, pick
 from signsplice.paper.protocol import SPLITS
 from signsplice.paper.results import CLASSICAL, Results
 from signsplice.paper.style import COMPARED, plot_options
-from signsplice.paper.tables import OPTIMISERS, pick
 
 PAGE = "frame-errors"
 SPLIT = "random"

@@ -17,16 +17,14 @@ import torch
 
 from signsplice.errors import InputError
 from signsplice.formats.reading import read_bytes
-from signsplice.paper import bundles, curve
+from signsplice.paper import bundles, curve, pair_samples, protocol
 from signsplice.paper.curve import Curve
 from signsplice.paper.judging import ProgressBar
 from signsplice.paper.metrics import accuracy, squared_error
 from signsplice.paper.prediction import Prediction
-from signsplice.paper.protocol import answers
 from signsplice.paper.systems import open_bundle
 from signsplice.splicing.bundle import BundleConfig
 from signsplice.synth.corpus import Pairs
-from signsplice.synth.rng import stream
 from signsplice.train import log as logs
 from signsplice.train.checkpoint import SNAPSHOTS
 from signsplice.train.paper import scales
@@ -36,8 +34,6 @@ from signsplice.train.task import Task
 
 SPLIT = "random"
 """The split whose curves are drawn."""
-N_JUDGED = 256
-"""Validation pairs, as many as the training loop judges."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +134,7 @@ def measure(
 ) -> Curve:
     """The curve of a bundle, with as many points as its part with the fewest snapshots."""
     row = bundles.result_row(config)
-    numbers = judged_pairs(pairs, config.split or "")
+    numbers = pair_samples.validation(pairs, config.split or "")
     words, truths = _words(pairs, numbers), [_truth(pairs, number) for number in numbers]
     tasks = [_task(config, part, pairs).to(device).eval() for part in parts]
     bias = 0.0 if config.runs is None else config.runs.token_bias
@@ -161,19 +157,10 @@ def measure(
     )  # fmt: skip
 
 
-def judged_pairs(pairs: Pairs, split: str) -> list[int]:
-    """The validation pairs that the training loop judges: the first of a fixed random order."""
-    numbers = pairs.split(split, "valid")
-    if not numbers:
-        raise InputError(f"{pairs.folder}: no pair in {split} valid; no curve is made")
-    return [numbers[k] for k in stream("judged", len(numbers)).permutation(len(numbers))[:N_JUDGED].tolist()]
-
-
 def judged_bundle(config: BundleConfig, pairs: Pairs) -> float:
     """The Accuracy of the exported bundle on the curve's pairs."""
-    answer = answers(pairs, open_bundle(config.path.parent))
-    numbers = judged_pairs(pairs, config.split or "")
-    return float(np.mean([accuracy(answer(number).frames, _truth(pairs, number)) for number in numbers]))
+    answer = protocol.answers(pairs, open_bundle(config.path.parent))
+    return protocol.accuracy(answer, pairs, pair_samples.validation(pairs, config.split or ""))
 
 
 def _scores(predictions: Sequence[Prediction], truths: Sequence[np.ndarray[Any, Any]]) -> tuple[float, float]:
