@@ -31,7 +31,10 @@ def result_row(config: BundleConfig) -> ResultRow:
     fields = ("system", "scale", "optimiser", "seed", "steps", "corpus")
     config.require(*fields)
     values = {name: getattr(config, name) for name in fields}
-    return ResultRow(split="", **values, fr=config.fr, n_parameters=config.n_parameters, bundle=short_hash(config))
+    bias = None if config.runs is None else config.runs.token_bias
+    return ResultRow(
+        split="", **values, fr=config.fr, n_parameters=config.n_parameters, token_bias=bias, bundle=short_hash(config)
+    )
 
 
 def short_hash(config: BundleConfig) -> str:

@@ -34,7 +34,9 @@ FIRST = 2
 SIGNATURES = {
     "position_error": "position-error|joints:arms+fingers|frame:hips-place|unit:arm/1000|other-lengths:stretched|mean",
     "frame_error": f"frame-error|joints:arms+fingers|frame:hips-place|unit:cm|by:index,1..{FRAMES}|mean:frames",
-    "first_frames_error": f"first-frames-error|joints:arms+fingers|frame:hips-place|unit:cm|frames:1..{FIRST}|mean:frames",
+    "first_frames_error": f"frame-error|joints:arms+fingers|frame:hips-place|unit:cm|by:index,1..{FIRST}|mean:frames",
+    "later_frames_error": f"frame-error|joints:arms+fingers|frame:hips-place|unit:cm|by:index,{FIRST}+1..|mean:frames",
+    "velocity_error": "velocity-error|joints:arms+fingers|frame:hips-place|unit:m/s|other-lengths:stretched|mean",
     "motion_ratio": "motion-ratio|joints:fingertips|frame:hips-place|path:P_pre,O,Q_post|sum/sum|of:predicted",
     "velocity_jump": f"{metrics.VELOCITY_JUMP}|over:Y|median:pairs|of:predicted",
     "jerk_ratio": f"{metrics.JERK_RATIO}|over:Y|context:{CONTEXT}|median:pairs|of:predicted",
@@ -69,6 +71,7 @@ class PairMotion:
 
     - position_error: mean joint distance, thousandths of the arm's length
     - frame_errors: mean joint distance of the first, second, ... frame, cm, while both transitions last
+    - velocity_error: mean difference of the joints' velocities, m/s
     - path: path length of the predicted fingertips, in the numbers' unit
     - true_path: path length of the true fingertips, in the numbers' unit
     - velocity_jump: largest jump of wrist velocity at the seams, m/s
@@ -77,6 +80,7 @@ class PairMotion:
 
     position_error: float
     frame_errors: tuple[float, ...]
+    velocity_error: float
     path: float
     true_path: float
     velocity_jump: float
@@ -125,24 +129,43 @@ def pair_motion(
     """
     pre, post, frames = true
     nan = float("nan")
-    error = position_error(prediction.frames, frames, layout) if len(prediction.frames) and len(frames) else nan
-    by_frame = frame_errors(prediction.frames, frames, layout)
+    errors = _errors(prediction.frames, frames, layout)
     whole = utterance(*words, prediction)
     if whole is None or prediction.pre is None:
-        return PairMotion(error, by_frame, nan, nan, nan, nan)
+        return PairMotion(*errors, nan, nan, nan, nan)
     n = len(prediction.frames)
     true_whole = np.concatenate([words[0][pre : pre + 1], frames, words[1][post : post + 1]])
     first = min(prediction.pre + 1, CONTEXT)
     window = whole[prediction.pre + 1 - first : prediction.pre + 1 + n + CONTEXT]
     wrists = _positions(window)[:, list(layout.wrists)] * layout.metres  # (T, 2, 3)
     return PairMotion(
-        position_error=error,
-        frame_errors=by_frame,
+        *errors,
         path=_path(whole[prediction.pre : prediction.pre + n + 2], layout),
         true_path=_path(true_whole, layout),
         velocity_jump=metrics.velocity_jump(wrists, first, first + n, layout.fps),
         jerk_ratio=metrics.jerk_ratio(wrists, first, first + n),
     )
+
+
+def _errors(predicted: Float, true: Float, layout: NumberLayout) -> tuple[float, tuple[float, ...], float]:
+    """Position error, the errors of each frame, and velocity error; NaN and none without frames."""
+    if not len(predicted) or not len(true):
+        return float("nan"), (), float("nan")
+    by_frame = frame_errors(predicted, true, layout)
+    return position_error(predicted, true, layout), by_frame, velocity_error(predicted, true, layout)
+
+
+def velocity_error(predicted: Float, true: Float, layout: NumberLayout) -> float:
+    """Mean difference, m/s, of the velocities of elbows, wrists and finger joints relative to the hips; lengths as in
+    ``position_error``. NaN for a single frame.
+    """
+    if len(true) < 2:
+        return float("nan")
+    arms = list(layout.arms)
+    made, wanted = (
+        np.diff(_from_hips(frames, layout)[:, arms], axis=0) for frames in (stretched(predicted, len(true)), true)
+    )
+    return float(np.linalg.norm(made - wanted, axis=-1).mean() * layout.metres * layout.fps)
 
 
 def position_error(predicted: Float, true: Float, layout: NumberLayout) -> float:
@@ -155,9 +178,9 @@ def position_error(predicted: Float, true: Float, layout: NumberLayout) -> float
 
 def frame_errors(predicted: Float, true: Float, layout: NumberLayout) -> tuple[float, ...]:
     """Mean distance of elbows, wrists and finger joints relative to the hips, cm: of the first predicted frame from the
-    first true one, of the second from the second, and so on for at most ``FRAMES`` frames that both have.
+    first true one, of the second from the second, and so on as far as both go.
     """
-    n = min(len(predicted), len(true), FRAMES)
+    n = min(len(predicted), len(true))
     return tuple((100.0 * layout.metres * _arm_distances(predicted[:n], true[:n], layout)).tolist())
 
 
@@ -180,16 +203,19 @@ def stretched(frames: Float, count: int) -> Float:
 
 
 def summary(motions: Sequence[PairMotion]) -> dict[str, float]:
-    """Scores of a test set by name: mean position error, mean error of the n-th frame (frame_error-n) and of the first
-    ``FIRST``, sum of paths over sum of true paths, median velocity jump and median jerk ratio.
+    """Scores of a test set by name: mean errors of positions, of the n-th frame (frame_error-n), of the first ``FIRST``
+    and of all later ones, and of velocities; sum of paths over sum of true paths; medians of velocity jump and jerk
+    ratio.
     """
     known = [m for m in motions if not np.isnan(m.path)]
     true_path = sum(m.true_path for m in known)
     by_frame = {n: [m.frame_errors[n] for m in motions if n < len(m.frame_errors)] for n in range(FRAMES)}
     return {
         "position_error": _over([m.position_error for m in motions], np.mean),
-        "first_frames_error": _over([error for n in range(FIRST) for error in by_frame[n]], np.mean),
+        "first_frames_error": _over([e for m in motions for e in m.frame_errors[:FIRST]], np.mean),
+        "later_frames_error": _over([e for m in motions for e in m.frame_errors[FIRST:]], np.mean),
         **{f"frame_error-{n + 1}": _over(errors, np.mean) for n, errors in by_frame.items()},
+        "velocity_error": _over([m.velocity_error for m in motions], np.mean),
         "motion_ratio": sum(m.path for m in known) / true_path if true_path > 0.0 else float("nan"),
         "velocity_jump": _over([m.velocity_jump for m in known], np.median),
         "jerk_ratio": _over([m.jerk_ratio for m in known], np.median),

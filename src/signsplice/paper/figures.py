@@ -18,9 +18,9 @@ from signsplice.paper import frame_errors, published
 from signsplice.paper.curve import MOST_DIFFERENCE, Curve, difference
 from signsplice.paper.kept_frames import HERMITE, PRODUCT, KeptFrames
 from signsplice.paper.labels import label_points
+from signsplice.paper.lines import OPTIMISERS, pick
 from signsplice.paper.results import CORPUS_TRAINED, ResultRow, Results
 from signsplice.paper.style import ABLATIONS, CLASSICAL, COMPARED, ON_CLIPS, Style, plot_options, style
-from signsplice.paper.tables import OPTIMISERS, pick
 
 HALF = (5.2, 3.6)
 """Inches of one plot."""
@@ -30,12 +30,12 @@ SWEPT = ("lpt-printed", "lpt")
 """The systems that may be trained for several fr; the first that is, is shown."""
 LEAST_ACCURACY = 0.5
 """Accuracy at the lower edge of a plot, if every curve ends above it; curves enter from below."""
-_ERRORS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
+_ERRORS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.03, 0.02, 0.015, 0.01, 0.007, 0.005)
 """Errors 1 - Accuracy that have a tick."""
 
 
 def write(results: Results, kept: Sequence[KeptFrames], folder: Path, scale: str) -> tuple[list[Path], list[str]]:
-    """The paths of the figures written, and a line for each figure or curve that was left out.
+    """The paths of the figures and of the table of errors by frame, and a line for each figure or curve left out.
 
     Figures 4 and 5 are drawn for AdamW, and for SGD with ``-sgd`` in the name. Raises ``MissingExtraError`` without
     matplotlib.
@@ -54,7 +54,7 @@ def write(results: Results, kept: Sequence[KeptFrames], folder: Path, scale: str
             "figure4d": plots.comparison,
             "figure5a": partial(plots.accuracy, ABLATIONS),
             "figure5b": plots.ablations,
-            "frame-errors": partial(frame_errors.plot, results, scale, optimiser, pyplot),
+            frame_errors.PAGE: partial(frame_errors.plot, results, scale, optimiser, pyplot),
         }
         for name, draw in by_name.items():
             name = name if optimiser == "adamw" else f"{name}-{optimiser}"
@@ -62,6 +62,7 @@ def write(results: Results, kept: Sequence[KeptFrames], folder: Path, scale: str
         left_out += plots.refused
     for name, chosen in (("figure6", kept[:1]), ("figure7", kept[1:])):
         written += _written(pyplot, draw_pairs(pyplot, chosen, scale), folder / name, left_out)
+    written += frame_errors.write(results, folder, scale)
     return written, list(dict.fromkeys(left_out))
 
 
@@ -211,7 +212,8 @@ class _Plots:
             ax.annotate("seen by viewers above (paper)", (0.01, published.VISIBLE), fontsize=7, color="#6b6b6b",
                         xycoords=("axes fraction", "data"), ha="left", va="bottom")  # fmt: skip
             ax.set(xscale="log", yscale="log", xlabel="mean prediction time, ms a pair", ylabel="MSE")
-            ax.margins(0.22)
+            ax.set_xlim(_log_limits([x for x, _ in at]))
+            ax.set_ylim(_log_limits([y for _, y in at] + [published.VISIBLE]))
             _plain_ticks(ax)
             ax.set_title(title or f"MSE against prediction time ({self.setting})", fontsize=10)
         if len(groups) > 1 or "" not in groups:
@@ -283,11 +285,21 @@ def _accuracy_axis(ax: Any) -> None:
     ax.grid(alpha=0.25)
 
 
+def _log_limits(values: Sequence[float]) -> tuple[float, float]:
+    """The limits of a logarithmic axis with room for labels around values."""
+    low, high = min(values), max(values)
+    room = max(1.4, (high / low) ** 0.22)
+    return low / room, high * room
+
+
 def _plain_ticks(ax: Any) -> None:
-    """Put the ticks of logarithmic axes at 1, 2 and 5, in plain decimals."""
+    """Put the ticks of logarithmic axes at 1, 2, 5 and, where the axis is short, some between, in plain decimals."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        low, high = axis.get_view_interval()
+        axis.set_major_locator(
+            LogLocator(subs=(1.0, 2.0, 5.0) if high > 15.0 * low else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0))
+        )
         axis.set_minor_locator(NullLocator())
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.10f}".rstrip("0").rstrip(".")))

@@ -6,15 +6,19 @@ Transformer are distorted from there on.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
-from signsplice.paper import published
+from signsplice.formats.atomic import replacing
+from signsplice.paper import layout, published
 from signsplice.paper.extra_metrics import FIRST, FRAMES
 from signsplice.paper.layout import Table, number
+from signsplice.paper.lines import OPTIMISERS, pick
+from signsplice.paper.protocol import SPLITS
 from signsplice.paper.results import CLASSICAL, Results
 from signsplice.paper.style import COMPARED, plot_options
-from signsplice.paper.tables import OPTIMISERS, pick
 
+PAGE = "frame-errors"
 SPLIT = "random"
 _COUNTED = range(1, FRAMES + 1)
 
@@ -38,6 +42,18 @@ def table(results: Results, scale: str, split: str = SPLIT) -> list[Table]:
     caption = f"Error of each frame, cm: mean distance of elbows, wrists and finger joints, scale {scale}, {split}"
     head = ("system", "from", f"frames 1 to {FIRST}", *(f"frame {n}" for n in _COUNTED))
     return [Table(caption, f"frame-errors-{scale}-{split}", head, tuple(cells))]
+
+
+def write(results: Results, folder: Path, scale: str) -> list[Path]:
+    """Write the tables of all splits as frame-errors.md and frame-errors.tex; the paths written."""
+    made = [found for split in SPLITS for found in table(results, scale, split)]
+    written = []
+    for suffix, form in ((".md", layout.markdown), (".tex", layout.latex)) if made else ():
+        path = folder / f"{PAGE}{suffix}"
+        with replacing(path) as temporary:
+            temporary.write_text("\n".join(map(form, made)).rstrip() + "\n", encoding="utf-8")
+        written.append(path)
+    return written
 
 
 def plot(results: Results, scale: str, optimiser: str, pyplot: Any) -> Any:

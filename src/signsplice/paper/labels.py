@@ -12,12 +12,15 @@ Box = NDArray[np.float64]
 """Left, bottom, right, top, in pixels."""
 
 FONT_SIZE = 7.5
-_MARKER_PX = 9.0
+_MARKER_PX = 8.0
 """Half the side of the square around a point that no label may touch."""
 _DISTANCES = (11.0, 22.0, 36.0, 52.0, 72.0, 96.0, 124.0)
 """Distances, in pixels, at which a label may lie from its point; the nearest free one is taken."""
 _DIRECTIONS = np.deg2rad([0.0, 180.0, 90.0, 270.0, 30.0, 330.0, 150.0, 210.0, 60.0, 300.0, 120.0, 240.0])
-_LEADER_FROM = 20.0
+_MARGIN = np.array([0.05, 0.0])
+"""Part of a label's size by which it may differ where it is drawn in another resolution."""
+_PAD_PX = 3.0
+_LEADER_FROM = 18.0
 """Distance from which on a thin line leads from the label to its point."""
 
 
@@ -37,16 +40,37 @@ def label_points(ax: Any, points: Sequence[tuple[float, float]], names: Sequence
     for k in np.lexsort((at[:, 1], at[:, 0])).tolist():
         text = ax.annotate(
             names[k], points[k], xytext=(0, 0), textcoords="offset points", fontsize=FONT_SIZE, color=colours[k],
-            ha="center", va="center", zorder=5, annotation_clip=False,
+            zorder=5, annotation_clip=False,
         )  # fmt: skip
         size = _box(text.get_window_extent())
-        half = 0.5 * (size[2:] - size[:2]) + 1.0
-        offset = next((o for o in _offsets(half) if _is_free(_around(at[k] + o, half), taken, inside)), None)
-        if offset is None:
-            offset = next((o for o in _offsets(half) if _is_free(_around(at[k] + o, half), taken)), np.zeros(2))
+        half = 0.5 * (1.0 + _MARGIN) * (size[2:] - size[:2]) + _PAD_PX
+        places = [(d * direction, _middle(at[k], d * direction, half)) for d, direction in _around_a_point()]
+        free = [place for place in places if _is_free(_around(place[1], half), taken)]
+        within = [place for place in free if _is_inside(_around(place[1], half), inside)]
+        offset, middle = (within or free or places)[0]
         text.xyann = tuple(offset * 72.0 / figure.dpi)
-        taken.append(_around(at[k] + offset, half))
-        _lead(ax, at[k], at[k] + offset, half)
+        text.set(
+            ha=_alignment(offset[0], ("right", "center", "left")), va=_alignment(offset[1], ("top", "center", "bottom"))
+        )
+        taken.append(_around(middle, half))
+        _lead(ax, at[k], middle, half)
+
+
+def _around_a_point() -> Iterator[tuple[float, Box]]:
+    """Where a label may lie beside its point: distance and direction, the nearest first."""
+    for distance in _DISTANCES:
+        for angle in _DIRECTIONS:
+            yield distance, np.array([np.cos(angle), np.sin(angle)])
+
+
+def _alignment(offset: float, names: tuple[str, str, str]) -> str:
+    """The edge of a label that stands at its place: the one towards its point."""
+    return names[1] if abs(offset) < 1.0 else names[0] if offset < 0.0 else names[2]
+
+
+def _middle(point: Box, offset: Box, half: Box) -> Box:
+    """The middle of a label whose edge towards its point lies at an offset from it."""
+    return np.asarray(point + offset + np.where(np.abs(offset) < 1.0, 0.0, np.sign(offset)) * (half - _PAD_PX))
 
 
 def _lead(ax: Any, point: Box, middle: Box, half: Box) -> None:
@@ -57,18 +81,12 @@ def _lead(ax: Any, point: Box, middle: Box, half: Box) -> None:
         ax.plot(*ends.T, color="#9a9a9a", lw=0.7, zorder=1)
 
 
-def _offsets(half: Box) -> Iterator[Box]:
-    """Where a label of a size may lie beside its point: the nearest first."""
-    for distance in _DISTANCES:
-        for angle in _DIRECTIONS:
-            direction = np.array([np.cos(angle), np.sin(angle)])
-            yield direction * (distance + half * np.abs(direction))
-
-
-def _is_free(box: Box, taken: Sequence[Box], inside: Box | None = None) -> bool:
-    if inside is not None and (np.any(box[:2] < inside[:2]) or np.any(box[2:] > inside[2:])):
-        return False
+def _is_free(box: Box, taken: Sequence[Box]) -> bool:
     return not any(np.all(box[:2] < other[2:]) and np.all(other[:2] < box[2:]) for other in taken)
+
+
+def _is_inside(box: Box, edge: Box) -> bool:
+    return bool(np.all(box[:2] >= edge[:2]) and np.all(box[2:] <= edge[2:]))
 
 
 def _around(middle: Box, half: Box) -> Box:

@@ -20,6 +20,7 @@ from signsplice.paper.systems.splicers import splice_position
 from signsplice.splicing.culling import cull
 from signsplice.train.paper.networks.filling import Filler
 from signsplice.train.paper.networks.generator import generate
+from signsplice.train.paper.pairs_data import splice_marks
 from signsplice.train.paper.tasks import MOST_FRAMES
 
 Frames = NDArray[np.float32]
@@ -62,7 +63,8 @@ class WholeSystem:
             return [_prediction(p, frames) for p, frames in zip(positions, made, strict=True)]
         positions = self._positions(self.networks[0](x, n_before, mask), pairs)
         if self.fr is None:
-            made = generate(frames_by, frames_by.encode(x, mask, n_before), len(pairs), MOST_FRAMES)
+            marks = self._marks(pairs, positions, x.shape[1]) if frames_by.marked else None
+            made = generate(frames_by, frames_by.encode(x, mask, n_before, marks), len(pairs), MOST_FRAMES)
             return [_prediction(p, frames) for p, frames in zip(positions, made, strict=True)]
         return self._culled(pairs, positions)
 
@@ -99,6 +101,12 @@ class WholeSystem:
         n_before = torch.tensor([len(before) for before, _ in pairs])
         padded = (pad_sequence(x, batch_first=True), pad_sequence(mask, batch_first=True), n_before)
         return padded[0].to(self._device), padded[1].to(self._device), padded[2].to(self._device)
+
+    def _marks(self, pairs: Sequence[Words], positions: Sequence[Positions], n_frames: int) -> Tensor:
+        """Marks (B, n_frames, 2) of the positions in X; none for one that is missing."""
+        pre = [-1 if p is None else p for p, _ in positions]
+        post = [-1 if q is None else len(before) + q for (before, _), (_, q) in zip(pairs, positions, strict=True)]
+        return splice_marks(torch.tensor(pre), torch.tensor(post), n_frames).to(self._device)
 
     def _positions(self, logits: Tensor, pairs: Sequence[Words]) -> list[Positions]:
         rows = logits.float().cpu().numpy()

@@ -7,7 +7,7 @@ pairs are those that the training loop validates on. The last point is compared 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,26 +17,23 @@ import torch
 
 from signsplice.errors import InputError
 from signsplice.formats.reading import read_bytes
-from signsplice.paper import bundles, curve
+from signsplice.paper import bundles, curve, pair_samples, protocol
 from signsplice.paper.curve import Curve
+from signsplice.paper.judging import ProgressBar
 from signsplice.paper.metrics import accuracy, squared_error
 from signsplice.paper.prediction import Prediction
-from signsplice.paper.protocol import answers
 from signsplice.paper.systems import open_bundle
 from signsplice.splicing.bundle import BundleConfig
 from signsplice.synth.corpus import Pairs
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import skeleton
 from signsplice.train import log as logs
+from signsplice.train.checkpoint import SNAPSHOTS
 from signsplice.train.paper import scales
 from signsplice.train.paper.batch_prediction import WholeSystem, Words
 from signsplice.train.paper.networks.layers import Normaliser
 from signsplice.train.task import Task
 
-SNAPSHOTS = "snapshots"
-"""Folder of a part's snapshots, next to its checkpoint: STEP.pt with the weights."""
-N_JUDGED = 256
-"""Validation pairs, as many as the training loop judges."""
+SPLIT = "random"
+"""The split whose curves are drawn."""
 
 
 @dataclass(frozen=True)
@@ -66,42 +63,65 @@ class TrainedPart:
         return lines[-1]["cpu_s"] / 60.0 if lines else None
 
 
-def write(
-    config: BundleConfig,
-    pairs: Pairs,
-    parts: Path,
-    device: torch.device,
-    progress: Callable[[int, int], None] | None = None,
-) -> Path:
-    """Make a bundle's curve and write it as curve.json into the bundle's folder; its path.
+@dataclass(frozen=True)
+class CurveJudge:
+    """What curves are judged on.
 
-    parts: the folder that holds a folder for each part. Raises ``InputError`` where there are no snapshots, and where
-    the last point is not the exported bundle's Accuracy.
+    - pairs: the corpus
+    - parts: the folder that holds a folder for each trained part
+    - device: where networks run
+    - progress: makes a progress bar
     """
-    made = measure(config, pairs, trained_parts(config, parts), device, progress)
-    exported = judged_bundle(config, pairs)
-    if curve.difference(made, exported) > curve.MOST_DIFFERENCE:
-        raise InputError(
-            f"{config.path.parent}: the last snapshots have an Accuracy of {made.column('accuracy')[-1]:.4f} on "
-            f"{made.n_pairs} validation pairs, the exported bundle {exported:.4f}; no curve is written"
-        )
-    return curve.save(made, config.path.parent)
+
+    pairs: Pairs
+    parts: Path
+    device: torch.device
+    progress: ProgressBar
+
+    def write(self, configs: Iterable[BundleConfig], again: bool, warn: Callable[[str], object]) -> Iterator[Path]:
+        """Make the curves that are drawn and not there yet, as curve.json in the bundles' folders; their paths.
+
+        again: make those that are there again. warn: is told, in one line each, of bundles without snapshots, and of a
+        curve that does not end where its exported bundle is; neither gets a curve.
+        """
+        without: list[str] = []
+        for config in configs:
+            folder = config.path.parent
+            if config.split != SPLIT or (not again and curve.load(folder, bundles.short_hash(config)) is not None):
+                continue
+            parts = trained_parts(config, self.parts)
+            if not parts:
+                without.append(folder.name)
+                continue
+            with self.progress(f"curve of {folder.name}") as advance:
+                made = measure(config, self.pairs, parts, self.device, advance)
+            exported = judged_bundle(config, self.pairs)
+            if curve.difference(made, exported) <= curve.MOST_DIFFERENCE:
+                yield curve.save(made, folder)
+                continue
+            warn(
+                f"{folder}: no curve is kept; it ends at an Accuracy of {made.column('accuracy')[-1]} on "
+                f"{made.n_pairs} validation pairs, and the exported bundle has {exported:.6f}"
+            )
+        if without:
+            warn(f"{self.parts}: no snapshots of {', '.join(without)}, which get no curve; they are kept in training")
 
 
 def trained_parts(config: BundleConfig, parts: Path) -> list[TrainedPart]:
-    """The parts of a bundle: the folders whose log is the one that the bundle holds.
-
-    Raises ``InputError`` where a part's training or its snapshots are not there, as in bundles that were made elsewhere.
+    """The parts of a bundle: the folders whose log is the one that the bundle holds; none where one has no snapshots,
+    as of bundles that were made elsewhere.
     """
     config.require("config", "parts")
     found = []
     for name, facts in config.stored["parts"].items():
-        log = read_bytes(config.path.parent / f"{name}.jsonl")
-        same = [path.parent for path in sorted(parts.glob(f"{name}-*/{logs.NAME}")) if read_bytes(path) == log]
-        snapshots = {int(path.stem): path for folder in same[:1] for path in (folder / SNAPSHOTS).glob("[0-9]*.pt")}
-        if not snapshots:
-            raise InputError(f"{config.path.parent}: {parts} has no snapshots of its part {name}; no curve is made")
-        found.append(TrainedPart(name, same[0], facts["steps"], facts["batch"], dict(sorted(snapshots.items()))))
+        path = config.path.parent / f"{name}.jsonl"
+        log = read_bytes(path) if path.is_file() else b""
+        same = [path.parent for path in sorted(parts.glob(f"{name}-*/{logs.NAME}")) if log and read_bytes(path) == log]
+        files = [path for folder in same[:1] for path in (folder / SNAPSHOTS).glob("*.pt") if path.stem.isdecimal()]
+        if not files:
+            return []
+        snapshots = {int(path.stem): path for path in sorted(files)}
+        found.append(TrainedPart(name, same[0], facts["steps"], facts["batch"], snapshots))
     return found
 
 
@@ -114,7 +134,7 @@ def measure(
 ) -> Curve:
     """The curve of a bundle, with as many points as its part with the fewest snapshots."""
     row = bundles.result_row(config)
-    numbers = judged_pairs(pairs, config.split or "")
+    numbers = pair_samples.validation(pairs, config.split or "")
     words, truths = _words(pairs, numbers), [_truth(pairs, number) for number in numbers]
     tasks = [_task(config, part, pairs).to(device).eval() for part in parts]
     bias = 0.0 if config.runs is None else config.runs.token_bias
@@ -127,7 +147,7 @@ def measure(
             _load(task, part.snapshots[at])
         minutes = [part.core_minutes(at) for part, at in zip(parts, steps, strict=True)]
         seen = float(sum(part.batch * at for part, at in zip(parts, steps, strict=True)))
-        spent = None if None in minutes else round(sum(m for m in minutes if m is not None), 3)
+        spent = None if None in minutes else round(sum(m for m in minutes if m is not None), 4)
         points.append((seen, spent, *(round(score, 6) for score in _scores(system.predict(words), truths))))
         if progress is not None:
             progress(done, len(fewest.snapshots))
@@ -137,19 +157,10 @@ def measure(
     )  # fmt: skip
 
 
-def judged_pairs(pairs: Pairs, split: str) -> list[int]:
-    """The validation pairs that the training loop judges: the first of a fixed random order."""
-    numbers = pairs.split(split, "valid")
-    if not numbers:
-        raise InputError(f"{pairs.folder}: no pair in {split} valid; no curve is made")
-    return [numbers[k] for k in stream("judged", len(numbers)).permutation(len(numbers))[:N_JUDGED].tolist()]
-
-
 def judged_bundle(config: BundleConfig, pairs: Pairs) -> float:
     """The Accuracy of the exported bundle on the curve's pairs."""
-    answer = answers(pairs, open_bundle(config.path.parent))
-    numbers = judged_pairs(pairs, config.split or "")
-    return float(np.mean([accuracy(answer(number).frames, _truth(pairs, number)) for number in numbers]))
+    answer = protocol.answers(pairs, open_bundle(config.path.parent))
+    return protocol.accuracy(answer, pairs, pair_samples.validation(pairs, config.split or ""))
 
 
 def _scores(predictions: Sequence[Prediction], truths: Sequence[np.ndarray[Any, Any]]) -> tuple[float, float]:
@@ -162,7 +173,9 @@ def _scores(predictions: Sequence[Prediction], truths: Sequence[np.ndarray[Any, 
 
 
 def _words(pairs: Pairs, numbers: Sequence[int]) -> list[Words]:
-    words = {word: np.array(pairs.word(word), np.float32) for word in set(pairs.index[list(numbers), :2].ravel().tolist())}
+    words = {
+        word: np.array(pairs.word(word), np.float32) for word in set(pairs.index[list(numbers), :2].ravel().tolist())
+    }
     return [(words[p], words[q]) for p, q in pairs.index[list(numbers), :2].tolist()]
 
 
@@ -179,7 +192,7 @@ def _task(config: BundleConfig, part: TrainedPart, pairs: Pairs) -> Task:
     made = scales.SystemPart(part.name, sizes, like.fr, part.steps, part.batch, like.rate)
     n_numbers = len(config.stored["normaliser"]["mean"])
     blank = Normaliser(torch.zeros(n_numbers), torch.ones(n_numbers))
-    return scales.task(made, blank, skeleton(pairs.signers[0]).parents.tolist(), config.seed or 0)
+    return scales.task(made, blank, pairs.spaces[0].parents, config.seed or 0)
 
 
 def _load(task: Task, path: Path) -> None:
