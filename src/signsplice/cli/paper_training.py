@@ -105,9 +105,11 @@ def curves(options: TrainingOptions, systems: Sequence[str], again: bool, requir
     from signsplice.train.paper.schedule import PARTS
     from signsplice.train.processes import pick_device
 
-    configs = [c for c in read_all(options.bundles) if c.scale == options.scale and c.system in (systems or [c.system])]
+    every = read_all(options.bundles)
+    configs = [c for c in every if c.scale == options.scale and (not systems or c.system in systems)]
     if required and not configs:
-        raise InputError(f"{options.bundles}: no bundle of scale {options.scale} there; `signsplice train paper` makes one")
+        hint = "`signsplice train paper` makes one"
+        raise InputError(f"{options.bundles}: no bundle of scale {options.scale} there; {hint}")
     judge = CurveJudge(Pairs(options.pairs), options.bundles / PARTS, pick_device("auto"), progress)
     for path in judge.write(configs, again, lambda line: warn([line])):
         print(path)

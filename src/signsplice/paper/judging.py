@@ -25,9 +25,9 @@ from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice.paper.curve import Curve
 from signsplice.paper.environment import environment
 from signsplice.paper.kept_frames import KeptFrames
-from signsplice.paper.plan import Choice, Run
 from signsplice.paper.mean_transition import NAME as MEAN_TRANSITION
 from signsplice.paper.mean_transition import MeanAnswers
+from signsplice.paper.plan import Choice, Run
 from signsplice.paper.protocol import Answer, Protocol
 from signsplice.paper.results import CLASSICAL, CORPUS_TRAINED, MEAN, SHIPPED, ResultRow, Results
 from signsplice.paper.systems import open_bundle
