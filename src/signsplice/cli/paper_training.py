@@ -52,7 +52,8 @@ def train_missing(options: TrainingOptions, choice: Choice) -> list[Run]:
     from signsplice.paper import plan
     from signsplice.synth.corpus import Pairs
 
-    corpus = str(Pairs(options.pairs).head["hash"])
+    there = (options.pairs / "corpus.json").is_file()  # without it the training says what is wrong
+    corpus = str(Pairs(options.pairs).head["hash"]) if there else None
 
     def missing() -> list[Run]:
         rival = plan.best_rival(options.bundles, options.scale)
