@@ -65,7 +65,7 @@ def train_missing(options: TrainingOptions, choice: Choice) -> list[Run]:
         todo = missing()
     if todo:
         names = ", ".join(run.name for run in todo[:3]) + (", ..." if len(todo) > 3 else "")
-        warn([f"time is up: {len(todo)} trainings are missing ({names}); the same call continues"])
+        warn([f"time is up; trainings are missing: {len(todo)} ({names}); the same call continues"])
     return todo
 
 
