@@ -13,9 +13,10 @@ from toys import corpus, motion, of_rows, row
 
 from signsplice.errors import InputError
 from signsplice.paper import environment, kept_frames, merging, plan, published, results
+from signsplice.paper.curve import COLUMNS, Curve
 from signsplice.paper.plan import Choice, Run
 from signsplice.paper.protocol import choose
-from signsplice.paper.results import Curve, Results
+from signsplice.paper.results import Results
 
 
 def test_a_new_row_replaces_the_row_of_its_key() -> None:
@@ -28,8 +29,11 @@ def test_a_new_row_replaces_the_row_of_its_key() -> None:
 
 
 def test_results_survive_a_round_trip(tmp_path: Path) -> None:
-    curve = Curve("lpt", "random", "cpu", "adamw", 8, 0, [(0.0, 0.5), (10.0, 0.9)])
-    known = of_rows(row("lpt", scores={"paa": None}), row("lstm", fr=None)).merged(curves=[curve])
+    curves = [
+        Curve("lpt", "random", "cpu", "adamw", 8, 0, [(0.0, 0.5), (10.0, 0.9)]),
+        Curve("lstm", "random", "cpu", "adamw", None, 0, [(64.0, None, 0.5, 0.1)], COLUMNS, "abc", "c0ffee", 256),
+    ]
+    known = of_rows(row("lpt", scores={"paa": None}), row("lstm", fr=None)).merged(curves=curves)
     path = tmp_path / "results.json"
     results.save(known, path)
     assert results.load(path) == known
@@ -82,27 +86,21 @@ def test_the_environment_states_versions_and_machine() -> None:
     assert environment.commit(Path("/")) == ""
 
 
-def test_long_curves_are_thinned_but_keep_their_ends() -> None:
-    points = [(float(k), 0.5) for k in range(5000)]
-    thin = results.thinned(points)
-    assert len(thin) == results.MOST_POINTS
-    assert (thin[0], thin[-1]) == (points[0], points[-1])
-    assert results.thinned(points[:3]) == points[:3]
-
-
 def test_kept_frames_survive_a_round_trip_and_merge(tmp_path: Path) -> None:
     pairs = corpus()
     chosen = kept_frames.choose(pairs, choose(pairs, "random"))
     assert 1 <= len(chosen) <= kept_frames.COUNT
     name = "cpu/adamw/lpt/nothing"
-    first = [replace(pair, made={name: motion(4)}) for pair in chosen]
+    first = [replace(pair, made={name: motion(4)}, edges={name: motion(2)}) for pair in chosen]
     path = tmp_path / "frames.npz"
     kept_frames.save(first, path)
     loaded = kept_frames.load(path)
     assert [(pair.number, pair.name) for pair in loaded] == [(pair.number, pair.name) for pair in chosen]
     assert np.allclose(loaded[0].made[name], motion(4), atol=1e-6)
+    assert np.allclose(loaded[0].edges[name], motion(2), atol=1e-6)
+    assert loaded[0].figure == chosen[0].figure
     merged = kept_frames.merge(loaded, [replace(pair, made={"new": motion(3)}) for pair in chosen])
-    assert set(merged[0].made) == {name, "new"}
+    assert (set(merged[0].made), set(merged[0].edges)) == ({name, "new"}, {name})
     other = [replace(pair, truth=pair.truth + 0.1) for pair in chosen]
     assert not kept_frames.merge(loaded, other)[0].made, "frames of another truth are dropped"
     path.write_bytes(b"no archive")

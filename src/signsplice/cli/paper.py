@@ -20,7 +20,11 @@ if TYPE_CHECKING:
     from signsplice.paper.plan import Choice, Run
     from signsplice.paper.results import Results
 
-WHAT = ("all", "train", "judge", "evaluate", "table1", "table3", "figures", "speed", "search", "merge")
+WHAT = (
+    *("all", "train", "judge", "evaluate", "tables", "table1", "table2", "table3", "claims", "figures"),
+    *("curves", "speed", "search", "merge"),
+)
+ONE_TABLE = ("table1", "table2", "table3")
 N_TIMED = 20
 
 
@@ -66,9 +70,10 @@ def paper(
     again: bool,
 ) -> None:
     """Reproduce the paper. all: train missing systems, judge, write tables and figures. train, judge: only that.
-    evaluate: all but training. table1, table3, figures: from results.json, in seconds, without corpus or networks.
-    speed: time untrained systems of the scale's sizes. search: try learning rates and widths. merge: add results that
-    were judged elsewhere.
+    evaluate: all but training. tables: all tables, claims and figures from results.json, in seconds, without corpus or
+    networks; table1, table2, table3, claims, figures: those alone. curves: judge systems after every part of their
+    training, from the weights kept in it. speed: time untrained systems of the scale's sizes. search: try learning
+    rates and widths. merge: add results that were judged elsewhere.
     """
     from signsplice.paper import plan, results
 
@@ -90,19 +95,19 @@ def paper(
         paper_training.merge(sources, folder)
     if what in ("all", "train"):
         paper_training.train_missing(options, choice)
-        if what == "train":
-            return
+    if what in ("all", "train", "curves"):
+        paper_training.curves(options, systems, again, required=what == "curves")
     if what in ("all", "judge", "evaluate"):
         _make_folder(folder)
         _evaluate(folder, Path(pairs), Path(bundles), scale, choice, limit, again)
-        if what == "judge":
-            return
+    if what in ("train", "curves", "judge"):
+        return
     if not (folder / results.FILE).is_file():
         raise InputError(f"{folder / results.FILE}: not there; `signsplice paper evaluate` or `all` makes it")
     known = results.load(folder / results.FILE)
     if what != "figures":
         _tables(known, folder, scale, what)
-    if what not in ("table1", "table3"):
+    if what not in (*ONE_TABLE, "claims"):
         _figures(known, folder, scale, required=what == "figures")
 
 
@@ -158,12 +163,14 @@ def _speed(folder: Path, pairs: Path, scale: str, n_pairs: int) -> None:
 
 
 def _tables(results: Results, folder: Path, scale: str, what: str) -> None:
-    from signsplice.paper import tables
+    from signsplice.paper import claims_page, tables
 
-    pages = (what,) if what in ("table1", "table3") else tables.PAGES
+    pages = (what,) if what in ONE_TABLE else () if what == "claims" else tables.PAGES
     written = tables.write(results, folder, scale, pages)
+    if what not in ONE_TABLE:
+        written += claims_page.write(results, folder, scale)
     if not written:
-        raise InputError(f"{folder}: no row of scale {scale} for {' or '.join(pages)}")
+        raise InputError(f"{folder}: no row of scale {scale} for {' or '.join(pages) or what}")
     for path in written:
         print(path)
 
@@ -182,7 +189,7 @@ def _figures(results: Results, folder: Path, scale: str, required: bool) -> None
     for path in written:
         print(path)
     if left_out:
-        warn([f"nothing was measured for {', '.join(left_out)} at scale {scale}"])
+        warn([f"left out, for want of measurements at scale {scale}: {', '.join(left_out)}"])
 
 
 COMMANDS = (paper,)

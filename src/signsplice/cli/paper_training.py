@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from signsplice.cli.terminal import warn
+from signsplice.cli.terminal import progress, warn
 from signsplice.cli.train import check_extra, progress_printer
 from signsplice.errors import InputError, MissingExtraError
 
@@ -91,6 +91,29 @@ def _train(todo: Sequence[Run], options: TrainingOptions) -> None:
         schedule.train_side_by_side(planned, options.workers, started)
     else:
         schedule.train_one_by_one(planned, started, finished, progress_printer)
+
+
+def curves(options: TrainingOptions, systems: Sequence[str], again: bool, required: bool) -> None:
+    """Write the validation curves that bundles lack, of ``systems`` if any are named; none where torch is missing,
+    unless they are ``required``.
+    """
+    if not required and importlib.util.find_spec("torch") is None:
+        return
+    check_extra()
+    from signsplice.paper.bundles import read_all
+    from signsplice.synth.corpus import Pairs
+    from signsplice.train.paper.curves import CurveJudge
+    from signsplice.train.paper.schedule import PARTS
+    from signsplice.train.processes import pick_device
+
+    every = read_all(options.bundles)
+    configs = [c for c in every if c.scale == options.scale and (not systems or c.system in systems)]
+    if required and not configs:
+        hint = "`signsplice train paper` makes one"
+        raise InputError(f"{options.bundles}: no bundle of scale {options.scale} there; {hint}")
+    judge = CurveJudge(Pairs(options.pairs), options.bundles / PARTS, pick_device("auto"), progress)
+    for path in judge.write(configs, again, lambda line: warn([line])):
+        print(path)
 
 
 def search(options: TrainingOptions, systems: Sequence[str], out: Path) -> None:

@@ -263,6 +263,26 @@ def export(bundle: str, output: str, int8: bool) -> None:
     print(f"{output}: {before / 1e6:.1f} MB in {after / 1e6:.1f} MB")
 
 
+@click.command()
+@click.argument("bundles", nargs=-1, required=True, metavar="BUNDLE ...")
+@click.option("-o", "--output", required=True, metavar="DIR", help="Folder of the published bundles, and their page.")
+@click.option("--pairs", required=True, metavar="DIR", help="Corpus of pairs that they learned from.")
+@click.option("--limit", type=int, default=200, show_default=True, metavar="N",
+              help="Test pairs on which both forms are compared.")  # fmt: skip
+def publish(bundles: tuple[str, ...], output: str, pairs: str, limit: int) -> None:
+    """Write trained systems of the paper with 16-bit weights, each into a folder of its name, and a page that lists
+    them; needs the extra `train`. The page tells how far they choose as before.
+    """
+    if limit < 1:
+        raise InputError(f"--limit {limit}, expected at least 1")
+    check_extra()
+    from signsplice.synth.corpus import Pairs
+    from signsplice.train import publishing
+
+    for line in publishing.publish([Path(name) for name in bundles], Path(output), Pairs(pairs), limit):
+        print(line)
+
+
 def check_extra() -> None:
     """Raise ``MissingExtraError`` if a package of the extra `train` is missing."""
     missing = [name for name in ("torch", "onnxscript", "filelock") if importlib.util.find_spec(name) is None]
@@ -287,4 +307,4 @@ def progress_printer(part: str) -> ProgressCallback:
     return report
 
 
-COMMANDS = (train, export)
+COMMANDS = (train, export, publish)

@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 from signsplice.errors import InputError
-from signsplice.paper import bundles, clip_methods, kept_frames, protocol, published, results
+from signsplice.paper import (
+    bundles,
+    clip_methods,
+    curve,
+    kept_frames,
+    margins,
+    pair_samples,
+    protocol,
+    published,
+    results,
+)
 from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
+from signsplice.paper.curve import Curve
 from signsplice.paper.environment import environment
 from signsplice.paper.kept_frames import KeptFrames
+from signsplice.paper.mean_transition import NAME as MEAN_TRANSITION
+from signsplice.paper.mean_transition import MeanAnswers
 from signsplice.paper.plan import Choice, Run
 from signsplice.paper.protocol import Answer, Protocol
-from signsplice.paper.results import CLASSICAL, CORPUS_TRAINED, SHIPPED, Curve, ResultRow, Results
+from signsplice.paper.results import CLASSICAL, CORPUS_TRAINED, MEAN, SHIPPED, ResultRow, Results
 from signsplice.paper.systems import open_bundle
 from signsplice.splicing.bundle import BundleConfig
 from signsplice.splicing.learned import SYSTEM
@@ -24,6 +38,9 @@ from signsplice.synth.corpus import Pairs
 ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None] | None]]
 """Title -> a context that yields a callback (done, total), or None."""
 Warn = Callable[[str], object]
+Scores = dict[str, float]
+MoreScores = Callable[[str], Scores]
+"""A split -> scores on other pairs of it than the test part."""
 Opener = Callable[[Path, str], Any]
 """A bundle's folder and a decoding -> the system."""
 
@@ -53,6 +70,7 @@ class Judge:
     - limit: largest number of pairs of a split, None for all
     - splits: those that are judged, all if none is named
     - again: whether to judge known rows again
+    - margins: how near the true cuts are to other frames, by pair, as far as known
     """
 
     pairs: Pairs
@@ -62,6 +80,7 @@ class Judge:
     limit: int | None = None
     again: bool = False
     splits: tuple[str, ...] = ()
+    margins: Mapping[int, float] = field(default_factory=dict)
 
     def protocols(self) -> list[Protocol]:
         """The test part of every split that has pairs in it. Raises ``InputError`` if none has."""
@@ -73,10 +92,13 @@ class Judge:
     def judgements(
         self, methods: Iterable[ClipMethod], configs: Iterable[BundleConfig], kept: Sequence[KeptFrames]
     ) -> Iterator[Judgement]:
-        """Judge methods on clips, then bundles; one judgement each. ``kept``: frames of earlier calls."""
+        """Judge the mean transition, methods on clips, then bundles; one judgement each. ``kept``: frames of earlier
+        calls.
+        """
         protocols = self.protocols()
         frames = kept_frames.merge(kept, kept_frames.choose(self.pairs, protocols[0]))
         protocols = [p for p in protocols if not self.splits or p.split in self.splits]
+        yield self.judge_mean(protocols)
         for method in methods:
             judgement = self.judge_method(method, protocols, frames)
             frames = list(judgement.kept)
@@ -85,6 +107,14 @@ class Judge:
             judgement = self.judge_bundle(config, protocols, frames)
             frames = list(judgement.kept)
             yield judgement
+
+    def judge_mean(self, protocols: Sequence[Protocol]) -> Judgement:
+        """Judge the mean transition of every split's training part."""
+        row, rows = ResultRow(MEAN_TRANSITION, "", MEAN), []
+        for p in protocols:
+            if self.pairs.split(p.split, "train"):
+                rows += self._rows(row, "", MeanAnswers(self.pairs, p.split), [p], [])[0]
+        return Judgement(tuple(rows), (), ())
 
     def judge_method(self, method: ClipMethod, protocols: Sequence[Protocol], kept: list[KeptFrames]) -> Judgement:
         """Judge a method on clips. One whose networks learned from the corpus is judged only where that is allowed."""
@@ -96,7 +126,8 @@ class Judge:
         row = ResultRow(method.name, "", scale, given=method.given, bundle=bundle and bundle[:12])
         shown = source is None and (method.name, method.given) in kept_frames.SHOWN_METHODS
         label = kept_frames.label(method.name, scale, "", method.given) if shown else ""
-        rows, kept = self._rows(row, label, answer, allowed, kept, answer.prepare)
+        more = None if source is None else partial(self._other_pairs, answer)
+        rows, kept = self._rows(row, label, answer, allowed, kept, answer.prepare, more)
         return Judgement(tuple(rows), (), tuple(kept))
 
     def judge_bundle(self, config: BundleConfig, protocols: Sequence[Protocol], kept: list[KeptFrames]) -> Judgement:
@@ -111,12 +142,14 @@ class Judge:
         row = bundles.result_row(config)
         best_fr = row.fr in (None, published.BEST_FR)
         label = kept_frames.label(row.system, row.scale, row.optimiser) if best_fr else ""
-        rows, kept = self._rows(row, label, _LazySystem(self, folder, "one-by-one"), allowed, kept)
+        system = _LazySystem(self, folder, "one-by-one")
+        rows, kept = self._rows(row, label, system, allowed, kept, more=partial(self._other_pairs, system))
         if best_fr and row.system in published.IN_ONE_PASS:
             one_pass = replace(row, system=published.IN_ONE_PASS[row.system])
-            rows += self._rows(one_pass, "", _LazySystem(self, folder, "parallel"), allowed, kept)[0]
-        curve = bundles.training_curve(config, row)
-        return Judgement(tuple(rows), () if curve is None else (curve,), tuple(kept))
+            system = _LazySystem(self, folder, "parallel")
+            rows += self._rows(one_pass, "", system, allowed, kept, more=partial(self._other_pairs, system))[0]
+        known = curve.load(folder, row.bundle or "")
+        return Judgement(tuple(rows), () if known is None else (known,), tuple(kept))
 
     def _rows(
         self,
@@ -126,10 +159,17 @@ class Judge:
         protocols: Sequence[Protocol],
         kept: list[KeptFrames],
         prepare: Callable[[Sequence[int]], None] | None = None,
+        more: MoreScores | None = None,
     ) -> tuple[list[ResultRow], list[KeptFrames]]:
-        """New rows on some protocols, and the kept frames with those for the random split under ``label``, if any."""
+        """New rows on some protocols, and the kept frames with those for the random split under ``label``, if any.
+        ``more``: scores on other pairs of a split.
+        """
         rows = []
-        shared = {**environment(), "metrics_id": results.signature_id()}
+        shared = {
+            **environment(),
+            "metrics_id": results.signature_id(),
+            "truth": self.pairs.head.get("truth", "partner"),
+        }
         for p in protocols:
             row = replace(like, split=p.split, part=p.part, corpus=p.corpus, protocol=p.signature, **shared)
             if not self.again and self._is_known(row) and all(not label or label in pair.made for pair in kept):
@@ -138,10 +178,23 @@ class Judge:
                 prepare(p.numbers)
             with self.progress(f"{like.system}, {p.split}") as advance:
                 judged = protocol.judge(answer, self.pairs, p, advance)
-            rows.append(replace(row, scores=results.finite(judged.scores), n_pairs=judged.n_pairs))
+            scores = judged.scores | pair_samples.by_margin(judged.off, self.margins)
+            scores |= {} if more is None else more(p.split)
+            rows.append(replace(row, scores=results.finite(scores), n_pairs=judged.n_pairs))
             if p.split == "random" and label:
-                kept = kept_frames.with_answers(kept, label, answer)
+                kept = kept_frames.with_answers(kept, label, answer, self.pairs)
         return rows, kept
+
+    def _other_pairs(self, answer: Any, split: str) -> Scores:
+        """``paa_train`` and ``accuracy_valid`` of a system on a split."""
+        taught, valid = pair_samples.taught(self.pairs, split), pair_samples.validation(self.pairs, split)
+        if isinstance(answer, ClipAnswers):
+            answer.prepare([*taught, *valid])
+        found = answer.positions if isinstance(answer, _LazySystem) else lambda k: (answer(k).pre, answer(k).post)
+        return {
+            "paa_train": protocol.paa(found, self.pairs, taught),
+            "accuracy_valid": protocol.accuracy(answer, self.pairs, valid),
+        }
 
     def _is_known(self, row: ResultRow) -> bool:
         """Whether a row of the same key was judged on the same bundle, by the same protocol and metrics."""
@@ -158,12 +211,18 @@ class _LazySystem:
 
     def __init__(self, judge: Judge, folder: Path, decoding: str) -> None:
         self.judge, self.folder, self.decoding = judge, folder, decoding
-        self._answer: Answer | None = None
+
+    @cached_property
+    def system(self) -> Any:
+        """The opened bundle."""
+        return self.judge.opener(self.folder, self.decoding)
 
     def __call__(self, number: int) -> Any:
-        if self._answer is None:
-            self._answer = protocol.answers(self.judge.pairs, self.judge.opener(self.folder, self.decoding))
-        return self._answer(number)
+        return protocol.answers(self.judge.pairs, self.system)(number)
+
+    def positions(self, number: int) -> protocol.Positions:
+        """The positions alone."""
+        return protocol.positions(self.judge.pairs, self.system)(number)
 
 
 def corpus_trained_methods(configs: Iterable[BundleConfig], warn: Warn) -> list[ClipMethod]:
@@ -207,6 +266,8 @@ def evaluate(judge: Judge, out: Path, folder: Path, scale: str, choice: Choice, 
     if not chosen:
         warn(f"{folder}: no bundle of scale {scale} there" + ("" if named else "; only methods on clips are judged"))
     methods = [] if named else [*clip_methods.all_clip_methods(), *corpus_trained_methods(configs, warn)]
+    numbers = sorted({number for p in judge.protocols() for number in p.numbers})
+    judge = replace(judge, margins=margins.of_pairs(out / margins.FILE, judge.pairs, numbers, warn))
     known, n_rows = judge.known, 0
     for judgement in judge.judgements(methods, chosen, kept_frames.load(out / kept_frames.FILE)):
         n_rows += len(judgement.rows)

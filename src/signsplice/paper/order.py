@@ -1,121 +1,141 @@
-"""Whether the measured scores agree with the paper: the order of its systems per metric, and the claims of its text."""
+"""One verdict for every claim of the paper, from results.json.
+
+A claim about LpTransformer is judged by the row that follows the print; what LPT+ gives stands beside it. A system that
+is missing or not trained judges nothing. Where the corpora of two truths disagree, the claim holds in part.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from itertools import permutations
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from signsplice.paper import published
-from signsplice.paper.results import ResultRow
+from signsplice.paper.lines import Line, clip_lines, line
+from signsplice.paper.results import CLASSICAL, Results
+
+HOLDS, IN_PART, FAILS, UNTESTED = "holds", "holds in part", "does not hold", "not tested"
+SPLIT = "random"
+"""The split that judges: in the paper, too, every test word was seen in other pairs."""
 
 
 @dataclass(frozen=True)
-class SystemOrder:
-    """How far the measured order of systems agrees with the printed order.
+class Finding:
+    """What the rows of one corpus say about a claim.
 
-    - agreeing: number of pairs of systems in the printed order
-    - ordered: number of pairs of systems with different printed scores
+    - verdict: one of the four
+    - figure: the measured values in words
+    - facts: further measured values by name, for the reason
     """
 
-    agreeing: int
-    ordered: int
+    verdict: str
+    figure: str
+    facts: Mapping[str, str] = field(default_factory=dict)
 
-    @property
-    def verdict(self) -> str:
-        """Yes or no, with the count; "-" if there is nothing to compare."""
-        if not self.ordered:
-            return "-"
-        return f"{'yes' if self.agreeing == self.ordered else 'no'} ({self.agreeing}/{self.ordered})"
+
+class Evidence:
+    """The rows of one corpus that judge claims."""
+
+    def __init__(self, results: Results, scale: str) -> None:
+        self.results, self.scale = results, scale
+
+    def of(self, *systems: str) -> list[Line] | None:
+        """The lines of some systems trained by AdamW; None if one is missing or not trained."""
+        found = [line(self.results, system, self.scale, SPLIT) for system in systems]
+        return found if all(one.is_known for one in found) else None
+
+    def with_fr(self, fr: int, system: str) -> Line:
+        """The line of a system with an fr."""
+        return line(self.results, system, self.scale, SPLIT, fr=fr)
+
+    def classical(self, given: str) -> list[Line]:
+        """The classical methods that are given so much of the truth."""
+        found = clip_lines(self.results, SPLIT)
+        return [one for one in found if one.rows[0].scale == CLASSICAL and one.rows[0].given == given]
+
+    def accuracies(self, system: str, fr: int | None = published.BEST_FR) -> list[float]:
+        """Validation Accuracy over the training of a system, empty if unknown."""
+        for curve in self.results.curves:
+            key = (curve.system, curve.split, curve.scale, curve.optimiser)
+            if key == (system, SPLIT, self.scale, "adamw") and curve.fr in (None, fr) and not curve.seed:
+                at = tuple(getattr(curve, "columns", ("step", "accuracy"))).index("accuracy")
+                return [float(value) for point in curve.points if (value := point[at]) is not None]
+        return []
+
+
+Judge = Callable[[Evidence, str], Finding | None]
+"""The rows, and the system that stands for LpTransformer -> the finding; None if a row that it needs is missing."""
 
 
 @dataclass(frozen=True)
 class Claim:
     """A claim of the paper.
 
+    - where: the section, table or figure
     - claim: the claim in words
     - printed: the value that the paper prints
-    - measured: the value measured here
-    - holds: whether the measured value agrees
+    - judge: finds the verdict in rows; None for what rows cannot test
+    - why: the reason for every verdict
+    - of_lpt: whether it is about LpTransformer, so that LPT+ has a figure of its own
     """
 
+    where: str
     claim: str
     printed: str
-    measured: str
-    holds: bool
+    judge: Judge | None
+    why: Mapping[str, str]
+    of_lpt: bool = True
 
 
-def follows(printed: Mapping[str, float], measured: Mapping[str, float]) -> SystemOrder:
-    """The order of the systems in both mappings from system to score.
+@dataclass(frozen=True)
+class Judged:
+    """A claim with its verdict.
 
-    Pairs with equal printed scores are left out. A measured tie agrees with no order, and NaN ranks below every score.
+    - claim: the claim
+    - verdict: of all truths together
+    - figures: the figure of every truth, "-" where it was not tested
+    - improved: the figure of LPT+ on the first truth that has one
+    - why: the reason
     """
-    shared = [system for system in printed if system in measured]
-    agreeing = ordered = 0
-    for a, b in permutations(shared, 2):
-        if printed[a] > printed[b]:
-            ordered += 1
-            agreeing += _floor(measured[a]) > _floor(measured[b])
-    return SystemOrder(agreeing, ordered)
+
+    claim: Claim
+    verdict: str
+    figures: tuple[str, ...]
+    improved: str
+    why: str
 
 
-def of_metric(table: Mapping[str, tuple[str, ...]], metric: str, rows: Mapping[str, ResultRow]) -> SystemOrder:
-    """The order by one metric of one of the paper's tables, compared with rows by system."""
-    column = published.METRICS.index(metric)
-    printed = {system: float(values[column]) for system, values in table.items()}
-    return follows(printed, {system: row.score(published.SCORES[metric]) for system, row in rows.items()})
+def judge(claim: Claim, corpora: Sequence[Evidence]) -> Judged:
+    """The verdict on a claim, from the rows of one corpus for every truth."""
+    found = [_finding(claim, e, published.PRINTED) for e in corpora]
+    better = [_finding(claim, e, published.IMPROVED) for e in corpora] if claim.of_lpt else []
+    tested = [one for one in found if one is not None]
+    verdict = _together([one.verdict for one in tested])
+    why = NO_ROW
+    if tested or claim.judge is None:
+        why = claim.why.get(verdict, "").format(**(tested[0].facts if tested else {}))
+    improved = next((one.figure for one in better if one is not None), "-")
+    return Judged(claim, verdict, tuple("-" if one is None else one.figure for one in found), improved, why)
 
 
-def claims_1(rows: Mapping[str, ResultRow]) -> list[Claim]:
-    """The claims of the paper's text about the four systems of table 1."""
-    out: list[Claim] = []
-    lpt, transformer = rows.get("lpt"), rows.get("transformer")
-    others = [rows[system] for system in published.TABLE_1 if system in rows and system != "lpt"]
-    if lpt is None:
-        return out
-    accuracy, error = lpt.score("accuracy"), lpt.score("mse")
-    out.append(Claim("LpTransformer's Accuracy", f"about {published.ACCURACY}", f"{accuracy:.3f}", accuracy >= 0.985))
-    out.append(Claim("LpTransformer's MSE", f"{published.MSE}", f"{error:.4f}", error <= published.VISIBLE))
-    if others:
-        best = max(_floor(row.score("accuracy")) for row in others)
-        out.append(Claim("its Accuracy is the highest", "yes", f"next: {best:.3f}", accuracy > best))
-        least = min(row.score("mse") for row in others)
-        visible = least > published.VISIBLE
-        out.append(Claim("the other systems' MSE is above 0.002", "yes", f"least: {least:.4f}", visible))
-    if transformer is not None:
-        times = transformer.score("ms_mean") / lpt.score("ms_mean")
-        printed = f"{published.TIMES_FASTER:g} times"
-        out.append(Claim("faster than Transformer", printed, f"{times:.1f} times", times >= published.TIMES_FASTER))
-    ms = {row.system: row.score("ms_mean") for row in (lpt, *others)}
-    if {"conv-s2s", "transformer"} <= ms.keys():
-        fastest, slowest = min(ms, key=lambda s: ms[s]), max(ms, key=lambda s: ms[s])
-        out.append(Claim("fastest", "ConvS2S", published.name(fastest), fastest == "conv-s2s"))
-        out.append(Claim("slowest", "Transformer", published.name(slowest), slowest == "transformer"))
-    return out
+NO_ROW = "a row that it needs is missing or not trained"
 
 
-def claims_3(rows: Mapping[str, ResultRow]) -> list[Claim]:
-    """The claims of the paper's text about the ablations of table 3."""
-    out: list[Claim] = []
-    lpt = rows.get("lpt")
-    others = {system: rows[system] for system in published.TABLE_3 if system in rows and system != "lpt"}
-    if lpt is None or not others:
-        return out
-    accuracy, best = lpt.score("accuracy"), max(_floor(row.score("accuracy")) for row in others.values())
-    out.append(Claim("LPT's Accuracy is the highest", "yes", f"{accuracy:.4f}, next: {best:.4f}", accuracy > best))
-    if "lpt-wa" in others:
-        error, without = lpt.score("mse"), others["lpt-wa"].score("mse")
-        measured = f"{without:.4f} versus {error:.4f}"
-        out.append(Claim("without attention the error is larger", "yes", measured, without > error))
-    for system in ("lpt-wc", "lpt-wac"):
-        if system in others:
-            times = others[system].score("ms_mean") / lpt.score("ms_mean")
-            claim = f"{published.name(system)}, without culling, is slower"
-            out.append(Claim(claim, "far longer", f"{times:.1f} times", times > 1.0))
-    return out
+def _finding(claim: Claim, evidence: Evidence, system: str) -> Finding | None:
+    return None if claim.judge is None else claim.judge(evidence, system)
 
 
-def _floor(value: float) -> float:
-    """The value, or minus infinity for NaN."""
-    return -math.inf if math.isnan(value) else value
+def _together(verdicts: Sequence[str]) -> str:
+    if not verdicts:
+        return UNTESTED
+    return verdicts[0] if len(set(verdicts)) == 1 else IN_PART
+
+
+def graded(holds: bool, in_part: bool = False) -> str:
+    """The verdict for a claim that holds, or else in part."""
+    return HOLDS if holds else IN_PART if in_part else FAILS
+
+
+def shown(value: float, digits: int = 3) -> str:
+    """A figure as text."""
+    return "-" if math.isnan(value) else f"{value:.{digits}f}"

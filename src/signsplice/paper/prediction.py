@@ -21,11 +21,13 @@ class Prediction:
     - pre: last kept frame of the word before, None if the system emitted no such token
     - post: first kept frame of the word after, None if the system emitted no such token
     - frames: the transition (n, 159); n = 0 if the system could make none
+    - unbiased: pre and post without the bias of the tokens; None if there is no bias
     """
 
     pre: int | None
     post: int | None
     frames: Float
+    unbiased: tuple[int | None, int | None] | None = None
 
 
 class System(Protocol):
@@ -38,4 +40,8 @@ class System(Protocol):
 
     def predict(self, before: Float, after: Float) -> Prediction:
         """The splice of ``before`` (N, 159) and ``after`` (M, 159), both in [-0.5, 0.5]."""
+        ...
+
+    def positions(self, before: Float, after: Float) -> tuple[int | None, int | None]:
+        """Its positions pre and post alone."""
         ...

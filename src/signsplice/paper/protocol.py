@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from signsplice.errors import InputError
 from signsplice.paper import extra_metrics, metrics
 from signsplice.paper.prediction import Prediction, System
-from signsplice.synth.corpus import EXTENT, Pairs
+from signsplice.synth.corpus import Pairs
 from signsplice.synth.rng import stream
 
 Float = NDArray[np.float64]
 Answer = Callable[[int], Prediction]
 """A pair's number -> a system's prediction."""
+Positions = tuple[int | None, int | None]
 Progress = Callable[[int, int], None]
 
 SPLITS = ("random", "unseen-words", "unseen-signer")
@@ -60,12 +61,15 @@ class Protocol:
 class Judged:
     """A system's scores.
 
-    - scores: by name, with ``ms_mean`` and ``ms_median`` of the time per pair
+    - scores: by name, with ``ms_mean`` and ``ms_median`` of the time per pair, and ``frames_ms``, how long the true
+      transition takes to be seen
     - n_pairs: number of pairs judged
+    - off: errors of the positions by pair, None where a token is missing
     """
 
     scores: dict[str, float]
     n_pairs: int
+    off: dict[int, tuple[int, int] | None]
 
 
 def choose(pairs: Pairs, split: str, part: str = "test", limit: int | None = None) -> Protocol:
@@ -119,7 +123,7 @@ def may_judge(trained_on: Mapping[str, Any], pairs: Pairs, protocol: Protocol) -
 
 
 def answers(pairs: Pairs, system: System) -> Answer:
-    """The predictions of a system that sees only the 159 numbers."""
+    """The predictions of a system that sees only the numbers."""
 
     def answer(number: int) -> Prediction:
         p, q = pairs.index[number, :2].tolist()
@@ -128,12 +132,21 @@ def answers(pairs: Pairs, system: System) -> Answer:
     return answer
 
 
+def positions(pairs: Pairs, system: System) -> Callable[[int], Positions]:
+    """The positions of a system that sees only the numbers, without frames."""
+
+    def found(number: int) -> Positions:
+        p, q = pairs.index[number, :2].tolist()
+        return system.positions(pairs.word(p).astype(np.float64), pairs.word(q).astype(np.float64))
+
+    return found
+
+
 def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress | None = None) -> Judged:
     """The scores of a system on the pairs of a protocol, judged one at a time.
 
     Raises ``InputError`` for a prediction with wrong shapes, values that are not finite, or positions out of range.
     """
-    half = len(pairs.head["words"]) // 2
     layouts: dict[int, extra_metrics.NumberLayout] = {}
     for number in protocol.numbers[:WARM_UP]:
         answer(number)
@@ -144,23 +157,39 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
         begun = time.perf_counter()
         prediction = answer(number)
         seconds.append(time.perf_counter() - begun)
-        _check(prediction, len(before), len(after), number)
-        signer = p // half
+        _check(prediction, (before, after), number)
+        signer = pairs.signer(p)
         if signer not in layouts:
-            layouts[signer] = extra_metrics.number_layout(pairs.word_clip(p), EXTENT * pairs.signers[signer].stature_cm)
+            layouts[signer] = extra_metrics.number_layout(pairs.word_clip(p), pairs.spaces[signer])
         pre, post, frames = pairs.truth(number)
         truth = (pre, post, frames.astype(np.float64))
         scores.append(metrics.score(prediction, truth, (before, after), layouts[signer]))
         if progress is not None:
             progress(done, len(protocol.numbers))
-    times = _milliseconds(seconds)
-    return Judged(metrics.summary(scores) | times, len(scores))
+    summary = metrics.summary(scores)
+    times = _milliseconds(seconds) | {"frames_ms": 1e3 * summary["n_frames"] / protocol.fps}
+    off = dict(zip(protocol.numbers, (score.off for score in scores), strict=True))
+    return Judged(summary | times, len(scores), off)
 
 
-def _check(prediction: Prediction, n_before: int, n_after: int, number: int) -> None:
+def accuracy(answer: Answer, pairs: Pairs, numbers: Sequence[int]) -> float:
+    """The Accuracy of a system on some pairs, NaN without any."""
+    made = [metrics.accuracy(answer(k).frames, np.asarray(pairs.truth(k)[2], np.float64)) for k in numbers]
+    return float(np.mean(made)) if made else float("nan")
+
+
+def paa(found: Callable[[int], Positions], pairs: Pairs, numbers: Sequence[int]) -> float:
+    """The PAA of positions on some pairs, NaN without any."""
+    true = pairs.index[list(numbers), 2:4].tolist() if numbers else []
+    off = [metrics.positions_off(found(k), (pre, post)) for k, (pre, post) in zip(numbers, true, strict=True)]
+    return metrics.position_scores(off)["paa"]
+
+
+def _check(prediction: Prediction, words: tuple[Float, Float], number: int) -> None:
+    n_before, n_after, n_numbers = len(words[0]), len(words[1]), words[0].shape[1]
     frames = prediction.frames
-    if frames.ndim != 2 or frames.shape[1] != metrics.NUMBERS or not np.isfinite(frames).all():
-        raise InputError(f"pair {number}: predicted frames {frames.shape}, expected finite (n, {metrics.NUMBERS})")
+    if frames.ndim != 2 or frames.shape[1] != n_numbers or not np.isfinite(frames).all():
+        raise InputError(f"pair {number}: predicted frames {frames.shape}, expected finite (n, {n_numbers})")
     for what, position, count in (("pre", prediction.pre, n_before), ("post", prediction.post, n_after)):
         if position is not None and not 0 <= position < count:
             raise InputError(f"pair {number}: predicted {what} {position}, expected a frame of a word of {count}")

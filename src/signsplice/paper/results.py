@@ -1,4 +1,4 @@
-"""results.json: every measured row with the recipe that made it, and the curve of every training.
+"""results.json, version 2: every measured row with the recipe that made it, and the curve of every training.
 
 A row's key is what was judged and where: system, what it was given, scale, optimiser, fr, seed, split and part. A new
 row replaces the row of the same key. A table holds only rows whose signatures agree.
@@ -12,25 +12,23 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.formats.reading import read_bytes
-from signsplice.paper import metrics
+from signsplice.paper import curve, metrics
+from signsplice.paper.curve import Curve
 
-VERSION = 1
+VERSION = 2
 FILE = "results.json"
-CLASSICAL, SHIPPED, CORPUS_TRAINED = "classical", "own", "taught"
-"""Scales of rows that are not the paper's systems: methods without training, this project's networks as they ship, and
-its networks trained on the split's training part, as the paper's systems are.
+_OTHER_VERSION = "version 1 is of signsplice 0.3, whose BLEU is another; choose another --out, and judge again"
+CLASSICAL, SHIPPED, CORPUS_TRAINED, MEAN = "classical", "own", "taught", "mean"
+"""Scales of rows that are not the paper's systems: methods without training, this project's networks as they ship, its
+networks trained on the split's training part, as the paper's systems are, and the mean transition of that part.
 """
 CLIP_SCALES = (CLASSICAL, SHIPPED, CORPUS_TRAINED)
 GIVEN = ("nothing", "length", "positions", "positions and length")
 """What a method on clips may be given of the truth."""
-MOST_POINTS = 400
-_STORED = {"given": "told", "metrics_id": "measures"}
-"""Fields with another key in results.json, so that existing files stay readable."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +37,7 @@ class ResultRow:
 
     - system: the system's or method's name
     - split: the split that is judged
-    - scale: smoke, cpu or paper; for methods on clips one of ``CLIP_SCALES``
+    - scale: smoke, cpu or paper; for methods on clips one of ``CLIP_SCALES``; ``MEAN`` for the mean transition
     - optimiser: adamw or sgd, empty for methods on clips
     - part: the part of the split that is judged
     - fr: frames that Culling keeps on each side, None without Culling
@@ -47,8 +45,10 @@ class ResultRow:
     - given: what the method was given of the truth, one of ``GIVEN``
     - steps: training steps of all parts together
     - n_parameters: number of parameters
+    - token_bias: bias of the tokens' logits, 0 without; None for methods without tokens
     - bundle: first digits of the bundle's sha256, None for classical methods
     - corpus: hash of the corpus
+    - truth: kind of its true positions: partner, word, or what made them
     - protocol: signature of the protocol
     - metrics_id: ``signature_id`` of the metrics
     - n_pairs: number of pairs judged
@@ -68,8 +68,10 @@ class ResultRow:
     given: str = "nothing"
     steps: int | None = None
     n_parameters: int | None = None
+    token_bias: float | None = None
     bundle: str | None = None
     corpus: str = ""
+    truth: str = ""
     protocol: str = ""
     metrics_id: str = ""
     n_pairs: int = 0
@@ -91,33 +93,6 @@ class ResultRow:
 
 
 @dataclass(frozen=True)
-class Curve:
-    """Validation accuracy over a training.
-
-    - system: the system's name
-    - split: the split whose training part it learned from
-    - scale: smoke, cpu or paper
-    - optimiser: adamw or sgd
-    - fr: frames that Culling keeps on each side, None without Culling
-    - seed: the training's seed
-    - points: (step, accuracy)
-    """
-
-    system: str
-    split: str
-    scale: str
-    optimiser: str
-    fr: int | None
-    seed: int | None
-    points: Sequence[tuple[float, float]]
-
-    @property
-    def key(self) -> tuple[object, ...]:
-        """Identifies the curve: a curve of the same key replaces it."""
-        return (self.system, self.split, self.scale, self.optimiser, self.fr, self.seed)
-
-
-@dataclass(frozen=True)
 class Results:
     """The contents of results.json.
 
@@ -133,12 +108,12 @@ class Results:
     def merged(self, rows: Iterable[ResultRow] = (), curves: Iterable[Curve] = ()) -> Results:
         """These results with rows and curves added; the same key replaces. Signatures that no row names are dropped."""
         by_key = {row.key: row for row in (*self.rows, *rows)}
-        by_curve = {curve.key: curve for curve in (*self.curves, *curves)}
+        by_curve = {c.key: c for c in (*self.curves, *curves)}
         named = {row.metrics_id for row in by_key.values()}
         known = {**self.signatures, signature_id(): metrics.SIGNATURES}
         return Results(
             tuple(sorted(by_key.values(), key=lambda row: _order(row.key))),
-            tuple(sorted(by_curve.values(), key=lambda curve: _order(curve.key))),
+            tuple(sorted(by_curve.values(), key=lambda c: _order(c.key))),
             {k: v for k, v in known.items() if k in named},
         )
 
@@ -170,14 +145,6 @@ def finite(scores: Mapping[str, float]) -> dict[str, float | None]:
     return {name: value if math.isfinite(value) else None for name, value in scores.items()}
 
 
-def thinned(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """At most ``MOST_POINTS`` points of a curve, evenly spaced from first to last."""
-    if len(points) <= MOST_POINTS:
-        return list(points)
-    step = (len(points) - 1) / (MOST_POINTS - 1)
-    return [points[round(k * step)] for k in range(MOST_POINTS)]
-
-
 def load(path: Path) -> Results:
     """The results in a file, empty if there is no file. Raises ``InputError`` for a file of another kind."""
     if not path.exists():
@@ -185,10 +152,10 @@ def load(path: Path) -> Results:
     try:
         head = json.loads(read_bytes(path))
         if head["version"] != VERSION:
-            raise InputError(f"{path}: version {head['version']}, expected {VERSION}; judge again")
-        names = {_STORED.get(f.name, f.name): f.name for f in fields(ResultRow)}
-        rows = tuple(ResultRow(**{names[k]: v for k, v in row.items() if k in names}) for row in head["rows"])
-        curves = tuple(Curve(**{**curve, "points": [(a, b) for a, b in curve["points"]]}) for curve in head["curves"])
+            raise InputError(f"{path}: version {head['version']}, expected {VERSION}; {_OTHER_VERSION}")
+        names = {f.name for f in fields(ResultRow)}
+        rows = tuple(ResultRow(**{k: v for k, v in row.items() if k in names}) for row in head["rows"])
+        curves = tuple(curve.from_json(stored) for stored in head["curves"])
         return Results(rows, curves, head["signatures"])
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path}: is no results.json of this project ({error})") from error
@@ -201,18 +168,13 @@ def save(results: Results, path: Path) -> None:
         f' "version": {VERSION},',
         f' "signatures": {json.dumps(results.signatures, indent=1)},',
         ' "rows": [',
-        ",\n".join("  " + json.dumps(_stored(row)) for row in results.rows),
+        ",\n".join("  " + json.dumps(asdict(row)) for row in results.rows),
         ' ],\n "curves": [',
-        ",\n".join("  " + json.dumps(asdict(curve)) for curve in results.curves),
+        ",\n".join("  " + json.dumps(asdict(c)) for c in results.curves),
         " ]\n}",
     ]
     with replacing(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _stored(row: ResultRow) -> dict[str, Any]:
-    """A row with the keys of results.json."""
-    return {_STORED.get(name, name): value for name, value in asdict(row).items()}
 
 
 def _order(key: tuple[object, ...]) -> tuple[str, ...]:

@@ -1,212 +1,299 @@
-"""The paper's tables 1 and 3 from results.json next to the printed numbers, and whether the paper's order holds.
+"""The paper's tables 1 to 3 from results.json next to the printed numbers, and tables of what it does not measure.
 
-Every table states its scale, its protocol and how its BLEU was counted. Rows trained by SGD, as in the paper, and by
-AdamW are separate. Rows whose signatures differ are refused.
+Every table states its scale, its protocol and its metrics. Rows trained by SGD, as in the paper, and by AdamW are
+separate lines. Rows whose signatures differ are refused. What was not trained or not judged is named, not left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from signsplice.formats.atomic import replacing
-from signsplice.formats.reading import read_bytes
-from signsplice.paper import layout, order, published
-from signsplice.paper.layout import RULE, Table, number, short
+from signsplice.paper import bleu, layout, metrics, pair_samples, published
+from signsplice.paper.layout import RULE, Table, number
+from signsplice.paper.lines import SHORT, Line, clip_lines, line, lines, mean_lines
 from signsplice.paper.protocol import SPLITS
-from signsplice.paper.results import (
-    CLASSICAL,
-    CLIP_SCALES,
-    CORPUS_TRAINED,
-    GIVEN,
-    SHIPPED,
-    ResultRow,
-    Results,
-    check_comparable,
+from signsplice.paper.results import Results, check_comparable
+
+Columns = Sequence[tuple[str, int | str, str]]
+"""(score, digits, title) of every column."""
+Block = tuple[str, list[Line]]
+"""A title and its lines."""
+
+PAPER_COLUMNS: Columns = (
+    *((published.SCORES[metric], 3, metric) for metric in published.METRICS),
+    ("within_1", 3, "within 1"),
+    ("within_2", 3, "within 2"),
+    ("accuracy", 3, "Accuracy"),
+    ("mse", SHORT, "MSE"),
+    ("ms_mean", 2, "ms a pair"),
+)
+POSITION_COLUMNS: Columns = (
+    ("pta", 3, "PTA"),
+    ("paa", 3, "PAA"),
+    ("paa_all", 3, "PAA of all"),
+    ("pta_unbiased", 3, "PTA without bias"),
+    ("paa_unbiased", 3, "PAA without bias"),
+    ("paa_all_unbiased", 3, "PAA of all without bias"),
+    ("within_1", 3, "within 1"),
+    ("within_2", 3, "within 2"),
+    ("positions_off", 2, "frames off"),
+    ("paa_train", 3, "PAA, pairs that taught"),
+)
+ERROR_COLUMNS: Columns = (
+    ("length_exact", 3, "length exact"),
+    ("length_ratio", 3, "frames made / true"),
+    ("accuracy_equal", 4, "Accuracy, equal lengths"),
+    ("mse_equal", SHORT, "MSE, equal lengths"),
+    *((f"mse@{cost:g}", SHORT, f"MSE, a frame costs {cost:g}") for cost in metrics.FRAME_COSTS),
+    ("accuracy_valid", 3, "Accuracy, validation"),
+)
+BLEU_COLUMNS = tuple(
+    (tuple(f"{kind}-{n}@{t:g}" for t in bleu.TOLERANCES), f"{title} {n}")
+    for kind, title in (("bleu", "BLEU"), ("papineni", "Papineni"))
+    for n in range(1, bleu.ORDERS + 1)
+)
+FURTHER_COLUMNS: Columns = (
+    ("accuracy", 3, "Accuracy"),
+    ("mse", 5, "MSE"),
+    ("bleu-4", 3, "BLEU-4"),
+    ("positions_off", 2, "frames off"),
+    ("within_2", 3, "within 2"),
+    ("length_off", 2, "length off"),
+    ("length_exact", 3, "exact"),
+    ("position_error", 1, "error, arm/1000"),
+    ("first_frames_error", 1, "first two frames, cm"),
+    ("later_frames_error", 1, "later frames, cm"),
+    ("velocity_error", 3, "velocity error, m/s"),
+    ("motion_ratio", 2, "motion ratio"),
+    ("velocity_jump", 2, "velocity jump, m/s"),
+    ("jerk_ratio", 2, "jerk ratio"),
+    ("ms_median", 2, "ms, median"),
 )
 
-OPTIMISERS = {"adamw": "AdamW", "sgd": "SGD"}
-HEAD = ("system", "from", *published.METRICS, "PAA of all", "Accuracy", "MSE", "ms a pair")
-IN_TABLE_1 = (
+CLASSICAL_IN_TABLE_1 = (
     ("hand-distance+slerp", "nothing"),
     ("pose-velocity+hermite", "nothing"),
     ("pose-velocity+hermite", "length"),
     ("true-positions+slerp", "positions and length"),
     ("true-positions+hermite", "positions and length"),
-    ("true-positions+learned", "positions and length"),
-    ("learned-fluent+learned", "nothing"),
 )
-"""Methods on clips in table 1: the traditional ones that the paper names, the same with true positions or lengths, and
-this project's networks.
-"""
-BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
-PAGES = ("table1", "table3", "fr", "classical")
+OWN_IN_TABLE_1 = (("true-positions+learned", "positions and length"), ("learned-fluent+learned", "nothing"))
+"""This project's networks as they are; nothing is claimed of them."""
+PAGES = ("table1", "table2", "table3", "fr", "classical")
 
 
-def pick(results: Results, scale: str, split: str, optimiser: str, systems: Iterable[str]) -> dict[str, ResultRow]:
-    """One row per system for a table: with the paper's fr, and the lowest seed if there are several."""
-    found: dict[str, ResultRow] = {}
-    for system in systems:
-        rows = results.find(system=system, scale=scale, split=split, optimiser=optimiser, part="test")
-        rows = [row for row in rows if row.fr in (None, published.BEST_FR)]
-        if rows:
-            found[system] = min(rows, key=lambda row: row.seed or 0)
-    return found
+def blocks_1(results: Results, scale: str, split: str) -> list[Block]:
+    """The blocks of table 1: the paper's four systems, LPT+, one pass, related work, methods on clips."""
+    return [
+        ("the paper's systems", lines(results, (*published.RIVALS, published.PRINTED), scale, split)),
+        ("LPT+", lines(results, (published.IMPROVED, *published.TAKEN_AWAY), scale, split)),
+        ("in one pass", _judged(lines(results, tuple(published.IN_ONE_PASS.values()), scale, split))),
+        ("related work, behind SPSN", lines(results, published.RELATED, scale, split)),
+        ("classical", clip_lines(results, split, CLASSICAL_IN_TABLE_1) + mean_lines(results, split)),
+        ("this project", clip_lines(results, split, OWN_IN_TABLE_1)),
+    ]
+
+
+def blocks_3(results: Results, scale: str, split: str) -> list[Block]:
+    """The blocks of table 3: the system as printed and its ablations, LPT+ and its own."""
+    return [
+        ("as printed", lines(results, (*published.ABLATIONS, published.PRINTED), scale, split)),
+        ("LPT+", lines(results, (*published.IMPROVED_ABLATIONS, published.IMPROVED), scale, split)),
+        ("", mean_lines(results, split)),
+    ]
 
 
 def table_1(results: Results, scale: str, split: str = "random") -> list[Table]:
-    """Table 1 with the four systems, the others and methods on clips, and a table of the paper's claims about it."""
-    found = {o: pick(results, scale, split, o, published.TABLE_1) for o in OPTIMISERS}
-    unpublished = (*published.OTHERS, *published.IN_ONE_PASS.values())
-    others = [row for o in OPTIMISERS for row in pick(results, scale, split, o, unpublished).values()]
-    on_clips = [row for key in IN_TABLE_1 for row in _on_clips(results, split, *key)]
-    return _paper_tables(results, 1, published.TABLE_1, found, (others, on_clips), scale, split, order.claims_1)
+    """Table 1 with the four systems and all others, and what the paper does not measure of them."""
+    return _paper_tables(results, 1, blocks_1(results, scale, split), scale, split)
+
+
+def table_2(results: Results, scale: str) -> list[Table]:
+    """Table 2: the parts of every ablation, and what LPT+ adds to the print."""
+    yes = {True: "yes", False: "no"}
+    parts = {system: (yes[a], yes[c], "as printed") for system, (a, c) in published.TABLE_2.items()}
+    parts |= {
+        system.replace(published.PRINTED, published.IMPROVED): (a, c, "all four") for system, (a, c, _) in parts.items()
+    }
+    less = ("weights of eq. 7 as printed", "frames alone as input", "no summary of both words", "plain cross-entropy")
+    parts |= {s: ("yes", "yes", f"all but one: {what}") for s, what in zip(published.TAKEN_AWAY, less, strict=True)}
+    rows = []
+    for system, cells in parts.items():
+        known = line(results, system, scale, "random")
+        n = {f"{row.n_parameters:,}" for row in known.rows if row.n_parameters}
+        rows.append((published.name(system), *cells, ", ".join(sorted(n)) or "not trained yet"))
+    head = ("model", "attention in SPSN", "Culling in TFGN", "additions", "parameters")
+    note = (
+        "The first four rows are the paper's table 2. LPT+ adds four things to the print: attention weights that sum "
+        "to 1, steps between frames as inputs of SPSN, a summary of both words for its decoder, and a loss that weighs "
+        "the tokens. A bias of the tokens is chosen on validation pairs for every system but those as printed; all "
+        "scores of the tokens are given without it too."
+    )
+    return [Table(f"Table 2 of the paper, scale {scale}", f"table2-{scale}", head, tuple(rows), (note,))]
 
 
 def table_3(results: Results, scale: str, split: str = "random") -> list[Table]:
-    """Table 3 with the ablations, and a table of the paper's claims about it."""
-    found = {o: pick(results, scale, split, o, published.TABLE_3) for o in OPTIMISERS}
-    return _paper_tables(results, 3, published.TABLE_3, found, (), scale, split, order.claims_3)
+    """Table 3 with the ablations, and what the paper does not measure of them."""
+    return _paper_tables(results, 3, blocks_3(results, scale, split), scale, split)
+
+
+def swept(results: Results, scale: str, split: str) -> tuple[str, list[Line]]:
+    """The system with several values of fr and its lines: the printed one, or LPT+, whose TFGN is the same."""
+    for system in (published.PRINTED, published.IMPROVED):
+        rows = results.find(system=system, scale=scale, split=split, optimiser="adamw", part="test")
+        values = sorted({row.fr for row in rows if row.fr is not None})
+        if len(values) > 1:
+            return system, [line(results, system, scale, split, fr=fr) for fr in values]
+    return published.PRINTED, []
 
 
 def table_fr(results: Results, scale: str, split: str = "random") -> list[Table]:
     """LpTransformer by fr, the number of frames that Culling keeps on each side."""
-    tables = []
-    for optimiser, optimiser_name in OPTIMISERS.items():
-        rows = results.find(system="lpt", scale=scale, split=split, optimiser=optimiser, part="test")
-        by_fr = {row.fr: row for row in sorted(rows, key=lambda row: -(row.seed or 0)) if row.fr is not None}
-        if len(by_fr) < 2:
-            continue
-        chosen = [by_fr[fr] for fr in sorted(by_fr)]
-        check_comparable(chosen)
-        cells = [
-            (
-                *(str(row.fr), _origin(row)),
-                *(number(row.score(s)) for s in ("accuracy", "bleu-1", "bleu-4", "paa")),
-                *(short(row.score("mse")), number(row.score("ms_mean"), 2)),
-            )
-            for row in chosen
-        ]
-        head = ("fr", "from", "Accuracy", "BLEU-1", "BLEU-4", "PAA", "MSE", "ms a pair")
-        caption = f"fr of LpTransformer, {optimiser_name}, scale {scale}, {split}; the paper chose {published.BEST_FR}"
-        tables.append(Table(caption, f"fr-{optimiser}-{scale}-{split}", head, tuple(cells), _notes(results, chosen)))
-    return tables
-
-
-def table_classical(results: Results, split: str = "random") -> list[Table]:
-    """Every method on clips, with metrics beyond the paper's."""
-    rows = [row for scale in CLIP_SCALES for row in results.find(scale=scale, split=split, part="test")]
-    if not rows:
+    system, found = swept(results, scale, split)
+    if not found:
         return []
-    check_comparable(rows)
-    rows.sort(key=lambda row: (GIVEN.index(row.given) if row.given in GIVEN else len(GIVEN), row.system))
-    return [_extra_metrics(results, rows, f"Methods on clips, {split}", f"classical-{split}")]
+    shown = ("accuracy", "bleu-1", "bleu-4", "paa", "mse", "mse_equal", "length_exact", "ms_mean")
+    columns: Columns = [column for column in (*PAPER_COLUMNS, *ERROR_COLUMNS) if column[0] in shown]
+    by_fr = [Line(f"{one.rows[0].fr}", one.origin, one.rows, one.trained) for one in found]
+    caption = f"fr of {published.name(system)}, scale {scale}, {split}; the paper chose {published.BEST_FR}"
+    return [_table(results, caption, f"fr-{scale}-{split}", columns, [("", by_fr)], first="fr")]
 
 
-def table_extra_metrics(results: Results, scale: str, split: str = "random") -> list[Table]:
-    """Metrics beyond the paper's for every trained row."""
-    systems = (*published.TABLE_1, *published.TABLE_3, *published.OTHERS, *published.IN_ONE_PASS.values())
-    rows = [row for o in OPTIMISERS for row in pick(results, scale, split, o, dict.fromkeys(systems)).values()]
-    if not rows:
+def table_classical(results: Results, scale: str, split: str = "random") -> list[Table]:
+    """Metrics beyond the paper's of every trained system and of every method on clips."""
+    trained = [
+        one for _, made in (*blocks_1(results, scale, split)[:4], *blocks_3(results, scale, split)[:2]) for one in made
+    ]
+    trained = list({(one.name, one.origin): one for one in _judged(trained)}.values())
+    found = clip_lines(results, split)
+    out = []
+    for title, label, made in (
+        (f"Further metrics, scale {scale}, {split}", f"extra-{scale}-{split}", trained),
+        (f"Methods on clips, {split}", f"classical-{split}", found),
+    ):
+        if made:
+            out.append(_table(results, title, label, FURTHER_COLUMNS, [("", made)]))
+    return out
+
+
+def _paper_tables(results: Results, n: int, blocks: list[Block], scale: str, split: str) -> list[Table]:
+    every = [one for _, made in blocks for one in made]
+    if not any(one.rows for one in every):
         return []
-    check_comparable(rows)
-    return [_extra_metrics(results, rows, f"Further metrics, scale {scale}, {split}", f"extra-{scale}-{split}")]
+    of = f"scale {scale}, {split}"
+    printed = published.TABLE_1 if n == 1 else published.TABLE_3
+    mine = f"{n}-{scale}-{split}"
+    tables = [
+        _table(results, f"Table {n} of the paper, {of}", f"table{mine}", PAPER_COLUMNS, blocks, _printed(printed)),
+        _table(results, f"Positions, {of}", f"positions{mine}", POSITION_COLUMNS, blocks),
+        _bleu_table(results, f"BLEU at three tolerances, {of}", f"bleu{mine}", blocks),
+        _table(results, f"Lengths and errors, {of}", f"errors{mine}", ERROR_COLUMNS, blocks),
+    ]
+    if any(row.score("n_margin_1") > 0 for one in every for row in one.rows):
+        tables.append(_margin_table(results, f"PAA by distance from another cut, {of}", f"margins{mine}", blocks))
+    return [*tables, _rows_table(results, f"Rows of these tables, {of}", f"rows{mine}", blocks)]
 
 
-def _paper_tables(
+def _printed(table: Mapping[str, tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """The rows as the paper prints them."""
+    rows = []
+    for system, values in table.items():
+        of_lpt = (f"{published.ACCURACY:.2f}", f"{published.MSE:.4f}") if system == published.PRINTED else ("-", "-")
+        rows.append((published.name(system), "the paper", *values, "-", "-", *of_lpt, "-"))
+    return rows
+
+
+def _table(
     results: Results,
-    n: int,
-    printed: Mapping[str, tuple[str, ...]],
-    found: Mapping[str, Mapping[str, ResultRow]],
-    more: Sequence[Sequence[ResultRow]],
-    scale: str,
-    split: str,
-    claims: Callable[[Mapping[str, ResultRow]], list[order.Claim]],
-) -> list[Table]:
-    measured = [row for rows in found.values() for row in rows.values()] + [row for rows in more for row in rows]
-    if not measured:
-        return []
-    check_comparable(measured)
+    caption: str,
+    label: str,
+    columns: Columns,
+    blocks: Sequence[Block],
+    before: Iterable[tuple[str, ...]] = (),
+    first: str = "system",
+) -> Table:
+    rows = [*before, *_body(blocks, lambda one: tuple(one.cell(name, digits) for name, digits, _ in columns))]
+    head = (first, "from", *(title for _, _, title in columns))
+    return Table(caption, label, head, tuple(rows), _notes(results, blocks))
+
+
+def _body(blocks: Sequence[Block], cells: Callable[[Line], tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """The rows of blocks; each block begins with a rule, and with its title where it has one."""
     rows: list[tuple[str, ...]] = []
-    for system, values in printed.items():
-        of_lpt = (f"{published.ACCURACY:.2f}", f"{published.MSE:.4f}") if system == "lpt" else ("-", "-")
-        rows.append((published.name(system), "the paper", *values, "-", *of_lpt, "-"))
-        rows += [_row(by[system]) for by in found.values() if system in by]
-    for block in more:
-        rows += [RULE, *map(_row, block)] if block else []
-    rows.append(RULE)
-    for optimiser, by in found.items():
-        if len(by) > 1:
-            verdicts = [order.of_metric(printed, metric, by).verdict for metric in published.METRICS]
-            rows.append(("follows the paper's order", OPTIMISERS[optimiser], *verdicts, "", "", "", ""))
-    caption = f"Table {n} of the paper, scale {scale}, {split}"
-    tables = [Table(caption, f"table{n}-{scale}-{split}", HEAD, tuple(rows), _notes(results, measured))]
-    judged_claims = [
-        (claim.claim, OPTIMISERS[optimiser], claim.printed, claim.measured, "yes" if claim.holds else "no")
-        for optimiser, by in found.items()
-        for claim in claims(by)
-    ]
-    if judged_claims:
-        head = ("claim of the paper", "trained by", "paper", "measured", "holds")
-        caption = f"Claims of the paper's text about table {n}, scale {scale}, {split}"
-        tables.append(Table(caption, f"claims{n}-{scale}-{split}", head, tuple(judged_claims)))
-    return tables
+    for title, made in blocks:
+        if made:
+            width = len(cells(made[0]))
+            rows += [RULE, (f"{title}:", *("",) * (width + 1))] if title else [RULE]
+            rows += [(one.name, one.origin, *cells(one)) for one in made]
+    return rows
 
 
-def _row(row: ResultRow) -> tuple[str, ...]:
-    scores = [number(row.score(published.SCORES[metric])) for metric in published.METRICS]
-    more = (number(row.score("paa_all")), number(row.score("accuracy")), short(row.score("mse")))
-    return (published.name(row.system), _origin(row), *scores, *more, number(row.score("ms_mean"), 2))
+def _bleu_table(results: Results, caption: str, label: str, blocks: Sequence[Block]) -> Table:
+    def cells(one: Line) -> tuple[str, ...]:
+        return tuple(" / ".join(number(one.score(name)) for name in names) for names, _ in BLEU_COLUMNS)
 
-
-def _extra_metrics(results: Results, rows: Sequence[ResultRow], caption: str, label: str) -> Table:
-    columns = (
-        ("accuracy", 3, "Accuracy"),
-        ("mse", 5, "MSE"),
-        ("bleu-4@2e-05", 3, "BLEU-4 at 2e-5"),
-        ("bleu-4@5e-05", 3, "at 5e-5"),
-        ("bleu-4@0.0001", 3, "at 1e-4"),
-        ("bleu-4@0.0003", 3, "at 3e-4"),
-        ("positions_off", 2, "frames off"),
-        ("within_2", 3, "within 2"),
-        ("length_off", 2, "length off"),
-        ("length_exact", 3, "exact"),
-        ("position_error", 1, "error, arm/1000"),
-        ("motion_ratio", 2, "motion ratio"),
-        ("velocity_jump", 2, "velocity jump, m/s"),
-        ("jerk_ratio", 2, "jerk ratio"),
-        ("ms_median", 2, "ms, median"),
+    notes = (
+        f"Two frames are equal up to {' / '.join(f'{t:g}' for t in bleu.TOLERANCES)}. BLEU is the paper's, the share "
+        "of predicted n-grams that are found in the truth; Papineni's has clipping, the geometric mean and the brevity "
+        "penalty.",
+        *_notes(results, blocks),
     )
-    cells = [
-        (published.name(row.system), _origin(row), *(number(row.score(name), digits) for name, digits, _ in columns))
-        for row in rows
-    ]
-    return Table(
-        caption, label, ("system", "from", *(title for _, _, title in columns)), tuple(cells), _notes(results, rows)
+    head = ("system", "from", *(title for _, title in BLEU_COLUMNS))
+    return Table(caption, label, head, tuple(_body(blocks, cells)), notes)
+
+
+def _margin_table(results: Results, caption: str, label: str, blocks: Sequence[Block]) -> Table:
+    columns: Columns = [(f"paa_margin_{n}", 3, name) for n, name in enumerate(pair_samples.margin_names(), 1)]
+    kept = [(title, [one for one in made if one.values("paa_margin_1")]) for title, made in blocks]
+    table = _table(results, caption, label, columns, kept)
+    first = next(row for _, made in blocks for one in made for row in one.rows if row.score("n_margin_1") > 0)
+    counts = [first.score(f"n_margin_{n}") for n in range(1, len(columns) + 1)]
+    note = (
+        "The rules of the truth give times between frames, which are rounded to frames. Columns: by how many frames "
+        "the nearer of both cuts would have to move to become another frame. Pairs in each: "
+        f"{', '.join(number(count, 0) for count in counts)}."
     )
+    return replace(table, notes=(note, *table.notes))
 
 
-def _origin(row: ResultRow) -> str:
-    """The cell that states how a row's system was trained, or what its method was given."""
-    if row.scale == CLASSICAL:
-        return f"classical, given {row.given}"
-    if row.scale == SHIPPED:
-        return f"signsplice, given {row.given}"
-    if row.scale == CORPUS_TRAINED:
-        return f"signsplice, trained on the split, given {row.given}"
-    steps = f", {row.steps} steps" if row.steps is not None else ""
-    return OPTIMISERS.get(row.optimiser, row.optimiser) + steps
+def _rows_table(results: Results, caption: str, label: str, blocks: Sequence[Block]) -> Table:
+    def cells(one: Line) -> tuple[str, ...]:
+        rows = one.rows
+        values = (
+            [one.seeds],
+            [f"{row.steps}" for row in rows if row.steps is not None],
+            [f"{row.n_parameters:,}" for row in rows if row.n_parameters],
+            [f"{row.fr}" for row in rows if row.fr is not None],
+            [number(row.token_bias, 2) for row in rows if row.token_bias is not None],
+            [row.bundle for row in rows if row.bundle],
+            [row.commit for row in rows],
+            [f"{row.n_pairs}" for row in rows],
+        )
+        return tuple(", ".join(dict.fromkeys(found)) or "-" for found in values)
+
+    head = ("system", "from", "seeds", "steps", "parameters", "fr", "token bias", "bundle", "judged at commit", "pairs")
+    kept = [(title, [one for one in made if one.rows]) for title, made in blocks]
+    return Table(caption, label, head, tuple(_body(kept, cells)), _notes(results, blocks))
 
 
-def _on_clips(results: Results, split: str, system: str, given: str) -> list[ResultRow]:
-    rows = results.find(system=system, given=given, split=split, part="test")
-    return [row for row in rows if row.scale in CLIP_SCALES]
+def _judged(found: Iterable[Line]) -> list[Line]:
+    """The lines with rows."""
+    return [one for one in found if one.rows]
 
 
-def _notes(results: Results, rows: Sequence[ResultRow]) -> tuple[str, ...]:
-    signatures = results.signatures.get(rows[0].metrics_id, {})
-    recipes = "; ".join(f"`{signatures[name]}`" for name in ("accuracy", "mse", "bleu") if name in signatures)
-    notes = [f"Judged by `{rows[0].protocol}`.", f"Metrics `{rows[0].metrics_id}`: {recipes}."]
+def _notes(results: Results, blocks: Sequence[Block]) -> tuple[str, ...]:
+    rows = [row for _, made in blocks for one in made for row in one.rows]
+    check_comparable(rows)
+    first = rows[0]
+    signatures = results.signatures.get(first.metrics_id, {})
+    recipes = "; ".join(f"`{signatures[name]}`" for name in ("accuracy", "mse", "bleu", "paa") if name in signatures)
+    notes = [
+        f"Judged by `{first.protocol}`; truth {first.truth or 'unknown'}.",
+        f"Metrics `{first.metrics_id}`: {recipes}.",
+    ]
     machines = sorted({row.machine for row in rows})
     if len(machines) > 1:
         notes.append(f"Times are of {len(machines)} machines and cannot be compared: {'; '.join(machines)}.")
@@ -216,39 +303,43 @@ def _notes(results: Results, rows: Sequence[ResultRow]) -> tuple[str, ...]:
 
 
 def pages(results: Results, scale: str) -> dict[str, list[Table]]:
-    """The tables by page (table1, table3, fr, classical), each for every split that was judged."""
+    """The tables by page, each for every split that was judged; none if no row of the scale exists."""
     out: dict[str, list[Table]] = {page: [] for page in PAGES}
+    if not results.rows:
+        return out
+    out["table2"] = table_2(results, scale)
     for split in SPLITS:
         out["table1"] += table_1(results, scale, split)
         out["table3"] += table_3(results, scale, split)
         out["fr"] += table_fr(results, scale, split)
-        out["classical"] += table_extra_metrics(results, scale, split) + table_classical(results, split)
+        out["classical"] += table_classical(results, scale, split)
     return out
 
 
 def write(results: Results, folder: Path, scale: str, only: Sequence[str] = PAGES) -> list[Path]:
-    """Write pages of tables as .md and .tex, and the tables of table1, table3 and fr between the marks of README.md if
-    the folder has one; the paths written.
-    """
+    """Write pages of tables as .md and .tex; the paths written."""
     made = pages(results, scale)
+    missing = missing_rows(results, scale)
     written = []
     for page in only:
         if made[page]:
             for suffix, form in ((".md", layout.markdown), (".tex", layout.latex)):
                 path = folder / f"{page}{suffix}"
-                _put(path, "\n".join(form(table) for table in made[page]).rstrip() + "\n")
+                text = "\n".join(form(table) for table in made[page]).rstrip() + "\n"
+                put(path, text + (f"\n{missing}\n" if suffix == ".md" else f"\n\\par {layout.escape(missing)}\n"))
                 written.append(path)
-    readme = folder / "README.md"
-    if readme.is_file():
-        text = read_bytes(readme).decode("utf-8")
-        if BEGIN in text and END in text:
-            tables = "\n".join(layout.markdown(table) for page in ("table1", "table3", "fr") for table in made[page])
-            before, after = text.split(BEGIN)[0], text.split(END, 1)[1]
-            _put(readme, f"{before}{BEGIN}\n{tables}{END}{after}")
-            written.append(readme)
     return written
 
 
-def _put(path: Path, text: str) -> None:
+def missing_rows(results: Results, scale: str) -> str:
+    """What has no row at all, in a sentence."""
+    judged = {row.split for row in results.rows}
+    missing = [f"split {split}" for split in SPLITS if split not in judged]
+    missing += [f"scale {other}" for other in ("cpu", "paper") if not results.find(scale=other)]
+    return f"Without any row yet: {', '.join(missing)}." if missing else "Every split and scale has rows."
+
+
+def put(path: Path, text: str) -> None:
+    """Write a text atomically."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

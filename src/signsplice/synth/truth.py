@@ -114,6 +114,33 @@ class Relation:
     entering: float
 
 
+@dataclass(frozen=True)
+class CutTime:
+    """A cut as the rules give it, between two frames.
+
+    posture: the frame of the event that it is counted from
+    frames: so many frames later, or earlier where negative
+    towards_posture: whether it is rounded towards the posture, instead of to the nearest frame
+    """
+
+    posture: int
+    frames: float
+    towards_posture: bool = False
+
+    @property
+    def frame(self) -> int:
+        """The frame that it is rounded to."""
+        return self.posture + (math.trunc(self.frames) if self.towards_posture else round(self.frames))
+
+    @property
+    def margin(self) -> float:
+        """By how many frames it would have to move to be rounded to another frame, at most 0.5."""
+        past, part = divmod(abs(self.frames), 1.0)
+        if not self.towards_posture:
+            return abs(0.5 - part)
+        return min(1.0 - part, part if past else 0.5, 0.5)
+
+
 ANY_PARTNER = Relation(18.0, 0.3, leaving=0.0, going_down=0.0, coming_up=0.0, entering=0.0)
 """How a word relates to one that is not known: half a shoulder width away, across, with a handshape of its own."""
 
@@ -171,32 +198,43 @@ def relate(p: IsolatedWord, q: IsolatedWord) -> Relation:
 
 def leave(p: IsolatedWord, relation: Relation) -> int:
     """The last frame kept of the word before."""
+    return leaving(p, relation).frame
+
+
+def leaving(p: IsolatedWord, relation: Relation) -> CutTime:
+    """Where the word before is left, before it is rounded to a frame."""
     events = p.events
     if not events.passes:
         share = KEEP_HOLD + KEEP_OTHER * min(1.0, relation.shape_change / OTHER_SHAPE)
-        return events.start + max(1, round((events.end - events.start) * share))
+        return CutTime(events.start, max(1.0, (events.end - events.start) * share))
     begin, stop = kept_pass(p)
     left_out = _undershoot(p, begin, stop, relation.leaving, events.gap_last_cm) * (stop - begin)
     if stop < events.passes[-1][1]:  # a pass is dropped, and the hand turns
-        return _towards(stop, -TURNING * left_out)
+        return CutTime(stop, -TURNING * left_out, towards_posture=True)
     hold = events.end - stop
     deleted = (hold / p.clip.fps - SHORT_HOLD_S) / (LONG_HOLD_S - SHORT_HOLD_S)
     deleted = min(1.0, max(0.0, deleted))
     kept = (KEEP_DOWN + DOWN_ALONG * relation.going_down) * _far(relation) * (events.down - events.end)
-    return _towards(stop, (1.0 - deleted) * (hold + kept) - deleted * left_out)
+    frames = (1.0 - deleted) * (hold + kept) - deleted * left_out
+    return CutTime(stop, frames, towards_posture=frames < 0.0)
 
 
 def enter(q: IsolatedWord, relation: Relation) -> int:
     """The first frame kept of the word after."""
+    return entering(q, relation).frame
+
+
+def entering(q: IsolatedWord, relation: Relation) -> CutTime:
+    """Where the word after is entered, before it is rounded to a frame."""
     events = q.events
     if events.first is None:
-        return events.start
+        return CutTime(events.start, 0.0)
     begin, stop = events.first
     if begin > events.start:  # the first hold is deleted
         left_out = _undershoot(q, begin, stop, relation.entering, events.gap_first_cm) * (stop - begin)
-        return begin + math.trunc(left_out)
+        return CutTime(begin, left_out, towards_posture=True)
     kept = (KEEP_UP + UP_ALONG * relation.coming_up) * _far(relation)
-    return events.start - round(kept * (events.start - events.up))
+    return CutTime(events.start, -kept * (events.start - events.up))
 
 
 def kept_pass(p: IsolatedWord) -> tuple[int, int]:
@@ -237,11 +275,6 @@ def _undershoot(word: IsolatedWord, begin: int, stop: int, alignment: float, gap
 
 def _far(relation: Relation) -> float:
     return relation.travel_cm / (relation.travel_cm + FAR_CM)
-
-
-def _towards(posture: int, frames: float) -> int:
-    """A number of frames from a posture: where that is before it, rounded towards it."""
-    return posture + (math.trunc(frames) if frames < 0.0 else round(frames))
 
 
 def _seen(word: IsolatedWord, frame: int, least: int = 0, most: int | None = None) -> Float:

@@ -30,12 +30,14 @@ class PaperSystem(ABC):
     - config: its bundle.json
     - graphs: the exported graphs
     - decoding: one of ``DECODINGS``
+    - n_numbers: numbers of a frame
     """
 
     def __init__(self, config: BundleConfig, runs: RunConfig, graphs: Sessions, decoding: str) -> None:
         self.name, self.config, self.graphs, self.decoding = config.system or "", config, graphs, decoding
         self.frames_by, self.fr, self.n_fed, self.marked = runs.frames, config.fr, runs.n_fed, runs.marked
         self.most_frames, self.token_bias = runs.most_frames, runs.token_bias
+        self.n_numbers = N_NUMBERS if config.space is None else config.space.n_numbers
 
     @property
     def n_parameters(self) -> int:
@@ -46,12 +48,27 @@ class PaperSystem(ABC):
     def predict(self, before: Float, after: Float) -> Prediction:
         """The splice of ``before`` (N, 159) and ``after`` (M, 159), both in [-0.5, 0.5]."""
 
+    def positions(self, before: Float, after: Float) -> tuple[int | None, int | None]:
+        """The positions pre and post alone, None for a token that is not emitted."""
+        return self._both_positions(self._tokens(before, after), len(before))[0]
+
     @abstractmethod
     def predict_fixed(self, before: Float, after: Float, pre: int, post: int, n_frames: int) -> Float:
         """The frames (n_frames, 159) of a prediction with a fixed outcome, for timing. Positions are searched for, but
         ``n_frames`` frames are made at pre and post. The cost depends only on the sizes of the networks, not on their
         weights.
         """
+
+    @abstractmethod
+    def _tokens(self, before: Float, after: Float) -> Array:
+        """The logits (N + M, 3) of the tokens."""
+
+    def _both_positions(
+        self, logits: Array, n_before: int
+    ) -> tuple[tuple[int | None, int | None], tuple[int | None, int | None] | None]:
+        """The positions with the bias of the tokens, and without it; None without a bias."""
+        unbiased = splice_position(logits, n_before) if self.token_bias else None
+        return splice_position(logits, n_before, self.token_bias), unbiased
 
     def _decode(self, encoded: Mapping[str, Array], n_frames: int | None = None) -> Float:
         """Transition frames (n, 159) that the decoder makes from the encoder's outputs; with ``n_frames``, as many,
@@ -65,13 +82,13 @@ class PaperSystem(ABC):
             made = self.graphs.run("decoder", {**inputs, "fed": blank, "kinds": kinds, "start": np.array(0)})
             ends = np.flatnonzero(made["last"][0] > 0.0)
             count = (int(ends[0]) + 1 if len(ends) else self.most_frames) if n_frames is None else n_frames
-            return made["made"][0, :count, :N_NUMBERS].astype(np.float64)
+            return made["made"][0, :count, : self.n_numbers].astype(np.float64)
         frames: list[Array] = []
         fed, kinds, start = np.zeros((1, 1, self.n_fed), np.float32), np.full((1, 1), START), 0
         while len(frames) < (self.most_frames if n_frames is None else n_frames):
             made = self.graphs.run("decoder", {**inputs, "fed": fed, "kinds": kinds, "start": np.array(start)})
             newest = made["made"][:, -1:]
-            frames.append(newest[0, 0, :N_NUMBERS])
+            frames.append(newest[0, 0, : self.n_numbers])
             if n_frames is None and made["last"][0, -1] > 0.0:
                 break
             if self.decoding == "without-cache":
@@ -89,17 +106,14 @@ class TwoNetworkSystem(PaperSystem):
 
     def predict(self, before: Float, after: Float) -> Prediction:
         """The splice. Without Culling, frames are made even if a position is missing."""
-        pre, post = self.positions(before, after)
+        (pre, post), unbiased = self._both_positions(self._tokens(before, after), len(before))
         if self.fr is not None and (pre is None or post is None):
-            return Prediction(pre, post, np.zeros((0, N_NUMBERS)))
-        return Prediction(pre, post, self._frames(before, after, pre, post))
+            return Prediction(pre, post, np.zeros((0, self.n_numbers)), unbiased)
+        return Prediction(pre, post, self._frames(before, after, pre, post), unbiased)
 
-    def positions(self, before: Float, after: Float) -> tuple[int | None, int | None]:
-        """SPSN's positions pre and post, None for a token that it does not emit."""
-        logits = self.graphs.run(
-            "spsn", {"x": single(np.concatenate([before, after])), "n_before": np.array([len(before)])}
-        )["tokens"]
-        return splice_position(logits[0], len(before), self.token_bias)
+    def _tokens(self, before: Float, after: Float) -> Array:
+        inputs = {"x": single(np.concatenate([before, after])), "n_before": np.array([len(before)])}
+        return self.graphs.run("spsn", inputs)["tokens"][0]
 
     def fill(self, before: Float, after: Float, pre: int, post: int) -> Float:
         """The transition (n, 159) at given positions."""
@@ -141,19 +155,22 @@ class OneNetworkSystem(PaperSystem):
 
     def predict(self, before: Float, after: Float) -> Prediction:
         """The splice."""
-        encoded, pre, post = self._encode(before, after)
-        return Prediction(pre, post, self._decode(encoded))
+        encoded = self._encode(before, after)
+        (pre, post), unbiased = self._both_positions(encoded["tokens"][0], len(before))
+        return Prediction(pre, post, self._decode(encoded), unbiased)
 
     def predict_fixed(self, before: Float, after: Float, pre: int, post: int, n_frames: int) -> Float:
         """The frames of a prediction with a fixed outcome; the positions do not affect them."""
-        return self._decode(self._encode(before, after)[0], n_frames)
+        return self._decode(self._encode(before, after), n_frames)
 
-    def _encode(self, before: Float, after: Float) -> tuple[Mapping[str, Array], int | None, int | None]:
-        """The encoder's outputs, and the positions in its tokens."""
+    def _tokens(self, before: Float, after: Float) -> Array:
+        return self._encode(before, after)["tokens"][0]
+
+    def _encode(self, before: Float, after: Float) -> Mapping[str, Array]:
+        """The encoder's outputs."""
         x = np.concatenate([before, after])
         inputs = {"x": single(x), "mask": np.ones((1, len(x)), bool), "n_before": np.array([len(before)])}
-        encoded = self.graphs.run("encoder", inputs)
-        return encoded, *splice_position(encoded["tokens"][0], len(before), self.token_bias)
+        return self.graphs.run("encoder", inputs)
 
 
 def splice_position(logits: NDArray[np.float32], n_before: int, bias: float = 0.0) -> tuple[int | None, int | None]:

@@ -17,10 +17,11 @@ from torch.nn import functional as F  # noqa: N812
 
 from signsplice.paper.metrics import accuracy
 from signsplice.synth.rng import stream
-from signsplice.train.paper.losses import frame_loss, last_loss, token_loss
+from signsplice.train.paper.losses import counter_loss, frame_loss, last_loss, mixture_loss, token_loss
 from signsplice.train.paper.networks.filling import Filler
 from signsplice.train.paper.networks.generator import FRAME, HIDDEN, START, Encoded, Generator, generate
 from signsplice.train.paper.networks.layers import Normaliser
+from signsplice.train.paper.networks.mixture_density import WIDTH_FLOOR, MixtureTransformer
 from signsplice.train.paper.networks.spsn import NONE, POST, PRE, Spsn
 from signsplice.train.paper.pairs_data import Batch, PairsData
 from signsplice.train.task import Task
@@ -160,9 +161,7 @@ class FrameTask(Task):
         tokens, made, last = self.network(batch.x, batch.mask, batch.n_before, inputs.frames, inputs.kinds, batch.marks)
         loss = frame_loss(made[..., :n_numbers], batch.new, batch.real, self.normaliser.deviation)
         if self.network.n_fed > n_numbers:
-            counter = torch.arange(1, made.shape[1] + 1, device=made.device) / batch.real.sum(1, keepdim=True)
-            errors = (made[..., n_numbers].float() - counter).square() * batch.real
-            loss = loss + 10.0 * (errors.sum(1) / batch.real.sum(1)).mean()
+            loss = loss + counter_loss(made[..., n_numbers], batch.real)
         else:
             loss = loss + last_loss(last, batch.real)
         if tokens is not None:
@@ -178,6 +177,23 @@ class FrameTask(Task):
             made = generate(self.network, encoded, len(batch.x), MOST_FRAMES, parallel=True)
             scores |= _judge_frames(made, batch, "_parallel")
         return scores if encoded.tokens is None else scores | _judge_positions(encoded.tokens, batch)
+
+
+class MixtureTask(FrameTask):
+    """A generator of mixtures of frames, trained by their likelihood; the error of the counter weighs as that of a
+    Gaussian of the smallest width.
+    """
+
+    network: MixtureTransformer
+
+    def forward(self, batch: Batch) -> Tensor:
+        """The loss () of frames and of their counters."""
+        inputs = decoder_input(batch, self.network, self.normaliser, self.seed)
+        encoded = self.network.encode(batch.x, batch.mask, batch.n_before)
+        mixtures, counters = self.network.mixtures(encoded, inputs.frames, inputs.kinds)
+        likelihood = mixtures.log_likelihood(self.normaliser(batch.new))
+        loss = mixture_loss(likelihood, batch.real, self.normaliser.n_numbers)
+        return loss + counter_loss(counters, batch.real, 0.5 / WIDTH_FLOOR**2)
 
 
 class FillTask(Task):

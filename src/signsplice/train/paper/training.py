@@ -19,7 +19,6 @@ from signsplice.formats.atomic import replacing_folder
 from signsplice.formats.reading import read_bytes
 from signsplice.splicing.bundle import write_bundle
 from signsplice.synth.corpus import Pairs
-from signsplice.synth.signer import skeleton
 from signsplice.train import checkpoint, ending, provenance
 from signsplice.train import log as logs
 from signsplice.train.export import check_bundle_folder
@@ -143,7 +142,7 @@ def trained(
     n_judgements = training.n_judgements or (4 if training.scale == "smoke" else 40 if by_sgd else 20)
     most_cpu_s = MOST_SGD_CPU_S.get(training.scale) if by_sgd and training.steps is None else None
     torch.manual_seed(training.seed)
-    made = task(part, data.normaliser(), skeleton(pairs.signers[0]).parents.tolist(), training.seed)
+    made = task(part, data.normaliser(), pairs.spaces[0].parents, training.seed)
     loop = LoopConfig(
         steps=part.steps,
         batch=part.batch,

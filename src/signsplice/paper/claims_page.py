@@ -1,0 +1,94 @@
+"""The page "What holds and what does not": every claim of the paper with its verdict, our figures and the reason.
+
+The texts are in claims.toml: a reason for every verdict. Every figure is filled in from the rows.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections import Counter
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from signsplice.paper import claims, results
+from signsplice.paper.layout import Table, markdown
+from signsplice.paper.order import FAILS, HOLDS, IN_PART, SPLIT, UNTESTED, Claim, Evidence, Judged, judge
+from signsplice.paper.results import Results
+from signsplice.paper.tables import put
+
+PAGE = "claims.md"
+_KEYS = {HOLDS: "holds", IN_PART: "in_part", FAILS: "fails", UNTESTED: "untested"}
+OTHER_TRUTH = "word"
+"""Subfolder with the results of the other truth; one page serves both."""
+
+
+def all_claims() -> list[Claim]:
+    """The claims of claims.toml."""
+    text = files("signsplice.paper").joinpath("claims.toml").read_text(encoding="utf-8")
+    return [_claim(entry) for entry in tomllib.loads(text)["claim"]]
+
+
+def _claim(entry: Mapping[str, Any]) -> Claim:
+    same = dict.fromkeys(_KEYS, entry["why"]) if "why" in entry else {}
+    why = same | {verdict: entry[key] for verdict, key in _KEYS.items() if key in entry}
+    judged_by = claims.JUDGES[entry["judge"]] if "judge" in entry else None
+    return Claim(entry["where"], entry["claim"], entry["printed"], judged_by, why, entry.get("of_lpt", True))
+
+
+def judged(by_truth: Mapping[str, Results], scale: str) -> list[Judged]:
+    """Every claim with its verdict, from the results of one corpus for every truth."""
+    corpora = [Evidence(found, scale) for found in by_truth.values()]
+    return [judge(claim, corpora) for claim in all_claims()]
+
+
+def page(by_truth: Mapping[str, Results], scale: str) -> str:
+    """The page as Markdown."""
+    found = judged(by_truth, scale)
+    count = Counter(one.verdict for one in found)
+    tally = ", ".join(f"{count[verdict]} {verdict}" for verdict in (HOLDS, IN_PART, FAILS, UNTESTED) if count[verdict])
+    head = (
+        "where",
+        "claim of the paper",
+        "printed",
+        *(f"here, {truth} truth" for truth in by_truth),
+        "LPT+",
+        "verdict",
+        "why",
+    )
+    rows = tuple(
+        (one.claim.where, one.claim.claim, one.claim.printed, *one.figures, one.improved, one.verdict, one.why)
+        for one in found
+    )
+    table = markdown(Table(f"{len(found)} claims: {tally}", "claims", head, rows))
+    return "\n".join(
+        [
+            "# What holds and what does not",
+            "",
+            f"Scale {scale}, split {SPLIT}, AdamW, test pairs. The row that follows the print judges (LpTransformer in",
+            "the tables); LPT+ stands beside it. A system that is not trained, or below the mean transition, judges",
+            "nothing. Where two truths disagree, a claim holds in part. paper/claims.py has every criterion.",
+            "Rows, seeds and recipes: [table 1](table1.md), [table 3](table3.md), [fr](fr.md).",
+            "",
+            table,
+        ]
+    )
+
+
+def write(found: Results, folder: Path, scale: str) -> list[Path]:
+    """Write claims.md from the results of a folder and of its subfolder ``word``; the paths written. None in that
+    subfolder itself, so that every claim has one verdict.
+    """
+    if not found.rows or (folder.resolve().name == OTHER_TRUTH and (folder.resolve().parent / results.FILE).exists()):
+        return []
+    by_truth = {_truth(found): found}
+    other = results.load(folder / OTHER_TRUTH / results.FILE)
+    if other.rows:
+        by_truth[_truth(other)] = other
+    put(folder / PAGE, page(by_truth, scale))
+    return [folder / PAGE]
+
+
+def _truth(found: Results) -> str:
+    return next((row.truth for row in found.rows if row.truth), "partner")

@@ -1,0 +1,57 @@
+"""margins.json: how near every judged true cut is to another frame. Its words are planned anew once, in minutes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from signsplice.errors import InputError
+from signsplice.formats.atomic import replacing
+from signsplice.formats.reading import read_bytes
+from signsplice.synth import notation
+from signsplice.synth.corpus import Pairs
+from signsplice.synth.cut_margins import cut_margins
+
+FILE = "margins.json"
+DIGITS = 4
+
+
+def known(path: Path, pairs: Pairs) -> dict[int, float | None]:
+    """The margins in a file by pair, None for those that cannot be known; empty if there is none or it is of another
+    corpus.
+    """
+    if not path.exists():
+        return {}
+    try:
+        stored = json.loads(read_bytes(path))
+        if stored["corpus"] != pairs.head["hash"]:
+            return {}
+        return {int(number): None if margin is None else float(margin) for number, margin in stored["margins"].items()}
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{path}: holds no margins ({error}); remove it") from error
+
+
+def of_pairs(
+    path: Path, pairs: Pairs, numbers: Sequence[int], report: Callable[[str], object] = lambda _: None
+) -> dict[int, float]:
+    """The margins of these pairs, from a file, or made and stored there.
+
+    Pairs whose words cannot be planned anew have none, such as those of a user's own words.
+    """
+    found = known(path, pairs)
+    signs = {**notation.everyday(), **notation.alphabet()}
+    glosses = [word["gloss"] for word in pairs.head["words"]]
+    todo = [
+        k
+        for k in sorted(set(numbers) - found.keys())
+        if {glosses[p] for p in pairs.index[k, :2].tolist()} <= signs.keys()
+    ]
+    if todo:
+        report(f"planning the words of {len(todo)} pairs anew")
+        made = cut_margins(pairs, todo, signs)
+        found |= {k: round(made[k], DIGITS) if k in made else None for k in todo}
+        stored = {"corpus": pairs.head["hash"], "margins": {str(k): found[k] for k in sorted(found)}}
+        with replacing(path) as temporary:
+            temporary.write_text(json.dumps(stored) + "\n", encoding="utf-8")
+    return {k: margin for k in numbers if (margin := found.get(k)) is not None}
