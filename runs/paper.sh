@@ -2,7 +2,9 @@
 # Reproduces the paper from nothing: environment, corpus, trainings, evaluation, tables, figures.
 #
 #   runs/paper.sh                  scale cpu: small systems, hours on two cores
-#   SCALE=paper runs/paper.sh      the paper's sizes; needs a GPU
+#   runs/paper.sh --minutes 60     train for an hour; tables of what is there
+#   TRUTH=word runs/paper.sh       on the corpus whose cuts do not depend on the partner, into docs/paper/word
+#   SCALE=paper runs/paper.sh      the paper's sizes; needs a GPU (runs/paper-scale.sh: in pieces)
 #
 # The same call continues after an interruption: what is generated, trained or evaluated already is kept.
 set -euo pipefail
@@ -10,9 +12,11 @@ cd "$(dirname "$0")/.."
 
 SCALE=${SCALE:-cpu}
 PYTHON=${PYTHON:-python3}
-PAIRS=${PAIRS:-out/pairs}
-BUNDLES=${BUNDLES:-out/bundles}
-OUT=${OUT:-docs/paper}
+TRUTH=${TRUTH:-partner}
+if [ "$TRUTH" = partner ]; then OF='' PAGES=docs/paper; else OF=-$TRUTH PAGES=docs/paper/$TRUTH; fi
+PAIRS=${PAIRS:-out/pairs$OF}
+BUNDLES=${BUNDLES:-out/bundles$OF}
+OUT=${OUT:-$PAGES}
 if [ "$SCALE" = paper ]; then WORKERS=${WORKERS:-1}; else WORKERS=${WORKERS:-$(nproc)}; fi  # one GPU, or many cores
 BIN=.venv/bin
 
@@ -20,5 +24,5 @@ BIN=.venv/bin
 "$BIN/python" -c 'import torch, matplotlib, signsplice' 2>/dev/null ||
     "$BIN/python" -m pip install --quiet --disable-pip-version-check --editable '.[train,paper]'
 
-[ -f "$PAIRS/corpus.json" ] || "$BIN/signsplice" synth pairs -o "$PAIRS"
+[ -f "$PAIRS/corpus.json" ] || "$BIN/signsplice" synth pairs -o "$PAIRS" --truth "$TRUTH"
 "$BIN/signsplice" paper all --scale "$SCALE" --workers "$WORKERS" --pairs "$PAIRS" --bundles "$BUNDLES" --out "$OUT" "$@"

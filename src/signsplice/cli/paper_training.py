@@ -52,7 +52,8 @@ def train_missing(options: TrainingOptions, choice: Choice) -> list[Run]:
     from signsplice.paper import plan
     from signsplice.synth.corpus import Pairs
 
-    corpus = str(Pairs(options.pairs).head["hash"])
+    there = (options.pairs / "corpus.json").is_file()  # without it the training says what is wrong
+    corpus = str(Pairs(options.pairs).head["hash"]) if there else None
 
     def missing() -> list[Run]:
         rival = plan.best_rival(options.bundles, options.scale)
@@ -64,7 +65,7 @@ def train_missing(options: TrainingOptions, choice: Choice) -> list[Run]:
         todo = missing()
     if todo:
         names = ", ".join(run.name for run in todo[:3]) + (", ..." if len(todo) > 3 else "")
-        warn([f"time is up: {len(todo)} trainings are missing ({names}); the same call continues"])
+        warn([f"time is up; trainings are missing: {len(todo)} ({names}); the same call continues"])
     return todo
 
 

@@ -27,7 +27,7 @@ from signsplice.train import checkpoint, processes
 from signsplice.train import log as logs
 from signsplice.train.ending import DeadlineError
 from signsplice.train.paper import training
-from signsplice.train.paper.scales import Config, SystemPart, parts
+from signsplice.train.paper.scales import SYSTEMS, Config, SystemPart, parts
 from signsplice.train.paper.training import Training
 
 FILE, PAGE = "search.json", "search.md"
@@ -201,18 +201,19 @@ def _write(out: Path, signature: dict[str, Any], rows: Sequence[SearchRow]) -> N
 
 def page(signature: dict[str, Any], rows: Sequence[SearchRow]) -> str:
     """The page of a search: the score by rate and width, the best, and whether ``scales.py`` has it."""
+    now = {part.name: part for system in SYSTEMS for part in parts(system, signature["scale"])}
     names = list(dict.fromkeys(row.part for row in rows))
     columns = [(width, rate) for width in WIDTHS for rate in RATES]
     head = tuple(f"rate x {_factor(rate)}, width x {_factor(width)}" for width, rate in columns)
     lines = []
     for name in names:
         by = {(row.width, row.rate): row for row in rows if row.part == name}
-        best = max(by.values(), key=lambda row: row.score)
+        best = max(by.values(), key=lambda row: (row.score, (row.width, row.rate) == (1.0, 1.0)))
         cells = [f"{by[key].score:.3f}" if key in by else "-" for key in columns]
         whole = len(by) == len(columns)
-        has = "yes" if (best.width, best.rate) == (1.0, 1.0) else "no"
+        has = name in now and (now[name].config.width, now[name].rate) == (best.units, best.learning_rate)
         chosen = f"{best.learning_rate:.2g}, {best.units} units"
-        lines.append((name, *cells, chosen if whole else "-", has if whole else "-"))
+        lines.append((name, *cells, chosen if whole else "-", ("yes" if has else "no") if whole else "-"))
     table = Table(
         f"Validation score by learning rate and width: scale {signature['scale']}, {signature['steps']} steps, seed "
         f"{signature['seed']}",
@@ -221,8 +222,9 @@ def page(signature: dict[str, Any], rows: Sequence[SearchRow]) -> str:
         tuple(lines),
         (
             "Score: PAA for parts that find positions, Accuracy for those that make frames, the mean of both for those "
-            "that do both, on 256 validation pairs of the random split. Rates and widths are multiples of those in "
-            "`train/paper/scales.py`. One seed: differences of a few hundredths mean nothing. -: not trained.",
+            "that do both, on 256 validation pairs of the random split. Rates and widths are multiples of those that "
+            "the scale had when they were tried; the last column compares the best with those it has now. One seed: "
+            "differences of a few hundredths mean nothing. -: not trained.",
             f"Corpus {signature['corpus']}. `signsplice paper search`",
         ),
     )
