@@ -195,7 +195,7 @@ _SCHEDULES = {
     "cam-stitch": _PartSchedule((60, 11_000, 60_000), 64, 3e-3),
 }
 """At cpu scale every system is trained for about 25 minutes of one core, half of them for each of two parts, and the
-parts of mixture density, skeletal attention and CAM-STITCH for about 10. Their steps differ in cost by up to five times.
+parts of mixture density, skeletal attention and CAM-STITCH for about 10. Their steps differ in cost several times over.
 """
 
 STEP_FRACTIONS = {("cpu", "sgd"): 0.05, ("cpu", "unseen-words"): 0.3}
