@@ -180,9 +180,6 @@ def summary(motions: Sequence[PairMotion]) -> dict[str, float]:
     true_path = sum(m.true_path for m in known)
     return {
         "position_error": _over([m.position_error for m in motions], np.mean),
-        "first_error": "position-error|as-above|frames:1,2|other-lengths:not-stretched|mean",
-        "later_error": "position-error|as-above|frames:3..|other-lengths:not-stretched|mean",
-        "velocity_error": "velocity-error|joints:arms+fingers|frame:hips-place|unit:m/s|other-lengths:stretched|mean",
         "motion_ratio": sum(m.path for m in known) / true_path if true_path > 0.0 else float("nan"),
         "velocity_jump": _over([m.velocity_jump for m in known], np.median),
         "jerk_ratio": _over([m.jerk_ratio for m in known], np.median),
