@@ -7,6 +7,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -15,9 +16,12 @@ import torch
 from signsplice.synth import notation, training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.synth.signer import STANDARD, skeleton
+from signsplice.train.paper.networks.cam_stitch import CamStitchConfig
 from signsplice.train.paper.networks.convs2s import ConvS2SConfig
 from signsplice.train.paper.networks.filling import InterpolationConfig, NatConfig
 from signsplice.train.paper.networks.lstm import LstmConfig
+from signsplice.train.paper.networks.mixture_density import MixtureConfig
+from signsplice.train.paper.networks.skeletal_attention import SkeletalConfig
 from signsplice.train.paper.networks.spsn import SpsnConfig
 from signsplice.train.paper.networks.tfgn import TransformerConfig
 from signsplice.train.paper.pairs_data import PairsData
@@ -35,18 +39,26 @@ _T = TransformerConfig(32, 2, 1, 1, 48, 0.0)
 
 CONFIGS: dict[str, tuple[Config, int | None]] = {
     "spsn": (SpsnConfig(32, dropout=0.0), None),
-    "spsn-printed": (SpsnConfig(32, "printed", 0.0, steps=False), None),
+    "spsn-printed": (SpsnConfig(32, "printed", 0.0, steps=False, summary=False), None),
+    "spsn-printed-wa": (SpsnConfig(32, "none", 0.0, steps=False, summary=False), None),
+    "spsn-eq7": (SpsnConfig(32, "printed", 0.0), None),
+    "spsn-frames": (SpsnConfig(32, dropout=0.0, steps=False), None),
+    "spsn-no-summary": (SpsnConfig(32, dropout=0.0, summary=False), None),
+    "spsn-plain-loss": (SpsnConfig(32, dropout=0.0), None),
     "spsn-wa": (SpsnConfig(32, "none", 0.0), None),
     "tfgn": (_T, FR),
-    "tfgn-wc": (_T, None),
-    "transformer": (TransformerConfig(32, 2, 1, 1, 48, 0.0, tokens=True), None),
+    "tfgn-wc": (replace(_T, marks=True), None),
+    "transformer": (replace(_T, tokens=True, steps=True), None),
     "progressive": (TransformerConfig(32, 2, 1, 1, 48, 0.0, counter=True), FR),
-    "conv-s2s": (ConvS2SConfig(16, 3, 2, 0.0), None),
+    "conv-s2s": (ConvS2SConfig(24, 3, 2, 0.0), None),
     "lstm": (LstmConfig(32), None),
     "nat": (NatConfig(FR, 32, 2, 1, 1, 48, 4, 0.0), FR),
     "interpolation": (InterpolationConfig(FR, 32, 3), FR),
+    "mixture": (MixtureConfig(32, 2, 1, 1, 48, 0.0, n_components=3), FR),
+    "skeletal": (SkeletalConfig(16, 2, 1, 1, 32, dropout=0.0), FR),
+    "cam-stitch": (CamStitchConfig(FR, 32), FR),
 }
-GENERATORS = ("tfgn", "tfgn-wc", "transformer", "progressive", "conv-s2s", "lstm")
+GENERATORS = ("tfgn", "tfgn-wc", "transformer", "progressive", "conv-s2s", "lstm", "mixture", "skeletal", "cam-stitch")
 
 
 @cache

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from functools import partial
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -18,24 +19,38 @@ from toys import Fake, corpus, of_rows, row, write_bundle
 from signsplice.cli import commands
 from signsplice.cli import paper as command
 from signsplice.errors import InputError, MissingExtraError
-from signsplice.paper import clip_methods, figures, judging, kept_frames, pictures, published, results
+from signsplice.paper import clip_methods, figures, judging, kept_frames, pictures, published, results, style
 from signsplice.paper.clip_methods import ClipMethod
+from signsplice.paper.curve import COLUMNS, OF_TRUE_POSITIONS, Curve
 from signsplice.paper.kept_frames import KeptFrames
 from signsplice.paper.protocol import choose
-from signsplice.paper.results import Curve, Results
+from signsplice.paper.results import ResultRow, Results
+
+SYSTEMS = (*style.COMPARED, *style.ABLATIONS["LpTransformer"][:-1], *style.ABLATIONS["LPT+"][:-1])
 
 
-def measured() -> Results:
-    rows = [row(s, fr=8 if s == "lpt" else None) for s in (*published.TABLE_1, *published.TABLE_3)]
-    rows += [row("lpt", fr=fr) for fr in (4, 6)]
-    points = [(float(k), 0.9 + 0.001 * k) for k in range(20)]
-    curves = [Curve(r.system, "random", "cpu", "adamw", r.fr, 0, points) for r in rows]
-    return of_rows(*rows).merged(curves=curves)
+def curve_of(row: ResultRow, last: float = 0.97, minutes: float | None = 1.0) -> Curve:
+    points = [(64.0 * k, minutes and minutes * k, last - 0.3 / k + 0.015, 0.01) for k in range(1, 21)]
+    return Curve(
+        row.system, "random", row.scale, row.optimiser, row.fr, row.seed,
+        points, COLUMNS, row.bundle or "", row.corpus, 256,
+    )  # fmt: skip
+
+
+def measured(**more: float) -> Results:
+    scores = {"accuracy_valid": 0.97, "first_frames_error": 1.0, **{f"frame_error-{n}": 1.0 * n for n in range(1, 9)}}
+    rows = [
+        row(s, fr=8 if s.startswith("lpt") else None, bundle=s, scores=scores | more | {"mse": 0.001 + 0.0002 * n})
+        for n, s in enumerate(SYSTEMS)
+    ]
+    rows += [row("lpt", fr=fr, bundle=f"fr{fr}") for fr in (4, 6)]
+    rows += [row("learned-fluent+learned", scale=s, optimiser="", fr=None, seed=None) for s in ("own", "taught")]
+    return of_rows(*rows).merged(curves=[curve_of(r) for r in rows if r.bundle])
 
 
 def kept_pairs() -> list[KeptFrames]:
     chosen = kept_frames.choose(corpus(), choose(corpus(), "random"), 2)
-    offsets = {kept_frames.label(s, "cpu", "adamw"): d for s, d in (("lstm", 0.01), ("transformer", 0.3), ("lpt", 0.0))}
+    offsets = {kept_frames.label(s, "cpu", "adamw"): 0.1 * n for n, s in enumerate(style.SEEN)}
     out = []
     for pair in chosen:
         frames = {name: pair.truth + offset for name, offset in offsets.items()}
@@ -51,31 +66,105 @@ def test_every_figure_is_drawn_with_the_same_bytes_each_time(tmp_path: Path) -> 
         folder.mkdir()
     written, left_out = figures.write(measured(), kept_pairs(), one, "cpu")
     names = ["figure4a", "figure4b", "figure4c", "figure4d", "figure5a", "figure5b", "figure6", "figure7"]
-    assert sorted(path.name for path in written) == sorted(f"{n}{s}" for n in names for s in (".png", ".svg"))
-    assert set(left_out) == {f"{name}-sgd" for name in names[:6]}
-    assert all(path.stat().st_size > 5000 for path in written)
-    few = of_rows(*(row(s) for s in published.TABLE_1))
-    again = figures.write(few, kept_pairs()[:1], two, "cpu")[0]
-    assert [path.name for path in again] == ["figure4d.png", "figure4d.svg", "figure6.png", "figure6.svg"]
-    for name in ("figure6.png", "figure6.svg"):
-        assert (one / name).read_bytes() == (two / name).read_bytes(), name
+    names.append("frame-errors")
+    files = [*(f"{n}{s}" for n in names for s in (".png", ".svg")), "frame-errors.md", "frame-errors.tex"]
+    assert sorted(path.name for path in written) == sorted(files)
+    errors = (one / "frame-errors.md").read_text()
+    assert f"| {published.name('lstm')} | AdamW | 1.0 | 1.0 | 2.0 |" in errors, "frames 1 to 2, frame 1, frame 2, ..."
+    assert set(left_out) == {f"{name}-sgd" for name in (*names[:6], names[-1])}
+    assert all(path.stat().st_size > 5000 for path in written if path.suffix in (".png", ".svg"))
+    few = [r for r in measured().rows if r.system in style.COMPARED and r.fr in (None, 8)]
+    drawn = Results().merged(few, [c for c in measured().curves if c.system in style.COMPARED and c.fr in (None, 8)])
+    again = figures.write(drawn, kept_pairs()[:1], two, "cpu")[0]
+    assert {path.stem for path in again} == {"figure4c", "figure4d", "figure6", "frame-errors"}
+    assert [p.name for p in again if p.stem != "figure4d" and p.read_bytes() != (one / p.name).read_bytes()] == []
     assert figures.write(Results(), [], one, "cpu")[0] == []
+
+
+def plots(results: Results) -> figures._Plots:
+    return figures._Plots(results, "cpu", "adamw", figures.plotting())
+
+
+def test_curves_are_drawn_over_pairs_and_over_core_minutes() -> None:
+    pytest.importorskip("matplotlib")
+    axes = plots(measured()).accuracy({"": style.COMPARED}).axes
+    assert [ax.get_xlabel() for ax in axes] == ["pairs seen in training", "core-minutes of training"]
+    assert [line.get_label() for line in axes[0].lines] == [published.name(s) for s in style.COMPARED]
+    assert all(np.isclose(line.get_ydata()[-1], 0.03) for ax in axes for line in ax.lines), "errors 1 - Accuracy"
+    assert len(plots(measured()).accuracy(style.ABLATIONS).axes) == 4, "a row for each family"
+    sweep = plots(measured()).accuracy_by_fr().axes[0]
+    assert [line.get_label() for line in sweep.lines] == ["fr = 4", "fr = 6", "fr = 8"]
+    rows = [row(s, bundle=s) for s in style.COMPARED]
+    no_clock = of_rows(*rows).merged(curves=[curve_of(r, minutes=None) for r in rows])
+    assert [ax.get_xlabel() for ax in plots(no_clock).accuracy({"": style.COMPARED}).axes] == ["pairs seen in training"]
+
+
+def test_a_curve_that_ends_elsewhere_than_its_row_is_left_out(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    rows = [row(s, bundle=s, scores={"accuracy_valid": 0.97}) for s in style.COMPARED]
+    made = [curve_of(r, 0.95 if r.system == "lstm" else 0.9715) for r in rows]
+    written, left_out = figures.write(of_rows(*rows).merged(curves=made), [], tmp_path, "cpu")
+    assert "figure4c.png" in {path.name for path in written}
+    assert [line for line in left_out if "lstm" in line] == [
+        "the curve of lstm (ends at 0.95, its row's validation Accuracy is 0.9700)"
+    ]
+    lines = plots(of_rows(*rows).merged(curves=made)).accuracy({"": style.COMPARED}).axes[0].lines
+    assert published.name("lstm") not in [line.get_label() for line in lines]
+    assert len(lines) == len(style.COMPARED) - 1
+    at_true_positions = [replace(c, points=[(1.0, 0.9), (2.0, 0.95)], columns=OF_TRUE_POSITIONS) for c in made]
+    assert plots(of_rows(*rows).merged(curves=at_true_positions)).accuracy({"": style.COMPARED}) is None
+
+
+def test_every_point_has_a_label_of_its_own(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    same = {"mse": 0.001, "ms_mean": 10.0}
+    rows = [row(s, bundle=s, scores=same) for s in style.COMPARED]
+    rows += [row("learned-fluent+learned", scale=s, optimiser="", seed=None, scores=same) for s in ("own", "taught")]
+    figure = plots(of_rows(*rows)).comparison()
+    for dpi in (100, 130, 200):
+        figure.set_dpi(dpi)
+        figure.draw_without_rendering()
+        texts = figure.axes[0].texts
+        boxes = [text.get_window_extent() for text in texts]
+        assert not [
+            (a.get_text(), b.get_text())
+            for (a, p), (b, q) in combinations(zip(texts, boxes, strict=True), 2)
+            if p.overlaps(q)
+        ]
+        point = figure.axes[0].transData.transform((10.0, 0.001))
+        assert not any(box.contains(*point) for box in boxes)
+    names = [text.get_text() for text in texts]
+    assert len(set(names)) == len(names) == 8
+    assert {"signsplice, as it ships", "signsplice, trained on the split"} <= set(names)
 
 
 def test_pictures_show_the_kept_systems_and_bones() -> None:
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pair = kept_pairs()[0]
-    rows = [name for name, _ in pictures._rows(pair, "cpu")]
-    assert rows == ["truth", "LSTM", "Transformer", "LpTransformer"]
+    rows = pictures._rows(pair, "cpu")
+    assert [name for name, _ in rows] == ["truth", *(published.name(s) for s in style.SEEN)]
+    assert np.array_equal(rows[1][1][0], pair.before[0]), "without positions of its own, the true ones"
+    name = kept_frames.label("lstm", "cpu", "adamw")
+    own = replace(pair, edges={name: np.stack([pair.truth[0], pair.truth[1]])})
+    assert np.array_equal(pictures._rows(own, "cpu")[1][1][[0, -1]], own.edges[name])
     assert pictures.draw_pairs(pyplot, [replace(pair, made={})], "cpu") is None
     assert pictures.draw_pairs(pyplot, [], "cpu") is None
-    frame = corpus().word(0)[20:21].astype(np.float64)
-    assert sum(len(bones) for bones, _, _ in pictures._bones(frame, None)) == 43 + 24, "no legs; the head is a ring"
-    assert sum(len(bones) for bones, _, _ in pictures._bones(frame, "Right")) == 16
+    frame = corpus().word(0)[20].astype(np.float64)
+    assert sum(len(bones) for bones, _, _ in pictures._bones(pair.figure, frame, None)) == 43 + 24, "a ring for a head"
+    assert sum(len(bones) for bones, _, _ in pictures._bones(pair.figure, frame, "right")) == 16
     for count in (2, 5, 10, 40):
         shown = pictures._shown(count, 10)
         assert (shown[0], shown[-1]) == (0, count - 1)
         assert len(shown) == min(count, 10)
+        assert shown[:3] == list(range(min(count, 3))), "the first two frames of the transition are always shown"
+
+
+def test_the_true_frame_of_the_same_number_lies_under_the_first_two() -> None:
+    assert [pictures._true_frame(at, 12, 9) for at in (0, 1, 2, 11)] == [0, 1, 2, 8]
+    under = [pictures._true_frame(at, 12, 9) for at in range(12)]
+    assert under == sorted(under)
+    assert [pictures._true_frame(at, 3, 9) for at in range(3)] == [0, 1, 8]
+    assert [pictures._true_frame(at, 9, 3) for at in (0, 1, 2, 5, 8)] == [0, 1, 2, 2, 2]
 
 
 def test_lines_are_clipped_at_the_edge_of_their_picture() -> None:

@@ -15,7 +15,6 @@ from toys import corpus, motion
 from signsplice.paper import bleu, extra_metrics, metrics
 from signsplice.paper.prediction import Prediction
 from signsplice.rig import metrics as scores
-from signsplice.synth.corpus import EXTENT
 
 Float = NDArray[np.float64]
 
@@ -61,7 +60,7 @@ def score_of(
     prediction: Prediction, true: tuple[int, int, Float], words: tuple[Float, Float] | None = None
 ) -> metrics.PairScore:
     clip = corpus().word_clip(0)
-    layout = extra_metrics.number_layout(clip, EXTENT * corpus().signers[0].stature_cm)
+    layout = extra_metrics.number_layout(clip, corpus().spaces[0])
     return metrics.score(prediction, true, words or (motion(20, 8), motion(20, 9)), layout)
 
 
@@ -170,11 +169,11 @@ def test_first_frames_and_later_ones_have_errors_of_their_own() -> None:
     made = true.astype(float)
     made[2:] += 0.1 * motion(len(made) - 2)
     found = metrics.summary([score_of(Prediction(pre, post, made), (pre, post, true.astype(float)), words)])
-    assert found["first_error"] == 0.0
-    assert found["later_error"] > found["position_error"] > 0.0
+    assert found["first_frames_error"] == 0.0
+    assert found["later_frames_error"] > 0.0
     assert found["velocity_error"] > 0.0
     late = metrics.summary([score_of(Prediction(pre, post, made[1:]), (pre, post, true.astype(float)), words)])
-    assert late["first_error"] > 0.0, "frames are compared by their number, without stretching"
+    assert late["first_frames_error"] > 0.0, "frames are compared by their number, without stretching"
 
 
 def test_held_frames_move_too_little_and_jump() -> None:
@@ -198,3 +197,23 @@ def test_stretching_keeps_the_ends() -> None:
         assert np.allclose(y[0], x[0])
         assert count == 1 or np.allclose(y[-1], x[-1])
     assert np.allclose(extra_metrics.stretched(x[:1], 4), x[0])
+
+
+def test_the_error_of_each_frame_is_counted_from_the_first_in_cm() -> None:
+    layout = extra_metrics.NumberLayout(
+        hips=0, arms=(1, 2), tips=(2,), wrists=(1, 2), arm_length=0.3, metres=2.0, fps=30.0
+    )
+    true = np.zeros((5, 159))
+    made = np.zeros((3, 159))
+    made[1, 3] = 0.01  # joint 1, 2 cm in x
+    made[2, [3, 7]] = 0.02  # joints 1 and 2, 4 cm each
+    assert np.allclose(extra_metrics.frame_errors(made, true, layout), [0.0, 1.0, 4.0])
+    moved = made + np.tile([0.1, 0.0, 0.0], 53)
+    assert np.allclose(extra_metrics.frame_errors(moved, true, layout), [0.0, 1.0, 4.0]), "seen from the hips"
+    nan = float("nan")
+    pairs = [extra_metrics.PairMotion(nan, errors, *[nan] * 5) for errors in ((1.0, 2.0, 6.0), (3.0,), ())]
+    found = extra_metrics.summary(pairs)
+    assert found["first_frames_error"] == pytest.approx((1.0 + 2.0 + 3.0) / 3)
+    assert found["later_frames_error"] == 6.0
+    assert [found[f"frame_error-{n}"] for n in (1, 2, 3)] == [2.0, 2.0, 6.0]
+    assert np.isnan(found["frame_error-4"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,9 +12,11 @@ import pytest
 from toys import corpus, motion, of_rows, row
 
 from signsplice.errors import InputError
-from signsplice.paper import environment, kept_frames, plan, published, results
+from signsplice.paper import environment, kept_frames, merging, plan, published, results
+from signsplice.paper.curve import COLUMNS, Curve
+from signsplice.paper.plan import Choice, Run
 from signsplice.paper.protocol import choose
-from signsplice.paper.results import Curve, Results
+from signsplice.paper.results import Results
 
 
 def test_a_new_row_replaces_the_row_of_its_key() -> None:
@@ -26,8 +29,11 @@ def test_a_new_row_replaces_the_row_of_its_key() -> None:
 
 
 def test_results_survive_a_round_trip(tmp_path: Path) -> None:
-    curve = Curve("lpt", "random", "cpu", "adamw", 8, 0, [(0.0, 0.5), (10.0, 0.9)])
-    known = of_rows(row("lpt", scores={"paa": None}), row("lstm", fr=None)).merged(curves=[curve])
+    curves = [
+        Curve("lpt", "random", "cpu", "adamw", 8, 0, [(0.0, 0.5), (10.0, 0.9)]),
+        Curve("lstm", "random", "cpu", "adamw", None, 0, [(64.0, None, 0.5, 0.1)], COLUMNS, "abc", "c0ffee", 256),
+    ]
+    known = of_rows(row("lpt", scores={"paa": None}), row("lstm", fr=None)).merged(curves=curves)
     path = tmp_path / "results.json"
     results.save(known, path)
     assert results.load(path) == known
@@ -83,27 +89,21 @@ def test_the_environment_states_versions_and_machine() -> None:
     assert environment.commit(Path("/")) == ""
 
 
-def test_long_curves_are_thinned_but_keep_their_ends() -> None:
-    points = [(float(k), 0.5) for k in range(5000)]
-    thin = results.thinned(points)
-    assert len(thin) == results.MOST_POINTS
-    assert (thin[0], thin[-1]) == (points[0], points[-1])
-    assert results.thinned(points[:3]) == points[:3]
-
-
 def test_kept_frames_survive_a_round_trip_and_merge(tmp_path: Path) -> None:
     pairs = corpus()
     chosen = kept_frames.choose(pairs, choose(pairs, "random"))
     assert 1 <= len(chosen) <= kept_frames.COUNT
     name = "cpu/adamw/lpt/nothing"
-    first = [replace(pair, made={name: motion(4)}) for pair in chosen]
+    first = [replace(pair, made={name: motion(4)}, edges={name: motion(2)}) for pair in chosen]
     path = tmp_path / "frames.npz"
     kept_frames.save(first, path)
     loaded = kept_frames.load(path)
     assert [(pair.number, pair.name) for pair in loaded] == [(pair.number, pair.name) for pair in chosen]
     assert np.allclose(loaded[0].made[name], motion(4), atol=1e-6)
+    assert np.allclose(loaded[0].edges[name], motion(2), atol=1e-6)
+    assert loaded[0].figure == chosen[0].figure
     merged = kept_frames.merge(loaded, [replace(pair, made={"new": motion(3)}) for pair in chosen])
-    assert set(merged[0].made) == {name, "new"}
+    assert (set(merged[0].made), set(merged[0].edges)) == ({name, "new"}, {name})
     other = [replace(pair, truth=pair.truth + 0.1) for pair in chosen]
     assert not kept_frames.merge(loaded, other)[0].made, "frames of another truth are dropped"
     path.write_bytes(b"no archive")
@@ -112,18 +112,113 @@ def test_kept_frames_survive_a_round_trip_and_merge(tmp_path: Path) -> None:
     assert kept_frames.load(tmp_path / "none.npz") == []
 
 
-def test_the_plan_trains_every_system_of_the_tables(tmp_path: Path) -> None:
+def test_the_plan_trains_every_system_of_the_tables() -> None:
+    for scale in plan.SCALES:
+        planned = plan.runs(scale, rival="lstm")
+        assert len({run.name for run in planned}) == len(planned)
+        by_adamw = [run for run in planned if run.optimiser == "adamw"]
+        assert {*published.TABLE_1, *published.TABLE_3} <= {run.system for run in by_adamw if run.split == "random"}
+        assert {*published.TABLE_1} <= {run.system for run in by_adamw if run.split == "unseen-words"}
+        assert {"lpt-printed"} <= {run.system for run in planned if run.optimiser == "sgd"}
+    planned = plan.runs("cpu", rival="lstm")
+    assert {r.fr for r in planned if r.system == "lpt-printed"} == {None, *plan.SWEEP} - {published.BEST_FR}
+    assert {(r.system, r.seed) for r in planned if r.seed} == {
+        (system, seed) for system in ("lpt-printed", "lpt", "lstm") for seed in (1, 2)
+    }
+    assert next(r for r in planned if r.fr == 6).name == "lpt-printed-fr6-cpu-adamw-random"
+
+
+def test_the_plan_begins_with_the_rows_of_table_1_and_ends_with_sgd() -> None:
+    planned = plan.runs("cpu", rival="transformer")
+    assert [run.system for run in planned[:5]] == ["lpt-printed", "lpt", "transformer", "lstm", "conv-s2s"]
+    order = [(run.split, run.seed, run.fr, run.optimiser) for run in planned]
+    kinds = list(dict.fromkeys(order))
+    assert kinds[:4] == [(split, 0, None, "adamw") for split in plan.SPLITS] + [
+        ("random", seed, None, "adamw") for seed in (1, 2)
+    ]
+    assert planned[-1].optimiser == "sgd"
+    by_sgd = [run.system for run in plan.runs("paper") if run.optimiser == "sgd"]
+    assert by_sgd == ["lpt-printed", "lpt", "transformer", "lstm", "conv-s2s", "lpt-wc"]
+
+
+def test_only_what_is_wanted_is_planned() -> None:
+    assert {r.system for r in plan.runs("smoke", Choice(("lstm",)))} == {"lstm"}
+    asked = plan.runs("cpu", Choice(("lstm", "lpt-printed"), ("sgd",)))
+    assert [(r.system, r.optimiser) for r in asked] == [("lstm", "sgd"), ("lpt-printed", "sgd")]
+    assert any(r.seed for r in plan.runs("cpu", Choice(("lpt", "lstm")))), "no rival is to be found among one"
+    wanted = plan.runs("paper", Choice(("lpt", "nat"), ("adamw",), ("unseen-signer",), (0,)))
+    assert {(r.system, r.optimiser, r.split, r.seed) for r in wanted} == {
+        ("lpt", "adamw", "random", 0),
+        ("nat", "adamw", "random", 0),
+    }, "an unseen signer is judged by what was trained on the random split"
+
+
+def write_bundle_json(bundles: Path, run: Run, accuracy: float, corpus: str = "c0ffee") -> None:
+    (bundles / run.name).mkdir()
+    stored = {"corpus": corpus, "parts": {"frames": {"scores": {"accuracy": accuracy}}}}
+    (bundles / run.name / "bundle.json").write_text(json.dumps(stored))
+
+
+def test_the_best_rival_on_validation_gets_further_seeds_when_all_are_trained(tmp_path: Path) -> None:
+    rivals = [Run(system, "cpu", "adamw", "random") for system in plan.RIVALS]
+    for run, accuracy in zip(rivals, (0.8, 0.9, 0.7), strict=True):
+        assert plan.best_rival(tmp_path, "cpu") is None
+        assert not any(run.seed for run in plan.runs("cpu")), "the list ends where the rival has to be known"
+        write_bundle_json(tmp_path, run, accuracy)
+    assert plan.best_rival(tmp_path, "cpu") == rivals[1].system
+
+
+def test_a_bundle_of_another_corpus_is_missing(tmp_path: Path) -> None:
     planned = plan.runs("cpu")
-    assert len({run.name for run in planned}) == len(planned)
-    tables = {*published.TABLE_1, *published.TABLE_3}
-    for optimiser in ("adamw", "sgd"):
-        assert tables <= {r.system for r in planned if r.optimiser == optimiser and r.split == "random"}
-    assert tables <= {r.system for r in planned if r.split == "unseen-words"}
-    assert {r.fr for r in planned if r.system == "lpt"} == {None, *plan.SWEEP} - {published.BEST_FR}
-    assert {r.system for r in plan.runs("smoke", ["lstm"])} == {"lstm"}
-    run = next(r for r in planned if r.fr == 6)
-    assert run.name == "lpt-fr6-cpu-adamw-random"
-    assert plan.missing(planned, tmp_path) == planned
-    (tmp_path / run.name).mkdir()
-    (tmp_path / run.name / "bundle.json").write_text("{}")
-    assert run not in plan.missing(planned, tmp_path)
+    assert plan.missing(planned, tmp_path, "c0ffee") == planned
+    write_bundle_json(tmp_path, planned[0], 0.9)
+    write_bundle_json(tmp_path, planned[1], 0.9, "other")
+    assert plan.missing(planned, tmp_path, "c0ffee") == planned[1:]
+    assert plan.missing(planned, tmp_path) == planned[2:]
+
+
+def test_a_commit_says_whether_the_package_differs_from_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def git(*call: str) -> str:
+        author = ["-c", "user.name=a", "-c", "user.email=a@b"]
+        return subprocess.run(
+            ["git", *author, *call], cwd=tmp_path, check=True, capture_output=True, text=True
+        ).stdout.strip()
+
+    monkeypatch.delenv("SIGNSPLICE_COMMIT", raising=False)
+    package = tmp_path / "package"
+    package.mkdir()
+    (package / "code.py").write_text("1")
+    (tmp_path / "results.json").write_text("1")
+    git("init", "-q")
+    git("add", ".")
+    git("commit", "-qm", "first")
+    head = git("rev-parse", "HEAD")[:12]
+    assert environment.commit(package) == head
+    (tmp_path / "results.json").write_text("2")
+    (package / "scratch.txt").write_text("not tracked")
+    assert environment.commit(package) == head, "results that are being written are no code"
+    (package / "code.py").write_text("2")
+    assert environment.commit(package) == f"{head}+"
+    (tmp_path / "installed").mkdir()
+    assert environment.commit(tmp_path / "installed") == "", "inside the repository of something else"
+    monkeypatch.setenv("SIGNSPLICE_COMMIT", "abc")
+    assert environment.commit(tmp_path / "installed") == "abc"
+
+
+def test_results_judged_apart_become_one(tmp_path: Path) -> None:
+    for name, rows in (("a", [row("lpt"), row("lstm", commit="old")]), ("b", [row("lstm", commit="new"), row("nat")])):
+        (tmp_path / name).mkdir()
+        results.save(of_rows(*rows), tmp_path / name / results.FILE)
+    chosen = kept_frames.choose(corpus(), choose(corpus(), "random"))
+    for name in "ab":
+        kept_frames.save([replace(pair, made={name: motion(4)}) for pair in chosen], tmp_path / name / kept_frames.FILE)
+    out = tmp_path / "out"
+    out.mkdir()
+    n_rows, known = merging.merge([tmp_path / "a", tmp_path / "b"], out)
+    assert (n_rows, len(known.rows)) == (4, 3)
+    assert results.load(out / results.FILE) == known
+    assert [r.commit for r in known.find(system="lstm")] == ["new"]
+    assert list(known.signatures) == [results.signature_id()]
+    assert set(kept_frames.load(out / kept_frames.FILE)[0].made) == {"a", "b"}
+    with pytest.raises(InputError, match=r"c/results.json: not there"):
+        merging.merge([tmp_path / "c"], out)

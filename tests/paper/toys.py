@@ -14,9 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.paper import bleu, metrics, results
+from signsplice.paper import bleu, bundles, curve, metrics, results
+from signsplice.paper.curve import Curve
 from signsplice.paper.prediction import Prediction
 from signsplice.paper.results import ResultRow
+from signsplice.splicing.bundle import read_config
 from signsplice.synth import notation
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 
@@ -126,7 +128,7 @@ def of_rows(*rows: ResultRow) -> results.Results:
 
 
 def write_bundle(folder: Path, pairs: Pairs, **changes: Any) -> Path:
-    """A bundle with a training log but without networks."""
+    """A bundle with a curve but without networks."""
     contents = {
         "version": 1,
         "system": "lpt",
@@ -143,8 +145,13 @@ def write_bundle(folder: Path, pairs: Pairs, **changes: Any) -> Path:
     }
     folder.mkdir(parents=True)
     (folder / "bundle.json").write_text(json.dumps(contents | changes))
-    log = [{"step": step, "loss": 1.0, "accuracy": 0.9 + step / 1000.0} for step in range(0, 20, 5)]
-    (folder / "log.jsonl").write_text("\n".join([*map(json.dumps, log), "no json", '{"step": 3}']))
+    known = bundles.result_row(read_config(folder))
+    points = [(64.0 * step, None, 0.9 + step / 1000.0, 0.01) for step in range(5, 25, 5)]
+    made = Curve(
+        known.system, "random", known.scale, known.optimiser, known.fr, known.seed,
+        points, curve.COLUMNS, known.bundle or "", known.corpus, 3,
+    )  # fmt: skip
+    curve.save(made, folder)
     return folder
 
 

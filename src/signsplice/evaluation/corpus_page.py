@@ -42,8 +42,10 @@ def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], prog
     """Measure a corpus and put the result into ``page`` between its marks; pictures go to the folder ``images``.
 
     real: clips of real signing by name, for columns next to the corpus's. progress: makes a progress bar by name.
-    Raises ``InputError`` for a page without the marks, ``MissingExtraError`` without matplotlib or Pillow.
+    Raises ``InputError`` for a page without the marks and for a corpus of other clips than the synthetic signers',
+    ``MissingExtraError`` without matplotlib or Pillow.
     """
+    pairs.check_synthetic()
     text = read_bytes(page).decode("utf-8")
     if BEGIN not in text or END not in text:
         raise InputError(f"{page}: has no lines {BEGIN} and {END}, expected both; the tables go between them")

@@ -15,14 +15,12 @@ from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any, get_type_hints
 
-import numpy as np
-
 from signsplice.errors import InputError
+from signsplice.formats import skeletons
 from signsplice.formats.json_files import check_type, parse_json
-from signsplice.formats.limits import DEFAULT_LIMITS
 from signsplice.formats.reading import opened
 from signsplice.lexicon.entry import KINDS, Entry, fold
-from signsplice.motion.clip import EndSite, Skeleton
+from signsplice.motion.clip import Skeleton
 
 INDEX = "index.sqlite"
 VERSION = 1
@@ -276,42 +274,11 @@ def _check_entry(entry: Entry) -> None:
 
 def describe(skeleton: Skeleton) -> str:
     """A skeleton as JSON; numbers are read back unchanged. Raises ``InputError`` for more joints than are read."""
-    if len(skeleton) > DEFAULT_LIMITS.joints:
-        raise InputError(f"skeleton: {len(skeleton)} joints, expected at most {DEFAULT_LIMITS.joints:g} in a lexicon")
-    return json.dumps(
-        {
-            "names": skeleton.names,
-            "parents": skeleton.parents.tolist(),
-            "offsets": skeleton.offsets.tolist(),
-            "end_sites": [[site.joint, site.offset.tolist()] for site in skeleton.end_sites],
-            "roles": None if skeleton.roles is None else dict(skeleton.roles),
-        }
-    )
-
-
-_DESCRIBED = {
-    "names": list[str],
-    "parents": list[int],
-    "offsets": list[tuple[float, float, float]],
-    "end_sites": list[tuple[int, tuple[float, float, float]]],
-    "roles": dict[str, str] | None,
-}
+    return json.dumps(skeletons.as_json(skeleton))
 
 
 def _skeleton(description: str) -> Skeleton:
-    fields = parse_json(description.encode(), "", "a skeleton")
-    check_type(fields, dict[str, Any], "description")
-    for name, kind in _DESCRIBED.items():
-        check_type(fields[name], kind, name)
-    if len(fields["names"]) > DEFAULT_LIMITS.joints:
-        raise ValueError(f"{len(fields['names'])} joints, expected at most {DEFAULT_LIMITS.joints:g}")
-    return Skeleton(
-        names=tuple(fields["names"]),
-        parents=np.array(fields["parents"], np.intp),
-        offsets=np.array(fields["offsets"], np.float64).reshape(-1, 3),
-        end_sites=tuple(EndSite(joint, np.array(offset, np.float64)) for joint, offset in fields["end_sites"]),
-        roles=fields["roles"],
-    )
+    return skeletons.from_json(parse_json(description.encode(), "", "a skeleton"))
 
 
 def sha256(text: str | bytes) -> str:

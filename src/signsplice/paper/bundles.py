@@ -7,8 +7,7 @@ from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.formats.reading import read_bytes
-from signsplice.paper import results
-from signsplice.paper.results import Curve, ResultRow
+from signsplice.paper.results import ResultRow
 from signsplice.splicing.bundle import BUNDLE_FILE, BundleConfig, bundle_sha256, config_of
 
 
@@ -41,23 +40,3 @@ def result_row(config: BundleConfig) -> ResultRow:
 def short_hash(config: BundleConfig) -> str:
     """The first twelve hex digits of a bundle's sha256."""
     return bundle_sha256(config.path.parent)[:12]
-
-
-def training_curve(config: BundleConfig, row: ResultRow) -> Curve | None:
-    """Validation accuracy by step from a bundle's training logs (JSON lines with ``step`` and ``accuracy``); None if
-    there are none.
-    """
-    points = []
-    for path in sorted(config.path.parent.glob("*.jsonl")):
-        for line in read_bytes(path).decode("utf-8").splitlines():
-            try:
-                entry = json.loads(line)
-            except ValueError:
-                continue
-            value = entry.get("accuracy", entry.get("valid_accuracy")) if isinstance(entry, dict) else None
-            if value is not None and "step" in entry:
-                points.append((float(entry["step"]), float(value)))
-    if not points:
-        return None
-    split = config.split or ""
-    return Curve(row.system, split, row.scale, row.optimiser, row.fr, row.seed, results.thinned(sorted(points)))

@@ -232,11 +232,11 @@ def distortion(e: Evidence, lpt: str) -> Finding | None:
     found = e.of(lpt, "lstm", "transformer")
     if found is None:
         return None
-    first, later = ([one.score(name) for one in found] for name in ("first_error", "later_error"))
+    first, later = ([one.score(name) for one in found] for name in ("first_frames_error", "later_frames_error"))
     alike = max(first[1:]) <= ALIKE * first[0]
     distorted = [value >= DISTORTED * later[0] for value in later[1:]]
-    figure = "; ".join(f"{one.name} {a:.0f} then {b:.0f}" for one, a, b in zip(found, first, later, strict=True))
-    return Finding(graded(alike and all(distorted), alike or any(distorted)), figure + " arm/1000")
+    figure = "; ".join(f"{one.name} {a:.1f} then {b:.1f}" for one, a, b in zip(found, first, later, strict=True))
+    return Finding(graded(alike and all(distorted), alike or any(distorted)), figure + " cm")
 
 
 def missing_frames(e: Evidence, lpt: str) -> Finding | None:

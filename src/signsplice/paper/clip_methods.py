@@ -1,7 +1,7 @@
 """Methods that splice the words' own clips, as rows next to the paper's systems: every classical cutter with slerp and
 Hermite, and this project's networks.
 
-They work on rotations. Forward kinematics turns their frames into the 159 numbers, and that time counts as theirs. A
+They work on rotations. Forward kinematics turns their frames into numbers, and that time counts as theirs. A
 method either chooses the length of a transition itself or is given the true one, because the paper's Accuracy and MSE
 mostly measure the length where it is off. Rows state what they were given. Classical rows choose the length by the rule
 ``tempo``. The networks that ship never saw a word or a signer of the corpus; other bundles may have been trained on the
@@ -28,7 +28,7 @@ from signsplice.splicing.gap import gap_at
 from signsplice.splicing.learned import FLUENT, LearnedDuration
 from signsplice.splicing.learned import NAME as LEARNED
 from signsplice.splicing.methods import ChosenMethods, choose, open_learned
-from signsplice.synth.corpus import Pairs, scaled_positions
+from signsplice.synth.corpus import Pairs
 
 TRANSITIONS = ("slerp", "hermite")
 TRUE_POSITIONS = "true-positions"
@@ -133,9 +133,7 @@ class ClipAnswers:
         """The prediction for a pair."""
         p, q, pre, post, _, count = self.pairs.index[number].tolist()
         cut, made = self.method.splice(self._clip(p), self._clip(q), Cut(pre, post), count)
-        signer = self.pairs.signers[0 if p < len(self.pairs.head["words"]) // 2 else 1]
-        frames = scaled_positions(made, signer.stature_cm)
-        return Prediction(cut.pre, cut.post, frames)
+        return Prediction(cut.pre, cut.post, self.pairs.space(p).numbers(made))
 
     def prepare(self, numbers: Sequence[int]) -> None:
         """Read the words of these pairs, so that reading is not timed."""

@@ -1,6 +1,6 @@
 """Metrics beyond the paper's: joint distance in units of the body, amount of motion, and smoothness at the seams.
 
-All are computed from the 159 numbers, scaled back to metres. Positions are relative to the hips but not rotated with
+All are computed from the numbers, scaled back to metres. Positions are relative to the hips but not rotated with
 them, because the numbers hold no rotation of the hips.
 """
 
@@ -12,7 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
+from signsplice.motion.number_space import NumberSpace
 from signsplice.paper.prediction import Prediction
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
@@ -22,10 +24,18 @@ Float = NDArray[np.float64]
 CONTEXT = 8
 """Frames on each side of a transition over which its seams are judged."""
 
+REQUIRED = ("hips", "leftHand", "rightHand")
+"""Roles of the joints without which nothing is measured."""
+FRAMES = 8
+"""Frames of a transition, from its first on, that have an error of their own."""
+FIRST = 2
+"""Frames that the paper calls the first ones (its figure 6)."""
+
 SIGNATURES = {
     "position_error": "position-error|joints:arms+fingers|frame:hips-place|unit:arm/1000|other-lengths:stretched|mean",
-    "first_error": "position-error|as-above|frames:1,2|other-lengths:not-stretched|mean",
-    "later_error": "position-error|as-above|frames:3..|other-lengths:not-stretched|mean",
+    "frame_error": f"frame-error|joints:arms+fingers|frame:hips-place|unit:cm|by:index,1..{FRAMES}|mean:frames",
+    "first_frames_error": f"frame-error|joints:arms+fingers|frame:hips-place|unit:cm|by:index,1..{FIRST}|mean:frames",
+    "later_frames_error": f"frame-error|joints:arms+fingers|frame:hips-place|unit:cm|by:index,{FIRST}+1..|mean:frames",
     "velocity_error": "velocity-error|joints:arms+fingers|frame:hips-place|unit:m/s|other-lengths:stretched|mean",
     "motion_ratio": "motion-ratio|joints:fingertips|frame:hips-place|path:P_pre,O,Q_post|sum/sum|of:predicted",
     "velocity_jump": f"{metrics.VELOCITY_JUMP}|over:Y|median:pairs|of:predicted",
@@ -35,12 +45,12 @@ SIGNATURES = {
 
 @dataclass(frozen=True, eq=False)
 class NumberLayout:
-    """How to read the 159 numbers of a signer.
+    """How to read the numbers of a signer. Joints are counted in the order of the numbers.
 
-    - hips: joint index
-    - arms: joint indices of arms and fingers
-    - tips: joint indices of fingertips
-    - wrists: joint indices of both wrists
+    - hips: joint
+    - arms: joints of arms and fingers
+    - tips: joints of fingertips, or the wrists where the numbers hold no fingers
+    - wrists: joints of both wrists
     - arm_length: in the numbers' unit, the side of the cube
     - metres: metres per unit
     - fps: frames per second
@@ -60,8 +70,7 @@ class PairMotion:
     """The extra metrics of one pair; NaN where positions or frames are missing.
 
     - position_error: mean joint distance, thousandths of the arm's length
-    - first_error: the same in the first two frames, without stretching
-    - later_error: the same from the third frame on, as far as both go
+    - frame_errors: mean joint distance of the first, second, ... frame, cm, while both transitions last
     - velocity_error: mean difference of the joints' velocities, m/s
     - path: path length of the predicted fingertips, in the numbers' unit
     - true_path: path length of the true fingertips, in the numbers' unit
@@ -70,8 +79,7 @@ class PairMotion:
     """
 
     position_error: float
-    first_error: float
-    later_error: float
+    frame_errors: tuple[float, ...]
     velocity_error: float
     path: float
     true_path: float
@@ -79,22 +87,34 @@ class PairMotion:
     jerk_ratio: float
 
 
-def number_layout(clip: Clip, unit_cm: float) -> NumberLayout:
-    """How to read a signer's numbers; ``clip`` is any word of the signer, ``unit_cm`` the side of the cube."""
-    joints = rig_info(clip.skeleton).roles.joints
+def number_layout(clip: Clip, space: NumberSpace) -> NumberLayout:
+    """How to read a signer's numbers; ``clip`` is any word of the signer.
+
+    Raises ``InputError`` where hips or wrists are not known by name, or not among the numbers.
+    """
+    order = {joint: k for k, joint in enumerate(space.indices(clip.skeleton, clip.name))}
+    roles = rig_info(clip.skeleton).roles.joints
+    missing = [role for role in REQUIRED if roles.get(role) not in order]
+    if missing:
+        raise InputError(f"{clip.name}: {', '.join(missing)} not among the joints of the numbers; name them")
+    wrists = (order[roles["leftHand"]], order[roles["rightHand"]])
+    arms, tips = (
+        tuple(order[joint] for joint in chosen if joint in order)
+        for chosen in (metrics.arm_and_finger_joints(clip), metrics.fingertip_joints(clip))
+    )
     return NumberLayout(
-        hips=joints["hips"],
-        arms=tuple(metrics.arm_and_finger_joints(clip)),
-        tips=tuple(metrics.fingertip_joints(clip)),
-        wrists=(joints["leftHand"], joints["rightHand"]),
-        arm_length=rig_info(clip.skeleton).sizes.arm_length / unit_cm,
-        metres=unit_cm / 100.0,
+        hips=order[roles["hips"]],
+        arms=arms,
+        tips=tips or wrists,
+        wrists=wrists,
+        arm_length=rig_info(clip.skeleton).sizes.arm_length / space.side,
+        metres=space.side / 100.0,
         fps=clip.fps,
     )
 
 
 def utterance(before: Float, after: Float, prediction: Prediction) -> Float | None:
-    """Y (T, 159) = [P_1 .. P_pre, O, Q_post .. Q_M] of the filter layer (eq. 17); None if a position is missing."""
+    """Y (T, K) = [P_1 .. P_pre, O, Q_post .. Q_M] of the filter layer (eq. 17); None if a position is missing."""
     if prediction.pre is None or prediction.post is None:
         return None
     return np.concatenate([before[: prediction.pre + 1], prediction.frames, after[prediction.post :]])
@@ -105,11 +125,11 @@ def pair_motion(
 ) -> PairMotion:
     """The extra metrics of one pair.
 
-    true: pre, post and frames (m, 159). words: frames (N, 159) and (M, 159) of both words.
+    true: pre, post and frames (m, K). words: frames (N, K) and (M, K) of both words.
     """
     pre, post, frames = true
     nan = float("nan")
-    errors = _frame_errors(prediction.frames, frames, layout)
+    errors = _errors(prediction.frames, frames, layout)
     whole = utterance(*words, prediction)
     if whole is None or prediction.pre is None:
         return PairMotion(*errors, nan, nan, nan, nan)
@@ -127,14 +147,12 @@ def pair_motion(
     )
 
 
-def _frame_errors(predicted: Float, true: Float, layout: NumberLayout) -> tuple[float, float, float, float]:
-    """Position error, the same of the first two frames and of later ones, and velocity error; NaN without frames."""
-    nan, n = float("nan"), min(len(predicted), len(true))
-    if not n:
-        return nan, nan, nan, nan
-    first = position_error(predicted[: min(2, n)], true[: min(2, n)], layout)
-    later = position_error(predicted[2:n], true[2:n], layout) if n > 2 else nan
-    return position_error(predicted, true, layout), first, later, velocity_error(predicted, true, layout)
+def _errors(predicted: Float, true: Float, layout: NumberLayout) -> tuple[float, tuple[float, ...], float]:
+    """Position error, the errors of each frame, and velocity error; NaN and none without frames."""
+    if not len(predicted) or not len(true):
+        return float("nan"), (), float("nan")
+    by_frame = frame_errors(predicted, true, layout)
+    return position_error(predicted, true, layout), by_frame, velocity_error(predicted, true, layout)
 
 
 def velocity_error(predicted: Float, true: Float, layout: NumberLayout) -> float:
@@ -155,10 +173,22 @@ def position_error(predicted: Float, true: Float, layout: NumberLayout) -> float
 
     A prediction of another length is stretched evenly onto the true one, first frame on first, last on last.
     """
+    return float(1000.0 * _arm_distances(stretched(predicted, len(true)), true, layout).mean() / layout.arm_length)
+
+
+def frame_errors(predicted: Float, true: Float, layout: NumberLayout) -> tuple[float, ...]:
+    """Mean distance of elbows, wrists and finger joints relative to the hips, cm: of the first predicted frame from the
+    first true one, of the second from the second, and so on as far as both go.
+    """
+    n = min(len(predicted), len(true))
+    return tuple((100.0 * layout.metres * _arm_distances(predicted[:n], true[:n], layout)).tolist())
+
+
+def _arm_distances(predicted: Float, true: Float, layout: NumberLayout) -> Float:
+    """The mean distance (n,) of elbows, wrists and finger joints in each of n frames, in the numbers' unit."""
     arms = list(layout.arms)
-    made = _from_hips(stretched(predicted, len(true)), layout)[:, arms]  # (m, J, 3)
-    errors = np.linalg.norm(made - _from_hips(true, layout)[:, arms], axis=-1)
-    return float(1000.0 * errors.mean() / layout.arm_length)
+    difference = _from_hips(predicted, layout)[:, arms] - _from_hips(true, layout)[:, arms]  # (n, J, 3)
+    return np.asarray(np.linalg.norm(difference, axis=-1).mean(axis=-1))
 
 
 def stretched(frames: Float, count: int) -> Float:
@@ -173,13 +203,19 @@ def stretched(frames: Float, count: int) -> Float:
 
 
 def summary(motions: Sequence[PairMotion]) -> dict[str, float]:
-    """Scores of a test set by name: mean errors of positions and velocities, sum of paths over sum of true paths, and
-    medians of velocity jump and jerk ratio.
+    """Scores of a test set by name: mean errors of positions, of the n-th frame (frame_error-n), of the first ``FIRST``
+    and of all later ones, and of velocities; sum of paths over sum of true paths; medians of velocity jump and jerk
+    ratio.
     """
     known = [m for m in motions if not np.isnan(m.path)]
     true_path = sum(m.true_path for m in known)
+    by_frame = {n: [m.frame_errors[n] for m in motions if n < len(m.frame_errors)] for n in range(FRAMES)}
     return {
         "position_error": _over([m.position_error for m in motions], np.mean),
+        "first_frames_error": _over([e for m in motions for e in m.frame_errors[:FIRST]], np.mean),
+        "later_frames_error": _over([e for m in motions for e in m.frame_errors[FIRST:]], np.mean),
+        **{f"frame_error-{n + 1}": _over(errors, np.mean) for n, errors in by_frame.items()},
+        "velocity_error": _over([m.velocity_error for m in motions], np.mean),
         "motion_ratio": sum(m.path for m in known) / true_path if true_path > 0.0 else float("nan"),
         "velocity_jump": _over([m.velocity_jump for m in known], np.median),
         "jerk_ratio": _over([m.jerk_ratio for m in known], np.median),
@@ -192,12 +228,12 @@ def _over(values: Sequence[float], aggregate: Callable[[list[float]], np.floatin
 
 
 def _positions(frames: Float) -> Float:
-    """Joint positions (T, 53, 3) of frames (T, 159)."""
+    """Joint positions (T, J, 3) of frames (T, 3 J)."""
     return frames.reshape(len(frames), -1, 3)
 
 
 def _from_hips(frames: Float, layout: NumberLayout) -> Float:
-    """Joint positions (T, 53, 3) relative to the hips."""
+    """Joint positions (T, J, 3) relative to the hips."""
     positions = _positions(frames)
     return np.asarray(positions - positions[:, layout.hips, None])
 

@@ -1,29 +1,41 @@
-"""The paper's figures 4 to 7 from results.json and frames.npz, each as PNG and SVG."""
+"""The paper's figures 4 to 7 from results.json and frames.npz, each as PNG and SVG.
+
+Curves are those of whole systems through their own positions. They have two axes: pairs seen in training, and
+core-minutes, both summed over a system's parts.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from signsplice.errors import MissingExtraError
 from signsplice.formats.atomic import replacing
-from signsplice.paper import published
+from signsplice.paper import frame_errors, published
+from signsplice.paper.curve import MOST_DIFFERENCE, Curve, difference
 from signsplice.paper.kept_frames import HERMITE, PRODUCT, KeptFrames
+from signsplice.paper.labels import label_points
 from signsplice.paper.lines import OPTIMISERS, pick
-from signsplice.paper.results import Curve, ResultRow, Results
+from signsplice.paper.results import CORPUS_TRAINED, ResultRow, Results
+from signsplice.paper.style import ABLATIONS, CLASSICAL, COMPARED, ON_CLIPS, Style, plot_options, style
 
-COLOURS = ("#3f6fa8", "#de8e20", "#5a9367", "#b04a5a", "#7d5ba6", "#6b6b6b", "#2a9d9d", "#a08040")
-SIZE = (5.2, 3.6)
+HALF = (5.2, 3.6)
+"""Inches of one plot."""
 SPLIT = "random"
+X_AXES = {"pairs": "pairs seen in training", "core_minutes": "core-minutes of training"}
+SWEPT = ("lpt-printed", "lpt")
+"""The systems that may be trained for several fr; the first that is, is shown."""
+LEAST_ACCURACY = 0.5
+"""Accuracy at the lower edge of a plot, if every curve ends above it; curves enter from below."""
+_ERRORS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.03, 0.02, 0.015, 0.01, 0.007, 0.005)
+"""Errors 1 - Accuracy that have a tick."""
 
 
 def write(results: Results, kept: Sequence[KeptFrames], folder: Path, scale: str) -> tuple[list[Path], list[str]]:
-    """The paths of the figures written, and the names of the figures that have no numbers.
+    """The paths of the figures and of the table of errors by frame, and a line for each figure or curve left out.
 
     Figures 4 and 5 are drawn for AdamW, and for SGD with ``-sgd`` in the name. Raises ``MissingExtraError`` without
     matplotlib.
@@ -34,31 +46,33 @@ def write(results: Results, kept: Sequence[KeptFrames], folder: Path, scale: str
     written: list[Path] = []
     left_out: list[str] = []
     for optimiser in OPTIMISERS:
-        plots = _Plots(results, scale, optimiser)
-        by_name: dict[str, Callable[[Any], bool]] = {
+        plots = _Plots(results, scale, optimiser, pyplot)
+        by_name: dict[str, Callable[[], Any]] = {
             "figure4a": plots.accuracy_by_fr,
             "figure4b": plots.time_and_error_by_fr,
-            "figure4c": partial(plots.accuracy, systems=published.TABLE_1),
-            "figure4d": partial(plots.error_against_time, systems=published.TABLE_1, clip_methods=True),
-            "figure5a": partial(plots.accuracy, systems=published.TABLE_3),
-            "figure5b": partial(plots.error_against_time, systems=published.TABLE_3, clip_methods=False),
+            "figure4c": partial(plots.accuracy, {"": COMPARED}),
+            "figure4d": plots.comparison,
+            "figure5a": partial(plots.accuracy, ABLATIONS),
+            "figure5b": plots.ablations,
+            frame_errors.PAGE: partial(frame_errors.plot, results, scale, optimiser, pyplot),
         }
         for name, draw in by_name.items():
             name = name if optimiser == "adamw" else f"{name}-{optimiser}"
-            figure, ax = pyplot.subplots(figsize=SIZE, constrained_layout=True)
-            if draw(ax):
-                written += save(figure, folder / name)
-            else:
-                left_out.append(name)
-            pyplot.close(figure)
+            written += _written(pyplot, draw(), folder / name, left_out)
+        left_out += plots.refused
     for name, chosen in (("figure6", kept[:1]), ("figure7", kept[1:])):
-        figure = draw_pairs(pyplot, chosen, scale)
-        if figure is None:
-            left_out.append(name)
-        else:
-            written += save(figure, folder / name)
-            pyplot.close(figure)
-    return written, left_out
+        written += _written(pyplot, draw_pairs(pyplot, chosen, scale), folder / name, left_out)
+    written += frame_errors.write(results, folder, scale)
+    return written, list(dict.fromkeys(left_out))
+
+
+def _written(pyplot: Any, figure: Any, path: Path, left_out: list[str]) -> list[Path]:
+    if figure is None:
+        left_out.append(path.name)
+        return []
+    written = save(figure, path)
+    pyplot.close(figure)
+    return written
 
 
 def plotting() -> Any:
@@ -94,116 +108,198 @@ def save(figure: Any, path: Path) -> list[Path]:
 
 
 class _Plots:
-    """The plots of one scale and optimiser; each method draws on axes and returns whether it had enough rows."""
+    """The plots of one scale and optimiser; each method returns a figure, or None if there are too few rows.
 
-    def __init__(self, results: Results, scale: str, optimiser: str) -> None:
-        self.results, self.scale, self.optimiser = results, scale, optimiser
+    - refused: a line for each curve that ends elsewhere than its row's validation score
+    """
+
+    def __init__(self, results: Results, scale: str, optimiser: str, pyplot: Any) -> None:
+        self.results, self.scale, self.optimiser, self.pyplot = results, scale, optimiser, pyplot
         self.setting = f"{OPTIMISERS[optimiser]}, scale {scale}"
+        self.refused: list[str] = []
+        self.curves = [curve for curve in results.curves if self._is_drawn(curve)]
 
-    def accuracy_by_fr(self, ax: Any) -> bool:
+    def accuracy_by_fr(self) -> Any:
         """Figure 4(a)."""
-        by_fr = {curve.fr: curve for curve in self._curves("lpt") if curve.fr is not None}
-        if len(by_fr) < 2:
-            return False
-        for n, fr in enumerate(sorted(by_fr)):
-            _line(ax, by_fr[fr].points, f"fr = {fr}", n)
-        return _finish_curves(ax, f"Accuracy over training by fr ({self.setting})")
+        by_fr = next((found for s in SWEPT if len(found := self._swept(s)) > 1), {})
+        if not by_fr:
+            return None
+        shades = self.pyplot.get_cmap("viridis_r")
+        lines = {}
+        for n, (fr, curve) in enumerate(sorted(by_fr.items())):
+            best = fr == published.BEST_FR
+            colour = shades(0.12 + 0.88 * n / (len(by_fr) - 1))
+            lines[f"fr = {fr}"] = (curve, {"color": colour, "lw": 2.4 if best else 1.2, "marker": "os^Dv<>"[n % 7]})
+        system = published.name(next(iter(by_fr.values())).system)
+        return self._drawn_curves({"": lines}, f"{system}: validation Accuracy by fr ({self.setting})")
 
-    def time_and_error_by_fr(self, ax: Any) -> bool:
+    def time_and_error_by_fr(self) -> Any:
         """Figure 4(b)."""
-        rows = self.results.find(system="lpt", scale=self.scale, optimiser=self.optimiser, split=SPLIT, part="test")
-        by_fr = {row.fr: row for row in rows if row.fr is not None}
-        if len(by_fr) < 2:
-            return False
-        chosen = [by_fr[fr] for fr in sorted(by_fr)]
-        at = [float(row.fr or 0) for row in chosen]
-        ax.bar(at, [row.score("ms_mean") for row in chosen], width=0.9, color=COLOURS[0], alpha=0.75)
+        wanted = {"scale": self.scale, "optimiser": self.optimiser, "split": SPLIT, "part": "test"}
+        for system in SWEPT:
+            rows = sorted(self.results.find(system=system, **wanted), key=lambda row: -(row.seed or 0))
+            by_fr = {row.fr: row for row in rows if row.fr is not None}
+            if len(by_fr) > 1:
+                return self._bars([by_fr[fr] for fr in sorted(by_fr)], published.name(system))
+        return None
+
+    def _bars(self, rows: Sequence[ResultRow], name: str) -> Any:
+        figure, ax = self.pyplot.subplots(figsize=HALF, constrained_layout=True)
+        at, (bars, line) = [float(row.fr or 0) for row in rows], (style("lpt-printed").colour, style("lpt").colour)
+        ax.bar(at, [row.score("ms_mean") for row in rows], width=0.9, color=bars, alpha=0.75)
         ax.set(xlabel="fr, frames", xticks=at)
-        ax.set_ylabel("mean prediction time, ms (bars)", color=COLOURS[0])
+        ax.set_ylabel("mean prediction time, ms (bars)", color=bars)
         other = ax.twinx()
-        other.plot(at, [row.score("mse") for row in chosen], "o-", color=COLOURS[1])
-        other.set_ylabel("MSE (line)", color=COLOURS[1])
-        other.set_ylim(0.0, 1.2 * max(row.score("mse") for row in chosen))
-        ax.set_title(f"Prediction time and MSE by fr ({self.setting})", fontsize=10)
-        return True
+        other.plot(at, [row.score("mse") for row in rows], "D-", color=line)
+        other.set_ylabel("MSE (line)", color=line)
+        other.set_ylim(0.0, 1.2 * max(row.score("mse") for row in rows))
+        ax.set_title(f"{name}: prediction time and MSE by fr ({self.setting})", fontsize=9)
+        return figure
 
-    def accuracy(self, ax: Any, systems: Iterable[str]) -> bool:
-        """Figures 4(c) and 5(a). Systems that share the network for frames share its curve."""
-        drawn: dict[tuple[tuple[float, float], ...], tuple[list[str], int]] = {}
-        for n, system in enumerate(systems):
-            curves = [c for c in self._curves(system) if c.fr in (None, published.BEST_FR)]
-            if curves:
-                curve = min(curves, key=lambda c: c.seed or 0)
-                drawn.setdefault(tuple((a, b) for a, b in curve.points), ([], n))[0].append(published.name(system))
-        for points, (names, n) in drawn.items():
-            _line(ax, points, ", ".join(names), n)
-        n_systems = sum(len(names) for names, _ in drawn.values())
-        return n_systems > 1 and _finish_curves(ax, f"Accuracy over training ({self.setting})")
+    def accuracy(self, groups: Mapping[str, Sequence[str]]) -> Any:
+        """Figures 4(c) and 5(a): a row of plots for each group of systems that has two curves or more."""
+        lines = {}
+        for title, systems in groups.items():
+            found = {s: self._best(s) for s in systems}
+            known = {published.name(s): (curve, plot_options(s)) for s, curve in found.items() if curve is not None}
+            if len(known) > 1:
+                lines[title] = known
+        return self._drawn_curves(lines, f"Accuracy on validation pairs, own positions ({self.setting})")
 
-    def error_against_time(self, ax: Any, systems: Iterable[str], clip_methods: bool) -> bool:
-        """Figures 4(d) and 5(b); ``clip_methods`` adds two classical rows with given length, and the product."""
-        rows = list(pick(self.results, self.scale, SPLIT, self.optimiser, systems).values())
+    def comparison(self) -> Any:
+        """Figure 4(d): the compared systems, two classical rows with what they are given, and this project's."""
+        rows = self._picked(COMPARED)
         if len(rows) < 2:
+            return None
+        points = [(row, published.name(row.system), style(row.system)) for row in rows]
+        for (system, given), name, of in (
+            (("pose-velocity+hermite", "length"), "pose-velocity+hermite,\ngiven length", CLASSICAL),
+            (HERMITE, "true-positions+hermite,\ngiven positions and length", CLASSICAL),
+            (PRODUCT, "signsplice", ON_CLIPS),
+        ):
+            for row in self.results.find(system=system, given=given, split=SPLIT, part="test"):
+                trained = "" if of is CLASSICAL else ", as it ships"
+                trained = ", trained on the split" if row.scale == CORPUS_TRAINED else trained
+                points.append((row, name + trained, of))
+        return self._error_against_time({"": points})
+
+    def ablations(self) -> Any:
+        """Figure 5(b): a plot for each family of which two or more are there."""
+        groups = {title: self._picked(systems) for title, systems in ABLATIONS.items()}
+        return self._error_against_time(
+            {
+                title: [(row, published.name(row.system), style(row.system)) for row in rows]
+                for title, rows in groups.items()
+                if len(rows) > 1
+            }
+        )
+
+    def _picked(self, systems: Iterable[str]) -> list[ResultRow]:
+        return list(pick(self.results, self.scale, SPLIT, self.optimiser, systems).values())
+
+    def _error_against_time(self, groups: Mapping[str, Sequence[tuple[ResultRow, str, Style]]]) -> Any:
+        """A plot of MSE against time for each group of points."""
+        if not groups:
+            return None
+        width = max(HALF[0] * len(groups), 1.25 * HALF[0])
+        size = {"figsize": (width, 1.2 * HALF[1]), "constrained_layout": True}
+        figure, axes = self.pyplot.subplots(1, len(groups), squeeze=False, **size)
+        for ax, (title, points) in zip(axes[0], groups.items(), strict=True):
+            at = [(row.score("ms_mean"), row.score("mse")) for row, _, _ in points]
+            for (x, y), (_, _, of) in zip(at, points, strict=True):
+                ax.plot(x, y, of.marker, color=of.colour, ms=7, mfc="white" if of.dashed else of.colour)
+            ax.axhline(published.VISIBLE, color="#9a9a9a", ls=":", lw=1)
+            ax.annotate("seen by viewers above (paper)", (0.01, published.VISIBLE), fontsize=7, color="#6b6b6b",
+                        xycoords=("axes fraction", "data"), ha="left", va="bottom")  # fmt: skip
+            ax.set(xscale="log", yscale="log", xlabel="mean prediction time, ms a pair", ylabel="MSE")
+            ax.set_xlim(_log_limits([x for x, _ in at]))
+            ax.set_ylim(_log_limits([y for _, y in at] + [published.VISIBLE]))
+            _plain_ticks(ax)
+            ax.set_title(title or f"MSE against prediction time ({self.setting})", fontsize=10)
+        if len(groups) > 1 or "" not in groups:
+            figure.suptitle(f"MSE against prediction time ({self.setting})", fontsize=10)
+        for ax, points in zip(axes[0], groups.values(), strict=True):
+            at = [(row.score("ms_mean"), row.score("mse")) for row, _, _ in points]
+            label_points(ax, at, [name for _, name, _ in points], [of.colour for _, _, of in points])
+        return figure
+
+    def _drawn_curves(self, groups: Mapping[str, Mapping[str, tuple[Curve, dict[str, Any]]]], title: str) -> Any:
+        """Curves by group (rows of plots), with each of ``X_AXES`` (columns) that all curves of the group know."""
+        if not groups:
+            return None
+        known = [
+            x for x in X_AXES
+            if all(None not in curve.column(x) for lines in groups.values() for curve, _ in lines.values())
+        ]  # fmt: skip
+        size = {"figsize": (HALF[0] * len(known), HALF[1] * len(groups)), "constrained_layout": True}
+        figure, axes = self.pyplot.subplots(len(groups), len(known), squeeze=False, **size)
+        for row, (group, lines) in zip(axes, groups.items(), strict=True):
+            for ax, x in zip(row, known, strict=True):
+                for name, (curve, options) in lines.items():
+                    at, height = curve.column(x), [1.0 - (y or 0.0) for y in curve.column("accuracy")]
+                    ax.plot(at, height, **{"lw": 1.6, "ms": 4.0, **options}, label=name)
+                _accuracy_axis(ax)
+                ax.set(xlabel=X_AXES[x], xlim=(0.0, None), ylabel="Accuracy" + (f", {group}" if group else ""))
+            row[0].legend(fontsize=8)
+        figure.suptitle(title, fontsize=10)
+        return figure
+
+    def _swept(self, system: str) -> dict[int, Curve]:
+        """A system's curves by fr, of the lowest seed."""
+        curves = sorted((c for c in self.curves if c.system == system), key=lambda c: -(c.seed or 0))
+        return {curve.fr: curve for curve in curves if curve.fr is not None}
+
+    def _best(self, system: str) -> Curve | None:
+        """A system's curve with the paper's fr, of the lowest seed."""
+        curves = [c for c in self.curves if c.system == system and c.fr in (None, published.BEST_FR)]
+        return min(curves, key=lambda c: c.seed or 0, default=None)
+
+    def _is_drawn(self, curve: Curve) -> bool:
+        """Whether a curve belongs here, and its system found the positions itself. One that ends elsewhere than the
+        validation score of the same bundle's row is refused.
+        """
+        if (curve.scale, curve.optimiser, curve.split) != (self.scale, self.optimiser, SPLIT) or not curve.is_own:
             return False
-        for n, row in enumerate(rows):
-            below = any(_close(row, other) for other in rows[:n])
-            _point(ax, row, published.name(row.system), COLOURS[n], "o", below)
-        if clip_methods:
-            for system, given, name, colour in (
-                ("pose-velocity+hermite", "length", "pose-velocity+hermite,\ngiven length", "#9a9a9a"),
-                (*HERMITE, "true-positions+hermite,\ngiven positions and length", "#9a9a9a"),
-                (*PRODUCT, "signsplice", "#1b1b1b"),
-            ):
-                for row in self.results.find(system=system, given=given, split=SPLIT, part="test"):
-                    _point(ax, row, name, colour, "s")
-        ax.axhline(published.VISIBLE, color="#b04a5a", ls=":", lw=1)
-        ax.annotate("seen by viewers above (paper)", (0.01, published.VISIBLE), xycoords=("axes fraction", "data"),
-                    ha="left", va="bottom", fontsize=7, color="#b04a5a")  # fmt: skip
-        ax.set(xscale="log", yscale="log", xlabel="mean prediction time, ms a pair", ylabel="MSE")
-        ax.margins(0.3)
-        _plain_ticks(ax)
-        ax.set_title(f"MSE against prediction time ({self.setting})", fontsize=10)
+        for row in self.results.find(system=curve.system, bundle=curve.bundle, split=SPLIT, part="test"):
+            measured = row.score("accuracy_valid")
+            if difference(curve, measured) > MOST_DIFFERENCE:
+                self.refused.append(
+                    f"the curve of {curve.system} (ends at {curve.column('accuracy')[-1]}, its row's validation "
+                    f"Accuracy is {measured:.4f})"
+                )
+                return False
         return True
 
-    def _curves(self, system: str) -> list[Curve]:
-        return [
-            curve
-            for curve in self.results.curves
-            if (curve.system, curve.scale, curve.optimiser, curve.split) == (system, self.scale, self.optimiser, SPLIT)
-        ]
 
+def _accuracy_axis(ax: Any) -> None:
+    """Set the axis of errors 1 - Accuracy: logarithmic, upside down, with ticks that name the Accuracy."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-def _line(ax: Any, points: Sequence[tuple[float, float]], name: str, n: int) -> None:
-    steps, values = np.array(points, float).reshape(-1, 2).T
-    ax.plot(steps, values, color=COLOURS[n % len(COLOURS)], lw=1.5, label=name, marker="." if len(steps) < 12 else "")
-
-
-def _finish_curves(ax: Any, title: str) -> bool:
-    ax.set(xlabel="training steps", ylabel="Accuracy, validation part")
-    ax.set_title(title, fontsize=10)
-    low, high = ax.get_ylim()
-    ax.set_ylim(max(low, high - 0.5, 0.0), min(high, 1.0))
+    ax.set(yscale="log")
+    errors = [line.get_ydata() for line in ax.lines]
+    worst = max(float(values[-1]) for values in errors)
+    ax.set_ylim(max(1.0 - LEAST_ACCURACY, 1.1 * worst), 0.8 * max(min(float(min(v)) for v in errors), 1e-4))
+    ax.yaxis.set_major_locator(FixedLocator(_ERRORS))
+    ax.yaxis.set_minor_locator(NullLocator())
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{1.0 - value:g}"))
     ax.grid(alpha=0.25)
-    ax.legend(fontsize=8)
-    return True
+
+
+def _log_limits(values: Sequence[float]) -> tuple[float, float]:
+    """The limits of a logarithmic axis with room for labels around values."""
+    low, high = min(values), max(values)
+    room = max(1.4, (high / low) ** 0.22)
+    return low / room, high * room
 
 
 def _plain_ticks(ax: Any) -> None:
-    """Put the ticks of logarithmic axes at 1, 2 and 5, in plain decimals."""
+    """Put the ticks of logarithmic axes at 1, 2, 5 and, where the axis is short, some between, in plain decimals."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        low, high = axis.get_view_interval()
+        axis.set_major_locator(
+            LogLocator(subs=(1.0, 2.0, 5.0) if high > 15.0 * low else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0))
+        )
         axis.set_minor_locator(NullLocator())
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.10f}".rstrip("0").rstrip(".")))
-
-
-def _close(a: ResultRow, b: ResultRow) -> bool:
-    """Whether the labels of two points would overlap."""
-    return all(abs(np.log(a.score(name) / b.score(name))) < 0.15 for name in ("ms_mean", "mse"))
-
-
-def _point(ax: Any, row: ResultRow, name: str, colour: str, marker: str, below: bool = False) -> None:
-    x, y = row.score("ms_mean"), row.score("mse")
-    ax.plot(x, y, marker, color=colour, ms=7)
-    ax.annotate(name, (x, y), xytext=(6, -12 if below else 4), textcoords="offset points", fontsize=7.5)

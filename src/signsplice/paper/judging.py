@@ -10,14 +10,26 @@ from pathlib import Path
 from typing import Any
 
 from signsplice.errors import InputError
-from signsplice.paper import bundles, clip_methods, kept_frames, margins, pair_samples, protocol, published, results
+from signsplice.paper import (
+    bundles,
+    clip_methods,
+    curve,
+    kept_frames,
+    margins,
+    pair_samples,
+    protocol,
+    published,
+    results,
+)
 from signsplice.paper.clip_methods import ClipAnswers, ClipMethod
+from signsplice.paper.curve import Curve
 from signsplice.paper.environment import environment
 from signsplice.paper.kept_frames import KeptFrames
 from signsplice.paper.mean_transition import NAME as MEAN_TRANSITION
 from signsplice.paper.mean_transition import MeanAnswers
+from signsplice.paper.plan import Choice, Run
 from signsplice.paper.protocol import Answer, Protocol
-from signsplice.paper.results import CLASSICAL, CORPUS_TRAINED, MEAN, SHIPPED, Curve, ResultRow, Results
+from signsplice.paper.results import CLASSICAL, CORPUS_TRAINED, MEAN, SHIPPED, ResultRow, Results
 from signsplice.paper.systems import open_bundle
 from signsplice.splicing.bundle import BundleConfig
 from signsplice.splicing.learned import SYSTEM
@@ -56,6 +68,7 @@ class Judge:
     - progress: makes a progress bar
     - opener: opens a bundle
     - limit: largest number of pairs of a split, None for all
+    - splits: those that are judged, all if none is named
     - again: whether to judge known rows again
     - margins: how near the true cuts are to other frames, by pair, as far as known
     """
@@ -66,6 +79,7 @@ class Judge:
     opener: Opener = open_bundle
     limit: int | None = None
     again: bool = False
+    splits: tuple[str, ...] = ()
     margins: Mapping[int, float] = field(default_factory=dict)
 
     def protocols(self) -> list[Protocol]:
@@ -83,6 +97,7 @@ class Judge:
         """
         protocols = self.protocols()
         frames = kept_frames.merge(kept, kept_frames.choose(self.pairs, protocols[0]))
+        protocols = [p for p in protocols if not self.splits or p.split in self.splits]
         yield self.judge_mean(protocols)
         for method in methods:
             judgement = self.judge_method(method, protocols, frames)
@@ -133,8 +148,8 @@ class Judge:
             one_pass = replace(row, system=published.IN_ONE_PASS[row.system])
             system = _LazySystem(self, folder, "parallel")
             rows += self._rows(one_pass, "", system, allowed, kept, more=partial(self._other_pairs, system))[0]
-        curve = bundles.training_curve(config, row)
-        return Judgement(tuple(rows), () if curve is None else (curve,), tuple(kept))
+        known = curve.load(folder, row.bundle or "")
+        return Judgement(tuple(rows), () if known is None else (known,), tuple(kept))
 
     def _rows(
         self,
@@ -167,7 +182,7 @@ class Judge:
             scores |= {} if more is None else more(p.split)
             rows.append(replace(row, scores=results.finite(scores), n_pairs=judged.n_pairs))
             if p.split == "random" and label:
-                kept = kept_frames.with_answers(kept, label, answer)
+                kept = kept_frames.with_answers(kept, label, answer, self.pairs)
         return rows, kept
 
     def _other_pairs(self, answer: Any, split: str) -> Scores:
@@ -231,19 +246,26 @@ def corpus_trained_methods(configs: Iterable[BundleConfig], warn: Warn) -> list[
     return [method for methods in by_source.values() for method in methods]
 
 
-def evaluate(
-    judge: Judge, out: Path, folder: Path, scale: str, systems: Sequence[str], warn: Warn
-) -> tuple[int, Results]:
+def _run(config: BundleConfig) -> Run:
+    """The training that made a bundle."""
+    return Run(
+        config.system or "", config.scale or "", config.optimiser or "", config.split or "", config.fr, config.seed or 0
+    )
+
+
+def evaluate(judge: Judge, out: Path, folder: Path, scale: str, choice: Choice, warn: Warn) -> tuple[int, Results]:
     """Judge the methods on clips and the bundles in ``folder``: the number of new rows, and all results.
 
     results.json and frames.npz in ``out`` are written after every method and bundle, so that an interrupted call loses
-    at most one. ``judge.known`` are the results before. ``systems``: judge only their bundles, if any are named.
+    at most one. ``judge.known`` are the results before. ``choice``: which bundles; methods on
+    clips are judged only if it names none.
     """
     configs = bundles.read_all(folder)
-    chosen = [config for config in configs if config.scale == scale and (not systems or config.system in systems)]
+    chosen = [config for config in configs if config.scale == scale and choice.allows(_run(config))]
+    named = bool(choice.systems or choice.optimisers or choice.seeds or choice.frs)
     if not chosen:
-        warn(f"{folder}: no bundle of scale {scale} there; only methods on clips are judged")
-    methods = [*clip_methods.all_clip_methods(), *corpus_trained_methods(configs, warn)]
+        warn(f"{folder}: no bundle of scale {scale} there" + ("" if named else "; only methods on clips are judged"))
+    methods = [] if named else [*clip_methods.all_clip_methods(), *corpus_trained_methods(configs, warn)]
     numbers = sorted({number for p in judge.protocols() for number in p.numbers})
     judge = replace(judge, margins=margins.of_pairs(out / margins.FILE, judge.pairs, numbers, warn))
     known, n_rows = judge.known, 0

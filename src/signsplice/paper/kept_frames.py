@@ -1,4 +1,6 @@
-"""frames.npz: the transition frames that every system made for a few pairs, for figures 6 and 7."""
+"""frames.npz: the transition frames that every system made for a few pairs, for figures 6 and 7, and how their numbers
+are drawn.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +15,7 @@ from numpy.typing import NDArray
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.paper.protocol import Answer, Protocol
+from signsplice.paper.stick_figure import StickFigure, read_stick_figure, stick_figure, synthetic
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.rng import stream
 
@@ -39,6 +42,8 @@ class KeptFrames:
     - after: the frame after the transition (1, 159)
     - truth: the true transition (n, 159)
     - made: transitions (m, 159) by the ``label`` of the row that made them
+    - edges: the frames (2, 159) between which each was made, at the positions that its system found, by ``label``
+    - figure: how the numbers are drawn
     """
 
     number: int
@@ -47,6 +52,8 @@ class KeptFrames:
     after: Float
     truth: Float
     made: Mapping[str, Float] = field(default_factory=dict)
+    edges: Mapping[str, Float] = field(default_factory=dict)
+    figure: StickFigure = field(default_factory=synthetic)
 
 
 def label(system: str, scale: str, optimiser: str, given: str = "nothing") -> str:
@@ -66,12 +73,27 @@ def _kept_pair(pairs: Pairs, number: int) -> KeptFrames:
     pre, post, truth = pairs.truth(number)
     words = pairs.head["words"]
     name = f"{words[p]['gloss']} > {words[q]['gloss']}"
-    return KeptFrames(number, name, pairs.word(p)[pre : pre + 1], pairs.word(q)[post : post + 1], truth)
+    before, after = pairs.word(p)[pre : pre + 1], pairs.word(q)[post : post + 1]
+    return KeptFrames(number, name, before, after, truth, figure=_figure(pairs, p))
 
 
-def with_answers(kept: Sequence[KeptFrames], name: str, answer: Answer) -> list[KeptFrames]:
+def _figure(pairs: Pairs, word: int) -> StickFigure:
+    """How the numbers of a corpus are drawn."""
+    clip, space = pairs.word_clip(word), pairs.space(word)
+    return stick_figure(clip, space.indices(clip.skeleton, clip.name), space.parents)
+
+
+def with_answers(kept: Sequence[KeptFrames], name: str, answer: Answer, pairs: Pairs) -> list[KeptFrames]:
     """The pairs with the frames that ``answer`` makes for them, under ``name``."""
-    return [replace(pair, made={**pair.made, name: answer(pair.number).frames.astype(np.float32)}) for pair in kept]
+    out = []
+    for pair in kept:
+        found = answer(pair.number)
+        edges = dict(pair.edges)
+        if found.pre is not None and found.post is not None:
+            p, q = pairs.index[pair.number, :2].tolist()
+            edges[name] = np.stack([pairs.word(p)[found.pre], pairs.word(q)[found.post]])
+        out.append(replace(pair, made={**pair.made, name: found.frames.astype(np.float32)}, edges=edges))
+    return out
 
 
 def merge(known: Sequence[KeptFrames], chosen: Sequence[KeptFrames]) -> list[KeptFrames]:
@@ -81,7 +103,9 @@ def merge(known: Sequence[KeptFrames], chosen: Sequence[KeptFrames]) -> list[Kep
     for pair in chosen:
         old = by_number.get(pair.number)
         same = old is not None and old.name == pair.name and np.array_equal(old.truth, pair.truth)
-        out.append(replace(pair, made={**old.made, **pair.made}) if same and old is not None else pair)
+        if same and old is not None:
+            pair = replace(pair, made={**old.made, **pair.made}, edges={**old.edges, **pair.edges})
+        out.append(pair)
     return out
 
 
@@ -91,7 +115,9 @@ def save(kept: Sequence[KeptFrames], path: Path) -> None:
     for pair in kept:
         parts = {"before": pair.before, "after": pair.after, "truth": pair.truth, "name": np.array(pair.name)}
         arrays |= {f"{pair.number}|{part}": np.asarray(value) for part, value in parts.items()}
+        arrays[f"{pair.number}|figure"] = np.array(pair.figure.as_json())
         arrays |= {f"{pair.number}|made|{name}": np.asarray(frames, np.float32) for name, frames in pair.made.items()}
+        arrays |= {f"{pair.number}|edges|{name}": np.asarray(ends, np.float32) for name, ends in pair.edges.items()}
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)
 
@@ -105,12 +131,18 @@ def load(path: Path) -> list[KeptFrames]:
             arrays = {name: file[name] for name in file.files}
         numbers = list(dict.fromkeys(int(name.split("|")[0]) for name in arrays))
         return [_read(arrays, number) for number in numbers]
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+    except (OSError, TypeError, ValueError, KeyError, zipfile.BadZipFile) as error:
         raise InputError(f"{path}: holds no frames of this project ({error}); remove it and judge again") from error
 
 
 def _read(arrays: Mapping[str, NDArray[np.generic]], number: int) -> KeptFrames:
     before, after, truth = (arrays[f"{number}|{part}"].astype(np.float64) for part in ("before", "after", "truth"))
-    start = f"{number}|made|"
-    made = {name[len(start) :]: x.astype(np.float64) for name, x in arrays.items() if name.startswith(start)}
-    return KeptFrames(number, str(arrays[f"{number}|name"]), before, after, truth, made)
+    by_label = {}
+    for part in ("made", "edges"):
+        start = f"{number}|{part}|"
+        by_label[part] = {
+            name[len(start) :]: x.astype(np.float64) for name, x in arrays.items() if name.startswith(start)
+        }
+    stored = arrays.get(f"{number}|figure")
+    figure = synthetic() if stored is None else read_stick_figure(str(stored))
+    return KeptFrames(number, str(arrays[f"{number}|name"]), before, after, truth, **by_label, figure=figure)

@@ -1,7 +1,8 @@
 """Figures 6 and 7: transition frames of the systems and the truth, drawn as bones, with the dominant hand enlarged.
 
 The bones join the predicted positions directly, so that a distorted hand is visible. The truth is drawn in grey under
-every prediction.
+every prediction: the true frame of the same number under the first two, as the paper compares them, and under the last
+the last. The frames at both ends are those that a system keeps at the positions that it found.
 """
 
 from __future__ import annotations
@@ -14,9 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.paper import kept_frames, published
+from signsplice.paper.extra_metrics import FIRST
 from signsplice.paper.kept_frames import KeptFrames
 from signsplice.paper.results import CLASSICAL, SHIPPED
-from signsplice.synth.signer import JOINTS, skeleton
+from signsplice.paper.stick_figure import HIDDEN, LEFT, RIGHT, SIDES, TRUNK, StickFigure
+from signsplice.paper.style import SEEN
 
 Float = NDArray[np.float64]
 Stroke = tuple[int, str, float, float]
@@ -24,15 +27,14 @@ Stroke = tuple[int, str, float, float]
 Window = tuple[float, float, float, float]
 """A rectangle: left, right, bottom, top."""
 
-SHOWN = ("lstm", "transformer", "lpt")
-"""The systems in the paper's figures 6 and 7; the paper leaves ConvS2S out because of its low scores."""
 MOST_COLUMNS = 8
-CELL, HAND_CELL, GAP, LABELS, HEADS = 1.0, 0.6, 0.05, 1.15, 0.42
+CELL, HAND_CELL, GAP, LABELS, HEADS = 1.0, 0.6, 0.05, 1.15, 0.34
 """Inches."""
 TRUTH = "truth"
 HAND_REACH = 0.055
 """Half the side of the window around the dominant hand, in the numbers' unit: 12 cm."""
-_TRUNK, _RIGHT, _LEFT, _TRUE = "#6b6b70", "#de8e20", "#3f6fa8", "#c9c5bd"
+_COLOURS = {TRUNK: "#6b6b70", LEFT: "#3f6fa8", RIGHT: "#de8e20"}
+_TRUE = "#c9c5bd"
 
 
 def draw_pairs(pyplot: Any, chosen: Sequence[KeptFrames], scale: str) -> Any:
@@ -42,7 +44,7 @@ def draw_pairs(pyplot: Any, chosen: Sequence[KeptFrames], scale: str) -> Any:
     rows = [(pair, name, frames) for pair in chosen for name, frames in _rows(pair, scale)]
     if len(rows) <= len(chosen):
         return None
-    columns = min(MOST_COLUMNS, max(len(frames) for _, _, frames in rows)) + 2
+    columns = min(MOST_COLUMNS + 2, max(len(frames) for _, _, frames in rows))
     pitch = CELL + HAND_CELL + 3 * GAP
     size = (LABELS + columns * (CELL + GAP) + GAP, pitch * len(rows) + HEADS * len(chosen) + GAP)
     figure = pyplot.figure(figsize=size)
@@ -52,82 +54,110 @@ def draw_pairs(pyplot: Any, chosen: Sequence[KeptFrames], scale: str) -> Any:
     strokes: dict[Stroke, list[Float]] = {}
     top = size[1]
     for pair, name, frames in rows:
-        whole = np.concatenate([pair.before, frames, pair.after])
-        true = np.concatenate([pair.before, pair.truth, pair.after])
-        side = _dominant_side(true)
         if name == TRUTH:
             ax.text(LABELS + GAP, top - 0.16, pair.name, fontsize=8, weight="bold", va="center")
             top -= HEADS
         ax.text(LABELS - GAP, top - 0.5 * CELL, name, fontsize=8, ha="right", va="center")
-        for column, at in enumerate(_shown(len(whole), columns)):
-            left = LABELS + column * (CELL + GAP)
-            under = None if name == TRUTH else true[round(at * (len(true) - 1) / (len(whole) - 1))]
-            kept = at in (0, len(whole) - 1)
-            if name == TRUTH:
-                ax.text(left + 0.5 * CELL, top + 0.08, "kept" if kept else str(at), fontsize=7, ha="center")
-            hand_window = _hand_window(true[0] if at == 0 else whole[at], side)
-            _cell(strokes, (left, top - CELL, CELL, CELL), whole[at], under, window, kept)
-            bottom = top - CELL - GAP - HAND_CELL
-            _cell(strokes, (left, bottom, CELL, HAND_CELL), whole[at], under, hand_window, kept, side)
+        _row(ax, strokes, pair, frames, name == TRUTH, top, columns, window)
         top -= pitch
     _stroke(ax, strokes)
     return figure
 
 
+def _row(
+    ax: Any,
+    strokes: dict[Stroke, list[Float]],
+    pair: KeptFrames,
+    frames: Float,
+    is_true: bool,
+    top: float,
+    columns: int,
+    window: Window,
+) -> None:
+    """Add the pictures of one row: ``frames`` (T, K) with the kept frame at either end, and the number of each."""
+    true = np.concatenate([pair.before, pair.truth, pair.after])
+    side = _dominant_side(pair.figure, true)
+    for column, at in enumerate(_shown(len(frames), columns)):
+        left = LABELS + column * (CELL + GAP)
+        under = None if is_true else true[_true_frame(at, len(frames), len(true))]
+        kept = at in (0, len(frames) - 1)
+        number = "kept" if kept else str(at)
+        ax.text(left + 0.04, top - 0.03, number, fontsize=6, va="top", color="#6b6b6b", zorder=9)
+        _cell(strokes, pair.figure, (left, top - CELL, CELL, CELL), frames[at], under, window, kept)
+        if side is None:
+            continue
+        hand_window = _hand_window(pair.figure, frames[at], side)
+        bottom = top - CELL - GAP - HAND_CELL
+        _cell(strokes, pair.figure, (left, bottom, CELL, HAND_CELL), frames[at], under, hand_window, kept, side)
+
+
 def _rows(pair: KeptFrames, scale: str) -> list[tuple[str, Float]]:
-    """Names and frames of a pair's rows: the truth, the systems of the paper's figures, Hermite at the true positions
-    and the product.
+    """Names and frames of a pair's rows, with the kept frame at either end: the truth, the systems of the paper's
+    figures and LPT+, Hermite at the true positions, and the product.
     """
-    out = [(TRUTH, pair.truth)]
-    for system in SHOWN:
-        frames = pair.made.get(kept_frames.label(system, scale, "adamw"))
-        if frames is not None and len(frames):
-            out.append((published.name(system), frames))
+    out = [(TRUTH, np.concatenate([pair.before, pair.truth, pair.after]))]
+    named = [(kept_frames.label(system, scale, "adamw"), published.name(system)) for system in SEEN]
     for (system, given), clip_scale, name in (
         (kept_frames.HERMITE, CLASSICAL, "Hermite, given\npositions\nand length"),
         (kept_frames.PRODUCT, SHIPPED, "signsplice"),
     ):
-        frames = pair.made.get(kept_frames.label(system, clip_scale, "", given))
+        named.append((kept_frames.label(system, clip_scale, "", given), name))
+    for label, name in named:
+        frames = pair.made.get(label)
         if frames is not None and len(frames):
-            out.append((name, frames))
+            edges = pair.edges.get(label, np.concatenate([pair.before, pair.after]))
+            out.append((name, np.concatenate([edges[:1], frames, edges[1:]])))
     return out
 
 
 def _shown(count: int, columns: int) -> list[int]:
-    """The frames shown of ``count``: all, or as many as columns, evenly spaced from first to last."""
-    return list(dict.fromkeys(np.linspace(0, count - 1, min(count, columns)).round().astype(int).tolist()))
+    """The frames shown of ``count``: all, or as many as columns: the kept one, the first ``FIRST`` of the transition,
+    and others, evenly spaced, up to the last.
+    """
+    if count <= columns:
+        return list(range(count))
+    first = list(range(min(FIRST + 1, columns - 1)))
+    others = np.linspace(first[-1], count - 1, columns - len(first) + 1)[1:]
+    return first + [round(at) for at in others.tolist()]
 
 
-def _dominant_side(frames: Float) -> str:
-    """The side of the hand that moves more: Right or Left."""
-    ranges = {s: float(np.ptp(_positions(frames)[:, JOINTS[f"{s}Hand"]], axis=0).sum()) for s in ("Right", "Left")}
-    return max(ranges, key=lambda side: ranges[side])
+def _true_frame(at: int, count: int, n_true: int) -> int:
+    """The true frame of ``n_true`` under frame ``at`` of ``count``."""
+    if at <= FIRST or n_true <= FIRST + 2 or count <= FIRST + 2:
+        return min(at, n_true - 1) if at < count - 1 else n_true - 1
+    return FIRST + round((at - FIRST) * (n_true - 1 - FIRST) / (count - 1 - FIRST))
 
 
-def _positions(frames: Float) -> Float:
-    """Joint positions (T, 53, 3) of frames (T, 159)."""
-    return frames.reshape(-1, len(JOINTS), 3)
+def _dominant_side(figure: StickFigure, frames: Float) -> str | None:
+    """The side of the hand that moves more: right or left; None if the numbers hold no hand."""
+    positions = figure.seen(frames)
+    ranges = {s: float(np.ptp(positions[:, figure.wrists[s]], axis=0).sum()) for s in SIDES if s in figure.wrists}
+    return max(ranges, key=lambda side: ranges[side]) if ranges else None
 
 
 def _body_window(chosen: Sequence[KeptFrames]) -> Window:
     """The square around head, hands and hips of all true frames, shown in every picture of a body."""
-    points = np.concatenate([_positions(part) for pair in chosen for part in (pair.before, pair.truth, pair.after)])
-    upper = points[:, [n for name, n in JOINTS.items() if not _is_leg(name)]].reshape(-1, 3)
-    low, high = upper[:, :2].min(axis=0) - 0.02, upper[:, :2].max(axis=0) + 0.02
+    points = []
+    for pair in chosen:
+        seen = [n for n, part in enumerate(pair.figure.parts) if part != HIDDEN] + list((pair.figure.head or ())[1:])
+        points += [pair.figure.seen(part)[:, seen].reshape(-1, 2) for part in (pair.before, pair.truth, pair.after)]
+    upper = np.concatenate(points)
+    low, high = upper.min(axis=0) - 0.02, upper.max(axis=0) + 0.02
     half = 0.5 * float((high - low).max())
     x, y = 0.5 * (low + high)
     return float(x) - half, float(x) + half, float(y) - half, float(y) + half
 
 
-def _hand_window(frame: Float, side: str) -> Window:
-    """The rectangle around a hand of a frame (159)."""
-    x, y, _ = _positions(frame)[0, JOINTS[f"{side}HandMiddle1"]]
+def _hand_window(figure: StickFigure, frame: Float, side: str) -> Window:
+    """The rectangle around a hand of a frame (3 J,)."""
+    x, y = figure.seen(frame[None])[0, figure.knuckles[side]].tolist()
     aspect = CELL / HAND_CELL
     return x - aspect * HAND_REACH, x + aspect * HAND_REACH, y - HAND_REACH, y + HAND_REACH
 
 
 def _cell(
     strokes: dict[Stroke, list[Float]],
+    figure: StickFigure,
     box: tuple[float, float, float, float],
     frame: Float,
     under: Float | None,
@@ -135,7 +165,7 @@ def _cell(
     kept: bool,
     side: str | None = None,
 ) -> None:
-    """Add one picture to the strokes: the bones of a frame (159) over those of the truth, clipped to a box (left,
+    """Add one picture to the strokes: the bones of a frame (3 J,) over those of the truth, clipped to a box (left,
     bottom, width, height) that shows a window of the positions. ``side``: draw only this hand.
     """
     low, size = np.array(box[:2]), np.array(box[2:])
@@ -145,7 +175,7 @@ def _cell(
     for positions, faint in ((under, True), (frame, False)):
         if positions is None:
             continue
-        for order, (segments, colour, width) in enumerate(_bones(positions, side)):
+        for order, (segments, colour, width) in enumerate(_bones(figure, positions, side)):
             visible = clipped((segments - corner) * scale + low, low, low + size)
             key = (0, _TRUE, 1.8 * width, 1.0) if faint else (1 + order, colour, width, 0.55 if kept else 1.0)
             strokes.setdefault(key, []).append(visible)
@@ -174,35 +204,25 @@ def clipped(segments: Float, low: Float, high: Float) -> Float:
     return np.asarray(start[visible, None] + ends[..., None] * direction[visible, None])
 
 
-def _bones(frame: Float, side: str | None) -> list[tuple[Float, str, float]]:
+def _bones(figure: StickFigure, frame: Float, side: str | None) -> list[tuple[Float, str, float]]:
     """Bones of the upper body, or of one hand, seen from the front: segments (n, 2, 2), colour, width. Trunk and head
     come first, then the left arm, then the right.
     """
-    positions = _positions(frame)[0]  # (53, 3)
-    parents = skeleton().parents
+    seen = figure.seen(frame[None])[0]  # (J, 2)
     thin = 1.6 if side else 0.7
-    groups: dict[tuple[str, float], list[Float]] = {}
-    for colour in (_TRUNK, _LEFT, _RIGHT):
-        for width in (2.0, thin):
-            groups[colour, width] = []
-    for name, joint in JOINTS.items():
-        if joint == 0 or _is_leg(name) or name == "HeadTop_End" or (side is not None and f"{side}Hand" not in name):
-            continue
-        colour = _RIGHT if name.startswith("Right") else _LEFT if name.startswith("Left") else _TRUNK
-        finger = "Hand" in name and name not in ("RightHand", "LeftHand")
-        groups[colour, thin if finger else 2.0].append(positions[[parents[joint], joint], :2])
-    if side is None:
-        groups[_TRUNK, thin] += [np.stack(ends) for ends in pairwise(_head_ring(positions))]
-    return [(np.stack(segments), *key) for key, segments in groups.items() if segments]
+    out = []
+    for part, colour in _COLOURS.items():
+        for width, fingers in ((2.0, False), (thin, True)):
+            segments = [seen[list(bone)] for bone in figure.bones(part, fingers, side)]
+            if part == TRUNK and fingers and side is None and figure.head is not None:
+                segments += [np.stack(ends) for ends in pairwise(_head_ring(*seen[list(figure.head)]))]
+            if segments:
+                out.append((np.stack(segments), colour, width))
+    return out
 
 
-def _head_ring(positions: Float) -> Float:
-    """An ellipse (n, 2) around the head, as tall as the distance from its joint to its top."""
-    low, high = positions[JOINTS["Head"], :2], positions[JOINTS["HeadTop_End"], :2]
+def _head_ring(low: Float, high: Float) -> Float:
+    """An ellipse (n, 2) around the head, as tall as the distance from its joint (2,) to its top (2,)."""
     angle = np.linspace(0.0, 2.0 * np.pi, 25)
     ring = 0.5 * float(np.linalg.norm(high - low)) * np.stack([0.8 * np.cos(angle), np.sin(angle)], axis=-1)
     return np.asarray(0.5 * (low + high) + ring)
-
-
-def _is_leg(name: str) -> bool:
-    return any(part in name for part in ("Leg", "Foot", "Toe"))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from signsplice.errors import InputError
 from signsplice.paper import extra_metrics, metrics
 from signsplice.paper.prediction import Prediction, System
-from signsplice.synth.corpus import EXTENT, Pairs
+from signsplice.synth.corpus import Pairs
 from signsplice.synth.rng import stream
 
 Float = NDArray[np.float64]
@@ -123,7 +123,7 @@ def may_judge(trained_on: Mapping[str, Any], pairs: Pairs, protocol: Protocol) -
 
 
 def answers(pairs: Pairs, system: System) -> Answer:
-    """The predictions of a system that sees only the 159 numbers."""
+    """The predictions of a system that sees only the numbers."""
 
     def answer(number: int) -> Prediction:
         p, q = pairs.index[number, :2].tolist()
@@ -147,7 +147,6 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
 
     Raises ``InputError`` for a prediction with wrong shapes, values that are not finite, or positions out of range.
     """
-    half = len(pairs.head["words"]) // 2
     layouts: dict[int, extra_metrics.NumberLayout] = {}
     for number in protocol.numbers[:WARM_UP]:
         answer(number)
@@ -159,9 +158,9 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
         prediction = answer(number)
         seconds.append(time.perf_counter() - begun)
         _check(prediction, (before, after), number)
-        signer = p // half
+        signer = pairs.signer(p)
         if signer not in layouts:
-            layouts[signer] = extra_metrics.number_layout(pairs.word_clip(p), EXTENT * pairs.signers[signer].stature_cm)
+            layouts[signer] = extra_metrics.number_layout(pairs.word_clip(p), pairs.spaces[signer])
         pre, post, frames = pairs.truth(number)
         truth = (pre, post, frames.astype(np.float64))
         scores.append(metrics.score(prediction, truth, (before, after), layouts[signer]))

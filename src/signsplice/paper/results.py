@@ -16,7 +16,8 @@ from pathlib import Path
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.formats.reading import read_bytes
-from signsplice.paper import metrics
+from signsplice.paper import curve, metrics
+from signsplice.paper.curve import Curve
 
 VERSION = 2
 FILE = "results.json"
@@ -28,7 +29,6 @@ networks trained on the split's training part, as the paper's systems are, and t
 CLIP_SCALES = (CLASSICAL, SHIPPED, CORPUS_TRAINED)
 GIVEN = ("nothing", "length", "positions", "positions and length")
 """What a method on clips may be given of the truth."""
-MOST_POINTS = 400
 
 
 @dataclass(frozen=True)
@@ -93,33 +93,6 @@ class ResultRow:
 
 
 @dataclass(frozen=True)
-class Curve:
-    """Validation accuracy over a training.
-
-    - system: the system's name
-    - split: the split whose training part it learned from
-    - scale: smoke, cpu or paper
-    - optimiser: adamw or sgd
-    - fr: frames that Culling keeps on each side, None without Culling
-    - seed: the training's seed
-    - points: (step, accuracy)
-    """
-
-    system: str
-    split: str
-    scale: str
-    optimiser: str
-    fr: int | None
-    seed: int | None
-    points: Sequence[tuple[float, float]]
-
-    @property
-    def key(self) -> tuple[object, ...]:
-        """Identifies the curve: a curve of the same key replaces it."""
-        return (self.system, self.split, self.scale, self.optimiser, self.fr, self.seed)
-
-
-@dataclass(frozen=True)
 class Results:
     """The contents of results.json.
 
@@ -135,12 +108,12 @@ class Results:
     def merged(self, rows: Iterable[ResultRow] = (), curves: Iterable[Curve] = ()) -> Results:
         """These results with rows and curves added; the same key replaces. Signatures that no row names are dropped."""
         by_key = {row.key: row for row in (*self.rows, *rows)}
-        by_curve = {curve.key: curve for curve in (*self.curves, *curves)}
+        by_curve = {c.key: c for c in (*self.curves, *curves)}
         named = {row.metrics_id for row in by_key.values()}
         known = {**self.signatures, signature_id(): metrics.SIGNATURES}
         return Results(
             tuple(sorted(by_key.values(), key=lambda row: _order(row.key))),
-            tuple(sorted(by_curve.values(), key=lambda curve: _order(curve.key))),
+            tuple(sorted(by_curve.values(), key=lambda c: _order(c.key))),
             {k: v for k, v in known.items() if k in named},
         )
 
@@ -172,14 +145,6 @@ def finite(scores: Mapping[str, float]) -> dict[str, float | None]:
     return {name: value if math.isfinite(value) else None for name, value in scores.items()}
 
 
-def thinned(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """At most ``MOST_POINTS`` points of a curve, evenly spaced from first to last."""
-    if len(points) <= MOST_POINTS:
-        return list(points)
-    step = (len(points) - 1) / (MOST_POINTS - 1)
-    return [points[round(k * step)] for k in range(MOST_POINTS)]
-
-
 def load(path: Path) -> Results:
     """The results in a file, empty if there is no file. Raises ``InputError`` for a file of another kind."""
     if not path.exists():
@@ -190,7 +155,7 @@ def load(path: Path) -> Results:
             raise InputError(f"{path}: version {head['version']}, expected {VERSION}; {_OTHER_VERSION}")
         names = {f.name for f in fields(ResultRow)}
         rows = tuple(ResultRow(**{k: v for k, v in row.items() if k in names}) for row in head["rows"])
-        curves = tuple(Curve(**{**curve, "points": [(a, b) for a, b in curve["points"]]}) for curve in head["curves"])
+        curves = tuple(curve.from_json(stored) for stored in head["curves"])
         return Results(rows, curves, head["signatures"])
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path}: is no results.json of this project ({error})") from error
@@ -205,7 +170,7 @@ def save(results: Results, path: Path) -> None:
         ' "rows": [',
         ",\n".join("  " + json.dumps(asdict(row)) for row in results.rows),
         ' ],\n "curves": [',
-        ",\n".join("  " + json.dumps(asdict(curve)) for curve in results.curves),
+        ",\n".join("  " + json.dumps(asdict(c)) for c in results.curves),
         " ]\n}",
     ]
     with replacing(path) as temporary:

@@ -1,18 +1,7 @@
-"""Corpora of ground-truth splices: every word once, every pair as an index and its transition, all memory-mapped.
+"""Corpora of ground-truth splices by two synthetic signers, as folders of ``pairs``.
 
-A corpus of pairs is a folder:
-
-    corpus.json                    recipe, its hash, kind of truth, words with their events, signers, splits
-    word_rotations.npy   (F, 53, 4) float32   local rotations of every word's frames, word after word
-    word_roots.npy       (F, 3)     float32   root positions, cm
-    word_positions.npy   (F, 159)   float32   joint positions, scaled into [-0.5, 0.5]
-    pairs.npy            (P, 6)     int32     word before, word after, pre, post, first transition frame, their number
-    new_rotations.npy, new_roots.npy, new_positions.npy   the same of all transitions, pair after pair
-
-The utterance of a pair is, in each of the three, before[: pre + 1], new[first : first + n], after[post:] (eq. 17).
-
-This is version 2. ``Pairs`` also reads version 1, whose truth is of kind partner, whose events tell touches of the
-notation, and whose signers have no manner; the tag ``corpus-v1`` of this project makes it.
+This is version 2. The tag ``corpus-v1`` of this project makes version 1, whose truth is of kind partner, whose events
+tell touches of the notation, and whose signers have no manner.
 """
 
 from __future__ import annotations
@@ -28,37 +17,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.formats.atomic import check_folder, put_file, replacing_folder, resumable_folder
-from signsplice.formats.json_files import check_type, parse_json
-from signsplice.formats.npz import mapped_array
-from signsplice.formats.reading import read_bytes
-from signsplice.motion import kinematics
+from signsplice.formats.atomic import check_folder, replacing_folder, resumable_folder
 from signsplice.motion.clip import Clip
 from signsplice.synth import planner, pose, truth
-from signsplice.synth.events import Events
+from signsplice.synth.pairs import FILES, HEAD, Pairs, StoredRow, save_row, write_transitions, write_words
 from signsplice.synth.parts import is_whole
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.pool import Pool
 from signsplice.synth.rng import stream
-from signsplice.synth.signer import STANDARD, Signer, draw_signer, read_signer, skeleton
+from signsplice.synth.signer import STANDARD, Signer, draw_signer, skeleton
+from signsplice.synth.signer_space import EXTENT, signer_space
 from signsplice.synth.splits import draw_splits
 
 Float = NDArray[np.float64]
-Array = NDArray[Any]
 Progress = Callable[[int, int], None]
 
 VERSION = 2
 """Raised with every change of the motion: the same recipe with another version is another corpus."""
-READABLE = (1, 2)
-"""Versions that ``Pairs`` reads."""
 
-EXTENT = 1.3
-"""Side of the cube, in statures, that is scaled to [-0.5, 0.5]^3: wide enough for every reach."""
-
-HEAD = "corpus.json"
-_KINDS = ("rotations", "roots", "positions")
-_FILES = (HEAD, "pairs.npy", *(f"{part}_{kind}.npy" for part in ("word", "new") for kind in _KINDS))
+__all__ = ["EXTENT", "VERSION", "Pairs", "Recipe", "scaled_positions", "unscaled_positions", "write_pairs"]
 
 
 @dataclass(frozen=True)
@@ -91,20 +69,13 @@ class Recipe:
 
 
 def scaled_positions(clip: Clip, stature_cm: float) -> Float:
-    """Joint positions (T, 3 J) of a clip in [-0.5, 0.5]: cm from the middle of the body's height, over ``EXTENT``
-    statures.
-    """
-    positions = kinematics.forward(clip)[1]
-    return np.asarray(((positions - _middle(stature_cm)) / (EXTENT * stature_cm)).reshape(len(positions), -1))
+    """The numbers (T, 3 J) of a synthetic signer's clip (``signer_space``)."""
+    return signer_space(clip.skeleton, stature_cm).numbers(clip)
 
 
 def unscaled_positions(numbers: Float, stature_cm: float) -> Float:
-    """Joint positions (T, J, 3), cm, of scaled ones (T, 3 J)."""
-    return np.asarray(numbers.reshape(len(numbers), -1, 3) * (EXTENT * stature_cm) + _middle(stature_cm))
-
-
-def _middle(stature_cm: float) -> Float:
-    return np.array([0.0, 0.5 * stature_cm, 0.0])
+    """Joint positions (T, J, 3), cm, of a synthetic signer's numbers (T, 3 J)."""
+    return signer_space(skeleton(), stature_cm).positions(numbers)
 
 
 class _PairRow(NamedTuple):
@@ -118,6 +89,11 @@ class _PairRow(NamedTuple):
         """Where the row is stored until the corpus is complete."""
         return part / f"row-{self.signer}-{self.before:05d}.npz"
 
+    def stored(self, part: Path, n: int) -> StoredRow:
+        """The row with the numbers of its words in a corpus of ``n`` words a signer."""
+        first = self.signer * n
+        return StoredRow(self.path(part), first + self.before, tuple(first + q for q in self.after))
+
 
 def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, processes: int = 2) -> Path:
     """Make a corpus of all ordered pairs in ``folder`` and return the folder. Called again after an interruption, it
@@ -127,7 +103,7 @@ def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, 
     """
     folder = Path(folder)
     truth.by_partner(recipe.truth)
-    check_folder(folder, HEAD, lambda _: _FILES)
+    check_folder(folder, HEAD, lambda _: FILES)
     target = folder.resolve()  # "." has no name of its own
     part = target.with_name(f".{target.name}-{recipe.hash}.part")
     hint = f"finished rows stay in {part.name}, and the same call continues from there"
@@ -136,12 +112,13 @@ def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, 
             rows = _rows(recipe)
             words = _write_rows(recipe, rows, part, progress, processes)
             with replacing_folder(folder, hint) as made:
-                _write_words(made, words)
-                _write_new(made, part, rows, len(recipe.signs))
+                every = [word for signed in words for word in signed]
+                at = write_words(made, [(w.clip, scaled_positions(w.clip, w.signer.stature_cm)) for w in every])
+                write_transitions(made, [row.stored(part, len(recipe.signs)) for row in rows])
                 splits = draw_splits(
                     recipe.seed, len(recipe.signs), [(row.signer, row.before, q) for row in rows for q in row.after]
                 )
-                head = _head(recipe, words, splits)
+                head = _head(recipe, list(zip(every, at, strict=True)), splits)
                 (made / HEAD).write_text(json.dumps(head, indent=1) + "\n", encoding="utf-8")
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror or error}); {hint}") from error
@@ -188,64 +165,27 @@ def _write_row(job: tuple[Path, list[IsolatedWord], _PairRow, bool]) -> _PairRow
         states.append(splice.states)
         index.append((splice.pre, splice.post, len(splice.states)))
     clip = pose.clip(np.concatenate(states), p.signer, p.clip.fps)
-    temporary = path.with_name(f"_{path.name}")
-    np.savez(
-        temporary,
-        index=np.array(index, np.int32),
-        rotations=clip.local_rotations.astype(np.float32),
-        roots=clip.root_positions.astype(np.float32),
-        positions=scaled_positions(clip, p.signer.stature_cm).astype(np.float32),
-    )
-    put_file(temporary, path)
+    positions = scaled_positions(clip, p.signer.stature_cm)
+    save_row(path, index, {"rotations": clip.local_rotations, "roots": clip.root_positions, "positions": positions})
     return row
 
 
-def _write_words(part: Path, words: Sequence[Sequence[IsolatedWord]]) -> None:
-    every = [word for signed in words for word in signed]
-    np.save(part / "word_rotations.npy", np.concatenate([w.clip.local_rotations for w in every]).astype(np.float32))
-    np.save(part / "word_roots.npy", np.concatenate([w.clip.root_positions for w in every]).astype(np.float32))
-    positions = [scaled_positions(w.clip, w.signer.stature_cm) for w in every]
-    np.save(part / "word_positions.npy", np.concatenate(positions).astype(np.float32))
-
-
-def _write_new(made: Path, part: Path, rows: Sequence[_PairRow], n: int) -> None:
-    """Concatenate the rows' files into one array each, reading one row at a time."""
-    table = []
-    first = 0
-    for row in rows:
-        with np.load(row.path(part)) as arrays:
-            index = arrays["index"]
-        for q, (pre, post, count) in zip(row.after, index.tolist(), strict=True):
-            table.append((row.signer * n + row.before, row.signer * n + q, pre, post, first, count))
-            first += count
-    np.save(made / "pairs.npy", np.array(table, np.int32))
-    shapes = {"rotations": (first, 53, 4), "roots": (first, 3), "positions": (first, 159)}
-    for kind in _KINDS:
-        with (made / f"new_{kind}.npy").open("wb") as out:  # not memory-mapped: a full disk would end the process
-            header = {"descr": np.lib.format.dtype_to_descr(np.dtype(np.float32)), "fortran_order": False}
-            np.lib.format.write_array_header_1_0(out, {**header, "shape": shapes[kind]})
-            for row in rows:
-                with np.load(row.path(part)) as arrays:
-                    out.write(arrays[kind].tobytes())
-
-
 def _head(
-    recipe: Recipe, words: Sequence[Sequence[IsolatedWord]], splits: dict[str, dict[str, list[int]]]
+    recipe: Recipe,
+    words: Sequence[tuple[IsolatedWord, tuple[int, int]]],
+    splits: dict[str, dict[str, list[int]]],
 ) -> dict[str, Any]:
-    rows = []
-    first = 0
-    for word in (word for signed in words for word in signed):
-        rows.append(
-            {
-                "gloss": word.sign.gloss,
-                "signer": word.signer.name,
-                "first": first,
-                "frames": len(word),
-                "hands": word.sign.hands,
-                "events": asdict(word.events),
-            }
-        )
-        first += len(word)
+    rows = [
+        {
+            "gloss": word.sign.gloss,
+            "signer": word.signer.name,
+            "first": first,
+            "frames": n_frames,
+            "hands": word.sign.hands,
+            "events": asdict(word.events),
+        }
+        for word, (first, n_frames) in words
+    ]
     return {
         "version": VERSION,
         "hash": recipe.hash,
@@ -257,84 +197,3 @@ def _head(
         "words": rows,
         "splits": splits,
     }
-
-
-class Pairs:
-    """A corpus of pairs on disk, its arrays memory-mapped. Pairs and words go by number; ``len`` counts the pairs.
-
-    by_partner: whether the cuts of a word depend on its partner, too
-    signers: the two signers of the recipe
-    """
-
-    def __init__(self, folder: str | Path) -> None:
-        self.folder = Path(folder)
-        head = self.folder / HEAD
-        if not head.exists():
-            raise InputError(f"{self.folder}: has no {HEAD}, expected a corpus of pairs (`signsplice synth pairs`)")
-        try:
-            self.head: dict[str, Any] = parse_json(read_bytes(head), str(head), "a corpus of pairs")
-            check_type(self.head, dict[str, Any], HEAD)
-            self.index = mapped_array(self.folder / "pairs.npy")
-            self.words = {k: mapped_array(self.folder / f"word_{k}.npy") for k in _KINDS}
-            self.new = {k: mapped_array(self.folder / f"new_{k}.npy") for k in _KINDS}
-            self.by_partner = truth.by_partner(self.head.get("truth", "partner"))
-            self.signers = tuple(read_signer(row) for row in self.head.get("signers", []))
-        except (OSError, TypeError, ValueError, InputError) as error:
-            hint = "make one with `signsplice synth pairs`"
-            raise InputError(f"{self.folder}: is no corpus of pairs ({error}); {hint}") from error
-        if self.head.get("version") not in READABLE:
-            expected = " or ".join(map(str, READABLE))
-            raise InputError(f"{self.folder}: version {self.head.get('version')}, expected {expected}; make it again")
-
-    def __len__(self) -> int:
-        return len(self.index)
-
-    @property
-    def version(self) -> int:
-        """1 or 2."""
-        return int(self.head["version"])
-
-    def split(self, name: str, part: str) -> list[int]:
-        """Pair numbers of a part (train, valid, test) of a split. Raises ``InputError`` for unknown names."""
-        try:
-            return list(self.head["splits"][name][part])
-        except KeyError:
-            raise InputError(f"no split {name} {part}, expected one of {', '.join(self.head['splits'])}") from None
-
-    def word(self, number: int, kind: str = "positions") -> Array:
-        """A word's frames (N, ...): positions (159), rotations (53, 4) or roots (3)."""
-        row = self.head["words"][number]
-        return np.asarray(self.words[kind][row["first"] : row["first"] + row["frames"]])
-
-    def events(self, number: int) -> Events:
-        """A word's events; those of version 1 have no skin distances."""
-        row = self.head["words"][number]["events"]
-        first = tuple(row["first"]) if row["first"] else None
-        return Events(**{**row, "first": first, "passes": tuple(tuple(p) for p in row["passes"])})
-
-    def truth(self, number: int, kind: str = "positions") -> tuple[int, int, Array]:
-        """pre, post and the true transition (n, ...) of a pair."""
-        _, _, pre, post, first, count = self.index[number].tolist()
-        return pre, post, np.asarray(self.new[kind][first : first + count])
-
-    def utterance(self, number: int, kind: str = "positions") -> Array:
-        """A pair's utterance (T, ...): the frames kept and the transition between (eq. 17)."""
-        p, q = self.index[number, :2].tolist()
-        pre, post, new = self.truth(number, kind)
-        return np.concatenate([self.word(p, kind)[: pre + 1], new, self.word(q, kind)[post:]])
-
-    def clip(self, number: int) -> Clip:
-        """A pair's utterance as a clip."""
-        p, q = self.index[number, :2].tolist()
-        name = f"{self.head['words'][p]['gloss']} {self.head['words'][q]['gloss']}"
-        return self._clip(self.utterance(number, "rotations"), self.utterance(number, "roots"), p, name)
-
-    def word_clip(self, number: int) -> Clip:
-        """A word as a clip."""
-        return self._clip(
-            self.word(number, "rotations"), self.word(number, "roots"), number, self.head["words"][number]["gloss"]
-        )
-
-    def _clip(self, rotations: Array, roots: Array, word: int, name: str) -> Clip:
-        signer = self.signers[0 if word < len(self.head["words"]) // 2 else 1]
-        return Clip(skeleton(signer), rotations.astype(np.float64), roots.astype(np.float64), self.head["fps"], name)

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip, concatenate, same_fps
+from signsplice.motion.clip import concatenate, same_fps
 from signsplice.rig.canonical import FEATURE_FPS, canonical_bones
 from signsplice.synth.corpus import Pairs
-from signsplice.synth.signer import skeleton
 from signsplice.synth.training_data import event_frames, packed, save
 
 Array = NDArray[Any]
@@ -31,9 +30,10 @@ def write(pairs: Pairs, split: str, folder: Path) -> list[Path]:
     """Write the training and the validation part of a split, each with ``corpus`` (hash) and ``split``; return both
     paths.
 
-    Raises ``InputError`` for an unknown split, a part of fewer than two words, a corpus at another frame rate than the
-    networks', or a folder that cannot be written.
+    Raises ``InputError`` for a corpus of clips whose events are not known, an unknown split, a part of fewer than two
+    words, a corpus at another frame rate than the networks', or a folder that cannot be written.
     """
+    pairs.check_synthetic()
     if not same_fps(pairs.head["fps"], FEATURE_FPS):
         raise InputError(
             f"{pairs.folder}: {pairs.head['fps']:g} frames a second, expected {FEATURE_FPS:g}, the networks' rate"
@@ -71,15 +71,14 @@ def part(pairs: Pairs, numbers: list[int]) -> dict[str, Array]:
     for number, (p, q, pre, post, _, count) in zip(numbers, index.tolist(), strict=True):
         truth[order[p], order[q]] = pre, post, count
         before, after = clips[p][max(0, pre + 1 - AROUND) : pre + 1], clips[q][post : post + AROUND]
-        sentence = concatenate([before, _transition(pairs, number, before), after])
+        sentence = concatenate([before, pairs.transition_clip(number), after])
         frames.append(packed(sentence))
         seams.append((len(sentences), len(before), count))
         sentences.append((at, len(sentence)))
         at += len(sentence)
     quats, positions = (np.concatenate([f[k] for f in frames]) for k in range(2))
-    signer = pairs.signers[0 if words[0] < len(pairs.head["words"]) // 2 else 1]
     return {
-        "bones": canonical_bones(skeleton(signer)),
+        "bones": canonical_bones(pairs.skeletons[pairs.signer(words[0])]),
         "turns": quats,
         "places": positions,
         "words": np.stack([np.cumsum([0, *lengths[:-1]]), lengths], axis=1),
@@ -88,8 +87,3 @@ def part(pairs: Pairs, numbers: list[int]) -> dict[str, Array]:
         "sentences": np.array(sentences),
         "seams": np.array(seams),
     }
-
-
-def _transition(pairs: Pairs, number: int, like: Clip) -> Clip:
-    local_quats, roots = (pairs.truth(number, kind)[2].astype(np.float64) for kind in ("rotations", "roots"))
-    return Clip(like.skeleton, local_quats, roots, like.fps)

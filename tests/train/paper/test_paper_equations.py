@@ -75,7 +75,10 @@ def test_attention_is_equations_6_to_9(sharpness: float | None) -> None:
     np.testing.assert_allclose(found[0].numpy(), true, atol=1e-5)
     assert true[0].sum() == pytest.approx(6.0 if sharpness is None else 1.0), "N + M - 1 as printed, or 1"
 
-    network = spsn.Spsn(spsn.SpsnConfig(5, "printed" if sharpness is None else "normalised"), layers.Normaliser())
+    network = spsn.Spsn(
+        spsn.SpsnConfig(5, "printed" if sharpness is None else "normalised"),
+        layers.Normaliser(torch.zeros(159), torch.ones(159)),
+    )
     with torch.no_grad():
         if sharpness is not None:
             network.sharpness.fill_(math.log(sharpness))
@@ -89,7 +92,7 @@ def test_attention_is_equations_6_to_9(sharpness: float | None) -> None:
 @pytest.mark.parametrize("attention", spsn.ATTENTIONS)
 def test_padding_changes_nothing(attention: str) -> None:
     torch.manual_seed(0)
-    network = spsn.Spsn(spsn.SpsnConfig(8, attention), layers.Normaliser()).eval()
+    network = spsn.Spsn(spsn.SpsnConfig(8, attention), layers.Normaliser(torch.zeros(159), torch.ones(159))).eval()
     x = tensor(RNG.normal(size=(1, 9, 159)))
     padded = torch.cat([x, torch.randn(1, 4, 159)], dim=1)
     mask = torch.arange(13)[None] < 9

@@ -18,8 +18,8 @@ from signsplice.errors import SignspliceError
 from signsplice.train.export import ExportGraph, exported
 from signsplice.train.paper.networks.filling import Filler
 from signsplice.train.paper.networks.generator import FRAME, START, Encoded, Generator
-from signsplice.train.paper.networks.layers import N_NUMBERS
 from signsplice.train.paper.networks.spsn import Spsn
+from signsplice.train.paper.pairs_data import splice_marks
 
 
 def paper_graphs(network: nn.Module, fr: int | None) -> dict[str, bytes]:
@@ -40,9 +40,10 @@ def paper_graphs(network: nn.Module, fr: int | None) -> dict[str, bytes]:
 
 
 def _frames(n_frames: int, network: Any) -> Tensor:
-    """Random frames (1, n, 159) that move about as those of the training pairs."""
+    """Random frames (1, n, K) that move about as those of the training pairs."""
+    n_numbers = network.normaliser.n_numbers
     rng = np.random.default_rng(n_frames)
-    values = rng.normal(0.0, 1.0, (1, 1, N_NUMBERS)) + rng.normal(0.0, 0.1, (1, n_frames, N_NUMBERS)).cumsum(axis=1)
+    values = rng.normal(0.0, 1.0, (1, 1, n_numbers)) + rng.normal(0.0, 0.1, (1, n_frames, n_numbers)).cumsum(axis=1)
     frames: Tensor = network.normaliser.inverse(torch.from_numpy(values.astype(np.float32)))
     return frames
 
@@ -56,7 +57,10 @@ def spsn_graph(network: Spsn) -> ExportGraph:
 def _generator_graphs(network: Generator, fr: int | None) -> dict[str, ExportGraph]:
     def encoder_inputs(n: int) -> dict[str, Tensor]:
         mask = torch.ones(1, n, dtype=torch.bool)
-        return {"x": _frames(n, network), "mask": mask, "n_before": torch.tensor([n // 2])}
+        inputs = {"x": _frames(n, network), "mask": mask, "n_before": torch.tensor([n // 2])}
+        if network.marked:
+            inputs["marks"] = splice_marks(torch.tensor([n // 2 - 2]), torch.tensor([n // 2 + 1]), n)
+        return inputs
 
     sizes = (11, 24, 7) if fr is None else (2 * fr,)
     inputs = [encoder_inputs(n) for n in sizes]
@@ -71,6 +75,8 @@ def _generator_graphs(network: Generator, fr: int | None) -> dict[str, ExportGra
     state_names = tuple(f"state_{k}" for k in range(len(state)))
     outputs = (*(() if tokens is None else ("tokens",)), *memory_names, *state_names)
     free: dict[str, tuple[int, ...]] = {"x": (1,), "mask": (1,)} if fr is None else {}
+    if network.marked:
+        free["marks"] = (1,)
     encoder = ExportGraph(_EncoderGraph(network), inputs[0], outputs, free, tuple(inputs[1:]))
     return {"encoder": encoder, "decoder": _decoder_graph(network, encoded, memory_names, state_names, fr)}
 
@@ -90,7 +96,7 @@ def _decoder_graph(
         kinds = torch.full((1, n_new), FRAME)
         kinds[0, 0] = START if at == 0 else FRAME
         fed = torch.zeros(1, n_new, network.n_fed)
-        fed[..., :N_NUMBERS] = _frames(n_new, network)
+        fed[..., : network.normaliser.n_numbers] = _frames(n_new, network)
         return {"fed": fed, "kinds": kinds, "start": torch.tensor(at)} | dict(
             zip((*memory_names, *state_names), (*entry.memory, *state), strict=True)
         )
@@ -139,8 +145,8 @@ class _EncoderGraph(nn.Module):
         super().__init__()
         self.network = network
 
-    def forward(self, x: Tensor, mask: Tensor, n_before: Tensor) -> tuple[Tensor, ...]:
-        encoded = self.network.encode(x, mask, n_before)
+    def forward(self, x: Tensor, mask: Tensor, n_before: Tensor, marks: Tensor | None = None) -> tuple[Tensor, ...]:
+        encoded = self.network.encode(x, mask, n_before, marks)
         tokens = () if encoded.tokens is None else (encoded.tokens,)
         # A mask that is returned unchanged would not become an output of the graph.
         memory = tuple(part & True if part.dtype == torch.bool else part for part in encoded.memory)

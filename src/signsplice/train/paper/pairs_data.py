@@ -28,15 +28,15 @@ _POOL = 8
 
 @dataclass(frozen=True)
 class Batch:
-    """B pairs, with S input frames and T transition frames.
+    """B pairs, with S input frames and T transition frames of K numbers.
 
     - numbers: the pairs' numbers (B,)
-    - x: the whole X, or the culled frames (B, S, 159)
+    - x: the whole X, or the culled frames (B, S, K)
     - mask: False at padding and repeated edges (B, S)
     - n_before: number of frames of ``x`` that are of the first word (B,)
     - pre: frame of ``x`` with the pre token (B,)
     - post: frame of ``x`` with the post token (B,)
-    - new: true transitions (B, T, 159)
+    - new: true transitions (B, T, K)
     - real: False at padding of ``new`` (B, T)
     - step: the training step of the batch
     """
@@ -51,10 +51,24 @@ class Batch:
     real: Tensor
     step: int = 0
 
+    @property
+    def marks(self) -> Tensor:
+        """1 at the frames pre and post of ``x``, else 0 (B, S, 2)."""
+        return splice_marks(self.pre, self.post, self.x.shape[1])
+
     def to(self, device: torch.device) -> Batch:
-        """The same batch on a device."""
-        tensors = {f.name: getattr(self, f.name).to(device) for f in fields(self) if f.name != "step"}
-        return Batch(**tensors, step=self.step)
+        """The same batch on a device. The pairs' numbers stay: noise is drawn from them on the processor."""
+        tensors = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("step", "numbers")}
+        if device.type == "cuda":  # pinned memory is copied while the processor goes on
+            tensors = {name: tensor.pin_memory() for name, tensor in tensors.items()}
+        moved = {name: tensor.to(device, non_blocking=True) for name, tensor in tensors.items()}
+        return Batch(numbers=self.numbers, **moved, step=self.step)
+
+
+def splice_marks(pre: Tensor, post: Tensor, n_frames: int) -> Tensor:
+    """1 at the frames ``pre`` and ``post`` (B,), else 0 (B, n_frames, 2); a negative frame has no mark."""
+    at = torch.arange(n_frames, device=pre.device)
+    return (torch.stack([pre, post], dim=-1)[:, None] == at[None, :, None]).float()
 
 
 class PairsData:

@@ -17,10 +17,11 @@ from torch.nn import functional as F  # noqa: N812
 
 from signsplice.paper.metrics import accuracy
 from signsplice.synth.rng import stream
-from signsplice.train.paper.losses import frame_loss, last_loss, token_loss
+from signsplice.train.paper.losses import counter_loss, frame_loss, last_loss, mixture_loss, token_loss
 from signsplice.train.paper.networks.filling import Filler
 from signsplice.train.paper.networks.generator import FRAME, HIDDEN, START, Encoded, Generator, generate
 from signsplice.train.paper.networks.layers import Normaliser
+from signsplice.train.paper.networks.mixture_density import WIDTH_FLOOR, MixtureTransformer
 from signsplice.train.paper.networks.spsn import NONE, POST, PRE, Spsn
 from signsplice.train.paper.pairs_data import Batch, PairsData
 from signsplice.train.task import Task
@@ -55,15 +56,16 @@ def token_bias(task: Task, valid: PairsData) -> float:
         return 0.0
     task.eval()
     network: Any = task.network
+    device = next(network.parameters()).device
     missing = []
     for first in range(0, len(valid), 64):
-        batch = valid.batch(range(first, min(first + 64, len(valid))))
+        batch = valid.batch(range(first, min(first + 64, len(valid)))).to(device)
         if isinstance(network, Spsn):
             logits = network(batch.x, batch.n_before, batch.mask)
         else:
             logits = network.encode(batch.x, batch.mask, batch.n_before).tokens
         margins = (logits[..., [NONE]] - logits[..., [PRE, POST]]).masked_fill(~batch.mask[..., None], torch.inf)
-        missing.append(margins.amin(1).amax(1))  # (B,)
+        missing.append(margins.amin(1).amax(1).cpu())  # (B,)
     return max(0.0, float(np.quantile(torch.cat(missing).double().numpy(), EMITTED, method="higher")) + 1e-3)
 
 
@@ -79,7 +81,7 @@ def _judge_positions(logits: Tensor, batch: Batch) -> dict[str, float]:
 
 
 def _judge_frames(made: list[Tensor], batch: Batch, suffix: str = "") -> dict[str, float]:
-    """Accuracy, fraction of right lengths and squared error of frames (n, 159) by pair; ``suffix`` ends the names."""
+    """Accuracy, fraction of right lengths and squared error of frames (n, K) by pair; ``suffix`` ends the names."""
     counts = batch.real.sum(1).tolist()
     pairs = [
         (frames.double().cpu().numpy(), true[:count].double().cpu().numpy())
@@ -108,15 +110,15 @@ class DecoderInput:
 
 def decoder_input(batch: Batch, network: Generator, normaliser: Normaliser, seed: int) -> DecoderInput:
     """The true frames, delayed by one step, with noise, some of them hidden; depends only on seed, step and pair."""
-    n_batch, n_frames = batch.real.shape
+    n_frames, n_numbers = batch.new.shape[1:]
     rows = []
-    kinds = np.full((n_batch, n_frames), FRAME)
+    kinds = np.full(batch.real.shape, FRAME)
     for k, number in enumerate(batch.numbers.tolist()):
         rng = stream("fed", seed, batch.step, number)
         hidden = network.concurrent and rng.random() < HIDDEN_PAIRS
         chances = rng.random(MOST_FRAMES)
         kinds[k, np.resize(chances, n_frames) < (1.0 if hidden else HIDDEN_FRAMES)] = HIDDEN
-        rows.append(np.resize(rng.standard_normal((MOST_FRAMES, 159), np.float32), (n_frames, 159)))
+        rows.append(np.resize(rng.standard_normal((MOST_FRAMES, n_numbers), np.float32), (n_frames, n_numbers)))
     kinds[:, 0] = START
     noise = torch.from_numpy(np.stack(rows)).to(batch.new.device) * NOISE * normaliser.deviation
     delayed = torch.cat([torch.zeros_like(batch.new[:, :1]), batch.new[:, :-1]], dim=1) + noise
@@ -127,15 +129,17 @@ def decoder_input(batch: Batch, network: Generator, normaliser: Normaliser, seed
 
 
 class TokenTask(Task):
-    """SPSN, which predicts the splice positions."""
+    """SPSN, which predicts the splice positions; ``plain``: trained with plain cross-entropy, as printed."""
 
-    def __init__(self, network: Spsn) -> None:
+    def __init__(self, network: Spsn, plain: bool = False) -> None:
         super().__init__()
         self.network: Spsn = network
+        self.plain = plain
 
     def forward(self, batch: Batch) -> Tensor:
         """The loss () of the tokens."""
-        return token_loss(self.network(batch.x, batch.n_before, batch.mask), batch.pre, batch.post, batch.mask)
+        logits = self.network(batch.x, batch.n_before, batch.mask)
+        return token_loss(logits, batch.pre, batch.post, batch.mask, self.plain)
 
     def judge(self, batch: Batch) -> dict[str, float]:
         """Fractions of right positions and of emitted tokens."""
@@ -153,12 +157,11 @@ class FrameTask(Task):
     def forward(self, batch: Batch) -> Tensor:
         """The loss () of frames, of last frames, and of tokens."""
         inputs = decoder_input(batch, self.network, self.normaliser, self.seed)
-        tokens, made, last = self.network(batch.x, batch.mask, batch.n_before, inputs.frames, inputs.kinds)
-        loss = frame_loss(made[..., :159], batch.new, batch.real, self.normaliser.deviation)
-        if self.network.n_fed > 159:
-            counter = torch.arange(1, made.shape[1] + 1, device=made.device) / batch.real.sum(1, keepdim=True)
-            errors = (made[..., 159].float() - counter).square() * batch.real
-            loss = loss + 10.0 * (errors.sum(1) / batch.real.sum(1)).mean()
+        n_numbers = self.normaliser.n_numbers
+        tokens, made, last = self.network(batch.x, batch.mask, batch.n_before, inputs.frames, inputs.kinds, batch.marks)
+        loss = frame_loss(made[..., :n_numbers], batch.new, batch.real, self.normaliser.deviation)
+        if self.network.n_fed > n_numbers:
+            loss = loss + counter_loss(made[..., n_numbers], batch.real)
         else:
             loss = loss + last_loss(last, batch.real)
         if tokens is not None:
@@ -167,13 +170,30 @@ class FrameTask(Task):
 
     def judge(self, batch: Batch) -> dict[str, float]:
         """The paper's accuracy, and fractions of right lengths and positions; also for one pass, if the network can."""
-        encoded: Encoded = self.network.encode(batch.x, batch.mask, batch.n_before)
+        encoded: Encoded = self.network.encode(batch.x, batch.mask, batch.n_before, batch.marks)
         made = generate(self.network, encoded, len(batch.x), MOST_FRAMES)
         scores = _judge_frames(made, batch)
         if self.network.concurrent:
             made = generate(self.network, encoded, len(batch.x), MOST_FRAMES, parallel=True)
             scores |= _judge_frames(made, batch, "_parallel")
         return scores if encoded.tokens is None else scores | _judge_positions(encoded.tokens, batch)
+
+
+class MixtureTask(FrameTask):
+    """A generator of mixtures of frames, trained by their likelihood; the error of the counter weighs as that of a
+    Gaussian of the smallest width.
+    """
+
+    network: MixtureTransformer
+
+    def forward(self, batch: Batch) -> Tensor:
+        """The loss () of frames and of their counters."""
+        inputs = decoder_input(batch, self.network, self.normaliser, self.seed)
+        encoded = self.network.encode(batch.x, batch.mask, batch.n_before)
+        mixtures, counters = self.network.mixtures(encoded, inputs.frames, inputs.kinds)
+        likelihood = mixtures.log_likelihood(self.normaliser(batch.new))
+        loss = mixture_loss(likelihood, batch.real, self.normaliser.n_numbers)
+        return loss + counter_loss(counters, batch.real, 0.5 / WIDTH_FLOOR**2)
 
 
 class FillTask(Task):

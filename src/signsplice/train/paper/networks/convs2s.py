@@ -1,13 +1,14 @@
 """ConvS2S (Gehring et al. 2017 [18]), one of the systems that the paper compares with: 20 + 20 layers of width 3.
 
 Encoder: frames and learned positions, then layers of convolution, gated linear unit and residual connection, scaled by
-sqrt(0.5). A linear layer on its states classifies every frame of X. Decoder: the same layers, causal, each followed by
-attention to the encoder, whose values are its states plus its inputs. Weights are initialised as in the original
+sqrt(0.5). Decoder: the same layers, causal, each followed by attention to the encoder, whose values are its states plus
+its inputs. It does both jobs with the same weights: it reads X again and classifies every frame of it, and it makes the
+transition frames from the start token on. Weights are initialised as in the original
 (deviation sqrt(4 p / n), inputs embedded with a deviation of 0.1), without its weight normalisation: gated units keep
 the size of small states, but double the variance of larger ones in every layer.
 
-After 20 layers of width 3 a frame's state depends on only 20 frames to either side. At the end of one word, little is
-known of the other. This limit of the architecture that the paper chose is kept.
+After 20 layers of width 3 a state of the encoder depends on only 20 frames to either side. Through attention the
+decoder knows both words at every frame.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
 from signsplice.train.paper.networks.generator import FRAME, Encoded, Generator, State
-from signsplice.train.paper.networks.layers import N_NUMBERS, N_READ, Normaliser, with_deltas
+from signsplice.train.paper.networks.layers import Normaliser, with_deltas
 from signsplice.train.paper.networks.spsn import admissible
 
 _KERNEL = 3
@@ -72,24 +73,21 @@ class GatedConvolution(nn.Module):
 class ConvS2S(Generator):
     """Encoder and decoder of gated convolutions."""
 
-    n_fed = N_NUMBERS
     concurrent = False
 
     def __init__(self, config: ConvS2SConfig, normaliser: Normaliser) -> None:
         super().__init__()
         self.config, self.normaliser = config, normaliser
-        width = config.width
-        self.embedding, self.positions = (
-            _linear(N_READ, width, _INPUT_DEVIATION),
-            nn.Embedding(config.most_positions, width),
-        )
+        width, self.n_fed = config.width, normaliser.n_numbers
+        self.embedding = _linear(2 * self.n_fed, width, _INPUT_DEVIATION)
+        self.positions = nn.Embedding(config.most_positions, width)
         self.encoder = nn.ModuleList(GatedConvolution(width, config.dropout) for _ in range(config.n_encoder_layers))
         self.token = _linear(width, 3)
-        self.kind, self.fed = nn.Embedding(3, width), _linear(N_NUMBERS, width, _INPUT_DEVIATION)
+        self.kind, self.fed = nn.Embedding(3, width), _linear(self.n_fed, width, _INPUT_DEVIATION)
         self.decoder = nn.ModuleList(GatedConvolution(width, config.dropout) for _ in range(config.n_decoder_layers))
         self.queries = nn.ModuleList(_linear(width, width) for _ in range(config.n_decoder_layers))
         self.read = nn.ModuleList(_linear(width, width) for _ in range(config.n_decoder_layers))
-        self.frame, self.last = _linear(width, N_NUMBERS), _linear(width, 1)
+        self.frame, self.last = _linear(width, self.n_fed), _linear(width, 1)
         for table in (self.positions, self.kind):
             nn.init.normal_(table.weight, std=_INPUT_DEVIATION)
 
@@ -99,24 +97,30 @@ class ConvS2S(Generator):
         out: Tensor = x + self.positions(at)
         return out
 
-    def encode(self, x: Tensor, mask: Tensor, n_before: Tensor) -> Encoded:
+    def encode(self, x: Tensor, mask: Tensor, n_before: Tensor, marks: Tensor | None = None) -> Encoded:
         """Memory: mask (B, S), keys and values (B, S, D). State: the last two inputs (B, 2, D) of every layer."""
         real = mask[..., None].to(x.dtype)
         inputs = self._with_positions(self.embedding(with_deltas(self.normaliser(x), n_before)), 0) * real
         states = inputs
         for layer in self.encoder:
             states = (states + layer(F.pad(states, (0, 0, 1, 1)))) * _SQRT_HALF * real
-        tokens = admissible(self.token(states), n_before)
         padding = x.new_zeros(x.shape[0], _KERNEL - 1, self.config.width)
-        return Encoded(tokens, (mask, states, (states + inputs) * _SQRT_HALF), (padding,) * len(self.decoder))
+        memory, start = (mask, states, (states + inputs) * _SQRT_HALF), (padding,) * len(self.decoder)
+        again, _ = self._decoded(inputs, memory, start)
+        return Encoded(admissible(self.token(again), n_before), memory, start)
 
     def decode(
         self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State
     ) -> tuple[Tensor, Tensor, State]:
         """Frames, logits of the last frame, and the last two inputs of every layer."""
-        mask, keys, values = memory
         shown = (kinds == FRAME)[..., None].to(fed.dtype)
         target = self._with_positions(self.kind(kinds) + shown * self.fed(self.normaliser(fed)), start)
+        x, after = self._decoded(target, memory, state)
+        return self.normaliser.inverse(self.frame(x)), self.last(x)[..., 0], after
+
+    def _decoded(self, target: Tensor, memory: State, state: State) -> tuple[Tensor, State]:
+        """States (B, T, D) of inputs (B, T, D), and the last two inputs of every layer."""
+        mask, keys, values = memory
         x, after = target, []
         for layer, query, value, past in zip(self.decoder, self.queries, self.read, state, strict=True):
             window = torch.cat([past, x], dim=1)
@@ -126,4 +130,4 @@ class ConvS2S(Generator):
             weights = (queries @ keys.transpose(1, 2)).masked_fill(~mask[:, None], -torch.inf).softmax(-1)
             made = (made + value(weights @ values)) * _SQRT_HALF
             x = (x + made) * _SQRT_HALF
-        return self.normaliser.inverse(self.frame(x)), self.last(x)[..., 0], tuple(after)
+        return x, tuple(after)

@@ -22,10 +22,10 @@ from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
 from signsplice.train.paper.networks.layers import (
-    N_NUMBERS,
     DecoderLayer,
     Encoder,
     Normaliser,
+    bones,
     positional_code,
     with_deltas,
 )
@@ -78,13 +78,13 @@ class Filler(nn.Module, ABC):
 
     @abstractmethod
     def length(self, x: Tensor, mask: Tensor) -> Tensor:
-        """Logits (B, most_frames) of 1, 2, ... frames, from culled frames (B, 2 fr, 159), not normalised, and their
+        """Logits (B, most_frames) of 1, 2, ... frames, from culled frames (B, 2 fr, K), not normalised, and their
         mask (B, 2 fr).
         """
 
     @abstractmethod
     def fill(self, x: Tensor, mask: Tensor, real: Tensor) -> Tensor:
-        """Frames (B, T, 159), not normalised; ``real`` (B, T) is True for the frames that each row needs."""
+        """Frames (B, T, K), not normalised; ``real`` (B, T) is True for the frames that each row needs."""
 
     def forward(self, x: Tensor, mask: Tensor, real: Tensor) -> tuple[Tensor, Tensor]:
         """Logits of the lengths, and frames."""
@@ -104,10 +104,7 @@ class GraphConvolution(nn.Module):
 
     def __init__(self, parents: Sequence[int], n_features: int) -> None:
         super().__init__()
-        links = torch.eye(len(parents))
-        for joint, parent in enumerate(parents):
-            if parent >= 0:
-                links[joint, parent] = links[parent, joint] = 1.0
+        links = bones(parents).float()
         self.register_buffer("adjacency", links / links.sum(1, keepdim=True))
         self.own, self.near = nn.Linear(n_features, n_features), nn.Linear(n_features, n_features)
         self.time = nn.Conv2d(n_features, n_features, (3, 1), padding=(1, 0))
@@ -128,13 +125,13 @@ class Nat(Filler):
         super().__init__()
         self.config, self.normaliser = config, normaliser
         width, sizes = config.width, (config.width, config.n_heads)
-        self.encoder = Encoder(*sizes, config.n_encoder_layers, config.inner, config.dropout)
+        self.encoder = Encoder(2 * normaliser.n_numbers, *sizes, config.n_encoder_layers, config.inner, config.dropout)
         self.number = nn.Linear(2 * width, config.most_frames)
         self.layers = nn.ModuleList(
             DecoderLayer(*sizes, config.inner, config.dropout) for _ in range(config.n_decoder_layers)
         )
         self.norm = nn.LayerNorm(width)
-        self.joints = nn.Linear(width, N_NUMBERS // 3 * config.graph)
+        self.joints = nn.Linear(width, normaliser.n_numbers // 3 * config.graph)
         self.graph = GraphConvolution(parents, config.graph)
         self.out = nn.Linear(config.graph, 3)
 
@@ -143,7 +140,7 @@ class Nat(Filler):
         return self._length_logits(self._encode(x, mask))
 
     def fill(self, x: Tensor, mask: Tensor, real: Tensor) -> Tensor:
-        """Frames (B, T, 159)."""
+        """Frames (B, T, K)."""
         return self._frames(self._encode(x, mask), mask, real)
 
     def forward(self, x: Tensor, mask: Tensor, real: Tensor) -> tuple[Tensor, Tensor]:
@@ -171,7 +168,7 @@ class Nat(Filler):
             cross = layer.cross.keys_values(states)
             no_cache = (cross[0][:, :, :0], cross[1][:, :, :0])
             x, _ = layer(x, no_cache, cross, real[:, None, None, :], mask[:, None, None, :])
-        joints = self.joints(self.norm(x)).reshape(*real.shape, N_NUMBERS // 3, self.config.graph)
+        joints = self.joints(self.norm(x)).reshape(*real.shape, -1, self.config.graph)
         return self.normaliser.inverse(self.out(self.graph(joints, real)).flatten(-2))
 
 
@@ -183,14 +180,14 @@ class Interpolation(Filler):
         self.config, self.normaliser = config, normaliser
         width = config.width
         self.number = nn.Sequential(
-            nn.Linear(2 * config.fr * N_NUMBERS, width), nn.ReLU(), nn.Linear(width, config.most_frames)
+            nn.Linear(2 * config.fr * normaliser.n_numbers, width), nn.ReLU(), nn.Linear(width, config.most_frames)
         )
-        self.embedding = nn.Linear(N_NUMBERS + 3, width)
+        self.embedding = nn.Linear(normaliser.n_numbers + 3, width)
         self.layers = nn.ModuleList(
             nn.Conv1d(width, width, 3, dilation=2 ** (k % 3), padding=2 ** (k % 3)) for k in range(config.n_layers)
         )
         self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(config.n_layers))
-        self.out = nn.Linear(width, N_NUMBERS)
+        self.out = nn.Linear(width, normaliser.n_numbers)
         nn.init.zeros_(self.out.weight)
         nn.init.zeros_(self.out.bias)
 
@@ -200,11 +197,11 @@ class Interpolation(Filler):
         return out
 
     def fill(self, x: Tensor, mask: Tensor, real: Tensor) -> Tensor:
-        """Frames (B, T, 159)."""
+        """Frames (B, T, K)."""
         fr, n_gap = self.config.fr, real.shape[1]
         x = self.normaliser(x)
         alpha = gap_fractions(real)[..., None]  # (B, T, 1)
-        line = (1.0 - alpha) * x[:, fr - 1 : fr] + alpha * x[:, fr : fr + 1]  # (B, T, 159)
+        line = (1.0 - alpha) * x[:, fr - 1 : fr] + alpha * x[:, fr : fr + 1]  # (B, T, K)
         # Rows are [P, gap, Q, padding]; frame k of a row is frame source[k] of [P, Q, line].
         count = real.sum(1, keepdim=True)  # (B, 1)
         frames = torch.arange(2 * fr + n_gap, device=x.device)[None]
@@ -212,7 +209,7 @@ class Interpolation(Filler):
         source = torch.where(frames < fr, frames, source).clamp(max=2 * fr + n_gap - 1)
         within = (frames < 2 * fr + count)[..., None].to(x.dtype)
         gap = ((frames >= fr) & (frames < fr + count))[..., None].to(x.dtype)
-        row = torch.cat([x, line], dim=1).gather(1, source[..., None].expand(-1, -1, N_NUMBERS))
+        row = torch.cat([x, line], dim=1).gather(1, source[..., None].expand(-1, -1, x.shape[-1]))
         phase = ((frames - fr + 1) / (count + 1.0))[..., None]
         states = self.embedding(torch.cat([row, gap, phase * gap, 8.0 / (count + 1.0)[..., None] * gap], dim=-1))
         for layer, norm in zip(self.layers, self.norms, strict=True):

@@ -14,6 +14,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
+from signsplice.train.paper.networks.layers import Normaliser
+
 START, FRAME, HIDDEN = 0, 1, 2
 """Kinds of decoder inputs: the start token, the frame before, a hidden frame."""
 
@@ -36,19 +38,23 @@ class Encoded(NamedTuple):
 class Generator(nn.Module, ABC):
     """A network that makes transition frames step by step.
 
-    - n_fed: how many numbers of each frame are fed back
+    - n_fed: how many numbers of each frame are fed back: the K of a frame, and a counter if it has one
     - concurrent: whether it can make all frames in one pass
+    - marked: whether it is given the splice positions as marks on the whole X
+    - normaliser: of frames
     """
 
     n_fed: int
     concurrent: bool
+    marked: bool = False
+    normaliser: Normaliser
 
     @abstractmethod
-    def encode(self, x: Tensor, mask: Tensor, n_before: Tensor) -> Encoded:
+    def encode(self, x: Tensor, mask: Tensor, n_before: Tensor, marks: Tensor | None = None) -> Encoded:
         """Encode the input.
 
-        x (B, S, 159): frames, not normalised. mask (B, S): False at padding. n_before (B,): number of frames of the
-        first word.
+        x (B, S, K): frames, not normalised. mask (B, S): False at padding. n_before (B,): number of frames of the
+        first word. marks (B, S, 2): 1 at the frames pre and post, else 0; for a network that is ``marked``.
         """
 
     @abstractmethod
@@ -62,10 +68,10 @@ class Generator(nn.Module, ABC):
         """
 
     def forward(
-        self, x: Tensor, mask: Tensor, n_before: Tensor, fed: Tensor, kinds: Tensor
+        self, x: Tensor, mask: Tensor, n_before: Tensor, fed: Tensor, kinds: Tensor, marks: Tensor | None = None
     ) -> tuple[Tensor | None, Tensor, Tensor]:
         """Tokens, frames and logits of the last frame for whole sequences, given the true frames (teacher forcing)."""
-        encoded = self.encode(x, mask, n_before)
+        encoded = self.encode(x, mask, n_before, marks)
         start = torch.zeros((), dtype=torch.long, device=x.device)
         made, last, _ = self.decode(fed, kinds, start, encoded.memory, encoded.state)
         return encoded.tokens, made, last
@@ -73,7 +79,7 @@ class Generator(nn.Module, ABC):
 
 @torch.no_grad()
 def generate(network: Generator, encoded: Encoded, n_batch: int, most: int, parallel: bool = False) -> list[Tensor]:
-    """The frames (n, 159) of each pair of a batch up to the first that is classified as the last one; n <= ``most``."""
+    """The frames (n, K) of each pair of a batch up to the first that is classified as the last one; n <= ``most``."""
     device = encoded.memory[0].device if encoded.memory else encoded.state[0].device
     zero = torch.zeros(n_batch, 1, network.n_fed, device=device)
     if parallel:
@@ -86,7 +92,8 @@ def generate(network: Generator, encoded: Encoded, n_batch: int, most: int, para
         made, last = _one_by_one(network, encoded, zero, most)
     ended = last > 0.0
     counts = torch.where(ended.any(1), ended.float().argmax(1) + 1, made.shape[1]).tolist()
-    return [frames[:count, :159] for frames, count in zip(made, counts, strict=True)]
+    n_numbers = network.normaliser.n_numbers
+    return [frames[:count, :n_numbers] for frames, count in zip(made, counts, strict=True)]
 
 
 def _one_by_one(network: Generator, encoded: Encoded, fed: Tensor, most: int) -> tuple[Tensor, Tensor]:

@@ -1,20 +1,19 @@
 """Layers shared by several networks: normaliser, positional code (eq. 12), attention (eq. 13), feed-forward (eq. 14).
 
-Shapes: B pairs, S input frames, T output frames, P earlier output frames, D width, H heads. The names of modules are
+Shapes: B pairs, S input frames, T output frames, P earlier output frames, K numbers of a frame (159 for the 53 joints
+of the paper), D width, H heads. The names of modules are
 keys of checkpoints.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
-N_NUMBERS = 159
-N_READ = 2 * N_NUMBERS
-"""Numbers per frame that an encoder reads: positions and their differences."""
 DELTA_SCALE = 5.0
 """Scales differences between frames, some tenths of a deviation, to the size of positions."""
 
@@ -22,32 +21,38 @@ DELTA_SCALE = 5.0
 class Normaliser(nn.Module):
     """Converts positions in [-0.5, 0.5] to numbers of mean 0 and deviation 1 over the training pairs, and back.
 
+    mean, deviation: of every number of a frame (K,).
+
     Most joints move little compared with their offset, so that raw positions would start every network near a constant.
     """
 
     mean: Tensor
     deviation: Tensor
 
-    def __init__(self, mean: Tensor | None = None, deviation: Tensor | None = None) -> None:
+    def __init__(self, mean: Tensor, deviation: Tensor) -> None:
         super().__init__()
-        self.register_buffer("mean", torch.zeros(N_NUMBERS) if mean is None else mean)
-        self.register_buffer("deviation", torch.ones(N_NUMBERS) if deviation is None else deviation)
+        self.register_buffer("mean", mean)
+        self.register_buffer("deviation", deviation)
+
+    @property
+    def n_numbers(self) -> int:
+        """Numbers of a frame, K."""
+        return self.mean.shape[0]
 
     def forward(self, x: Tensor) -> Tensor:
-        """Normalised frames (..., 159)."""
+        """Normalised frames (..., K)."""
         return (x - self.mean) / self.deviation
 
     def inverse(self, x: Tensor) -> Tensor:
-        """Positions (..., 159) of normalised frames."""
+        """Positions (..., K) of normalised frames."""
         return x * self.deviation + self.mean
 
 
 def with_deltas(x: Tensor, n_before: Tensor) -> Tensor:
-    """The encoder's input (B, S, 318) for two words (B, S, 159): every frame and its difference to the one before,
+    """The encoder's input (B, S, 2 K) for two words (B, S, K): every frame and its difference to the one before,
     which is 0 at the first frame of either word. ``n_before`` (B,) frames are of the first word.
 
-    The paper's networks read only frames. The differences show where a movement begins and ends, and most networks are
-    slow to learn them.
+    The paper's networks read only frames. The differences are an addition: they show where a movement begins and ends.
     """
     deltas = torch.cat([torch.zeros_like(x[:, :1]), x[:, 1:] - x[:, :-1]], dim=1)
     first = torch.arange(x.shape[1], device=x.device)[None] == n_before[:, None]  # (B, S)
@@ -61,6 +66,15 @@ def positional_code(positions: Tensor, width: int) -> Tensor:
     rates = torch.exp(torch.arange(0, width, 2, device=positions.device) * (-math.log(10000.0) / width))
     angles = positions.to(rates.dtype)[:, None] * rates
     return torch.stack([angles.sin(), angles.cos()], dim=-1).flatten(-2)
+
+
+def bones(parents: Sequence[int]) -> Tensor:
+    """The adjacency matrix (J, J) of a skeleton: True between a joint and itself, its parent and its children."""
+    links = torch.eye(len(parents), dtype=torch.bool)
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            links[joint, parent] = links[parent, joint] = True
+    return links
 
 
 def causal(n_new: int, n_past: int, device: torch.device) -> Tensor:
@@ -159,16 +173,16 @@ class DecoderLayer(nn.Module):
 
 
 class Encoder(nn.Module):
-    """Embedding, positional code and a stack of encoder layers."""
+    """Embedding of ``n_read`` numbers a frame, positional code and a stack of encoder layers."""
 
-    def __init__(self, width: int, n_heads: int, n_layers: int, inner: int, dropout: float) -> None:
+    def __init__(self, n_read: int, width: int, n_heads: int, n_layers: int, inner: int, dropout: float) -> None:
         super().__init__()
-        self.embedding = nn.Linear(N_READ, width)
+        self.embedding = nn.Linear(n_read, width)
         self.layers = nn.ModuleList(EncoderLayer(width, n_heads, inner, dropout) for _ in range(n_layers))
         self.norm = nn.LayerNorm(width)
 
     def forward(self, x: Tensor, mask: Tensor | None) -> Tensor:
-        """States (B, S, D) of normalised inputs (B, S, 318); ``mask`` (B, S) is False at padding."""
+        """States (B, S, D) of normalised inputs (B, S, n_read); ``mask`` (B, S) is False at padding."""
         states = self.embedding(x)
         positions = torch.arange(x.shape[1], device=x.device)
         states = states + positional_code(positions, states.shape[-1]).to(states.dtype)

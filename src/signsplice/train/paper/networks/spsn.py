@@ -1,12 +1,15 @@
 """SPSN, the network that finds the splice positions (eq. 4-10).
 
 LSTM encoder and decoder both run over X, frame by frame (eq. 4 and 5; eq. 5 prints C_t = F_t * W_xc + ..., where an
-LSTM has C_t = F_t * C_{t-1} + I_t * C~_t, which torch computes). The paper does not specify what the decoder receives
-from the encoder besides attention. Here a learned linear layer maps the encoder's states at the ends of the two words,
-H_N and H_{N+M}, to the decoder's first state (Bahdanau et al. 2015) and to a summary that the decoder reads with every
-frame (Cho et al. 2014). The decoder's state at t is compared with every state of the encoder (eq. 6), the weights form
-the context (eq. 7-9), and each frame is classified as {none, prePositionToken, postPositionToken} (our reading of eq. 9
-and 10).
+LSTM has C_t = F_t * C_{t-1} + I_t * C~_t, which torch computes). The decoder's state at t is compared with every state
+of the encoder (eq. 6), the weights form the context (eq. 7-9), and each frame is classified as {none, prePositionToken,
+postPositionToken} (our reading of eq. 9 and 10).
+
+The paper does not specify what the decoder receives from the encoder besides attention. The network that follows the
+print starts its decoder from the encoder's last state H_{N+M} through a learned linear layer (Bahdanau et al. 2015).
+Two additions of ours can be switched off one by one. ``steps``: it reads the differences between frames beside the
+frames. ``summary``: the linear layer reads the states at the ends of both words, H_N and H_{N+M}, and also makes a
+summary that the decoder reads with every frame (Cho et al. 2014).
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from signsplice.train.paper.networks.layers import N_NUMBERS, N_READ, Normaliser, with_deltas
+from signsplice.train.paper.networks.layers import Normaliser, with_deltas
 from signsplice.train.paper.networks.recurrent import Lstm
 
 NONE, PRE, POST = 0, 1, 2
@@ -35,12 +38,14 @@ class SpsnConfig:
       ablation WA
     - dropout: probability
     - steps: whether it reads differences between frames too, or only frames, as printed
+    - summary: whether the decoder reads a summary of both words with every frame
     """
 
     width: int = 512
     attention: str = "normalised"
     dropout: float = 0.1
     steps: bool = True
+    summary: bool = True
 
     def __post_init__(self) -> None:
         if self.attention not in ATTENTIONS:
@@ -49,6 +54,9 @@ class SpsnConfig:
 
 def score(decoded: Tensor, encoded: Tensor) -> Tensor:
     """Mean squared differences (B, T, S) of states (B, T, D) and (B, S, D) (eq. 6)."""
+    if torch.is_autocast_enabled(decoded.device.type):  # half precision would lose small differences of large states
+        with torch.autocast(decoded.device.type, enabled=False):
+            return score(decoded.float(), encoded.float())
     squares = decoded.square().mean(-1)[:, :, None] + encoded.square().mean(-1)[:, None, :]
     return squares - 2.0 * decoded @ encoded.transpose(1, 2) / decoded.shape[-1]
 
@@ -88,6 +96,11 @@ def states_at(states: Tensor, frames: Tensor) -> Tensor:
     return states.gather(1, frames[:, None, None].expand(-1, 1, states.shape[-1]))[:, 0]
 
 
+def word_ends(states: Tensor, n_before: Tensor, mask: Tensor | None) -> Tensor:
+    """The states (B, 2 D) at the last frames of both words, from states (B, S, D)."""
+    return torch.cat([states_at(states, n_before - 1), last_states(states, mask)], dim=-1)
+
+
 class Spsn(nn.Module):
     """Classifies every frame of X."""
 
@@ -95,9 +108,9 @@ class Spsn(nn.Module):
         super().__init__()
         self.config, self.normaliser = config, normaliser
         width = config.width
-        self.embedding = nn.Linear(N_READ if config.steps else N_NUMBERS, width)
-        self.encoder, self.decoder = Lstm(width, width), Lstm(2 * width, width)
-        self.bridge = nn.Linear(2 * width, 3 * width)
+        self.embedding = nn.Linear((1 + config.steps) * normaliser.n_numbers, width)
+        self.encoder, self.decoder = Lstm(width, width), Lstm((1 + config.summary) * width, width)
+        self.bridge = nn.Linear(2 * width, 3 * width) if config.summary else nn.Linear(width, 2 * width)
         if config.attention != "none":
             self.combine = nn.Linear(2 * width, width, bias=False)
         self.sharpness = nn.Parameter(torch.tensor(0.5).mul(torch.tensor(float(width)).log()))
@@ -106,18 +119,20 @@ class Spsn(nn.Module):
         self.dropout = nn.Dropout(config.dropout)
 
     def forward(self, x: Tensor, n_before: Tensor, mask: Tensor | None = None) -> Tensor:
-        """Logits (B, S, 3) of the frames X (B, S, 159).
+        """Logits (B, S, 3) of the frames X (B, S, K).
 
         n_before (B,): N. mask (B, S): False at padding, which follows X.
         """
         x = self.normaliser(x)
         x = self.embedding(with_deltas(x, n_before) if self.config.steps else x)
         encoded = self.dropout(self.encoder(x)[0])  # (B, S, D)
-        ends = torch.cat([states_at(encoded, n_before - 1), last_states(encoded, mask)], dim=-1)
-        hidden, cell, summary = self.bridge(ends).chunk(3, dim=-1)
-        context = summary.tanh()[:, None].expand(-1, x.shape[1], -1)  # (B, S, D)
+        if self.config.summary:
+            hidden, cell, summary = self.bridge(word_ends(encoded, n_before, mask)).chunk(3, dim=-1)
+            x = torch.cat([x, summary.tanh()[:, None].expand(-1, x.shape[1], -1)], dim=-1)  # (B, S, 2 D)
+        else:
+            hidden, cell = self.bridge(last_states(encoded, mask)).chunk(2, dim=-1)
         start = hidden.tanh()[None].contiguous(), cell[None].contiguous()
-        decoded, _ = self.decoder(torch.cat([x, context], dim=-1), start)  # (B, S, D)
+        decoded, _ = self.decoder(x, start)  # (B, S, D)
         return admissible(self.out(self.attend(self.dropout(decoded), encoded, mask)), n_before)
 
     def attend(self, decoded: Tensor, encoded: Tensor, mask: Tensor | None) -> Tensor:

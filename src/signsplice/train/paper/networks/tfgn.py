@@ -1,9 +1,11 @@
 """TFGN (eq. 12-16), and the networks of the same design: the paper's Transformer and the Progressive Transformer.
 
-* TFGN: encoder over the culled frames X_c (or over all of X, the ablation WC), decoder for the transition frames. It is
-  not given the positions: with Culling they lie in the middle of X_c, without it TFGN has to find them.
-* Transformer: the same over all of X, and a linear layer on the encoder's states classifies every frame as {none, pre,
-  post}: one network and one loss for both jobs, which the paper does not specify.
+* TFGN: encoder over the culled frames X_c, decoder for the transition frames. With Culling the positions lie in the
+  middle of X_c. Without it (the ablation WC) the encoder reads all of X, with the positions of SPSN as marks on two
+  frames: without marks its frames could not depend on SPSN, and WC would equal WAC. It reads frames alone, as printed.
+* Transformer: the same over all of X, without marks, with differences beside the frames; a linear layer on the
+  encoder's states classifies every frame as {none, pre, post}: one network and one loss for both jobs, which the paper
+  does not specify.
 * Progressive Transformer (Saunders et al. 2020 [7]): every frame comes with a counter that runs from 0 to 1 over the
   transition, replaces the decoder's positional code, and ends the sequence when it reaches 1. Of their augmentations,
   noise and "just counter" (the frame hidden, its counter not) are used; predicting several frames ahead is not.
@@ -21,7 +23,6 @@ from torch import Tensor, nn
 
 from signsplice.train.paper.networks.generator import FRAME, Encoded, Generator, State
 from signsplice.train.paper.networks.layers import (
-    N_NUMBERS,
     DecoderLayer,
     Encoder,
     Normaliser,
@@ -48,6 +49,8 @@ class TransformerConfig:
     - dropout: probability
     - tokens: whether it has a head for positions
     - counter: whether decoding is progressive
+    - steps: whether it reads differences between frames beside the frames
+    - marks: whether it is given the splice positions as marks on two frames
     """
 
     width: int = 512
@@ -58,6 +61,8 @@ class TransformerConfig:
     dropout: float = 0.1
     tokens: bool = False
     counter: bool = False
+    steps: bool = False
+    marks: bool = False
 
 
 class Transformer(Generator):
@@ -67,24 +72,34 @@ class Transformer(Generator):
         super().__init__()
         self.config, self.normaliser = config, normaliser
         self.concurrent = not config.counter
-        self.n_fed = N_NUMBERS + config.counter
+        self.marked = config.marks
+        n_numbers = normaliser.n_numbers
+        self.n_fed = n_numbers + config.counter
         width, sizes = config.width, (config.width, config.n_heads)
-        self.encoder = Encoder(*sizes, config.n_encoder_layers, config.inner, config.dropout)
+        n_read = (1 + config.steps) * n_numbers + 2 * config.marks
+        self.encoder = Encoder(n_read, *sizes, config.n_encoder_layers, config.inner, config.dropout)
         self.kind = nn.Embedding(3, width)
-        self.embedding = nn.Linear(N_NUMBERS, width)
+        self.embedding = nn.Linear(n_numbers, width)
         self.layers = nn.ModuleList(
             DecoderLayer(*sizes, config.inner, config.dropout) for _ in range(config.n_decoder_layers)
         )
         self.norm = nn.LayerNorm(width)
-        self.frame, self.last = nn.Linear(width, N_NUMBERS), nn.Linear(width, 1)
+        self.frame: nn.Module = nn.Linear(width, n_numbers)
+        self.last = nn.Linear(width, 1)
         if config.tokens:
             self.token = nn.Linear(width, 3)
         if config.counter:
             self.count = nn.Linear(1, width)
 
-    def encode(self, x: Tensor, mask: Tensor, n_before: Tensor) -> Encoded:
+    def encode(self, x: Tensor, mask: Tensor, n_before: Tensor, marks: Tensor | None = None) -> Encoded:
         """Memory: mask (B, S), then keys and values (B, H, S, D / H) of each decoder layer. State: empty caches."""
-        states = self.encoder(with_deltas(self.normaliser(x), n_before), mask)
+        x = self.normaliser(x)
+        if self.config.steps:
+            x = with_deltas(x, n_before)
+        if self.marked:
+            assert marks is not None
+            x = torch.cat([x, marks.to(x.dtype)], dim=-1)
+        states = self.encoder(x, mask)
         tokens = admissible(self.token(states), n_before) if self.config.tokens else None
         memory = [mask]
         state = []
@@ -99,11 +114,23 @@ class Transformer(Generator):
         self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State
     ) -> tuple[Tensor, Tensor, State]:
         """Frames, logits of the last frame, and extended caches."""
+        x, caches = self.decoder_states(fed, kinds, start, memory, state)
+        frames = self.normaliser.inverse(self.frame(x))
+        last: Tensor = self.last(x)
+        if self.config.counter:
+            counter = torch.sigmoid(last)
+            return torch.cat([frames, counter], dim=-1), _LOGIT_SLOPE * (counter[..., 0] - COUNTED), caches
+        return frames, last[..., 0], caches
+
+    def decoder_states(
+        self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State
+    ) -> tuple[Tensor, State]:
+        """The decoder's last states (B, T, D), and extended caches."""
         shown = (kinds == FRAME)[..., None].to(fed.dtype)
-        inputs = self.kind(kinds) + shown * self.embedding(self.normaliser(fed[..., :N_NUMBERS]))
+        inputs = self.kind(kinds) + shown * self.embedding(self.normaliser(fed[..., : self.normaliser.n_numbers]))
         n_new, n_past = fed.shape[1], state[0].shape[2]
         if self.config.counter:
-            inputs = inputs + self.count(fed[..., N_NUMBERS:])
+            inputs = inputs + self.count(fed[..., self.normaliser.n_numbers :])
         else:
             positions = start + torch.arange(n_new, device=fed.device)
             inputs = inputs + positional_code(positions, inputs.shape[-1]).to(inputs.dtype)
@@ -114,10 +141,5 @@ class Transformer(Generator):
             cross = (memory[2 * k + 1], memory[2 * k + 2])
             x, cache = layer(x, (state[2 * k], state[2 * k + 1]), cross, self_allowed, cross_allowed)
             caches += cache
-        x = self.norm(x)
-        frames = self.normaliser.inverse(self.frame(x))
-        last: Tensor = self.last(x)
-        if self.config.counter:
-            counter = torch.sigmoid(last)
-            return torch.cat([frames, counter], dim=-1), _LOGIT_SLOPE * (counter[..., 0] - COUNTED), tuple(caches)
-        return frames, last[..., 0], tuple(caches)
+        out: Tensor = self.norm(x)
+        return out, tuple(caches)

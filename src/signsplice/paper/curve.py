@@ -1,0 +1,110 @@
+"""Validation curves: how good a whole system was after each part of its training, through its own positions.
+
+A curve is made from snapshots of the weights (``train.paper.curves``) and stored as curve.json in the bundle's folder.
+results.json holds a copy, with which figures are drawn.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from signsplice.errors import InputError
+from signsplice.formats.atomic import replacing
+from signsplice.formats.json_files import read_json
+
+FILE = "curve.json"
+VERSION = 1
+COLUMNS = ("pairs", "core_minutes", "accuracy", "mse")
+"""The numbers of a point: pairs seen and processor minutes of all parts together, and the two scores."""
+OF_TRUE_POSITIONS = ("step", "accuracy")
+"""The numbers of a point in curves of an earlier form, whose frames were made at the true positions. None is drawn."""
+MOST_DIFFERENCE = 0.002
+"""Largest difference between the Accuracy of the last point and that of the exported bundle on the same pairs."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The scores of a system on validation pairs over its training.
+
+    - system: the system's name
+    - split: the split whose training part it learned from
+    - scale: smoke, cpu or paper
+    - optimiser: adamw or sgd
+    - fr: frames that Culling keeps on each side, None without Culling
+    - seed: the training's seed
+    - points: the numbers of each point, named by ``columns``; None where one is not known
+    - columns: ``COLUMNS``, or ``OF_TRUE_POSITIONS``
+    - bundle: first digits of the bundle's sha256
+    - corpus: hash of the corpus
+    - n_pairs: number of validation pairs
+    """
+
+    system: str
+    split: str
+    scale: str
+    optimiser: str
+    fr: int | None
+    seed: int | None
+    points: Sequence[Sequence[float | None]]
+    columns: tuple[str, ...] = OF_TRUE_POSITIONS
+    bundle: str = ""
+    corpus: str = ""
+    n_pairs: int = 0
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Identifies the curve: a curve of the same key replaces it."""
+        return (self.system, self.split, self.scale, self.optimiser, self.fr, self.seed)
+
+    @property
+    def is_own(self) -> bool:
+        """Whether the system found the positions itself."""
+        return self.columns == COLUMNS
+
+    def column(self, name: str) -> list[float | None]:
+        """One number of every point."""
+        at = self.columns.index(name)
+        return [point[at] for point in self.points]
+
+
+def difference(curve: Curve, accuracy: float) -> float:
+    """How far the last point is from an Accuracy on the same pairs; infinite for a curve without points."""
+    last = curve.column("accuracy")[-1] if curve.points else None
+    return float("inf") if last is None else abs(last - accuracy)
+
+
+def from_json(stored: Mapping[str, Any]) -> Curve:
+    """The curve that ``asdict`` stored. Raises ``TypeError`` or ``KeyError`` for anything else."""
+    points = [tuple(point) for point in stored["points"]]
+    return Curve(**{**stored, "points": points, "columns": tuple(stored.get("columns", OF_TRUE_POSITIONS))})
+
+
+def save(curve: Curve, folder: Path) -> Path:
+    """Write curve.json into a bundle's folder, atomically; its path."""
+    path = folder / FILE
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps({"version": VERSION, **asdict(curve)}) + "\n", encoding="utf-8")
+    return path
+
+
+def load(folder: Path, bundle: str) -> Curve | None:
+    """The curve in a bundle's folder, None if there is none or it is of an earlier bundle. Raises ``InputError`` for a
+    file of another kind.
+    """
+    path = folder / FILE
+    if not path.is_file():
+        return None
+    stored = read_json(path, "a validation curve")
+    try:
+        if stored.pop("version") != VERSION:
+            raise KeyError("version")
+        curve = from_json(stored)
+        if not curve.is_own or any(len(point) != len(COLUMNS) for point in curve.points):
+            raise KeyError("columns")
+    except (AttributeError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: is no validation curve ({error}); remove it, `signsplice paper curves`") from error
+    return curve if curve.bundle == bundle else None
