@@ -16,9 +16,12 @@ import torch
 from signsplice.synth import notation, training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.synth.signer import STANDARD, skeleton
+from signsplice.train.paper.networks.cam_stitch import CamStitchConfig
 from signsplice.train.paper.networks.convs2s import ConvS2SConfig
 from signsplice.train.paper.networks.filling import InterpolationConfig, NatConfig
 from signsplice.train.paper.networks.lstm import LstmConfig
+from signsplice.train.paper.networks.mixture_density import MixtureConfig
+from signsplice.train.paper.networks.skeletal_attention import SkeletalConfig
 from signsplice.train.paper.networks.spsn import SpsnConfig
 from signsplice.train.paper.networks.tfgn import TransformerConfig
 from signsplice.train.paper.pairs_data import PairsData
@@ -51,8 +54,11 @@ CONFIGS: dict[str, tuple[Config, int | None]] = {
     "lstm": (LstmConfig(32), None),
     "nat": (NatConfig(FR, 32, 2, 1, 1, 48, 4, 0.0), FR),
     "interpolation": (InterpolationConfig(FR, 32, 3), FR),
+    "mixture": (MixtureConfig(32, 2, 1, 1, 48, 0.0, n_components=3), FR),
+    "skeletal": (SkeletalConfig(16, 2, 1, 1, 32, dropout=0.0), FR),
+    "cam-stitch": (CamStitchConfig(FR, 32), FR),
 }
-GENERATORS = ("tfgn", "tfgn-wc", "transformer", "progressive", "conv-s2s", "lstm")
+GENERATORS = ("tfgn", "tfgn-wc", "transformer", "progressive", "conv-s2s", "lstm", "mixture", "skeletal", "cam-stitch")
 
 
 @cache

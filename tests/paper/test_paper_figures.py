@@ -244,9 +244,11 @@ def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monk
     call = ("evaluate", "--scale", "smoke", "--pairs", str(pairs.folder), "--bundles", str(bundles), "--out", str(out))
     code, output = run(*call)
     assert code == 0, output
-    assert "15 rows judged, 15 in all" in output, "3 methods on three splits; lpt, lpt in one pass and lstm on two"
+    assert "18 rows judged, 18 in all" in output, (
+        "the mean and 3 methods on three splits; lpt, in one pass too, and lstm on two"
+    )
     assert {"table1.md", "table1.tex", "classical.md", "figure6.png", "figure4c.svg"} <= {p.name for p in out.iterdir()}
     assert "| LSTM | AdamW, 20 steps |" in (out / "table1.md").read_text()
     assert len(json.loads((out / "results.json").read_text())["curves"]) == 2
     monkeypatch.setattr(figures, "write", lambda *_: ([], []))
-    assert "0 rows judged, 15 in all" in run(*call)[1]
+    assert "0 rows judged, 18 in all" in run(*call)[1]

@@ -80,6 +80,10 @@ class Fake:
         )
         return Prediction(None if self.silent else pre - self.late, None if self.silent else post, out)
 
+    def positions(self, before: Float, after: Float) -> tuple[int | None, int | None]:
+        found = self.predict(before, after)
+        return found.pre, found.post
+
     def _truth(self, before: Float, after: Float) -> tuple[int, int, Any]:
         for number in range(len(self.pairs)):
             p, q = self.pairs.index[number, :2].tolist()

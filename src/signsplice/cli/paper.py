@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-import importlib.util
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from signsplice.cli import paper_training
+from signsplice.cli.paper_training import TrainingOptions
 from signsplice.cli.terminal import progress, warn
-from signsplice.cli.train import check_extra, progress_printer
+from signsplice.cli.train import check_extra, deadline_in
 from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from signsplice.paper.plan import Run
+    from signsplice.paper.plan import Choice, Run
     from signsplice.paper.results import Results
 
-WHAT = ("all", "evaluate", "tables", "table1", "table2", "table3", "claims", "figures", "curves", "speed")
+WHAT = (
+    *("all", "train", "judge", "evaluate", "tables", "table1", "table2", "table3", "claims", "figures"),
+    *("curves", "speed", "search", "merge"),
+)
 ONE_TABLE = ("table1", "table2", "table3")
 N_TIMED = 20
 
@@ -33,6 +37,13 @@ N_TIMED = 20
 @click.option("--out", metavar="DIR", default="docs/paper", show_default=True,
               help="Folder of results.json, tables and figures.")  # fmt: skip
 @click.option("--system", "systems", multiple=True, metavar="NAME", help="Train and judge only these.")
+@click.option("--optimiser", "optimisers", multiple=True, type=click.Choice(("adamw", "sgd")), help="Likewise.")
+@click.option("--split", "splits", multiple=True, type=click.Choice(("random", "unseen-words", "unseen-signer")),
+              help="Likewise.")  # fmt: skip
+@click.option("--seed", "seeds", multiple=True, type=int, metavar="N", help="Likewise.")
+@click.option("--fr", "frs", multiple=True, type=int, metavar="N", help="Likewise; 8 is that of all tables but one.")
+@click.option("--minutes", type=float, metavar="M", help="Stop training after M minutes; the same call continues.")
+@click.option("--from", "sources", multiple=True, metavar="DIR", help="Folders of results that merge adds to --out.")
 @click.option("--steps", type=int, metavar="N", help="Training steps, in place of the scale's.")
 @click.option("--workers", type=int, default=1, show_default=True, metavar="N",
               help="Train N systems at once; they share the processor's cores.")  # fmt: skip
@@ -47,36 +58,50 @@ def paper(
     bundles: str,
     out: str,
     systems: tuple[str, ...],
+    optimisers: tuple[str, ...],
+    splits: tuple[str, ...],
+    seeds: tuple[int, ...],
+    frs: tuple[int, ...],
+    minutes: float | None,
+    sources: tuple[str, ...],
     steps: int | None,
     workers: int,
     limit: int | None,
     again: bool,
 ) -> None:
-    """Reproduce the paper. all: train missing systems, judge, write tables and figures. evaluate: the same without
-    training. tables: all tables, claims and figures from results.json, in seconds, without corpus or networks; table1,
-    table2, table3, claims, figures: those alone. curves: judge systems after every part of their training, from the
-    weights kept in it. speed: time untrained systems of the scale's sizes.
+    """Reproduce the paper. all: train missing systems, judge, write tables and figures. train, judge: only that.
+    evaluate: all but training. tables: all tables, claims and figures from results.json, in seconds, without corpus or
+    networks; table1, table2, table3, claims, figures: those alone. curves: judge systems after every part of their
+    training, from the weights kept in it. speed: time untrained systems of the scale's sizes. search: try learning
+    rates and widths. merge: add results that were judged elsewhere.
     """
     from signsplice.paper import plan, results
 
     folder = Path(out)
     _check(systems, limit, steps, workers)
+    choice = plan.Choice(systems, optimisers, splits, seeds, frs)
+    options = TrainingOptions(scale, Path(pairs), Path(bundles), steps, workers, deadline_in(minutes))
     if what == "speed":
         if systems or steps is not None or workers > 1 or again:
             raise InputError("speed takes --scale, --pairs, --out and --limit; it times all systems, untrained")
         _make_folder(folder)
         _speed(folder, Path(pairs), scale, limit or N_TIMED)
         return
-    if what == "curves":
-        _curves(Path(pairs), Path(bundles), scale, systems, again, required=True)
-        return
-    if what in ("all", "evaluate"):
+    if what in ("search", "merge"):
         _make_folder(folder)
-        if what == "all":
-            todo = plan.missing(plan.runs(scale, systems), Path(bundles))
-            _train(todo, Path(pairs), Path(bundles), steps, workers)
-            _curves(Path(pairs), Path(bundles), scale, systems, again, required=False)
-        _evaluate(folder, Path(pairs), Path(bundles), scale, systems, limit, again)
+        if what == "search":
+            paper_training.search(options, systems, folder)
+            return
+        paper_training.merge(sources, folder)
+    if what in ("all", "train"):
+        paper_training.train_missing(options, choice)
+    if what in ("all", "train", "curves"):
+        paper_training.curves(options, systems, again, required=what == "curves")
+    if what in ("all", "judge", "evaluate"):
+        _make_folder(folder)
+        _evaluate(folder, Path(pairs), Path(bundles), scale, choice, limit, again)
+    if what in ("train", "curves", "judge"):
+        return
     if not (folder / results.FILE).is_file():
         raise InputError(f"{folder / results.FILE}: not there; `signsplice paper evaluate` or `all` makes it")
     known = results.load(folder / results.FILE)
@@ -104,61 +129,17 @@ def _make_folder(folder: Path) -> None:
         raise InputError(f"{folder}: cannot be made ({error.strerror})") from error
 
 
-def _train(todo: Sequence[Run], pairs: Path, bundles: Path, steps: int | None, workers: int) -> None:
-    """Train every run, one after another or side by side."""
-    if not todo:
-        return
-    if importlib.util.find_spec("torch") is None:
-        raise MissingExtraError(
-            f"{len(todo)} of the paper's systems are not trained yet, {todo[0].name} first, and training needs torch: "
-            "pip install 'signsplice[train]'; `signsplice paper evaluate` judges what is there"
-        )
-    check_extra()
-    from signsplice.train.paper import schedule
-
-    def started(number: int, run: Run) -> None:
-        click.echo(f"training {number} of {len(todo)}: {run.name}", err=True)
-
-    def finished(run: Run, folder: Path) -> None:
-        print(f"{folder}: {run.system}, scale {run.scale}, {run.optimiser}, {run.split}")
-
-    _make_folder(bundles)
-    planned = schedule.Schedule(todo, pairs, bundles, steps)
-    if workers > 1:
-        schedule.train_side_by_side(planned, workers, started)
-    else:
-        schedule.train_one_by_one(planned, started, finished, progress_printer)
-
-
 def _evaluate(
-    folder: Path, pairs: Path, bundles: Path, scale: str, systems: Sequence[str], limit: int | None, again: bool
+    folder: Path, pairs: Path, bundles: Path, scale: str, choice: Choice, limit: int | None, again: bool
 ) -> None:
     from signsplice.paper import judging, results
     from signsplice.synth.corpus import Pairs
 
     corpus = Pairs(pairs)
     file = folder / results.FILE
-    judge = judging.Judge(corpus, results.load(file), progress, limit=limit, again=again)
-    n_rows, known = judging.evaluate(judge, folder, bundles, scale, systems, lambda line: warn([line]))
+    judge = judging.Judge(corpus, results.load(file), progress, limit=limit, again=again, splits=choice.splits)
+    n_rows, known = judging.evaluate(judge, folder, bundles, scale, choice, lambda line: warn([line]))
     print(f"{file}: {n_rows} rows judged, {len(known.rows)} in all")
-
-
-def _curves(pairs: Path, bundles: Path, scale: str, systems: Sequence[str], again: bool, required: bool) -> None:
-    """Write the validation curves that bundles lack."""
-    if not required and importlib.util.find_spec("torch") is None:
-        return
-    check_extra()
-    from signsplice.paper.bundles import read_all
-    from signsplice.synth.corpus import Pairs
-    from signsplice.train.paper import curves, schedule
-    from signsplice.train.processes import pick_device
-
-    configs = [c for c in read_all(bundles) if c.scale == scale and (not systems or c.system in systems)]
-    if required and not configs:
-        raise InputError(f"{bundles}: no bundle of scale {scale} there; `signsplice train paper` makes one")
-    judge = curves.CurveJudge(Pairs(pairs), bundles / schedule.PARTS, pick_device("auto"), progress)
-    for path in judge.write(configs, again, lambda line: warn([line])):
-        print(path)
 
 
 def _speed(folder: Path, pairs: Path, scale: str, n_pairs: int) -> None:

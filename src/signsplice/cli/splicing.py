@@ -18,6 +18,7 @@ from signsplice.cli.terminal import note, warn
 from signsplice.errors import InputError
 
 if TYPE_CHECKING:
+    from signsplice.paper.systems.clips import ClipSplicer
     from signsplice.splicing.engine import SpliceOptions, SpliceResult
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -38,6 +39,16 @@ _FREE_HAND = click.option(
     show_default=True,
     metavar="transition|natural",
     help="Time of a hand that only goes to rest or comes from it: the transition's, or frames of the sign too.",
+)
+_SYSTEM = click.option(
+    "--system",
+    metavar="DIR",
+    help="A trained system of the paper, run whole: its positions, its number of frames, its frames.",
+)
+_FILL_MISSES = click.option(
+    "--fill-misses",
+    is_flag=True,
+    help="Join words for which the system finds no positions by the defaults, instead of stopping.",
 )
 _ROLES = click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
 _REPORT = click.option("--report", metavar="R.json", help="Write spans, seams and timing to this JSON file.")
@@ -84,6 +95,8 @@ def splicing_options(command: Command) -> Command:
             _BUNDLE,
             _AVOID_COLLISIONS,
             _FREE_HAND,
+            _SYSTEM,
+            _FILL_MISSES,
             _ROLES,
             _REPORT,
         )
@@ -149,10 +162,12 @@ def sentence(
     deliver(result, output, report, load_ms, {"units": [asdict(unit) for unit in units]})
 
 
-def _splice_options(transition_time: str, cutter: str | None, transition: str | None, **others: Any) -> SpliceOptions:
+def _splice_options(
+    transition_time: str, cutter: str | None, transition: str | None, system: str | None, **others: Any
+) -> SpliceOptions:
     """``SpliceOptions`` of a call. Raises ``InputError`` for unknown methods, before any file is read."""
     from signsplice.splicing.engine import SpliceOptions
-    from signsplice.splicing.methods import AUTO, choose
+    from signsplice.splicing.methods import AUTO
 
     try:
         seconds, duration = float(transition_time), AUTO
@@ -164,33 +179,39 @@ def _splice_options(transition_time: str, cutter: str | None, transition: str | 
         duration=duration,
         transition_time=seconds,
         limits=limits(),
+        system=None if system is None else _opened(system),
         **others,
     )
-    choose(options.cutter, options.transition, options.duration, options.bundle)
+    options.chosen_methods()
     return options
 
 
 def _networks(
-    bundle: str | None, cutter: str | None = None, transition: str | None = None, **_: Any
+    bundle: str | None, cutter: str | None = None, transition: str | None = None, system: str | None = None, **_: Any
 ) -> list[str | Path | None]:
     """Folders of the networks that a call may read."""
     from signsplice.splicing.methods import WEIGHTS
 
-    return [bundle or WEIGHTS, cutter, transition]
+    return [bundle or WEIGHTS, cutter, transition, system]
 
 
 def _method(name: str | None) -> Any:
     """A method's name, or the paper's trained system in the folder of that name."""
     if name is None or not (Path(name) / "bundle.json").is_file():
         return name
+    return _opened(name)
+
+
+def _opened(folder: str) -> ClipSplicer:
+    """The paper's trained system in a folder."""
     from signsplice.splicing.bundle import read_config
     from signsplice.splicing.learned import SYSTEM
 
-    if read_config(Path(name)).system == SYSTEM:
-        raise InputError(f"{name}: is a bundle of this project; give it as --bundle {name}")
+    if read_config(Path(folder)).system == SYSTEM:
+        raise InputError(f"{folder}: is a bundle of this project; give it as --bundle {folder}")
     from signsplice.paper.systems.clips import open_clip_splicer
 
-    return open_clip_splicer(name)
+    return open_clip_splicer(folder)
 
 
 def deliver(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from signsplice.cli.clips import load, reads_clips
+from signsplice.cli.terminal import warn
 from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -42,6 +44,7 @@ def train() -> None:
 @click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of weights, batches and noise.")
 @click.option("--device", default="auto", show_default=True, metavar="NAME", help="auto, cpu or cuda.")
 @click.option("--bf16/--no-bf16", default=None, help="Half precision; by default on GPUs alone.")
+@click.option("--minutes", type=float, metavar="M", help="Stop after M minutes; the same command continues.")
 def paper(
     pairs: str,
     system: str,
@@ -55,6 +58,7 @@ def paper(
     seed: int,
     device: str,
     bf16: bool | None,
+    minutes: float | None,
 ) -> None:
     """Train a system of the paper and export it. The same command continues after an interruption.
 
@@ -63,8 +67,10 @@ def paper(
     check_extra()
     from signsplice.synth.corpus import Pairs
     from signsplice.train import processes
+    from signsplice.train.ending import DeadlineError
     from signsplice.train.paper import scales, training
 
+    deadline = deadline_in(minutes)
     corpus = Pairs(pairs)
     systems = list(scales.SYSTEMS) if system == "all" else [system]
     if system == "all" and fr is not None:
@@ -75,10 +81,24 @@ def paper(
         for name in systems:
             folder = Path(out) / name if system == "all" else Path(out)
             shared = Path(parts) if parts is not None else Path(out).parent / "parts"
-            config = training.Training(name, scale, optimiser, split, seed, fr, steps, bf16)
-            training.make(config, corpus, folder, shared, process, progress_printer if process.first else None)
+            config = training.Training(name, scale, optimiser, split, seed, fr, steps, bf16, deadline=deadline)
+            try:
+                training.make(config, corpus, folder, shared, process, progress_printer if process.first else None)
+            except DeadlineError as error:
+                if process.first:
+                    warn([f"{folder}: {error}"])
+                return
             if process.first:
                 print(f"{folder}: {name}, scale {scale}, {optimiser}, {split}")
+
+
+def deadline_in(minutes: float | None) -> float | None:
+    """The value of ``time.monotonic`` in so many minutes. Raises ``InputError`` for a negative number."""
+    if minutes is None:
+        return None
+    if not minutes >= 0.0:
+        raise InputError(f"--minutes {minutes:g}, expected at least 0")
+    return time.monotonic() + 60.0 * minutes
 
 
 def _product_options(command: Command) -> Command:
@@ -243,6 +263,26 @@ def export(bundle: str, output: str, int8: bool) -> None:
     print(f"{output}: {before / 1e6:.1f} MB in {after / 1e6:.1f} MB")
 
 
+@click.command()
+@click.argument("bundles", nargs=-1, required=True, metavar="BUNDLE ...")
+@click.option("-o", "--output", required=True, metavar="DIR", help="Folder of the published bundles, and their page.")
+@click.option("--pairs", required=True, metavar="DIR", help="Corpus of pairs that they learned from.")
+@click.option("--limit", type=int, default=200, show_default=True, metavar="N",
+              help="Test pairs on which both forms are compared.")  # fmt: skip
+def publish(bundles: tuple[str, ...], output: str, pairs: str, limit: int) -> None:
+    """Write trained systems of the paper with 16-bit weights, each into a folder of its name, and a page that lists
+    them; needs the extra `train`. The page tells how far they choose as before.
+    """
+    if limit < 1:
+        raise InputError(f"--limit {limit}, expected at least 1")
+    check_extra()
+    from signsplice.synth.corpus import Pairs
+    from signsplice.train import publishing
+
+    for line in publishing.publish([Path(name) for name in bundles], Path(output), Pairs(pairs), limit):
+        print(line)
+
+
 def check_extra() -> None:
     """Raise ``MissingExtraError`` if a package of the extra `train` is missing."""
     missing = [name for name in ("torch", "onnxscript", "filelock") if importlib.util.find_spec(name) is None]
@@ -267,4 +307,4 @@ def progress_printer(part: str) -> ProgressCallback:
     return report
 
 
-COMMANDS = (train, export)
+COMMANDS = (train, export, publish)

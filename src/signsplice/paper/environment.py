@@ -9,6 +9,10 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+N_HEX = 12
+"""Digits of a commit."""
+COPIED_FROM = "SIGNSPLICE_COMMIT"
+"""Environment variable: the commit of a copy without a repository."""
 PACKAGES = ("signsplice", "numpy", "scipy", "onnxruntime")
 
 
@@ -18,16 +22,23 @@ def environment() -> dict[str, Any]:
 
 
 def commit(folder: Path | None = None) -> str:
-    """The git revision of this code, with "+" if files differ from it; empty outside a repository."""
+    """The git revision of this code: 12 hex digits, and "+" if its tracked files differ from the revision.
+
+    Files outside the package, such as results that are being written, do not count. Without a repository it is the
+    variable ``SIGNSPLICE_COMMIT``, for copies of the files alone, or empty.
+    """
     where = folder or Path(__file__).resolve().parents[1]
+    calls = (["rev-parse", "HEAD"], ["status", "--porcelain", "--untracked-files=no", "--", "."], ["ls-files", "."])
     try:
-        revision, changes = (
+        revision, changes, tracked = (
             subprocess.run(["git", *call], cwd=where, capture_output=True, text=True, check=True, timeout=20).stdout
-            for call in (["rev-parse", "--short=12", "HEAD"], ["status", "--porcelain", "--", "."])
+            for call in calls
         )
     except (OSError, subprocess.SubprocessError):
-        return ""
-    return revision.strip() + ("+" if changes.strip() else "")
+        return os.environ.get(COPIED_FROM, "")
+    if not tracked:  # installed inside the repository of something else
+        return os.environ.get(COPIED_FROM, "")
+    return revision[:N_HEX] + ("+" if changes.strip() else "")
 
 
 def versions() -> dict[str, str]:

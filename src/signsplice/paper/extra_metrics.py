@@ -24,13 +24,12 @@ Float = NDArray[np.float64]
 CONTEXT = 8
 """Frames on each side of a transition over which its seams are judged."""
 
+REQUIRED = ("hips", "leftHand", "rightHand")
+"""Roles of the joints without which nothing is measured."""
 FRAMES = 8
 """Frames of a transition, from its first on, that have an error of their own."""
 FIRST = 2
 """Frames that the paper calls the first ones (its figure 6)."""
-
-REQUIRED = ("hips", "leftHand", "rightHand")
-"""Roles of the joints without which nothing is measured."""
 
 SIGNATURES = {
     "position_error": "position-error|joints:arms+fingers|frame:hips-place|unit:arm/1000|other-lengths:stretched|mean",

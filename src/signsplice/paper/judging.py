@@ -27,6 +27,7 @@ from signsplice.paper.environment import environment
 from signsplice.paper.kept_frames import KeptFrames
 from signsplice.paper.mean_transition import NAME as MEAN_TRANSITION
 from signsplice.paper.mean_transition import MeanAnswers
+from signsplice.paper.plan import Choice, Run
 from signsplice.paper.protocol import Answer, Protocol
 from signsplice.paper.results import CLASSICAL, CORPUS_TRAINED, MEAN, SHIPPED, ResultRow, Results
 from signsplice.paper.systems import open_bundle
@@ -67,6 +68,7 @@ class Judge:
     - progress: makes a progress bar
     - opener: opens a bundle
     - limit: largest number of pairs of a split, None for all
+    - splits: those that are judged, all if none is named
     - again: whether to judge known rows again
     - margins: how near the true cuts are to other frames, by pair, as far as known
     """
@@ -77,6 +79,7 @@ class Judge:
     opener: Opener = open_bundle
     limit: int | None = None
     again: bool = False
+    splits: tuple[str, ...] = ()
     margins: Mapping[int, float] = field(default_factory=dict)
 
     def protocols(self) -> list[Protocol]:
@@ -94,6 +97,7 @@ class Judge:
         """
         protocols = self.protocols()
         frames = kept_frames.merge(kept, kept_frames.choose(self.pairs, protocols[0]))
+        protocols = [p for p in protocols if not self.splits or p.split in self.splits]
         yield self.judge_mean(protocols)
         for method in methods:
             judgement = self.judge_method(method, protocols, frames)
@@ -242,19 +246,26 @@ def corpus_trained_methods(configs: Iterable[BundleConfig], warn: Warn) -> list[
     return [method for methods in by_source.values() for method in methods]
 
 
-def evaluate(
-    judge: Judge, out: Path, folder: Path, scale: str, systems: Sequence[str], warn: Warn
-) -> tuple[int, Results]:
+def _run(config: BundleConfig) -> Run:
+    """The training that made a bundle."""
+    return Run(
+        config.system or "", config.scale or "", config.optimiser or "", config.split or "", config.fr, config.seed or 0
+    )
+
+
+def evaluate(judge: Judge, out: Path, folder: Path, scale: str, choice: Choice, warn: Warn) -> tuple[int, Results]:
     """Judge the methods on clips and the bundles in ``folder``: the number of new rows, and all results.
 
     results.json and frames.npz in ``out`` are written after every method and bundle, so that an interrupted call loses
-    at most one. ``judge.known`` are the results before. ``systems``: judge only their bundles, if any are named.
+    at most one. ``judge.known`` are the results before. ``choice``: which bundles; methods on
+    clips are judged only if it names none.
     """
     configs = bundles.read_all(folder)
-    chosen = [config for config in configs if config.scale == scale and (not systems or config.system in systems)]
+    chosen = [config for config in configs if config.scale == scale and choice.allows(_run(config))]
+    named = bool(choice.systems or choice.optimisers or choice.seeds or choice.frs)
     if not chosen:
-        warn(f"{folder}: no bundle of scale {scale} there; only methods on clips are judged")
-    methods = [*clip_methods.all_clip_methods(), *corpus_trained_methods(configs, warn)]
+        warn(f"{folder}: no bundle of scale {scale} there" + ("" if named else "; only methods on clips are judged"))
+    methods = [] if named else [*clip_methods.all_clip_methods(), *corpus_trained_methods(configs, warn)]
     numbers = sorted({number for p in judge.protocols() for number in p.numbers})
     judge = replace(judge, margins=margins.of_pairs(out / margins.FILE, judge.pairs, numbers, warn))
     known, n_rows = judge.known, 0

@@ -1,18 +1,53 @@
-"""The trainings that the paper's tables and figures need, and the folder of each bundle."""
+"""The trainings that the paper's tables and figures need, in order of importance, and the folder of each bundle.
+
+One plan serves a corpus of either truth: the trainings of the other truth are the same, with another corpus, another
+folder of bundles and another folder of results.
+"""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from signsplice.paper import published
 from signsplice.splicing.bundle import BUNDLE_FILE
 
 SCALES = ("smoke", "cpu", "paper")
+SPLITS = ("random", "unseen-words")
+"""Splits that are trained on."""
+SHARED_TRAINING = {"unseen-signer": "random"}
+"""Splits that have the training part of another split."""
 SWEEP = (2, 4, 6, 8, 10, 12, 16)
 """Values of fr; the paper prints only the results for 6 and 8."""
 SWEEP_SMOKE = (4, 8)
+
+RIVALS = ("transformer", "lstm", "conv-s2s")
+"""The systems that the paper compares LpTransformer with."""
+TABLE_1 = ("lpt-printed", "lpt", *RIVALS)
+PAPER = (
+    *TABLE_1,
+    *("lpt-printed-wa", "lpt-printed-wc", "lpt-printed-wac", "lpt-wa", "lpt-wc", "lpt-wac"),
+    *("lpt-eq7", "lpt-frames", "lpt-no-summary", "lpt-plain-loss"),
+)
+"""Tables 1 and 3: the paper's systems as printed, the improved one, the ablations of both, and the improved one with
+one addition taken away.
+"""
+RELATED = ("progressive-transformer", "nat", "conv-interp", "mixture-density", "skeletal-attention", "cam-stitch")
+"""Systems of the paper's related work."""
+SEEDED = ("lpt-printed", "lpt")
+"""Systems that are trained with further seeds, beside the best rival, and for every fr: there they share their parts
+that see fr frames.
+"""
+SEEDS = (1, 2)
+BY_SGD = {
+    "smoke": ("lpt-printed",),
+    "cpu": ("lpt-printed",),
+    "paper": ("lpt-printed", "lpt", *RIVALS, "lpt-wc"),
+}
+"""Systems that are trained by SGD too, as in the paper. It needs many times the steps of AdamW."""
 
 
 @dataclass(frozen=True)
@@ -42,24 +77,96 @@ class Run:
         return f"{self.system}{fr}-{self.scale}-{self.optimiser}-{self.split}{seed}"
 
 
-def runs(scale: str, systems: Sequence[str] = (), seed: int = 0) -> list[Run]:
-    """Every training that the tables and figures of a scale need, the most important first; only those of ``systems``
-    if any are named.
+@dataclass(frozen=True)
+class Choice:
+    """Which systems are trained and judged; an empty field allows all.
 
-    On the random split: the paper's seven systems by AdamW and, as in the paper, by SGD; the systems of its related
-    work by AdamW; LpTransformer by AdamW for every fr. On unseen words: all systems but ``lpt-printed`` by AdamW.
-    Unseen signers need no training, because they share the training part of the random split.
+    - systems, optimisers, seeds: those of the trainings
+    - splits: splits that are judged, and trained on
+    - frs: frames that Culling keeps, ``published.BEST_FR`` for the default and for systems without Culling
     """
-    seven = tuple(dict.fromkeys((*reversed(published.TABLE_1), *published.TABLE_3)))
-    every = [Run(system, scale, "adamw", "random", seed=seed) for system in (*seven, *published.OTHERS)]
-    every += [Run(system, scale, "sgd", "random", seed=seed) for system in seven]
-    sweep = SWEEP_SMOKE if scale == "smoke" else SWEEP
-    every += [Run("lpt", scale, "adamw", "random", fr, seed) for fr in sweep if fr != published.BEST_FR]
-    unseen = (*seven, *(system for system in published.OTHERS if system != "lpt-printed"))
-    every += [Run(system, scale, "adamw", "unseen-words", seed=seed) for system in unseen]
-    return [run for run in every if not systems or run.system in systems]
+
+    systems: tuple[str, ...] = ()
+    optimisers: tuple[str, ...] = ()
+    splits: tuple[str, ...] = ()
+    seeds: tuple[int, ...] = ()
+    frs: tuple[int, ...] = ()
+
+    def allows(self, run: Run) -> bool:
+        """Whether a run is wanted: what it trains is judged on one of the splits."""
+        feeding = tuple(_trained_on(split) for split in self.splits)
+        asked: tuple[tuple[tuple[object, ...], object], ...] = (
+            (self.systems, run.system),
+            (self.optimisers, run.optimiser),
+            (feeding, _trained_on(run.split)),
+            (self.seeds, run.seed),
+            (self.frs, published.BEST_FR if run.fr is None else run.fr),
+        )
+        return all(not allowed or value in allowed for allowed, value in asked)
 
 
-def missing(planned: Sequence[Run], bundles: Path) -> list[Run]:
-    """The runs whose bundle does not exist."""
-    return [run for run in planned if not (bundles / run.name / BUNDLE_FILE).is_file()]
+def _trained_on(split: str) -> str:
+    return SHARED_TRAINING.get(split, split)
+
+
+def runs(scale: str, choice: Choice | None = None, rival: str | None = None) -> list[Run]:
+    """Every training that the tables and figures of a scale need, the most important first.
+
+    1. On the random split by AdamW: the systems of tables 1 and 3. At scale ``paper`` those of ``BY_SGD`` after them.
+    2. The same systems on unseen words; at scale ``smoke`` only those of table 1.
+    3. Seeds 1 and 2 of the systems in ``SEEDED`` and of ``rival``, the best rival; at scale ``smoke`` seed 1. While it
+       is not known (None), and all rivals are wanted, the list ends before them.
+    4. LpTransformer for every fr, the systems of the related work on both splits, and SGD: of the systems in
+       ``BY_SGD``, or of those that the choice names together with SGD.
+    """
+    wanted, smoke = choice or Choice(), scale == "smoke"
+    by_sgd = wanted.systems if "sgd" in wanted.optimisers and wanted.systems else BY_SGD[scale]
+    sgd = [Run(system, scale, "sgd", "random") for system in by_sgd]
+    first = [Run(system, scale, "adamw", "random") for system in PAPER]
+    first += sgd if scale == "paper" else []
+    first += [Run(system, scale, "adamw", "unseen-words") for system in (TABLE_1 if smoke else PAPER)]
+    chosen = [run for run in first if wanted.allows(run)]
+    if rival is None and {Run(system, scale, "adamw", "random") for system in RIVALS} <= set(chosen):
+        return chosen
+    seeded = (*SEEDED, *(() if rival is None else (rival,)))
+    last = [
+        Run(system, scale, "adamw", "random", seed=seed) for seed in SEEDS[: 1 if smoke else None] for system in seeded
+    ]
+    sweep = [fr for fr in (SWEEP_SMOKE if smoke else SWEEP) if fr != published.BEST_FR]
+    last += [Run(system, scale, "adamw", "random", fr) for fr in sweep for system in SEEDED]
+    last += [Run(system, scale, "adamw", split) for split in SPLITS[: 1 if smoke else None] for system in RELATED]
+    last += sgd if scale != "paper" else []
+    return chosen + [run for run in last if wanted.allows(run)]
+
+
+def best_rival(bundles: Path, scale: str) -> str | None:
+    """The rival with the best Accuracy on validation pairs of the random split, with seed 0; None as long as one of
+    them is not trained. Test pairs do not decide what is trained further.
+    """
+    scores = {}
+    for system in RIVALS:
+        stored = _stored(bundles / Run(system, scale, "adamw", "random").name)
+        if stored is None:
+            return None
+        parts = stored.get("parts", {}).values()
+        scores[system] = max((part.get("scores", {}).get("accuracy", 0.0) for part in parts), default=0.0)
+    return max(scores, key=lambda system: scores[system])
+
+
+def missing(planned: Sequence[Run], bundles: Path, corpus: str | None = None) -> list[Run]:
+    """The runs whose bundle does not exist, or is of another corpus than the one with this hash."""
+    out = []
+    for run in planned:
+        stored = _stored(bundles / run.name)
+        if stored is None or (corpus is not None and stored.get("corpus", corpus) != corpus):
+            out.append(run)
+    return out
+
+
+def _stored(bundle: Path) -> dict[str, Any] | None:
+    """The contents of a bundle.json, None where there is none."""
+    try:
+        stored = json.loads((bundle / BUNDLE_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return stored if isinstance(stored, dict) else None

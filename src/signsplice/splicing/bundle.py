@@ -20,6 +20,7 @@ from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing_folder
 from signsplice.formats.json_files import check_type, read_json
 from signsplice.formats.reading import read_bytes
+from signsplice.motion.number_space import NumberSpace, read_space
 
 BUNDLE_FILE = "bundle.json"
 VERSION = 1
@@ -78,6 +79,7 @@ class BundleConfig:
     fr: frames that Culling keeps on each side; None without Culling.
     n_parameters: number of weights of a paper's system.
     runs: how a paper's system is run.
+    space: the joints and the cube of a paper's system; None for those of the synthetic signer.
     stored: the whole file as JSON values.
     """
 
@@ -97,6 +99,7 @@ class BundleConfig:
     fr: int | None = None
     n_parameters: int | None = None
     runs: RunConfig | None = None
+    space: NumberSpace | None = None
     stored: Mapping[str, Any] = field(default_factory=dict)
 
     def require(self, *names: str) -> None:
@@ -180,10 +183,11 @@ def config_of(stored: Mapping[str, Any], path: Path) -> BundleConfig:
             networks={name: _network(entry) for name, entry in stored.get("networks", {}).items()},
             n_parameters=stored.get("n_parameters"),
             runs=None if runs is None else _run(runs),
+            space=None if stored.get("space") is None else read_space(stored["space"]),
             stored=stored,
             **{name: stored.get(name) for name in _PLAIN},
         )
-    except (TypeError, AttributeError, ValueError) as error:
+    except (TypeError, AttributeError, ValueError, InputError) as error:
         reason = str(error)[:200]
         raise InputError(f"{path}: is no description of a trained system ({reason}); export the system anew") from error
 

@@ -42,17 +42,19 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None, starts: 
     with sentence.timed("join"):
         names = [piece.span.name for piece in pieces if piece.span.name]
         clip = concatenate([piece.clip for piece in pieces], name=" ".join(names))
+    cutter, transition, bundle = sentence.names
     return SpliceResult(
         clip=clip,
         spans=tuple(piece.span for piece in pieces),
         seams=tuple(piece.seam for piece in pieces if piece.seam is not None),
         warnings=tuple(dict.fromkeys(line for piece in pieces for line in piece.warnings)),
-        cutter=sentence.cutter.name,
-        transition=sentence.transition.name,
+        cutter=cutter,
+        transition=transition,
         timing_ms={part: 1e3 * sentence.seconds[part] for part in ("harmonize", "cut", "transition", "join")},
-        bundle=sentence.methods.bundle,
+        bundle=bundle,
         contacts=sentence.contacts,
         tempo=reached([(p.span.name or "", p.span.output) for p in pieces if p.span.kind == "sign"], clip.fps, tempo),
+        system=None if sentence.system is None else sentence.system.described(),
     )
 
 
@@ -84,7 +86,7 @@ class Stream:
 
     def __init__(self, options: SpliceOptions | None = None) -> None:
         self._sentence = SentenceBuilder(options or SpliceOptions())
-        self.cutter, self.transition = self._sentence.cutter.name, self._sentence.transition.name
+        self.cutter, self.transition, _ = self._sentence.names
 
     def push(self, clip: Clip, starts: bool = False) -> list[Piece]:
         """The pieces that are final now that one more word is known: none for the first. ``starts``: whether a letter

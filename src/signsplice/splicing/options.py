@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.splicing import free_hand, methods
-from signsplice.splicing.cut import Cutter
-from signsplice.splicing.duration import MAX_TRANSITION_S, Duration
+from signsplice.splicing.cut import CLASSICAL_CUTTER, Cutter
+from signsplice.splicing.duration import CLASSICAL_DURATION, MAX_TRANSITION_S, Duration
 from signsplice.splicing.learned import NAME
+from signsplice.splicing.methods import ChosenMethods
 from signsplice.splicing.tempo import CITATION, seconds_a_sign
-from signsplice.splicing.transition import Transition
+from signsplice.splicing.transition import CLASSICAL_TRANSITION, Transition
+from signsplice.splicing.whole_system import WholeSystem, check_alone
+
+_DECIDED_BY_SYSTEM = (
+    "cutter", "transition", "duration", "bundle", "transition_time", "tempo", "avoid_collisions", "free_hand",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -32,8 +38,11 @@ class SpliceOptions:
         transition, which is lengthened where the hand would pass 2.2 m/s, unless the call names a transition or a time;
         "natural": frames of the signs too, as long as the hand rests in them.
     limits: how many frames a clip may have at the output rate.
+    system: a system that splices whole words, in place of cutter, transition, duration and what goes with them.
+    fill_misses: whether words for which the system has no splice are joined by the defaults, with a warning; else they
+        are an error.
 
-    Raises ``InputError`` for a number out of range.
+    Raises ``InputError`` for a number out of range, and for what cannot be combined with a system.
     """
 
     cutter: str | Cutter | None = None
@@ -47,6 +56,8 @@ class SpliceOptions:
     avoid_collisions: bool | None = None
     free_hand: str = free_hand.TRANSITION
     limits: ReadLimits = DEFAULT_LIMITS
+    system: WholeSystem | None = None
+    fill_misses: bool = False
 
     def __post_init__(self) -> None:
         limits = (
@@ -60,6 +71,20 @@ class SpliceOptions:
         seconds_a_sign(self.tempo)
         if self.free_hand not in free_hand.FREE_HANDS:
             raise InputError(f"free hand {self.free_hand!r}, expected one of {', '.join(free_hand.FREE_HANDS)}")
+        if self.system is not None:
+            decided = {field.name: field.default for field in fields(self) if field.name in _DECIDED_BY_SYSTEM}
+            named = [name for name, default in decided.items() if getattr(self, name) not in (default, methods.AUTO)]
+            check_alone(self.system, named, self.fps)
+        elif self.fill_misses:
+            raise InputError(
+                "fill misses goes with a system: it says what becomes of words for which that has no splice"
+            )
+
+    def chosen_methods(self) -> ChosenMethods:
+        """The methods of the call; no network is read for a system whose misses are not filled, which needs none."""
+        if self.system is None or self.fill_misses:
+            return methods.choose(self.cutter, self.transition, self.duration, self.bundle)
+        return methods.choose(CLASSICAL_CUTTER, CLASSICAL_TRANSITION, CLASSICAL_DURATION)
 
     @property
     def has_own_cutter(self) -> bool:

@@ -50,7 +50,7 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
     out, its source is aligned with the nearest frame that belongs in their place (``rig.stray_frames.with_ends_held``).
     The frames of a span with a ``warp`` are those of the source at the frames that it lists, by slerp between
     neighbours. ``contacts`` is there only where a clip was brought to another body: what its hands touched, and whether
-    they do there.
+    they do there. ``system`` is there only where a system spliced the words whole.
     """
     timing = {"load": 0.0, "cut": 0.0, "transition": 0.0, "join": 0.0, "save": 0.0}
     report = {
@@ -70,6 +70,8 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
         report["contacts"] = [
             {"clip": index, **asdict(contact)} for index, found in result.contacts.items() for contact in found
         ]
+    if result.system is not None:
+        report["system"] = dict(result.system)
     rounded: dict[str, Any] = plain(report)
     return rounded
 

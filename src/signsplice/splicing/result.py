@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from signsplice.body.contacts import Contact
 from signsplice.motion.clip import Clip
@@ -64,6 +64,7 @@ class SpliceResult:
     bundle: sha256 of the bundle that a chosen method comes from; None where all are classical.
     contacts: for each source clip that was brought to another body, by its index, what its hands touch there.
     tempo: the tempo asked for, and how long signs take.
+    system: name, bundle and training of the system that spliced the words whole; None where none did.
     """
 
     clip: Clip
@@ -76,3 +77,4 @@ class SpliceResult:
     bundle: str | None = None
     contacts: Mapping[int, tuple[Contact, ...]] = field(default_factory=dict)
     tempo: ReachedTempo = field(default_factory=ReachedTempo)
+    system: Mapping[str, Any] | None = None

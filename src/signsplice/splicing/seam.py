@@ -67,9 +67,11 @@ def score(
     cut: Cut,
     warnings: tuple[str, ...] = (),
     of_one_clip: bool = False,
+    by_system: bool = False,
 ) -> Seam:
     """The seam of a gap and its new frames, None where there are none, between the signs of these names; or within one
-    clip, where no transition time was chosen and the feet are the same signer's.
+    clip, where no transition time was chosen and the feet are the same signer's. ``by_system``: whether a system chose
+    the transition time.
     """
     window, first = gap.window(None if filled is None else filled.clip)
     info = rig_info(window.skeleton)
@@ -89,11 +91,15 @@ def score(
         if speed > FAST_M_S:
             beside = max(metrics.peak_speed(part, 0, len(part), window.fps) for part in (wrists[:first], wrists[stop:]))
             advice = (
-                f"a longer {'gap' if of_one_clip else 'transition time'} would help"
-                if beside <= JUMP_M_S
-                else f"a hand jumps in the signs beside it, at {beside:.1f} m/s: a fault of the capture?"
+                ""
+                if by_system
+                else (
+                    f"; a longer {'gap' if of_one_clip else 'transition time'} would help"
+                    if beside <= JUMP_M_S
+                    else f"; a hand jumps in the signs beside it, at {beside:.1f} m/s: a fault of the capture?"
+                )
             )
-            lines.append(f"a hand moves at {speed:.1f} m/s, faster than signs do; {advice}")
+            lines.append(f"a hand moves at {speed:.1f} m/s, faster than signs do{advice}")
     if feet:
         slide = float(np.linalg.norm(positions[stop, len(hands) :] - positions[first - 1, len(hands) :], axis=-1).max())
         if slide > _FOOT_SLIDE_M:

@@ -17,74 +17,33 @@ from typing import Literal
 
 from signsplice.body.contacts import Contact
 from signsplice.body.retarget import align
-from signsplice.errors import FormatError, InputError
+from signsplice.errors import FormatError, InputError, SignspliceError
 from signsplice.lexicon.entry import is_letter
 from signsplice.motion.clip import Clip, left_out_warnings
 from signsplice.rig.align import Reference, reference
 from signsplice.rig.stray_frames import stray_frames, with_ends_held
-from signsplice.splicing import fingerspelling, free_hand, methods
+from signsplice.splicing import fingerspelling, free_hand
 from signsplice.splicing.arguments import check_clip, check_clips, check_options
 from signsplice.splicing.cut import Cut, cut_clips
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, MAX_TRANSITION_S, Duration, most_frames
 from signsplice.splicing.filling import FilledGap, fill, led_around
 from signsplice.splicing.fingerspelling import LetterSeam
-from signsplice.splicing.free_hand import ArmStretch
 from signsplice.splicing.gap import Gap, gap_at
-from signsplice.splicing.letter_blending import MovingFinger, blend, with_fingers
+from signsplice.splicing.letter_blending import blend, with_fingers
 from signsplice.splicing.options import SpliceOptions
+from signsplice.splicing.planned import PlannedSeam, SentenceWord
 from signsplice.splicing.result import Piece, Span
 from signsplice.splicing.seam import Seam, score
 from signsplice.splicing.tempo import Played, RunningDuration, fill_unhurried, play, seconds_a_sign
-
-
-@dataclass(eq=False)
-class _SentenceWord:
-    """A word of a sentence, aligned to the first one.
-
-    index: its number in the sentence.
-    clip: its aligned clip, without the frames at its ends that do not belong to it. The cutter's cuts, ``entry`` and
-        the cut of a planned seam count its frames.
-    played: the same as it is played; ``played.cut`` counts frames as they are played.
-    shown: the same as it is put out, with idle arms that were made anew; ``remade`` and the
-        gaps count its frames, which are those of ``played``.
-    warnings: about the clip, one line each.
-    starts: whether it is no letter that goes on with the spelled word before it.
-    transition_s: how long the way from the letter before was planned to take, 0 where there is none.
-    entry: the frame at which it is entered.
-    seam: the seam by which it is entered.
-    n_left_out: how many frames are left out at its beginning.
-    remade: where idle arms were made anew in it.
-    slid_m: how far it is slid to the side, as a doubled letter.
-    fingers: those of a letter that are on their way from or to its neighbour; ``shown`` is without them.
-    """
-
-    index: int
-    clip: Clip
-    played: Played
-    shown: Clip
-    warnings: tuple[str, ...]
-    starts: bool = False
-    transition_s: float = 0.0
-    entry: int = 0
-    seam: Seam | None = None
-    n_left_out: int = 0
-    remade: list[ArmStretch] = field(default_factory=list)
-    slid_m: float = 0.0
-    fingers: list[MovingFinger] = field(default_factory=list)
-
-
-@dataclass(frozen=True, eq=False)
-class _PlannedSeam:
-    """Two words, where the first is left and the second entered, the gap between them, warnings about it, and their
-    seam as letters of one spelled word, where they are.
-    """
-
-    before: _SentenceWord
-    after: _SentenceWord
-    cut: Cut
-    gap: Gap
-    warnings: tuple[str, ...]
-    letters: LetterSeam | None = None
+from signsplice.splicing.whole_system import (
+    WholeSystem,
+    found_seam,
+    miss,
+    missing,
+    output_fps,
+    rate_warnings,
+    standing,
+)
 
 
 @dataclass
@@ -101,17 +60,25 @@ class SentenceBuilder:
     _n_out: int = 0
     _n_words: int = 0
     _reference: Reference | None = None
-    _last: _SentenceWord | None = None
+    _last: SentenceWord | None = None
 
     def __post_init__(self) -> None:
         options = self.options
         check_options(options, SpliceOptions)
-        self.methods = methods.choose(options.cutter, options.transition, options.duration, options.bundle)
+        self.system = options.system
+        self.methods = options.chosen_methods()
         self.cutter, self.transition = self.methods.cutter, self.methods.transition
         self.seconds_a_sign = seconds_a_sign(options.tempo)
         self.duration: Duration = self.methods.duration
         if self.seconds_a_sign is not None and not options.has_own_duration:
             self.duration = RunningDuration(self.seconds_a_sign)
+
+    @property
+    def names(self) -> tuple[str, str, str | None]:
+        """Names of what cuts and of what makes the frames, and the sha256 of the bundle that they come from."""
+        if self.system is not None:
+            return self.system.name, self.system.name, self.system.sha256
+        return self.cutter.name, self.transition.name, self.methods.bundle
 
     @contextmanager
     def timed(self, part: str) -> Iterator[None]:
@@ -142,24 +109,32 @@ class SentenceBuilder:
         if last is not None:
             yield self._sign(last, len(last.played.clip))
 
-    def _word(self, clip: Clip, index: int) -> _SentenceWord:
+    def _word(self, clip: Clip, index: int) -> SentenceWord:
         """A clip aligned to the first one."""
         check_clip(clip, index)
         with self.timed("harmonize"):
-            fps = self._reference.fps if self._reference else self.options.fps or clip.fps
+            fps = self._reference.fps if self._reference else self._fps(clip)
             self.options.limits.check_resampling(clip, fps, self.options.sign_speed)
             stray, held = stray_frames(clip), with_ends_held(clip)
-            to = self._reference or reference(held, self.options.fps)
+            to = self._reference or reference(held, fps)
+            if self.system is not None:
+                to = standing(self.system, held, to, is_first=self._reference is None)
             aligned = align(held, to, self.options.sign_speed)
             kept = stray.resampled(clip.fps * self.options.sign_speed / fps, len(aligned.clip))
         own = aligned.clip if held is clip else aligned.clip[kept]
         played = self._played(own, kept.start)
         warnings = (*left_out_warnings(clip), *aligned.warnings, *(f"{clip.name}: {line}" for line in stray.warnings))
         warnings = (*(() if index else self.methods.warnings), *warnings, *played.warnings)
-        self._reference = to  # only now: a word that was refused sets nothing
+        if self.system is not None:
+            warnings = (*warnings, *rate_warnings(self.system, clip))
+        self._reference = self._reference or to  # only now: a word that was refused sets nothing
         if aligned.contacts:
             self.contacts[index] = aligned.contacts
-        return _SentenceWord(index, own, played, played.clip, warnings, n_left_out=kept.start)
+        return SentenceWord(index, own, played, played.clip, warnings, n_left_out=kept.start)
+
+    def _fps(self, first: Clip) -> float:
+        """The output rate of a sentence that begins with this clip."""
+        return self.options.fps or (first.fps if self.system is None else output_fps(self.system, first))
 
     def _played(self, clip: Clip, n_left_out: int) -> Played:
         """A word at the tempo asked for; letters have a tempo of their own."""
@@ -168,48 +143,73 @@ class SentenceBuilder:
         with self.timed("cut"):
             return play(clip, self.cutter, self.seconds_a_sign, n_left_out)
 
-    def _plan(self, words: Sequence[_SentenceWord]) -> list[_PlannedSeam]:
+    def _plan(self, words: Sequence[SentenceWord]) -> list[PlannedSeam]:
         """The seams of words in order; sets the frame at which each word is entered."""
-        seams = []
-        for (before, after), chosen in zip(pairwise(words), self._cuts([word.clip for word in words]), strict=True):
-            n_before, n_after = len(before.clip), len(after.clip)
-            if not (0 <= chosen.pre < n_before and 0 <= chosen.post < n_after):
-                raise InputError(
-                    f"cutter {self.cutter.name} chose {chosen} for clips of {n_before} and {n_after} frames"
-                )
-            is_spelled = self._is_spelled(before, after)
-            letters = self._letters(before, after) if is_spelled else None
-            if letters is not None:
-                chosen = letters.cut
-            elif before.transition_s:
-                chosen = Cut(
-                    max(chosen.pre, fingerspelling.held_until(before.clip, before.entry, self.options.sign_speed)),
-                    chosen.post,
-                )
-            # Never before the frame at which the word itself was entered.
-            cut = Cut(max(chosen.pre, before.entry), chosen.post)
-            after.entry = cut.post
+        if self.system is not None:
+            return self._plan_by_system(self.system, words)
+        cuts = self._cuts([word.clip for word in words])
+        return [self._planned(*pair, chosen) for pair, chosen in zip(pairwise(words), cuts, strict=True)]
+
+    def _plan_by_system(self, system: WholeSystem, words: Sequence[SentenceWord]) -> list[PlannedSeam]:
+        """The seams as the system makes them. Raises ``SignspliceError`` that names all pairs for which it has none,
+        unless the defaults are to join those.
+        """
+        seams, misses = [], []
+        for before, after in pairwise(words):
             with self.timed("transition"):
-                n_frames, warnings = self._n_frames(before.clip, after.clip, cut, letters)
-            if is_spelled and letters is None:
-                line = f"no still hand is found in {before.clip.name} and {after.clip.name}: they are cut as signs are"
-                warnings = (*warnings, line)
-            after.transition_s = (n_frames + 1) / after.clip.fps if letters is not None else 0.0
-            if cut.pre <= before.entry and before.entry > 0:
-                frame = before.n_left_out + before.entry
-                line = f"{before.clip.name} is left at frame {frame}, where it was entered: only that frame is kept"
-                warnings = (*warnings, line)
-            p, q = before.played, after.played
-            gap = gap_at(p.clip, q.clip, p.cut(cut, q), n_frames, p.first(before.entry))
-            seams.append(_PlannedSeam(before, after, cut, gap, warnings, letters))
+                found = system.splice_words(before.clip, after.clip)
+            missed = miss(system, found, before, after)
+            if not missed:
+                seams.append(found_seam(found, before, after))
+            elif self.options.fill_misses:
+                (chosen,) = self._cuts([before.clip, after.clip])
+                planned = self._planned(before, after, chosen)
+                line = f"{missed}: joined by {self.cutter.name} and {self.transition.name}"
+                seams.append(replace(planned, warnings=(line, *planned.warnings)))
+            else:
+                misses.append(missed)
+                after.entry = 0
+        if misses:
+            raise SignspliceError(missing(misses, len(words) - 1))
         return seams
 
-    def _is_spelled(self, before: _SentenceWord, after: _SentenceWord) -> bool:
+    def _planned(self, before: SentenceWord, after: SentenceWord, chosen: Cut) -> PlannedSeam:
+        """The seam of two words at the cutter's choice; sets the frame at which the second is entered."""
+        n_before, n_after = len(before.clip), len(after.clip)
+        if not (0 <= chosen.pre < n_before and 0 <= chosen.post < n_after):
+            raise InputError(f"cutter {self.cutter.name} chose {chosen} for clips of {n_before} and {n_after} frames")
+        is_spelled = self._is_spelled(before, after)
+        letters = self._letters(before, after) if is_spelled else None
+        if letters is not None:
+            chosen = letters.cut
+        elif before.transition_s:
+            chosen = Cut(
+                max(chosen.pre, fingerspelling.held_until(before.clip, before.entry, self.options.sign_speed)),
+                chosen.post,
+            )
+        # Never before the frame at which the word itself was entered.
+        cut = Cut(max(chosen.pre, before.entry), chosen.post)
+        after.entry = cut.post
+        with self.timed("transition"):
+            n_frames, warnings = self._n_frames(before.clip, after.clip, cut, letters)
+        if is_spelled and letters is None:
+            line = f"no still hand is found in {before.clip.name} and {after.clip.name}: they are cut as signs are"
+            warnings = (*warnings, line)
+        after.transition_s = (n_frames + 1) / after.clip.fps if letters is not None else 0.0
+        if cut.pre <= before.entry and before.entry > 0:
+            frame = before.n_left_out + before.entry
+            line = f"{before.clip.name} is left at frame {frame}, where it was entered: only that frame is kept"
+            warnings = (*warnings, line)
+        p, q = before.played, after.played
+        gap = gap_at(p.clip, q.clip, p.cut(cut, q), n_frames, p.first(before.entry))
+        return PlannedSeam(before, after, cut, gap, warnings, letters)
+
+    def _is_spelled(self, before: SentenceWord, after: SentenceWord) -> bool:
         """Whether two words are letters of one spelled word, and the user chose no cutter."""
         is_free = not (self.options.has_own_cutter or after.starts)
         return is_free and fingerspelling.are_letters(before.clip, after.clip)
 
-    def _letters(self, before: _SentenceWord, after: _SentenceWord) -> LetterSeam | None:
+    def _letters(self, before: SentenceWord, after: SentenceWord) -> LetterSeam | None:
         """The seam of two letters of one spelled word, None where a hand is never seen still."""
         with self.timed("cut"):
             return fingerspelling.letter_seam(
@@ -223,16 +223,21 @@ class SentenceBuilder:
         with self.timed("cut"):
             return cut_clips(self.cutter, clips)
 
-    def _fill(self, seams: Sequence[_PlannedSeam]) -> list[tuple[_PlannedSeam, FilledGap | None]]:
+    def _fill(self, seams: Sequence[PlannedSeam]) -> list[tuple[PlannedSeam, FilledGap | None]]:
         """Every seam with its transition, None where it has no frames."""
         with self.timed("transition"):
-            gaps = [planned.gap for planned in seams if planned.gap.n_frames]
+            gaps = [planned.gap for planned in seams if planned.gap.n_frames and planned.made is None]
             is_running = isinstance(self.duration, RunningDuration) and self.options.transition_time is None
             fill_all = fill_unhurried if is_running else fill
             filled = iter(fill_all(self.transition, gaps, self.options.avoid_collisions))
-            return [self._finished(one, next(filled)) if one.gap.n_frames else (one, None) for one in seams]
+            return [self._filled(one, filled) for one in seams]
 
-    def _finished(self, planned: _PlannedSeam, filled: FilledGap) -> tuple[_PlannedSeam, FilledGap]:
+    def _filled(self, planned: PlannedSeam, filled: Iterator[FilledGap]) -> tuple[PlannedSeam, FilledGap | None]:
+        if planned.made is not None:
+            return planned, FilledGap(planned.made)
+        return self._finished(planned, next(filled)) if planned.gap.n_frames else (planned, None)
+
+    def _finished(self, planned: PlannedSeam, filled: FilledGap) -> tuple[PlannedSeam, FilledGap]:
         """A seam whose idle hands have the time that they need, and whose doubled letters can be told apart."""
         before, after, options = planned.before, planned.after, self.options
         gap = replace(planned.gap, n_frames=len(filled.clip))
@@ -272,11 +277,19 @@ class SentenceBuilder:
             return replace(planned, gap=blended.seam.gap), blended.seam.filled
         return replace(planned, gap=done.gap), made
 
-    def _score(self, planned: _PlannedSeam, filled: FilledGap | None) -> Seam:
+    def _score(self, planned: PlannedSeam, filled: FilledGap | None) -> Seam:
         with self.timed("join"):
             before, after, cut = planned.before, planned.after, planned.cut
             own = Cut(cut.pre + before.n_left_out, cut.post + after.n_left_out)
-            return score(planned.gap, filled, before.clip.name, after.clip.name, own, planned.warnings)
+            return score(
+                planned.gap,
+                filled,
+                before.clip.name,
+                after.clip.name,
+                own,
+                planned.warnings,
+                by_system=planned.made is not None,
+            )
 
     def _n_frames(self, before: Clip, after: Clip, cut: Cut, letters: LetterSeam | None) -> tuple[int, tuple[str, ...]]:
         """Number of transition frames: by the user's time, by the way between letters, or by the duration; the human
@@ -296,7 +309,7 @@ class SentenceBuilder:
             )
         return max(1, round(min(seconds, MAX_TRANSITION_S) * before.fps)), ()
 
-    def _sign(self, word: _SentenceWord, stop: int) -> Piece:
+    def _sign(self, word: SentenceWord, stop: int) -> Piece:
         """A word from where it is entered to frame ``stop`` as it is played."""
         with self.timed("join"):
             played, first = word.played, word.n_left_out

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from signsplice.errors import InputError
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import EndSite, Skeleton
 from signsplice.synth import hand
@@ -192,9 +193,16 @@ def _skeleton(signer: Signer) -> Skeleton:
 
 
 def stature(bones: Skeleton) -> float:
-    """Stature (cm) of the signer whose ``skeleton`` this is, from the legs, which scale with the stature alone."""
-    shin = list(JOINTS).index("LeftLeg")
-    return STATURE_CM * float(np.linalg.norm(bones.offsets[shin]) / np.linalg.norm(skeleton().offsets[shin]))
+    """Stature (cm) of the signer whose ``skeleton`` this is, from the legs, which scale with the stature alone; of any
+    skeleton with a joint LeftLeg in its own unit. Raises ``InputError`` for one without.
+    """
+    shin = next((k for k, name in enumerate(bones.names) if name.rpartition(":")[2] == "LeftLeg"), None)
+    if shin is None:
+        raise InputError(
+            f"skeleton: has no joint LeftLeg among {len(bones)}, expected one, as in the synthetic signer's"
+        )
+    standard = np.linalg.norm(skeleton().offsets[JOINTS["LeftLeg"]])
+    return STATURE_CM * float(np.linalg.norm(bones.offsets[shin]) / standard)
 
 
 JOINTS: dict[str, int] = {name.removeprefix("mixamorig:"): n for n, name in enumerate(skeleton().names)}

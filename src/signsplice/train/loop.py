@@ -1,7 +1,8 @@
 """The training loop, the same for every network.
 
-Optimisers: SGD with the paper's initial rate 1e-3 and no momentum; AdamW with a short warm-up. Both rates decrease to 0
-along half a cosine, and gradients are clipped to norm 1; the paper specifies neither.
+Optimisers: SGD with the paper's initial rate 1e-3 and no momentum, and AdamW, whose rate rises over a short warm-up and
+falls to 0 along half a cosine. The paper names no later rate: SGD's stays as it is until validation stops improving.
+Gradients are clipped to norm 1, which the paper does not specify either.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ from torch.nn.parallel import DistributedDataParallel
 
 from signsplice.errors import InputError, SignspliceError
 from signsplice.synth.rng import stream
-from signsplice.train import checkpoint
-from signsplice.train.log import NAME, Log, lines
+from signsplice.train import checkpoint, ending
+from signsplice.train.ending import DeadlineError
+from signsplice.train.log import Log
 from signsplice.train.prefetch import Dataset
 from signsplice.train.processes import Processes
 from signsplice.train.task import Task
@@ -28,6 +30,8 @@ OPTIMISERS = ("adamw", "sgd")
 SGD_RATE = 1e-3
 _WARM_UP = 0.05
 """Fraction of the steps over which AdamW's rate rises."""
+CHECKPOINT_S = 120.0
+"""Longest time without a checkpoint, where validations are rarer."""
 _MAX_GRADIENT_NORM = 1.0
 _DIVERGED = "the training has diverged; its last checkpoint is still good, and another seed or a lower rate may help"
 
@@ -49,6 +53,9 @@ class LoopConfig:
     - bf16: whether to compute in bfloat16
     - until: the step to stop at, as an interruption would; None: ``steps``
     - snapshots: whether to keep the weights of every validation
+    - patience: validations in a row without improvement after which the training has ended; None: it has ``steps``
+    - most_cpu_s: processor seconds after which it has ended
+    - deadline: value of ``time.monotonic`` at which this call is interrupted
     """
 
     steps: int
@@ -61,6 +68,14 @@ class LoopConfig:
     bf16: bool = False
     until: int | None = None
     snapshots: bool = False
+    patience: int | None = None
+    most_cpu_s: float | None = None
+    deadline: float | None = None
+
+    @property
+    def may_end_early(self) -> bool:
+        """Whether the training may end before its last step."""
+        return self.patience is not None or self.most_cpu_s is not None
 
 
 def make_optimiser(network: nn.Module, loop: LoopConfig) -> torch.optim.Optimizer:
@@ -75,9 +90,9 @@ def make_optimiser(network: nn.Module, loop: LoopConfig) -> torch.optim.Optimize
 
 def rate(loop: LoopConfig, step: int) -> float:
     """The learning rate of a step, which counts from 0."""
-    cosine = 0.5 * (1.0 + math.cos(math.pi * step / loop.steps))
     if loop.optimiser == "sgd":
-        return SGD_RATE * cosine
+        return SGD_RATE
+    cosine = 0.5 * (1.0 + math.cos(math.pi * step / loop.steps))
     return loop.rate * min(1.0, (step + 1) / max(1.0, _WARM_UP * loop.steps)) * cosine
 
 
@@ -93,8 +108,8 @@ def train(
 ) -> int:
     """Train ``task`` in place, from the folder's checkpoint on if there is one; returns the number of steps done.
 
-    Raises ``InputError`` where there are no examples, or the processes cannot divide a batch evenly, and
-    ``SignspliceError`` where the training diverges.
+    Raises ``InputError`` where there are no examples, or the processes cannot divide a batch evenly, ``DeadlineError``
+    where the deadline interrupts it, and ``SignspliceError`` where it diverges.
     """
     if not len(data):
         raise InputError("no pair to train on; choose a split with some, or make a corpus of more words")
@@ -108,33 +123,87 @@ def train(
     wrapped = DistributedDataParallel(task) if processes.count > 1 else task
     end = loop.steps if loop.until is None else min(loop.until, loop.steps)
     report = report_progress or (lambda *_: None)
-    started, first = time.perf_counter(), step
-    cpu_before = _cpu_seconds(folder, step) - time.process_time()
     with Log(folder, step, processes.first) as log:
+        call = _Call(task, optimiser, loop, valid, folder, recipe, processes, log, report, step)
+        if loop.may_end_early and processes.decided(ending.has_ended(folder, step, loop.patience, loop.most_cpu_s)):
+            end = step
         while step < end:
+            call.stop_at_deadline(step)
             loss = _step(wrapped, optimiser, loop, data, step, processes)
             step += 1
             if step % max(1, loop.every // 10) == 0 or step == end:
-                numbers = {
-                    "loss": _finite(_mean(loss, processes), step),
-                    "rate": rate(loop, step - 1),
-                    "seconds_a_step": (time.perf_counter() - started) / (step - first),
-                    "cpu_s": cpu_before + time.process_time(),
-                }
-                log.write(step, **numbers)
-                report(step, loop.steps, numbers)
+                spent = call.log_loss(step, loss)
+                if loop.most_cpu_s is not None and processes.decided(spent >= loop.most_cpu_s):
+                    end = step
             if step % loop.every == 0 or step == end:
-                _check_weights(task, step)
-            if (step % loop.every == 0 or step == end) and processes.first:
-                scores = judge(task, valid, loop, processes)
-                log.write(step, **scores, cpu_s=cpu_before + time.process_time())
-                report(step, loop.steps, scores)
-                checkpoint.save(folder, step, task, optimiser, recipe)
-                if loop.snapshots:
-                    checkpoint.save_snapshot(folder, step, task)
+                call.validate(step)
+                if loop.patience is not None and processes.decided(
+                    ending.on_plateau(ending.losses(folder, step), loop.patience)
+                ):
+                    end = step
         if end == 0 and processes.first:
             checkpoint.save(folder, step, task, optimiser, recipe)
     return step
+
+
+class _Call:
+    """What one call of ``train`` writes while it trains; ``first``: the step that it started from."""
+
+    def __init__(
+        self, task: Task, optimiser: torch.optim.Optimizer, loop: LoopConfig, valid: Dataset, folder: Path, recipe: str,
+        processes: Processes, log: Log, report: ProgressCallback, first: int,
+    ) -> None:  # fmt: skip
+        self.task, self.optimiser, self.loop, self.valid = task, optimiser, loop, valid
+        self.folder, self.recipe, self.processes = folder, recipe, processes
+        self.log, self.report, self.first = log, report, first
+        self.started = self.saved = time.perf_counter()
+        self.cpu_before = ending.cpu_seconds(folder, first) - time.process_time()
+
+    @property
+    def cpu_s(self) -> float:
+        """Processor seconds that this process's part of the training has taken, in this call and those before."""
+        return round(self.cpu_before + time.process_time(), 3)
+
+    def log_loss(self, step: int, loss: torch.Tensor) -> float:
+        """Log the loss of a step; returns the processor seconds as logged, by which the next call decides too."""
+        numbers = {
+            "loss": _finite(_mean(loss, self.processes), step),
+            "rate": rate(self.loop, step - 1),
+            "seconds_a_step": (time.perf_counter() - self.started) / (step - self.first),
+            "cpu_s": self.cpu_s,
+        }
+        self.log.write(step, **numbers)
+        self.report(step, self.loop.steps, numbers)
+        return numbers["cpu_s"]
+
+    def validate(self, step: int) -> None:
+        _check_weights(self.task, step)
+        if not self.processes.first:
+            return
+        scores = judge(self.task, self.valid, self.loop, self.processes)
+        self.log.write(step, **scores, cpu_s=self.cpu_s)
+        self.report(step, self.loop.steps, scores)
+        self.save(step)
+        if self.loop.snapshots:
+            checkpoint.save_snapshot(self.folder, step, self.task)
+
+    def save(self, step: int) -> None:
+        checkpoint.save(self.folder, step, self.task, self.optimiser, self.recipe)
+        self.saved = time.perf_counter()
+
+    def stop_at_deadline(self, step: int) -> None:
+        """Raise ``DeadlineError`` where time is up, with a checkpoint; write one too where the last is long ago."""
+        up = self.loop.deadline is not None and self.processes.decided(time.monotonic() >= self.loop.deadline)
+        old = self.processes.first and time.perf_counter() - self.saved > CHECKPOINT_S
+        if not (up or old):
+            return
+        if step > self.first:
+            _check_weights(self.task, step)
+            if self.processes.first:
+                self.log.write(step, cpu_s=self.cpu_s)
+                self.save(step)
+        if up:
+            raise DeadlineError(f"time is up after step {step} of {self.loop.steps}; the same call continues")
 
 
 def _step(
@@ -164,11 +233,6 @@ def _mean(loss: torch.Tensor, processes: Processes) -> float:
     return loss.item()
 
 
-def _cpu_seconds(folder: Path, step: int) -> float:
-    """Processor seconds that this process's part of the training took up to ``step``, from its log; 0 without one."""
-    return max((line.get("cpu_s", 0.0) for line in lines(folder / NAME) if line["step"] <= step), default=0.0)
-
-
 def _finite(loss: float, step: int) -> float:
     if not math.isfinite(loss):
         raise SignspliceError(f"the loss of step {step} is {loss}: {_DIVERGED}")
@@ -183,13 +247,18 @@ def _check_weights(task: nn.Module, step: int) -> None:
 
 @torch.no_grad()
 def judge(task: Task, valid: Dataset, loop: LoopConfig, processes: Processes) -> dict[str, float]:
-    """Scores on the first ``n_judged`` validation examples of a fixed random order; empty where there are none."""
+    """Scores on the first ``n_judged`` validation examples of a fixed random order, and their loss where a training
+    ends by it; empty where there are none.
+    """
     if not len(valid):
         return {}
     task.eval()
     rows = stream("judged", len(valid)).permutation(len(valid))[: loop.n_judged]
-    batches = [rows[k : k + 64] for k in range(0, len(rows), 64)]
-    scored = [(task.judge(valid.batch(batch).to(processes.device)), len(batch)) for batch in batches]
+    scored = []
+    for k in range(0, len(rows), 64):
+        batch = valid.batch(rows[k : k + 64]).to(processes.device)
+        loss = {} if loop.patience is None else {ending.LOSS: task(batch).item()}
+        scored.append((task.judge(batch) | loss, len(rows[k : k + 64])))
     names = sorted({name for scores, _ in scored for name in scores})
     return {
         name: sum(scores[name] * n for scores, n in scored if name in scores)

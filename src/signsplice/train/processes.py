@@ -31,6 +31,14 @@ class Processes:
         """Whether this is the process that validates and writes files."""
         return self.rank == 0
 
+    def decided(self, choice: bool) -> bool:
+        """The first process's choice, in every process: their clocks and files differ."""
+        if self.count == 1:
+            return choice
+        shared = torch.tensor(int(choice), device=self.device)
+        distributed.broadcast(shared, 0)
+        return bool(shared.item())
+
 
 def pick_device(name: str) -> torch.device:
     """The device with a name; ``auto`` is a GPU where there is one, else the CPU."""

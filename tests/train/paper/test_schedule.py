@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,7 +16,8 @@ pytest.importorskip("torch")
 
 from signsplice.errors import InputError, SignspliceError
 from signsplice.paper import plan
-from signsplice.paper.plan import Run
+from signsplice.paper.plan import Choice, Run
+from signsplice.train.ending import DeadlineError
 from signsplice.train.paper import schedule, training
 from signsplice.train.paper.schedule import Schedule
 from signsplice.train.paper.training import Training
@@ -31,7 +33,7 @@ def test_runs_are_trained_one_by_one_until_one_fails(tmp_path: Path, monkeypatch
             raise InputError("out of luck")
 
     monkeypatch.setattr(training, "make", make)
-    runs = plan.runs("cpu", ["lstm"])
+    runs = plan.runs("cpu", Choice(("lstm",)))
     started, finished = [], []
     with pytest.raises(InputError, match="out of luck"):
         schedule.train_one_by_one(
@@ -46,11 +48,34 @@ def test_runs_are_trained_one_by_one_until_one_fails(tmp_path: Path, monkeypatch
         tmp_path / "lstm-cpu-adamw-random",
         tmp_path / "parts",
     )
-    assert calls[1][0].optimiser == "sgd"
+    assert calls[1][0].split == "unseen-words"
+
+
+def test_no_training_goes_on_after_the_deadline(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = plan.runs("cpu", Choice(("lstm",)))
+    finished: list[Run] = []
+
+    def make(config: Training, *_: Any) -> None:
+        assert config.deadline == 50.0
+        if config.split == "unseen-words":
+            raise DeadlineError("time is up")
+
+    monkeypatch.setattr(training, "make", make)
+    monkeypatch.setattr(time, "monotonic", lambda: 20.0)
+    planned = Schedule(runs, corpus().folder, tmp_path, deadline=50.0)
+    schedule.train_one_by_one(planned, lambda *_: None, lambda run, _: finished.append(run))
+    assert finished == runs[:1]
+    call = schedule.arguments(planned, runs[0])
+    assert call[call.index("--minutes") + 1] == "0.5"
+    monkeypatch.setattr(time, "monotonic", lambda: 60.0)
+    started: list[Run] = []
+    schedule.train_one_by_one(planned, lambda _, run: started.append(run), lambda *_: None)
+    schedule.train_side_by_side(planned, 2, lambda _, run: started.append(run))
+    assert started == []
 
 
 def test_a_process_gets_the_options_of_its_run() -> None:
-    (run,) = (run for run in plan.runs("cpu") if run.fr == 6)
+    (run,) = (run for run in plan.runs("cpu", rival="lstm") if run.fr == 6 and run.system == "lpt")
     call = schedule.arguments(Schedule([run], Path("p"), Path("b"), steps=5), run)
     assert call[:2] == ["train", "paper"]
     assert dict(zip(call[2::2], call[3::2], strict=True)) == {
@@ -102,7 +127,7 @@ def test_processes_divide_the_cores_and_a_failure_stops_all(monkeypatch: pytest.
     monkeypatch.setattr("signsplice.train.paper.schedule.subprocess.Popen", popen)
     monkeypatch.setattr("signsplice.train.paper.schedule.time.sleep", lambda seconds: None)
     monkeypatch.setattr(os, "cpu_count", lambda: 6)
-    planned = Schedule(plan.runs("smoke", ["lstm", "nat"]), tmp_path / "p", tmp_path / "b")
+    planned = Schedule(plan.runs("smoke", Choice(("lpt-printed", "nat"))), tmp_path / "p", tmp_path / "b")
     started: list[Run] = []
     schedule.train_side_by_side(planned, 3, lambda number, run: started.append(run))
     assert started == planned.runs

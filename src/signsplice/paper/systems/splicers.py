@@ -30,12 +30,14 @@ class PaperSystem(ABC):
     - config: its bundle.json
     - graphs: the exported graphs
     - decoding: one of ``DECODINGS``
+    - n_numbers: numbers of a frame
     """
 
     def __init__(self, config: BundleConfig, runs: RunConfig, graphs: Sessions, decoding: str) -> None:
         self.name, self.config, self.graphs, self.decoding = config.system or "", config, graphs, decoding
         self.frames_by, self.fr, self.n_fed, self.marked = runs.frames, config.fr, runs.n_fed, runs.marked
         self.most_frames, self.token_bias = runs.most_frames, runs.token_bias
+        self.n_numbers = N_NUMBERS if config.space is None else config.space.n_numbers
 
     @property
     def n_parameters(self) -> int:
@@ -80,13 +82,13 @@ class PaperSystem(ABC):
             made = self.graphs.run("decoder", {**inputs, "fed": blank, "kinds": kinds, "start": np.array(0)})
             ends = np.flatnonzero(made["last"][0] > 0.0)
             count = (int(ends[0]) + 1 if len(ends) else self.most_frames) if n_frames is None else n_frames
-            return made["made"][0, :count, :N_NUMBERS].astype(np.float64)
+            return made["made"][0, :count, : self.n_numbers].astype(np.float64)
         frames: list[Array] = []
         fed, kinds, start = np.zeros((1, 1, self.n_fed), np.float32), np.full((1, 1), START), 0
         while len(frames) < (self.most_frames if n_frames is None else n_frames):
             made = self.graphs.run("decoder", {**inputs, "fed": fed, "kinds": kinds, "start": np.array(start)})
             newest = made["made"][:, -1:]
-            frames.append(newest[0, 0, :N_NUMBERS])
+            frames.append(newest[0, 0, : self.n_numbers])
             if n_frames is None and made["last"][0, -1] > 0.0:
                 break
             if self.decoding == "without-cache":
@@ -106,7 +108,7 @@ class TwoNetworkSystem(PaperSystem):
         """The splice. Without Culling, frames are made even if a position is missing."""
         (pre, post), unbiased = self._both_positions(self._tokens(before, after), len(before))
         if self.fr is not None and (pre is None or post is None):
-            return Prediction(pre, post, np.zeros((0, N_NUMBERS)), unbiased)
+            return Prediction(pre, post, np.zeros((0, self.n_numbers)), unbiased)
         return Prediction(pre, post, self._frames(before, after, pre, post), unbiased)
 
     def _tokens(self, before: Float, after: Float) -> Array:

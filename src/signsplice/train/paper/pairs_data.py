@@ -57,9 +57,12 @@ class Batch:
         return splice_marks(self.pre, self.post, self.x.shape[1])
 
     def to(self, device: torch.device) -> Batch:
-        """The same batch on a device."""
-        tensors = {f.name: getattr(self, f.name).to(device) for f in fields(self) if f.name != "step"}
-        return Batch(**tensors, step=self.step)
+        """The same batch on a device. The pairs' numbers stay: noise is drawn from them on the processor."""
+        tensors = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("step", "numbers")}
+        if device.type == "cuda":  # pinned memory is copied while the processor goes on
+            tensors = {name: tensor.pin_memory() for name, tensor in tensors.items()}
+        moved = {name: tensor.to(device, non_blocking=True) for name, tensor in tensors.items()}
+        return Batch(numbers=self.numbers, **moved, step=self.step)
 
 
 def splice_marks(pre: Tensor, post: Tensor, n_frames: int) -> Tensor:

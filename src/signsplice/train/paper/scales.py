@@ -17,13 +17,17 @@ from typing import Any
 from torch import nn
 
 from signsplice.errors import InputError
+from signsplice.train.paper.networks.cam_stitch import CamStitch, CamStitchConfig
 from signsplice.train.paper.networks.convs2s import ConvS2S, ConvS2SConfig
 from signsplice.train.paper.networks.filling import Interpolation, InterpolationConfig, Nat, NatConfig
+from signsplice.train.paper.networks.generator import Generator
 from signsplice.train.paper.networks.layers import Normaliser
 from signsplice.train.paper.networks.lstm import LstmConfig, LstmSeq2Seq
+from signsplice.train.paper.networks.mixture_density import MixtureConfig, MixtureTransformer
+from signsplice.train.paper.networks.skeletal_attention import SkeletalConfig, SkeletalTransformer
 from signsplice.train.paper.networks.spsn import Spsn, SpsnConfig
 from signsplice.train.paper.networks.tfgn import Transformer, TransformerConfig
-from signsplice.train.paper.tasks import FillTask, FrameTask, TokenTask
+from signsplice.train.paper.tasks import FillTask, FrameTask, MixtureTask, TokenTask
 from signsplice.train.task import Task
 
 SCALES = ("smoke", "cpu", "paper")
@@ -47,8 +51,11 @@ SYSTEMS: dict[str, tuple[str, ...]] = {
     "lstm": ("lstm",),
     "transformer": ("transformer",),
     "progressive-transformer": ("spsn", "progressive"),
+    "mixture-density": ("spsn", "mixture"),
     "nat": ("spsn", "nat"),
     "conv-interp": ("spsn", "interpolation"),
+    "skeletal-attention": ("spsn", "skeletal"),
+    "cam-stitch": ("spsn", "cam-stitch"),
 }
 """System -> its parts: the one for positions, if it is separate, then the one for frames. ``lpt-printed`` follows the
 print; ``lpt`` has this project's additions to SPSN, and each of ``lpt-eq7``, ``lpt-frames``, ``lpt-no-summary`` and
@@ -57,11 +64,20 @@ print; ``lpt`` has this project's additions to SPSN, and each of ``lpt-eq7``, ``
 UNBIASED = ("lpt-printed", "lpt-printed-wa", "lpt-printed-wc", "lpt-printed-wac")
 """Systems that emit tokens as printed, without the bias chosen on validation pairs, which is an addition too."""
 
-CULLED = ("tfgn", "progressive", "nat", "interpolation")
+CULLED = ("tfgn", "progressive", "mixture", "nat", "interpolation", "skeletal", "cam-stitch")
 """Parts that see ``fr`` frames on each side of the splice instead of the whole X."""
 _PLAIN_LOSS = ("spsn-printed", "spsn-printed-wa", "spsn-plain-loss")
 
-Config = SpsnConfig | TransformerConfig | ConvS2SConfig | LstmConfig | NatConfig | InterpolationConfig
+Config = (
+    SpsnConfig
+    | TransformerConfig
+    | ConvS2SConfig
+    | LstmConfig
+    | NatConfig
+    | InterpolationConfig
+    | SkeletalConfig
+    | CamStitchConfig
+)
 
 
 @dataclass(frozen=True)
@@ -117,12 +133,24 @@ def _config(name: str, scale: str, fr: int) -> Config:
         "tfgn-wc": replace(whole, marks=True),
         "transformer": replace(whole, tokens=True, steps=True),
         "progressive": replace(t, counter=True),
+        "mixture": MixtureConfig(t.width, t.n_heads, t.n_encoder_layers, t.n_decoder_layers, t.inner, t.dropout),
+        "skeletal": _skeletal(scale),
+        "cam-stitch": CamStitchConfig(fr, width),
         "nat": NatConfig(fr, t.width, t.n_heads, t.n_encoder_layers, t.n_decoder_layers, t.inner, 8, t.dropout),
         "interpolation": InterpolationConfig(fr, width, 9 if scale == "paper" else 6),
         "conv-s2s": _convolutions(scale),
         "lstm": LstmConfig(width),
     }
     return configs[name]
+
+
+def _skeletal(scale: str) -> SkeletalConfig:
+    sizes = {
+        "smoke": SkeletalConfig(8, 2, 1, 1, 16, dropout=0.0),
+        "cpu": SkeletalConfig(16, 2, 3, 3, 64, dropout=0.0),
+        "paper": SkeletalConfig(),
+    }
+    return sizes[scale]
 
 
 def _convolutions(scale: str) -> ConvS2SConfig:
@@ -160,17 +188,25 @@ _SCHEDULES = {
     "conv-s2s": _PartSchedule((60, 2000, 60_000), 32, 3e-4),
     "lstm": _PartSchedule((60, 7500, 60_000), 32, 3e-3),
     "progressive": _PartSchedule((60, 2000, 60_000)),
+    "mixture": _PartSchedule((60, 2000, 60_000)),
     "nat": _PartSchedule((60, 2000, 60_000)),
     "interpolation": _PartSchedule((60, 2000, 60_000)),
+    "skeletal": _PartSchedule((60, 600, 60_000), 32, 3e-3),
+    "cam-stitch": _PartSchedule((60, 2000, 60_000), 64, 3e-3),
 }
 """At cpu scale every system is trained for about 25 minutes of one core, half of them for each of two parts. Their
 steps differ in cost by up to five times.
 """
 
-STEP_FRACTIONS = {("cpu", "sgd"): 0.05, ("cpu", "unseen-words"): 0.3}
-"""Fractions of the steps. SGD as printed learns almost nothing in hours on two cores, and gets few steps. The split of
-unseen words leaves three fifths of the pairs to learn from, over which half as many passes are made.
+STEP_FRACTIONS = {("cpu", "sgd"): 5.0, ("paper", "sgd"): 5.0, ("cpu", "unseen-words"): 0.3}
+"""Multiples of the steps. SGD is trained until validation stops improving, which takes many times AdamW's steps; for it
+these are a limit. The split of unseen words leaves three fifths of the pairs to learn from, over which half as many
+passes are made.
 """
+SGD_PATIENCE = 4
+"""Validations in a row, a fortieth of the limit apart, that have to improve the loss for SGD to go on."""
+MOST_SGD_CPU_S = {"cpu": 3600.0}
+"""Processor seconds that SGD has for a part: two core-hours for a system of two."""
 
 
 def parts(
@@ -220,7 +256,9 @@ def task(part: SystemPart, normaliser: Normaliser, parents: Sequence[int], seed:
         return TokenTask(network, part.plain_loss)
     if isinstance(network, Nat | Interpolation):
         return FillTask(network, normaliser)
-    assert isinstance(network, Transformer | ConvS2S | LstmSeq2Seq)
+    if isinstance(network, MixtureTransformer):
+        return MixtureTask(network, normaliser, seed)
+    assert isinstance(network, Generator)
     return FrameTask(network, normaliser, seed)
 
 
@@ -228,12 +266,18 @@ def network_of(config: Config, normaliser: Normaliser, parents: Sequence[int]) -
     """The network with these sizes."""
     if isinstance(config, SpsnConfig):
         return Spsn(config, normaliser)
+    if isinstance(config, MixtureConfig):
+        return MixtureTransformer(config, normaliser)
     if isinstance(config, TransformerConfig):
         return Transformer(config, normaliser)
     if isinstance(config, ConvS2SConfig):
         return ConvS2S(config, normaliser)
     if isinstance(config, LstmConfig):
         return LstmSeq2Seq(config, normaliser)
+    if isinstance(config, SkeletalConfig):
+        return SkeletalTransformer(config, normaliser, parents)
+    if isinstance(config, CamStitchConfig):
+        return CamStitch(config, normaliser)
     if isinstance(config, NatConfig):
         return Nat(config, normaliser, parents)
     return Interpolation(config, normaliser)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from signsplice.errors import SignspliceError
 from signsplice.paper.plan import Run
 from signsplice.synth.corpus import Pairs
 from signsplice.train import processes
+from signsplice.train.ending import DeadlineError
 from signsplice.train.loop import ProgressCallback
 from signsplice.train.paper import training
 
@@ -34,12 +36,19 @@ class Schedule:
     - pairs: folder of the corpus
     - bundles: folder that holds a folder for each bundle
     - steps: steps of every part, None for those of the scale
+    - deadline: value of ``time.monotonic`` after which no training goes on, None for never
     """
 
     runs: Sequence[Run]
     pairs: Path
     bundles: Path
     steps: int | None = None
+    deadline: float | None = None
+
+    @property
+    def minutes_left(self) -> float | None:
+        """Minutes to the deadline, not below 0; None where there is none."""
+        return None if self.deadline is None else max(0.0, (self.deadline - time.monotonic()) / 60.0)
 
 
 def train_one_by_one(
@@ -48,19 +57,22 @@ def train_one_by_one(
     finished: Callable[[Run, Path], None],
     progress: Callable[[str], ProgressCallback] | None = None,
 ) -> None:
-    """Train every run in this process, one after another, and write its bundle.
+    """Train every run in this process, one after another, and write its bundle, until the deadline.
 
     started: called before each run. finished: called with each run and its bundle's folder. progress: the name of a
     part -> the callback for its training.
     """
     pairs = Pairs(schedule.pairs)
-    with processes.joined() as process:
+    with processes.joined() as process, suppress(DeadlineError):
         for number, run in enumerate(schedule.runs, 1):
+            if schedule.minutes_left == 0.0:
+                return
             started(number, run)
             folder = schedule.bundles / run.name
             config = training.Training(
-                run.system, run.scale, run.optimiser, run.split, run.seed, run.fr, schedule.steps
-            )
+                run.system, run.scale, run.optimiser, run.split, run.seed, run.fr, schedule.steps,
+                deadline=schedule.deadline,
+            )  # fmt: skip
             training.make(config, pairs, folder, schedule.bundles / PARTS, process, progress)
             finished(run, folder)
 
@@ -68,8 +80,8 @@ def train_one_by_one(
 def train_side_by_side(schedule: Schedule, workers: int, started: Started) -> None:
     """Train every run by `signsplice train paper` in its own process, ``workers`` at once, with equal numbers of cores.
 
-    They end when this process is killed. The first failure interrupts the others, which continue from their
-    checkpoints on the next call, and raises ``SignspliceError``.
+    They end when this process is killed, and at the deadline. The first failure interrupts the others, which continue
+    from their checkpoints on the next call, and raises ``SignspliceError``.
     """
     environment = os.environ | {"OMP_NUM_THREADS": str(max(1, (os.cpu_count() or 1) // workers))}
     bind = killed_with_parent()
@@ -77,6 +89,8 @@ def train_side_by_side(schedule: Schedule, workers: int, started: Started) -> No
     running: dict[str, subprocess.Popen[bytes]] = {}
     try:
         while waiting or running:
+            if schedule.minutes_left == 0.0:
+                waiting.clear()
             while waiting and len(running) < workers:
                 number, run = waiting.pop(0)
                 started(number, run)
@@ -107,6 +121,7 @@ def arguments(schedule: Schedule, run: Run) -> list[str]:
         "split": run.split,
         "fr": run.fr,
         "steps": schedule.steps,
+        "minutes": schedule.minutes_left,
     }
     for option, value in options.items():
         if value is not None:

@@ -17,10 +17,11 @@ from torch.nn import functional as F  # noqa: N812
 
 from signsplice.paper.metrics import accuracy
 from signsplice.synth.rng import stream
-from signsplice.train.paper.losses import frame_loss, last_loss, token_loss
+from signsplice.train.paper.losses import counter_loss, frame_loss, last_loss, mixture_loss, token_loss
 from signsplice.train.paper.networks.filling import Filler
 from signsplice.train.paper.networks.generator import FRAME, HIDDEN, START, Encoded, Generator, generate
 from signsplice.train.paper.networks.layers import Normaliser
+from signsplice.train.paper.networks.mixture_density import WIDTH_FLOOR, MixtureTransformer
 from signsplice.train.paper.networks.spsn import NONE, POST, PRE, Spsn
 from signsplice.train.paper.pairs_data import Batch, PairsData
 from signsplice.train.task import Task
@@ -55,15 +56,16 @@ def token_bias(task: Task, valid: PairsData) -> float:
         return 0.0
     task.eval()
     network: Any = task.network
+    device = next(network.parameters()).device
     missing = []
     for first in range(0, len(valid), 64):
-        batch = valid.batch(range(first, min(first + 64, len(valid))))
+        batch = valid.batch(range(first, min(first + 64, len(valid)))).to(device)
         if isinstance(network, Spsn):
             logits = network(batch.x, batch.n_before, batch.mask)
         else:
             logits = network.encode(batch.x, batch.mask, batch.n_before).tokens
         margins = (logits[..., [NONE]] - logits[..., [PRE, POST]]).masked_fill(~batch.mask[..., None], torch.inf)
-        missing.append(margins.amin(1).amax(1))  # (B,)
+        missing.append(margins.amin(1).amax(1).cpu())  # (B,)
     return max(0.0, float(np.quantile(torch.cat(missing).double().numpy(), EMITTED, method="higher")) + 1e-3)
 
 
@@ -159,9 +161,7 @@ class FrameTask(Task):
         tokens, made, last = self.network(batch.x, batch.mask, batch.n_before, inputs.frames, inputs.kinds, batch.marks)
         loss = frame_loss(made[..., :n_numbers], batch.new, batch.real, self.normaliser.deviation)
         if self.network.n_fed > n_numbers:
-            counter = torch.arange(1, made.shape[1] + 1, device=made.device) / batch.real.sum(1, keepdim=True)
-            errors = (made[..., n_numbers].float() - counter).square() * batch.real
-            loss = loss + 10.0 * (errors.sum(1) / batch.real.sum(1)).mean()
+            loss = loss + counter_loss(made[..., n_numbers], batch.real)
         else:
             loss = loss + last_loss(last, batch.real)
         if tokens is not None:
@@ -177,6 +177,23 @@ class FrameTask(Task):
             made = generate(self.network, encoded, len(batch.x), MOST_FRAMES, parallel=True)
             scores |= _judge_frames(made, batch, "_parallel")
         return scores if encoded.tokens is None else scores | _judge_positions(encoded.tokens, batch)
+
+
+class MixtureTask(FrameTask):
+    """A generator of mixtures of frames, trained by their likelihood; the error of the counter weighs as that of a
+    Gaussian of the smallest width.
+    """
+
+    network: MixtureTransformer
+
+    def forward(self, batch: Batch) -> Tensor:
+        """The loss () of frames and of their counters."""
+        inputs = decoder_input(batch, self.network, self.normaliser, self.seed)
+        encoded = self.network.encode(batch.x, batch.mask, batch.n_before)
+        mixtures, counters = self.network.mixtures(encoded, inputs.frames, inputs.kinds)
+        likelihood = mixtures.log_likelihood(self.normaliser(batch.new))
+        loss = mixture_loss(likelihood, batch.real, self.normaliser.n_numbers)
+        return loss + counter_loss(counters, batch.real, 0.5 / WIDTH_FLOOR**2)
 
 
 class FillTask(Task):

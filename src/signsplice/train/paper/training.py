@@ -19,15 +19,16 @@ from signsplice.formats.atomic import replacing_folder
 from signsplice.formats.reading import read_bytes
 from signsplice.splicing.bundle import write_bundle
 from signsplice.synth.corpus import Pairs
-from signsplice.train import checkpoint, provenance
+from signsplice.train import checkpoint, ending, provenance
 from signsplice.train import log as logs
 from signsplice.train.export import check_bundle_folder
 from signsplice.train.loop import SGD_RATE, LoopConfig, ProgressCallback, train
 from signsplice.train.paper.graphs import paper_graphs
 from signsplice.train.paper.networks.generator import Generator
 from signsplice.train.paper.pairs_data import PairsData
-from signsplice.train.paper.scales import UNBIASED, SystemPart, parts, task
+from signsplice.train.paper.scales import MOST_SGD_CPU_S, SGD_PATIENCE, UNBIASED, SystemPart, parts, task
 from signsplice.train.paper.tasks import MOST_FRAMES, token_bias
+from signsplice.train.prefetch import prefetched
 from signsplice.train.processes import Processes, only_one
 from signsplice.train.task import Task
 
@@ -49,8 +50,9 @@ class Training:
     - fr: frames that Culling keeps on each side, None for the default
     - steps: steps of every part, None for those of the scale
     - bf16: whether to compute in bfloat16, None for GPUs only
-    - n_judgements: how often a part is validated, None for 4 at smoke scale, else 20
+    - n_judgements: how often a part is validated, None for 4 at smoke scale, else 20, by SGD 40
     - n_judged: number of validation pairs
+    - deadline: value of ``time.monotonic`` at which this call is interrupted, None for never
     """
 
     system: str
@@ -63,6 +65,12 @@ class Training:
     bf16: bool | None = None
     n_judgements: int | None = None
     n_judged: int = 256
+    deadline: float | None = None
+
+    @property
+    def patience(self) -> int | None:
+        """Validations without improvement after which a part is trained; None where it is after all steps."""
+        return SGD_PATIENCE if self.optimiser == "sgd" else None
 
 
 def make(
@@ -76,7 +84,8 @@ def make(
     """Train a system's parts, as far as they are not trained, and write the bundle into ``out``.
 
     ``shared`` holds a folder of checkpoints for each part, where other systems with the same parts find them. The same
-    call after an interruption continues from the last checkpoint. ``progress``: name of a part -> callback.
+    call after an interruption continues from the last checkpoint. ``progress``: name of a part -> callback. Raises
+    ``DeadlineError``, and writes no bundle, where the deadline interrupts a part.
     """
     chosen = parts(training.system, training.scale, training.fr, training.steps, training.optimiser, training.split)
     check_bundle_folder(out)
@@ -129,7 +138,9 @@ def trained(
     valid = PairsData(pairs, training.split, "valid", part.fr)
     if not len(data):
         raise InputError(f"{pairs.folder}: no pair in {training.split} train; make a corpus of more words")
-    n_judgements = training.n_judgements or (4 if training.scale == "smoke" else 20)
+    by_sgd = training.optimiser == "sgd"
+    n_judgements = training.n_judgements or (4 if training.scale == "smoke" else 40 if by_sgd else 20)
+    most_cpu_s = MOST_SGD_CPU_S.get(training.scale) if by_sgd and training.steps is None else None
     torch.manual_seed(training.seed)
     made = task(part, data.normaliser(), pairs.spaces[0].parents, training.seed)
     loop = LoopConfig(
@@ -142,9 +153,14 @@ def trained(
         n_judged=training.n_judged,
         bf16=processes.device.type == "cuda" if training.bf16 is None else training.bf16,
         until=until,
-        snapshots=True,
+        snapshots=training.scale != "paper",  # each is 0.2 GB there
+        patience=training.patience,
+        most_cpu_s=most_cpu_s,
+        deadline=training.deadline,
     )
-    train(made, loop, data, valid, folder, recipe(part, training, pairs), processes, progress)
+    on_gpu = processes.device.type == "cuda"  # it would wait for batches; on a processor both share the cores
+    with prefetched(data, processes.rank, processes.count) if on_gpu else nullcontext(data) as batches:
+        train(made, loop, batches, valid, folder, recipe(part, training, pairs), processes, progress)
     return made
 
 
@@ -197,6 +213,7 @@ def facts(
     frames = tasks[-1].network
     normaliser: Any = frames.normaliser
     generator = frames if isinstance(frames, Generator) else None
+    ends = [ending.reason(folder, part.steps, training.patience) for part, folder in zip(chosen, folders, strict=True)]
     return {
         "system": training.system,
         "config": {part.name: part.facts()["config"] for part in chosen},
@@ -206,15 +223,18 @@ def facts(
         "corpus": pairs.head["hash"],
         "fps": pairs.head["fps"],
         "seed": training.seed,
-        "steps": sum(part.steps for part in chosen),
+        "steps": sum(step for step, _ in ends),
+        "stopped": ending.of_parts([why for _, why in ends]),
         "fr": chosen[-1].fr,
         "parts": {
             part.name: {
                 **{k: v for k, v in part.facts().items() if k != "config"},
                 "rate": SGD_RATE if training.optimiser == "sgd" else part.rate,
+                "steps": step,
+                "stopped": why,
                 "scores": _last_scores(folder),
             }
-            for part, folder in zip(chosen, folders, strict=True)
+            for part, folder, (step, why) in zip(chosen, folders, ends, strict=True)
         },
         "normaliser": {"mean": normaliser.mean.tolist(), "deviation": normaliser.deviation.tolist()},
         "n_parameters": sum(p.numel() for made in tasks for p in made.network.parameters()),

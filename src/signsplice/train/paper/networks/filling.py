@@ -25,6 +25,7 @@ from signsplice.train.paper.networks.layers import (
     DecoderLayer,
     Encoder,
     Normaliser,
+    bones,
     positional_code,
     with_deltas,
 )
@@ -103,10 +104,7 @@ class GraphConvolution(nn.Module):
 
     def __init__(self, parents: Sequence[int], n_features: int) -> None:
         super().__init__()
-        links = torch.eye(len(parents))
-        for joint, parent in enumerate(parents):
-            if parent >= 0:
-                links[joint, parent] = links[parent, joint] = 1.0
+        links = bones(parents).float()
         self.register_buffer("adjacency", links / links.sum(1, keepdim=True))
         self.own, self.near = nn.Linear(n_features, n_features), nn.Linear(n_features, n_features)
         self.time = nn.Conv2d(n_features, n_features, (3, 1), padding=(1, 0))

@@ -24,11 +24,11 @@ class Lstm(nn.Module):
         """Hidden states (B, S, D) of inputs (B, S, n_inputs), and the last hidden and cell state, each (1, B, D)."""
         if torch.compiler.is_exporting():
             return self._symbolic(x, state)
-        with torch.autocast(x.device.type, enabled=x.device.type != "cpu"):  # torch has no bf16 LSTM gradient on CPUs
-            if x.device.type == "cpu":
-                x = x.float()
-                state = None if state is None else (state[0].float(), state[1].float())
+        if x.device.type != "cpu":
             states, last = self.cells(x, state)
+            return states, last
+        with torch.autocast("cpu", enabled=False):  # torch has no bf16 LSTM gradient on CPUs
+            states, last = self.cells(x.float(), None if state is None else (state[0].float(), state[1].float()))
         return states, last
 
     def _symbolic(self, x: Tensor, state: tuple[Tensor, Tensor] | None) -> tuple[Tensor, tuple[Tensor, Tensor]]:

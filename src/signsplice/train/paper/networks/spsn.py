@@ -54,6 +54,9 @@ class SpsnConfig:
 
 def score(decoded: Tensor, encoded: Tensor) -> Tensor:
     """Mean squared differences (B, T, S) of states (B, T, D) and (B, S, D) (eq. 6)."""
+    if torch.is_autocast_enabled(decoded.device.type):  # half precision would lose small differences of large states
+        with torch.autocast(decoded.device.type, enabled=False):
+            return score(decoded.float(), encoded.float())
     squares = decoded.square().mean(-1)[:, :, None] + encoded.square().mean(-1)[:, None, :]
     return squares - 2.0 * decoded @ encoded.transpose(1, 2) / decoded.shape[-1]
 

@@ -84,7 +84,8 @@ class Transformer(Generator):
             DecoderLayer(*sizes, config.inner, config.dropout) for _ in range(config.n_decoder_layers)
         )
         self.norm = nn.LayerNorm(width)
-        self.frame, self.last = nn.Linear(width, n_numbers), nn.Linear(width, 1)
+        self.frame: nn.Module = nn.Linear(width, n_numbers)
+        self.last = nn.Linear(width, 1)
         if config.tokens:
             self.token = nn.Linear(width, 3)
         if config.counter:
@@ -113,6 +114,18 @@ class Transformer(Generator):
         self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State
     ) -> tuple[Tensor, Tensor, State]:
         """Frames, logits of the last frame, and extended caches."""
+        x, caches = self.decoder_states(fed, kinds, start, memory, state)
+        frames = self.normaliser.inverse(self.frame(x))
+        last: Tensor = self.last(x)
+        if self.config.counter:
+            counter = torch.sigmoid(last)
+            return torch.cat([frames, counter], dim=-1), _LOGIT_SLOPE * (counter[..., 0] - COUNTED), caches
+        return frames, last[..., 0], caches
+
+    def decoder_states(
+        self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State
+    ) -> tuple[Tensor, State]:
+        """The decoder's last states (B, T, D), and extended caches."""
         shown = (kinds == FRAME)[..., None].to(fed.dtype)
         inputs = self.kind(kinds) + shown * self.embedding(self.normaliser(fed[..., : self.normaliser.n_numbers]))
         n_new, n_past = fed.shape[1], state[0].shape[2]
@@ -128,10 +141,5 @@ class Transformer(Generator):
             cross = (memory[2 * k + 1], memory[2 * k + 2])
             x, cache = layer(x, (state[2 * k], state[2 * k + 1]), cross, self_allowed, cross_allowed)
             caches += cache
-        x = self.norm(x)
-        frames = self.normaliser.inverse(self.frame(x))
-        last: Tensor = self.last(x)
-        if self.config.counter:
-            counter = torch.sigmoid(last)
-            return torch.cat([frames, counter], dim=-1), _LOGIT_SLOPE * (counter[..., 0] - COUNTED), tuple(caches)
-        return frames, last[..., 0], tuple(caches)
+        out: Tensor = self.norm(x)
+        return out, tuple(caches)
