@@ -88,7 +88,7 @@ def plots(results: Results) -> figures._Plots:
 def test_curves_are_drawn_over_pairs_and_over_core_minutes() -> None:
     pytest.importorskip("matplotlib")
     axes = plots(measured()).accuracy({"": style.COMPARED}).axes
-    assert [ax.get_xlabel() for ax in axes] == ["pairs seen in training", "core-minutes of training"]
+    assert [ax.get_xlabel() for ax in axes] == ["thousands of pairs seen in training", "core-minutes of training"]
     assert [line.get_label() for line in axes[0].lines] == [published.name(s) for s in style.COMPARED]
     assert all(np.isclose(line.get_ydata()[-1], 0.03) for ax in axes for line in ax.lines), "errors 1 - Accuracy"
     assert len(plots(measured()).accuracy(style.ABLATIONS).axes) == 4, "a row for each family"
@@ -96,7 +96,9 @@ def test_curves_are_drawn_over_pairs_and_over_core_minutes() -> None:
     assert [line.get_label() for line in sweep.lines] == ["fr = 4", "fr = 6", "fr = 8"]
     rows = [row(s, bundle=s) for s in style.COMPARED]
     no_clock = of_rows(*rows).merged(curves=[curve_of(r, minutes=None) for r in rows])
-    assert [ax.get_xlabel() for ax in plots(no_clock).accuracy({"": style.COMPARED}).axes] == ["pairs seen in training"]
+    assert [ax.get_xlabel() for ax in plots(no_clock).accuracy({"": style.COMPARED}).axes] == [
+        "thousands of pairs seen in training"
+    ]
 
 
 def test_a_curve_that_ends_elsewhere_than_its_row_is_left_out(tmp_path: Path) -> None:
@@ -230,8 +232,8 @@ def test_training_without_torch_names_the_missing_extra(tmp_path: Path, monkeypa
 def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("matplotlib")
     pairs, bundles, out = corpus(), tmp_path / "bundles", tmp_path / "out"
-    for system in (published.PRINTED, "lstm"):
-        write_bundle(bundles / system, pairs, system=system, fr=None)
+    for system, last in ((published.PRINTED, 0.999), ("lstm", 0.99)):
+        write_bundle(bundles / system, pairs, last, system=system, fr=None)
 
     def opener(folder: Path, decoding: str) -> Fake:
         return Fake(pairs, off=0.001 if folder.name == published.PRINTED else 0.01)
