@@ -108,7 +108,11 @@ def _train(todo: Sequence[Run], pairs: Path, bundles: Path, steps: int | None, w
             "pip install 'signsplice[train]'; `signsplice paper evaluate` judges what is there"
         )
     check_extra()
+    from signsplice.synth.corpus import Pairs
     from signsplice.train.paper import schedule
+
+    corpus = Pairs(pairs)
+    todo = [run for run in todo if corpus.split(run.split, "train")]  # few words: a split may be empty
 
     def started(number: int, run: Run) -> None:
         click.echo(f"training {number} of {len(todo)}: {run.name}", err=True)

@@ -47,6 +47,7 @@ def test_the_longest_transition_is_the_networks() -> None:
     assert own_words.LONGEST == MOST_FRAMES
 
 
+@pytest.mark.slow
 def test_a_system_learns_from_clips_of_another_rig(tmp_path: Path) -> None:
     folder = clips(tmp_path / "clips", GLOSSES[:3], 12.0)
     plan = own_words.PairsPlan(ClipChoice(folder, fps=12.0), "pose-velocity+hermite")
@@ -55,6 +56,7 @@ def test_a_system_learns_from_clips_of_another_rig(tmp_path: Path) -> None:
     assert pairs.spaces[0].n_numbers == 135
     config = training.Training("lpt", "smoke", steps=1, n_judgements=1)
     part = scales.parts("lpt", "smoke", None, 1, "adamw", "random")[0]
+    (tmp_path / "part").mkdir()
     made = training.trained(part, config, pairs, tmp_path / "part", ONE)
     tokens = made.network(torch.from_numpy(np.array(pairs.word(0)))[None], torch.tensor([9]))
     assert tokens.shape == (1, len(pairs.word(0)), 3)
