@@ -86,7 +86,7 @@ def torch_frames(made: Task, batch: Batch, parallel: bool) -> np.ndarray:
             count = int(network.length(batch.x, batch.mask).argmax()) + 1
             return np.asarray(network.fill(batch.x, batch.mask, torch.ones(1, count, dtype=torch.bool))[0])
         assert isinstance(network, Generator)
-        encoded = network.encode(batch.x, batch.mask, batch.n_before)
+        encoded = network.encode(batch.x, batch.mask, batch.n_before, batch.marks)
         return np.asarray(generate(network, encoded, 1, MOST_FRAMES, parallel)[0])
 
 

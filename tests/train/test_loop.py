@@ -56,6 +56,20 @@ def test_a_resumed_training_ends_in_the_same_weights(tmp_path: Path, name: str, 
     assert losses(tmp_path / "b") == losses(tmp_path / "a")
 
 
+def test_snapshots_are_the_weights_at_every_validation(tmp_path: Path) -> None:
+    seconds = []
+    for until in (3, None):
+        task = toy("spsn")
+        config = LoopConfig(6, 8, "adamw", 1e-2, seed=1, every=2, until=until, snapshots=True)
+        train(task, config, data(), data("valid"), tmp_path, "toy", ALONE)
+        seconds.append(max(line["cpu_s"] for line in log.lines(tmp_path / log.NAME)))
+    files = sorted((tmp_path / checkpoint.SNAPSHOTS).iterdir())
+    assert files == [checkpoint.snapshot_path(tmp_path, step) for step in (2, 3, 4, 6)]
+    last = torch.load(files[-1], weights_only=True)
+    assert all(torch.equal(value, last[name]) for name, value in task.state_dict().items())
+    assert seconds[1] > seconds[0] > 0.0, "processor seconds go on where an interruption left them"
+
+
 def test_steps_that_are_repeated_are_logged_once(tmp_path: Path) -> None:
     trained("spsn", tmp_path / "a", (2,))
     path = tmp_path / "a" / log.NAME

@@ -13,10 +13,11 @@ torch = pytest.importorskip("torch")
 from torch import Tensor  # noqa: E402
 
 from signsplice.train.paper import scales  # noqa: E402
+from signsplice.train.paper.losses import token_loss  # noqa: E402
 from signsplice.train.paper.networks.filling import Filler, gap_fractions  # noqa: E402
 from signsplice.train.paper.networks.generator import FRAME, HIDDEN, START, Generator, generate  # noqa: E402
-from signsplice.train.paper.networks.spsn import Spsn  # noqa: E402
-from signsplice.train.paper.pairs_data import Batch  # noqa: E402
+from signsplice.train.paper.networks.spsn import POST, PRE, Spsn  # noqa: E402
+from signsplice.train.paper.pairs_data import Batch, splice_marks  # noqa: E402
 from signsplice.train.paper.tasks import MOST_FRAMES, decoder_input, positions, token_bias  # noqa: E402
 from training_toys import CONFIGS, FR, GENERATORS, data, parents, toy  # noqa: E402
 
@@ -67,7 +68,9 @@ def test_generators_return_frames_tokens_and_end_logits(name: str) -> None:
     n_batch, n_frames = one.real.shape
     kinds = torch.full((n_batch, n_frames), FRAME)
     kinds[:, 0] = START
-    tokens, made, last = network(one.x, one.mask, one.n_before, torch.zeros(n_batch, n_frames, network.n_fed), kinds)
+    tokens, made, last = network(
+        one.x, one.mask, one.n_before, torch.zeros(n_batch, n_frames, network.n_fed), kinds, one.marks
+    )
     assert made.shape == (n_batch, n_frames, network.n_fed)
     assert last.shape == (n_batch, n_frames)
     assert (tokens is not None) == (name in ("transformer", "conv-s2s", "lstm"))
@@ -85,8 +88,8 @@ def test_cached_decoding_equals_uncached_decoding(name: str) -> None:
     kinds = torch.full((3, 6), FRAME)
     kinds[:, 0] = START
     with torch.no_grad():
-        _, whole, ends = network(one.x, one.mask, one.n_before, frames, kinds)
-        encoded = network.encode(one.x, one.mask, one.n_before)
+        _, whole, ends = network(one.x, one.mask, one.n_before, frames, kinds, one.marks)
+        encoded = network.encode(one.x, one.mask, one.n_before, one.marks)
         state = encoded.state
         for first, stop in ((0, 1), (1, 3), (3, 6)):
             made, last, state = network.decode(
@@ -103,8 +106,8 @@ def test_padding_of_the_input_changes_nothing(name: str) -> None:
     rows = data("train", CONFIGS[name][1])
     alone, both = rows.batch([0]), rows.batch([0, 1, 2, 3])
     with torch.no_grad():
-        one = generate(network, network.encode(alone.x, alone.mask, alone.n_before), 1, 5)
-        many = generate(network, network.encode(both.x, both.mask, both.n_before), 4, 5)
+        one = generate(network, network.encode(alone.x, alone.mask, alone.n_before, alone.marks), 1, 5)
+        many = generate(network, network.encode(both.x, both.mask, both.n_before, both.marks), 4, 5)
     count = min(len(one[0]), len(many[0]))
     torch.testing.assert_close(one[0][:count], many[0][:count], atol=1e-4, rtol=1e-3)
 
@@ -147,6 +150,56 @@ def test_every_network_can_overfit_one_batch(name: str) -> None:
     if "accuracy" in scores:
         assert scores["length"] == 1.0, scores
         assert scores["accuracy"] > 0.97, scores
+
+
+@pytest.mark.parametrize("name", ["conv-s2s", "lstm", "transformer", "spsn", "spsn-printed"])
+def test_every_token_depends_on_both_words_to_their_ends(name: str) -> None:
+    """A system whose tokens see only some frames to either side could do no better than a table of words."""
+    torch.manual_seed(0)
+    network = toy(name).network.eval()
+    one = batch(name, 1)
+
+    def tokens(x: Tensor) -> Tensor:
+        with torch.no_grad():
+            if isinstance(network, Spsn):
+                found: Tensor = network(x, one.n_before, one.mask)
+                return found
+            assert isinstance(network, Generator)
+            logits = network.encode(x, one.mask, one.n_before).tokens
+            assert logits is not None
+            return logits
+
+    changed = one.x.clone()
+    changed[:, -1] += 0.1
+    assert (tokens(changed) - tokens(one.x))[0, 0, :2].abs().max() > 1e-7, (
+        "the first frame's token, the last frame's pose"
+    )
+
+
+def test_without_culling_frames_depend_on_the_marked_positions() -> None:
+    torch.manual_seed(0)
+    network = toy("tfgn-wc").network.eval()
+    assert isinstance(network, Generator)
+    one = batch("tfgn-wc", 2)
+    with torch.no_grad():
+        frames = [
+            generate(network, network.encode(one.x, one.mask, one.n_before, marks), 2, 5)[0][0]
+            for marks in (one.marks, splice_marks(one.pre - 1, one.post, one.x.shape[1]))
+        ]
+    assert one.marks.sum((1, 2)).tolist() == [2.0, 2.0]
+    assert not torch.allclose(frames[0], frames[1])
+    assert splice_marks(torch.tensor([-1]), torch.tensor([-1]), 5).sum() == 0, "positions that were not found"
+
+
+def test_the_plain_token_loss_is_cross_entropy() -> None:
+    torch.manual_seed(0)
+    logits = torch.randn(2, 7, 3)
+    pre, post = torch.tensor([1, 2]), torch.tensor([4, 6])
+    labels = torch.zeros(2, 7, dtype=torch.long)
+    labels[[0, 1], pre], labels[[0, 1], post] = PRE, POST
+    expected = torch.nn.functional.cross_entropy(logits.flatten(0, 1), labels.flatten())
+    torch.testing.assert_close(token_loss(logits, pre, post, plain=True), expected)
+    assert token_loss(logits, pre, post) > 2.0 * expected
 
 
 def test_positions_are_the_likeliest_frames_of_winning_tokens() -> None:
