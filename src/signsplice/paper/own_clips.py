@@ -120,7 +120,8 @@ def read_words(
         choice.limits.check_resampling(clip, choice.fps)
         warnings += [f"{source.path}: {line.removeprefix(f'{clip.name}: ')}" for line in left_out_warnings(clip)]
         clip = on_rig(clip, rig, source.path, warnings)
-        clip = resample(place(clip, ORIGIN) if moves else clip, choice.fps)
+        clip = resample(clip, choice.fps)
+        clip = place(clip, ORIGIN) if moves else clip
         words.append(
             OwnWord(source.gloss, source.signer, source.path, replace(clip, name=source.gloss), n_read, read_fps)
         )
