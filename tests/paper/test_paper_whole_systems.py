@@ -208,7 +208,7 @@ def test_own_words_stand_where_the_system_learned_them_wherever_they_were_record
     np.testing.assert_allclose(positions(there.clip), positions(here.clip), atol=1e-6)
     for span, clip in zip(here.spans[::2], (BEFORE, AFTER), strict=True):
         at = placement(place(clip, ORIGIN))
-        np.testing.assert_allclose(at.position, 0.0, atol=1e-9)
+        np.testing.assert_allclose(at.position, 0.0, atol=1e-6)
         stood = place(clip, ORIGIN).root_positions[slice(*(span.source or (0, 0)))]
         np.testing.assert_array_equal(here.clip.root_positions[slice(*span.output)], stood)
 
