@@ -111,3 +111,19 @@ def test_positions_of_the_wrong_shape_are_refused() -> None:
     clip = random_clip(0)
     with pytest.raises(InputError, match="positions"):
         kinematics.rotations_from_positions(clip.skeleton, np.zeros((4, 3, 3)))
+
+
+def test_joints_whose_positions_are_not_given_follow_the_poses_on_either_side() -> None:
+    """a - b - c - d along a line, where b holds still at an angle and is not given."""
+    offsets = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.2, 1.0, 0.0], [0.0, 0.7, 0.3]])
+    skeleton = Skeleton(("a", "b", "c", "d"), np.array([-1, 0, 1, 2]), offsets)
+    turns = np.cumsum(np.random.default_rng(5).normal(0.0, 0.1, (9, 4, 3)), axis=0)
+    turns[:, 1] = (0.4, 0.0, -0.2)
+    clip = Clip(skeleton, rotation.exp(turns), np.zeros((9, 3)), 30.0)
+    wanted = kinematics.forward(clip)[1]
+    local = kinematics.rotations_from_positions(
+        skeleton, wanted[1:8][:, [0, 2, 3]], clip.local_rotations[0], clip.local_rotations[8], joints=[0, 2, 3]
+    )
+    made = Clip(skeleton, local, np.zeros((7, 3)), 30.0)
+    assert np.allclose(kinematics.forward(made)[1][:, 2:], wanted[1:8, 2:], atol=1e-9)
+    assert np.allclose(np.abs(np.sum(local[:, 1] * clip.local_rotations[0, 1], axis=-1)), 1.0)

@@ -111,3 +111,37 @@ def test_the_truth_scores_one_and_reversed_frames_do_not(n: int, seed: int) -> N
     backwards = of([(a[::-1], a)], 1e-9)
     assert backwards.bleu[0] == 1.0
     assert backwards.precisions[1] == 0.0
+
+
+def papers(pairs: list[tuple[Float, Float]], tolerance: float = 0.0) -> tuple[float, ...]:
+    return bleu.mean([bleu.count(p, t, [tolerance])[tolerance] for p, t in pairs])
+
+
+def test_the_papers_bleu_is_the_share_of_predicted_ngrams_that_are_found() -> None:
+    """Not clipped, one n alone, no brevity penalty; the paper's example counts [T1, T2], [T2, T3], ..."""
+    predicted, true = spelled([1, 2, 3, 4]), spelled([9, 1, 2, 7, 3])
+    assert papers([(predicted, true)]) == (3 / 4, 1 / 3, 0.0, 0.0)
+    assert papers([(spelled([1] * 7), spelled([1, 2, 3, 4, 1, 5]))])[0] == 1.0, "a repeated frame is found each time"
+    assert papers([(spelled([1, 2]), spelled([1, 2, 3, 4, 5, 6]))])[:2] == (1.0, 1.0), "no brevity penalty"
+
+
+def test_the_papers_bleu_is_the_mean_over_pairs_with_true_ngrams() -> None:
+    whole, half = (spelled([1, 2, 3, 4]),) * 2, (spelled([1, 9]), spelled([1, 2, 3, 4]))
+    silent, short = (spelled([]), spelled([1, 2, 3, 4])), (spelled([1, 2]), spelled([1, 2]))
+    assert papers([whole, half])[0] == 0.75, "pairs count alike, whatever their length"
+    assert papers([whole, silent])[0] == 0.5, "a pair without predicted frames counts 0"
+    assert papers([whole, half])[2] == 0.5, "so does a prediction too short for an n-gram"
+    assert papers([whole, short])[2] == 1.0, "a truth too short for an n-gram is left out"
+    assert math.isnan(papers([short])[2])
+
+
+@given(st.lists(st.tuples(symbols, symbols), min_size=1, max_size=4))
+def test_the_papers_bleu_of_symbols_by_hand(pairs: list[tuple[Symbols, Symbols]]) -> None:
+    found = papers([(spelled(p), spelled(t)) for p, t in pairs])
+    for n in range(1, 5):
+        shares = []
+        for p, t in pairs:
+            made, true = ([tuple(w[k : k + n]) for k in range(len(w) - n + 1)] for w in (p, t))
+            if true:
+                shares.append(sum(gram in true for gram in made) / len(made) if made else 0.0)
+        assert found[n - 1] == pytest.approx(np.mean(shares)) if shares else math.isnan(found[n - 1])

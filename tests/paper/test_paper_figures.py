@@ -88,7 +88,7 @@ def plots(results: Results) -> figures._Plots:
 def test_curves_are_drawn_over_pairs_and_over_core_minutes() -> None:
     pytest.importorskip("matplotlib")
     axes = plots(measured()).accuracy({"": style.COMPARED}).axes
-    assert [ax.get_xlabel() for ax in axes] == ["pairs seen in training", "core-minutes of training"]
+    assert [ax.get_xlabel() for ax in axes] == ["thousands of pairs seen in training", "core-minutes of training"]
     assert [line.get_label() for line in axes[0].lines] == [published.name(s) for s in style.COMPARED]
     assert all(np.isclose(line.get_ydata()[-1], 0.03) for ax in axes for line in ax.lines), "errors 1 - Accuracy"
     assert len(plots(measured()).accuracy(style.ABLATIONS).axes) == 4, "a row for each family"
@@ -96,7 +96,9 @@ def test_curves_are_drawn_over_pairs_and_over_core_minutes() -> None:
     assert [line.get_label() for line in sweep.lines] == ["fr = 4", "fr = 6", "fr = 8"]
     rows = [row(s, bundle=s) for s in style.COMPARED]
     no_clock = of_rows(*rows).merged(curves=[curve_of(r, minutes=None) for r in rows])
-    assert [ax.get_xlabel() for ax in plots(no_clock).accuracy({"": style.COMPARED}).axes] == ["pairs seen in training"]
+    assert [ax.get_xlabel() for ax in plots(no_clock).accuracy({"": style.COMPARED}).axes] == [
+        "thousands of pairs seen in training"
+    ]
 
 
 def test_a_curve_that_ends_elsewhere_than_its_row_is_left_out(tmp_path: Path) -> None:
@@ -220,20 +222,21 @@ def test_the_command_refuses_bad_inputs(tmp_path: Path) -> None:
 def test_training_without_torch_names_the_missing_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: None if name == "torch" else find(name, *a))
-    code, message = run("all", "--out", str(tmp_path / "out"), "--bundles", str(tmp_path / "b"), "--system", "lstm")
+    folders = ("--out", str(tmp_path / "out"), "--bundles", str(tmp_path / "b"), "--pairs", str(corpus().folder))
+    code, message = run("all", *folders, "--system", "lstm")
     assert code == 1
-    assert "2 of the paper's systems are not trained yet, lstm-cpu-adamw-random first" in message
+    assert "of the paper's systems are not trained yet, lstm-cpu-adamw-random first" in message
     assert "pip install 'signsplice[train]'" in message
 
 
 def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("matplotlib")
     pairs, bundles, out = corpus(), tmp_path / "bundles", tmp_path / "out"
-    for system in ("lpt", "lstm"):
-        write_bundle(bundles / system, pairs, system=system, fr=None)
+    for system, last in ((published.PRINTED, 0.999), ("lstm", 0.99)):
+        write_bundle(bundles / system, pairs, last, system=system, fr=None)
 
     def opener(folder: Path, decoding: str) -> Fake:
-        return Fake(pairs, off=0.001 if folder.name == "lpt" else 0.01)
+        return Fake(pairs, off=0.001 if folder.name == published.PRINTED else 0.01)
 
     cutters = (("true-positions", "hermite", "positions and length"), ("learned-fluent", "learned", "nothing"))
     methods = [ClipMethod(*names) for names in (*cutters, ("ends", "slerp", "length"))]
@@ -242,9 +245,11 @@ def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monk
     call = ("evaluate", "--scale", "smoke", "--pairs", str(pairs.folder), "--bundles", str(bundles), "--out", str(out))
     code, output = run(*call)
     assert code == 0, output
-    assert "15 rows judged, 15 in all" in output, "3 methods on three splits; lpt, lpt in one pass and lstm on two"
-    assert {"table1.md", "table1.tex", "classical.md", "figure6.png", "figure4c.svg"} <= {p.name for p in out.iterdir()}
+    assert "18 rows judged, 18 in all" in output, (
+        "the mean and 3 methods on three splits; lpt-printed, in one pass too, and lstm on two"
+    )
+    assert {"table1.md", "table1.tex", "classical.md", "figure6.png", "figure4d.svg"} <= {p.name for p in out.iterdir()}
     assert "| LSTM | AdamW, 20 steps |" in (out / "table1.md").read_text()
     assert len(json.loads((out / "results.json").read_text())["curves"]) == 2
     monkeypatch.setattr(figures, "write", lambda *_: ([], []))
-    assert "0 rows judged, 15 in all" in run(*call)[1]
+    assert "0 rows judged, 18 in all" in run(*call)[1]

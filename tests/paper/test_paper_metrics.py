@@ -38,7 +38,7 @@ def test_mse_of_worked_examples() -> None:
     one = frames(0.0)
     one[0, 0] = 0.3
     assert metrics.squared_error(one, frames(0.0)) == pytest.approx(0.09 / 159), "numbers are averaged"
-    assert metrics.squared_error(frames(0.0), frames(0.0, 0.0, 0.0), lambda_=3.0) == pytest.approx(36.0 / 159)
+    assert metrics.squared_error(frames(0.0), frames(0.0, 0.0, 0.0), frame_cost=9.0 / 159) == pytest.approx(36.0 / 159)
 
 
 def test_an_extra_frame_costs_as_much_as_a_just_visible_error() -> None:
@@ -53,7 +53,7 @@ def test_an_extra_frame_costs_as_much_as_a_just_visible_error() -> None:
 def test_accuracy_and_mse_equal_the_slow_reference(n: int, m: int, seed: int) -> None:
     a, b = motion(n, seed), motion(m, seed + 1)
     assert metrics.accuracy(a, b) == pytest.approx(reference.accuracy(a, b, metrics.SIGMA))
-    assert metrics.squared_error(a, b) == pytest.approx(reference.squared_error(a, b, metrics.LAMBDA))
+    assert metrics.squared_error(a, b) == pytest.approx(reference.squared_error(a, b, 0.5639148872))
 
 
 def score_of(
@@ -92,9 +92,40 @@ def test_paa_is_undefined_without_tokens() -> None:
     assert math.isnan(found["motion_ratio"])
 
 
+def test_errors_and_lengths_are_measured_apart() -> None:
+    true = (5, 6, frames(0.0, 0.0))
+    near, long = frames(0.1, 0.1), frames(0.0, 0.0, 0.0, 0.0)
+    found = metrics.summary([score_of(Prediction(5, 6, made), true) for made in (near, long)])
+    assert found["mse_equal"] == pytest.approx(0.02), "the pair of another length is left out"
+    assert found["accuracy_equal"] == pytest.approx(0.9)
+    assert found["mse@0.0005"] == pytest.approx((0.02 + 4 * 0.0005) / 2)
+    assert found["mse@0.002"] == found["mse"] == pytest.approx((0.02 + 4 * 0.002) / 2)
+    assert found["mse@0.008"] == pytest.approx((0.02 + 4 * 0.008) / 2)
+    assert (found["length_exact"], found["length_ratio"], found["n_frames"]) == (0.5, 1.5, 2.0)
+
+
+def test_scores_without_the_bias_of_the_tokens() -> None:
+    true = (5, 6, motion(5))
+    rows = [
+        score_of(Prediction(5, 6, true[2], unbiased=(5, None)), true),
+        score_of(Prediction(5, 7, true[2], unbiased=(5, 7)), true),
+        score_of(Prediction(5, 6, true[2]), true),
+    ]
+    found = metrics.summary(rows)
+    assert (found["pta"], found["paa"], found["paa_all"]) == (1.0, 2 / 3, 2 / 3)
+    assert (found["pta_unbiased"], found["paa_unbiased"], found["paa_all_unbiased"]) == (2 / 3, 0.5, 1 / 3)
+    assert (found["within_1"], found["within_2"]) == (1.0, 1.0)
+
+
+def test_another_number_of_numbers_keeps_the_cost_of_a_frame() -> None:
+    few = np.full((2, 9), 0.1)
+    assert metrics.squared_error(few, np.zeros((2, 9))) == pytest.approx(0.02)
+    assert metrics.squared_error(few, np.zeros((3, 9))) == pytest.approx(metrics.VISIBLE)
+
+
 def test_signatures_state_every_parameter() -> None:
     assert f"sigma:{metrics.SIGMA:.4f}" in metrics.SIGNATURES["accuracy"]
-    assert f"lambda:{metrics.LAMBDA:.4f}" in metrics.SIGNATURES["mse"]
+    assert f"lambda^2/K:{metrics.VISIBLE:g}" in metrics.SIGNATURES["mse"]
     assert f"msd<={bleu.TOLERANCE:g}" in metrics.SIGNATURES["bleu"]
     assert "of:predicted" in metrics.SIGNATURES["paa"]
     for name in ("accuracy", "mse", "bleu"):
@@ -128,6 +159,21 @@ def test_the_truth_has_no_error_and_the_smoothness_of_its_clip() -> None:
     positions = scores.relative_positions(clip, wrists)
     jump = scores.velocity_jump(positions / 100.0, pre + 1, pre + 1 + len(frames_), clip.fps)
     assert found["velocity_jump"] == pytest.approx(jump, rel=0.05), "m/s, scaled back"
+
+
+def test_first_frames_and_later_ones_have_errors_of_their_own() -> None:
+    pairs = corpus()
+    pre, post, true = pairs.truth(3)
+    p, q = pairs.index[3, :2].tolist()
+    words = pairs.word(p).astype(float), pairs.word(q).astype(float)
+    made = true.astype(float)
+    made[2:] += 0.1 * motion(len(made) - 2)
+    found = metrics.summary([score_of(Prediction(pre, post, made), (pre, post, true.astype(float)), words)])
+    assert found["first_frames_error"] == 0.0
+    assert found["later_frames_error"] > 0.0
+    assert found["velocity_error"] > 0.0
+    late = metrics.summary([score_of(Prediction(pre, post, made[1:]), (pre, post, true.astype(float)), words)])
+    assert late["first_frames_error"] > 0.0, "frames are compared by their number, without stretching"
 
 
 def test_held_frames_move_too_little_and_jump() -> None:

@@ -35,7 +35,7 @@ def scores_of(**errors: Any) -> dict[str, float]:
 
 def test_the_truth_has_perfect_scores() -> None:
     found = scores_of()
-    for name in ("pta", "paa", "paa_all", "length_exact", "bleu-1", "ngram-1"):
+    for name in ("pta", "paa", "paa_all", "length_exact", "bleu-1", "papineni-1", "pta_unbiased"):
         assert found[name] == 1.0, name
     assert found["accuracy"] == pytest.approx(1.0)
     assert found["mse"] == pytest.approx(0.0, abs=1e-12)
@@ -49,13 +49,14 @@ def test_every_error_lowers_its_own_scores() -> None:
     assert off["accuracy"] == pytest.approx(0.99)
     mean = np.mean([corpus().index[k, 5] for k in corpus().split("random", "test")])
     assert off["mse"] == pytest.approx(1e-4 * mean)
-    assert off["bleu-1@5e-05"] == 0.0
+    assert off["bleu-1@2e-05"] == 0.0
     assert off["bleu-1@0.0003"] == 1.0
     longer = scores_of(longer=1)
     assert longer["accuracy"] == pytest.approx(1.0 - metrics.SIGMA)
     assert longer["mse"] == pytest.approx(metrics.VISIBLE)
     assert longer["length_exact"] == 0.0
-    assert scores_of(longer=-1)["bleu-1"] < 1.0, "the brevity penalty applies"
+    assert scores_of(longer=-1)["papineni-1"] < 1.0, "the brevity penalty applies"
+    assert scores_of(longer=-1)["bleu-1"] == 1.0, "the paper has none"
     shifted = scores_of(late=1)
     assert (shifted["pta"], shifted["paa"], shifted["positions_off"]) == (1.0, 0.0, 0.5)
     silent = scores_of(silent=True)
@@ -146,7 +147,8 @@ def test_classical_rows_have_the_golden_scores() -> None:
         answer = ClipAnswers(pairs, ClipMethod(cutter, transition, row["told"]))
         found = protocol.judge(answer, pairs, protocol.choose(pairs, "random")).scores
         for name in ("accuracy", "mse", "bleu-1", "bleu-2", "bleu-3", "bleu-4", "pta", "paa"):
-            assert found[name] == pytest.approx(row[name], rel=1e-6, abs=1e-9), (row["system"], row["told"], name)
+            now = name.replace("bleu", "papineni")
+            assert found[now] == pytest.approx(row[name], rel=1e-6, abs=1e-9), (row["system"], row["told"], name)
 
 
 def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path) -> None:
@@ -167,26 +169,31 @@ def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path) -> No
     made = list(judge(pairs, opener).judgements([method], [config], []))
     rows = [row for judgement in made for row in judgement.rows]
     assert [(row.system, row.split) for row in rows] == [
+        *(("mean-transition", split) for split in protocol.SPLITS if pairs.split(split, "train")),
         *((method.name, split) for split in protocol.SPLITS),
         ("lpt", "random"),
         ("lpt", "unseen-signer"),
         ("lpt-one-pass", "random"),
         ("lpt-one-pass", "unseen-signer"),
     ]
+    assert rows[-1].score("paa_train") == 1.0
+    assert rows[-1].score("accuracy_valid") == pytest.approx(0.999)
+    assert rows[-1].truth == "partner"
     assert rows[-1].bundle == bundles.short_hash(config)
     assert rows[-1].fr == 8
     assert rows[-1].score("accuracy") == pytest.approx(0.999)
     (curve,) = made[-1].curves
-    assert curve.points == [(0.0, 0.9), (5.0, 0.905), (10.0, 0.91), (15.0, 0.915)]
+    assert curve.column("pairs") == [320.0, 640.0, 960.0, 1280.0]
+    assert curve.column("accuracy") == pytest.approx([0.849, 0.899, 0.949, 0.999])
     for pair in made[-1].kept:
         assert {name.split("/")[2] for name in pair.made} == {method.name, "lpt"}
         assert np.allclose(pair.made[kept_frames.label("lpt", "smoke", "adamw")], pair.truth + 0.001, atol=1e-6)
     known = Results().merged(rows)
     repeated = list(judge(pairs, opener, known).judgements([method], [config], made[-1].kept))
-    assert [judgement.rows for judgement in repeated] == [(), ()], "known rows are not judged again"
+    assert [judgement.rows for judgement in repeated] == [(), (), ()], "known rows are not judged again"
     assert opened == [(folder, "one-by-one"), (folder, "parallel")]
     forced = list(replace(judge(pairs, opener, known), again=True).judgements([], [config], made[-1].kept))
-    assert len(forced[0].rows) == 4
+    assert len(forced[1].rows) == 4
 
 
 def test_a_bundle_of_another_corpus_stops_the_judging(tmp_path: Path) -> None:

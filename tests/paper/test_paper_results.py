@@ -38,8 +38,8 @@ def test_results_survive_a_round_trip(tmp_path: Path) -> None:
     results.save(known, path)
     assert results.load(path) == known
     stored = json.loads(path.read_text())
-    assert stored["version"] == 1
-    assert {"told", "measures"} <= stored["rows"][0].keys(), "existing files keep their keys"
+    assert stored["version"] == 2
+    assert {"given", "metrics_id", "truth", "token_bias"} <= stored["rows"][0].keys()
     assert np.isnan(known.find(system="lpt")[0].score("paa"))
     assert np.isnan(known.find(system="lpt")[0].score("no such score"))
     assert list(known.signatures) == [results.signature_id()]
@@ -48,12 +48,15 @@ def test_results_survive_a_round_trip(tmp_path: Path) -> None:
 
 def test_other_files_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "results.json"
-    for text in ("{", "[]", '{"version": 1}', '{"version": 1, "rows": [{"x": 1}], "curves": [], "signatures": {}}'):
+    for text in ("{", "[]", '{"version": 2}', '{"version": 2, "rows": [{"x": 1}], "curves": [], "signatures": {}}'):
         path.write_text(text)
         with pytest.raises(InputError, match=r"results.json: is no results.json"):
             results.load(path)
+    path.write_text('{"version": 1, "rows": [], "curves": [], "signatures": {}}')
+    with pytest.raises(InputError, match=r"version 1, expected 2; version 1 is of signsplice 0\.3"):
+        results.load(path)
     path.write_text('{"version": 9}')
-    with pytest.raises(InputError, match="version 9, expected 1"):
+    with pytest.raises(InputError, match="version 9, expected 2"):
         results.load(path)
 
 

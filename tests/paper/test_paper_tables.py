@@ -1,4 +1,4 @@
-"""Tables: the paper's printed numbers, its order and claims, refusals, and Markdown and LaTeX."""
+"""Tables: the paper's printed numbers, seeds, what is missing or not trained, refusals, and Markdown and LaTeX."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pytest
 from toys import of_rows, row
 
 from signsplice.errors import InputError
-from signsplice.paper import layout, order, published, tables
+from signsplice.paper import layout, lines, published, tables
 from signsplice.paper.layout import RULE, Table
-from signsplice.paper.results import CLASSICAL, ResultRow, Results
+from signsplice.paper.results import CLASSICAL, MEAN, ResultRow, Results
 
 DESIGN = """
 BLEU-1 0.744 0.881 0.735 0.894 BLEU-2 0.649 0.771 0.652 0.869 BLEU-3 0.599 0.677 0.615 0.848
@@ -27,10 +27,11 @@ def paper_rows(optimiser: str = "adamw", split: str = "random", **changes: objec
     out = []
     for n, (system, values) in enumerate({**published.TABLE_3, **published.TABLE_1}.items()):
         scores = {published.SCORES[m]: float(v) for m, v in zip(published.METRICS, values, strict=True)}
-        times = {"conv-s2s": 2.0, "transformer": 60.0, "lpt": 11.0, "lpt-wc": 50.0, "lpt-wac": 50.0}
-        scores |= {"mse": 0.0015 if system == "lpt" else 0.01, "accuracy": 0.99 if system == "lpt" else 0.9 + n / 1000}
+        printed = system == published.PRINTED
+        times = {"conv-s2s": 2.0, "transformer": 60.0, published.PRINTED: 11.0, "lpt-printed-wc": 50.0}
+        scores |= {"mse": 0.0015 if printed else 0.01, "accuracy": 0.99 if printed else 0.9 + n / 1000}
         scores |= {"ms_mean": times.get(system, 10.0)}
-        fr = 8 if system == "lpt" else None
+        fr = 8 if printed else None
         out.append(row(system, optimiser=optimiser, split=split, fr=fr, scores=scores, **changes))
     return out
 
@@ -61,40 +62,67 @@ def test_tables_hold_the_printed_numbers_exactly(n: int, printed: dict[str, tupl
         assert " & ".join(values) in layout.latex(made[0])
 
 
-def test_printed_scores_agree_with_the_order_and_the_claims() -> None:
-    found = of_rows(*paper_rows())
-    for n, make in ((1, tables.table_1), (3, tables.table_3)):
-        table, claims = make(found, "cpu")
-        (line,) = [r for r in table.rows if r and r[0] == "follows the paper's order"]
-        assert all(cell.startswith("yes") for cell in line[2:8]), n
-        assert all(r[-1] == "yes" for r in claims.rows), claims.rows
+def test_seeds_are_shown_with_their_mean_and_range() -> None:
+    found = of_rows(*(row("lpt", seed=seed, scores={"paa": paa}) for seed, paa in enumerate((0.7, 0.8, 0.9))))
+    one = lines.line(found, "lpt", "cpu", "random")
+    assert one.cell("paa") == "0.800 [0.700, 0.900]"
+    assert one.origin == "AdamW, 100 steps, 3 seeds"
+    assert one.seeds == "0, 1, 2"
+    assert lines.line(of_rows(row("lpt")), "lpt", "cpu", "random").cell("paa") == "0.900", "one seed has no range"
 
 
-def test_the_order_is_counted_by_pairs_of_systems() -> None:
-    assert order.follows({"a": 3, "b": 2, "c": 1}, {"a": 0.3, "b": 0.2, "c": 0.1}).verdict == "yes (3/3)"
-    assert order.follows({"a": 3, "b": 2, "c": 1}, {"a": 0.3, "b": 0.1, "c": 0.2}).verdict == "no (2/3)"
-    assert order.follows({"a": 3, "b": 3, "c": 1}, {"a": 0.1, "b": 0.9, "c": 0.0}).verdict == "yes (2/2)", "a tie"
-    assert order.follows({"a": 3, "b": 2}, {"a": 0.5, "b": 0.5}).verdict == "no (0/1)"
-    assert order.follows({"a": 3, "b": 2}, {"a": float("nan"), "b": 0.0}).verdict == "no (0/1)"
-    assert order.follows({"a": 3, "b": 2}, {"a": 0.5}).verdict == "-"
+def test_a_system_below_the_mean_transition_is_named_but_has_no_scores() -> None:
+    mean = row("mean-transition", scale=MEAN, optimiser="", fr=None, seed=None, scores={"accuracy": 0.95})
+    low = row(published.PRINTED, optimiser="sgd", scores={"accuracy": 0.9499, "bleu-1": 0.4321})
+    found = of_rows(*paper_rows(), mean, low, row("lpt", scores={"accuracy": 0.95}))
+    text = layout.markdown(tables.table_1(found, "cpu")[0])
+    (sgd,) = [c for c in cells(text) if c[0] == "LpTransformer" and c[1].startswith("SGD")]
+    assert sgd[1] == "SGD, 100 steps; not trained: below the mean transition"
+    assert set(sgd[2:]) == {"-"}
+    assert "0.432" not in text
+    assert lines.line(found, "lpt", "cpu", "random").is_known, "as good as the mean is not below it"
+    assert published.PRINTED not in lines.pick(found, "cpu", "random", "sgd", published.TABLE_1)
+    assert any(c[0] == "mean transition" for c in cells(text))
 
 
-def test_claims_can_fail() -> None:
-    rows = {r.system: r for r in paper_rows()}
-    slow = row("lpt", scores={"accuracy": 0.9, "mse": 0.01, "ms_mean": 100.0})
-    holds = {claim.claim: claim.holds for claim in order.claims_1({**rows, "lpt": slow})}
-    assert not holds["LpTransformer's Accuracy"]
-    assert not holds["LpTransformer's MSE"]
-    assert not holds["faster than Transformer"]
-    assert not holds["slowest"]
-    assert holds["fastest"]
-    assert order.claims_1({"lstm": rows["lstm"]}) == []
-    assert order.claims_3({"lpt": rows["lpt"]}) == []
+def test_what_is_missing_is_named() -> None:
+    found = of_rows(*paper_rows()[-1:])
+    text = layout.markdown(tables.table_1(found, "cpu")[0])
+    for name in ("LSTM", "LPT+", "LPT+, no summary", "NAT", "CAM-STITCH LSTM"):
+        (line,) = [c for c in cells(text) if c[:2] == [name, "AdamW, not trained yet"]]
+        assert set(line[2:]) == {"-"}
+    missing = tables.missing_rows(found, "cpu")
+    assert missing == "Without any row yet: split unseen-words, split unseen-signer, scale paper."
+
+
+def test_table_2_says_which_parts_each_ablation_has() -> None:
+    (table,) = tables.table_2(of_rows(row("lpt", n_parameters=1234567)), "cpu")
+    found = {r[0]: r[1:] for r in table.rows}
+    assert found["LPT-WA"][:2] == ("no", "yes")
+    assert found["LPT-WC"][:2] == ("yes", "no")
+    assert found["LPT-WAC"][:2] == ("no", "no")
+    assert found["LpTransformer"] == ("yes", "yes", "as printed", "not trained yet")
+    assert found["LPT+"] == ("yes", "yes", "all four", "1,234,567")
+
+
+def test_bleu_has_three_tolerances_and_margins_their_groups() -> None:
+    scores = {f"{kind}-{n}@{t:g}": t for kind in ("bleu", "papineni") for n in range(1, 5) for t in (2e-5, 1e-4, 3e-4)}
+    scores |= {f"n_margin_{n}": 10.0 * n for n in range(1, 5)} | {f"paa_margin_{n}": n / 10 for n in range(1, 5)}
+    made = {t.label: t for t in tables.table_1(of_rows(row(published.PRINTED, scores=scores)), "cpu")}
+    (line,) = [r for r in made["bleu1-cpu-random"].rows if r and r[0] == "LpTransformer" and "100 steps" in r[1]]
+    assert line[2:] == ("0.000 / 0.000 / 0.000",) * 8
+    margins = made["margins1-cpu-random"]
+    assert margins.head[2:] == ("under 0.1", "0.1 to 0.2", "0.2 to 0.35", "0.35 or more")
+    assert margins.rows[-1][2:] == ("0.100", "0.200", "0.300", "0.400")
+    assert "Pairs in each: 10, 20, 30, 40." in margins.notes[0]
+    assert "margins1-cpu-random" not in {t.label for t in tables.table_1(of_rows(*paper_rows()), "cpu")}
 
 
 def classical_rows(split: str = "random") -> list[ResultRow]:
     like = {"scale": CLASSICAL, "optimiser": "", "fr": None, "seed": None, "steps": None, "split": split}
-    return [row(system, given=given, **like) for system, given in (*tables.IN_TABLE_1, ("ends+slerp", "nothing"))]
+    return [
+        row(system, given=given, **like) for system, given in (*tables.CLASSICAL_IN_TABLE_1, ("ends+slerp", "nothing"))
+    ]
 
 
 def test_rows_of_other_optimisers_scales_and_inputs_are_separate() -> None:
@@ -109,7 +137,7 @@ def test_rows_of_other_optimisers_scales_and_inputs_are_separate() -> None:
     assert "| NAT | AdamW" in text
     assert "| true-positions+hermite | classical, given positions and length |" in text
     assert "ends+slerp" not in text
-    (every,) = tables.table_classical(found)
+    (_, every) = tables.table_classical(found, "cpu")
     assert "ends+slerp" in layout.markdown(every)
     assert "msd<=" in text
     assert "paper\\|corpus" not in text, "signatures are in code, outside of cells"
@@ -118,7 +146,7 @@ def test_rows_of_other_optimisers_scales_and_inputs_are_separate() -> None:
 
 @pytest.mark.parametrize("field", ["metrics_id", "protocol", "corpus"])
 def test_tables_refuse_rows_that_differ_in_recipe(field: str) -> None:
-    for make, system in ((tables.table_1, "lstm"), (tables.table_3, "lpt-wa")):
+    for make, system in ((tables.table_1, "lstm"), (tables.table_3, "lpt-printed-wa")):
         odd = row(system, fr=None, **{field: "another"})
         with pytest.raises(InputError, match="cannot be compared in one table"):
             make(of_rows(*paper_rows()).merged([odd]), "cpu")
@@ -131,7 +159,7 @@ def test_tables_refuse_rows_that_differ_in_recipe(field: str) -> None:
 def test_the_sweep_of_fr_and_every_split_have_tables() -> None:
     sweep = [row("lpt", fr=fr) for fr in (10, 2, 8)]
     (table,) = tables.table_fr(of_rows(*sweep), "cpu")
-    assert [r[0] for r in table.rows] == ["2", "8", "10"]
+    assert [r[0] for r in table.rows if r] == ["2", "8", "10"]
     assert tables.table_fr(of_rows(sweep[0]), "cpu") == []
     found = of_rows(*paper_rows(), *paper_rows(split="unseen-words", protocol="w"), *classical_rows("unseen-signer"))
     pages = tables.pages(found, "cpu")
@@ -190,18 +218,14 @@ def test_special_characters_are_escaped() -> None:
     assert layout.number(float("nan")) == "-"
 
 
-def test_pages_are_written_and_the_readme_is_filled(tmp_path: Path) -> None:
-    readme = tmp_path / "README.md"
-    readme.write_text(f"before\n{tables.BEGIN}\nold\n{tables.END}\nafter\n")
+def test_pages_are_written_with_the_same_bytes(tmp_path: Path) -> None:
     found = of_rows(*paper_rows(), *classical_rows())
-    written = {path.name for path in tables.write(found, tmp_path, "cpu")}
-    assert written == {
-        *("table1.md", "table1.tex", "table3.md", "table3.tex", "classical.md", "classical.tex", "README.md")
+    pages = ("table1", "table2", "table3", "classical")
+    assert {path.name for path in tables.write(found, tmp_path, "cpu")} == {
+        f"{p}{s}" for p in pages for s in (".md", ".tex")
     }
-    text = readme.read_text()
-    assert text.startswith(f"before\n{tables.BEGIN}\n**Table 1 of the paper, scale cpu, random**")
-    assert text.endswith(f"{tables.END}\nafter\n")
-    assert "old" not in text.splitlines()
+    first = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert first["table1.md"].startswith(b"**Table 1 of the paper, scale cpu, random**")
     tables.write(found, tmp_path, "cpu")
-    assert readme.read_text() == text
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == first
     assert tables.write(Results(), tmp_path / "none", "cpu") == []

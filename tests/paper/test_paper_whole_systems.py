@@ -22,9 +22,9 @@ from signsplice.errors import InputError, SignspliceError
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton, resample
 from signsplice.motion.number_space import NumberSpace, space_of
-from signsplice.paper.systems.clips import ClipSplicer
+from signsplice.paper.systems.clips import ORIGIN, ClipSplicer
 from signsplice.paper.systems.splicers import OneNetworkSystem, TwoNetworkSystem
-from signsplice.rig.placement import Placement, place
+from signsplice.rig.placement import Placement, place, placement
 from signsplice.splicing import report
 from signsplice.splicing.bundle import BUNDLE_FILE, config_of, write_bundle
 
@@ -199,6 +199,18 @@ def test_a_system_of_another_rig_moves_its_joints_and_carries_the_others() -> No
     chest = RIG.index["Chest"]
     carried = rotation.slerp(before.local_rotations[30, chest], after.local_rotations[20, chest], alpha[:, 0, 0])
     np.testing.assert_allclose(np.abs(np.sum(found.frames.local_rotations[:, chest] * carried, axis=-1)), 1.0)
+
+
+def test_own_words_stand_where_the_system_learned_them_wherever_they_were_recorded() -> None:
+    system = own_system(space_of(BEFORE.skeleton, (0.0, 80.0, 0.0), 220.0))
+    away = Placement(np.array([300.0, 20.0, -100.0]), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]))
+    here, there = spliced([BEFORE, AFTER], system), spliced([BEFORE, place(AFTER, away)], system)
+    np.testing.assert_allclose(positions(there.clip), positions(here.clip), atol=1e-6)
+    for span, clip in zip(here.spans[::2], (BEFORE, AFTER), strict=True):
+        at = placement(place(clip, ORIGIN))
+        np.testing.assert_allclose(at.position, 0.0, atol=1e-9)
+        stood = place(clip, ORIGIN).root_positions[slice(*(span.source or (0, 0)))]
+        np.testing.assert_array_equal(here.clip.root_positions[slice(*span.output)], stood)
 
 
 def test_a_clip_without_a_joint_of_the_system_is_refused() -> None:

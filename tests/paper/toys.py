@@ -80,6 +80,10 @@ class Fake:
         )
         return Prediction(None if self.silent else pre - self.late, None if self.silent else post, out)
 
+    def positions(self, before: Float, after: Float) -> tuple[int | None, int | None]:
+        found = self.predict(before, after)
+        return found.pre, found.post
+
     def _truth(self, before: Float, after: Float) -> tuple[int, int, Any]:
         for number in range(len(self.pairs)):
             p, q = self.pairs.index[number, :2].tolist()
@@ -123,8 +127,8 @@ def of_rows(*rows: ResultRow) -> results.Results:
     return results.Results().merged(rows)
 
 
-def write_bundle(folder: Path, pairs: Pairs, **changes: Any) -> Path:
-    """A bundle with a curve but without networks."""
+def write_bundle(folder: Path, pairs: Pairs, last: float = 0.999, **changes: Any) -> Path:
+    """A bundle without networks, and with a curve that ends at the Accuracy ``last``."""
     contents = {
         "version": 1,
         "system": "lpt",
@@ -142,7 +146,7 @@ def write_bundle(folder: Path, pairs: Pairs, **changes: Any) -> Path:
     folder.mkdir(parents=True)
     (folder / "bundle.json").write_text(json.dumps(contents | changes))
     known = bundles.result_row(read_config(folder))
-    points = [(64.0 * step, None, 0.9 + step / 1000.0, 0.01) for step in range(5, 25, 5)]
+    points = [(64.0 * step, None, last + (step - 20) / 100.0, 0.01) for step in range(5, 25, 5)]
     made = Curve(
         known.system, "random", known.scale, known.optimiser, known.fr, known.seed,
         points, curve.COLUMNS, known.bundle or "", known.corpus, 3,

@@ -25,11 +25,12 @@ from signsplice.paper.style import ABLATIONS, CLASSICAL, COMPARED, ON_CLIPS, Sty
 HALF = (5.2, 3.6)
 """Inches of one plot."""
 SPLIT = "random"
-X_AXES = {"pairs": "pairs seen in training", "core_minutes": "core-minutes of training"}
+X_AXES = {"pairs": ("thousands of pairs seen in training", 1e-3), "core_minutes": ("core-minutes of training", 1.0)}
+"""The numbers of a point that are drawn, with the axis and its scale."""
 SWEPT = ("lpt-printed", "lpt")
 """The systems that may be trained for several fr; the first that is, is shown."""
 LEAST_ACCURACY = 0.5
-"""Accuracy at the lower edge of a plot, if every curve ends above it; curves enter from below."""
+"""Least Accuracy at the lower edge of a plot, if every curve ends above it; curves enter from below."""
 _ERRORS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.03, 0.02, 0.015, 0.01, 0.007, 0.005)
 """Errors 1 - Accuracy that have a tick."""
 
@@ -236,10 +237,11 @@ class _Plots:
         for row, (group, lines) in zip(axes, groups.items(), strict=True):
             for ax, x in zip(row, known, strict=True):
                 for name, (curve, options) in lines.items():
-                    at, height = curve.column(x), [1.0 - (y or 0.0) for y in curve.column("accuracy")]
+                    at = [X_AXES[x][1] * (value or 0.0) for value in curve.column(x)]
+                    height = [1.0 - (value or 0.0) for value in curve.column("accuracy")]
                     ax.plot(at, height, **{"lw": 1.6, "ms": 4.0, **options}, label=name)
                 _accuracy_axis(ax)
-                ax.set(xlabel=X_AXES[x], xlim=(0.0, None), ylabel="Accuracy" + (f", {group}" if group else ""))
+                ax.set(xlabel=X_AXES[x][0], xlim=(0.0, None), ylabel="Accuracy" + (f", {group}" if group else ""))
             row[0].legend(fontsize=8)
         figure.suptitle(title, fontsize=10)
         return figure
@@ -277,8 +279,9 @@ def _accuracy_axis(ax: Any) -> None:
 
     ax.set(yscale="log")
     errors = [line.get_ydata() for line in ax.lines]
-    worst = max(float(values[-1]) for values in errors)
-    ax.set_ylim(max(1.0 - LEAST_ACCURACY, 1.1 * worst), 0.8 * max(min(float(min(v)) for v in errors), 1e-4))
+    worst, last = max(float(max(values)) for values in errors), max(float(values[-1]) for values in errors)
+    lower = max(min(1.0 - LEAST_ACCURACY, 1.15 * worst), 1.1 * last)
+    ax.set_ylim(lower, 0.8 * max(min(float(min(values)) for values in errors), 1e-4))
     ax.yaxis.set_major_locator(FixedLocator(_ERRORS))
     ax.yaxis.set_minor_locator(NullLocator())
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{1.0 - value:g}"))

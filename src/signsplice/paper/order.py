@@ -112,7 +112,9 @@ def judge(claim: Claim, corpora: Sequence[Evidence]) -> Judged:
     tested = [one for one in found if one is not None]
     verdict = _together([one.verdict for one in tested])
     why = NO_ROW
-    if tested or claim.judge is None:
+    if len({one.verdict for one in tested}) > 1:
+        why = f"the truths disagree: {', '.join(one.verdict for one in tested)}"
+    elif tested or claim.judge is None:
         why = claim.why.get(verdict, "").format(**(tested[0].facts if tested else {}))
     improved = next((one.figure for one in better if one is not None), "-")
     return Judged(claim, verdict, tuple("-" if one is None else one.figure for one in found), improved, why)

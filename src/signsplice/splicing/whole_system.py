@@ -54,11 +54,13 @@ class WholeSystem(Method, ABC):
     fps: the frame rate that it knows; None: any.
     sha256: of its bundle; None where it comes from no file.
     facts: what a report says of it, besides name and sha256.
+    place: where every word stood that it learned from; None: where each was recorded.
     """
 
     fps: float | None = None
     sha256: str | None = None
     facts: Mapping[str, Any] = {}
+    place: Placement | None = None
 
     @abstractmethod
     def splice_words(self, before: Clip, after: Clip) -> SystemSplice:
@@ -106,9 +108,11 @@ def rate_warnings(system: WholeSystem, clip: Clip) -> tuple[str, ...]:
 
 
 def standing(system: WholeSystem, clip: Clip, to: Reference, is_first: bool) -> Reference:
-    """What a clip is aligned to: the first where the system's words stand, others to the first, or where they were
-    recorded if that is the same body and place (``NEAR_M``, ``NEAR_DEG``).
+    """What a clip is aligned to: the place of all words that the system learned from; where there is none, the first
+    clip's, or where a clip was recorded if that is the same body and place (``NEAR_M``, ``NEAR_DEG``).
     """
+    if system.place is not None:
+        return replace(to, placement=system.place)
     if is_first:
         place = system.stands(clip)
         return to if place is None else replace(to, placement=place)

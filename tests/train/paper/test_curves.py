@@ -22,7 +22,7 @@ from signsplice.paper.systems.splicers import OneNetworkSystem, PaperSystem, Two
 from signsplice.splicing.bundle import BundleConfig, read_config
 from signsplice.train.loop import LoopConfig, train
 from signsplice.train.paper import curves, scales
-from signsplice.train.paper.batch_prediction import WholeSystem
+from signsplice.train.paper.batch_prediction import BatchPredictor
 from signsplice.train.paper.networks.generator import Generator
 from signsplice.train.paper.scales import SYSTEMS, SystemPart
 from signsplice.train.paper.tasks import MOST_FRAMES
@@ -101,7 +101,7 @@ def test_batches_predict_as_single_pairs_do(system: str, tmp_path: Path) -> None
     assert config.runs is not None
     single = one_at_a_time(config, tasks)
     pairs = [(corpus().word(p), corpus().word(q)) for p, q in corpus().index[:6, :2].tolist()]
-    many = WholeSystem(single.graphs.networks, config.fr, config.runs.token_bias)  # type: ignore[attr-defined]
+    many = BatchPredictor(single.graphs.networks, config.fr, config.runs.token_bias)  # type: ignore[attr-defined]
     found = many.predict(pairs)
     for (before, after), prediction in zip(pairs, found, strict=True):
         expected = single.predict(before.astype(np.float64), after.astype(np.float64))

@@ -75,6 +75,11 @@ def test_a_mixture_head_has_softmax_linear_and_exponential_outputs() -> None:
             torch.testing.assert_close(head(states)[row, t], made.centres[row, t, best[row, t]])
 
 
+def test_a_mixture_is_float32_where_the_network_computes_in_bfloat16() -> None:
+    made = MixtureHead(6, 4, 3).bfloat16().mixture(torch.randn(5, 6, dtype=torch.bfloat16))
+    assert {part.dtype for part in made} == {torch.float32}
+
+
 def test_frames_of_a_mixture_are_fed_back_as_its_likeliest_centres() -> None:
     network = maker("mixture")
     assert isinstance(network, MixtureTransformer)

@@ -35,6 +35,10 @@ _ANKLES = np.array([0.0, 7.0, -1.0])
 _FACTS = ("scale", "optimiser", "split", "seed", "corpus")
 
 
+ORIGIN = Placement(np.zeros(3), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+"""Where a user's own words stand for a system: the feet at the origin, up +Y, facing +Z."""
+
+
 class ClipSplicer(PairCutter, GapTransition, WholeSystem):
     """A trained system that runs whole, as in the paper (``SpliceOptions.system``); also a cutter, and a transition if
     it sees only culled frames.
@@ -46,6 +50,8 @@ class ClipSplicer(PairCutter, GapTransition, WholeSystem):
         self.system, config = system, system.config
         self.name, self.fps, self.sha256 = system.name, config.fps, sha256
         self.summary = f"{system.name} of the paper, trained on {config.corpus} ({config.scale})"
+        is_moved = config.space is not None and config.stored.get("moved", True)
+        self.place = ORIGIN if is_moved else None
         self.facts = {name: getattr(config, name) for name in _FACTS} | {"token_bias": system.token_bias}
 
     def splice_words(self, before: Clip, after: Clip) -> SystemSplice:

@@ -31,7 +31,7 @@ BATCH = 64
 
 
 @dataclass(frozen=True)
-class WholeSystem:
+class BatchPredictor:
     """The networks of a system, in evaluation mode and on one device.
 
     - networks: the one for positions, if it is separate, then the one for frames

@@ -28,7 +28,7 @@ from signsplice.synth.corpus import Pairs
 from signsplice.train import log as logs
 from signsplice.train.checkpoint import SNAPSHOTS
 from signsplice.train.paper import scales
-from signsplice.train.paper.batch_prediction import WholeSystem, Words
+from signsplice.train.paper.batch_prediction import BatchPredictor, Words
 from signsplice.train.paper.networks.layers import Normaliser
 from signsplice.train.task import Task
 
@@ -138,7 +138,7 @@ def measure(
     words, truths = _words(pairs, numbers), [_truth(pairs, number) for number in numbers]
     tasks = [_task(config, part, pairs).to(device).eval() for part in parts]
     bias = 0.0 if config.runs is None else config.runs.token_bias
-    system = WholeSystem([task.network for task in tasks], config.fr, bias)
+    system = BatchPredictor([task.network for task in tasks], config.fr, bias)
     fewest = min(parts, key=lambda part: len(part.snapshots))
     points: list[tuple[float | None, ...]] = []
     for done, step in enumerate(fewest.snapshots, 1):

@@ -147,7 +147,7 @@ def _config(name: str, scale: str, fr: int) -> Config:
 def _skeletal(scale: str) -> SkeletalConfig:
     sizes = {
         "smoke": SkeletalConfig(8, 2, 1, 1, 16, dropout=0.0),
-        "cpu": SkeletalConfig(16, 2, 3, 3, 64, dropout=0.0),
+        "cpu": SkeletalConfig(32, 2, 2, 2, 128, dropout=0.0),
         "paper": SkeletalConfig(),
     }
     return sizes[scale]
@@ -188,14 +188,14 @@ _SCHEDULES = {
     "conv-s2s": _PartSchedule((60, 2000, 60_000), 32, 3e-4),
     "lstm": _PartSchedule((60, 7500, 60_000), 32, 3e-3),
     "progressive": _PartSchedule((60, 2000, 60_000)),
-    "mixture": _PartSchedule((60, 2000, 60_000)),
+    "mixture": _PartSchedule((60, 2600, 60_000)),
     "nat": _PartSchedule((60, 2000, 60_000)),
     "interpolation": _PartSchedule((60, 2000, 60_000)),
-    "skeletal": _PartSchedule((60, 600, 60_000), 32, 3e-3),
-    "cam-stitch": _PartSchedule((60, 2000, 60_000), 64, 3e-3),
+    "skeletal": _PartSchedule((60, 2000, 60_000), 16, 3e-3),
+    "cam-stitch": _PartSchedule((60, 11_000, 60_000), 64, 3e-3),
 }
-"""At cpu scale every system is trained for about 25 minutes of one core, half of them for each of two parts. Their
-steps differ in cost by up to five times.
+"""At cpu scale every system is trained for about 25 minutes of one core, half of them for each of two parts, and the
+parts of mixture density, skeletal attention and CAM-STITCH for about 10. Their steps differ in cost several times over.
 """
 
 STEP_FRACTIONS = {("cpu", "sgd"): 5.0, ("paper", "sgd"): 5.0, ("cpu", "unseen-words"): 0.3}

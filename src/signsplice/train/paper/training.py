@@ -247,7 +247,16 @@ def facts(
             "marked": generator is not None and generator.marked,
             "most_frames": MOST_FRAMES,
         },
+        **_rig(pairs),
     }
+
+
+def _rig(pairs: Pairs) -> dict[str, Any]:
+    """The joints and cube of the numbers, and whether all words were moved to one place, for a corpus of clips; nothing
+    for one of the synthetic signer.
+    """
+    head = pairs.head
+    return {"space": head["spaces"][0], "moved": head.get("moved", True)} if "spaces" in head else {}
 
 
 def _last_scores(folder: Path) -> dict[str, float]:

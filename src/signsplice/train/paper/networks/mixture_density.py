@@ -83,9 +83,9 @@ class MixtureHead(nn.Module):
 
     def mixture(self, states: Tensor) -> Mixture:
         """The mixtures of states (..., D)."""
-        states = states.float()
-        centres = self.centre(states).unflatten(-1, (self.n_components, -1))
-        return Mixture(self.coefficient(states), centres, self.width(states).exp() + WIDTH_FLOOR)
+        logits, widths, centres = self.coefficient(states), self.width(states), self.centre(states)
+        centres = centres.unflatten(-1, (self.n_components, -1))
+        return Mixture(logits.float(), centres.float(), widths.float().exp() + WIDTH_FLOOR)  # likelihoods need float32
 
     def forward(self, states: Tensor) -> Tensor:
         """Normalised frames (..., K): the centres of the likeliest components."""
