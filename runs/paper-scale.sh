@@ -64,6 +64,7 @@ done
 judge() {
     [ "$(( PIECE - SECONDS ))" -gt 5 ] || exit 1
     mkdir -p "$OUT/judged/$1-$2"
+    [ ! -f docs/paper/margins.json ] || cp -n docs/paper/margins.json "$OUT/judged/$1-$2/" || true  # minutes to make
     OMP_NUM_THREADS=1 timeout "$(( PIECE - SECONDS ))" "$PYTHON" -m signsplice paper judge \
         --scale "$SCALE" --pairs "$PAIRS" --bundles "$OUT/bundles" --out "$OUT/judged/$1-$2" --system "$1" --seed 0 --fr 8 --split "$2" \
         ${LIMIT:+--limit "$LIMIT"} > "$OUT/judged/$1-$2/log.txt" 2>&1 && touch "$OUT/judged/$1-$2/done"

@@ -95,7 +95,7 @@ def paper(
         paper_training.merge(sources, folder)
     if what in ("all", "train"):
         paper_training.train_missing(options, choice)
-    if what in ("all", "train", "curves"):
+    if what == "curves" or (what in ("all", "train") and not options.time_is_up):
         paper_training.curves(options, systems, again, required=what == "curves")
     if what in ("all", "judge", "evaluate"):
         _make_folder(folder)

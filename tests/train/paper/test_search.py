@@ -18,7 +18,9 @@ from training_toys import corpus
 
 def row(rate: float, width: float, paa: float, part: str = "spsn") -> SearchRow:
     units = scales.parts("lpt", "cpu")[0]
-    return SearchRow(part, rate, width, units.rate * rate, round(units.config.width * width), {"paa": paa}, 5, 1.0)
+    return SearchRow(
+        part, rate, width, units.rate * rate, round(search.units_of(units.config) * width), {"paa": paa}, 5, 1.0
+    )
 
 
 def test_every_part_is_tried_with_three_rates_and_two_widths() -> None:
@@ -28,8 +30,9 @@ def test_every_part_is_tried_with_three_rates_and_two_widths() -> None:
         assert [made for rate, width, made in tried if (rate, width) == (1.0, 1.0)] == [part], name
         for rate, width, made in tried:
             assert made.rate == pytest.approx(rate * part.rate)
-            assert made.config.width == pytest.approx(width * part.config.width, rel=0.1)
-            assert made.config.width % getattr(made.config, "n_heads", 1) == 0
+            units = search.units_of(made.config)
+            assert units == pytest.approx(width * search.units_of(part.config), rel=0.1)
+            assert units % getattr(made.config, "n_heads", 1) == 0
 
 
 def test_a_search_is_continued(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -59,9 +62,11 @@ def test_the_page_names_the_best_and_whether_the_scale_has_it() -> None:
     rows = [row(rate, width, 0.5) for width in search.WIDTHS for rate in search.RATES]
     units = scales.parts("lpt", "cpu")[0]
     line = next(line for line in search.page(head, rows).splitlines() if line.startswith("| spsn "))
-    assert line.endswith(f"| {units.rate:.2g}, {units.config.width} units | yes |"), "of equal ones the scale's own"
+    assert line.endswith(f"| {units.rate:.2g}, {search.units_of(units.config)} units | yes |"), (
+        "of equal ones the scale's own"
+    )
     rows[-1] = row(3.0, 1.5, 0.6)
     line = next(line for line in search.page(head, rows).splitlines() if line.startswith("| spsn "))
-    assert line.endswith(f"| {3.0 * units.rate:.2g}, {round(1.5 * units.config.width)} units | no |")
+    assert line.endswith(f"| {3.0 * units.rate:.2g}, {round(1.5 * search.units_of(units.config))} units | no |")
     line = next(line for line in search.page(head, rows[:4]).splitlines() if line.startswith("| spsn "))
     assert line.endswith("| - | - | - | - |"), "not decided before all are trained"

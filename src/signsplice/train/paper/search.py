@@ -88,10 +88,19 @@ class SearchRow:
         return sum(values) / len(values) if values else float("-inf")
 
 
+def units_of(config: Config) -> int:
+    """The width of a network; the features of every bone of one that works bone by bone."""
+    return int(getattr(config, _width(config)))
+
+
+def _width(config: Config) -> str:
+    return "width" if hasattr(config, "width") else "features"
+
+
 def widened(config: Config, factor: float) -> Config:
     """Sizes with ``factor`` times as many units; a multiple of the heads, where there are some."""
     heads = getattr(config, "n_heads", 1)
-    sizes: dict[str, Any] = {"width": max(1, round(config.width * factor / heads)) * heads}
+    sizes: dict[str, Any] = {_width(config): max(1, round(units_of(config) * factor / heads)) * heads}
     if hasattr(config, "inner"):
         sizes["inner"] = round(config.inner * factor)
     return replace(config, **sizes)
@@ -175,7 +184,7 @@ def _tried(job: tuple[SearchPlan, str, str, float, float, int, float | None]) ->
     (folder / checkpoint.NAME).unlink(missing_ok=True)
     shutil.rmtree(folder / checkpoint.SNAPSHOTS, ignore_errors=True)
     n_parameters = sum(p.numel() for p in task.network.parameters())
-    return SearchRow(name, rate, width, part.rate, part.config.width, scores, n_parameters, round(spent, 1))
+    return SearchRow(name, rate, width, part.rate, units_of(part.config), scores, n_parameters, round(spent, 1))
 
 
 def read(path: Path, signature: dict[str, Any] | None = None) -> list[SearchRow]:
@@ -211,7 +220,7 @@ def page(signature: dict[str, Any], rows: Sequence[SearchRow]) -> str:
         best = max(by.values(), key=lambda row: (row.score, (row.width, row.rate) == (1.0, 1.0)))
         cells = [f"{by[key].score:.3f}" if key in by else "-" for key in columns]
         whole = len(by) == len(columns)
-        has = name in now and (now[name].config.width, now[name].rate) == (best.units, best.learning_rate)
+        has = name in now and (units_of(now[name].config), now[name].rate) == (best.units, best.learning_rate)
         chosen = f"{best.learning_rate:.2g}, {best.units} units"
         lines.append((name, *cells, chosen if whole else "-", ("yes" if has else "no") if whole else "-"))
     table = Table(
