@@ -296,7 +296,8 @@ def _best(e: Evidence, systems: tuple[str, ...], name: str, largest: bool, digit
     if found is None:
         return None
     best = (max if largest else min)(found, key=lambda one: one.score(name))
-    return Finding(graded(best is found[0]), "; ".join(f"{one.name} {one.cell(name, digits)}" for one in found))
+    figure = "; ".join(f"{one.name} {one.cell(name, digits)}" for one in found)
+    return Finding(graded(best is found[0]), figure, {"other": best.name})
 
 
 def _lower(e: Evidence, lpt: str, ablations: tuple[str, ...], name: str) -> Finding | None:
