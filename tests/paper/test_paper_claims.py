@@ -16,7 +16,7 @@ from toys import of_rows, row
 from signsplice.paper import claims_page, order, published, results
 from signsplice.paper.claims import JUDGES
 from signsplice.paper.curve import COLUMNS, Curve
-from signsplice.paper.order import FAILS, HOLDS, IN_PART, UNTESTED, Evidence, ClaimVerdict
+from signsplice.paper.order import FAILS, HOLDS, IN_PART, UNTESTED, ClaimVerdict, Evidence
 from signsplice.paper.results import CLASSICAL, MEAN, ResultRow, Results
 
 

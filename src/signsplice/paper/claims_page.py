@@ -14,7 +14,7 @@ from typing import Any
 
 from signsplice.paper import claims, results
 from signsplice.paper.layout import Table, markdown
-from signsplice.paper.order import FAILS, HOLDS, IN_PART, SPLIT, UNTESTED, Claim, Evidence, ClaimVerdict, judge
+from signsplice.paper.order import FAILS, HOLDS, IN_PART, SPLIT, UNTESTED, Claim, ClaimVerdict, Evidence, judge
 from signsplice.paper.results import Results
 from signsplice.paper.tables import put
 
