@@ -34,7 +34,7 @@ from signsplice.train.paper.networks.layers import FeedForward, MultiHead, Norma
 class SkeletalConfig:
     """Sizes.
 
-    - features: numbers of each joint's state
+    - width: numbers of each joint's state
     - n_heads: attention heads
     - n_encoder_layers: number of encoder layers
     - n_decoder_layers: number of decoder layers
@@ -43,7 +43,7 @@ class SkeletalConfig:
     - dropout: probability
     """
 
-    features: int = 64
+    width: int = 64
     n_heads: int = 8
     n_encoder_layers: int = 6
     n_decoder_layers: int = 6
@@ -107,7 +107,7 @@ class SkeletalLayer(nn.Module):
 
     def __init__(self, config: SkeletalConfig, parents: Sequence[int], reads: bool) -> None:
         super().__init__()
-        features = config.features
+        features = config.width
         self.own = SkeletalAttention(parents, features, config.n_heads)
         self.cross = MultiHead(features, config.n_heads) if reads else None
         self.feed = FeedForward(features, config.inner)
@@ -139,7 +139,7 @@ class SkeletalTransformer(Generator):
     def __init__(self, config: SkeletalConfig, normaliser: Normaliser, parents: Sequence[int]) -> None:
         super().__init__()
         self.config, self.normaliser = config, normaliser
-        self.n_fed, features = normaliser.n_numbers, config.features
+        self.n_fed, features = normaliser.n_numbers, config.width
         self.source, self.embedding = nn.Linear(3, features), nn.Linear(3, features)
         self.joints = nn.Parameter(torch.randn(2, len(parents), features) * 0.1)
         self.kind = nn.Embedding(3, features)
@@ -156,7 +156,7 @@ class SkeletalTransformer(Generator):
         states = self.source(self.normaliser(x).unflatten(-1, (n_joints, 3))) + self.joints[0]
         states = states + self._code(torch.arange(n_frames, device=x.device))
         near = time_edges(n_frames, 0, config.reach, True, x.device) & mask[:, None, None, None, :]
-        empty = states.new_zeros(len(x), config.n_heads, n_joints, 0, config.features // config.n_heads)
+        empty = states.new_zeros(len(x), config.n_heads, n_joints, 0, config.width // config.n_heads)
         for layer in self.encoder:
             states, _ = layer(states, (empty, empty), near)
         by_joint = self.read_norm(states).transpose(1, 2).flatten(0, 1)  # (B J, S, C)
@@ -186,4 +186,4 @@ class SkeletalTransformer(Generator):
 
     def _code(self, positions: Tensor) -> Tensor:
         """The positional code (T, 1, C) of frames, the same for all joints."""
-        return positional_code(positions, self.config.features)[:, None]
+        return positional_code(positions, self.config.width)[:, None]
