@@ -16,7 +16,7 @@ from toys import of_rows, row
 from signsplice.paper import claims_page, order, published, results
 from signsplice.paper.claims import JUDGES
 from signsplice.paper.curve import COLUMNS, Curve
-from signsplice.paper.order import FAILS, HOLDS, IN_PART, UNTESTED, Evidence, Judged
+from signsplice.paper.order import FAILS, HOLDS, IN_PART, UNTESTED, ClaimVerdict, Evidence
 from signsplice.paper.results import CLASSICAL, MEAN, ResultRow, Results
 
 
@@ -41,12 +41,12 @@ def printed_rows(**changes: Any) -> list[ResultRow]:
     return out
 
 
-def verdicts(*corpora: Results) -> dict[str, Judged]:
+def verdicts(*corpora: Results) -> dict[str, ClaimVerdict]:
     evidence = [Evidence(found, "cpu") for found in corpora]
     return {claim.claim: order.judge(claim, evidence) for claim in claims_page.all_claims()}
 
 
-def by_judge(found: dict[str, Judged], name: str) -> Judged:
+def by_judge(found: dict[str, ClaimVerdict], name: str) -> ClaimVerdict:
     return next(one for one in found.values() if one.claim.judge is JUDGES[name])
 
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 from signsplice.paper import published
 from signsplice.paper.layout import short
-from signsplice.paper.lines import Line
+from signsplice.paper.lines import TableLine
 from signsplice.paper.order import Evidence, Finding, Judge, graded, shown
 from signsplice.paper.plan import SWEEP
 
@@ -205,7 +205,9 @@ def best_ablation(e: Evidence, lpt: str) -> Finding | None:
 def attention_error(e: Evidence, lpt: str) -> Finding | None:
     """Holds if the MSE without attention is larger."""
     found = e.of(lpt, f"{lpt}-wa")
-    return found and Finding(graded(found[1].score("mse") > found[0].score("mse")), _each(found, "mse"))
+    if found is None:
+        return None
+    return Finding(graded(found[1].score("mse") > found[0].score("mse")), _each(found, "mse"))
 
 
 def culling_time(e: Evidence, lpt: str) -> Finding | None:
@@ -251,7 +253,9 @@ def missing_frames(e: Evidence, lpt: str) -> Finding | None:
 def transformer_error(e: Evidence, lpt: str) -> Finding | None:
     """Holds if its Accuracy is lower than that of LSTM."""
     found = e.of("transformer", "lstm")
-    return found and Finding(graded(found[0].score("accuracy") < found[1].score("accuracy")), _each(found, "accuracy"))
+    if found is None:
+        return None
+    return Finding(graded(found[0].score("accuracy") < found[1].score("accuracy")), _each(found, "accuracy"))
 
 
 def beats_classical(name: str, largest: bool) -> Judge:
@@ -296,7 +300,8 @@ def _best(e: Evidence, systems: tuple[str, ...], name: str, largest: bool, digit
     if found is None:
         return None
     best = (max if largest else min)(found, key=lambda one: one.score(name))
-    return Finding(graded(best is found[0]), "; ".join(f"{one.name} {one.cell(name, digits)}" for one in found))
+    figure = "; ".join(f"{one.name} {one.cell(name, digits)}" for one in found)
+    return Finding(graded(best is found[0]), figure, {"other": best.name})
 
 
 def _lower(e: Evidence, lpt: str, ablations: tuple[str, ...], name: str) -> Finding | None:
@@ -308,11 +313,11 @@ def _lower(e: Evidence, lpt: str, ablations: tuple[str, ...], name: str) -> Find
     return Finding(graded(all(lower), any(lower)), _each(found, name))
 
 
-def _each(found: list[Line], name: str) -> str:
+def _each(found: list[TableLine], name: str) -> str:
     return "; ".join(f"{one.name} {one.cell(name, 'short' if name == 'mse' else 3)}" for one in found)
 
 
-def _sweep(e: Evidence, lpt: str) -> dict[int, Line] | None:
+def _sweep(e: Evidence, lpt: str) -> dict[int, TableLine] | None:
     found = {fr: one for fr in SWEEP if (one := e.with_fr(fr, lpt)).is_known}
     return found if len(found) > 2 and published.BEST_FR in found else None
 

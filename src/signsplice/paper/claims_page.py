@@ -14,7 +14,7 @@ from typing import Any
 
 from signsplice.paper import claims, results
 from signsplice.paper.layout import Table, markdown
-from signsplice.paper.order import FAILS, HOLDS, IN_PART, SPLIT, UNTESTED, Claim, Evidence, Judged, judge
+from signsplice.paper.order import FAILS, HOLDS, IN_PART, SPLIT, UNTESTED, Claim, ClaimVerdict, Evidence, judge
 from signsplice.paper.results import Results
 from signsplice.paper.tables import put
 
@@ -37,7 +37,7 @@ def _claim(entry: Mapping[str, Any]) -> Claim:
     return Claim(entry["where"], entry["claim"], entry["printed"], judged_by, why, entry.get("of_lpt", True))
 
 
-def judged(by_truth: Mapping[str, Results], scale: str) -> list[Judged]:
+def judged(by_truth: Mapping[str, Results], scale: str) -> list[ClaimVerdict]:
     """Every claim with its verdict, from the results of one corpus for every truth."""
     corpora = [Evidence(found, scale) for found in by_truth.values()]
     return [judge(claim, corpora) for claim in all_claims()]

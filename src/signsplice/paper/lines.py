@@ -23,7 +23,7 @@ SHORT = "short"
 
 
 @dataclass(frozen=True)
-class Line:
+class TableLine:
     """One system in a table.
 
     - name: as shown
@@ -78,24 +78,24 @@ def mean_transition(results: Results, split: str) -> ResultRow | None:
 
 def line(
     results: Results, system: str, scale: str, split: str, optimiser: str = "adamw", fr: int | None = None
-) -> Line:
+) -> TableLine:
     """The line of one of the paper's systems or of those beside it, with the paper's fr where none is given."""
     rows = results.find(system=system, scale=scale, split=split, optimiser=optimiser, part="test")
     wanted = (None, published.BEST_FR) if fr is None else (fr,)
     rows = sorted((row for row in rows if row.fr in wanted), key=lambda row: row.seed or 0)
     name, by = published.name(system), OPTIMISERS.get(optimiser, optimiser)
     if not rows:
-        return Line(name, f"{by}, {MISSING}")
+        return TableLine(name, f"{by}, {MISSING}")
     steps = "/".join(dict.fromkeys(f"{row.steps}" for row in rows))
     seeds = f", {len(rows)} seeds" if len(rows) > 1 else ""
-    made = Line(name, f"{by}, {steps} steps{seeds}", tuple(rows))
+    made = TableLine(name, f"{by}, {steps} steps{seeds}", tuple(rows))
     baseline = mean_transition(results, split)
     if baseline is not None and made.score("accuracy") < baseline.score("accuracy"):
-        return Line(name, f"{by}, {steps} steps{seeds}; {UNTRAINED}", tuple(rows), trained=False)
+        return TableLine(name, f"{by}, {steps} steps{seeds}; {UNTRAINED}", tuple(rows), trained=False)
     return made
 
 
-def lines(results: Results, systems: Sequence[str], scale: str, split: str) -> list[Line]:
+def lines(results: Results, systems: Sequence[str], scale: str, split: str) -> list[TableLine]:
     """The lines of some systems trained by AdamW, and of those that were trained by SGD."""
     out = []
     for system in systems:
@@ -112,18 +112,18 @@ def pick(results: Results, scale: str, split: str, optimiser: str, systems: Iter
     return {system: one.rows[0] for system, one in found.items() if one.is_known}
 
 
-def clip_lines(results: Results, split: str, chosen: Sequence[tuple[str, str]] | None = None) -> list[Line]:
+def clip_lines(results: Results, split: str, chosen: Sequence[tuple[str, str]] | None = None) -> list[TableLine]:
     """The lines of methods on clips, only those of ``chosen`` (name, given) if there are any."""
     rows = [row for scale in CLIP_SCALES for row in results.find(scale=scale, split=split, part="test")]
     if chosen is not None:
         rows = [row for key in chosen for row in rows if (row.system, row.given) == key]
-    return [Line(row.system, clip_origin(row), (row,)) for row in rows]
+    return [TableLine(row.system, clip_origin(row), (row,)) for row in rows]
 
 
-def mean_lines(results: Results, split: str) -> list[Line]:
+def mean_lines(results: Results, split: str) -> list[TableLine]:
     """The line of the mean transition, if it was judged."""
     row = mean_transition(results, split)
-    return [] if row is None else [Line(published.name(row.system), "mean of the training part", (row,))]
+    return [] if row is None else [TableLine(published.name(row.system), "mean of the training part", (row,))]
 
 
 def clip_origin(row: ResultRow) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from signsplice.paper import published
-from signsplice.paper.lines import Line, clip_lines, line
+from signsplice.paper.lines import TableLine, clip_lines, line
 from signsplice.paper.results import CLASSICAL, Results
 
 HOLDS, IN_PART, FAILS, UNTESTED = "holds", "holds in part", "does not hold", "not tested"
@@ -39,16 +39,16 @@ class Evidence:
     def __init__(self, results: Results, scale: str) -> None:
         self.results, self.scale = results, scale
 
-    def of(self, *systems: str) -> list[Line] | None:
+    def of(self, *systems: str) -> list[TableLine] | None:
         """The lines of some systems trained by AdamW; None if one is missing or not trained."""
         found = [line(self.results, system, self.scale, SPLIT) for system in systems]
         return found if all(one.is_known for one in found) else None
 
-    def with_fr(self, fr: int, system: str) -> Line:
+    def with_fr(self, fr: int, system: str) -> TableLine:
         """The line of a system with an fr."""
         return line(self.results, system, self.scale, SPLIT, fr=fr)
 
-    def classical(self, given: str) -> list[Line]:
+    def classical(self, given: str) -> list[TableLine]:
         """The classical methods that are given so much of the truth."""
         found = clip_lines(self.results, SPLIT)
         return [one for one in found if one.rows[0].scale == CLASSICAL and one.rows[0].given == given]
@@ -88,7 +88,7 @@ class Claim:
 
 
 @dataclass(frozen=True)
-class Judged:
+class ClaimVerdict:
     """A claim with its verdict.
 
     - claim: the claim
@@ -105,7 +105,7 @@ class Judged:
     why: str
 
 
-def judge(claim: Claim, corpora: Sequence[Evidence]) -> Judged:
+def judge(claim: Claim, corpora: Sequence[Evidence]) -> ClaimVerdict:
     """The verdict on a claim, from the rows of one corpus for every truth."""
     found = [_finding(claim, e, published.PRINTED) for e in corpora]
     better = [_finding(claim, e, published.IMPROVED) for e in corpora] if claim.of_lpt else []
@@ -117,7 +117,7 @@ def judge(claim: Claim, corpora: Sequence[Evidence]) -> Judged:
     elif tested or claim.judge is None:
         why = claim.why.get(verdict, "").format(**(tested[0].facts if tested else {}))
     improved = next((one.figure for one in better if one is not None), "-")
-    return Judged(claim, verdict, tuple("-" if one is None else one.figure for one in found), improved, why)
+    return ClaimVerdict(claim, verdict, tuple("-" if one is None else one.figure for one in found), improved, why)
 
 
 NO_ROW = "a row that it needs is missing or not trained"

@@ -75,7 +75,6 @@ TAKEN_AWAY = ("lpt-eq7", "lpt-frames", "lpt-no-summary", "lpt-plain-loss")
 """LPT+ with one addition taken away."""
 RELATED = ("progressive-transformer", "mixture-density", "skeletal-attention", "nat", "conv-interp", "cam-stitch")
 """Systems of the paper's related work, behind the same positions."""
-OTHERS = RELATED
 IN_ONE_PASS = {PRINTED: "lpt-printed-one-pass", IMPROVED: "lpt-one-pass", "transformer": "transformer-one-pass"}
 """Systems that are judged a second time, with all frames made in one pass."""
 

@@ -13,13 +13,13 @@ from pathlib import Path
 from signsplice.formats.atomic import replacing
 from signsplice.paper import bleu, layout, metrics, pair_samples, published
 from signsplice.paper.layout import RULE, Table, number
-from signsplice.paper.lines import SHORT, Line, clip_lines, line, lines, mean_lines
+from signsplice.paper.lines import SHORT, TableLine, clip_lines, line, lines, mean_lines
 from signsplice.paper.protocol import SPLITS
 from signsplice.paper.results import Results, check_comparable
 
 Columns = Sequence[tuple[str, int | str, str]]
 """(score, digits, title) of every column."""
-Block = tuple[str, list[Line]]
+Block = tuple[str, list[TableLine]]
 """A title and its lines."""
 
 PAPER_COLUMNS: Columns = (
@@ -140,7 +140,7 @@ def table_3(results: Results, scale: str, split: str = "random") -> list[Table]:
     return _paper_tables(results, 3, blocks_3(results, scale, split), scale, split)
 
 
-def swept(results: Results, scale: str, split: str) -> tuple[str, list[Line]]:
+def swept(results: Results, scale: str, split: str) -> tuple[str, list[TableLine]]:
     """The system with several values of fr and its lines: the printed one, or LPT+, whose TFGN is the same."""
     for system in (published.PRINTED, published.IMPROVED):
         rows = results.find(system=system, scale=scale, split=split, optimiser="adamw", part="test")
@@ -157,7 +157,7 @@ def table_fr(results: Results, scale: str, split: str = "random") -> list[Table]
         return []
     shown = ("accuracy", "bleu-1", "bleu-4", "paa", "mse", "mse_equal", "length_exact", "ms_mean")
     columns: Columns = [column for column in (*PAPER_COLUMNS, *ERROR_COLUMNS) if column[0] in shown]
-    by_fr = [Line(f"{one.rows[0].fr}", one.origin, one.rows, one.trained) for one in found]
+    by_fr = [TableLine(f"{one.rows[0].fr}", one.origin, one.rows, one.trained) for one in found]
     caption = f"fr of {published.name(system)}, scale {scale}, {split}; the paper chose {published.BEST_FR}"
     return [_table(results, caption, f"fr-{scale}-{split}", columns, [("", by_fr)], first="fr")]
 
@@ -220,7 +220,7 @@ def _table(
     return Table(caption, label, head, tuple(rows), _notes(results, blocks))
 
 
-def _body(blocks: Sequence[Block], cells: Callable[[Line], tuple[str, ...]]) -> list[tuple[str, ...]]:
+def _body(blocks: Sequence[Block], cells: Callable[[TableLine], tuple[str, ...]]) -> list[tuple[str, ...]]:
     """The rows of blocks; each block begins with a rule, and with its title where it has one."""
     rows: list[tuple[str, ...]] = []
     for title, made in blocks:
@@ -232,7 +232,7 @@ def _body(blocks: Sequence[Block], cells: Callable[[Line], tuple[str, ...]]) -> 
 
 
 def _bleu_table(results: Results, caption: str, label: str, blocks: Sequence[Block]) -> Table:
-    def cells(one: Line) -> tuple[str, ...]:
+    def cells(one: TableLine) -> tuple[str, ...]:
         return tuple(" / ".join(number(one.score(name)) for name in names) for names, _ in BLEU_COLUMNS)
 
     notes = (
@@ -260,7 +260,7 @@ def _margin_table(results: Results, caption: str, label: str, blocks: Sequence[B
 
 
 def _rows_table(results: Results, caption: str, label: str, blocks: Sequence[Block]) -> Table:
-    def cells(one: Line) -> tuple[str, ...]:
+    def cells(one: TableLine) -> tuple[str, ...]:
         rows = one.rows
         values = (
             [one.seeds],
@@ -279,7 +279,7 @@ def _rows_table(results: Results, caption: str, label: str, blocks: Sequence[Blo
     return Table(caption, label, head, tuple(_body(kept, cells)), _notes(results, blocks))
 
 
-def _judged(found: Iterable[Line]) -> list[Line]:
+def _judged(found: Iterable[TableLine]) -> list[TableLine]:
     """The lines with rows."""
     return [one for one in found if one.rows]
 

@@ -113,7 +113,7 @@ class TwoNetworkSystem(PaperSystem):
 
     def _tokens(self, before: Float, after: Float) -> Array:
         inputs = {"x": single(np.concatenate([before, after])), "n_before": np.array([len(before)])}
-        return self.graphs.run("spsn", inputs)["tokens"][0]
+        return np.asarray(self.graphs.run("spsn", inputs)["tokens"][0])
 
     def fill(self, before: Float, after: Float, pre: int, post: int) -> Float:
         """The transition (n, 159) at given positions."""
@@ -164,7 +164,7 @@ class OneNetworkSystem(PaperSystem):
         return self._decode(self._encode(before, after), n_frames)
 
     def _tokens(self, before: Float, after: Float) -> Array:
-        return self._encode(before, after)["tokens"][0]
+        return np.asarray(self._encode(before, after)["tokens"][0])
 
     def _encode(self, before: Float, after: Float) -> Mapping[str, Array]:
         """The encoder's outputs."""
