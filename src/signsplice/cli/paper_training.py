@@ -52,12 +52,12 @@ def train_missing(options: TrainingOptions, choice: Choice) -> list[Run]:
     from signsplice.paper import plan
     from signsplice.synth.corpus import Pairs
 
-    there = (options.pairs / "corpus.json").is_file()  # without it the training says what is wrong
-    corpus = str(Pairs(options.pairs).head["hash"]) if there else None
+    corpus = Pairs(options.pairs)
 
     def missing() -> list[Run]:
         rival = plan.best_rival(options.bundles, options.scale)
-        return plan.missing(plan.runs(options.scale, choice, rival), options.bundles, corpus)
+        todo = plan.missing(plan.runs(options.scale, choice, rival), options.bundles, str(corpus.head["hash"]))
+        return [run for run in todo if corpus.split(run.split, "train")]  # few words: a split may be empty
 
     todo = missing()
     while todo and not options.time_is_up:
