@@ -28,7 +28,7 @@ from signsplice.synth.signer import STANDARD, draw_signer, skeleton, stature
 
 Array = NDArray[Any]
 FR = 3
-CONFIG = {
+CONFIG: dict[str, Any] = {
     "system": "lpt",
     "corpus": "c0ffee",
     "scale": "smoke",

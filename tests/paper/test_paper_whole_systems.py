@@ -174,9 +174,9 @@ def own_word(seed: int, skeleton: Skeleton = RIG) -> Clip:
 def own_system(space: NumberSpace) -> ClipSplicer:
     stored = {**CONFIG, "space": space.as_json()}
     system = splicer().system
-    return ClipSplicer(
-        TwoNetworkSystem(config_of(stored, Path(BUNDLE_FILE)), system.config.runs, system.graphs, "parallel")
-    )
+    runs = system.config.runs
+    assert runs is not None
+    return ClipSplicer(TwoNetworkSystem(config_of(stored, Path(BUNDLE_FILE)), runs, system.graphs, "parallel"))
 
 
 def test_a_system_of_another_rig_moves_its_joints_and_carries_the_others() -> None:

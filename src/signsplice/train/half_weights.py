@@ -38,7 +38,8 @@ def halved(content: bytes) -> bytes:
     nodes = [*casts, *model.graph.node]
     del model.graph.node[:]
     model.graph.node.extend(nodes)
-    return model.SerializeToString()
+    made: bytes = model.SerializeToString()
+    return made
 
 
 def halve_bundle(source: Path, out: Path, facts: Mapping[str, Any]) -> BundleConfig:
