@@ -86,6 +86,7 @@ def test_an_exported_corpus_is_built_again(exported: Path, tmp_path: Path) -> No
         assert apart.max() < 1e-5, "a quaternion and its negative are one rotation"
     assert made.head["splits"]["random"] == like.head["splits"]["random"]
     assert made.spaces == like.spaces[:1]
+    assert made.head["moved"] is False, "true transitions fix where the words stand"
     assert [row["gloss"] for row in made.head["words"]] == list(GLOSSES)
 
 
@@ -115,7 +116,7 @@ def test_truth_by_a_method_is_what_the_method_makes(exported: Path, tmp_path: Pa
     made, built = build(tmp_path / "c", exported / "words")
     assert built.truth == made.truth_kind == f"method {METHOD}"
     assert made.head["truth_from"] == {"cutter": "pose-velocity", "transition": "hermite", "bundle": None}
-    assert (len(made), made.signers) == (25, ())
+    assert (len(made), made.signers, made.head["moved"]) == (25, (), True)
     cutter, _, transition = METHOD.partition("+")
     judged = protocol.choose(made, "random")
     scores = protocol.judge(ClipAnswers(made, ClipMethod(cutter, transition)), made, judged).scores

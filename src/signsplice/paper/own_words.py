@@ -87,6 +87,7 @@ class _Corpus:
     source: TruthSource
     space: NumberSpace
     after: list[list[int]]
+    moved: bool
     warnings: list[str] = field(default_factory=list)
 
     @property
@@ -139,7 +140,8 @@ def _read(plan: PairsPlan, progress: ProgressBar) -> _Corpus:
         method = _method(plan.positions)
     with progress(f"reading {choice.folder}") as advance:
         named = None if given is None else given.glosses
-        rig, words, warnings = read_words(choice, named, given is None or not given.has_clips, advance)
+        moved = given is None or not given.has_clips
+        rig, words, warnings = read_words(choice, named, moved, advance)
     source: TruthSource = MethodTruth(method) if method is not None else MethodTruth(_method(BEST))
     if given is not None:
         source = FileTruth(given, rig, choice.fps, plan.transition, choice.limits, warnings)
@@ -154,7 +156,7 @@ def _read(plan: PairsPlan, progress: ProgressBar) -> _Corpus:
     missing = len(words) ** 2 - sum(map(len, after))
     if missing:
         warnings.append(f"{plan.positions}: gives no positions for {missing} of {len(words) ** 2} pairs; left out")
-    return _Corpus(plan, rig, words, source, space, after, warnings)
+    return _Corpus(plan, rig, words, source, space, after, moved, warnings)
 
 
 def _method(name: str) -> ClipMethod:
@@ -252,6 +254,7 @@ def _head(corpus: _Corpus, at: Sequence[tuple[int, int]], splits: dict[str, dict
         "fps": choice.fps,
         "truth": corpus.source.name,
         "truth_from": corpus.source.facts(),
+        "moved": corpus.moved,
         "skeletons": [skeletons.as_json(corpus.rig.skeleton)],
         "spaces": [corpus.space.as_json()],
         "words": rows,

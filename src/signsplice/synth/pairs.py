@@ -12,8 +12,8 @@ A corpus of pairs is a folder:
 The utterance of a pair is, in each of the three, before[: pre + 1], new[first : first + n], after[post:] (eq. 17).
 
 Every signer has as many words as any other, one signer's after another's. Corpora of clips (``paper.own_words``) tell
-the "skeletons" and "spaces" of their signers; those of synthetic signers (``corpus``) tell the "signers", from which
-both follow, with all 53 joints in the numbers.
+the "skeletons" and "spaces" of their signers, and whether words were "moved" to the origin; those of synthetic signers
+(``corpus``) tell the "signers", from which skeletons and spaces follow, with all 53 joints in the numbers.
 """
 
 from __future__ import annotations
