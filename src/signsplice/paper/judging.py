@@ -71,7 +71,7 @@ class Judge:
     - splits: those that are judged, all if none is named
     - again: whether to judge known rows again
     - margins: how near the true cuts are to other frames, by pair, as far as known
-    - judged_in: commit, versions and machine, read once, because the commit may change while the code in memory does not
+    - judged_in: commit, versions and machine, read once: a later commit is not that of the code in memory
     """
 
     pairs: Pairs
