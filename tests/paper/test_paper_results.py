@@ -30,7 +30,7 @@ def test_a_new_row_replaces_the_row_of_its_key() -> None:
 
 def test_results_survive_a_round_trip(tmp_path: Path) -> None:
     curves = [
-        Curve("lpt", "random", "cpu", "adamw", 8, 0, [(0.0, 0.5), (10.0, 0.9)]),
+        Curve("lpt", "random", "cpu", "adamw", 8, 0, [(64.0, 1.0, 0.5, 0.1), (128.0, 2.0, 0.9, 0.01)]),
         Curve("lstm", "random", "cpu", "adamw", None, 0, [(64.0, None, 0.5, 0.1)], COLUMNS, "abc", "c0ffee", 256),
     ]
     known = of_rows(row("lpt", scores={"paa": None}), row("lstm", fr=None)).merged(curves=curves)

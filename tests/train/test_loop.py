@@ -18,6 +18,7 @@ torch = pytest.importorskip("torch")
 from torch import Tensor  # noqa: E402
 
 from signsplice.errors import InputError  # noqa: E402
+from signsplice.paper import plan  # noqa: E402
 from signsplice.splicing.culling import cull  # noqa: E402
 from signsplice.synth.corpus import Pairs  # noqa: E402
 from signsplice.train import checkpoint, log, loop, processes  # noqa: E402
@@ -219,7 +220,7 @@ def test_the_paper_scale_has_the_paper_sizes() -> None:
     assert isinstance(convolutions, ConvS2SConfig)
     assert (convolutions.width, convolutions.n_encoder_layers, convolutions.n_decoder_layers) == (512, 20, 20)
     for system in scales.SYSTEMS:
-        for scale in scales.SCALES:
+        for scale in plan.SCALES:
             for part in scales.parts(system, scale):
                 json.dumps(part.facts())
 

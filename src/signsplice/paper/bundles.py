@@ -32,8 +32,15 @@ def result_row(config: BundleConfig) -> ResultRow:
     config.require(*fields)
     values = {name: getattr(config, name) for name in fields}
     bias = None if config.runs is None else config.runs.token_bias
+    stopped = str(config.stored.get("stopped", ""))
     return ResultRow(
-        split="", **values, fr=config.fr, n_parameters=config.n_parameters, token_bias=bias, bundle=short_hash(config)
+        split="",
+        **values,
+        stopped=stopped,
+        fr=config.fr,
+        n_parameters=config.n_parameters,
+        token_bias=bias,
+        bundle=short_hash(config),
     )
 
 

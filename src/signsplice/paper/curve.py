@@ -20,8 +20,6 @@ FILE = "curve.json"
 VERSION = 1
 COLUMNS = ("pairs", "core_minutes", "accuracy", "mse")
 """The numbers of a point: pairs seen and processor minutes of all parts together, and the two scores."""
-OF_TRUE_POSITIONS = ("step", "accuracy")
-"""The numbers of a point in curves of an earlier form, whose frames were made at the true positions. None is drawn."""
 MOST_DIFFERENCE = 0.002
 """Largest difference between the Accuracy of the last point and that of the exported bundle on the same pairs."""
 
@@ -37,7 +35,7 @@ class Curve:
     - fr: frames that Culling keeps on each side, None without Culling
     - seed: the training's seed
     - points: the numbers of each point, named by ``columns``; None where one is not known
-    - columns: ``COLUMNS``, or ``OF_TRUE_POSITIONS``
+    - columns: ``COLUMNS``
     - bundle: first digits of the bundle's sha256
     - corpus: hash of the corpus
     - n_pairs: number of validation pairs
@@ -50,7 +48,7 @@ class Curve:
     fr: int | None
     seed: int | None
     points: Sequence[Sequence[float | None]]
-    columns: tuple[str, ...] = OF_TRUE_POSITIONS
+    columns: tuple[str, ...] = COLUMNS
     bundle: str = ""
     corpus: str = ""
     n_pairs: int = 0
@@ -59,11 +57,6 @@ class Curve:
     def key(self) -> tuple[object, ...]:
         """Identifies the curve: a curve of the same key replaces it."""
         return (self.system, self.split, self.scale, self.optimiser, self.fr, self.seed)
-
-    @property
-    def is_own(self) -> bool:
-        """Whether the system found the positions itself."""
-        return self.columns == COLUMNS
 
     def column(self, name: str) -> list[float | None]:
         """One number of every point."""
@@ -79,8 +72,9 @@ def difference(curve: Curve, accuracy: float) -> float:
 
 def from_json(stored: Mapping[str, Any]) -> Curve:
     """The curve that ``asdict`` stored. Raises ``TypeError`` or ``KeyError`` for anything else."""
-    points = [tuple(point) for point in stored["points"]]
-    return Curve(**{**stored, "points": points, "columns": tuple(stored.get("columns", OF_TRUE_POSITIONS))})
+    if tuple(stored["columns"]) != COLUMNS or any(len(point) != len(COLUMNS) for point in stored["points"]):
+        raise KeyError("columns")
+    return Curve(**{**stored, "points": [tuple(point) for point in stored["points"]], "columns": COLUMNS})
 
 
 def save(curve: Curve, folder: Path) -> Path:
@@ -103,8 +97,6 @@ def load(folder: Path, bundle: str) -> Curve | None:
         if stored.pop("version") != VERSION:
             raise KeyError("version")
         curve = from_json(stored)
-        if not curve.is_own or any(len(point) != len(COLUMNS) for point in curve.points):
-            raise KeyError("columns")
     except (AttributeError, KeyError, TypeError) as error:
         raise InputError(f"{path}: is no validation curve ({error}); remove it, `signsplice paper curves`") from error
     return curve if curve.bundle == bundle else None

@@ -260,7 +260,7 @@ class _Plots:
         """Whether a curve belongs here, and its system found the positions itself. One that ends elsewhere than the
         validation score of the same bundle's row is refused.
         """
-        if (curve.scale, curve.optimiser, curve.split) != (self.scale, self.optimiser, SPLIT) or not curve.is_own:
+        if (curve.scale, curve.optimiser, curve.split) != (self.scale, self.optimiser, SPLIT):
             return False
         for row in self.results.find(system=curve.system, bundle=curve.bundle, split=SPLIT, part="test"):
             measured = row.score("accuracy_valid")

@@ -71,6 +71,7 @@ class Judge:
     - splits: those that are judged, all if none is named
     - again: whether to judge known rows again
     - margins: how near the true cuts are to other frames, by pair, as far as known
+    - judged_in: commit, versions and machine, read once: a later commit is not that of the code in memory
     """
 
     pairs: Pairs
@@ -81,6 +82,7 @@ class Judge:
     again: bool = False
     splits: tuple[str, ...] = ()
     margins: Mapping[int, float] = field(default_factory=dict)
+    judged_in: Mapping[str, Any] = field(default_factory=environment)
 
     def protocols(self) -> list[Protocol]:
         """The test part of every split that has pairs in it. Raises ``InputError`` if none has."""
@@ -166,7 +168,7 @@ class Judge:
         """
         rows = []
         shared = {
-            **environment(),
+            **self.judged_in,
             "metrics_id": results.signature_id(),
             "truth": self.pairs.head.get("truth", "partner"),
         }

@@ -133,17 +133,17 @@ def build(plan: PairsPlan, folder: Path, progress: ProgressBar) -> BuiltPairs:
 def _read(plan: PairsPlan, progress: ProgressBar) -> _Corpus:
     """The words, and where their truth comes from."""
     choice = plan.choice
-    given = method = None
-    if plan.positions.lower().endswith(".json"):
-        given = read_positions(Path(plan.positions))
-    else:
-        method = _method(plan.positions)
+    is_file = plan.positions.lower().endswith(".json")
+    given = read_positions(Path(plan.positions)) if is_file else None
+    method = None if is_file else _method(plan.positions)
     with progress(f"reading {choice.folder}") as advance:
         named = None if given is None else given.glosses
         moved = given is None or not given.has_clips
         rig, words, warnings = read_words(choice, named, moved, advance)
-    source: TruthSource = MethodTruth(method) if method is not None else MethodTruth(_method(BEST))
-    if given is not None:
+    if method is not None:
+        source: TruthSource = MethodTruth(method)
+    else:
+        assert given is not None
         source = FileTruth(given, rig, choice.fps, plan.transition, choice.limits, warnings)
     joints = None if plan.joints is None else chosen_joints(rig.skeleton, plan.joints)
     space = space_around(rig, words, joints)

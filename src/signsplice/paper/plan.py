@@ -24,20 +24,19 @@ SWEEP = (2, 4, 6, 8, 10, 12, 16)
 """Values of fr; the paper prints only the results for 6 and 8."""
 SWEEP_SMOKE = (4, 8)
 
-RIVALS = ("transformer", "lstm", "conv-s2s")
+RIVALS = tuple(reversed(published.RIVALS))  # the cheapest to train first
 """The systems that the paper compares LpTransformer with."""
-TABLE_1 = ("lpt-printed", "lpt", *RIVALS)
+TABLE_1 = (published.PRINTED, published.IMPROVED, *RIVALS)
 PAPER = (
     *TABLE_1,
-    *("lpt-printed-wa", "lpt-printed-wc", "lpt-printed-wac", "lpt-wa", "lpt-wc", "lpt-wac"),
-    *("lpt-eq7", "lpt-frames", "lpt-no-summary", "lpt-plain-loss"),
+    *published.ABLATIONS,
+    *published.IMPROVED_ABLATIONS,
+    *published.TAKEN_AWAY,
 )
 """Tables 1 and 3: the paper's systems as printed, the improved one, the ablations of both, and the improved one with
 one addition taken away.
 """
-RELATED = ("progressive-transformer", "nat", "conv-interp", "mixture-density", "skeletal-attention", "cam-stitch")
-"""Systems of the paper's related work."""
-SEEDED = ("lpt-printed", "lpt")
+SEEDED = (published.PRINTED, published.IMPROVED)
 """Systems that are trained with further seeds, beside the best rival, and for every fr: there they share their parts
 that see fr frames.
 """
@@ -134,7 +133,9 @@ def runs(scale: str, choice: Choice | None = None, rival: str | None = None) -> 
     ]
     sweep = [fr for fr in (SWEEP_SMOKE if smoke else SWEEP) if fr != published.BEST_FR]
     last += [Run(system, scale, "adamw", "random", fr) for fr in sweep for system in SEEDED]
-    last += [Run(system, scale, "adamw", split) for split in SPLITS[: 1 if smoke else None] for system in RELATED]
+    last += [
+        Run(system, scale, "adamw", split) for split in SPLITS[: 1 if smoke else None] for system in published.RELATED
+    ]
     last += sgd if scale != "paper" else []
     return chosen + [run for run in last if wanted.allows(run)]
 

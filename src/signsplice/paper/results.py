@@ -44,6 +44,7 @@ class ResultRow:
     - seed: the training's seed, None for methods on clips
     - given: what the method was given of the truth, one of ``GIVEN``
     - steps: training steps of all parts together
+    - stopped: why a training ended: plateau, steps or time; empty for methods on clips
     - n_parameters: number of parameters
     - token_bias: bias of the tokens' logits, 0 without; None for methods without tokens
     - bundle: first digits of the bundle's sha256, None for classical methods
@@ -67,6 +68,7 @@ class ResultRow:
     seed: int | None = None
     given: str = "nothing"
     steps: int | None = None
+    stopped: str = ""
     n_parameters: int | None = None
     token_bias: float | None = None
     bundle: str | None = None

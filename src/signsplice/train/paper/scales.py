@@ -17,6 +17,8 @@ from typing import Any
 from torch import nn
 
 from signsplice.errors import InputError
+from signsplice.paper.plan import SCALES
+from signsplice.paper.published import BEST_FR
 from signsplice.train.paper.networks.cam_stitch import CamStitch, CamStitchConfig
 from signsplice.train.paper.networks.convs2s import ConvS2S, ConvS2SConfig
 from signsplice.train.paper.networks.filling import Interpolation, InterpolationConfig, Nat, NatConfig
@@ -30,8 +32,7 @@ from signsplice.train.paper.networks.tfgn import Transformer, TransformerConfig
 from signsplice.train.paper.tasks import FillTask, FrameTask, MixtureTask, TokenTask
 from signsplice.train.task import Task
 
-SCALES = ("smoke", "cpu", "paper")
-FR = 8
+FR = BEST_FR
 """Frames that Culling keeps on each side: the paper's choice after its sweep."""
 
 SYSTEMS: dict[str, tuple[str, ...]] = {

@@ -50,7 +50,8 @@ def token_bias(task: Task, valid: PairsData) -> float:
     """The bias for the logits of both tokens with which a system emits them on ``EMITTED`` of the validation pairs.
 
     The weight of a token against "none" in the loss is our choice (``TOKEN_WEIGHT``), and it affects how often a
-    network emits no token. The bias removes that effect for every system alike. It changes no position.
+    network emits no token. The bias removes that effect for every system but those as printed. It changes no
+    position.
     """
     if not len(valid):
         return 0.0

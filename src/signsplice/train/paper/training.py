@@ -17,6 +17,7 @@ import torch
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing_folder
 from signsplice.formats.reading import read_bytes
+from signsplice.paper.plan import SHARED_TRAINING
 from signsplice.splicing.bundle import write_bundle
 from signsplice.synth.corpus import Pairs
 from signsplice.train import checkpoint, ending, provenance
@@ -32,8 +33,6 @@ from signsplice.train.prefetch import prefetched
 from signsplice.train.processes import Processes, only_one
 from signsplice.train.task import Task
 
-_SHARED_TRAINING = {"unseen-signer": "random"}
-"""Splits that have the training part of another split."""
 GRAPHS = "graphs"
 """Folder of a part's graphs, next to its checkpoint."""
 
@@ -109,7 +108,7 @@ def recipe(part: SystemPart, training: Training, pairs: Pairs) -> str:
         "part": part.name,
         **part.facts(),
         "optimiser": training.optimiser,
-        "split": _SHARED_TRAINING.get(training.split, training.split),
+        "split": SHARED_TRAINING.get(training.split, training.split),
         "seed": training.seed,
         "corpus": pairs.head["hash"],
     }
@@ -119,7 +118,7 @@ def recipe(part: SystemPart, training: Training, pairs: Pairs) -> str:
 def part_folder(shared: Path, part: SystemPart, training: Training, pairs: Pairs) -> Path:
     """The folder of a part's checkpoint and log."""
     fr = "" if part.fr is None else f"-fr{part.fr}"
-    split = _SHARED_TRAINING.get(training.split, training.split)
+    split = SHARED_TRAINING.get(training.split, training.split)
     name = f"{part.name}{fr}-{training.scale}-{training.optimiser}-{split}-seed{training.seed}"
     return shared / f"{name}-{recipe(part, training, pairs)}"
 
