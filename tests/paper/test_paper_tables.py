@@ -101,7 +101,7 @@ def test_table_2_says_which_parts_each_ablation_has() -> None:
     assert found["LPT-WA"][:2] == ("no", "yes")
     assert found["LPT-WC"][:2] == ("yes", "no")
     assert found["LPT-WAC"][:2] == ("no", "no")
-    assert found["LpTransformer"] == ("yes", "yes", "as printed", "not trained yet")
+    assert found["LpTransformer"] == ("yes", "yes", "none", "not trained yet")
     assert found["LPT+"] == ("yes", "yes", "all four", "1,234,567")
 
 
