@@ -40,8 +40,7 @@ def printed_rows(**changes: Any) -> list[ResultRow]:
     out[out.index(lstm)] = replace(lstm, scores={**lstm.scores, "accuracy": 0.905})
     own = next(r for r in out if r.system == published.PRINTED)
     for fr, error, ms in ((6, 0.0017, 55.0), (10, 0.0016, 75.0)):
-        scores = {**own.scores, "accuracy": 0.98, "mse": error, "ms_mean": ms}
-        out.append(replace(own, fr=fr, scores=scores))
+        out.append(replace(own, fr=fr, scores={**own.scores, "accuracy": 0.98, "mse": error, "ms_mean": ms}))
     out.append(replace(own, system=published.IN_ONE_PASS[published.PRINTED]))
     for given in ("nothing", "positions and length"):
         scores = {"bleu-4": 0.5, "velocity_error": 0.3, "ms_mean": 500.0}
@@ -91,7 +90,9 @@ def test_every_claim_has_a_judge_or_needs_people_and_a_reason_for_each_verdict()
     assert {entry["judge"] for entry in entries if "judge" in entry} == JUDGES.keys(), "no judge is left over"
     assert len({entry["claim"] for entry in entries}) == len(entries) >= 20
     for claim in claims_page.all_claims():
-        needed = (UNTESTED,) if claim.judge is None else (HOLDS, FAILS)
+        needed: tuple[str, ...] = (UNTESTED,) if claim.judge is None else (HOLDS, FAILS)
+        if claim.judge not in (None, JUDGES["fr_overfits"], JUDGES["missing_frames"]):
+            needed += (IN_PART,)
         assert all(claim.why.get(verdict) for verdict in needed), claim.claim
 
 
@@ -184,6 +185,17 @@ def test_missing_and_untrained_systems_judge_nothing() -> None:
     untrained = verdicts(of_rows(*printed_rows(), mean))
     assert by_judge(untrained, "accuracy").verdict == HOLDS
     assert by_judge(untrained, "others_visible").verdict == UNTESTED, "the others are below the mean"
+
+
+def test_the_reason_for_positions_names_margins_of_both_truths_or_none() -> None:
+    measured = {"paa_margin_1": 0.6, "paa_margin_4": 0.96, "paa_train": 0.84, "paa": 0.8}
+    first = of_rows(*with_scores(published.PRINTED, measured))
+    word = of_rows(*with_scores(published.PRINTED, measured | {"paa_margin_1": 0.5}))
+    without = by_judge(verdicts(as_printed()), "exact_positions")
+    assert without.why.count("not known") == 2
+    both = by_judge(verdicts(first, word), "exact_positions")
+    assert both.why.endswith("0.600 to 0.960 / 0.500 to 0.960")
+    assert "0.840;" in both.why
 
 
 def test_lpt_plus_is_compared_with_rivals_that_have_a_bias_too() -> None:

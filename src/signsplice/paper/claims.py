@@ -97,16 +97,10 @@ def exact_positions(e: Evidence, lpt: str) -> Finding:
     """Holds from a PTA and a PAA of ``EXACT`` on; in part if so many of all pairs have positions within two frames."""
     (one,) = e.of(lpt)
     pta, paa, near = (known(one, name) for name in ("pta", "paa", "within_2"))
-    parts = [
-        f"{shown(one.score(name))} {where}"
-        for name, where in (
-            ("paa_train", "on pairs that taught"),
-            ("paa_margin_1", "where the true cut is nearest to another frame"),
-            ("paa_margin_4", "where it is farthest"),
-        )
-        if not math.isnan(one.score(name))
-    ]
-    facts = {"paa": ", ".join(parts) or "not known on other pairs"}
+    ends = [one.score(name) for name in ("paa_margin_1", "paa_margin_4")]
+    margins = "not known" if any(map(math.isnan, ends)) else f"{ends[0]:.3f} to {ends[1]:.3f}"
+    train = one.score("paa_train")
+    facts = {"train": "not known" if math.isnan(train) else shown(train), "margins": margins}
     verdict = graded(min(pta, paa) >= EXACT, pta * near >= EXACT)
     return Finding(verdict, f"PTA {pta:.3f}, PAA {paa:.3f}, within 2 frames {near:.3f}", facts)
 
