@@ -180,11 +180,12 @@ def test_missing_and_untrained_systems_judge_nothing() -> None:
     )
     one = by_judge(verdicts(without), "accuracy")
     assert (one.verdict, one.figures, one.improved) == (UNTESTED, ("-",), f"{FAILS}: 0.5000")
-    assert one.why == "not trained: LpTransformer"
+    assert one.why == "not trained yet: LpTransformer"
     mean = row("mean-transition", scale=MEAN, optimiser="", fr=None, seed=None, scores={"accuracy": 0.95})
     untrained = verdicts(of_rows(*printed_rows(), mean))
     assert by_judge(untrained, "accuracy").verdict == HOLDS
-    assert by_judge(untrained, "others_visible").verdict == UNTESTED, "the others are below the mean"
+    others = by_judge(untrained, "others_visible")
+    assert (others.verdict, others.why) == (UNTESTED, "below the mean transition: ConvS2S, LSTM, Transformer")
 
 
 def test_the_reason_for_positions_names_margins_of_both_truths_or_none() -> None:

@@ -43,7 +43,7 @@ def best_fr(e: Evidence, lpt: str) -> Finding:
 def fr_overfits(e: Evidence, lpt: str) -> Finding:
     """Holds if validation Accuracy of fr = 6 ends more than ``FALL`` below its best."""
     if not e.by_fr(lpt, (6,)):
-        raise NotTestedError("not trained: fr = 6")
+        raise NotTestedError("not trained yet: fr = 6")
     points = e.accuracies(lpt, 6)
     fall = max(points) - points[-1]
     return Finding(graded(fall > FALL), f"ends {fall:.4f} below its best")

@@ -50,8 +50,11 @@ class Evidence:
         ``InputError`` if they cannot be compared.
         """
         found = [line(self.results, system, self.scale, SPLIT) for system in systems]
-        if unknown := [one.name for one in found if not one.is_known]:
-            raise NotTestedError(f"not trained: {', '.join(unknown)}")
+        missing = [one.name for one in found if not one.rows]
+        low = [one.name for one in found if one.rows and not one.trained]
+        if missing or low:
+            parts = (("not trained yet", missing), ("below the mean transition", low))
+            raise NotTestedError("; ".join(f"{what}: {', '.join(names)}" for what, names in parts if names))
         return comparable(found)
 
     def by_fr(self, system: str, values: Iterable[int]) -> dict[int, TableLine]:
