@@ -10,6 +10,7 @@ from toys import of_rows, row
 
 from signsplice.errors import InputError
 from signsplice.paper import layout, lines, published, tables
+from signsplice.paper.curve import COLUMNS, Curve
 from signsplice.paper.layout import RULE, Table
 from signsplice.paper.results import CLASSICAL, MEAN, ResultRow, Results
 
@@ -101,8 +102,17 @@ def test_table_2_says_which_parts_each_ablation_has() -> None:
     assert found["LPT-WA"][:2] == ("no", "yes")
     assert found["LPT-WC"][:2] == ("yes", "no")
     assert found["LPT-WAC"][:2] == ("no", "no")
-    assert found["LpTransformer"] == ("yes", "yes", "as printed", "not trained yet")
+    assert found["LpTransformer"] == ("yes", "yes", "none", "not trained yet")
     assert found["LPT+"] == ("yes", "yes", "all four", "1,234,567")
+
+
+def test_rows_say_how_many_pairs_were_seen_where_a_curve_tells() -> None:
+    points = [(64.0, 1.0, 0.9, 0.01), (368_000.0, 25.0, 0.98, 0.01)]
+    made = [Curve(published.PRINTED, "random", "cpu", "adamw", 8, 0, points, COLUMNS)]
+    tables_made = tables.table_1(of_rows(*paper_rows()).merged(curves=made), "cpu")
+    table = next(t for t in tables_made if t.label == "rows1-cpu-random")
+    seen = {r[0]: r[table.head.index("pairs seen")] for r in table.rows if r}
+    assert (seen["LpTransformer"], seen["LSTM"]) == ("368,000", "-")
 
 
 def test_bleu_has_three_tolerances_and_margins_their_groups() -> None:

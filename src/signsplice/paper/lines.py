@@ -128,6 +128,13 @@ def mean_lines(results: Results, split: str) -> list[TableLine]:
     return [] if row is None else [TableLine(published.name(row.system), "mean of the training part", (row,))]
 
 
+def pairs_seen(results: Results, row: ResultRow) -> float | None:
+    """How many pairs all parts of a row's system saw in training, from the last point of its curve; None if unknown."""
+    key = (row.system, row.split, row.scale, row.optimiser, row.fr, row.seed)
+    curve = next((c for c in results.curves if c.key == key and c.is_own and c.points), None)
+    return None if curve is None else curve.column("pairs")[-1]
+
+
 def clip_origin(row: ResultRow) -> str:
     """What a method on clips was given, and whether its networks learned from the split."""
     if row.scale == CLASSICAL:
