@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -213,7 +214,7 @@ def _opened(folder: str) -> ClipSplicer:
         raise InputError(f"{folder}: is no trained system; {made}")
 
     if read_config(Path(folder)).system == SYSTEM:
-        raise InputError(f"{folder}: is a bundle of this project; give it as --bundle {folder}")
+        raise InputError(f"{folder}: is a bundle of this project; give it as --bundle {quote(folder)}")
     from signsplice.paper.systems.clips import open_clip_splicer
 
     return open_clip_splicer(folder)
