@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from toys import GLOSSES, corpus
 
+from signsplice.cli.terminal import size
 from signsplice.errors import InputError
 from signsplice.formats import load, save
 from signsplice.motion import kinematics, rotation
@@ -230,6 +231,18 @@ def test_frames_that_a_transition_lacks_are_named(exported: Path, tmp_path: Path
     broken[3]["frames"] = [0, 9999]
     with pytest.raises(InputError, match=r"positions\.json: pairs\[3\]: frames 0:9999, but .*HELLO\.bvh has"):
         build(tmp_path / "c", exported / "words", positions(tmp_path, pairs=broken))
+
+
+def test_commands_that_are_suggested_quote_paths(words: dict[str, Clip], tmp_path: Path) -> None:
+    offsets = np.array(words["YOU"].skeleton.offsets)
+    offsets[8] *= 1.1
+    longer = replace(words["YOU"], skeleton=replace(words["YOU"].skeleton, offsets=offsets), channels=None)
+    with pytest.raises(InputError, match=r"`signsplice convert '.*my words/YOU\.bvh' OUT --onto '.*my words/DEAF"):
+        build(tmp_path / "c", written(tmp_path / "my words", words | {"YOU": longer}))
+
+
+def test_sizes_below_a_megabyte_are_told_in_kilobytes() -> None:
+    assert [size(n) for n in (12_345, 999_999, 1_000_000, 25_400_000)] == ["12 kB", "1000 kB", "1 MB", "25 MB"]
 
 
 # --- clips

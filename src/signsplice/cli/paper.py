@@ -83,7 +83,7 @@ N_TIMED = 20
     metavar="N",
     help=f"(all, judge, evaluate, speed) Judge at most N pairs of a split; time N.  [default: all; {N_TIMED}]",
 )
-@click.option("--again", is_flag=True, help="(all, judge, evaluate, curves) Judge again what is judged already.")
+@click.option("--again", is_flag=True, help="(all, train, judge, evaluate, curves) Judge again what is judged already.")
 def paper(
     what: str,
     scale: str,
@@ -102,11 +102,11 @@ def paper(
     limit: int | None,
     again: bool,
 ) -> None:
-    """Reproduce the paper by one ACTION. all: train missing systems, judge, write tables and figures. train, judge: only that.
-    evaluate: all but training. tables: all tables, claims and figures from results.json, in seconds, without corpus or
-    networks; table1, table2, table3, claims, figures: those alone. curves: judge systems after every part of their
-    training, from the weights kept in it. speed: time untrained systems of the scale's sizes. search: try learning
-    rates and widths. merge: add results that were judged elsewhere.
+    """Reproduce the paper by one ACTION. all: train missing systems, judge, write tables and figures. train, judge:
+    only that. evaluate: all but training. tables: all tables, claims and figures from results.json, in seconds, without
+    corpus or networks; table1, table2, table3, claims, figures: those alone. curves: judge systems after every part of
+    their training, from the weights kept in it. speed: time untrained systems of the scale's sizes. search: try
+    learning rates and widths. merge: add results that were judged elsewhere.
     """
     from signsplice.paper import plan, results
 
