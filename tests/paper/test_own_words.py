@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from toys import GLOSSES, corpus
 
+from signsplice.cli.terminal import size
 from signsplice.errors import InputError
 from signsplice.formats import load, save
 from signsplice.motion import kinematics, rotation
@@ -49,7 +50,8 @@ def build(
 ) -> tuple[Pairs, BuiltPairs]:
     """The corpus of a folder of clips at the toys' rate, and what is said of it."""
     choice = ClipChoice(clips, **{"fps": FPS, **{k: v for k, v in changes.items() if k in ("fps", "n_words", "seed")}})
-    plan = PairsPlan(choice, str(positions), "hermite", changes.get("joints"))
+    transition = "hermite" if str(positions).endswith(".json") else None
+    plan = PairsPlan(choice, str(positions), changes.get("transition", transition), changes.get("joints"))
     built = own_words.build(plan, folder, title)
     return Pairs(folder), built
 
@@ -132,6 +134,21 @@ def test_methods_are_checked_by_name(exported: Path, tmp_path: Path) -> None:
         build(tmp_path / "c", exported / "words", "hermite")
     with pytest.raises(InputError, match="no cutter 'guess', expected one of"):
         build(tmp_path / "c", exported / "words", "guess+hermite")
+    with pytest.raises(InputError, match=r"expected one of .*, learned, learned-fluent$"):
+        build(tmp_path / "c", exported / "words", "guess+hermite")
+    with pytest.raises(InputError, match=r"--transition nope goes with --positions FILE\.json"):
+        build(tmp_path / "c", exported / "words", transition="nope")
+    with pytest.raises(InputError, match="no transition 'nope', expected one of"):
+        build(tmp_path / "c", exported / "words", exported / "positions.json", transition="nope")
+
+
+def test_what_is_refused_while_pairs_are_made_leaves_nothing(
+    exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(own_words, "LONGEST", 0)
+    with pytest.raises(InputError, match="0 pairs are too few"):
+        build(tmp_path / "c", exported / "words")
+    assert not list(tmp_path.iterdir())
 
 
 # --- positions from a file
@@ -177,10 +194,25 @@ def test_pairs_without_positions_are_left_out(exported: Path, tmp_path: Path) ->
     [
         ({"pairs": [{"before": "SIGN", "after": "CAT", "pre": 1, "post": 2}]}, "has no clip of the word 'CAT', for"),
         ({"words": [{"word": g, "pre": 5, "post": 900} for g in GLOSSES]}, "post 900, but .* has .* frames, counted"),
-        ({"words": [{"word": g, "pre": -1, "post": 9} for g in GLOSSES]}, "pre -1, but "),
+        ({"words": [{"word": g, "pre": -1, "post": 9} for g in GLOSSES]}, r"words\[0\]: pre -1, expected a frame"),
         ({"words": [{"word": "SIGN", "pre": 5}]}, r"words\[0\]: has no post, expected word, pre, post"),
         ({"pairs": [{"before": "SIGN", "after": "YOU", "pre": 1.5, "post": 2}]}, r"pairs\[0\]\.pre: found 1\.5"),
         ({"pairs": 2 * [{"before": "YOU", "after": "YOU", "pre": 1, "post": 2}]}, r"pairs\[1\]: YOU YOU stands twice"),
+        ({"words": 2 * [{"word": "YOU", "pre": 1, "post": 2}]}, r"words\[1\]: YOU stands twice"),
+        ({"words": [{"word": "SIGN", "pre": 5, "post": 900}]}, r"positions\.json: words\[0\]: post 900, but "),
+        ({"words": [{"word": "SIGN", "pre": 5, "post": 9}]}, r"positions\.json: names 1 words, expected at least 3"),
+        (
+            {"words": [{"word": "SIGN", "pre": 5, "post": 9, "past": 1}]},
+            r"words\[0\]: unknown past, expected word, pre",
+        ),
+        (
+            {"pairs": [{"before": "SIGN", "after": "YOU", "pre": 1, "post": 2, "clips": "a.bvh"}]},
+            "unknown clips, expec",
+        ),
+        (
+            {"pairs": [{"before": "SIGN", "after": "YOU", "pre": 1, "post": 2, "clip": "a.bvh"}]},
+            r"\[0\]: clip a.bvh is n",
+        ),
         ({"pear": []}, "unknown pear, expected an object"),
         ({}, "neither pairs nor words"),
         ({"words": [{"word": "SIGN", "pre": 5, "post": 3}], "space": {"side": 3}}, "space: 'middle'; expected joints"),
@@ -190,7 +222,7 @@ def test_wrong_positions_are_named(content: dict[str, Any], message: str, export
     with pytest.raises(InputError, match=message) as caught:
         build(tmp_path / "c", exported / "words", positions(tmp_path, **content))
     assert "\n" not in str(caught.value)
-    assert [path.name for path in tmp_path.iterdir() if not path.name.endswith(".part")] == ["positions.json"]
+    assert [path.name for path in tmp_path.iterdir()] == ["positions.json"], "nothing hidden is left"
 
 
 def test_frames_that_a_transition_lacks_are_named(exported: Path, tmp_path: Path) -> None:
@@ -199,6 +231,18 @@ def test_frames_that_a_transition_lacks_are_named(exported: Path, tmp_path: Path
     broken[3]["frames"] = [0, 9999]
     with pytest.raises(InputError, match=r"positions\.json: pairs\[3\]: frames 0:9999, but .*HELLO\.bvh has"):
         build(tmp_path / "c", exported / "words", positions(tmp_path, pairs=broken))
+
+
+def test_commands_that_are_suggested_quote_paths(words: dict[str, Clip], tmp_path: Path) -> None:
+    offsets = np.array(words["YOU"].skeleton.offsets)
+    offsets[8] *= 1.1
+    longer = replace(words["YOU"], skeleton=replace(words["YOU"].skeleton, offsets=offsets), channels=None)
+    with pytest.raises(InputError, match=r"`signsplice convert '.*my words/YOU\.bvh' OUT --onto '.*my words/DEAF"):
+        build(tmp_path / "c", written(tmp_path / "my words", words | {"YOU": longer}))
+
+
+def test_sizes_below_a_megabyte_are_told_in_kilobytes() -> None:
+    assert [size(n) for n in (12_345, 999_999, 1_000_000, 25_400_000)] == ["12 kB", "1000 kB", "1 MB", "25 MB"]
 
 
 # --- clips
@@ -258,8 +302,12 @@ def test_only_the_joints_that_are_named_are_seen(exported: Path, tmp_path: Path)
     scores = protocol.judge(answer, made, protocol.choose(made, "random")).scores
     assert scores["mse"] == 0.0
     assert scores["motion_ratio"] == pytest.approx(1.0)
-    with pytest.raises(InputError, match="--joints: no joint 'Tail', expected some of mixamorig:Hips"):
+    with pytest.raises(InputError, match="--joints: no joint 'Tail'; expected names like mixamorig:Hips"):
         build(tmp_path / "d", exported / "words", joints=("Hips", "Tail"))
+    with pytest.raises(InputError, match="--joints: no joint 'lefthend'; nearest: LeftHand"):
+        build(tmp_path / "d", exported / "words", joints=("Hips", "lefthend"))
+    with pytest.raises(InputError, match="--joints: names no joint"):
+        build(tmp_path / "d", exported / "words", joints=())
     with pytest.raises(InputError, match="leftHand, rightHand not among the joints of the numbers"):
         build(tmp_path / "d", exported / "words", joints=("Hips", "LeftArm"))
 
@@ -287,8 +335,10 @@ def test_unreadable_files_few_words_and_unknown_rigs_are_named(words: dict[str, 
     (folder / "SEE.bvh").write_text("HIERARCHY\nROOT")
     with pytest.raises(InputError, match=r"SEE\.bvh"):
         build(tmp_path / "c", folder)
-    with pytest.raises(InputError, match=r"--words 9, but .*w has 5 words, expected at least 3"):
+    with pytest.raises(InputError, match=r"--words 9, but .*w has 5 words$"):
         build(tmp_path / "c", folder, n_words=9)
+    with pytest.raises(InputError, match=r"^--words 2, expected at least 3: a split has three parts"):
+        build(tmp_path / "c", folder, n_words=2)
     with pytest.raises(InputError, match=r"two: 2 words, expected at least 3: a split has three parts"):
         build(tmp_path / "c", written(tmp_path / "two", dict(list(words.items())[:2])))
     bones = replace(words["YOU"].skeleton, names=tuple(f"bone{k}" for k in range(53)))

@@ -27,6 +27,7 @@ from signsplice.paper.systems.splicers import OneNetworkSystem, TwoNetworkSystem
 from signsplice.rig.placement import Placement, place, placement
 from signsplice.splicing import report
 from signsplice.splicing.bundle import BUNDLE_FILE, config_of, write_bundle
+from signsplice.splicing.whole_system import SystemSplice
 
 Array = NDArray[Any]
 THIRD = word("YES").clip
@@ -99,13 +100,17 @@ def test_all_words_without_a_splice_are_named_at_once() -> None:
     with pytest.raises(SignspliceError) as caught:
         spliced(WORDS, by_words(cuts))
     assert not isinstance(caught.value, InputError), "the work failed, the call was right"
-    for text in ("2 of 2 seams", "no prePosition for MOTHER and BOOK", "no postPosition for BOOK and YES"):
+    for text in (
+        "2 of 2 seams",
+        "MOTHER -> BOOK: lpt finds no prePosition;",
+        "BOOK -> YES: lpt finds no postPosition;",
+    ):
         assert text in str(caught.value)
 
 
 def test_a_word_left_before_it_is_entered_is_no_splice() -> None:
     cuts = {len(BEFORE): (40, 30), len(AFTER): (29, 20)}
-    with pytest.raises(SignspliceError, match=r"1 of 2 seams: lpt leaves BOOK for YES at frame 29, .* at frame 30;"):
+    with pytest.raises(SignspliceError, match=r"1 of 2 seams: BOOK -> YES: lpt leaves .* at frame 29, .* at frame 30;"):
         spliced(WORDS, by_words(cuts))
     touching = spliced(WORDS, by_words({**cuts, len(AFTER): (30, 20)}))
     assert touching.spans[2].source == (30, 31), "one frame is enough"
@@ -116,8 +121,8 @@ def test_misses_are_filled_by_the_defaults_and_told() -> None:
     result = spliced(WORDS, system, fill_misses=True)
     (first, second), plain = result.seams, ss.splice([AFTER, THIRD])
     assert (first.pre_frame, first.post_frame, first.n_transition) == (40, 30, 7)
-    assert "lpt leaves BOOK for YES at frame 29" in second.warnings[0]
-    assert second.warnings[0].endswith("joined by learned and learned")
+    assert "lpt leaves the first word at frame 29" in second.warnings[0]
+    assert second.warnings[0].endswith("joined by cutter learned, transition learned"), "the seam names the words"
     assert (second.pre_frame, second.post_frame) == (max(plain.seams[0].pre_frame, 30), plain.seams[0].post_frame)
     assert result.bundle is None, "of the system, which is no file here"
 
@@ -125,17 +130,17 @@ def test_misses_are_filled_by_the_defaults_and_told() -> None:
 @pytest.mark.parametrize(
     ("options", "named"),
     [
-        ({"cutter": "ends", "tempo": "natural"}, "leave out cutter, tempo"),
-        ({"transition": "slerp", "duration": "fixed"}, "leave out transition, transition time"),
-        ({"transition_time": 0.3, "avoid_collisions": False}, "leave out transition time, avoid collisions"),
-        ({"free_hand": "natural", "bundle": "x"}, "leave out bundle, free hand"),
-        ({"fps": 60.0}, "fps 60, but lpt knows only 30"),
+        ({"cutter": "ends", "tempo": "natural"}, "leave out --cutter, --tempo"),
+        ({"transition": "slerp", "duration": "fixed"}, "leave out --transition, --transition-time"),
+        ({"transition_time": 0.3, "avoid_collisions": False}, "leave out --transition-time, --avoid-collisions"),
+        ({"free_hand": "natural", "bundle": "x"}, "leave out --bundle, --free-hand"),
+        ({"fps": 60.0}, "--fps 60, but lpt knows only 30; leave out --fps"),
     ],
 )
 def test_what_the_system_decides_cannot_be_asked_for(options: dict[str, Any], named: str) -> None:
     with pytest.raises(InputError, match=named):
         ss.SpliceOptions(system=splicer(), **options)
-    with pytest.raises(InputError, match="fill misses goes with a system"):
+    with pytest.raises(InputError, match="--fill-misses goes with --system"):
         ss.SpliceOptions(fill_misses=True)
     with pytest.raises(TypeError, match="system is a str, expected what open_clip_splicer"):
         ss.SpliceOptions(system="out/bundles/lpt")  # type: ignore[arg-type]
@@ -221,6 +226,45 @@ def test_a_clip_without_a_joint_of_the_system_is_refused() -> None:
         config_of({**CONFIG, "space": {"joints": ["a"], "parents": [-1], "middle": [0, 0, 0]}}, Path(BUNDLE_FILE))
 
 
+@pytest.mark.parametrize(("turned", "n_frames"), [((), 5), ((2,), 5), ((0, 1, 2, 3, 4), 5), ((), 0)])
+def test_a_joint_that_jumps_is_named(turned: tuple[int, ...], n_frames: int) -> None:
+    finger = BEFORE.skeleton.index["mixamorig:RightHandMiddle2"]
+    about = rotation.exp(np.array([0.0, 0.0, 2.0]))
+    local = np.array(AFTER.local_rotations)
+    if not n_frames:
+        local[:, finger] = rotation.multiply(about, BEFORE.local_rotations[40, finger])
+    after = replace(AFTER, local_rotations=local)
+    made = None
+    if n_frames:
+        alpha = np.arange(1, n_frames + 1)[:, None] / (n_frames + 1)
+        frames = rotation.slerp(BEFORE.local_rotations[40], local[20], alpha)
+        frames[list(turned), finger] = rotation.multiply(about, frames[list(turned), finger])
+        made = Clip(BEFORE.skeleton, frames, np.tile(BEFORE.root_positions[40], (n_frames, 1)), BEFORE.fps)
+    system = splicer()
+    system.splice_words = lambda *_: SystemSplice(40, 20, made)  # type: ignore[method-assign]
+    (seam,) = spliced([BEFORE, after], system).seams
+    lines = [line for line in seam.warnings if "degrees in one frame" in line]
+    assert seam.n_transition == n_frames
+    if n_frames and not turned:
+        assert not lines
+    else:
+        assert lines
+        assert lines[0].startswith("RightHandMiddle2 turns 1")
+
+
+def test_a_folder_without_a_system_is_named_in_a_line(tmp_path: Path) -> None:
+    write_bundle(tmp_path / "bundles" / "lpt", CONFIG, {})
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file").write_text("text")
+    for name, said in {"bundles": "name one of those in it: lpt", "empty": "`signsplice train paper` makes one",
+                       "file": "makes one", "nosuch": "makes one"}.items():  # fmt: skip
+        call = ["sentence", "HELLO I", "-o", str(tmp_path / "out.bvh"), "--system", str(tmp_path / name)]
+        result = CliRunner().invoke(app, call)
+        assert isinstance(result.exception, InputError)
+        assert str(result.exception).startswith(f"{tmp_path / name}: is no trained system; ")
+        assert str(result.exception).endswith(said)
+
+
 def test_the_command_line_runs_a_system_whole(tmp_path: Path) -> None:
     write_bundle(tmp_path / "lpt", CONFIG, {})
     for clip in (BEFORE, AFTER):
@@ -234,8 +278,8 @@ def test_the_command_line_runs_a_system_whole(tmp_path: Path) -> None:
 
     assert "lists no file spsn.onnx" in error("splice", *files), "the system in the folder is used"
     assert "lists no file spsn.onnx" in error("sentence", "MOTHER BOOK")
-    assert "leave out cutter" in error("splice", *files, "--cutter", "ends")
-    assert "leave out transition time" in error("sentence", "MOTHER BOOK", "--transition-time", "travel")
+    assert "leave out --cutter" in error("splice", *files, "--cutter", "ends")
+    assert "leave out --transition-time" in error("sentence", "MOTHER BOOK", "--transition-time", "travel")
     (tmp_path / "lpt/bundle.json").write_text(json.dumps({"version": 1, "system": "signsplice"}))
     assert "give it as --bundle" in error("splice", *files)
     assert not (tmp_path / "out.bvh").exists()

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from signsplice.cli.clips import check_apart, limits, reads_clips
-from signsplice.cli.terminal import progress, warn
+from signsplice.cli.terminal import progress, size, warn
 from signsplice.errors import InputError
 
 _OUT = click.option("-o", "--output", required=True, metavar="DIR", help="Folder to make; replaces one made before.")
@@ -30,10 +30,8 @@ def pairs() -> None:
 )
 @click.option(
     "--transition",
-    default="learned",
-    show_default=True,
     metavar="NAME",
-    help="What fills the pairs for which a file of positions names no transition.",
+    help="What fills the pairs for which a file of positions names no transition.  [default: learned]",
 )
 @click.option("--words", type=int, metavar="N", help="How many words, drawn by seed.  [default: 100, or all]")
 @click.option("--joints", metavar="LIST", help="Joints that the systems see, with commas between.  [default: all]")
@@ -45,7 +43,7 @@ def build(
     clips: str,
     output: str,
     positions: str,
-    transition: str,
+    transition: str | None,
     words: int | None,
     joints: str | None,
     seed: int,
@@ -69,8 +67,8 @@ def build(
     names = None if joints is None else tuple(name.strip() for name in joints.split(",") if name.strip())
     built = own_words.build(own_words.PairsPlan(choice, positions, transition, names), Path(output), progress)
     warn(built.warnings)
-    size = sum(path.stat().st_size for path in Path(output).iterdir()) / 1e6
-    print(f"{output}: {built.n_pairs} pairs of {built.n_words} words, {size:.0f} MB, truth by {built.truth}")
+    takes = size(sum(path.stat().st_size for path in Path(output).iterdir()))
+    print(f"{output}: {built.n_pairs} pairs of {built.n_words} words, {takes}, truth by {built.truth}")
 
 
 @pairs.command()

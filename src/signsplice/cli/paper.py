@@ -29,28 +29,61 @@ N_TIMED = 20
 
 
 @click.command()
-@click.argument("what", metavar="|".join(WHAT), type=click.Choice(WHAT))
+@click.argument("what", metavar="ACTION", type=click.Choice(WHAT))
 @click.option("--scale", type=click.Choice(("smoke", "cpu", "paper")), default="cpu", show_default=True,
               help="How large the systems are and how long they are trained.")  # fmt: skip
 @click.option("--pairs", metavar="DIR", default="out/pairs", show_default=True, help="Corpus of pairs.")
 @click.option("--bundles", metavar="DIR", default="out/bundles", show_default=True, help="Folder of trained systems.")
 @click.option("--out", metavar="DIR", default="docs/paper", show_default=True,
               help="Folder of results.json, tables and figures.")  # fmt: skip
-@click.option("--system", "systems", multiple=True, metavar="NAME", help="Train and judge only these.")
-@click.option("--optimiser", "optimisers", multiple=True, type=click.Choice(("adamw", "sgd")), help="Likewise.")
-@click.option("--split", "splits", multiple=True, type=click.Choice(("random", "unseen-words", "unseen-signer")),
-              help="Likewise.")  # fmt: skip
-@click.option("--seed", "seeds", multiple=True, type=int, metavar="N", help="Likewise.")
-@click.option("--fr", "frs", multiple=True, type=int, metavar="N", help="Likewise; 8 is that of all tables but one.")
-@click.option("--minutes", type=float, metavar="M", help="Stop training after M minutes; the same call continues.")
-@click.option("--from", "sources", multiple=True, metavar="DIR", help="Folders of results that merge adds to --out.")
-@click.option("--steps", type=int, metavar="N", help="Training steps, in place of the scale's.")
-@click.option("--workers", type=int, default=1, show_default=True, metavar="N",
-              help="Train N systems at once; they share the processor's cores.")  # fmt: skip
 @click.option(
-    "--limit", type=int, metavar="N", help=f"Judge at most N pairs of a split; time N.  [default: all; {N_TIMED}]"
+    "--system",
+    "systems",
+    multiple=True,
+    metavar="NAME",
+    help="(all, train, judge, evaluate, curves, search) Only these systems.",
 )
-@click.option("--again", is_flag=True, help="Judge again what results.json already holds.")
+@click.option(
+    "--optimiser",
+    "optimisers",
+    multiple=True,
+    type=click.Choice(("adamw", "sgd")),
+    help="(all, train, judge, evaluate) Only these.",
+)
+@click.option("--split", "splits", multiple=True, type=click.Choice(("random", "unseen-words", "unseen-signer")),
+              help="(all, train, judge, evaluate) Only these.")  # fmt: skip
+@click.option("--seed", "seeds", multiple=True, type=int, metavar="N", help="(all, train, judge, evaluate) Only these.")
+@click.option(
+    "--fr",
+    "frs",
+    multiple=True,
+    type=int,
+    metavar="N",
+    help="(all, train, judge, evaluate) Only these; 8 is that of all tables but one.",
+)
+@click.option(
+    "--minutes",
+    type=float,
+    metavar="M",
+    help="(all, train, search) Stop training after M minutes; the same call continues.",
+)
+@click.option(
+    "--from",
+    "sources",
+    multiple=True,
+    metavar="DIR",
+    help="(merge) Folder of results to add to --out; may be repeated.",
+)
+@click.option("--steps", type=int, metavar="N", help="(all, train, search) Training steps, in place of the scale's.")
+@click.option("--workers", type=int, default=1, show_default=True, metavar="N",
+              help="(all, train, search) Train N systems at once; they share the processor's cores.")  # fmt: skip
+@click.option(
+    "--limit",
+    type=int,
+    metavar="N",
+    help=f"(all, judge, evaluate, speed) Judge at most N pairs of a split; time N.  [default: all; {N_TIMED}]",
+)
+@click.option("--again", is_flag=True, help="(all, train, judge, evaluate, curves) Judge again what is judged already.")
 def paper(
     what: str,
     scale: str,
@@ -69,11 +102,11 @@ def paper(
     limit: int | None,
     again: bool,
 ) -> None:
-    """Reproduce the paper. all: train missing systems, judge, write tables and figures. train, judge: only that.
-    evaluate: all but training. tables: all tables, claims and figures from results.json, in seconds, without corpus or
-    networks; table1, table2, table3, claims, figures: those alone. curves: judge systems after every part of their
-    training, from the weights kept in it. speed: time untrained systems of the scale's sizes. search: try learning
-    rates and widths. merge: add results that were judged elsewhere.
+    """Reproduce the paper by one ACTION. all: train missing systems, judge, write tables and figures. train, judge:
+    only that. evaluate: all but training. tables: all tables, claims and figures from results.json, in seconds, without
+    corpus or networks; table1, table2, table3, claims, figures: those alone. curves: judge systems after every part of
+    their training, from the weights kept in it. speed: time untrained systems of the scale's sizes. search: try
+    learning rates and widths. merge: add results that were judged elsewhere.
     """
     from signsplice.paper import plan, results
 

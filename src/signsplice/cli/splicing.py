@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -203,12 +204,17 @@ def _method(name: str | None) -> Any:
 
 
 def _opened(folder: str) -> ClipSplicer:
-    """The paper's trained system in a folder."""
-    from signsplice.splicing.bundle import read_config
+    """The paper's trained system in a folder. Raises ``InputError``, which names those in its folders, for another."""
+    from signsplice.splicing.bundle import BUNDLE_FILE, read_config
     from signsplice.splicing.learned import SYSTEM
 
+    if not (Path(folder) / BUNDLE_FILE).is_file():
+        within = sorted(path.parent.name for path in Path(folder).glob(f"*/{BUNDLE_FILE}"))
+        made = f"name one of those in it: {', '.join(within)}" if within else "`signsplice train paper` makes one"
+        raise InputError(f"{folder}: is no trained system; {made}")
+
     if read_config(Path(folder)).system == SYSTEM:
-        raise InputError(f"{folder}: is a bundle of this project; give it as --bundle {folder}")
+        raise InputError(f"{folder}: is a bundle of this project; give it as --bundle {quote(folder)}")
     from signsplice.paper.systems.clips import open_clip_splicer
 
     return open_clip_splicer(folder)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from signsplice.cli.clips import check_apart
-from signsplice.cli.terminal import progress
+from signsplice.cli.terminal import progress, size
 from signsplice.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,9 +34,11 @@ def synth() -> None:
 @synth.command()
 @_OUT
 @_SIGNS
-@_WORDS
+@click.option("--words", type=int, metavar="N", help="How many words, drawn by seed; letters come too.  [default: all]")
 @_PSEUDO
-@click.option("--letters/--no-letters", default=True, help="Add the manual alphabet and digits.")
+@click.option(
+    "--letters/--no-letters", default=True, help="Add the manual alphabet and digits, unless --signs is given."
+)
 @click.option(
     "--form",
     "forms",
@@ -146,8 +148,8 @@ def pairs(
     with progress(f"splicing {len(chosen) ** 2} pairs") as advance:
         write_pairs(recipe, Path(output), advance, processes)
     made = Pairs(output)
-    size = sum(path.stat().st_size for path in Path(output).iterdir()) / 1e6
-    print(f"{output}: {len(made)} pairs of {len(chosen)} words, {size:.0f} MB, recipe {recipe.hash}")
+    takes = size(sum(path.stat().st_size for path in Path(output).iterdir()))
+    print(f"{output}: {len(made)} pairs of {len(chosen)} words, {takes}, recipe {recipe.hash}")
 
 
 @synth.command()
@@ -194,7 +196,7 @@ def signing(corpus: str, split: str, output: str) -> None:
     from signsplice.synth.corpus import Pairs
 
     for path in corpus_training_data.write(Pairs(corpus), split, Path(output)):
-        print(f"{path}: {path.stat().st_size / 1e6:.0f} MB")
+        print(f"{path}: {size(path.stat().st_size)}")
 
 
 @synth.command()

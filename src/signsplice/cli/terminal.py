@@ -19,6 +19,11 @@ def note(lines: Iterable[str]) -> None:
         print(f"note: {line}", file=sys.stderr)
 
 
+def size(n_bytes: int) -> str:
+    """A number of bytes in MB, or in kB where that is less than one."""
+    return f"{n_bytes / 1e6:.0f} MB" if n_bytes >= 1_000_000 else f"{n_bytes / 1e3:.0f} kB"
+
+
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
     """A progress bar on standard error where that is a terminal."""

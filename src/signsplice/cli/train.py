@@ -27,7 +27,7 @@ def train() -> None:
 
 
 @train.command()
-@click.option("--pairs", required=True, metavar="DIR", help="Corpus of pairs, of `signsplice synth pairs`.")
+@click.option("--pairs", required=True, metavar="DIR", help="Corpus of pairs, of `pairs build` or `synth pairs`.")
 @click.option("--system", required=True, metavar="NAME|all", help="lpt, lpt-wa, ..., or all: a folder in --out each.")
 @click.option("--scale", type=click.Choice(("smoke", "cpu", "paper")), default="cpu", show_default=True,
               help="How large the networks are and how long they are trained.")  # fmt: skip

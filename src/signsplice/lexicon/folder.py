@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 
 from signsplice.errors import InputError
 from signsplice.formats import READ_SUFFIXES, load
@@ -127,7 +128,9 @@ def build(
         raise InputError(f"{output}: lies in {folder}, which is read, or contains it; name another folder")
     sources, faults = find_sources(folder, signer)
     if faults:
-        more = f" (and {len(faults) - 1} more: `signsplice lexicon check {folder}`)" if len(faults) > 1 else ""
+        more = (
+            f" (and {len(faults) - 1} more: `signsplice lexicon check {quote(str(folder))}`)" if len(faults) > 1 else ""
+        )
         raise InputError(faults[0] + more)
     warnings: list[str] = []
     n_letters = n_without_arms = 0
@@ -140,8 +143,8 @@ def build(
             except InputError as error:
                 if not skip_broken:
                     raise InputError(
-                        f"{error}; nothing was built: `signsplice lexicon check {folder}` shows every fault, "
-                        "--skip-broken leaves such clips out"
+                        f"{error}; nothing was built: `signsplice lexicon check {quote(str(folder))}` shows every "
+                        "fault, --skip-broken leaves such clips out"
                     ) from error
                 warnings.append(f"{error}; left out")
             if progress is not None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
+from shlex import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,7 +137,11 @@ def _drawn(choice: ClipChoice, named: Collection[str] | None) -> list[Source]:
     """The files of the words that are chosen, in order."""
     sources, faults = find_sources(choice.folder)
     if faults:
-        more = f" (and {len(faults) - 1} more: `signsplice lexicon check {choice.folder}`)" if len(faults) > 1 else ""
+        more = (
+            f" (and {len(faults) - 1} more: `signsplice lexicon check {quote(str(choice.folder))}`)"
+            if len(faults) > 1
+            else ""
+        )
         raise InputError(faults[0] + more)
     if named is not None:
         missing = sorted(set(named) - {source.gloss for source in sources})
@@ -143,9 +149,12 @@ def _drawn(choice: ClipChoice, named: Collection[str] | None) -> list[Source]:
             raise InputError(f"{choice.folder}: has no clip of the word {missing[0]!r}, for which positions are given")
         sources = [source for source in sources if source.gloss in named]
     n_words = min(USUAL_WORDS, len(sources)) if choice.n_words is None else choice.n_words
-    if not FEWEST <= n_words <= len(sources):
-        what = f"--words {n_words}, but {choice.folder} has" if choice.n_words is not None else f"{choice.folder}:"
-        raise InputError(f"{what} {len(sources)} words, expected at least {FEWEST}: a split has three parts")
+    if n_words > len(sources):
+        for_them = "" if named is None else " for which positions are given"
+        raise InputError(f"--words {n_words}, but {choice.folder} has {len(sources)} words{for_them}")
+    if n_words < FEWEST and (choice.n_words is not None or named is None):  # of few positions the faults come first
+        what = f"{choice.folder}: {n_words} words" if choice.n_words is None else f"--words {n_words}"
+        raise InputError(f"{what}, expected at least {FEWEST}: a split has three parts")
     order = stream("choose", choice.seed).permutation(len(sources))[:n_words]
     return [sources[k] for k in sorted(order.tolist())]
 
@@ -202,18 +211,25 @@ def on_rig(clip: Clip, rig: Rig, file: Path, warnings: list[str]) -> Clip:
                 warnings.append(f"{file}: its bones change by up to {moved:.2g} cm; they are held at their median")
     if what is not None:
         raise InputError(
-            f"{file}: another rig than {rig.file} ({what}), expected clips of one rig; `signsplice convert {file} OUT "
-            f"--onto {rig.file}` brings it onto that one"
+            f"{file}: another rig than {rig.file} ({what}), expected clips of one rig; `signsplice convert "
+            f"{quote(str(file))} OUT --onto {quote(str(rig.file))}` brings it onto that one"
         )
     return Clip(like, clip.local_rotations, rig.scale * clip.root_positions, clip.fps, clip.name)
 
 
 def chosen_joints(bones: Skeleton, names: Sequence[str]) -> list[int]:
-    """Indices of joints by name, with or without what stands before a colon. Raises ``InputError`` for others."""
+    """Indices of joints by name, with or without what stands before a colon. Raises ``InputError`` for others, and for
+    none.
+    """
+    if not names:
+        raise InputError("--joints: names no joint, expected names with commas between, wrists among them")
     bare = {name.rpartition(":")[2]: k for k, name in enumerate(bones.names)} | bones.index
     unknown = [name for name in names if name not in bare]
     if unknown:
-        raise InputError(f"--joints: no joint {unknown[0]!r}, expected some of {', '.join(bones.names)}")
+        lower = {name.lower(): name for name in bare}
+        near = [lower[name] for name in get_close_matches(unknown[0].rpartition(":")[2].lower(), lower)]
+        some = f"nearest: {', '.join(near)}" if near else f"expected names like {', '.join(bones.names[:3])}"
+        raise InputError(f"--joints: no joint {unknown[0]!r}; {some}")
     return [bare[name] for name in names]
 
 

@@ -37,6 +37,7 @@ from signsplice.paper.own_clips import OwnWord, Rig, on_rig
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.filling import fill
 from signsplice.splicing.gap import gap_at
+from signsplice.splicing.learned import NAME as LEARNED
 
 _SHAPE = 'an object {"pairs": [...], "words": [...]} of positions'
 
@@ -162,22 +163,30 @@ def read_positions(path: Path) -> PositionsFile:
         if unknown or not (values.get("pairs") or values.get("words")):
             raise TypeError(f"{f'unknown {unknown[0]}' if unknown else 'neither pairs nor words'}, expected {_SHAPE}")
         pairs = {}
-        for n, row in enumerate(_rows(values, "pairs", {"before": str, "after": str, "pre": int, "post": int})):
+        kinds = {"before": str, "after": str, "pre": int, "post": int}
+        for n, row in enumerate(_rows(values, "pairs", kinds, ("clip", "frames"))):
             pair = (row["before"], row["after"])
             if pair in pairs:
                 raise TypeError(f"pairs[{n}]: {' '.join(pair)} stands twice, expected once")
             pairs[pair] = _given(row, f"pairs[{n}]")
-        words = {
-            row["word"]: (row["pre"], row["post"])
-            for row in _rows(values, "words", {"word": str, "pre": int, "post": int})
-        }
+        words: dict[str, tuple[int, int]] = {}
+        for n, row in enumerate(_rows(values, "words", {"word": str, "pre": int, "post": int})):
+            if row["word"] in words:
+                raise TypeError(f"words[{n}]: {row['word']} stands twice, expected once")
+            words[row["word"]] = (row["pre"], row["post"])
+        for name in dict.fromkeys(pair.clip for pair in pairs.values() if pair.clip is not None):
+            if not (path.parent / name).is_file():
+                where = next(pair.where for pair in pairs.values() if pair.clip == name)
+                raise TypeError(f"{where}: clip {name} is not there, expected a file beside this one")
         space = read_space(values["space"]) if "space" in values else None
     except (TypeError, InputError) as error:
         raise FormatError(str(error), file=str(path)) from error
     return PositionsFile(path, hashlib.sha256(content).hexdigest(), pairs, words, space)
 
 
-def _rows(values: dict[str, Any], name: str, kinds: dict[str, type]) -> list[dict[str, Any]]:
+def _rows(
+    values: dict[str, Any], name: str, kinds: dict[str, type], others: Sequence[str] = ()
+) -> list[dict[str, Any]]:
     rows = values.get(name, [])
     check_type(rows, list[dict[str, Any]], name)
     for n, row in enumerate(rows):
@@ -185,6 +194,11 @@ def _rows(values: dict[str, Any], name: str, kinds: dict[str, type]) -> list[dic
             if key not in row:
                 raise TypeError(f"{name}[{n}]: has no {key}, expected {', '.join(kinds)}")
             check_type(row[key], kind, f"{name}[{n}].{key}")
+            if kind is int and row[key] < 0:
+                raise TypeError(f"{name}[{n}]: {key} {row[key]}, expected a frame, counted from 0")
+        unknown = sorted(set(row) - {*kinds, *others})
+        if unknown:
+            raise TypeError(f"{name}[{n}]: unknown {unknown[0]}, expected {', '.join((*kinds, *others))}")
     return list(rows)
 
 
@@ -219,23 +233,37 @@ class FileTruth(TruthSource):
     def __post_init__(self) -> None:
         self.name = f"file {self.given.path.name}"
         self._method: ClipMethod | None = None
-        fills = self.given.words or any(pair.clip is None for pair in self.given.pairs.values())
-        if fills:
+        self._fills = bool(self.given.words or any(pair.clip is None for pair in self.given.pairs.values()))
+        if self._fills or self.transition != LEARNED:  # an unknown name is an error, needed or not
             self._method = ClipMethod(TRUE_POSITIONS, self.transition, "positions")
 
     def after(self, words: Sequence[OwnWord], p: int) -> list[int]:
         """The words that stand after word ``p`` in the file."""
         return [q for q in range(len(words)) if self.given.given(words[p].gloss, words[q].gloss) is not None]
 
+    def check(self, words: Sequence[OwnWord]) -> None:
+        """Raise ``InputError`` for frames that a word or a clip does not have."""
+        by_gloss = {word.gloss: word for word in words}
+        for (before, after), pair in self.given.pairs.items():
+            for what, frame, gloss in (("pre", pair.pre, before), ("post", pair.post, after)):
+                if gloss in by_gloss:
+                    self._frame(pair.where, what, frame, by_gloss[gloss])
+            if pair.frames is not None and before in by_gloss and after in by_gloss:
+                self._frames(pair)
+        for n, (gloss, frames) in enumerate(self.given.words.items()):
+            for what, frame in zip(("pre", "post"), frames, strict=True):
+                if gloss in by_gloss:
+                    self._frame(f"words[{n}]", what, frame, by_gloss[gloss])
+
     def splices(self, words: Sequence[OwnWord], p: int, after: Sequence[int]) -> list[TrueSplice]:
-        """What the file says. Raises ``InputError`` for frames that a word or a clip does not have."""
+        """What the file says; ``check`` has been asked."""
         before = words[p]
         made: dict[int, TrueSplice] = {}
         to_fill: list[tuple[int, Cut]] = []
         for q in after:
             pair = self.given.given(before.gloss, words[q].gloss)
             assert pair is not None
-            cut = Cut(self._frame(pair, "pre", pair.pre, before), self._frame(pair, "post", pair.post, words[q]))
+            cut = Cut(before.frame(pair.pre), words[q].frame(pair.post))
             if pair.clip is None:
                 to_fill.append((q, cut))
             else:
@@ -248,20 +276,18 @@ class FileTruth(TruthSource):
 
     def facts(self) -> dict[str, Any]:
         """The file, its hash, and what fills pairs without a clip."""
-        method = self._method
+        method = self._method if self._fills else None
         fills = None if method is None else {"transition": method.transition, "bundle": method.parts.bundle}
         return {"file": self.given.path.name, "sha256": self.given.sha256, "filled_by": fills}
 
-    def _frame(self, pair: GivenPair, what: str, frame: int, word: OwnWord) -> int:
-        if not 0 <= frame < word.n_read:
+    def _frame(self, where: str, what: str, frame: int, word: OwnWord) -> None:
+        if frame >= word.n_read:
             raise InputError(
-                f"{self.given.path}: {pair.where}: {what} {frame}, but {word.file} has {word.n_read} frames, counted "
-                "from 0"
+                f"{self.given.path}: {where}: {what} {frame}, but {word.file} has {word.n_read} frames, counted from 0"
             )
-        return word.frame(frame)
 
-    def _transition(self, pair: GivenPair, cut: Cut, before: Clip, after: Clip) -> Clip:
-        """The true transition of a pair at the corpus's rate, with rotations that follow from the word before."""
+    def _frames(self, pair: GivenPair) -> Clip:
+        """The frames of a pair's transition as its file has them."""
         assert pair.clip is not None
         clip = self._read(pair.clip)
         first, stop = pair.frames or (0, len(clip))
@@ -269,7 +295,11 @@ class FileTruth(TruthSource):
             raise InputError(
                 f"{self.given.path}: {pair.where}: frames {first}:{stop}, but {pair.clip} has {len(clip)} frames"
             )
-        new, last = clip[first:stop], before[cut.pre : cut.pre + 1]
+        return clip[first:stop]
+
+    def _transition(self, pair: GivenPair, cut: Cut, before: Clip, after: Clip) -> Clip:
+        """The true transition of a pair at the corpus's rate, with rotations that follow from the word before."""
+        new, last = self._frames(pair), before[cut.pre : cut.pre + 1]
         if not same_fps(new.fps, self.fps):
             new = _resampled(new, last, after[cut.post : cut.post + 1], self.fps)
         local = rotation.continuous(np.concatenate([last.local_rotations, new.local_rotations]))[1:]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -19,6 +20,7 @@ from signsplice.motion.number_space import NumberSpace
 from signsplice.paper import extra_metrics
 from signsplice.paper.clip_methods import ClipMethod
 from signsplice.paper.own_clips import (
+    FEWEST,
     ClipChoice,
     OwnWord,
     Rig,
@@ -52,13 +54,13 @@ class PairsPlan:
 
     - choice: the clips
     - positions: a file of positions (.json), or CUTTER+TRANSITION
-    - transition: name of what fills pairs for which a file gives no transition
+    - transition: name of what fills pairs for which a file gives no transition, None for ``learned``; only with a file
     - joints: names of the joints in the numbers, None for all
     """
 
     choice: ClipChoice
     positions: str = BEST
-    transition: str = LEARNED
+    transition: str | None = None
     joints: tuple[str, ...] | None = None
 
 
@@ -118,8 +120,12 @@ def build(plan: PairsPlan, folder: Path, progress: ProgressBar) -> BuiltPairs:
     hint = f"finished rows stay in {part.name}, and the same call continues from there"
     try:
         with resumable_folder(part):
-            rows = _make_rows(corpus, part, progress)
-            splits = _splits(corpus, rows)
+            try:
+                rows = _make_rows(corpus, part, progress)
+                splits = _splits(corpus, rows)
+            except InputError:  # another call will not do better with these rows
+                shutil.rmtree(part, ignore_errors=True)
+                raise
             with replacing_folder(folder, hint) as made:
                 at = write_words(made, [(word.clip, corpus.space.numbers(word.clip)) for word in corpus.words])
                 write_transitions(made, rows)
@@ -136,6 +142,10 @@ def _read(plan: PairsPlan, progress: ProgressBar) -> _Corpus:
     is_file = plan.positions.lower().endswith(".json")
     given = read_positions(Path(plan.positions)) if is_file else None
     method = None if is_file else _method(plan.positions)
+    if method is not None and plan.transition is not None:
+        raise InputError(
+            f"--transition {plan.transition} goes with --positions FILE.json; --positions {plan.positions} names one"
+        )
     with progress(f"reading {choice.folder}") as advance:
         named = None if given is None else given.glosses
         moved = given is None or not given.has_clips
@@ -144,7 +154,12 @@ def _read(plan: PairsPlan, progress: ProgressBar) -> _Corpus:
         source: TruthSource = MethodTruth(method)
     else:
         assert given is not None
-        source = FileTruth(given, rig, choice.fps, plan.transition, choice.limits, warnings)
+        source = FileTruth(given, rig, choice.fps, plan.transition or LEARNED, choice.limits, warnings)
+        source.check(words)
+        if len(words) < FEWEST:
+            raise InputError(
+                f"{given.path}: names {len(words)} words, expected at least {FEWEST}: a split has three parts"
+            )
     joints = None if plan.joints is None else chosen_joints(rig.skeleton, plan.joints)
     space = space_around(rig, words, joints)
     if given is not None and given.space is not None:

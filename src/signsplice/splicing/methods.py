@@ -111,7 +111,9 @@ def choose(
     where = Path(WEIGHTS if bundle is None else bundle)
     own, warnings = LearnedMethods(), tuple[str, ...]()
     called_for = any(name in (NAME, FLUENT) for name in named if isinstance(name, str))
-    if bundle is not None or None in named or called_for:
+    tables: tuple[Mapping[str, Method], ...] = (CUTTERS, TRANSITIONS, DURATIONS)
+    unknown = any(isinstance(name, str) and name not in table for name, table in zip(named, tables, strict=True))
+    if bundle is not None or None in named or unknown:  # the message about an unknown name lists the learned ones too
         try:
             own = open_learned(where)
         except InputError as error:

@@ -77,7 +77,7 @@ class SpliceOptions:
             check_alone(self.system, named, self.fps)
         elif self.fill_misses:
             raise InputError(
-                "fill misses goes with a system: it says what becomes of words for which that has no splice"
+                "--fill-misses goes with --system: it says what becomes of words for which that has no splice"
             )
 
     def chosen_methods(self) -> ChosenMethods:

@@ -7,10 +7,11 @@ from typing import Annotated
 
 import numpy as np
 
-from signsplice.motion import kinematics
+from signsplice.motion import kinematics, rotation
+from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
-from signsplice.rig.stray_frames import JUMP_M_S
+from signsplice.rig.stray_frames import JUMP_DEG, JUMP_M_S
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.filling import FilledGap
 from signsplice.splicing.gap import Gap
@@ -100,6 +101,8 @@ def score(
                 )
             )
             lines.append(f"a hand moves at {speed:.1f} m/s, faster than signs do{advice}")
+    if by_system:
+        lines += _turns(window[first - 1 : stop + 1])
     if feet:
         slide = float(np.linalg.norm(positions[stop, len(hands) :] - positions[first - 1, len(hands) :], axis=-1).max())
         if slide > _FOOT_SLIDE_M:
@@ -121,3 +124,16 @@ def score(
         warnings=tuple(lines),
         intrusion_mm=None if depth is None else 1e3 * depth,
     )
+
+
+def _turns(window: Clip) -> list[str]:
+    """A line about the joint that turns farthest from one frame to the next, where that is a jump."""
+    local = window.local_rotations
+    turned = np.rad2deg(rotation.angle_between(local[:-1], local[1:])).max(axis=0)
+    n_more = int((turned > JUMP_DEG).sum()) - 1
+    if n_more < 0:
+        return []
+    joint = int(turned.argmax())
+    name = window.skeleton.names[joint].rpartition(":")[2]
+    more = f"; {n_more} more joint{'s' * (n_more != 1)} by more than {JUMP_DEG:g}" if n_more else ""
+    return [f"{name} turns {turned[joint]:.0f} degrees in one frame{more}"]

@@ -158,16 +158,16 @@ class SentenceBuilder:
         for before, after in pairwise(words):
             with self.timed("transition"):
                 found = system.splice_words(before.clip, after.clip)
-            missed = miss(system, found, before, after)
+            missed = miss(system, found, before)
             if not missed:
                 seams.append(found_seam(found, before, after))
             elif self.options.fill_misses:
                 (chosen,) = self._cuts([before.clip, after.clip])
                 planned = self._planned(before, after, chosen)
-                line = f"{missed}: joined by {self.cutter.name} and {self.transition.name}"
+                line = f"{missed}: joined by cutter {self.cutter.name}, transition {self.transition.name}"
                 seams.append(replace(planned, warnings=(line, *planned.warnings)))
             else:
-                misses.append(missed)
+                misses.append(f"{before.clip.name} -> {after.clip.name}: {missed}")
                 after.entry = 0
         if misses:
             raise SignspliceError(missing(misses, len(words) - 1))
@@ -288,7 +288,7 @@ class SentenceBuilder:
                 after.clip.name,
                 own,
                 planned.warnings,
-                by_system=planned.made is not None,
+                by_system=planned.made is not None or (self.system is not None and filled is None),
             )
 
     def _n_frames(self, before: Clip, after: Clip, cut: Cut, letters: LetterSeam | None) -> tuple[int, tuple[str, ...]]:

@@ -82,12 +82,13 @@ def check_alone(system: WholeSystem, named: Sequence[str], fps: float | None) ->
     if not isinstance(system, WholeSystem):
         raise TypeError(f"system is a {type(system).__name__}, expected what open_clip_splicer(folder) gives")
     if named:
-        some = ", ".join({"duration": "transition time"}.get(name, name.replace("_", " ")) for name in named)
+        options = [{"duration": "transition_time"}.get(name, name) for name in named]
+        some = ", ".join(f"--{name.replace('_', '-')}" for name in dict.fromkeys(options))
         raise InputError(
             f"{system.name} runs whole: it chooses positions, number of frames and frames itself; leave out {some}"
         )
     if fps is not None and not knows_rate(system, fps):
-        raise InputError(f"fps {fps:g}, but {system.name} knows only {system.fps:g}; leave fps out")
+        raise InputError(f"--fps {fps:g}, but {system.name} knows only {system.fps:g}; leave out --fps")
 
 
 def knows_rate(system: WholeSystem, fps: float) -> bool:
@@ -130,15 +131,14 @@ def is_near(clip: Clip, place: Placement) -> bool:
     return away <= NEAR_M and own.up @ place.up >= least and own.forward @ place.forward >= least
 
 
-def miss(system: WholeSystem, found: SystemSplice, before: SentenceWord, after: SentenceWord) -> str:
-    """Why there is no splice of two words, empty where there is one."""
-    names = before.clip.name, after.clip.name
+def miss(system: WholeSystem, found: SystemSplice, before: SentenceWord) -> str:
+    """Why there is no splice of two words, ``before`` the first, empty where there is one."""
     if found.pre is None or found.post is None:
         lacks = {(True, True): "neither position", (True, False): "no prePosition", (False, True): "no postPosition"}
-        return f"{system.name} finds {lacks[found.pre is None, found.post is None]} for {names[0]} and {names[1]}"
+        return f"{system.name} finds {lacks[found.pre is None, found.post is None]}"
     if found.pre < before.entry:
         left, entered = found.pre + before.n_left_out, before.entry + before.n_left_out
-        return f"{system.name} leaves {names[0]} for {names[1]} at frame {left}, before its entry at frame {entered}"
+        return f"{system.name} leaves the first word at frame {left}, before its entry at frame {entered}"
     return ""
 
 
