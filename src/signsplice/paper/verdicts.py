@@ -79,7 +79,7 @@ class Evidence:
         for curve in self.results.curves:
             key = (curve.system, curve.split, curve.scale, curve.optimiser)
             if key == (system, SPLIT, self.scale, "adamw") and curve.fr in (None, fr) and not curve.seed:
-                points = [value for value in curve.column("accuracy") if value is not None] if curve.is_own else []
+                points = [value for value in curve.column("accuracy") if value is not None]
                 if len(points) >= least:
                     return points
         raise NotTestedError(f"no curve of {least} points: {published.name(system)}")
