@@ -131,7 +131,7 @@ def mean_lines(results: Results, split: str) -> list[TableLine]:
 def pairs_seen(results: Results, row: ResultRow) -> float | None:
     """How many pairs all parts of a row's system saw in training, from the last point of its curve; None if unknown."""
     key = (row.system, row.split, row.scale, row.optimiser, row.fr, row.seed)
-    curve = next((c for c in results.curves if c.key == key and c.is_own and c.points), None)
+    curve = next((c for c in results.curves if c.key == key and c.points), None)
     return None if curve is None else curve.column("pairs")[-1]
 
 
