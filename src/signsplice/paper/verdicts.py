@@ -64,13 +64,13 @@ class Evidence:
         comparable(known.values())
         return known
 
-    def classical(self, given: str, beside: TableLine) -> list[TableLine]:
+    def classical(self, given: str, compared: TableLine) -> list[TableLine]:
         """The classical methods that are given so much of the truth, comparable with another line."""
         rows = [one for one in clip_lines(self.results, SPLIT) if one.rows[0].scale == CLASSICAL]
         found = [one for one in rows if one.rows[0].given == given]
         if not found:
             raise NotTestedError(f"no classical method given {given}")
-        return comparable([beside, *found])[1:]
+        return comparable([compared, *found])[1:]
 
     def accuracies(self, system: str, fr: int = published.BEST_FR, least: int = 8) -> list[float]:
         """Validation Accuracy over the training of a system. Raises ``NotTestedError`` for fewer than ``least``

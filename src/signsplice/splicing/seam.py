@@ -90,19 +90,11 @@ def score(
         speed = metrics.peak_speed(wrists, first, stop, window.fps)
         jerk = metrics.jerk_ratio(wrists, first, stop, LEAST_JERK_M_S3 / window.fps**3)
         if speed > FAST_M_S:
-            beside = max(metrics.peak_speed(part, 0, len(part), window.fps) for part in (wrists[:first], wrists[stop:]))
-            advice = (
-                ""
-                if by_system
-                else (
-                    f"; a longer {'gap' if of_one_clip else 'transition time'} would help"
-                    if beside <= JUMP_M_S
-                    else f"; a hand jumps in the signs beside it, at {beside:.1f} m/s: a fault of the capture?"
-                )
-            )
+            in_signs = [metrics.peak_speed(part, 0, len(part), window.fps) for part in (wrists[:first], wrists[stop:])]
+            advice = "" if by_system else _advice(max(in_signs), "gap" if of_one_clip else "transition time")
             lines.append(f"a hand moves at {speed:.1f} m/s, faster than signs do{advice}")
     if by_system:
-        lines += _turns(window[first - 1 : stop + 1])
+        lines += _joint_jumps(window[first - 1 : stop + 1])
     if feet:
         slide = float(np.linalg.norm(positions[stop, len(hands) :] - positions[first - 1, len(hands) :], axis=-1).max())
         if slide > _FOOT_SLIDE_M:
@@ -126,7 +118,14 @@ def score(
     )
 
 
-def _turns(window: Clip) -> list[str]:
+def _advice(speed_in_signs: float, time: str) -> str:
+    """What may help where a hand is too fast in a transition: a longer ``time``, unless it jumps in the signs too."""
+    if speed_in_signs <= JUMP_M_S:
+        return f"; a longer {time} would help"
+    return f"; a hand jumps in the signs beside it, at {speed_in_signs:.1f} m/s: a fault of the capture?"
+
+
+def _joint_jumps(window: Clip) -> list[str]:
     """A line about the joint that turns farthest from one frame to the next, where that is a jump."""
     local = window.local_rotations
     turned = np.rad2deg(rotation.angle_between(local[:-1], local[1:])).max(axis=0)
