@@ -135,6 +135,15 @@ def classical_rows(split: str = "random") -> list[ResultRow]:
     ]
 
 
+def test_sgd_that_ended_by_a_limit_is_told_from_sgd_that_stopped_improving() -> None:
+    by_time, by_plateau = (
+        lines.line(of_rows(row("lpt", optimiser="sgd", stopped=why)), "lpt", "cpu", "random", "sgd")
+        for why in ("time", "plateau")
+    )
+    assert "ended by its limit" in by_time.origin
+    assert "ended by its limit" not in by_plateau.origin
+
+
 def test_rows_of_other_optimisers_scales_and_inputs_are_separate() -> None:
     found = of_rows(
         *paper_rows(), *paper_rows("sgd"), *paper_rows(scale="smoke"), *classical_rows(), row("nat", fr=None)

@@ -87,7 +87,7 @@ def line(
     if not rows:
         return TableLine(name, f"{by}, {MISSING}")
     steps = "/".join(dict.fromkeys(f"{row.steps}" for row in rows))
-    if optimiser == "sgd" and any(row.stopped != "plateau" for row in rows):
+    if optimiser == "sgd" and any(row.stopped in ("steps", "time") for row in rows):
         by += " ended by its limit, not by validation"
     seeds = f", {len(rows)} seeds" if len(rows) > 1 else ""
     made = TableLine(name, f"{by}, {steps} steps{seeds}", tuple(rows))
