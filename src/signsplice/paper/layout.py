@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,6 +22,8 @@ _TEX = {
     ">": r"\textgreater{}",
     "|": r"\textbar{}",
 }
+_WIDTH = 160
+"""Characters of a line of notes in Markdown."""
 RULE: tuple[str, ...] = ()
 """A row without cells: a horizontal line."""
 
@@ -53,7 +56,7 @@ def markdown(table: Table) -> str:
     rows = [row for row in table.rows if row]
     lines = [f"**{table.caption}**", "", _line(table.head), _line(["---"] * len(table.head)), *map(_line, rows), ""]
     for note in table.notes:
-        lines += [note, ""]
+        lines += [*textwrap.wrap(note, _WIDTH, break_long_words=False, break_on_hyphens=False), ""]
     return "\n".join(lines)
 
 
