@@ -239,11 +239,12 @@ def test_special_characters_are_escaped() -> None:
 
 def test_pages_are_written_with_the_same_bytes(tmp_path: Path) -> None:
     found = of_rows(*paper_rows(), *classical_rows())
-    pages = ("table1", "table2", "table3", "classical")
+    pages = ("table1", "table2", "table3", "fr", "classical")
     assert {path.name for path in tables.write(found, tmp_path, "cpu")} == {
         f"{p}{s}" for p in pages for s in (".md", ".tex")
     }
     first = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert first["fr.md"].startswith(b"No two rows to compare at scale cpu yet.")
     assert first["table1.md"].startswith(b"**Table 1 of the paper, scale cpu, random**")
     tables.write(found, tmp_path, "cpu")
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == first

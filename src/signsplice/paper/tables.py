@@ -325,12 +325,13 @@ def write(results: Results, folder: Path, scale: str, only: Sequence[str] = PAGE
     missing = missing_rows(results, scale)
     written = []
     for page in only:
-        if made[page]:
-            for suffix, form in ((".md", layout.markdown), (".tex", layout.latex)):
-                path = folder / f"{page}{suffix}"
-                text = "\n".join(form(table) for table in made[page]).rstrip() + "\n"
-                put(path, text + (f"\n{missing}\n" if suffix == ".md" else f"\n\\par {layout.escape(missing)}\n"))
-                written.append(path)
+        if not made[page] and not (page == "fr" and made["table1"]):  # fr is linked: it says that it has no rows
+            continue
+        for suffix, form in ((".md", layout.markdown), (".tex", layout.latex)):
+            path = folder / f"{page}{suffix}"
+            text = "\n".join(map(form, made[page])).rstrip() or f"No two rows to compare at scale {scale} yet."
+            put(path, f"{text}\n" + (f"\n{missing}\n" if suffix == ".md" else f"\n\\par {layout.escape(missing)}\n"))
+            written.append(path)
     return written
 
 
