@@ -66,10 +66,11 @@ def test_a_system_learns_from_clips_of_another_rig(tmp_path: Path) -> None:
 def test_from_ten_clips_to_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clips(tmp_path / "clips", GLOSSES, 30.0)
     monkeypatch.chdir(tmp_path)
-    paper = ["paper", "all", "--scale", "smoke", "--pairs", "pairs", "--bundles", "bundles", "--out", "out"]
+    folders = ["--scale", "smoke", "--pairs", "pairs", "--bundles", "bundles", "--out", "out", "--limit", "3"]
     for call in (
         ["pairs", "build", "clips", "-o", "pairs"],
-        [*paper, "--system", "lpt", "--system", "transformer", "--steps", "2", "--limit", "3"],
+        ["paper", "all", *folders, "--system", "lpt", "--system", "transformer", "--steps", "2"],
+        ["paper", "evaluate", *folders],
     ):
         result = CliRunner().invoke(app, call, catch_exceptions=False)
         assert result.exit_code == 0, result.output

@@ -14,11 +14,12 @@ from torch import Tensor  # noqa: E402
 
 from signsplice.train.paper import scales  # noqa: E402
 from signsplice.train.paper.losses import token_loss  # noqa: E402
+from signsplice.train.paper.networks.convs2s import ConvS2S  # noqa: E402
 from signsplice.train.paper.networks.filling import Filler, gap_fractions  # noqa: E402
 from signsplice.train.paper.networks.generator import FRAME, HIDDEN, START, Generator, generate  # noqa: E402
 from signsplice.train.paper.networks.spsn import POST, PRE, Spsn  # noqa: E402
 from signsplice.train.paper.pairs_data import Batch, splice_marks  # noqa: E402
-from signsplice.train.paper.tasks import MOST_FRAMES, decoder_input, positions, token_bias  # noqa: E402
+from signsplice.train.paper.tasks import MOST_FRAMES, decoder_input, own_frames, positions, token_bias  # noqa: E402
 from training_toys import CONFIGS, FR, GENERATORS, data, parents, toy  # noqa: E402
 
 
@@ -226,6 +227,37 @@ def test_fed_frames_are_delayed_and_depend_only_on_the_pair() -> None:
     assert set(whole.kinds.flatten().tolist()) <= {START, FRAME, HIDDEN}
     spread = (whole.frames[:, 1:] - one.new[:, :-1]) / normaliser.deviation
     assert spread.std() == pytest.approx(0.1, rel=0.05)
+
+
+@pytest.mark.parametrize("name", ["lstm", "conv-s2s"])
+def test_untaught_pairs_are_fed_what_the_network_generates(name: str) -> None:
+    made, one = toy(name), batch(name, 4)
+    network = made.network.eval()
+    assert isinstance(network, Generator)
+    for parameter in network.last.parameters():  # type: ignore[union-attr]
+        torch.nn.init.constant_(parameter, -1.0 if parameter.ndim == 1 else 0.0)  # it never ends
+    inputs = decoder_input(one, network, data().normaliser(), 0)
+    shown = replace(inputs, kinds=torch.where(inputs.kinds == HIDDEN, FRAME, inputs.kinds))
+    assert 0 < int(inputs.untaught.sum()) < len(inputs.untaught)
+    encoded = network.encode(one.x, one.mask, one.n_before)
+    fed = own_frames(network, encoded, shown).frames
+    made_alone = torch.stack(generate(network, encoded, 4, fed.shape[1]))
+    torch.testing.assert_close(fed[shown.untaught, 1:], made_alone[shown.untaught, :-1])
+    torch.testing.assert_close(fed[~shown.untaught], shown.frames[~shown.untaught])
+
+
+def test_attention_gives_the_encoder_of_convs2s_a_fraction_of_its_gradient() -> None:
+    network, one = toy("conv-s2s").network, batch("conv-s2s", 2)
+    assert isinstance(network, ConvS2S)
+    network.eval()
+    encoded = network.encode(one.x, one.mask, one.n_before)
+    encoded.memory[1].sum().backward()
+    weights = network.encoder[-1].convolution.weight
+    scaled = weights.grad.clone()
+    network.zero_grad()
+    network._share_of_gradient = lambda gradient: gradient  # type: ignore[method-assign]
+    network.encode(one.x, one.mask, one.n_before).memory[1].sum().backward()
+    torch.testing.assert_close(scaled * 2 * len(network.decoder), weights.grad)
 
 
 def test_gap_fractions_are_even() -> None:

@@ -5,7 +5,9 @@ sqrt(0.5). Decoder: the same layers, causal, each followed by attention to the e
 its inputs. It does both jobs with the same weights: it reads X again and classifies every frame of it, and it makes the
 transition frames from the start token on. Weights are initialised as in the original
 (deviation sqrt(4 p / n), inputs embedded with a deviation of 0.1), without its weight normalisation: gated units keep
-the size of small states, but double the variance of larger ones in every layer.
+the size of small states, but double the variance of larger ones in every layer. As in the original, the gradient that
+reaches the encoder through attention is divided by twice the number of attending layers; without this it was up to
+forty times as large, and training diverged, in 32 and in 16 bits.
 
 After 20 layers of width 3 a state of the encoder depends on only 20 frames to either side. Through attention the
 decoder knows both words at every frame.
@@ -74,6 +76,7 @@ class ConvS2S(Generator):
     """Encoder and decoder of gated convolutions."""
 
     concurrent = False
+    feeds_own = True
 
     def __init__(self, config: ConvS2SConfig, normaliser: Normaliser) -> None:
         super().__init__()
@@ -104,10 +107,15 @@ class ConvS2S(Generator):
         states = inputs
         for layer in self.encoder:
             states = (states + layer(F.pad(states, (0, 0, 1, 1)))) * _SQRT_HALF * real
+        if states.requires_grad:
+            states.register_hook(self._share_of_gradient)  # type: ignore[no-untyped-call]
         padding = x.new_zeros(x.shape[0], _KERNEL - 1, self.config.width)
         memory, start = (mask, states, (states + inputs) * _SQRT_HALF), (padding,) * len(self.decoder)
         again, _ = self._decoded(inputs, memory, start)
         return Encoded(admissible(self.token(again), n_before), memory, start)
+
+    def _share_of_gradient(self, gradient: Tensor) -> Tensor:
+        return gradient / (2 * len(self.decoder))
 
     def decode(
         self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State

@@ -41,12 +41,14 @@ class Generator(nn.Module, ABC):
     - n_fed: how many numbers of each frame are fed back: the K of a frame, and a counter if it has one
     - concurrent: whether it can make all frames in one pass
     - marked: whether it is given the splice positions as marks on the whole X
+    - feeds_own: whether it learns half of the pairs from its own frames instead of the true ones
     - normaliser: of frames
     """
 
     n_fed: int
     concurrent: bool
     marked: bool = False
+    feeds_own: bool = False
     normaliser: Normaliser
 
     @abstractmethod
@@ -70,11 +72,15 @@ class Generator(nn.Module, ABC):
     def forward(
         self, x: Tensor, mask: Tensor, n_before: Tensor, fed: Tensor, kinds: Tensor, marks: Tensor | None = None
     ) -> tuple[Tensor | None, Tensor, Tensor]:
-        """Tokens, frames and logits of the last frame for whole sequences, given the true frames (teacher forcing)."""
+        """Tokens, frames and logits of the last frame for whole sequences, given the frame before each."""
         encoded = self.encode(x, mask, n_before, marks)
-        start = torch.zeros((), dtype=torch.long, device=x.device)
+        return encoded.tokens, *self.decode_whole(encoded, fed, kinds)
+
+    def decode_whole(self, encoded: Encoded, fed: Tensor, kinds: Tensor) -> tuple[Tensor, Tensor]:
+        """Frames and logits of the last frame for whole sequences (B, T), given the frame before each."""
+        start = torch.zeros((), dtype=torch.long, device=fed.device)
         made, last, _ = self.decode(fed, kinds, start, encoded.memory, encoded.state)
-        return encoded.tokens, made, last
+        return made, last
 
 
 @torch.no_grad()

@@ -35,6 +35,7 @@ class LstmSeq2Seq(Generator):
     """Encoder and decoder LSTM."""
 
     concurrent = False
+    feeds_own = True
 
     def __init__(self, config: LstmConfig, normaliser: Normaliser) -> None:
         super().__init__()
