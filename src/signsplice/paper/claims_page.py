@@ -24,8 +24,8 @@ _KEYS = {HOLDS: "holds", IN_PART: "in_part", FAILS: "fails", UNTESTED: "untested
 UNEQUAL_TRAINING = {
     "cpu": (
         "- **Equal time, not equal pairs**: a system has about 25 core-minutes, half each for positions and frames if",
-        "  these are two networks. In them TFGN saw most pairs, LSTM about as many, Transformer three eighths,",
-        "  ConvS2S a quarter, TFGN without Culling (LPT-WC, LPT-WAC) a fifth. That and Transformer have half its",
+        "  these are two networks. In them TFGN saw most pairs, LSTM three quarters as many, Transformer three",
+        "  eighths, ConvS2S and TFGN without Culling (LPT-WC, LPT-WAC) a fifth. That and Transformer have half its",
         "  feed-forward width.",
     )
 }
@@ -77,8 +77,9 @@ def _head(scale: str) -> list[str]:
         "Where two truths disagree, a claim holds in part; where a reason's figures differ, / parts them.",
         "",
         "- **Rivals have more than the print gives them**: differences between frames, a loss that weighs the tokens,",
-        "  a bias of the tokens chosen on validation pairs, LSTM a summary of both words too. LpTransformer has none",
-        "  of these, LPT+ all. Beside LpTransformer, PTA and PAA of rivals are without bias; all else is with it.",
+        "  a bias of the tokens chosen on validation pairs; LSTM a summary of both words, LSTM and ConvS2S training on",
+        "  their own frames. LpTransformer has none of these, LPT+ all but the last. Beside LpTransformer, PTA and",
+        "  PAA of rivals are without bias; all else is with it.",
         *UNEQUAL_TRAINING.get(scale, ()),
         "- **Scores** are compared at the print's three digits (MSE: four), and equal ones are as good, as in the",
         "  print; with several seeds a difference up to their spread decides nothing (in part). lambda, the cost of a",
