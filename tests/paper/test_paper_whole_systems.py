@@ -22,9 +22,9 @@ from signsplice.errors import InputError, SignspliceError
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton, resample
 from signsplice.motion.number_space import NumberSpace, space_of
-from signsplice.paper.systems.clips import ORIGIN, ClipSplicer
+from signsplice.paper.systems.clips import ClipSplicer
 from signsplice.paper.systems.splicers import OneNetworkSystem, TwoNetworkSystem
-from signsplice.rig.placement import Placement, place, placement
+from signsplice.rig.placement import ORIGIN, Placement, place, placement
 from signsplice.splicing import report
 from signsplice.splicing.bundle import BUNDLE_FILE, config_of, write_bundle
 from signsplice.splicing.whole_system import SystemSplice

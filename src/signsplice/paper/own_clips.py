@@ -21,7 +21,7 @@ from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip, EndSite, Skeleton, left_out_warnings, resample
 from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.info import rig_info
-from signsplice.rig.placement import Placement, place
+from signsplice.rig.placement import ORIGIN, place
 from signsplice.synth.rng import stream
 from signsplice.synth.signer_space import EXTENT
 
@@ -34,8 +34,6 @@ SAME_RIG_CM = 0.1
 """Bones that differ by no more than this are those of one rig."""
 MARGIN = 1.05
 """Side of the cube over the longest side of the box around all frames, where that is wider than ``EXTENT`` statures."""
-ORIGIN = Placement(np.zeros(3), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
-"""Where words stand whose places are not given: the feet at the origin, up +Y, facing +Z."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,6 +43,10 @@ class Placement:
     forward: Float
 
 
+ORIGIN = Placement(np.zeros(3), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+"""The feet at the origin, up +Y, facing +Z: where words of a corpus stand whose places are not given."""
+
+
 def placement(clip: Clip) -> Placement:
     """How the clip's signer stands: the median position and mean facing of a few frames; kept while the clip lives.
 

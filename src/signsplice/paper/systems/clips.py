@@ -21,7 +21,7 @@ from signsplice.paper.prediction import Float
 from signsplice.paper.systems import open_bundle
 from signsplice.paper.systems.splicers import PaperSystem, TwoNetworkSystem
 from signsplice.rig.info import rig_info
-from signsplice.rig.placement import Placement
+from signsplice.rig.placement import ORIGIN, Placement
 from signsplice.splicing.bundle import bundle_sha256
 from signsplice.splicing.cut import Cut, PairCutter
 from signsplice.splicing.gap import Gap
@@ -33,10 +33,6 @@ from signsplice.synth.signer import STATURE_CM, skeleton, stature
 _ANKLES = np.array([0.0, 7.0, -1.0])
 """Where the standard synthetic signer's ankles stand, cm; others scale it."""
 _FACTS = ("scale", "optimiser", "split", "seed", "corpus")
-
-
-ORIGIN = Placement(np.zeros(3), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
-"""Where a user's own words stand for a system: the feet at the origin, up +Y, facing +Z."""
 
 
 class ClipSplicer(PairCutter, GapTransition, WholeSystem):
