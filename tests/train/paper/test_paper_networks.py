@@ -253,7 +253,9 @@ def test_attention_gives_the_encoder_of_convs2s_a_fraction_of_its_gradient() -> 
 
     def gradient() -> Tensor:
         keys = network.eval().encode(one.x, one.mask, one.n_before).memory[1]
-        return torch.autograd.grad(keys.sum(), weights)[0]
+        (found,) = torch.autograd.grad(keys.sum(), weights)
+        assert isinstance(found, Tensor)
+        return found
 
     scaled = gradient()
     network._share_of_gradient = lambda gradient: gradient  # type: ignore[method-assign]
