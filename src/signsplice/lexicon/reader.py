@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import mmap
 import threading
 from collections.abc import Iterator
@@ -16,14 +15,13 @@ from signsplice.formats.reading import opened
 from signsplice.lexicon.entry import LETTER_MARK, Entry, fold
 from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, decode, fingerprint
 from signsplice.lexicon.index import INDEX, REBUILD, ClipLocation, Index
+from signsplice.lexicon.suggestions import Suggestions
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.stray_frames import stray_frames
 
 SHIPPED = Path(__file__).parent / "words"
 _MIN_SIMILARITY = 0.55
-_LONGEST_LIKE = 40
-"""Most characters of a word that is compared with all glosses: longer ones take long, and are like none."""
-"""Least similarity (difflib's ratio) of the glosses that ``nearest`` suggests."""
+"""Least similarity of the glosses that ``nearest`` suggests."""
 _HINT = "build one from a folder of clips by `signsplice lexicon build`"
 
 
@@ -108,13 +106,12 @@ class Lexicon:
 
     def entries(self) -> Iterator[Entry]:
         """The entries of all words, in the order of ``glosses``."""
-        return (entry for entry, _ in self._index.words())
+        return (entry for entry, _ in self._named)
 
     def search(self, text: str) -> list[Entry]:
         """Entries with ``text`` in their gloss or a synonym, in any case; those that begin with it come first."""
         wanted = fold(text)
-        named = [(entry, [fold(name) for name in (entry.gloss, *entry.synonyms)]) for entry in self.entries()]
-        found = [(entry, names) for entry, names in named if any(wanted in name for name in names)]
+        found = [(entry, names) for entry, names in self._named if any(wanted in name for name in names)]
         found.sort(key=lambda match: not any(name.startswith(wanted) for name in match[1]))
         return [entry for entry, _ in found]
 
@@ -131,19 +128,18 @@ class Lexicon:
 
     def nearest(self, gloss: str, n: int = 3, similarity: float = _MIN_SIMILARITY) -> tuple[str, ...]:
         """Up to ``n`` glosses and synonyms most like ``gloss``: those that have it between hyphens, then those of at
-        least that ``similarity`` (difflib's ratio), best first; none of these for a word of more than 40 characters.
-        Letters only for what begins as they do.
+        least that ``similarity``, best first. Letters only for what begins as they do.
+
+        The similarity of two words is twice the number of letters that both have in the same order, over the number of
+        letters of both. Of words equally like, those come first that fewer edits lead to; two neighbours that change
+        places are one edit.
         """
-        word = fold(gloss)
-        names = [name for name in self._shown if not name.startswith(LETTER_MARK) or word.startswith(LETTER_MARK)]
-        wholes = [name for name in names if "-" in name and word.replace("'", "") in name.split("-")]
-        like = difflib.get_close_matches(word, names, n, similarity) if len(word) <= _LONGEST_LIKE else []
-        found = dict.fromkeys([*wholes, *like])
-        return tuple(self._shown[name] for name in list(found)[:n])
+        return tuple(self._shown[name] for name in self._suggestions.nearest(fold(gloss), n, similarity))
 
     def hyphenated(self, word: str) -> str | None:
         """The gloss that ``word`` is without its hyphens (THANKYOU: THANK-YOU), None where there is none."""
-        return self._without_hyphens.get(fold(word))
+        shown = self._without_hyphens.get(fold(word))
+        return None if shown is None else self.entry(shown).gloss
 
     def faults(self) -> Iterator[str]:
         """Faults of the words, one line each: checks bytes, hashes and names against the index. Reads every frame."""
@@ -172,13 +168,23 @@ class Lexicon:
                     yield f"{self.path}: word {entry.gloss[:40]!r}: {line}"
 
     @cached_property
+    def _named(self) -> list[tuple[Entry, list[str]]]:
+        """Every entry and its names, folded, in the order of ``glosses``."""
+        words = self._index.words()
+        return [(entry, [fold(name) for name in (entry.gloss, *entry.synonyms)]) for entry, _ in words]
+
+    @cached_property
     def _shown(self) -> dict[str, str]:
         return {folded: shown for folded, shown, _ in self._index.names()}
 
     @cached_property
+    def _suggestions(self) -> Suggestions:
+        return Suggestions(self._shown)
+
+    @cached_property
     def _without_hyphens(self) -> dict[str, str]:
         return {
-            folded.replace("-", ""): self.entry(shown).gloss
+            folded.replace("-", ""): shown
             for folded, shown in self._shown.items()
             if "-" in folded and not folded.startswith(LETTER_MARK)
         }
