@@ -96,6 +96,31 @@ def test_unknown_glosses_raise_an_error_with_similar_ones(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("typed", "similarity", "nearest"),
+    [
+        ("wirte", 0.75, ("WRITE", "WHITE")),  # equally like; neighbours that change places are one edit
+        ("frend", 0.75, ("FRIEND", "RED")),
+        ("recieve", 0.55, ()),
+        ("fs-y", 0.7, ("fs-X",)),
+        ("fx", 0.4, ()),  # no letter
+        ("know", 0.9, ("DONT-KNOW", "I-KNOW")),
+        ("dont'know", 0.75, ("DONT-KNOW",)),
+        (200 * "ab", 0.75, (199 * "AB",)),
+    ],
+)
+def test_the_names_nearest_to_a_word(
+    typed: str, similarity: float, nearest: tuple[str, ...], tmp_path: Path
+) -> None:
+    clip = random_clip(0, n_frames=2, n_joints=2)
+    with lexicon.building(tmp_path / "lex") as builder:
+        for gloss in "WHITE WRITE FRIEND RED DONT-KNOW I-KNOW fs-X".split():
+            builder.add(clip, gloss)
+        builder.add(clip, 199 * "AB")
+    with lexicon.open(tmp_path / "lex") as lex:
+        assert lex.nearest(typed, 2, similarity) == nearest
+
+
+@pytest.mark.parametrize(
     ("text", "gloss"),
     [
         ("hello", "HELLO"),

@@ -14,7 +14,7 @@ from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats.reading import opened
 from signsplice.lexicon.entry import LETTER_MARK, Entry, fold
 from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, decode, fingerprint
-from signsplice.lexicon.index import INDEX, REBUILD, ClipLocation, Index
+from signsplice.lexicon.index import INDEX, REBUILD, ClipLocation, Head, Index
 from signsplice.lexicon.suggestions import Suggestions
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.stray_frames import stray_frames
@@ -34,34 +34,18 @@ class Lexicon:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        _check_path(self.path)
-        self._index = Index(self.path / INDEX)
         self._lock = threading.Lock()
         self._skeletons: dict[int, tuple[Skeleton, str]] = {}
-        try:
-            self._head = self._index.head
-            if self._head.form not in FORMS:
-                raise InputError(
-                    f"{self._index.path}: form {self._head.form[:40]!r}, expected one of {', '.join(FORMS)}"
-                )
-            self._frames: mmap.mmap | None = self._map()
-        except BaseException:
-            self._index.close()
-            raise
-
-    def _map(self) -> mmap.mmap:
-        path = self.path / FRAMES
-        try:
-            with opened(path) as (file, size):
-                if size != self._head.n_bytes or size < HEAD_BYTES:
-                    raise InputError(f"{path}: {size} bytes, expected {self._head.n_bytes}; {REBUILD}")
-                frames = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-        if frames[:HEAD_BYTES].hex() != MAGIC.hex() + str(self._head.sha256):
-            frames.close()
-            raise InputError(f"{path}: belongs to another index than the one beside it; {REBUILD}")
-        return frames
+        self._frames: mmap.mmap | None
+        while True:
+            place = _place(self.path)
+            try:
+                self._index, self._frames = _files(self.path)
+                break
+            except InputError:
+                if _place(self.path) == place:
+                    raise  # else another lexicon has taken its place between one file and the next
+        self._head = self._index.head
 
     def __enter__(self) -> Lexicon:
         return self
@@ -230,6 +214,43 @@ def shipped() -> Lexicon:
     if not SHIPPED.is_dir():
         raise InputError(f"no words ship with this build of signsplice; name a lexicon (--lexicon DIR), or {_HINT}")
     return Lexicon(SHIPPED)
+
+
+def _files(path: Path) -> tuple[Index, mmap.mmap]:
+    """The two files of a lexicon, open. Raises ``InputError`` where they are none, or do not belong to each other."""
+    _check_path(path)
+    index = Index(path / INDEX)
+    try:
+        if index.head.form not in FORMS:
+            raise InputError(f"{index.path}: form {index.head.form[:40]!r}, expected one of {', '.join(FORMS)}")
+        return index, _mapped(path / FRAMES, index.head)
+    except BaseException:
+        index.close()
+        raise
+
+
+def _mapped(path: Path, head: Head) -> mmap.mmap:
+    """The frames that belong to an index."""
+    try:
+        with opened(path) as (file, size):
+            if size != head.n_bytes or size < HEAD_BYTES:
+                raise InputError(f"{path}: {size} bytes, expected {head.n_bytes}; {REBUILD}")
+            frames = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    if frames[:HEAD_BYTES].hex() != MAGIC.hex() + str(head.sha256):
+        frames.close()
+        raise InputError(f"{path}: belongs to another index than the one beside it; {REBUILD}")
+    return frames
+
+
+def _place(path: Path) -> tuple[int, int, int] | None:
+    """What tells a folder from one that takes its place; None where there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino, status.st_ctime_ns
 
 
 def _check_path(path: Path) -> None:
