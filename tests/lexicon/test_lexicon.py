@@ -108,12 +108,10 @@ def test_unknown_glosses_raise_an_error_with_similar_ones(path: Path) -> None:
         (200 * "ab", 0.75, (199 * "AB",)),
     ],
 )
-def test_the_names_nearest_to_a_word(
-    typed: str, similarity: float, nearest: tuple[str, ...], tmp_path: Path
-) -> None:
+def test_the_names_nearest_to_a_word(typed: str, similarity: float, nearest: tuple[str, ...], tmp_path: Path) -> None:
     clip = random_clip(0, n_frames=2, n_joints=2)
     with lexicon.building(tmp_path / "lex") as builder:
-        for gloss in "WHITE WRITE FRIEND RED DONT-KNOW I-KNOW fs-X".split():
+        for gloss in ["WHITE", "WRITE", "FRIEND", "RED", "DONT-KNOW", "I-KNOW", "fs-X"]:
             builder.add(clip, gloss)
         builder.add(clip, 199 * "AB")
     with lexicon.open(tmp_path / "lex") as lex:

@@ -1,4 +1,4 @@
-"""Readers beside a builder: whole lexicons, the old or the new one, whenever they open them and whenever it is killed."""
+"""Readers beside a builder: whole lexicons, the old or the new one, whatever the moment at which it is killed."""
 
 from __future__ import annotations
 
