@@ -23,6 +23,7 @@ from signsplice import lexicon
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon import reader
 from signsplice.lexicon.entry import fold, gloss_of
+from signsplice.lexicon.index import Index
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import active_span, arms
@@ -406,3 +407,12 @@ def test_the_shipped_lexicon_may_be_missing_from_a_build(
 def test_the_package_exports_open_lexicon(path: Path) -> None:
     with signsplice.open_lexicon(path) as lex:
         assert isinstance(lex, signsplice.Lexicon)
+
+
+def test_a_search_reads_the_index_once(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with lexicon.open(path) as lex:
+        found = lex.search("h")
+        assert found[0].gloss == "HELLO"
+        monkeypatch.setattr(Index, "ask", lambda *_: pytest.fail("the index is read anew"))
+        assert lex.search("h") == found
+        assert lex.search("good") == [entry for entry in lex.entries() if entry.gloss == "HELLO"]
