@@ -143,7 +143,7 @@ def test_the_package_keeps_state_in_one_place() -> None:
 def test_other_rooms_need_only_declared_dependencies() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     names = {entry.split(">")[0].split("=")[0] for entry in project["dependencies"]}
-    assert names == {"numpy", "scipy", "onnxruntime", "protobuf", "click", "rich", "pygltflib"}
+    assert names == {"numpy", "scipy", "onnxruntime", "protobuf", "click", "rich", "pygltflib", "rapidfuzz"}
     names |= {"google"}  # protobuf's module
     optional = {"PIL", "imageio_ffmpeg", "matplotlib", "pybvh"}  # imported inside functions, for those who have them
     training = {"torch", "onnx", "onnxscript", "filelock"}

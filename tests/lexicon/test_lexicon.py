@@ -23,6 +23,7 @@ from signsplice import lexicon
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon import reader
 from signsplice.lexicon.entry import fold, gloss_of
+from signsplice.lexicon.index import Index
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import active_span, arms
@@ -93,6 +94,29 @@ def test_unknown_glosses_raise_an_error_with_similar_ones(path: Path) -> None:
         assert (str(again), again.unknown) == (str(caught.value), caught.value.unknown)
         with pytest.raises(InputError, match="nothing is near it"):
             lex.entry("QQQQQQ")
+
+
+@pytest.mark.parametrize(
+    ("typed", "similarity", "nearest"),
+    [
+        ("wirte", 0.75, ("WRITE", "WHITE")),  # equally like; neighbours that change places are one edit
+        ("frend", 0.75, ("FRIEND", "RED")),
+        ("recieve", 0.55, ()),
+        ("fs-y", 0.7, ("fs-X",)),
+        ("fx", 0.4, ()),  # no letter
+        ("know", 0.9, ("DONT-KNOW", "I-KNOW")),
+        ("dont'know", 0.75, ("DONT-KNOW",)),
+        (200 * "ab", 0.75, (199 * "AB",)),
+    ],
+)
+def test_the_names_nearest_to_a_word(typed: str, similarity: float, nearest: tuple[str, ...], tmp_path: Path) -> None:
+    clip = random_clip(0, n_frames=2, n_joints=2)
+    with lexicon.building(tmp_path / "lex") as builder:
+        for gloss in ["WHITE", "WRITE", "FRIEND", "RED", "DONT-KNOW", "I-KNOW", "fs-X"]:
+            builder.add(clip, gloss)
+        builder.add(clip, 199 * "AB")
+    with lexicon.open(tmp_path / "lex") as lex:
+        assert lex.nearest(typed, 2, similarity) == nearest
 
 
 @pytest.mark.parametrize(
@@ -383,3 +407,12 @@ def test_the_shipped_lexicon_may_be_missing_from_a_build(
 def test_the_package_exports_open_lexicon(path: Path) -> None:
     with signsplice.open_lexicon(path) as lex:
         assert isinstance(lex, signsplice.Lexicon)
+
+
+def test_a_search_reads_the_index_once(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with lexicon.open(path) as lex:
+        found = lex.search("h")
+        assert found[0].gloss == "HELLO"
+        monkeypatch.setattr(Index, "ask", lambda *_: pytest.fail("the index is read anew"))
+        assert lex.search("h") == found
+        assert lex.search("good") == [entry for entry in lex.entries() if entry.gloss == "HELLO"]

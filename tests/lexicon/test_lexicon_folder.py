@@ -15,7 +15,8 @@ from signsplice.errors import InputError
 from signsplice.formats import load, save
 from signsplice.lexicon import folder as folders
 from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion.clip import Clip, Skeleton
+from signsplice.rig import info, roles
 
 
 @pytest.fixture
@@ -184,3 +185,22 @@ def test_a_folder_that_cannot_be_read_is_refused(clips: Path, monkeypatch: pytes
     monkeypatch.setattr(os, "scandir", refuse)
     with pytest.raises(InputError, match=r"clips: cannot be read \(Permission denied\)"):
         faults(clips)
+
+
+def test_a_rig_is_analysed_once_however_many_files_have_it(
+    tmp_path: Path, words: dict[str, Clip], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    analysed: list[Skeleton] = []
+
+    def counted(skeleton: Skeleton) -> roles.Humanoid:
+        analysed.append(skeleton)
+        return roles.find_roles(skeleton)
+
+    monkeypatch.setattr(info, "find_roles", counted)
+    (tmp_path / "clips").mkdir()
+    for n in range(3):
+        save(words["HELLO"], tmp_path / "clips" / f"hello-{n}.bvh")
+    lexicon.build(tmp_path / "clips", tmp_path / "lex")
+    assert len(analysed) == 1
+    assert faults(tmp_path / "clips") == []
+    assert len(analysed) == 2

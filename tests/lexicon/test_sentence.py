@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -12,15 +11,6 @@ from signsplice import lexicon
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon import Lexicon
 from signsplice.lexicon.sentence import parse
-
-
-def test_very_long_words_are_compared_with_no_gloss(tmp_path: Path) -> None:
-    clip, long = random_clip(0, n_frames=2, n_joints=2), 40 * "A"
-    with lexicon.building(tmp_path / "lex") as builder:
-        builder.add(clip, long)
-    with lexicon.open(tmp_path / "lex") as lex:
-        assert lex.nearest(long[1:]) == (long,)
-        assert lex.nearest(long + "B") == ()
 
 
 @pytest.fixture(scope="module")

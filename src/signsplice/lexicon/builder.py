@@ -6,9 +6,7 @@ import hashlib
 import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
-from weakref import WeakKeyDictionary
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import check_nothing_else, check_place, replacing_folder
@@ -24,6 +22,7 @@ from signsplice.lexicon.index import (
     describe,
     sha256,
 )
+from signsplice.lexicon.shared_skeletons import SharedSkeletons
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.arms import active_span, arms
 from signsplice.rig.stray_frames import stray_frames
@@ -48,8 +47,8 @@ class Builder:
             raise
         self._n_bytes = HEAD_BYTES
         self._names: dict[str, str] = {}  # folded gloss or synonym -> gloss
-        self._skeletons: dict[str, tuple[int, str, Skeleton]] = {}  # by description
-        self._descriptions: WeakKeyDictionary[Skeleton, str] = WeakKeyDictionary()
+        self._shared = SharedSkeletons()
+        self._written: dict[Skeleton, tuple[int, str]] = {}  # number and SHA-256 in the index
         self._digest = hashlib.sha256()
 
     @property
@@ -79,8 +78,9 @@ class Builder:
             if fold(name) in self._names:
                 raise InputError(f"gloss {name!r} stands twice: for {gloss} and for {self._names[fold(name)]}")
         block = encode(clip, self.form)
-        number, skeleton_sha256, skeleton = self._skeleton(clip.skeleton)
-        before, after = rest_frames(replace(clip, skeleton=skeleton))
+        clip = self.with_shared_skeleton(clip)
+        number, skeleton_sha256 = self._skeleton(clip.skeleton)
+        before, after = rest_frames(clip)
         entry = Entry(
             gloss=gloss,
             kind=kind,
@@ -102,14 +102,18 @@ class Builder:
         self.n_words += 1
         return entry
 
-    def _skeleton(self, skeleton: Skeleton) -> tuple[int, str, Skeleton]:
-        """Number, SHA-256 and first equal copy of a skeleton; a new one is written to the index."""
-        description = self._descriptions.get(skeleton)
-        if description is None:
-            description = self._descriptions[skeleton] = describe(skeleton)
-        if description not in self._skeletons:
-            self._skeletons[description] = (self._index.add_skeleton(description), sha256(description), skeleton)
-        return self._skeletons[description]
+    def with_shared_skeleton(self, clip: Clip) -> Clip:
+        """The clip on the first equal skeleton that was met, whose roles and sizes are known by then. Raises
+        ``InputError`` for more joints than are read.
+        """
+        return self._shared.of(clip)
+
+    def _skeleton(self, skeleton: Skeleton) -> tuple[int, str]:
+        """Number and SHA-256 of a shared skeleton; a new one is written to the index."""
+        if skeleton not in self._written:
+            description = describe(skeleton)
+            self._written[skeleton] = (self._index.add_skeleton(description), sha256(description))
+        return self._written[skeleton]
 
     def finish(self) -> None:
         """Write both heads."""

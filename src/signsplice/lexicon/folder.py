@@ -19,6 +19,7 @@ from signsplice.lexicon.builder import Builder, building, check_target
 from signsplice.lexicon.entry import Entry, fold, gloss_of
 from signsplice.lexicon.frames import encode
 from signsplice.lexicon.glosses import TABLE, GlossRow
+from signsplice.lexicon.shared_skeletons import SharedSkeletons
 from signsplice.motion.clip import Clip, left_out_warnings
 from signsplice.rig.stray_frames import stray_frames
 
@@ -166,11 +167,13 @@ def check(
 ) -> Checked:
     """What is found in the clips below a folder. Raises ``InputError`` where there is no clip."""
     sources, faults = find_sources(folder)
+    skeletons = SharedSkeletons()
     warnings: list[str] = []
     for done, source in enumerate(sources, start=1):
         try:
             clip = _read(source, roles, limits)
             with _prefixed_errors(source):
+                clip = skeletons.of(clip)
                 encode(clip, "float32")
                 warnings += _warnings(clip, source)
         except InputError as error:
@@ -186,6 +189,7 @@ def _add(
     """Read a source, add it and return its entry; add to ``warnings``. Raises ``InputError`` that names its file."""
     clip = _read(source, roles, limits)
     with _prefixed_errors(source):
+        clip = builder.with_shared_skeleton(clip)
         warnings += _warnings(clip, source)
         return builder.add(
             clip,

@@ -253,8 +253,9 @@ def application_id(path: Path) -> int | None:
 def _check_types(stored: Head | Entry | ClipLocation) -> None:
     """Raise ``TypeError`` where a field has another type than its class says: SQLite keeps any in any column."""
     for name, kind in _KINDS[type(stored)].items():
-        if name != "synonyms":  # checked as JSON
-            check_type(getattr(stored, name), kind, name)
+        value = getattr(stored, name)
+        if name != "synonyms" and (type(value) is not kind or kind is float):  # synonyms are checked as JSON
+            check_type(value, kind, name)
 
 
 _KINDS = {kind: get_type_hints(kind) for kind in (Head, Entry, ClipLocation)}

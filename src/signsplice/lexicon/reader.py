@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import mmap
 import threading
 from collections.abc import Iterator
@@ -15,15 +14,14 @@ from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats.reading import opened
 from signsplice.lexicon.entry import LETTER_MARK, Entry, fold
 from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, decode, fingerprint
-from signsplice.lexicon.index import INDEX, REBUILD, ClipLocation, Index
+from signsplice.lexicon.index import INDEX, REBUILD, ClipLocation, Head, Index
+from signsplice.lexicon.suggestions import Suggestions
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.stray_frames import stray_frames
 
 SHIPPED = Path(__file__).parent / "words"
 _MIN_SIMILARITY = 0.55
-_LONGEST_LIKE = 40
-"""Most characters of a word that is compared with all glosses: longer ones take long, and are like none."""
-"""Least similarity (difflib's ratio) of the glosses that ``nearest`` suggests."""
+"""Least similarity of the glosses that ``nearest`` suggests."""
 _HINT = "build one from a folder of clips by `signsplice lexicon build`"
 
 
@@ -36,34 +34,18 @@ class Lexicon:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        _check_path(self.path)
-        self._index = Index(self.path / INDEX)
         self._lock = threading.Lock()
         self._skeletons: dict[int, tuple[Skeleton, str]] = {}
-        try:
-            self._head = self._index.head
-            if self._head.form not in FORMS:
-                raise InputError(
-                    f"{self._index.path}: form {self._head.form[:40]!r}, expected one of {', '.join(FORMS)}"
-                )
-            self._frames: mmap.mmap | None = self._map()
-        except BaseException:
-            self._index.close()
-            raise
-
-    def _map(self) -> mmap.mmap:
-        path = self.path / FRAMES
-        try:
-            with opened(path) as (file, size):
-                if size != self._head.n_bytes or size < HEAD_BYTES:
-                    raise InputError(f"{path}: {size} bytes, expected {self._head.n_bytes}; {REBUILD}")
-                frames = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-        if frames[:HEAD_BYTES].hex() != MAGIC.hex() + str(self._head.sha256):
-            frames.close()
-            raise InputError(f"{path}: belongs to another index than the one beside it; {REBUILD}")
-        return frames
+        self._frames: mmap.mmap | None
+        while True:
+            place = _place(self.path)
+            try:
+                self._index, self._frames = _files(self.path)
+                break
+            except InputError:
+                if _place(self.path) == place:
+                    raise  # else another lexicon has taken its place between one file and the next
+        self._head = self._index.head
 
     def __enter__(self) -> Lexicon:
         return self
@@ -108,13 +90,12 @@ class Lexicon:
 
     def entries(self) -> Iterator[Entry]:
         """The entries of all words, in the order of ``glosses``."""
-        return (entry for entry, _ in self._index.words())
+        return (entry for entry, _ in self._named)
 
     def search(self, text: str) -> list[Entry]:
         """Entries with ``text`` in their gloss or a synonym, in any case; those that begin with it come first."""
         wanted = fold(text)
-        named = [(entry, [fold(name) for name in (entry.gloss, *entry.synonyms)]) for entry in self.entries()]
-        found = [(entry, names) for entry, names in named if any(wanted in name for name in names)]
+        found = [(entry, names) for entry, names in self._named if any(wanted in name for name in names)]
         found.sort(key=lambda match: not any(name.startswith(wanted) for name in match[1]))
         return [entry for entry, _ in found]
 
@@ -131,19 +112,18 @@ class Lexicon:
 
     def nearest(self, gloss: str, n: int = 3, similarity: float = _MIN_SIMILARITY) -> tuple[str, ...]:
         """Up to ``n`` glosses and synonyms most like ``gloss``: those that have it between hyphens, then those of at
-        least that ``similarity`` (difflib's ratio), best first; none of these for a word of more than 40 characters.
-        Letters only for what begins as they do.
+        least that ``similarity``, best first. Letters only for what begins as they do.
+
+        The similarity of two words is twice the number of letters that both have in the same order, over the number of
+        letters of both. Of words equally like, those come first that fewer edits lead to; two neighbours that change
+        places are one edit.
         """
-        word = fold(gloss)
-        names = [name for name in self._shown if not name.startswith(LETTER_MARK) or word.startswith(LETTER_MARK)]
-        wholes = [name for name in names if "-" in name and word.replace("'", "") in name.split("-")]
-        like = difflib.get_close_matches(word, names, n, similarity) if len(word) <= _LONGEST_LIKE else []
-        found = dict.fromkeys([*wholes, *like])
-        return tuple(self._shown[name] for name in list(found)[:n])
+        return tuple(self._shown[name] for name in self._suggestions.nearest(fold(gloss), n, similarity))
 
     def hyphenated(self, word: str) -> str | None:
         """The gloss that ``word`` is without its hyphens (THANKYOU: THANK-YOU), None where there is none."""
-        return self._without_hyphens.get(fold(word))
+        shown = self._without_hyphens.get(fold(word))
+        return None if shown is None else self.entry(shown).gloss
 
     def faults(self) -> Iterator[str]:
         """Faults of the words, one line each: checks bytes, hashes and names against the index. Reads every frame."""
@@ -172,13 +152,23 @@ class Lexicon:
                     yield f"{self.path}: word {entry.gloss[:40]!r}: {line}"
 
     @cached_property
+    def _named(self) -> list[tuple[Entry, list[str]]]:
+        """Every entry and its names, folded, in the order of ``glosses``."""
+        words = self._index.words()
+        return [(entry, [fold(name) for name in (entry.gloss, *entry.synonyms)]) for entry, _ in words]
+
+    @cached_property
     def _shown(self) -> dict[str, str]:
         return {folded: shown for folded, shown, _ in self._index.names()}
 
     @cached_property
+    def _suggestions(self) -> Suggestions:
+        return Suggestions(self._shown)
+
+    @cached_property
     def _without_hyphens(self) -> dict[str, str]:
         return {
-            folded.replace("-", ""): self.entry(shown).gloss
+            folded.replace("-", ""): shown
             for folded, shown in self._shown.items()
             if "-" in folded and not folded.startswith(LETTER_MARK)
         }
@@ -224,6 +214,43 @@ def shipped() -> Lexicon:
     if not SHIPPED.is_dir():
         raise InputError(f"no words ship with this build of signsplice; name a lexicon (--lexicon DIR), or {_HINT}")
     return Lexicon(SHIPPED)
+
+
+def _files(path: Path) -> tuple[Index, mmap.mmap]:
+    """The two files of a lexicon, open. Raises ``InputError`` where they are none, or do not belong to each other."""
+    _check_path(path)
+    index = Index(path / INDEX)
+    try:
+        if index.head.form not in FORMS:
+            raise InputError(f"{index.path}: form {index.head.form[:40]!r}, expected one of {', '.join(FORMS)}")
+        return index, _mapped(path / FRAMES, index.head)
+    except BaseException:
+        index.close()
+        raise
+
+
+def _mapped(path: Path, head: Head) -> mmap.mmap:
+    """The frames that belong to an index."""
+    try:
+        with opened(path) as (file, size):
+            if size != head.n_bytes or size < HEAD_BYTES:
+                raise InputError(f"{path}: {size} bytes, expected {head.n_bytes}; {REBUILD}")
+            frames = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    if frames[:HEAD_BYTES].hex() != MAGIC.hex() + str(head.sha256):
+        frames.close()
+        raise InputError(f"{path}: belongs to another index than the one beside it; {REBUILD}")
+    return frames
+
+
+def _place(path: Path) -> tuple[int, int, int] | None:
+    """What tells a folder from one that takes its place; None where there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino, status.st_ctime_ns
 
 
 def _check_path(path: Path) -> None:

@@ -21,7 +21,7 @@ SPELLED_MARKS = (LETTER_MARK, "#")
 """Prefixes of tokens to fingerspell."""
 _HYPHEN, _APOSTROPHE = "-'"
 _TYPO = 0.75
-"""Least similarity (difflib's ratio) of the glosses that may have been meant by a word that can be spelled."""
+"""Least similarity (``Lexicon.nearest``) of the glosses that may have been meant by a word that can be spelled."""
 _LONGEST_COMPOUND = 6
 """Most words of a compound that is looked up."""
 
