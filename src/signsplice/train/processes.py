@@ -7,10 +7,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import torch
-from filelock import FileLock
-from torch import distributed
+from filelock import FileLock, Timeout
+from torch import Tensor, distributed
+
+from signsplice.errors import InputError, SignspliceError
+
+T = TypeVar("T")
+_LOCK_S = 60.0
+"""How long the first process waits for a folder at a time; the others wait for its answer, and not for ever."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +46,30 @@ class Processes:
         distributed.broadcast(shared, 0)
         return bool(shared.item())
 
+    def shared(self, value: T) -> T:
+        """The first process's value, in every process; it is pickled."""
+        values = [value]
+        if self.count > 1:
+            distributed.broadcast_object_list(values, 0)
+        return values[0]
+
+
+def mean_counts(counts: Tensor) -> Tensor:
+    """Counts (K,) of a process's part of a batch as means over the processes; of none of all parts as of one.
+
+    The mean over the processes of sums that are divided by such counts is the loss of the whole batch, and that of
+    their gradients its gradient, however unequal the parts' counts are.
+    """
+    if not distributed.is_initialized():
+        return counts.clamp(min=1)
+    whole = counts.clone()
+    distributed.all_reduce(whole)
+    return whole.clamp(min=1) / distributed.get_world_size()
+
+
+ALONE = Processes(0, 1, torch.device("cpu"))
+"""One process on a processor."""
+
 
 def pick_device(name: str) -> torch.device:
     """The device with a name; ``auto`` is a GPU where there is one, else the CPU."""
@@ -48,12 +79,25 @@ def pick_device(name: str) -> torch.device:
 
 
 @contextmanager
-def only_one(folder: Path) -> Iterator[None]:
+def only_one(folder: Path, processes: Processes) -> Iterator[None]:
     """Wait until no other call trains in a folder, and keep others out: of two systems that share a part and are
-    trained at once, the second one finds the part trained.
+    trained at once, the second one finds the part trained. All processes of a call wait for its first one.
     """
-    with FileLock(folder / ".lock"):
+    lock = FileLock(folder / ".lock")
+    while not processes.decided(processes.first and _acquired(lock)):
+        continue
+    try:
         yield
+    finally:
+        lock.release()
+
+
+def _acquired(lock: FileLock) -> bool:
+    try:
+        lock.acquire(timeout=_LOCK_S)
+    except Timeout:
+        return False
+    return True
 
 
 @contextmanager
