@@ -70,14 +70,14 @@ def paper(
     from signsplice.train.ending import DeadlineError
     from signsplice.train.paper import scales, training
 
-    deadline = deadline_in(minutes)
-    corpus = Pairs(pairs)
     systems = list(scales.SYSTEMS) if system == "all" else [system]
-    if system == "all" and fr is not None:
-        raise InputError(f"--fr {fr} with --system all; name one system with a Culling layer")
-    for name in systems:
-        scales.parts(name, scale, fr, steps, optimiser, split)
     with processes.joined(device) as process:
+        deadline = deadline_in(minutes)
+        corpus = Pairs(pairs)
+        if system == "all" and fr is not None:
+            raise InputError(f"--fr {fr} with --system all; name one system with a Culling layer")
+        for name in systems:
+            scales.parts(name, scale, fr, steps, optimiser, split)
         for name in systems:
             folder = Path(out) / name if system == "all" else Path(out)
             shared = Path(parts) if parts is not None else Path(out).parent / "parts"

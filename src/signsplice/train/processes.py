@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,6 +19,10 @@ from signsplice.errors import InputError, SignspliceError
 T = TypeVar("T")
 _LOCK_S = 60.0
 """How long the first process waits for a folder at a time; the others wait for its answer, and not for ever."""
+_FIRST_SPEAKS_S = 20.0
+"""How long the other processes keep an error to themselves: mostly it is the first one's too, and `torchrun` ends them
+when that has told it.
+"""
 
 
 @dataclass(frozen=True)
@@ -102,7 +107,11 @@ def _acquired(lock: FileLock) -> bool:
 
 @contextmanager
 def joined(device: str = "auto") -> Iterator[Processes]:
-    """The processes that `torchrun` started, or this one alone; gradients meet by nccl on GPUs, else by gloo."""
+    """The processes that `torchrun` started, or this one alone; gradients meet by nccl on GPUs, else by gloo.
+
+    Raises ``InputError`` where a machine has fewer GPUs than processes, and ``SignspliceError`` where another process
+    has ended.
+    """
     count = int(os.environ.get("WORLD_SIZE", "1"))
     chosen = pick_device(device)
     if count == 1:
@@ -110,10 +119,31 @@ def joined(device: str = "auto") -> Iterator[Processes]:
         return
     rank = int(os.environ["RANK"])
     if chosen.type == "cuda":
-        chosen = torch.device("cuda", int(os.environ.get("LOCAL_RANK", "0")))
+        chosen = _own_gpu(int(os.environ.get("LOCAL_RANK", "0")))
         torch.cuda.set_device(chosen)
     distributed.init_process_group("nccl" if chosen.type == "cuda" else "gloo")
     try:
         yield Processes(rank, count, chosen)
+    except SignspliceError:
+        if rank:
+            time.sleep(_FIRST_SPEAKS_S)
+        raise
+    except RuntimeError as error:
+        if isinstance(error, distributed.DistError) or "gloo" in str(error):
+            raise SignspliceError(
+                "another process of this training has ended or cannot be reached; the same command continues from the "
+                "last checkpoint"
+            ) from error
+        raise
     finally:
         distributed.destroy_process_group()
+
+
+def _own_gpu(local_rank: int) -> torch.device:
+    """The GPU of a process, by its number on its machine. Raises ``InputError`` where there are fewer GPUs."""
+    if local_rank >= (n_gpus := torch.cuda.device_count()):
+        raise InputError(
+            f"process {local_rank} of this machine has no GPU of its own, of {n_gpus}; start one process for each GPU, "
+            "or use --device cpu"
+        )
+    return torch.device("cuda", local_rank)
