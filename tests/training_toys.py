@@ -10,12 +10,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import torch
 
 from signsplice.synth import notation, training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.synth.signer import STANDARD, skeleton
+from signsplice.train.loop import LoopConfig, train
 from signsplice.train.paper.networks.cam_stitch import CamStitchConfig
 from signsplice.train.paper.networks.convs2s import ConvS2SConfig
 from signsplice.train.paper.networks.filling import InterpolationConfig, NatConfig
@@ -26,10 +28,10 @@ from signsplice.train.paper.networks.spsn import SpsnConfig
 from signsplice.train.paper.networks.tfgn import TransformerConfig
 from signsplice.train.paper.pairs_data import PairsData
 from signsplice.train.paper.scales import Config, SystemPart, task
-from signsplice.train.prefetch import Dataset
+from signsplice.train.prefetch import Dataset, Rows
 from signsplice.train.processes import Processes
 from signsplice.train.product.bridge_task import BridgeTask
-from signsplice.train.product.training import FILES
+from signsplice.train.product.training import FILES, ProductTraining, build, dataset
 from signsplice.train.task import Task
 
 GLOSSES = ("HELLO", "DEAF", "SIGN", "YOU", "SEE")
@@ -94,6 +96,44 @@ def toy(name: str, seed: int = 0) -> Task:
     config, fr = CONFIGS[name]
     part = SystemPart(name, config, fr, 10, 8, 1e-2)
     return task(part, data().normaliser(), parents(), seed)
+
+
+class RecordedDataset:
+    """A dataset that records the rows of its batches by step."""
+
+    def __init__(self, whole: Dataset) -> None:
+        self.whole = whole
+        self.seen: dict[int, list[int]] = {}
+
+    def __len__(self) -> int:
+        return len(self.whole)
+
+    def rows(self, step: int, size: int, seed: int) -> Rows:
+        return self.whole.rows(step, size, seed)
+
+    def batch(self, rows: Sequence[int] | Rows, step: int = 0) -> Any:
+        self.seen[step] = [int(row) for row in rows]
+        return self.whole.batch(rows, step)
+
+
+def train_example(name: str, folder: Path, until: int, processes: Processes = ALONE) -> dict[int, list[int]]:
+    """Train a part of the paper's systems, or one of the product's networks, in 32 bits and without dropout, to step
+    ``until`` of 20; returns the rows of every step that this process was given.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    if name in FILES:
+        config = ProductTraining(name, "smoke", batch=4)
+        paths = sorted(Path(os.environ.get("TOY_SIGNING") or signing(2, 3, 3, 8)).glob("*.npz"))
+        examples, valid = dataset(config, paths), dataset(config, paths, 2)
+        torch.manual_seed(0)
+        task = build(config, examples)
+    else:
+        fr = CONFIGS[name][1]
+        task, examples, valid = toy(name), data("train", fr), data("valid", fr)
+    recorded = RecordedDataset(examples)
+    loop = LoopConfig(20, 4, "adamw", 3e-3, seed=4, every=10, until=until)
+    train(task, loop, recorded, valid, folder, "toy", processes)
+    return recorded.seen
 
 
 def empty_graphs(task: Task, valid: Dataset) -> dict[str, bytes]:

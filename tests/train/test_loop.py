@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import socket
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
@@ -27,7 +23,6 @@ from signsplice.train.paper import scales  # noqa: E402
 from signsplice.train.paper.networks.convs2s import ConvS2SConfig  # noqa: E402
 from signsplice.train.paper.networks.tfgn import TransformerConfig  # noqa: E402
 from signsplice.train.paper.pairs_data import PairsData  # noqa: E402
-from signsplice.train.processes import Processes  # noqa: E402
 from training_toys import ALONE, CONFIGS, FR, corpus, data, toy  # noqa: E402
 
 
@@ -101,31 +96,6 @@ def test_a_checkpoint_that_is_cut_off_is_refused_with_one_line(tmp_path: Path) -
         ) as caught:
             checkpoint.load(tmp_path / "a", toy("spsn"), None, "toy")
         assert "\n" not in str(caught.value)
-
-
-def test_two_processes_train_as_one(tmp_path: Path) -> None:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = str(free.getsockname()[1])
-    script = Path(__file__).parents[1] / "training_process.py"
-    one, two = tmp_path / "one", tmp_path / "two"
-    one.mkdir()
-    two.mkdir()
-    environment = os.environ | {"WORLD_SIZE": "2", "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port}
-    environment |= {"OMP_NUM_THREADS": "1", "GLOO_SOCKET_IFNAME": "lo", "TOY_CORPUS": str(corpus().folder)}
-    command = [sys.executable, str(script), "tfgn", "5", str(two)]
-    running = [subprocess.Popen(command, env=environment | {"RANK": str(rank)}) for rank in range(2)]
-    config = LoopConfig(5, 8, "adamw", 1e-2, seed=4, every=5)
-    train(toy("tfgn"), config, data("train", FR), data("valid", FR), one, "toy", ALONE)
-    assert [process.wait(300) for process in running] == [0, 0]
-    assert len(losses(one)) == 5
-    np.testing.assert_allclose(list(losses(one).values()), list(losses(two).values()), rtol=1e-4)
-
-
-def test_batches_that_cannot_be_divided_are_refused(tmp_path: Path) -> None:
-    three = Processes(0, 3, torch.device("cpu"))
-    with pytest.raises(InputError, match="batches of 8 examples cannot be divided among 3 processes"):
-        train(toy("spsn"), LoopConfig(6, 8, "adamw", 1e-2, 1), data(), data(), tmp_path, "toy", three)
 
 
 @pytest.mark.parametrize("split", ["random", "unseen-words", "unseen-signer"])
@@ -238,11 +208,11 @@ def test_a_folder_is_trained_by_one_call_at_a_time(tmp_path: Path) -> None:
     order: list[str] = []
 
     def second() -> None:
-        with processes.only_one(tmp_path):
+        with processes.only_one(tmp_path, ALONE):
             order.append("second")
 
     other = threading.Thread(target=second)
-    with processes.only_one(tmp_path):
+    with processes.only_one(tmp_path, ALONE):
         other.start()
         other.join(0.2)
         order.append("first")

@@ -70,14 +70,14 @@ def paper(
     from signsplice.train.ending import DeadlineError
     from signsplice.train.paper import scales, training
 
-    deadline = deadline_in(minutes)
-    corpus = Pairs(pairs)
     systems = list(scales.SYSTEMS) if system == "all" else [system]
-    if system == "all" and fr is not None:
-        raise InputError(f"--fr {fr} with --system all; name one system with a Culling layer")
-    for name in systems:
-        scales.parts(name, scale, fr, steps, optimiser, split)
     with processes.joined(device) as process:
+        deadline = deadline_in(minutes)
+        corpus = Pairs(pairs)
+        if system == "all" and fr is not None:
+            raise InputError(f"--fr {fr} with --system all; name one system with a Culling layer")
+        for name in systems:
+            scales.parts(name, scale, fr, steps, optimiser, split)
         for name in systems:
             folder = Path(out) / name if system == "all" else Path(out)
             shared = Path(parts) if parts is not None else Path(out).parent / "parts"
@@ -109,6 +109,8 @@ def _product_options(command: Command) -> Command:
             click.option("--scale", type=click.Choice(("smoke", "small", "ship", "more", "corpus")), default="ship",
                          show_default=True, help="How large the network is and how long it is trained."),
             click.option("--steps", type=int, metavar="N", help="Steps in place of the scale's."),
+            click.option("--batch", type=click.IntRange(min=1), metavar="N",
+                         help="Draws in a batch in place of the scale's; several processes divide them."),
             click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of weights and pairs."),
             click.option("--device", default="auto", show_default=True, metavar="NAME", help="auto, cpu or cuda."),
         )
@@ -123,6 +125,7 @@ def _train_product(
     out: str,
     scale: str,
     steps: int | None,
+    batch: int | None,
     seed: int,
     device: str,
     earlier: Sequence[str] = (),
@@ -133,7 +136,7 @@ def _train_product(
     from signsplice.train.product import training
 
     with processes.joined(device) as process:
-        config = training.ProductTraining(network, scale, seed, steps)
+        config = training.ProductTraining(network, scale, seed, steps, batch=batch)
         data, starts = ([Path(folder) for folder in folders] for folders in (signing, earlier))
         progress = progress_printer(network) if process.first else None
         training.make(config, data, Path(out), process, progress, starts)
@@ -155,12 +158,21 @@ _SIGNING = "Signing to train on, of `signsplice synth endless`; several folders 
               help="Folder of an earlier training, or a bundle, to start from; of several the mean.")  # fmt: skip
 @_product_options
 def cutter(
-    signing: tuple[str, ...], earlier: tuple[str, ...], out: str, scale: str, steps: int | None, seed: int, device: str
+    signing: tuple[str, ...],
+    earlier: tuple[str, ...],
+    out: str,
+    scale: str,
+    steps: int | None,
+    batch: int | None,
+    seed: int,
+    device: str,
 ) -> None:
     """Train the network that finds where to leave and enter words, and how long the transition takes. The same command
     continues after an interruption.
+
+    Several processes can divide the work: torchrun --nproc-per-node 2 -m signsplice train cutter ...
     """
-    _train_product("cutter", signing, out, scale, steps, seed, device, earlier)
+    _train_product("cutter", signing, out, scale, steps, batch, seed, device, earlier)
 
 
 @train.command()
@@ -176,19 +188,25 @@ def transition(
     out: str,
     scale: str,
     steps: int | None,
+    batch: int | None,
     seed: int,
     device: str,
 ) -> None:
     """Train the network that makes the transition's frames, or tune it to your own lexicon, and keep it if it is better
     there. The same command continues after an interruption.
+
+    With --signing, several processes can divide the work: torchrun --nproc-per-node 2 -m signsplice train transition
+    --signing ...
     """
     if bool(signing) == (lexicon is not None):
         raise InputError("expected either --signing DIR, to train, or --lexicon DIR, to tune")
     if signing:
-        _train_product("transition", signing, out, scale, steps, seed, device, earlier)
+        _train_product("transition", signing, out, scale, steps, batch, seed, device, earlier)
         return
     if len(earlier) > 1:
         raise InputError(f"--lexicon tunes one network: expected one --from, not {len(earlier)}")
+    if batch is not None:
+        raise InputError("--batch is for --signing; tuning has a batch of its own")
     _check_steps(steps)
     check_extra()
     from signsplice.splicing.methods import WEIGHTS

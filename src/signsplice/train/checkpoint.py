@@ -16,6 +16,7 @@ from torch import nn
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
+from signsplice.train.processes import ALONE, Processes
 
 NAME = "checkpoint.pt"
 SNAPSHOTS = "snapshots"
@@ -44,15 +45,22 @@ def snapshot_path(folder: Path, step: int) -> Path:
     return folder / SNAPSHOTS / f"{step:07d}.pt"
 
 
-def load(folder: Path, network: nn.Module, optimiser: torch.optim.Optimizer | None, recipe: str) -> int:
+def load(
+    folder: Path,
+    network: nn.Module,
+    optimiser: torch.optim.Optimizer | None,
+    recipe: str,
+    processes: Processes = ALONE,
+) -> int:
     """The number of steps done, with network and optimiser set to the checkpoint's state; 0 where there is none.
 
-    Raises ``InputError`` where the checkpoint is broken or of another training.
+    The first process reads it and hands it to the others, whose machines may not have it. Raises ``InputError`` where
+    it is broken or of another training.
     """
     path = folder / NAME
-    if not path.exists():
+    state = processes.shared(read(folder) if processes.first and path.exists() else None)
+    if state is None:
         return 0
-    state = read(folder)
     if state["recipe"] != recipe:
         raise InputError(f"{path}: of another training ({state['recipe']}, not {recipe}); name another folder")
     with _readable(path):

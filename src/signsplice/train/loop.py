@@ -113,13 +113,16 @@ def train(
     """
     if not len(data):
         raise InputError("no pair to train on; choose a split with some, or make a corpus of more words")
-    if min(loop.batch, len(data)) % processes.count:
+    if (size := len(data.rows(0, loop.batch, loop.seed))) % processes.count:
         raise InputError(
-            f"batches of {min(loop.batch, len(data))} examples cannot be divided among {processes.count} processes"
+            f"batches of {size} examples cannot be divided among {processes.count} processes; choose a number of "
+            "processes that divides them"
         )
+    if (first := processes.shared(recipe)) != recipe:
+        raise InputError(f"process {processes.rank} has other data or options than process 0 ({recipe}, not {first})")
     task.to(processes.device)
     optimiser = make_optimiser(task, loop)
-    step = checkpoint.load(folder, task, optimiser, recipe)
+    step = checkpoint.load(folder, task, optimiser, recipe, processes)
     wrapped = DistributedDataParallel(task) if processes.count > 1 else task
     end = loop.steps if loop.until is None else min(loop.until, loop.steps)
     report = report_progress or (lambda *_: None)

@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import torch
-from filelock import FileLock
-from torch import distributed
+from filelock import FileLock, Timeout
+from torch import Tensor, distributed
+
+from signsplice.errors import InputError, SignspliceError
+
+T = TypeVar("T")
+_LOCK_S = 60.0
+"""How long the first process waits for a folder at a time; the others wait for its answer, and not for ever."""
+_FIRST_SPEAKS_S = 20.0
+"""How long the other processes keep an error to themselves: mostly it is the first one's too, and `torchrun` ends them
+when that has told it.
+"""
 
 
 @dataclass(frozen=True)
@@ -39,6 +51,30 @@ class Processes:
         distributed.broadcast(shared, 0)
         return bool(shared.item())
 
+    def shared(self, value: T) -> T:
+        """The first process's value, in every process; it is pickled."""
+        values = [value]
+        if self.count > 1:
+            distributed.broadcast_object_list(values, 0)
+        return values[0]
+
+
+def mean_counts(counts: Tensor) -> Tensor:
+    """Counts (K,) of a process's part of a batch as means over the processes; of none of all parts as of one.
+
+    The mean over the processes of sums that are divided by such counts is the loss of the whole batch, and that of
+    their gradients its gradient, however unequal the parts' counts are.
+    """
+    if not distributed.is_initialized():
+        return counts.clamp(min=1)
+    whole = counts.clone()
+    distributed.all_reduce(whole)
+    return whole.clamp(min=1) / distributed.get_world_size()
+
+
+ALONE = Processes(0, 1, torch.device("cpu"))
+"""One process on a processor."""
+
 
 def pick_device(name: str) -> torch.device:
     """The device with a name; ``auto`` is a GPU where there is one, else the CPU."""
@@ -48,17 +84,34 @@ def pick_device(name: str) -> torch.device:
 
 
 @contextmanager
-def only_one(folder: Path) -> Iterator[None]:
+def only_one(folder: Path, processes: Processes) -> Iterator[None]:
     """Wait until no other call trains in a folder, and keep others out: of two systems that share a part and are
-    trained at once, the second one finds the part trained.
+    trained at once, the second one finds the part trained. All processes of a call wait for its first one.
     """
-    with FileLock(folder / ".lock"):
+    lock = FileLock(folder / ".lock")
+    while not processes.decided(processes.first and _acquired(lock)):
+        continue
+    try:
         yield
+    finally:
+        lock.release()
+
+
+def _acquired(lock: FileLock) -> bool:
+    try:
+        lock.acquire(timeout=_LOCK_S)
+    except Timeout:
+        return False
+    return True
 
 
 @contextmanager
 def joined(device: str = "auto") -> Iterator[Processes]:
-    """The processes that `torchrun` started, or this one alone; gradients meet by nccl on GPUs, else by gloo."""
+    """The processes that `torchrun` started, or this one alone; gradients meet by nccl on GPUs, else by gloo.
+
+    Raises ``InputError`` where a machine has fewer GPUs than processes, and ``SignspliceError`` where another process
+    has ended.
+    """
     count = int(os.environ.get("WORLD_SIZE", "1"))
     chosen = pick_device(device)
     if count == 1:
@@ -66,10 +119,31 @@ def joined(device: str = "auto") -> Iterator[Processes]:
         return
     rank = int(os.environ["RANK"])
     if chosen.type == "cuda":
-        chosen = torch.device("cuda", int(os.environ.get("LOCAL_RANK", "0")))
+        chosen = _own_gpu(int(os.environ.get("LOCAL_RANK", "0")))
         torch.cuda.set_device(chosen)
     distributed.init_process_group("nccl" if chosen.type == "cuda" else "gloo")
     try:
         yield Processes(rank, count, chosen)
+    except SignspliceError:
+        if rank:
+            time.sleep(_FIRST_SPEAKS_S)
+        raise
+    except RuntimeError as error:
+        if isinstance(error, distributed.DistError) or "gloo" in str(error):
+            raise SignspliceError(
+                "another process of this training has ended or cannot be reached; the same command continues from the "
+                "last checkpoint"
+            ) from error
+        raise
     finally:
         distributed.destroy_process_group()
+
+
+def _own_gpu(local_rank: int) -> torch.device:
+    """The GPU of a process, by its number on its machine. Raises ``InputError`` where there are fewer GPUs."""
+    if local_rank >= (n_gpus := torch.cuda.device_count()):
+        raise InputError(
+            f"process {local_rank} of this machine has no GPU of its own, of {n_gpus}; start one process for each GPU, "
+            "or use --device cpu"
+        )
+    return torch.device("cuda", local_rank)

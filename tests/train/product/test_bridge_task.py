@@ -44,6 +44,15 @@ def test_an_untrained_network_is_the_classical_method(gaps: GapDataset) -> None:
     assert scores["seam_error"] == pytest.approx(scores["seam_base"])
 
 
+def test_joints_are_placed_in_32_bits_in_a_training_in_16(gaps: GapDataset) -> None:
+    batch = gaps.batch(gaps.rows(0, 8, 0))
+    task = BridgeTask(Bridge(TOY), gaps.role_parents.tolist())
+    exact = task.errors(batch, batch.base)
+    with torch.autocast("cpu", torch.bfloat16):
+        found = task.errors(batch, batch.base)
+    assert all(torch.equal(a, b) for a, b in zip(found, exact, strict=True))
+
+
 def test_the_loss_is_the_position_error_of_the_evaluation(gaps: GapDataset) -> None:
     batch = gaps.batch([1])
     n_frames = int(batch.real.sum())

@@ -173,7 +173,7 @@ def _tried(job: tuple[SearchPlan, str, str, float, float, int, float | None]) ->
     folder = training.part_folder(plan.folder, part, config, pairs)
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        with processes.only_one(folder), processes.joined() as process:
+        with processes.joined() as process, processes.only_one(folder, process):
             task = training.trained(part, config, pairs, folder, process)
     except DeadlineError:
         return None

@@ -93,7 +93,7 @@ def make(
     for part in chosen:
         folder = part_folder(shared, part, training, pairs)
         folder.mkdir(parents=True, exist_ok=True)
-        with only_one(folder) if processes.first else nullcontext():
+        with only_one(folder, processes):
             if processes.first:
                 provenance.corpus_data(pairs.folder, folder)
             callback = None if progress is None else progress(part.name)

@@ -10,6 +10,7 @@ from torch.nn import functional as F  # noqa: N812
 
 from signsplice.rig.canonical import FEATURE_FPS
 from signsplice.splicing import features
+from signsplice.train.processes import mean_counts
 from signsplice.train.product.cut_data import CutBatch
 from signsplice.train.product.networks.cutting import Cutting
 from signsplice.train.task import Task
@@ -70,13 +71,15 @@ class CuttingTask(Task):
     def forward(self, batch: CutBatch) -> Tensor:
         """The loss () of a batch."""
         found, known = self.predict(batch), batch.has_truth
-        n_known = known.sum().clamp(min=1)
+        counts = torch.stack([known.sum(), batch.mask.sum()])
+        n_known, n_frames = mean_counts(counts) if self.training else counts.clamp(min=1)
         cut_loss = F.cross_entropy(found.leave_scores[known], batch.pre[known], reduction="sum")
         cut_loss = cut_loss + F.cross_entropy(found.enter_scores[known], batch.post[known], reduction="sum")
         each = F.cross_entropy(found.phase_logits.flatten(0, 2), batch.phases.flatten(), reduction="none")
-        phase_loss = (each * batch.mask.flatten()).sum() / batch.mask.sum()
+        phase_loss = (each * batch.mask.flatten()).sum() / n_frames
         time_loss = (found.seconds[known].log() - batch.seconds[known].log()).abs().sum() / n_known
-        return cut_loss / n_known + PHASE_WEIGHT * phase_loss + TIME_WEIGHT * time_loss
+        loss: Tensor = cut_loss / n_known + PHASE_WEIGHT * phase_loss + TIME_WEIGHT * time_loss
+        return loss
 
     def judge(self, batch: CutBatch) -> dict[str, float]:
         """Scores over the pairs with a truth; empty where there is none.

@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -103,7 +102,7 @@ class ProductTraining:
     - network: one of ``NETWORKS``
     - scale: one of the scales of ``SCHEDULES``
     - seed: of weights, batches and dropout
-    - steps: number of steps, None: the scale's
+    - steps, batch: number of steps and draws in a batch, None: the scale's
     - begins_with: recipe of the earlier training that it starts from, those of several joined by +
     """
 
@@ -112,6 +111,7 @@ class ProductTraining:
     seed: int = 0
     steps: int | None = None
     begins_with: str | None = None
+    batch: int | None = None
 
     @property
     def schedule(self) -> TrainingSchedule:
@@ -121,7 +121,8 @@ class ProductTraining:
                 f"no network {self.network!r} at scale {self.scale!r}, expected one of {', '.join(NETWORKS)} at "
                 f"{' or '.join(dict.fromkeys(scale for _, scale in SCHEDULES))}"
             )
-        return SCHEDULES[self.network, self.scale]
+        schedule = SCHEDULES[self.network, self.scale]
+        return schedule if self.batch is None else replace(schedule, batch=self.batch)
 
     @property
     def n_steps(self) -> int:
@@ -193,6 +194,7 @@ def make(
             **({} if trained_on is None else {"taught": trained_on}),
             "config": asdict(training.schedule.config),
             "steps": training.n_steps,
+            "batch": training.schedule.batch,
             "recipe": recipe,
             "n_parameters": sum(p.numel() for p in task.network.parameters()),
             "signers": [path.stem for path in train_paths],
@@ -225,7 +227,7 @@ def _trained(
         max(1, training.n_steps // schedule.n_checks), schedule.n_judged, bf16=processes.device.type == "cuda",
     )  # fmt: skip
     with (
-        only_one(folder) if processes.first else nullcontext(),
+        only_one(folder, processes),
         prefetched(data, processes.rank, processes.count) as batches,
     ):
         train(task, loop, batches, valid, folder, recipe, processes, report_progress)
@@ -310,7 +312,7 @@ def _provenance(
     """
     options: dict[str, provenance.Option] = {
         "signing": signing, "from": earlier, "scale": training.scale, "steps": training.steps,
-        "seed": training.seed, "device": processes.device.type,
+        "batch": training.batch, "seed": training.seed, "device": processes.device.type,
     }  # fmt: skip
     several = len(signing) > 1
     data = {

@@ -15,7 +15,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from signsplice.errors import FormatError, InputError
@@ -32,7 +31,7 @@ from signsplice.synth.manner import TRAITS
 from signsplice.synth.pool import Pool
 from signsplice.synth.training_data import TrainingDataPlan
 from signsplice.train import provenance
-from signsplice.train.processes import Processes
+from signsplice.train.processes import ALONE
 from signsplice.train.product import training
 from signsplice.train.product.training import SCHEDULES, ProductTraining
 
@@ -191,9 +190,7 @@ def _measured(job: tuple[Ablation, tuple[str, ...], int]) -> AblationRow:
     ablation, traits, seed = job
     signing = _signing(ablation, traits)[1]
     bundle = _work(ablation) / "networks" / f"{signing.name}-seed{seed}"
-    training.make(
-        ProductTraining("transition", ablation.scale, seed), [signing], bundle, Processes(0, 1, torch.device("cpu"))
-    )
+    training.make(ProductTraining("transition", ablation.scale, seed), [signing], bundle, ALONE)
     return AblationRow(traits, seed, errors(ablation.clip, bundle))
 
 

@@ -115,7 +115,7 @@ def make(
         tuning.steps, tuning.batch, "adamw", tuning.rate, tuning.seed, max(1, tuning.steps // 5), 128,
         bf16=processes.device.type == "cuda",
     )  # fmt: skip
-    with only_one(folder), prefetched(data) as batches:
+    with only_one(folder, processes), prefetched(data) as batches:
         train(task, loop, batches, valid, folder, recipe, processes, report_progress)
     tuned = settings | {
         "words": len(clips),
