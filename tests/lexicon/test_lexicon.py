@@ -9,7 +9,7 @@ import re
 import sqlite3
 import stat
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ import signsplice
 from conftest import random_clip
 from signsplice import lexicon
 from signsplice.errors import InputError, UnknownGlossError
-from signsplice.lexicon import reader
+from signsplice.lexicon import Lexicon, reader
 from signsplice.lexicon.entry import fold, gloss_of
 from signsplice.lexicon.index import Index
 from signsplice.motion import rotation
@@ -416,3 +416,11 @@ def test_a_search_reads_the_index_once(path: Path, monkeypatch: pytest.MonkeyPat
         monkeypatch.setattr(Index, "ask", lambda *_: pytest.fail("the index is read anew"))
         assert lex.search("h") == found
         assert lex.search("good") == [entry for entry in lex.entries() if entry.gloss == "HELLO"]
+
+
+@pytest.mark.parametrize("check", [Lexicon.faults, Lexicon.warnings])
+def test_checks_report_their_progress(path: Path, check: Callable[[Lexicon, reader.Progress], Iterator[str]]) -> None:
+    calls: list[tuple[int, int]] = []
+    with lexicon.open(path) as lex:
+        list(check(lex, lambda done, total: calls.append((done, total))))
+        assert calls == [(done, len(lex)) for done in range(1, len(lex) + 1)]

@@ -115,7 +115,11 @@ def check(path: str, roles: str | None) -> None:
     joint_of = _read_roles(roles)
     if (Path(path) / INDEX).exists():
         with open_words(path) as words:
-            found, faults, warnings = _count(len(words), 0), list(words.faults()), list(words.warnings())
+            found = _count(len(words), 0)
+            with progress(f"checking {Path(path).name}") as advance:
+                faults = list(words.faults(advance))
+            with progress(f"looking for stray frames in {Path(path).name}") as advance:
+                warnings = list(words.warnings(advance))
     else:
         with progress(f"checking {Path(path).name}") as advance:
             checked = folder.check(path, joint_of, advance, limits())

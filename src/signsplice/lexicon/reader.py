@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import mmap
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -22,6 +22,7 @@ from signsplice.rig.stray_frames import stray_frames
 SHIPPED = Path(__file__).parent / "words"
 _MIN_SIMILARITY = 0.55
 """Least similarity of the glosses that ``nearest`` suggests."""
+Progress = Callable[[int, int], None]
 _HINT = "build one from a folder of clips by `signsplice lexicon build`"
 
 
@@ -125,10 +126,10 @@ class Lexicon:
         shown = self._without_hyphens.get(fold(word))
         return None if shown is None else self.entry(shown).gloss
 
-    def faults(self) -> Iterator[str]:
+    def faults(self, progress: Progress | None = None) -> Iterator[str]:
         """Faults of the words, one line each: checks bytes, hashes and names against the index. Reads every frame."""
         n_words = 0
-        for entry, location in self._index.words():
+        for entry, location in self._words(progress):
             n_words += 1
             try:
                 self._clip(entry, location)
@@ -144,12 +145,19 @@ class Lexicon:
         if n_words != len(self):
             yield f"{self.path}: {n_words} words, expected {len(self)}"
 
-    def warnings(self) -> Iterator[str]:
+    def warnings(self, progress: Progress | None = None) -> Iterator[str]:
         """What a user should know about words that can be read, one line each: frames that do not belong to them."""
-        for entry, location in self._index.words():
+        for entry, location in self._words(progress):
             with suppress(InputError):  # ``faults`` names it
                 for line in stray_frames(self._clip(entry, location)).warnings:
                     yield f"{self.path}: word {entry.gloss[:40]!r}: {line}"
+
+    def _words(self, progress: Progress | None) -> Iterator[tuple[Entry, ClipLocation]]:
+        """Every word and its location; ``progress`` is called with how many are done and how many there are."""
+        for done, word in enumerate(self._index.words(), start=1):
+            yield word
+            if progress is not None:
+                progress(done, len(self))
 
     @cached_property
     def _named(self) -> list[tuple[Entry, list[str]]]:
