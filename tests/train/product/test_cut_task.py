@@ -9,6 +9,7 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from signsplice.splicing import features  # noqa: E402
+from signsplice.train.product import cut_task  # noqa: E402
 from signsplice.train.product.cut_data import CutDataset  # noqa: E402
 from signsplice.train.product.cut_task import CuttingTask  # noqa: E402
 from signsplice.train.product.networks.cutting import Cutting, CuttingConfig  # noqa: E402
@@ -45,6 +46,21 @@ def test_padding_does_not_change_how_a_word_is_read(paths: list[Path]) -> None:
     torch.testing.assert_close(padded[0][row, :n_frames], alone[0][0], atol=1e-4, rtol=1e-4)
     for k in (1, 2):
         torch.testing.assert_close(padded[k][row], alone[k][0], atol=1e-4, rtol=1e-4)
+
+
+def test_the_loss_of_a_batch_is_the_mean_of_its_unequal_parts(
+    paths: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    torch.manual_seed(0)
+    task, dataset = CuttingTask(Cutting(TOY)), CutDataset(paths)
+    batch, parts = dataset.batch([0, 1]), [dataset.batch([row]) for row in (0, 1)]
+    for one in (batch, parts[0]):
+        one.has_truth[0, 1:] = False
+    whole = task(batch)
+    assert whole.item() != pytest.approx(sum(task(part).item() for part in parts) / 2, rel=1e-3)
+    shared = torch.stack([batch.has_truth.sum(), batch.mask.sum()]) / 2
+    monkeypatch.setattr(cut_task, "mean_counts", lambda _: shared)
+    assert whole.item() == pytest.approx(sum(task(part).item() for part in parts) / 2, rel=1e-6)
 
 
 def test_every_weight_of_the_cutter_has_a_gradient(paths: list[Path]) -> None:
