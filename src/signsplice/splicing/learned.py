@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from scipy.special import log_softmax
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion.clip import Clip
+from signsplice.motion.joined import JoinedClips, joined
 from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motion
 from signsplice.rig.canonical_map import ARM, ROLES
 from signsplice.rig.info import rig_info
@@ -35,8 +36,8 @@ Float = NDArray[np.float64]
 
 SYSTEM = "signsplice"
 NAME, FLUENT = "learned", "learned-fluent"
-_CORRECTED = np.array([[role.endswith(ARM)] for role in ROLES])
-"""Roles (R, 1) that the network corrects: collarbones, arms and wrists. On captures that it had not seen, its answer
+_CORRECTED = np.array([role.endswith(ARM) for role in ROLES])
+"""Roles (R,) that the network corrects: collarbones, arms and wrists. On captures that it had not seen, its answer
 for fingers, trunk, neck and head was worse than the curve at every length of a gap.
 """
 
@@ -185,7 +186,7 @@ class LearnedTransition(GapTransition):
     summary = "limited Hermite curve, its arms bent by a network that sees eight frames on either side"
 
     corrected = _CORRECTED
-    """Roles (R, 1) whose joints the network corrects."""
+    """Roles (R,) whose joints the network corrects."""
 
     def __init__(self, sessions: Sessions) -> None:
         self.sessions = sessions
@@ -193,16 +194,40 @@ class LearnedTransition(GapTransition):
 
     def between(self, gap: Gap) -> Clip:
         """The new frames of one gap."""
-        (base,) = self.base.fill([gap])
-        if not _within_limits(gap):
-            return base
-        seen = _gap_features(base, gap)
+        return self.fill([gap])[0]
+
+    def fill(self, gaps: Sequence[Gap]) -> list[Clip]:
+        """The new frames of every gap: the curves of all, and what the network sees of them, are computed together."""
+        made = self.base.fill(gaps)
+        bent = [row for row, gap in enumerate(gaps) if _within_limits(gap)]
+        windows = [_window(gaps[row], made[row]) for row in bent]
+        for block in joined(windows):
+            rows = [bent[row] for row in block.rows]
+            for row, clip in zip(rows, self._bent(block, windows, [made[row] for row in rows]), strict=True):
+                made[row] = clip
+        return made
+
+    def _bent(self, block: JoinedClips, windows: Sequence[tuple[Clip, Clip, Clip]], bases: list[Clip]) -> list[Clip]:
+        """The curves of some gaps with their arms bent by the network."""
+        counts = [(frames, len(windows[row][0]), len(windows[row][1])) for row, frames in block]
+        seen = features.all_gap_features(canonical_motion(block.clip), counts)
+        skeleton = block.clip.skeleton
+        local = np.concatenate([base.local_rotations for base in bases])
+        deltas = [
+            features.delta_rotvecs(self._answer(one), one, len(base)) for one, base in zip(seen, bases, strict=True)
+        ]
+        local = apply_deltas(skeleton, local, np.concatenate(deltas), self.corrected)
+        stops = np.cumsum([len(base) for base in bases]).tolist()
+        return [
+            replace(base, local_rotations=local[stop - len(base) : stop])
+            for base, stop in zip(bases, stops, strict=True)
+        ]
+
+    def _answer(self, seen: features.GapFeatures) -> Float:
+        """The network's rotation vectors (n_gap, R, 3) of a gap."""
         inputs = {"tokens": single(seen.tokens), "mask": np.ones((1, len(seen.tokens)), bool)}
-        shape = (1, seen.n_gap, len(ROLES), 3)
-        turns = self.sessions.run("bridge", inputs, turns=shape)["turns"][0]
-        deltas = features.delta_rotvecs(turns[: seen.n_gap], seen, len(base))
-        deltas = np.where(self.corrected, deltas, 0.0)
-        return replace(base, local_rotations=apply_deltas(base.skeleton, base.local_rotations, deltas))
+        turns: Float = self.sessions.run("bridge", inputs, turns=(1, seen.n_gap, len(ROLES), 3))["turns"][0]
+        return turns
 
     def warnings(self, gap: Gap) -> tuple[str, ...]:
         """A line about a gap that is too long for the network."""
@@ -218,9 +243,7 @@ def _within_limits(gap: Gap) -> bool:
     return MIN_GAP_FRAMES <= n_frames <= MAX_GAP_FRAMES and rig_info(gap.before.skeleton).has_arms
 
 
-def _gap_features(base: Clip, gap: Gap) -> features.GapFeatures:
-    """What the network sees of a gap that a classical transition bridges."""
+def _window(gap: Gap, base: Clip) -> tuple[Clip, Clip, Clip]:
+    """What the network sees of a gap that a classical transition bridges: frames before, between and after."""
     n_context = int(np.ceil((CONTEXT + 1) / FEATURE_FPS * base.fps)) + 1
-    before = gap.before[-n_context:]
-    motion = canonical_motion(concatenate([before, base, gap.after[:n_context]]))
-    return features.gap_features(motion, len(before), len(base))
+    return gap.before[-n_context:], base, gap.after[:n_context]
