@@ -37,9 +37,9 @@ class JoinedClips:
             yield row, slice(start, stop)
 
 
-def joined(clips: Sequence[Sequence[Clip]]) -> Iterator[JoinedClips]:
-    """Clips, each given as its parts in order, laid end to end with those of the same skeleton and rate; the channels
-    of files are left out.
+def joined(clips: Sequence[Sequence[Clip]], most: int = MOST_FRAMES) -> Iterator[JoinedClips]:
+    """Clips, each given as its parts in order, laid end to end with those of the same skeleton and rate, about ``most``
+    frames at a time; the channels of files are left out.
     """
     groups: dict[tuple[int, float, bool], list[int]] = {}
     for row, parts in enumerate(clips):
@@ -49,7 +49,7 @@ def joined(clips: Sequence[Sequence[Clip]]) -> Iterator[JoinedClips]:
         lengths = [sum(map(len, clips[row])) for row in rows]
         first = n_frames = 0
         for k, length in enumerate(lengths):
-            if n_frames and n_frames + length > MOST_FRAMES:
+            if n_frames and n_frames + length > most:
                 yield _joined(clips, rows[first:k], lengths[first:k], moving)
                 first, n_frames = k, 0
             n_frames += length

@@ -267,7 +267,7 @@ class SentenceBuilder:
         after.remade += done.remade[1]
         made = done.filled
         if letters is not None and letters.is_doubled and not letters.slides:
-            made = replace(made, clip=fingerspelling.formed_anew(made.clip, before.clip))
+            made = replace(made, clip=fingerspelling.formed_anew(made.clip, before.clip), peak_m_s=None)
             made = made if made.depth is None else led_around(made, done.gap)
         elif letters is not None and not letters.is_doubled:
             held = with_fingers(before.shown, before.fingers)
