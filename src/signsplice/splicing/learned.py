@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,7 @@ class LearnedCutter(Cutter):
 
     def __init__(self, reader: WordReader, whole: bool = True) -> None:
         self.reader, self.whole = reader, whole
+        self._scores: WeakKeyDictionary[WordReading, tuple[Float, Float]] = WeakKeyDictionary()
         self.name = NAME if whole else FLUENT
         self.summary = "a network that reads " + (
             "every word by itself; movements stay whole"
@@ -88,7 +90,7 @@ class LearnedCutter(Cutter):
         pairs = list(pairwise(clips))
         if self.whole:
             words = [self.reader.alone(clip) for clip in clips]
-            scored = [self._log_probabilities(*word) for word in words]
+            scored = [self._scored_alone(*word) for word in words]
             readings = [(p, q) for (p, _), (_, q) in pairwise(words)]
             seams = [(left, entered) for (left, _), (_, entered) in pairwise(scored)]
         else:
@@ -107,6 +109,12 @@ class LearnedCutter(Cutter):
         at 30 a second.
         """
         return _seam_scores(p, q, *self._log_probabilities(p, q))
+
+    def _scored_alone(self, end: WordReading, beginning: WordReading) -> tuple[Float, Float]:
+        """``_log_probabilities`` of a word before and after itself, kept as long as what was read of it."""
+        if end not in self._scores:
+            self._scores[end] = self._log_probabilities(end, beginning)
+        return self._scores[end]
 
     def _log_probabilities(self, p: WordReading, q: WordReading) -> tuple[Float, Float]:
         """Log-probabilities of leaving ``p`` (P,) and of entering ``q`` (Q,) after it, at their active frames."""
