@@ -136,8 +136,7 @@ def frame_features(
     """Features (T, N_FRAME) of frames: rotations, positions, and both as rates from the frame before (0 at the first).
 
     spacing: seconds from every frame to the next, one number or (T - 1,).
-    firsts: frames with which stretches of their own begin.
-    out: where they are written.
+    firsts: frames with which stretches of their own begin; out: where the features are written.
     """
     out = np.empty((len(one), N_FRAME), np.float32) if out is None else out
     values, rates = np.split(out, 2, axis=1)
@@ -261,8 +260,8 @@ class GapFeatures:
 
 
 def gap_features(joined: CanonicalMotion, n_before: int, n_between: int) -> GapFeatures:
-    """The features of a gap: ``joined`` is ``n_before`` frames of the sign before, ``n_between`` of a classical
-    transition, then the sign after.
+    """The features of a gap: ``n_before`` frames of the sign before, ``n_between`` of a classical transition, the sign
+    after.
     """
     return all_gap_features(joined, [(slice(0, len(joined.quats)), n_before, n_between)])[0]
 
@@ -274,16 +273,12 @@ def all_gap_features(motion: CanonicalMotion, gaps: Sequence[tuple[slice, int, i
         for frames, *counts in gaps
     ]
     starts = np.cumsum([0, *(len(gap.spacing) for gap in found)])
-    where = [(frames.start, gap.frames) for (frames, _, _), gap in zip(gaps, found, strict=True)]
-    whole = _sampled(
-        motion,
-        _Frames(
-            np.concatenate([first + frames.low for first, frames in where]),
-            np.concatenate([frames.alpha for _, frames in where]),
-            np.concatenate([start + frames.mixed for start, (_, frames) in zip(starts, where, strict=False)]),
-        ),
-    )
-    steps = np.linalg.norm(np.diff(whole.positions, axis=0), axis=-1)  # (N - 1, 12)
+    firsts = [frames.start for frames, _, _ in gaps]
+    low = np.concatenate([first + gap.frames.low for first, gap in zip(firsts, found, strict=True)])
+    alpha = np.concatenate([gap.frames.alpha for gap in found])
+    mixed = np.concatenate([start + gap.frames.mixed for start, gap in zip(starts[:-1], found, strict=True)])
+    whole = _sampled(motion, _Frames(low, alpha, mixed))
+    steps = _step_lengths(whole)
     stretches = list(pairwise(starts.tolist()))
     paths = [steps[start : stop - 1].sum(axis=0) for start, stop in stretches]
     mirror = [bool(path[0] > path[len(TIPS) // 2]) for path in paths]
@@ -292,15 +287,11 @@ def all_gap_features(motion: CanonicalMotion, gaps: Sequence[tuple[slice, int, i
         part = mirrored(CanonicalTrajectory(whole.rotations_6d[rows], whole.positions[rows], whole.has_role))
         whole.rotations_6d[rows], whole.positions[rows] = part.rotations_6d, part.positions
     tokens = gap_tokens(whole, found, starts[:-1])
+    paths = [np.roll(path, len(TIPS) // 2) if flip else path for path, flip in zip(paths, mirror, strict=True)]
+    weights = [_motion_weights(path, gap.seconds + _CONTEXT_S) for path, gap in zip(paths, found, strict=True)]
     return [
-        GapFeatures(
-            tokens[start:stop],
-            gap.n_gap,
-            gap.seconds,
-            flip,
-            _motion_weights(np.roll(path, len(TIPS) // 2) if flip else path, gap.seconds + _CONTEXT_S),
-        )
-        for (start, stop), gap, flip, path in zip(stretches, found, mirror, paths, strict=True)
+        GapFeatures(tokens[slice(*ends)], gap.n_gap, gap.seconds, flip, weight)
+        for ends, gap, flip, weight in zip(stretches, found, mirror, weights, strict=True)
     ]
 
 
@@ -317,7 +308,12 @@ def motion_weights(whole: CanonicalTrajectory, seconds: float) -> Float:
     A network's answer is multiplied by this: an arm that rests stays at rest, wherever it hangs, and one that idles
     hardly changes (docs/decisions.md).
     """
-    return _motion_weights(np.linalg.norm(np.diff(whole.positions, axis=0), axis=-1).sum(axis=0), seconds)
+    return _motion_weights(_step_lengths(whole).sum(axis=0), seconds)
+
+
+def _step_lengths(whole: CanonicalTrajectory) -> Float:
+    """How far each joint of ``TIPS`` goes from frame to frame (T - 1, 12)."""
+    return np.asarray(np.linalg.norm(np.diff(whole.positions, axis=0), axis=-1))
 
 
 def _motion_weights(lengths: Float, seconds: float) -> Float:

@@ -264,12 +264,8 @@ class SentenceBuilder:
         def refill(gap: Gap) -> FilledGap:
             return fill(self.transition, [gap], options.avoid_collisions)[0]
 
-        rules = free_hand.Rules(
-            natural=options.free_hand == free_hand.NATURAL,
-            lengthens=options.lengthens,
-            avoids=options.avoid_collisions is not False,
-            longest=most_frames(before.clip.fps),
-        )
+        avoids, longest = options.avoid_collisions is not False, most_frames(before.clip.fps)
+        rules = free_hand.Rules(options.free_hand == free_hand.NATURAL, options.lengthens, avoids, longest)
         p, q = before.played, after.played
         cut, entry = p.cut(planned.cut, q), p.first(before.entry)
         letters = planned.letters
@@ -300,16 +296,9 @@ class SentenceBuilder:
         with self.timed("join"):
             before, after, cut = planned.before, planned.after, planned.cut
             own = Cut(cut.pre + before.n_left_out, cut.post + after.n_left_out)
-            return score(
-                planned.gap,
-                filled,
-                before.clip.name,
-                after.clip.name,
-                own,
-                planned.warnings,
-                by_system=planned.made is not None or (self.system is not None and filled is None),
-                positions=positions,
-            )
+            by_system = planned.made is not None or (self.system is not None and filled is None)
+            names = before.clip.name, after.clip.name
+            return score(planned.gap, filled, *names, own, planned.warnings, by_system=by_system, positions=positions)
 
     def _n_frames(self, before: Clip, after: Clip, cut: Cut, letters: LetterSeam | None) -> tuple[int, tuple[str, ...]]:
         """Number of transition frames: by the user's time, by the way between letters, or by the duration; the human
