@@ -21,6 +21,7 @@ from signsplice.splicing.planned import PlannedWords
 from signsplice.splicing.result import SpliceResult
 from signsplice.splicing.seam import seam_positions
 from signsplice.splicing.sentence import SentenceBuilder
+from signsplice.splicing.transition_cache import TransitionCache
 
 _WORDS_AT_ONCE = 256
 """About so many words are worked on together: more take more memory and are hardly faster."""
@@ -29,13 +30,17 @@ T = TypeVar("T")
 
 
 def splice_many(
-    sentences: Sequence[Sequence[Clip]], options: Sequence[SpliceOptions] | SpliceOptions | None = None
+    sentences: Sequence[Sequence[Clip]],
+    options: Sequence[SpliceOptions] | SpliceOptions | None = None,
+    transitions: TransitionCache | None = None,
 ) -> list[Result]:
     """What ``splice`` gives of each sentence alone, in order; where it raises a ``SignspliceError``, that error.
 
-    options: of all sentences, or of each. Clips that are one word should be one object in all sentences: what is
-    computed of a word is kept as long as that object lives. Raises ``ValueError`` where there are not as many options
-    as sentences.
+    options: of all sentences, or of each.
+    transitions: where those of earlier calls are found.
+
+    Clips that are one word should be one object in all sentences: what is computed of a word is kept as long as that
+    object lives. Raises ``ValueError`` where there are not as many options as sentences.
     """
     if options is None or isinstance(options, SpliceOptions):
         options = [options or SpliceOptions()] * len(sentences)
@@ -44,12 +49,14 @@ def splice_many(
     for one in zip(sentences, options, strict=True):
         block.append(one)
         if sum(len(clips) for clips, _ in block) >= _WORDS_AT_ONCE:
-            out += _spliced(block)
+            out += _spliced(block, transitions)
             block = []
-    return out + _spliced(block)
+    return out + _spliced(block, transitions)
 
 
-def _spliced(block: Sequence[tuple[Sequence[Clip], SpliceOptions]]) -> list[Result]:
+def _spliced(
+    block: Sequence[tuple[Sequence[Clip], SpliceOptions]], transitions: TransitionCache | None
+) -> list[Result]:
     """``splice_many`` of few sentences, each step for all of them."""
     done: dict[int, Result] = {}
 
@@ -68,9 +75,9 @@ def _spliced(block: Sequence[tuple[Sequence[Clip], SpliceOptions]]) -> list[Resu
     filled: dict[int, list[FilledGap]] = {}
     for rows in _with_one_filler(builders, planned):
         try:
-            filled |= _filled({row: (builders[row], planned[row]) for row in rows})
+            filled |= _filled({row: (builders[row], planned[row]) for row in rows}, transitions)
         except SignspliceError:  # of some of them
-            filled |= each(lambda row: _filled({row: (builders[row], planned[row])})[row], rows)
+            filled |= each(lambda row: _filled({row: (builders[row], planned[row])}, transitions)[row], rows)
     finished = each(lambda row: builders[row].finish(planned[row], filled[row]), filled)
     windows = [one.windows for one in finished.values()]
     began = time.perf_counter()
@@ -98,12 +105,15 @@ def _with_one_filler(builders: dict[int, SentenceBuilder], rows: Iterable[int]) 
     return list(groups.values())
 
 
-def _filled(sentences: dict[int, tuple[SentenceBuilder, PlannedWords]]) -> dict[int, list[FilledGap]]:
+def _filled(
+    sentences: dict[int, tuple[SentenceBuilder, PlannedWords]], transitions: TransitionCache | None
+) -> dict[int, list[FilledGap]]:
     """The new frames of sentences that are filled in the same way; each takes its gaps' part of the time."""
     gaps = {row: planned.gaps for row, (_, planned) in sentences.items()}
-    builder = next(builder for builder, _ in sentences.values())
+    filler = next(builder.filler for builder, _ in sentences.values())
+    asked = [gap for some in gaps.values() for gap in some]
     began = time.perf_counter()
-    filled = iter(builder.filler.fill([gap for some in gaps.values() for gap in some]))
+    filled = iter(filler.fill(asked) if transitions is None else transitions.fill(filler, asked))
     seconds = (time.perf_counter() - began) / max(1, sum(map(len, gaps.values())))
     for row, (one, _) in sentences.items():
         one.seconds["transition"] += seconds * len(gaps[row])

@@ -200,6 +200,12 @@ class LearnedTransition(GapTransition):
         self.sessions = sessions
         self.base = find_transition("hermite")
 
+    @property
+    def identity(self) -> str | None:
+        """The curve and the hash of the network."""
+        network = self.sessions.config.files.get("bridge.onnx")
+        return f"{self.base.name}+{network}" if type(self) is LearnedTransition and network else None
+
     def between(self, gap: Gap) -> Clip:
         """The new frames of one gap."""
         return self.fill([gap])[0]

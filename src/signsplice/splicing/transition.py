@@ -45,6 +45,13 @@ class Transition(Method, ABC):
     def fill(self, gaps: Sequence[Gap]) -> list[Clip]:
         """For every gap its ``n_frames`` >= 1 new frames."""
 
+    @property
+    def identity(self) -> str | None:
+        """What decides its frames besides a gap: two transitions of one identity fill a gap alike. None, as by default:
+        that is not known, and its frames are not kept for other sentences (``transition_cache``).
+        """
+        return None
+
     def warnings(self, gap: Gap) -> tuple[str, ...]:
         """What a user should know about how a gap is filled; nothing by default."""
         return ()
@@ -98,6 +105,11 @@ class CurveTransition(GapTransition):
     curve: Curve
     normalised_lerp: bool = False
     accelerates: bool = False
+
+    @property
+    def identity(self) -> str | None:
+        """Its name, where it is one of ``TRANSITIONS``."""
+        return self.name if TRANSITIONS.get(self.name) is self else None
 
     def between(self, gap: Gap) -> Clip:
         """The new frames of one gap."""
