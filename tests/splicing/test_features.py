@@ -78,21 +78,19 @@ def test_the_features_of_a_frame_are_values_and_their_rates() -> None:
 
 
 def test_the_tokens_of_a_gap_have_where_every_frame_lies() -> None:
-    whole = features.trajectory(canonical_motion(word("BOOK").clip), np.arange(16 + 5) / 30.0 + 0.3)
-    is_real = np.arange(21) > 1
-    tokens = features.gap_tokens(whole, 5, is_real, 0.25)
+    motion = canonical_motion(word("BOOK").clip[9:28])  # 6 frames before the gap, 5 in it, 8 after it
+    tokens = features.gap_features(motion, 6, 5).tokens
     assert tokens.shape == (21, features.N_TOKEN)
     n = features.N_FRAME
-    frames = features.frame_features(whole)
-    np.testing.assert_array_equal(tokens[:, : n // 2], frames[:, : n // 2])
-    np.testing.assert_allclose(tokens[3, n // 2 : n], frames[3, n // 2 :], atol=1e-6)
-    np.testing.assert_allclose(tokens[10, n // 2 : n], frames[10, n // 2 :] * (1 / 30) / (0.25 / 6), atol=1e-4)
+    frames = features.frame_features(features.trajectory(motion, (np.arange(21) - 2) / 30.0))
+    np.testing.assert_array_equal(tokens[:, :n], frames)
+    np.testing.assert_allclose(tokens[10, n : 2 * n], frames[10] - frames[7], atol=1e-6)
     assert not tokens[7, n : 2 * n].any(), "relative to the last frame before"
     part, (real, t, _, seconds, _) = tokens[:, 2 * n : 2 * n + 3], tokens[:, 2 * n + 3 :].T
     assert part.argmax(axis=1).tolist() == [0] * 8 + [1] * 5 + [2] * 8
-    assert real.tolist() == is_real.tolist()
+    assert real.tolist() == [False] * 2 + [True] * 19
     np.testing.assert_allclose(t[7:14], np.arange(7) / 6, atol=1e-6)
-    np.testing.assert_allclose(seconds, 0.25)
+    np.testing.assert_allclose(seconds, 6 / 30)
     assert features.gap_frames(6 / 30) == 5
 
 

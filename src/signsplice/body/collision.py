@@ -70,9 +70,11 @@ class PosedCapsules:
         """The capsules of some frames."""
         return PosedCapsules(self.body, self.starts[frames], self.ends[frames])
 
-    def near_pairs(self, slack: float = 0.0) -> NearPairs:
+    def near_pairs(self, slack: float = 0.0, firsts: Sequence[int] = (0,)) -> NearPairs:
         """Pairs of capsules that may overlap once hands have moved by up to ``slack``, clip units: one of a hand, taken
         as a ball about its middle, and one of head, trunk or the other hand.
+
+        firsts: frames with which clips begin, where these are several laid end to end.
 
         Whole hands are tested first, as balls too: most of the time they are near to nothing.
         """
@@ -80,7 +82,9 @@ class PosedCapsules:
         hands = [np.array(own, np.intp) for own in (groups.left, groups.right)]
         others = np.array([*groups.head, *groups.trunk, *groups.right], np.intp)
         n_solid = len(groups.head) + len(groups.trunk)
-        starts, axes = self.starts - self.starts[0].mean(axis=0), self.ends - self.starts
+        lengths = np.diff([*firsts, len(self.starts)])
+        origins = np.repeat([self.starts[first].mean(axis=0) for first in firsts], lengths, axis=0)
+        starts, axes = self.starts - origins[:, None], self.ends - self.starts
         middles, thick = starts + 0.5 * axes, radii.max(axis=1)
         reach = 0.5 * np.sqrt(_dot(axes, axes)) + thick
         whole = [_ball(middles[:, hand], reach[:, hand]) for hand in hands]
@@ -110,11 +114,11 @@ class PosedCapsules:
             apart=apart,
         )
 
-    def penetration(self) -> tuple[Float, Float]:
+    def penetration(self, firsts: Sequence[int] = (0,)) -> tuple[Float, Float]:
         """``hand_penetration`` where a hand lies in something, in a small part of the time: only ``near_pairs`` are
         tested. Elsewhere the depth is some number not above 0, and the exit direction means nothing.
         """
-        return self.near_pairs().penetration()
+        return self.near_pairs(firsts=firsts).penetration()
 
 
 def _ball(middles: Float, reach: Float) -> tuple[Float, Float]:

@@ -119,11 +119,11 @@ def copy_rotations(clip: Clip, to: Reference, by_role: bool = False) -> tuple[Cl
 
 def is_same_skeleton(a: Skeleton, b: Skeleton) -> bool:
     """Whether two skeletons differ by no more than the rounding of their files."""
-    return (
-        a.names == b.names
-        and np.array_equal(a.parents, b.parents)
-        and np.allclose(a.offsets[1:], b.offsets[1:], rtol=1e-6, atol=1e-9 * max(1.0, float(np.abs(b.offsets).max())))
-    )
+    if a.names != b.names or not np.array_equal(a.parents, b.parents):
+        return False
+    if np.array_equal(a.offsets[1:], b.offsets[1:]):  # as it is within one lexicon
+        return True
+    return np.allclose(a.offsets[1:], b.offsets[1:], rtol=1e-6, atol=1e-9 * max(1.0, float(np.abs(b.offsets).max())))
 
 
 def _by_name(source: Skeleton, target: Skeleton) -> dict[int, int] | None:

@@ -87,13 +87,18 @@ def _rotation_along(local: Float, path: tuple[tuple[int, bool], ...]) -> Float:
     return out
 
 
-def apply_deltas(skeleton: Skeleton, local_rotations: Float, delta_rotvecs: Float) -> Float:
+def apply_deltas(
+    skeleton: Skeleton, local_rotations: Float, delta_rotvecs: Float, roles: NDArray[np.bool_] | None = None
+) -> Float:
     """Local rotations (T, J, 4) with each role's joint turned by ``delta_rotvecs`` (T, R, 3), rotation vectors in
-    canonical axes, radians; other joints stay. Roles that the rig lacks are passed over.
+    canonical axes, radians; other joints stay. Roles that the rig lacks, or that are not among ``roles`` (R,), are
+    passed over.
     """
     canonical = rig_info(skeleton).canonical
-    joints = canonical.joints[canonical.has_role]
-    own = np.einsum("kab,nkb->nka", canonical.from_canonical, delta_rotvecs[:, canonical.has_role])
+    turned = canonical.has_role if roles is None else canonical.has_role & roles
+    joints = canonical.joints[turned]
+    axes = canonical.from_canonical[turned[canonical.has_role]]
+    own = np.einsum("kab,nkb->nka", axes, delta_rotvecs[:, turned])
     out = np.array(local_rotations, dtype=np.float64)
     out[:, joints] = rotation.multiply(out[:, joints], rotation.exp(own))
     return out

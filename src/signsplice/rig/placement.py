@@ -66,10 +66,13 @@ def place(clip: Clip, target: Placement) -> Clip:
     own = placement(clip)
     if own is target:
         return clip
-    turn = rotation.between_vectors(own.up, target.up)
-    forward = rotation.rotate(turn, own.forward)
+    is_upright = np.array_equal(own.up, target.up)  # as it is in one set of clips
+    tilt = rotation.IDENTITY if is_upright else rotation.between_vectors(own.up, target.up)
+    forward = own.forward if is_upright else rotation.rotate(tilt, own.forward)
     yaw = np.arctan2(rotation.cross(forward, target.forward) @ target.up, forward @ target.forward)
-    turn = rotation.multiply(rotation.exp(yaw * target.up), turn)
+    turn = rotation.exp(yaw * target.up)
+    if not is_upright:
+        turn = rotation.multiply(turn, tilt)
     shift = target.position - rotation.rotate(turn, own.position)
     size = float(np.abs(clip.skeleton.offsets).max())
     if np.linalg.norm(rotation.log(turn)) < 1e-9 and np.linalg.norm(shift) < 1e-9 * size:

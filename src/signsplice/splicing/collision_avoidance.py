@@ -13,6 +13,7 @@ deep, the capsules are too thick for the signer. Two hands that meet elsewhere a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +23,7 @@ from signsplice.body import arm_ik, collision, smoothing, swivel
 from signsplice.body.capsules import BodyCapsules
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton, concatenate
+from signsplice.motion.joined import joined
 from signsplice.rig.info import rig_info
 
 Float = NDArray[np.float64]
@@ -29,6 +31,8 @@ Float = NDArray[np.float64]
 SIDES = ("left", "right")
 TOLERANCE_M = 0.003
 """A touch may press this deep, m."""
+_FRAMES_AT_ONCE = 250
+"""Frames of several transitions that are tested together: every pair of capsules is a number in each."""
 _MAX_ROUNDS = 30
 """Rounds of pushes, at most, until a path around the body is found."""
 _SLACK_M = 0.03
@@ -70,13 +74,28 @@ def avoid_collisions(filled: Clip, before: Clip, after: Clip, fixed: int | None 
     fixed: side of an arm that stays as it is, 0 left or 1 right: where its hand lies is not looked at, and the other
         hand is led around that whole arm too.
     """
-    if not rig_info(filled.skeleton).has_arms:
-        return ClearedTransition(filled, None, None)
-    posed = _pose(_window(filled, before, after), fixed)
-    depth = _depths_of(posed.capsules.penetration()[0], fixed) * rig_info(filled.skeleton).sizes.unit.metres
-    if _worst(depth) == 0.0:
-        return ClearedTransition(filled, 0.0, 0.0)
-    return _lead_around(filled, before, after, posed, fixed)
+    return avoid_all_collisions([(filled, before, after)], fixed)[0]
+
+
+def avoid_all_collisions(
+    transitions: Sequence[tuple[Clip, Clip, Clip]], fixed: int | None = None
+) -> list[ClearedTransition]:
+    """``avoid_collisions`` of several transitions, each (``filled``, ``before``, ``after``)."""
+    out = [ClearedTransition(filled, None, None) for filled, _, _ in transitions]
+    known = [row for row, cleared in enumerate(out) if rig_info(cleared.clip.skeleton).has_arms]
+    windows = [(before[-1:], filled, after[:1]) for filled, before, after in (transitions[row] for row in known)]
+    for block in joined(windows, _FRAMES_AT_ONCE):
+        metres, firsts = rig_info(block.clip.skeleton).sizes.unit.metres, block.starts[:-1]
+        posed = _pose(block.clip, fixed)
+        depth = _depths_of(posed.capsules.penetration(firsts.tolist())[0], fixed) * metres
+        touches = np.logical_or.reduceat((depth > TOLERANCE_M).any(axis=1), firsts)
+        for is_near, (k, frames) in zip(touches, block, strict=True):
+            filled, before, after = transitions[known[k]]
+            if not is_near or _worst(depth[frames]) == 0.0:
+                out[known[k]] = ClearedTransition(filled, 0.0, 0.0)
+            else:
+                out[known[k]] = _lead_around(filled, before, after, posed[frames], fixed)
+    return out
 
 
 def depths(filled: Clip, before: Clip, after: Clip) -> Float:

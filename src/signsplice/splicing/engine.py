@@ -9,7 +9,7 @@ arm of a hand that is idle, where it is given more time (``free_hand``).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
@@ -35,8 +35,12 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None, starts: 
     """
     check_clips(clips)
     sentence = SentenceBuilder(options or SpliceOptions())
+    return joined_sentence(sentence, [*sentence.add(clips, starts), *sentence.end()])
+
+
+def joined_sentence(sentence: SentenceBuilder, pieces: Sequence[Piece]) -> SpliceResult:
+    """All pieces of a sentence joined. Raises ``InputError`` where there is none."""
     tempo = sentence.options.tempo
-    pieces = [*sentence.add(clips, starts), *sentence.end()]
     if not pieces:
         raise InputError("nothing to splice, expected at least one clip")
     with sentence.timed("join"):

@@ -13,14 +13,17 @@ its rig; and with the busier hand at the right, so that a mirrored clip has the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from signsplice.motion import rotation
+from signsplice.motion.cache import CACHE
 from signsplice.rig.canonical import FEATURE_FPS, CanonicalMotion, mirrored_deltas
 from signsplice.rig.canonical_map import LEFT, RIGHT, ROLES, TIPS
 
@@ -69,17 +72,42 @@ def trajectory(motion: CanonicalMotion, times: Float | None = None) -> Canonical
     n_frames = len(motion.quats)
     if times is None:
         times = np.arange(int((n_frames - 1) * FEATURE_FPS / motion.fps + 1e-6) + 1) / FEATURE_FPS
-    at = np.clip(np.asarray(times, np.float64) * motion.fps, 0.0, n_frames - 1.0)
+    return _sampled(motion, _frames_at(times, motion.fps, n_frames))
+
+
+@dataclass(frozen=True, eq=False)
+class _Frames:
+    """Moments of a motion between its frames.
+
+    low: (T,) the frame at or before each.
+    alpha: (T,) how far each lies from there to the next frame, 0 to 1.
+    mixed: rows of the moments that are interpolated: none where all lie on frames.
+    """
+
+    low: NDArray[np.intp]
+    alpha: Float
+    mixed: NDArray[np.intp]
+
+
+def _frames_at(times: Float, fps: float, n_frames: int) -> _Frames:
+    """The frames at ``times`` (T,), seconds from the first of ``n_frames``."""
+    at = np.clip(np.asarray(times, np.float64) * fps, 0.0, n_frames - 1.0)
     low = np.minimum(at.astype(int), max(n_frames - 2, 0))
     alpha = at - low
     if np.all(np.abs(alpha - np.round(alpha)) < 1e-9):
-        exact = np.round(at).astype(int)
-        return CanonicalTrajectory(rotation.to_6d(motion.quats[exact]), motion.positions[exact], motion.has_role)
-    high = np.minimum(low + 1, n_frames - 1)
-    rotations = rotation.to_6d(motion.quats)
-    mixed = (1.0 - alpha)[:, None, None] * rotations[low] + alpha[:, None, None] * rotations[high]
-    positions = (1.0 - alpha)[:, None, None] * motion.positions[low] + alpha[:, None, None] * motion.positions[high]
-    return CanonicalTrajectory(rotation.matrix_to_6d(rotation.matrix_from_6d(mixed)), positions, motion.has_role)
+        return _Frames(np.round(at).astype(int), np.zeros_like(at), np.zeros(0, np.intp))
+    return _Frames(low, alpha, np.arange(len(at)))
+
+
+def _sampled(motion: CanonicalMotion, frames: _Frames) -> CanonicalTrajectory:
+    rotations, positions = rotation.to_6d(motion.quats[frames.low]), motion.positions[frames.low]
+    if len(frames.mixed):
+        high = np.minimum(frames.low[frames.mixed] + 1, len(motion.quats) - 1)
+        alpha = frames.alpha[frames.mixed, None, None]
+        mixed = (1.0 - alpha) * rotations[frames.mixed] + alpha * rotation.to_6d(motion.quats[high])
+        rotations[frames.mixed] = rotation.matrix_to_6d(rotation.matrix_from_6d(mixed))
+        positions[frames.mixed] = (1.0 - alpha) * positions[frames.mixed] + alpha * motion.positions[high]
+    return CanonicalTrajectory(rotations, positions, motion.has_role)
 
 
 def left_hand_busier(*trajectories: CanonicalTrajectory) -> bool:
@@ -99,18 +127,24 @@ def mirrored(one: CanonicalTrajectory) -> CanonicalTrajectory:
     return CanonicalTrajectory(rotations, positions, one.has_role[order])
 
 
-def frame_features(one: CanonicalTrajectory, spacing: float | Float = 1.0 / FEATURE_FPS) -> NDArray[np.float32]:
+def frame_features(
+    one: CanonicalTrajectory,
+    spacing: float | Float = 1.0 / FEATURE_FPS,
+    firsts: Sequence[int] | NDArray[np.intp] = (0,),
+    out: NDArray[np.float32] | None = None,
+) -> NDArray[np.float32]:
     """Features (T, N_FRAME) of frames: rotations, positions, and both as rates from the frame before (0 at the first).
 
     spacing: seconds from every frame to the next, one number or (T - 1,).
+    firsts: frames with which stretches of their own begin; out: where the features are written.
     """
-    out = np.empty((len(one), N_FRAME), np.float32)
+    out = np.empty((len(one), N_FRAME), np.float32) if out is None else out
     values, rates = np.split(out, 2, axis=1)
     values[:, :N_ROTATION] = one.rotations_6d.reshape(len(one), -1)
     values[:, N_ROTATION:] = one.positions.reshape(len(one), -1)
-    rates[0] = 0.0
     np.subtract(values[1:], values[:-1], out=rates[1:])
     rates[1:] *= np.reshape(_RATE_SCALE / np.asarray(spacing, np.float64), (-1, 1)).astype(np.float32)
+    rates[firsts] = 0.0
     return out
 
 
@@ -134,28 +168,57 @@ def gap_frames(seconds: float) -> int:
     return round(seconds * FEATURE_FPS) - 1
 
 
-def gap_tokens(
-    whole: CanonicalTrajectory, n_gap: int, is_real: NDArray[np.bool_], seconds: float
-) -> NDArray[np.float32]:
-    """What the network sees of a gap (S, N_TOKEN), S = CONTEXT + n_gap + CONTEXT.
+@dataclass(frozen=True, eq=False)
+class GapMoments:
+    """The moments at which the network looks at a gap, S = CONTEXT + n_gap + CONTEXT; they follow from numbers of
+    frames alone.
 
-    whole: S frames: the sign before, a classical transition, the sign after.
-    is_real: (S,) which are frames of the clips and not repeated edges.
+    n_gap: frames of the gap at ``FEATURE_FPS``.
     seconds: from the last frame before to the first after.
-
-    A token is the frame's features, the same relative to the last frame before, and where it lies: one-hot before, in
-    or after the gap, real or not, time t in the gap from 0 to 1, t (1 - t), the gap's length and its logarithm.
+    frames: of the motion that is looked at.
+    places: (S, 8) one-hot before, in or after the gap; real (a frame of the clips and not a repeated edge) or not; time
+        t in the gap from 0 to 1, t (1 - t), the gap's length and its logarithm.
+    spacing: (S,) seconds from every moment to the next.
     """
-    spacing = np.full(len(whole) - 1, 1.0 / FEATURE_FPS)
+
+    n_gap: int
+    seconds: float
+    frames: _Frames
+    places: NDArray[np.float32]
+    spacing: Float
+
+
+def gap_moments(n_frames: int, n_before: int, n_between: int, fps: float) -> GapMoments:
+    """The moments of a gap: of ``n_frames``, ``n_before`` of the sign before and then ``n_between`` of a transition."""
+    seconds = (n_between + 1) / fps
+    n_gap = gap_frames(seconds)
+    last, first = (n_before - 1) / fps, (n_before + n_between) / fps
+    steps = np.arange(CONTEXT) / FEATURE_FPS
+    times = np.concatenate([last - steps[::-1], last + seconds * np.arange(1, n_gap + 1) / (n_gap + 1), first + steps])
+    is_real = (times > -1e-6) & (times < (n_frames - 1) / fps + 1e-6)
+    spacing = np.full(len(times), 1.0 / FEATURE_FPS)
     spacing[CONTEXT - 1 : CONTEXT + n_gap] = seconds / (n_gap + 1)
-    own = frame_features(whole, spacing)
-    relative = own - own[CONTEXT - 1]
-    t = np.clip((np.arange(len(own)) - CONTEXT + 1) / (n_gap + 1.0), 0.0, 1.0)
-    part = np.zeros((len(own), 3))
+    t = np.clip((np.arange(len(times)) - CONTEXT + 1) / (n_gap + 1.0), 0.0, 1.0)
+    part = np.zeros((len(times), 3))
     part[:CONTEXT, 0] = part[CONTEXT : CONTEXT + n_gap, 1] = part[CONTEXT + n_gap :, 2] = 1.0
-    length = np.full(len(own), seconds)
-    where = np.column_stack([part, is_real, t, t * (1.0 - t), length, np.log(np.maximum(length, 0.02))])
-    return np.concatenate([own, relative, where.astype(np.float32)], axis=1)
+    length = np.full(len(times), seconds)
+    places = np.column_stack([part, is_real, t, t * (1.0 - t), length, np.log(np.maximum(length, 0.02))])
+    return GapMoments(n_gap, seconds, _frames_at(times, fps, n_frames), places.astype(np.float32), spacing)
+
+
+def gap_tokens(whole: CanonicalTrajectory, gaps: Sequence[GapMoments], starts: NDArray[np.intp]) -> NDArray[np.float32]:
+    """What the network sees of gaps (N, N_TOKEN): of ``whole``, the N moments of all ``gaps`` in order, those of each
+    from its ``starts`` on: the sign before, a classical transition, the sign after.
+
+    A token is the frame's features, the same relative to the last frame before, and where it lies (``GapMoments``).
+    """
+    out = np.empty((len(whole), N_TOKEN), np.float32)
+    spacing = np.concatenate([gap.spacing for gap in gaps])[:-1]
+    own = frame_features(whole, spacing, starts, out[:, :N_FRAME])
+    last = np.repeat(starts + CONTEXT - 1, [len(gap.spacing) for gap in gaps])
+    np.subtract(own, own[last], out=out[:, N_FRAME : 2 * N_FRAME])
+    out[:, 2 * N_FRAME :] = np.concatenate([gap.places for gap in gaps])
+    return out
 
 
 PHASES = ("rest", "preparation", "hold", "stroke", "retraction")
@@ -197,23 +260,43 @@ class GapFeatures:
 
 
 def gap_features(joined: CanonicalMotion, n_before: int, n_between: int) -> GapFeatures:
-    """The features of a gap: ``joined`` is ``n_before`` frames of the sign before, ``n_between`` of a classical
-    transition, then the sign after.
+    """The features of a gap: ``n_before`` frames of the sign before, ``n_between`` of a classical transition, the sign
+    after.
     """
-    seconds = (n_between + 1) / joined.fps
-    n_gap = gap_frames(seconds)
-    last, first = (n_before - 1) / joined.fps, (n_before + n_between) / joined.fps
-    steps = np.arange(CONTEXT) / FEATURE_FPS
-    times = np.concatenate([last - steps[::-1], last + seconds * np.arange(1, n_gap + 1) / (n_gap + 1), first + steps])
-    end = (len(joined.quats) - 1) / joined.fps
-    is_real = (times > -1e-6) & (times < end + 1e-6)
-    whole = trajectory(joined, times)
-    flip = left_hand_busier(whole)
-    whole = mirrored(whole) if flip else whole
-    weights = motion_weights(whole, seconds + 2.0 * (CONTEXT - 1) / FEATURE_FPS)
-    return GapFeatures(gap_tokens(whole, n_gap, is_real, seconds), n_gap, seconds, flip, weights)
+    return all_gap_features(joined, [(slice(0, len(joined.quats)), n_before, n_between)])[0]
 
 
+def all_gap_features(motion: CanonicalMotion, gaps: Sequence[tuple[slice, int, int]]) -> list[GapFeatures]:
+    """The features of gaps that lie in one motion, each (its frames, ``n_before``, ``n_between``)."""
+    found = [
+        CACHE.recent(gap_moments, frames.stop - frames.start, *counts, motion.fps, most=_MOMENTS_KEPT)
+        for frames, *counts in gaps
+    ]
+    starts = np.cumsum([0, *(len(gap.spacing) for gap in found)])
+    firsts = [frames.start for frames, _, _ in gaps]
+    low = np.concatenate([first + gap.frames.low for first, gap in zip(firsts, found, strict=True)])
+    alpha = np.concatenate([gap.frames.alpha for gap in found])
+    mixed = np.concatenate([start + gap.frames.mixed for start, gap in zip(starts[:-1], found, strict=True)])
+    whole = _sampled(motion, _Frames(low, alpha, mixed))
+    steps = _step_lengths(whole)
+    stretches = list(pairwise(starts.tolist()))
+    paths = [steps[start : stop - 1].sum(axis=0) for start, stop in stretches]
+    mirror = [bool(path[0] > path[len(TIPS) // 2]) for path in paths]
+    if any(mirror):
+        rows = np.concatenate([np.arange(*ends) for ends, flip in zip(stretches, mirror, strict=True) if flip])
+        part = mirrored(CanonicalTrajectory(whole.rotations_6d[rows], whole.positions[rows], whole.has_role))
+        whole.rotations_6d[rows], whole.positions[rows] = part.rotations_6d, part.positions
+    tokens = gap_tokens(whole, found, starts[:-1])
+    paths = [np.roll(path, len(TIPS) // 2) if flip else path for path, flip in zip(paths, mirror, strict=True)]
+    weights = [_motion_weights(path, gap.seconds + _CONTEXT_S) for path, gap in zip(paths, found, strict=True)]
+    return [
+        GapFeatures(tokens[slice(*ends)], gap.n_gap, gap.seconds, flip, weight)
+        for ends, gap, flip, weight in zip(stretches, found, mirror, weights, strict=True)
+    ]
+
+
+_CONTEXT_S = 2.0 * (CONTEXT - 1) / FEATURE_FPS
+_MOMENTS_KEPT = 512
 _FULL_SPEED = 0.4
 """Mean speed of a hand, arm lengths a second, from which on it counts as moving in full: half of continuous signing."""
 
@@ -225,8 +308,17 @@ def motion_weights(whole: CanonicalTrajectory, seconds: float) -> Float:
     A network's answer is multiplied by this: an arm that rests stays at rest, wherever it hangs, and one that idles
     hardly changes (docs/decisions.md).
     """
+    return _motion_weights(_step_lengths(whole).sum(axis=0), seconds)
+
+
+def _step_lengths(whole: CanonicalTrajectory) -> Float:
+    """How far each joint of ``TIPS`` goes from frame to frame (T - 1, 12)."""
+    return np.asarray(np.linalg.norm(np.diff(whole.positions, axis=0), axis=-1))
+
+
+def _motion_weights(lengths: Float, seconds: float) -> Float:
+    """``motion_weights`` by the path lengths (12,) of the joints of ``TIPS``."""
     half = len(TIPS) // 2
-    lengths = np.linalg.norm(np.diff(whole.positions, axis=0), axis=-1).sum(axis=0)  # (12,)
     left, right = (
         min(1.0, float(lengths[side].mean()) / seconds / _FULL_SPEED) ** 3 for side in (slice(half), slice(half, None))
     )

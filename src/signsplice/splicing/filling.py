@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
-from signsplice.splicing.collision_avoidance import avoid_collisions
+from signsplice.splicing.collision_avoidance import avoid_all_collisions
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.transition import Transition
 
@@ -19,11 +19,13 @@ class FilledGap:
     clip: the new frames.
     depth: how deep a hand is in the body in them, m; None where that was not measured.
     warnings: what a user should know, one line each.
+    peak_m_s: highest speed of a wrist in and beside them, m/s; None where that was not measured.
     """
 
     clip: Clip
     depth: float | None = None
     warnings: tuple[str, ...] = ()
+    peak_m_s: float | None = None
 
 
 def fill(transition: Transition, gaps: Sequence[Gap], avoids: bool | None) -> list[FilledGap]:
@@ -36,13 +38,18 @@ def fill(transition: Transition, gaps: Sequence[Gap], avoids: bool | None) -> li
     for new, gap in zip(made, gaps, strict=True):
         if len(new) != gap.n_frames:
             raise InputError(f"transition {transition.name} made {len(new)} frames, expected {gap.n_frames}")
-    warnings = [transition.warnings(gap) for gap in gaps]
-    if not (transition.learned if avoids is None else avoids):
-        return [FilledGap(new, None, lines) for new, lines in zip(made, warnings, strict=True)]
-    return [led_around(FilledGap(new, None, lines), gap) for new, lines, gap in zip(made, warnings, gaps, strict=True)]
+    filled = [FilledGap(new, None, transition.warnings(gap)) for new, gap in zip(made, gaps, strict=True)]
+    return all_led_around(filled, gaps) if (transition.learned if avoids is None else avoids) else filled
 
 
 def led_around(filled: FilledGap, gap: Gap) -> FilledGap:
     """The new frames of a gap with hands led around the body, and how deep a hand still is in it."""
-    cleared = avoid_collisions(filled.clip, gap.before, gap.after)
-    return replace(filled, clip=cleared.clip, depth=cleared.depth)
+    return all_led_around([filled], [gap])[0]
+
+
+def all_led_around(filled: Sequence[FilledGap], gaps: Sequence[Gap]) -> list[FilledGap]:
+    """``led_around`` of several gaps."""
+    cleared = avoid_all_collisions([(one.clip, gap.before, gap.after) for one, gap in zip(filled, gaps, strict=True)])
+    return [
+        replace(one, clip=new.clip, depth=new.depth, peak_m_s=None) for one, new in zip(filled, cleared, strict=True)
+    ]

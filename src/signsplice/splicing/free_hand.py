@@ -13,7 +13,7 @@ people are. All other joints keep the frames of the sign.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip, bone_translations, concatenate, unchecked_copy
+from signsplice.motion.joined import joined
 from signsplice.rig.info import rig_info
 from signsplice.splicing.collision_avoidance import TOLERANCE_M, avoid_collisions, depths, turn_elbow
 from signsplice.splicing.cut import Cut
@@ -217,7 +218,7 @@ def _put_in(seam: SeamFrames, hand: IdleHand, made: _RemadeArm) -> SeamFrames:
         leaving = (*leaving, ArmStretch(joints, start, cut.pre + 1))
     gap = gap_at(before, after, cut, n_frames, seam.entry)
     depth = None if seam.filled.depth is None else float(depths(new, gap.before, gap.after).max())
-    filled = replace(seam.filled, clip=new, depth=depth)
+    filled = replace(seam.filled, clip=new, depth=depth, peak_m_s=None)
     return replace(seam, before=before, after=after, gap=gap, filled=filled, remade=(leaving, entering))
 
 
@@ -240,8 +241,22 @@ def _window(gap: Gap, new: Clip) -> Clip:
 
 def _is_faster(seam: SeamFrames, speed: float) -> bool:
     """Whether a hand of known arms passes a speed in the transition, m/s."""
-    window = _window(seam.gap, seam.filled.clip)
-    return rig_info(window.skeleton).has_arms and max(_peak(window, side) for side in (0, 1)) > speed
+    (filled,) = [seam.filled] if seam.filled.peak_m_s is not None else with_peaks([seam.filled], [seam.gap])
+    return filled.peak_m_s is not None and filled.peak_m_s > speed
+
+
+def with_peaks(filled: Sequence[FilledGap], gaps: Sequence[Gap]) -> list[FilledGap]:
+    """The new frames of gaps with the highest speed of their wrists; without it on rigs whose arms are not known."""
+    out = list(filled)
+    known = [row for row, gap in enumerate(gaps) if rig_info(gap.before.skeleton).has_arms]
+    for block in joined([(gaps[row].before[-1:], out[row].clip, gaps[row].after[:1]) for row in known]):
+        info = rig_info(block.clip.skeleton)
+        _, positions = kinematics.forward(block.clip, [info.arm_joints[2], info.arm_joints[5]])
+        steps = np.linalg.norm(np.diff(positions, axis=0), axis=-1).max(axis=1)
+        for k, frames in block:
+            peak = float(steps[frames.start : frames.stop - 1].max(initial=0.0))
+            out[known[k]] = replace(out[known[k]], peak_m_s=peak * block.clip.fps * info.sizes.unit.metres)
+    return out
 
 
 def _peak_with_rest(seam: SeamFrames, hand: IdleHand) -> float:

@@ -10,13 +10,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_softmax
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion.clip import Clip
+from signsplice.motion.joined import JoinedClips, joined
 from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motion
 from signsplice.rig.canonical_map import ARM, ROLES
 from signsplice.rig.info import rig_info
@@ -35,8 +37,8 @@ Float = NDArray[np.float64]
 
 SYSTEM = "signsplice"
 NAME, FLUENT = "learned", "learned-fluent"
-_CORRECTED = np.array([[role.endswith(ARM)] for role in ROLES])
-"""Roles (R, 1) that the network corrects: collarbones, arms and wrists. On captures that it had not seen, its answer
+_CORRECTED = np.array([role.endswith(ARM) for role in ROLES])
+"""Roles (R,) that the network corrects: collarbones, arms and wrists. On captures that it had not seen, its answer
 for fingers, trunk, neck and head was worse than the curve at every length of a gap.
 """
 
@@ -74,6 +76,7 @@ class LearnedCutter(Cutter):
 
     def __init__(self, reader: WordReader, whole: bool = True) -> None:
         self.reader, self.whole = reader, whole
+        self._scores: WeakKeyDictionary[WordReading, tuple[Float, Float]] = WeakKeyDictionary()
         self.name = NAME if whole else FLUENT
         self.summary = "a network that reads " + (
             "every word by itself; movements stay whole"
@@ -87,7 +90,7 @@ class LearnedCutter(Cutter):
         pairs = list(pairwise(clips))
         if self.whole:
             words = [self.reader.alone(clip) for clip in clips]
-            scored = [self._log_probabilities(*word) for word in words]
+            scored = [self._scored_alone(*word) for word in words]
             readings = [(p, q) for (p, _), (_, q) in pairwise(words)]
             seams = [(left, entered) for (left, _), (_, entered) in pairwise(scored)]
         else:
@@ -106,6 +109,12 @@ class LearnedCutter(Cutter):
         at 30 a second.
         """
         return _seam_scores(p, q, *self._log_probabilities(p, q))
+
+    def _scored_alone(self, end: WordReading, beginning: WordReading) -> tuple[Float, Float]:
+        """``_log_probabilities`` of a word before and after itself, kept as long as what was read of it."""
+        if end not in self._scores:
+            self._scores[end] = self._log_probabilities(end, beginning)
+        return self._scores[end]
 
     def _log_probabilities(self, p: WordReading, q: WordReading) -> tuple[Float, Float]:
         """Log-probabilities of leaving ``p`` (P,) and of entering ``q`` (Q,) after it, at their active frames."""
@@ -185,24 +194,54 @@ class LearnedTransition(GapTransition):
     summary = "limited Hermite curve, its arms bent by a network that sees eight frames on either side"
 
     corrected = _CORRECTED
-    """Roles (R, 1) whose joints the network corrects."""
+    """Roles (R,) whose joints the network corrects."""
 
     def __init__(self, sessions: Sessions) -> None:
         self.sessions = sessions
         self.base = find_transition("hermite")
 
+    @property
+    def identity(self) -> str | None:
+        """The curve and the hash of the network."""
+        network = self.sessions.config.files.get("bridge.onnx")
+        return f"{self.base.name}+{network}" if type(self) is LearnedTransition and network else None
+
     def between(self, gap: Gap) -> Clip:
         """The new frames of one gap."""
-        (base,) = self.base.fill([gap])
-        if not _within_limits(gap):
-            return base
-        seen = _gap_features(base, gap)
+        return self.fill([gap])[0]
+
+    def fill(self, gaps: Sequence[Gap]) -> list[Clip]:
+        """The new frames of every gap: the curves of all, and what the network sees of them, are computed together."""
+        made = self.base.fill(gaps)
+        bent = [row for row, gap in enumerate(gaps) if _within_limits(gap)]
+        windows = [_window(gaps[row], made[row]) for row in bent]
+        for block in joined(windows):
+            rows = [bent[row] for row in block.rows]
+            for row, clip in zip(rows, self._bent(block, windows, [made[row] for row in rows]), strict=True):
+                made[row] = clip
+        return made
+
+    def _bent(self, block: JoinedClips, windows: Sequence[tuple[Clip, Clip, Clip]], bases: list[Clip]) -> list[Clip]:
+        """The curves of some gaps with their arms bent by the network."""
+        counts = [(frames, len(windows[row][0]), len(windows[row][1])) for row, frames in block]
+        seen = features.all_gap_features(canonical_motion(block.clip), counts)
+        skeleton = block.clip.skeleton
+        local = np.concatenate([base.local_rotations for base in bases])
+        deltas = [
+            features.delta_rotvecs(self._answer(one), one, len(base)) for one, base in zip(seen, bases, strict=True)
+        ]
+        local = apply_deltas(skeleton, local, np.concatenate(deltas), self.corrected)
+        stops = np.cumsum([len(base) for base in bases]).tolist()
+        return [
+            replace(base, local_rotations=local[stop - len(base) : stop])
+            for base, stop in zip(bases, stops, strict=True)
+        ]
+
+    def _answer(self, seen: features.GapFeatures) -> Float:
+        """The network's rotation vectors (n_gap, R, 3) of a gap."""
         inputs = {"tokens": single(seen.tokens), "mask": np.ones((1, len(seen.tokens)), bool)}
-        shape = (1, seen.n_gap, len(ROLES), 3)
-        turns = self.sessions.run("bridge", inputs, turns=shape)["turns"][0]
-        deltas = features.delta_rotvecs(turns[: seen.n_gap], seen, len(base))
-        deltas = np.where(self.corrected, deltas, 0.0)
-        return replace(base, local_rotations=apply_deltas(base.skeleton, base.local_rotations, deltas))
+        turns: Float = self.sessions.run("bridge", inputs, turns=(1, seen.n_gap, len(ROLES), 3))["turns"][0]
+        return turns
 
     def warnings(self, gap: Gap) -> tuple[str, ...]:
         """A line about a gap that is too long for the network."""
@@ -218,9 +257,7 @@ def _within_limits(gap: Gap) -> bool:
     return MIN_GAP_FRAMES <= n_frames <= MAX_GAP_FRAMES and rig_info(gap.before.skeleton).has_arms
 
 
-def _gap_features(base: Clip, gap: Gap) -> features.GapFeatures:
-    """What the network sees of a gap that a classical transition bridges."""
+def _window(gap: Gap, base: Clip) -> tuple[Clip, Clip, Clip]:
+    """What the network sees of a gap that a classical transition bridges: frames before, between and after."""
     n_context = int(np.ceil((CONTEXT + 1) / FEATURE_FPS * base.fps)) + 1
-    before = gap.before[-n_context:]
-    motion = canonical_motion(concatenate([before, base, gap.after[:n_context]]))
-    return features.gap_features(motion, len(before), len(base))
+    return gap.before[-n_context:], base, gap.after[:n_context]

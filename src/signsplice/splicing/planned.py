@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from signsplice.motion.clip import Clip
 from signsplice.splicing.cut import Cut
+from signsplice.splicing.filling import FilledGap
 from signsplice.splicing.fingerspelling import LetterSeam
 from signsplice.splicing.free_hand import ArmStretch
 from signsplice.splicing.gap import Gap
@@ -65,3 +67,37 @@ class PlannedSeam:
     warnings: tuple[str, ...]
     letters: LetterSeam | None = None
     made: Clip | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedWords:
+    """Words that are added to a sentence, before any frame is made.
+
+    new: the words.
+    last: the last word of the sentence with them; None where there is none.
+    seams: their seams in order, that of the first new word with the word before it among them.
+    """
+
+    new: Sequence[SentenceWord]
+    last: SentenceWord | None
+    seams: Sequence[PlannedSeam]
+
+    @property
+    def gaps(self) -> list[Gap]:
+        """The gaps for which frames have to be made."""
+        return [planned.gap for planned in self.seams if planned.gap.n_frames and planned.made is None]
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedWords:
+    """Words with all their frames.
+
+    seams: each with its new frames, None where it has none.
+    """
+
+    seams: Sequence[tuple[PlannedSeam, FilledGap | None]]
+
+    @property
+    def windows(self) -> tuple[list[Gap], list[FilledGap | None]]:
+        """The gaps, and their new frames."""
+        return [planned.gap for planned, _ in self.seams], [filled for _, filled in self.seams]

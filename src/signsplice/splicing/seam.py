@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip
+from signsplice.motion.joined import joined
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
 from signsplice.rig.stray_frames import JUMP_DEG, JUMP_M_S
 from signsplice.splicing.cut import Cut
 from signsplice.splicing.filling import FilledGap
-from signsplice.splicing.gap import Gap
+from signsplice.splicing.gap import CONTEXT, Gap
+
+Float = NDArray[np.float64]
 
 Score = Annotated[float, "NaN where unknown, null in JSON"]
 FAST_M_S = 2.5
@@ -25,6 +30,7 @@ LEAST_JERK_M_S3 = 10.0
 thousands of times rougher.
 """
 _FOOT_SLIDE_M = 0.05
+_HANDS, _FEET = ("leftHand", "rightHand"), ("leftFoot", "rightFoot")
 DEEP_M = 0.005
 """From this depth on a viewer sees a hand in the body."""
 
@@ -69,31 +75,33 @@ def score(
     warnings: tuple[str, ...] = (),
     of_one_clip: bool = False,
     by_system: bool = False,
+    positions: Float | None = None,
 ) -> Seam:
     """The seam of a gap and its new frames, None where there are none, between the signs of these names; or within one
     clip, where no transition time was chosen and the feet are the same signer's. ``by_system``: whether a system chose
-    the transition time.
+    the transition time. ``positions``: of ``seam_positions``, where those are known.
     """
-    window, first = gap.window(None if filled is None else filled.clip)
-    info = rig_info(window.skeleton)
-    joints, metres = info.roles.joints, info.sizes.unit.metres
-    hands = [joints[role] for role in ("leftHand", "rightHand") if role in joints]
-    feet = [joints[role] for role in ("leftFoot", "rightFoot") if role in joints]
+    fps, first = gap.before.fps, min(len(gap.before), CONTEXT)
+    info = rig_info(gap.before.skeleton)
+    joints = info.roles.joints
+    hands, feet = ([joints[role] for role in roles if role in joints] for roles in (_HANDS, _FEET))
     lines = [*warnings, *(() if filled is None else filled.warnings)]
     depth = None if filled is None else filled.depth
     jump = speed = jerk = float("nan")
     stop = first + gap.n_frames
-    positions = kinematics.forward(window, [0, *hands, *feet])[1][:, 1:] * metres  # (T, K, 3), m
+    if positions is None:
+        (positions,) = seam_positions([gap], [filled])
     if hands:
         wrists = positions[:, : len(hands)]
-        jump = metrics.velocity_jump(wrists, first, stop, window.fps)
-        speed = metrics.peak_speed(wrists, first, stop, window.fps)
-        jerk = metrics.jerk_ratio(wrists, first, stop, LEAST_JERK_M_S3 / window.fps**3)
+        jump = metrics.velocity_jump(wrists, first, stop, fps)
+        speed = metrics.peak_speed(wrists, first, stop, fps)
+        jerk = metrics.jerk_ratio(wrists, first, stop, LEAST_JERK_M_S3 / fps**3)
         if speed > FAST_M_S:
-            in_signs = [metrics.peak_speed(part, 0, len(part), window.fps) for part in (wrists[:first], wrists[stop:])]
+            in_signs = [metrics.peak_speed(part, 0, len(part), fps) for part in (wrists[:first], wrists[stop:])]
             advice = "" if by_system else _advice(max(in_signs), "gap" if of_one_clip else "transition time")
             lines.append(f"a hand moves at {speed:.1f} m/s, faster than signs do{advice}")
     if by_system:
+        window, _ = gap.window(None if filled is None else filled.clip)
         lines += _joint_jumps(window[first - 1 : stop + 1])
     if feet:
         slide = float(np.linalg.norm(positions[stop, len(hands) :] - positions[first - 1, len(hands) :], axis=-1).max())
@@ -109,13 +117,30 @@ def score(
         pre_frame=cut.pre,
         post_frame=cut.post,
         n_transition=gap.n_frames,
-        seconds=gap.n_frames / window.fps,
+        seconds=gap.n_frames / fps,
         velocity_jump=jump,
         peak_speed_m_s=speed,
         jerk_ratio=jerk,
         warnings=tuple(lines),
         intrusion_mm=None if depth is None else 1e3 * depth,
     )
+
+
+def seam_positions(gaps: Sequence[Gap], filled: Sequence[FilledGap | None]) -> list[Float]:
+    """Positions (T, K, 3) of the hands and feet that a rig has, m, in the new frames of each gap and up to ``CONTEXT``
+    frames on either side.
+    """
+    out: dict[int, Float] = {}
+    windows = [
+        (gap.before[-CONTEXT:], *(() if new is None else (new.clip,)), gap.after[:CONTEXT])
+        for gap, new in zip(gaps, filled, strict=True)
+    ]
+    for block in joined(windows):
+        info = rig_info(block.clip.skeleton)
+        seen = [info.roles.joints[role] for role in (*_HANDS, *_FEET) if role in info.roles.joints]
+        positions = kinematics.forward(block.clip, [0, *seen])[1][:, 1:] * info.sizes.unit.metres
+        out |= {row: positions[frames] for row, frames in block}
+    return [out[row] for row in range(len(gaps))]
 
 
 def _advice(speed_in_signs: float, time: str) -> str:

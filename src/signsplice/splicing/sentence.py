@@ -31,10 +31,10 @@ from signsplice.splicing.fingerspelling import LetterSeam
 from signsplice.splicing.gap import Gap, gap_at
 from signsplice.splicing.letter_blending import blend, with_fingers
 from signsplice.splicing.options import SpliceOptions
-from signsplice.splicing.planned import PlannedSeam, SentenceWord
+from signsplice.splicing.planned import FinishedWords, PlannedSeam, PlannedWords, SentenceWord
 from signsplice.splicing.result import Piece, Span
-from signsplice.splicing.seam import Seam, score
-from signsplice.splicing.tempo import Played, RunningDuration, fill_unhurried, play, seconds_a_sign
+from signsplice.splicing.seam import Float, Seam, score, seam_positions
+from signsplice.splicing.tempo import Filler, Played, RunningDuration, play, seconds_a_sign
 from signsplice.splicing.whole_system import (
     WholeSystem,
     found_seam,
@@ -72,6 +72,12 @@ class SentenceBuilder:
         self.duration: Duration = self.methods.duration
         if self.seconds_a_sign is not None and not options.has_own_duration:
             self.duration = RunningDuration(self.seconds_a_sign)
+        self.filler = Filler(
+            self.transition,
+            options.avoid_collisions,
+            is_running=isinstance(self.duration, RunningDuration) and options.transition_time is None,
+            measures=options.lengthens or options.free_hand == free_hand.NATURAL,
+        )
 
     @property
     def names(self) -> tuple[str, str, str | None]:
@@ -89,16 +95,37 @@ class SentenceBuilder:
 
     def add(self, clips: Iterable[Clip], starts: Collection[int] = ()) -> Iterator[Piece]:
         """The pieces that are final once these words are known too; their seams are chosen together."""
+        planned = self.plan(clips, starts)
+        with self.timed("transition"):
+            filled = self.filler.fill(planned.gaps)
+        finished = self.finish(planned, filled)
+        with self.timed("join"):
+            positions = seam_positions(*finished.windows)
+        yield from self.pieces(finished, positions)
+
+    def plan(self, clips: Iterable[Clip], starts: Collection[int] = ()) -> PlannedWords:
+        """Further words with their seams, before any frame is made. They are no part of the sentence yet."""
         check_clips(clips)
         new = [replace(self._word(clip, self._n_words + k), starts=k in starts) for k, clip in enumerate(clips)]
         words = new if self._last is None else [self._last, *new]
-        seams = self._plan(words)
-        filled = self._fill(seams)
-        self._n_words += len(new)
-        self._last = words[-1] if words else None
-        for planned, transition in filled:
+        return PlannedWords(new, words[-1] if words else None, self._plan(words))
+
+    def finish(self, planned: PlannedWords, filled: Sequence[FilledGap]) -> FinishedWords:
+        """Planned words with the frames that ``filler`` made for their gaps; from here on they are part of the
+        sentence.
+        """
+        with self.timed("transition"):
+            made = iter(filled)
+            finished = [self._filled(one, made) for one in planned.seams]
+        self._n_words += len(planned.new)
+        self._last = planned.last
+        return FinishedWords(finished)
+
+    def pieces(self, finished: FinishedWords, positions: Sequence[Float]) -> Iterator[Piece]:
+        """The pieces of finished words but the last; ``positions`` are ``seam_positions`` of their windows."""
+        for (planned, transition), seen in zip(finished.seams, positions, strict=True):
             yield self._sign(planned.before, planned.before.played.last(planned.cut.pre) + 1)
-            planned.after.seam = self._score(planned, transition)
+            planned.after.seam = self._score(planned, transition, seen)
             if transition is not None:
                 span = self._span("transition", None, None, None, len(transition.clip))
                 yield Piece(transition.clip, span)
@@ -223,16 +250,8 @@ class SentenceBuilder:
         with self.timed("cut"):
             return cut_clips(self.cutter, clips)
 
-    def _fill(self, seams: Sequence[PlannedSeam]) -> list[tuple[PlannedSeam, FilledGap | None]]:
-        """Every seam with its transition, None where it has no frames."""
-        with self.timed("transition"):
-            gaps = [planned.gap for planned in seams if planned.gap.n_frames and planned.made is None]
-            is_running = isinstance(self.duration, RunningDuration) and self.options.transition_time is None
-            fill_all = fill_unhurried if is_running else fill
-            filled = iter(fill_all(self.transition, gaps, self.options.avoid_collisions))
-            return [self._filled(one, filled) for one in seams]
-
     def _filled(self, planned: PlannedSeam, filled: Iterator[FilledGap]) -> tuple[PlannedSeam, FilledGap | None]:
+        """A seam with its transition, None where it has no frames."""
         if planned.made is not None:
             return planned, FilledGap(planned.made)
         return self._finished(planned, next(filled)) if planned.gap.n_frames else (planned, None)
@@ -245,12 +264,8 @@ class SentenceBuilder:
         def refill(gap: Gap) -> FilledGap:
             return fill(self.transition, [gap], options.avoid_collisions)[0]
 
-        rules = free_hand.Rules(
-            natural=options.free_hand == free_hand.NATURAL,
-            lengthens=options.lengthens,
-            avoids=options.avoid_collisions is not False,
-            longest=most_frames(before.clip.fps),
-        )
+        avoids, longest = options.avoid_collisions is not False, most_frames(before.clip.fps)
+        rules = free_hand.Rules(options.free_hand == free_hand.NATURAL, options.lengthens, avoids, longest)
         p, q = before.played, after.played
         cut, entry = p.cut(planned.cut, q), p.first(before.entry)
         letters = planned.letters
@@ -267,7 +282,7 @@ class SentenceBuilder:
         after.remade += done.remade[1]
         made = done.filled
         if letters is not None and letters.is_doubled and not letters.slides:
-            made = replace(made, clip=fingerspelling.formed_anew(made.clip, before.clip))
+            made = replace(made, clip=fingerspelling.formed_anew(made.clip, before.clip), peak_m_s=None)
             made = made if made.depth is None else led_around(made, done.gap)
         elif letters is not None and not letters.is_doubled:
             held = with_fingers(before.shown, before.fingers)
@@ -277,19 +292,13 @@ class SentenceBuilder:
             return replace(planned, gap=blended.seam.gap), blended.seam.filled
         return replace(planned, gap=done.gap), made
 
-    def _score(self, planned: PlannedSeam, filled: FilledGap | None) -> Seam:
+    def _score(self, planned: PlannedSeam, filled: FilledGap | None, positions: Float) -> Seam:
         with self.timed("join"):
             before, after, cut = planned.before, planned.after, planned.cut
             own = Cut(cut.pre + before.n_left_out, cut.post + after.n_left_out)
-            return score(
-                planned.gap,
-                filled,
-                before.clip.name,
-                after.clip.name,
-                own,
-                planned.warnings,
-                by_system=planned.made is not None or (self.system is not None and filled is None),
-            )
+            by_system = planned.made is not None or (self.system is not None and filled is None)
+            names = before.clip.name, after.clip.name
+            return score(planned.gap, filled, *names, own, planned.warnings, by_system=by_system, positions=positions)
 
     def _n_frames(self, before: Clip, after: Clip, cut: Cut, letters: LetterSeam | None) -> tuple[int, tuple[str, ...]]:
         """Number of transition frames: by the user's time, by the way between letters, or by the duration; the human

@@ -26,6 +26,7 @@ from signsplice.rig.info import rig_info
 from signsplice.splicing.cut import Cut, Cutter, cut_clips
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration, most_frames
 from signsplice.splicing.filling import FilledGap, fill
+from signsplice.splicing.free_hand import with_peaks
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.pace import pace
 from signsplice.splicing.seam import FAST_M_S
@@ -198,6 +199,27 @@ class RunningDuration(Duration):
         p, q = arms(before), arms(after)
         travel = float(np.linalg.norm(q.wrists[cut.post] - p.wrists[cut.pre], axis=-1).max()) * p.metres
         return max(self.least, _PEAK_OVER_MEAN * travel / FAST_M_S - 1.0 / before.fps)
+
+
+@dataclass(frozen=True)
+class Filler:
+    """How the gaps of a sentence are filled; sentences with equal fillers may have theirs filled together.
+
+    transition, avoid_collisions: as in ``SpliceOptions``.
+    is_running: whether gaps get more frames where a hand would be faster than signs are.
+    measures: whether the wrists' speed will be asked for.
+    """
+
+    transition: Transition
+    avoid_collisions: bool | None
+    is_running: bool
+    measures: bool
+
+    def fill(self, gaps: Sequence[Gap]) -> list[FilledGap]:
+        """The new frames of every gap."""
+        fill_all = fill_unhurried if self.is_running else fill
+        filled = fill_all(self.transition, gaps, self.avoid_collisions)
+        return with_peaks(filled, gaps) if self.measures else filled
 
 
 def fill_unhurried(transition: Transition, gaps: Sequence[Gap], avoid_collisions: bool | None) -> list[FilledGap]:

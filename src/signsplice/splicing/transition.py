@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, bone_translations
+from signsplice.motion.clip import Clip, bone_translations, unchecked_copy
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.method import Method, find
 
@@ -44,6 +44,13 @@ class Transition(Method, ABC):
     @abstractmethod
     def fill(self, gaps: Sequence[Gap]) -> list[Clip]:
         """For every gap its ``n_frames`` >= 1 new frames."""
+
+    @property
+    def identity(self) -> str | None:
+        """What decides its frames besides a gap: two transitions of one identity fill a gap alike. None, as by default:
+        that is not known, and its frames are not kept for other sentences (``transition_cache``).
+        """
+        return None
 
     def warnings(self, gap: Gap) -> tuple[str, ...]:
         """What a user should know about how a gap is filled; nothing by default."""
@@ -99,53 +106,85 @@ class CurveTransition(GapTransition):
     normalised_lerp: bool = False
     accelerates: bool = False
 
+    @property
+    def identity(self) -> str | None:
+        """Its name, where it is one of ``TRANSITIONS``."""
+        return self.name if TRANSITIONS.get(self.name) is self else None
+
     def between(self, gap: Gap) -> Clip:
         """The new frames of one gap."""
-        n_frames = gap.n_frames
-        if n_frames < 1:
-            raise InputError(f"{n_frames} transition frames, expected at least 1")
-        before, after = gap.before[-3:], gap.after[:3]
-        n_joints = len(before.skeleton)
-        moving_bones = before.translations is not None or after.translations is not None
-        problem = _curve_problem(before, after, n_frames, moving_bones, self.accelerates)
-        start = before.local_rotations[-1]
-        curved = self.curve(problem)  # (n, J + 1, 3), with bones (n, 2 J + 1, 3)
+        return self.fill([gap])[0]
+
+    def fill(self, gaps: Sequence[Gap]) -> list[Clip]:
+        """The new frames of every gap; gaps of one length are one problem of the curve."""
+        made: dict[int, Clip] = {}
+        for rows in _alike(gaps):
+            made |= zip(rows, self._between([gaps[row] for row in rows]), strict=True)
+        return [made[row] for row in range(len(gaps))]
+
+    def _between(self, gaps: Sequence[Gap]) -> list[Clip]:
+        """The new frames of G gaps that are alike."""
+        before, n = gaps[0].before, gaps[0].n_frames
+        n_joints, moving_bones = len(before.skeleton), _moves_bones(gaps[0])
+        ends = [(gap.before[-3:], gap.after[:3]) for gap in gaps]
+        problem = _curve_problem(ends, n, moving_bones, self.accelerates)
+        curved = self.curve(problem)  # (n, G (J + 1), 3), with bones (n, G (2 J + 1), 3)
+        curved = curved.reshape(n, len(gaps), -1, 3).swapaxes(0, 1)
+        start, end = (np.stack([pair[k].local_rotations[k - 1] for pair in ends])[:, None] for k in (0, 1))
         if self.normalised_lerp:
-            alpha = np.arange(1, n_frames + 1)[:, None] / (n_frames + 1)
-            rotations = rotation.nlerp(start, after.local_rotations[0], alpha)
+            alpha = np.arange(1, n + 1)[:, None] / (n + 1)
+            rotations = rotation.nlerp(start, end, alpha)
         else:
-            rotations = rotation.multiply(start, rotation.exp(curved[:, :n_joints]))
-        return Clip(
-            skeleton=before.skeleton,
-            local_rotations=rotations,
-            root_positions=before.root_positions[-1] + curved[:, n_joints],
-            fps=before.fps,
-            translations=bone_translations(before)[-1] + curved[:, n_joints + 1 :] if moving_bones else None,
-            channels=None if before.channels is None else before.channels.forgotten(n_frames),
-        )
+            rotations = rotation.multiply(start, rotation.exp(curved[:, :, :n_joints]))
+        roots = np.stack([one.root_positions[-1] for one, _ in ends])[:, None] + curved[:, :, n_joints]
+        bones = None
+        if moving_bones:
+            bones = np.stack([bone_translations(one)[-1] for one, _ in ends])[:, None] + curved[:, :, n_joints + 1 :]
+            bones = bones.reshape(-1, n_joints, 3)
+        whole = Clip(before.skeleton, rotations.reshape(-1, n_joints, 4), roots.reshape(-1, 3), before.fps, "", bones)
+        channels = [None if gap.before.channels is None else gap.before.channels.forgotten(n) for gap in gaps]
+        return [unchecked_copy(whole[k * n : (k + 1) * n], channels=one) for k, one in enumerate(channels)]
 
 
-def _curve_problem(before: Clip, after: Clip, n_frames: int, moving_bones: bool, accelerates: bool) -> CurveProblem:
-    """The gap of all joints as rotation vectors in the frames of the pose before, of the root's position, and, where
-    bones move, of every joint's translation. A clip too short for a step stands still there.
+def _moves_bones(gap: Gap) -> bool:
+    return gap.before[-3:].translations is not None or gap.after[:3].translations is not None
+
+
+def _alike(gaps: Sequence[Gap]) -> list[list[int]]:
+    """Which gaps are of one length, skeleton and rate. Raises ``InputError`` for a gap without frames."""
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for row, gap in enumerate(gaps):
+        if gap.n_frames < 1:
+            raise InputError(f"{gap.n_frames} transition frames, expected at least 1")
+        key = (gap.n_frames, id(gap.before.skeleton), gap.before.fps, _moves_bones(gap))
+        groups.setdefault(key, []).append(row)
+    return list(groups.values())
+
+
+def _curve_problem(
+    ends: Sequence[tuple[Clip, Clip]], n_frames: int, moving_bones: bool, accelerates: bool
+) -> CurveProblem:
+    """G gaps of one length, each the last frames before and the first after: all joints as rotation vectors in the
+    frames of the pose before, the root's position, and, where bones move, every joint's translation. A clip too short
+    for a step stands still there.
     """
-    fps = before.fps
+    fps = ends[0][0].fps
     # Steps from frame to frame in order; the outermost two only give accelerations.
     steps = slice(0, 5) if accelerates else slice(1, 4)
-    rotvecs = rotation.difference(*_steps(before.local_rotations, after.local_rotations, steps))  # (S, J, 3)
-    shifts = np.subtract(*_steps(before.root_positions[:, None], after.root_positions[:, None], steps)[::-1])
+    rotvecs = rotation.difference(*_steps([[clip.local_rotations for clip in end] for end in ends], steps))
+    shifts = np.subtract(*_steps([[clip.root_positions[:, None] for clip in end] for end in ends], steps)[::-1])
     if moving_bones:
-        bones = np.subtract(*_steps(bone_translations(before), bone_translations(after), steps)[::-1])
-        shifts = np.concatenate([shifts, bones], axis=1)
+        bones = np.subtract(*_steps([[bone_translations(clip) for clip in end] for end in ends], steps)[::-1])
+        shifts = np.concatenate([shifts, bones], axis=2)  # (S, G, J + 1, 3)
     leave, over, enter = (len(rotvecs) // 2 + k for k in (-1, 0, 1))
     displacement, v1 = rotvecs[over], rotvecs[enter] * fps
     # At the far end the rotation vector's rate is not the angular velocity (the chain rule of exp).
     rate = rotation.right_jacobian_inverse(displacement, v1)
     problem = CurveProblem(
-        displacement=np.concatenate([displacement, shifts[over]]),
+        displacement=_vectors(displacement, shifts[over]),
         velocities=(
-            np.concatenate([rotvecs[leave], shifts[leave]]) * fps,
-            np.concatenate([rate, shifts[enter] * fps]),
+            _vectors(rotvecs[leave], shifts[leave]) * fps,
+            _vectors(rate, shifts[enter] * fps),
         ),
         times=np.arange(1, n_frames + 1) / fps,
         seconds=(n_frames + 1) / fps,
@@ -157,17 +196,24 @@ def _curve_problem(before: Clip, after: Clip, n_frames: int, moving_bones: bool,
     step = 1e-4 * rate
     ahead, behind = (rotation.right_jacobian_inverse(displacement + side * step, v1) for side in (1.0, -1.0))
     bend = bend + (ahead - behind) / 2e-4
-    leaving = np.concatenate([rotvecs[1] - rotvecs[0], shifts[1] - shifts[0]]) * fps**2 * (len(before) > 2)
-    entering = np.concatenate([bend, (shifts[4] - shifts[3]) * fps**2]) * (len(after) > 2)
+    long = np.array([[len(clip) > 2 for clip in end] for end in ends])[..., None, None]  # (G, 2, 1, 1)
+    leaving = _vectors((rotvecs[1] - rotvecs[0]) * long[:, 0], (shifts[1] - shifts[0]) * long[:, 0]) * fps**2
+    entering = _vectors(bend * long[:, 1], (shifts[4] - shifts[3]) * fps**2 * long[:, 1])
     return replace(problem, accelerations=(leaving, entering))
 
 
-def _steps(before: Float, after: Float, which: slice) -> tuple[Float, Float]:
-    """Some of the five steps between the last three frames before and the first three after: their starts (S, ...) and
-    their ends (S, ...). A short clip's edge frame is repeated.
+def _vectors(rotvecs: Float, shifts: Float) -> Float:
+    """Rotation vectors (G, J, 3) and shifts (G, M, 3) of G gaps as the vectors of one problem (G (J + M), 3)."""
+    return np.concatenate([rotvecs, shifts], axis=1).reshape(-1, 3)
+
+
+def _steps(ends: Sequence[Sequence[Float]], which: slice) -> tuple[Float, Float]:
+    """Some of the five steps between the last three frames before and the first three after, of G gaps: their starts
+    (S, G, ...) and their ends (S, G, ...). A short clip's edge frame is repeated.
     """
-    rows = [before[max(len(before) - k, 0)] for k in (3, 2, 1)] + [after[min(k, len(after) - 1)] for k in (0, 1, 2)]
-    row = np.stack(rows[which.start : which.stop + 1])
+    rows = [[before[max(len(before) - k, 0)] for before, _ in ends] for k in (3, 2, 1)]
+    rows += [[after[min(k, len(after) - 1)] for _, after in ends] for k in (0, 1, 2)]
+    row = np.array(rows[which.start : which.stop + 1])
     return row[:-1], row[1:]
 
 

@@ -1,0 +1,120 @@
+"""Many sentences spliced together: the same frames as one by one, bit for bit, in less time.
+
+A word is read by the networks once, whatever the number of sentences. What is computed frame by frame (curves, what the
+network is shown, poses, collisions, scores) is computed for the seams of many sentences in one go; every frame gets the
+numbers that it would get alone. The network that bends transitions sees one gap a pass: in 8 bits, a gap would depend
+on what it is batched with.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeVar
+
+from signsplice.errors import SignspliceError
+from signsplice.motion.clip import Clip
+from signsplice.splicing.engine import joined_sentence
+from signsplice.splicing.filling import FilledGap
+from signsplice.splicing.options import SpliceOptions
+from signsplice.splicing.planned import PlannedWords
+from signsplice.splicing.result import SpliceResult
+from signsplice.splicing.seam import seam_positions
+from signsplice.splicing.sentence import SentenceBuilder
+from signsplice.splicing.transition_cache import TransitionCache
+
+_WORDS_AT_ONCE = 256
+"""About so many words are worked on together: more take more memory and are hardly faster."""
+Result = SpliceResult | SignspliceError
+T = TypeVar("T")
+
+
+def splice_many(
+    sentences: Sequence[Sequence[Clip]],
+    options: Sequence[SpliceOptions] | SpliceOptions | None = None,
+    transitions: TransitionCache | None = None,
+) -> list[Result]:
+    """What ``splice`` gives of each sentence alone, in order; where it raises a ``SignspliceError``, that error.
+
+    options: of all sentences, or of each.
+    transitions: where those of earlier calls are found.
+
+    Clips that are one word should be one object in all sentences: what is computed of a word is kept as long as that
+    object lives. Raises ``ValueError`` where there are not as many options as sentences.
+    """
+    if options is None or isinstance(options, SpliceOptions):
+        options = [options or SpliceOptions()] * len(sentences)
+    out: list[Result] = []
+    block: list[tuple[Sequence[Clip], SpliceOptions]] = []
+    for one in zip(sentences, options, strict=True):
+        block.append(one)
+        if sum(len(clips) for clips, _ in block) >= _WORDS_AT_ONCE:
+            out += _spliced(block, transitions)
+            block = []
+    return out + _spliced(block, transitions)
+
+
+def _spliced(
+    block: Sequence[tuple[Sequence[Clip], SpliceOptions]], transitions: TransitionCache | None
+) -> list[Result]:
+    """``splice_many`` of few sentences, each step for all of them."""
+    done: dict[int, Result] = {}
+
+    def each(step: Callable[[int], T], rows: Iterable[int]) -> dict[int, T]:
+        """What a step makes of every sentence that it does not end."""
+        made: dict[int, T] = {}
+        for row in rows:
+            try:
+                made[row] = step(row)
+            except SignspliceError as error:
+                done[row] = error
+        return made
+
+    builders = each(lambda row: SentenceBuilder(block[row][1]), range(len(block)))
+    planned = each(lambda row: builders[row].plan(block[row][0]), builders)
+    filled: dict[int, list[FilledGap]] = {}
+    for rows in _with_one_filler(builders, planned):
+        try:
+            filled |= _filled({row: (builders[row], planned[row]) for row in rows}, transitions)
+        except SignspliceError:  # of some of them
+            filled |= each(lambda row: _filled({row: (builders[row], planned[row])}, transitions)[row], rows)
+    finished = each(lambda row: builders[row].finish(planned[row], filled[row]), filled)
+    windows = [one.windows for one in finished.values()]
+    began = time.perf_counter()
+    positions = iter(
+        seam_positions([gap for gaps, _ in windows for gap in gaps], [new for _, news in windows for new in news])
+    )
+    seconds = (time.perf_counter() - began) / max(1, len(finished))
+    seen = {row: [next(positions) for _ in one.seams] for row, one in finished.items()}
+
+    def joined(row: int) -> SpliceResult:
+        builders[row].seconds["join"] += seconds
+        return joined_sentence(builders[row], [*builders[row].pieces(finished[row], seen[row]), *builders[row].end()])
+
+    done |= each(joined, finished)
+    return [done[row] for row in range(len(block))]
+
+
+def _with_one_filler(builders: dict[int, SentenceBuilder], rows: Iterable[int]) -> list[list[int]]:
+    """Sentences whose gaps are filled in the same way."""
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for row in rows:
+        filler = builders[row].filler
+        key = (id(filler.transition), filler.avoid_collisions, filler.is_running, filler.measures)
+        groups.setdefault(key, []).append(row)
+    return list(groups.values())
+
+
+def _filled(
+    sentences: dict[int, tuple[SentenceBuilder, PlannedWords]], transitions: TransitionCache | None
+) -> dict[int, list[FilledGap]]:
+    """The new frames of sentences that are filled in the same way; each takes its gaps' part of the time."""
+    gaps = {row: planned.gaps for row, (_, planned) in sentences.items()}
+    filler = next(builder.filler for builder, _ in sentences.values())
+    asked = [gap for some in gaps.values() for gap in some]
+    began = time.perf_counter()
+    filled = iter(filler.fill(asked) if transitions is None else transitions.fill(filler, asked))
+    seconds = (time.perf_counter() - began) / max(1, sum(map(len, gaps.values())))
+    for row, (one, _) in sentences.items():
+        one.seconds["transition"] += seconds * len(gaps[row])
+    return {row: [next(filled) for _ in some] for row, some in gaps.items()}

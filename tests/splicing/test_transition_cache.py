@@ -1,0 +1,151 @@
+"""splicing.transition_cache: what is kept is what would be made, and anything that differs is made anew."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import signsplice as ss
+from conftest import GOLDEN
+from signing import word
+from signsplice.motion.clip import Clip, EndSite, unchecked_copy
+from signsplice.splicing.bulk_splice import splice_many
+from signsplice.splicing.filling import FilledGap
+from signsplice.splicing.gap import Gap
+from signsplice.splicing.methods import choose
+from signsplice.splicing.tempo import Filler
+from signsplice.splicing.transition import CurveTransition, GapTransition, find_transition
+from signsplice.splicing.transition_cache import TransitionCache, gap_key
+
+GAP = Gap(word("BOOK").clip[30:38], word("MOTHER").clip[20:28], 6)
+FILLER = Filler(find_transition("hermite"), avoid_collisions=True, is_running=False, measures=True)
+
+
+def nudged(values: np.ndarray) -> np.ndarray:
+    """The same numbers, the last one changed in its last bit."""
+    out = np.array(values)
+    out.flat[-1] = np.nextafter(out.flat[-1], 2.0)
+    return out
+
+
+def changed(side: str, **fields: Callable[[Clip], object]) -> Gap:
+    clip = getattr(GAP, side)
+    return replace(GAP, **{side: unchecked_copy(clip, **{name: change(clip) for name, change in fields.items()})})
+
+
+def on_skeleton(**fields: object) -> Gap:
+    skeleton = replace(GAP.before.skeleton, **fields)
+    return replace(GAP, **{side: unchecked_copy(getattr(GAP, side), skeleton=skeleton) for side in ("before", "after")})
+
+
+SKELETON = GAP.before.skeleton
+OTHER_GAPS = {
+    "a rotation before": changed("before", local_rotations=lambda clip: nudged(clip.local_rotations)),
+    "a rotation after": changed("after", local_rotations=lambda clip: nudged(clip.local_rotations)),
+    "a position before": changed("before", root_positions=lambda clip: nudged(clip.root_positions)),
+    "a position after": changed("after", root_positions=lambda clip: nudged(clip.root_positions)),
+    "bones that move": changed("after", translations=lambda clip: np.tile(SKELETON.offsets, (len(clip), 1, 1))),
+    "frames shown before": replace(GAP, before=GAP.before[1:]),
+    "frames shown after": replace(GAP, after=GAP.after[:-1]),
+    "sides": Gap(GAP.after, GAP.before, GAP.n_frames),
+    "number of frames": replace(GAP, n_frames=7),
+    "rate": changed("before", fps=lambda clip: clip.fps + 1e-9),
+    "a bone": on_skeleton(offsets=nudged(SKELETON.offsets)),
+    "a name": on_skeleton(names=(*SKELETON.names[:-1], "other")),
+    "tips": on_skeleton(end_sites=(EndSite(1, np.ones(3)),)),
+    "roles": on_skeleton(roles={"head": SKELETON.names[1]}),
+}
+OTHER_FILLERS = {
+    "transition": replace(FILLER, transition=find_transition("quintic")),
+    "a network": replace(FILLER, transition=choose().transition),
+    "another network": replace(FILLER, transition=choose(bundle=GOLDEN / "tiny_bundle").transition),
+    "collision avoidance": replace(FILLER, avoid_collisions=None),
+    "tempo": replace(FILLER, is_running=True),
+    "measured speed": replace(FILLER, measures=False),
+}
+CHANGES = [(name, FILLER, gap) for name, gap in OTHER_GAPS.items()]
+CHANGES += [(name, filler, GAP) for name, filler in OTHER_FILLERS.items()]
+
+
+@pytest.mark.parametrize(("filler", "gap"), [row[1:] for row in CHANGES], ids=[name for name, *_ in CHANGES])
+def test_what_differs_in_anything_is_a_miss(filler: Filler, gap: Gap) -> None:
+    transitions = TransitionCache()
+    transitions.fill(FILLER, [GAP])
+    same_numbers = Gap(GAP.before[:], GAP.after[:], GAP.n_frames)
+    transitions.fill(FILLER, [same_numbers])
+    assert (transitions.hits, transitions.misses) == (1, 1)
+    found = {gap_key(FILLER, GAP), gap_key(filler, gap)}
+    assert len(found) == 2
+    assert None not in found
+
+
+def test_keys_of_all_changes_differ() -> None:
+    assert len({gap_key(filler, gap) for _, filler, gap in CHANGES}) == len(CHANGES)
+
+
+def assert_same(found: Sequence[FilledGap], expected: Sequence[FilledGap]) -> None:
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(one.clip.local_rotations, other.clip.local_rotations)
+        np.testing.assert_array_equal(one.clip.root_positions, other.clip.root_positions)
+        assert (one.depth, one.warnings, one.peak_m_s) == (other.depth, other.warnings, other.peak_m_s)
+
+
+def test_gaps_are_filled_alike_with_and_without_and_once_where_they_come_twice() -> None:
+    filler = OTHER_FILLERS["a network"]
+    gaps = [GAP, OTHER_GAPS["sides"], GAP, OTHER_GAPS["number of frames"]]
+    transitions = TransitionCache()
+    expected = filler.fill(gaps)
+    for hits in (1, 5):
+        found = transitions.fill(filler, gaps)
+        assert_same(found, expected)
+        assert all(one.clip.skeleton is gap.before.skeleton for one, gap in zip(found, gaps, strict=True))
+        assert (transitions.hits, transitions.misses) == (hits, 3)
+
+
+def test_memory_is_bounded_and_what_was_used_last_stays() -> None:
+    transitions = TransitionCache(most_bytes=50_000)
+    gaps = [replace(GAP, n_frames=n) for n in (5, 6, 7, 8, 9)]
+    for gap in gaps:
+        transitions.fill(FILLER, [gap])
+        assert 0 < transitions.nbytes <= 50_000
+    transitions.fill(FILLER, [gaps[-1]])
+    assert transitions.hits == 1
+    transitions.fill(FILLER, [gaps[0]])
+    assert transitions.hits == 1
+
+
+class Stepwise(GapTransition):
+    """A user's transition: nobody knows what decides its frames."""
+
+    name, summary = "stepwise", "the last pose, then the next"
+
+    def between(self, gap: Gap) -> Clip:
+        return find_transition("hold").between(gap)
+
+
+@pytest.mark.parametrize(
+    "transition", [Stepwise(), CurveTransition("hermite", "not it", lambda problem: problem.times)]
+)
+def test_a_transition_of_the_users_is_never_kept(transition: GapTransition) -> None:
+    filler, transitions = replace(FILLER, transition=transition), TransitionCache()
+    assert gap_key(filler, GAP) is None
+    if isinstance(transition, Stepwise):
+        assert len(transitions.fill(filler, [GAP, GAP])) == 2
+        assert (transitions.hits, transitions.misses) == (0, 2)
+
+
+def test_sentences_with_known_transitions_are_those_of_splice() -> None:
+    words = [word(gloss).clip for gloss in ("BOOK", "MOTHER", "YES")]
+    sentences, transitions = [words, words[1:], words[1:] + words[:1]], TransitionCache()
+    for _ in range(2):
+        found = splice_many(sentences, transitions=transitions)
+    assert transitions.hits >= 6
+    for result, clips in zip(found, sentences, strict=True):
+        assert isinstance(result, ss.SpliceResult)
+        expected = ss.splice(clips)
+        np.testing.assert_array_equal(result.clip.local_rotations, expected.clip.local_rotations)
+        assert (result.spans, result.warnings) == (expected.spans, expected.warnings)
+        assert repr(result.seams) == repr(expected.seams)  # NaN is itself there
