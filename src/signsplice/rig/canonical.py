@@ -64,7 +64,10 @@ def canonical_motion(clip: Clip) -> CanonicalMotion:
     between = local[canonical.last_joints]  # (K, 4, T)
     for k, path in canonical.joint_paths.items():
         between[k] = _rotation_along(clip.local_rotations, path).T
-    quats = canonical.to_canonical @ between
+    # No matrix product: how that rounds depends on the number of frames, and other clips may be joined to this one.
+    quats = np.zeros_like(between)
+    for k in range(4):
+        quats += canonical.to_canonical[:, :, k, None] * between[:, None, k]
     if not canonical.has_role.all():
         whole = np.empty((len(ROLES), *quats.shape[1:]))
         whole[:] = rotation.IDENTITY[:, None]
