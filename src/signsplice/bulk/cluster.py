@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
@@ -66,7 +67,8 @@ def make_all(out: str, shards: Sequence[int], address: str, n_kept: int) -> Iter
 def connect(address: str) -> Any:
     """Ray, connected to the cluster at ``address``. It sends nothing about its use anywhere. Raises as ``make_all``."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    os.environ.setdefault("RAY_DATA_DISABLE_PROGRESS_BARS", "1")
+    os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")
+    logging.getLogger("ray.data").setLevel(logging.ERROR)
     try:
         import ray
         import ray.data
@@ -79,7 +81,7 @@ def connect(address: str) -> Any:
             runtime_env=runtime,
             log_to_driver=False,
             logging_level="ERROR",
-            **({"include_dashboard": False} if address == LOCAL else {}),
+            **({"include_dashboard": False, "_node_ip_address": "127.0.0.1"} if address == LOCAL else {}),
         )
     except (ConnectionError, ValueError, RuntimeError, OSError) as error:
         what = (str(error).splitlines() or [type(error).__name__])[0][:200]

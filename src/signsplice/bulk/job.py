@@ -118,7 +118,7 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
         "shard_size": options.shard_size,
         "made_with": libraries(),
     }
-    places = {
+    places: dict[str, Any] = {
         "lexicon": str(Path(options.lexicon).resolve()),
         "bundle": None if options.bundle is None else str(Path(options.bundle).resolve()),
     }

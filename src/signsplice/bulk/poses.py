@@ -52,9 +52,9 @@ def poses(clip: Clip) -> dict[str, Float32]:
     return {name: (metres * np.stack(points, 1)).astype(np.float32) for name, points in found.items()}
 
 
-def annotations(spans: Sequence[Span], fps: float) -> list[dict[str, Any]]:
+def signs(spans: Sequence[Span], fps: float) -> list[dict[str, Any]]:
     """The signs of a sentence: first and last frame, both included, their times in ms, and ``lemma``, the gloss."""
-    signs = [(span.name, span.output) for span in spans if span.kind == "sign" and span.output[1] > span.output[0]]
+    found = [(span.name, span.output) for span in spans if span.kind == "sign" and span.output[1] > span.output[0]]
     return [
         {
             "start_frame": start,
@@ -63,5 +63,5 @@ def annotations(spans: Sequence[Span], fps: float) -> list[dict[str, Any]]:
             "end_ms": round(1e3 * (stop - 1) / fps),
             "lemma": name,
         }
-        for name, (start, stop) in signs
+        for name, (start, stop) in found
     ]

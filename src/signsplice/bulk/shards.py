@@ -31,7 +31,7 @@ from signsplice.bulk.job import (
     tar_of,
 )
 from signsplice.bulk.maker import WORDS_KEPT, FailedSentence, MadeSentence, SentenceMaker
-from signsplice.bulk.poses import annotations, poses
+from signsplice.bulk.poses import poses, signs
 from signsplice.errors import InputError, SignspliceError
 from signsplice.formats.atomic import replacing
 from signsplice.lexicon.reader import open_lexicon
@@ -216,8 +216,8 @@ class _Samples:
                 stored = BytesIO()
                 np.save(stored, positions)
                 self._put(f"{key}.pose.{name}.npy", stored.getvalue())
-            signs = annotations(made.result.spans, clip.fps)
-            self._put(f"{key}.annotations.both_hands.json", json.dumps(signs, ensure_ascii=False).encode())
+            rows = signs(made.result.spans, clip.fps)
+            self._put(f"{key}.annotations.both_hands.json", json.dumps(rows, ensure_ascii=False).encode())
             self._put(f"{key}.signer.txt", made.signer.encode())
         return place
 
