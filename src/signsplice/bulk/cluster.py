@@ -35,9 +35,11 @@ class ShardActor:
         return {name: [row[name] for row in rows] for name in rows[0]}
 
 
-def make_all(out: str, shards: Sequence[int], address: str, n_kept: int) -> Iterator[ShardResult]:
+def make_all(
+    out: str, shards: Sequence[int], address: str, n_kept: int, workers: int | None = None
+) -> Iterator[ShardResult]:
     """Make these shards on the Ray cluster at ``address``, each as soon as it is whole, by an actor for every
-    processor.
+    processor, or by ``workers`` of them.
 
     The cluster's machines see the folder, the lexicon and the networks under the same paths. Ray starts actors and
     shards again that ended with a process or a machine. Raises ``InputError`` where there is no cluster, and where a
@@ -47,7 +49,7 @@ def make_all(out: str, shards: Sequence[int], address: str, n_kept: int) -> Iter
     try:
         context = ray.data.DataContext.get_current()
         context.enable_progress_bars = context.enable_auto_log_stats = False
-        n_workers = max(1, int(ray.cluster_resources().get("CPU", 1)))
+        n_workers = workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
         rows = ray.data.from_items([{"shard": shard} for shard in shards], override_num_blocks=len(shards)).map_batches(
             ShardActor,
             fn_constructor_args=(out, n_kept),

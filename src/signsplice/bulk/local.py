@@ -56,6 +56,11 @@ def make_all(out: str, shards: Iterable[int], workers: int, n_kept: int) -> Iter
                     ) from None
 
 
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def alone(function: Callable[..., Result], *arguments: object) -> Result:
     """What a function gives in a process like those that make shards."""
     with _pool(1) as pool:

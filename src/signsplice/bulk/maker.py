@@ -122,8 +122,14 @@ class SentenceMaker:
         tokens = tuple(self._tokens(recipe))
         options = recipe.options(self.bundle)
         options.chosen_methods()  # raises for a method that there is not
-        clips = [self._clip(gloss, recipe.signer) for token in tokens for gloss in token.glosses]
-        return _Call(clips, options, tokens)
+        return _Call(self._clips_of(tokens, recipe), options, tokens)
+
+    def clips(self, recipe: SentenceRecipe) -> list[Clip]:
+        """The clips of a recipe's words, in order."""
+        return self._clips_of(self._tokens(recipe), recipe)
+
+    def _clips_of(self, tokens: Sequence[SentenceToken], recipe: SentenceRecipe) -> list[Clip]:
+        return [self._clip(gloss, recipe.signer) for token in tokens for gloss in token.glosses]
 
     def _tokens(self, recipe: SentenceRecipe) -> list[SentenceToken]:
         """How each gloss of a recipe is signed: as one that the lexicon has, or spelled."""

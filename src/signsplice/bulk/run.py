@@ -59,18 +59,21 @@ class Progress:
 def run(
     out: Path,
     job: BulkJob,
-    workers: int = 1,
+    workers: int | None = None,
     ray: str | None = None,
     n_kept: int = WORDS_KEPT,
     advance: Callable[[Progress], None] | None = None,
 ) -> BulkSummary:
-    """Make what is missing of a folder of shards, by ``workers`` processes, or on the Ray cluster at the address
+    """Make what is missing of a folder of shards, by processes of this machine, or on the Ray cluster at the address
     ``ray``.
 
-    advance: is told how far it is. Raises ``InputError`` where another call is writing there, and what
+    workers: how many; by default one for each core of the machine, or of the cluster.
+    advance: is told how far it is.
+
+    Raises ``InputError`` where another call is writing there, and what
     ``local.make_all`` and ``cluster.make_all`` raise.
     """
-    if workers < 1:
+    if workers is not None and workers < 1:
         raise InputError(f"--workers {workers}, expected 1 or more")
     (out / INDEX).mkdir(exist_ok=True)
     with resumable_folder(out / UNFINISHED):
@@ -89,10 +92,10 @@ def run(
     return summary
 
 
-def _made(out: str, missing: list[int], workers: int, ray: str | None, n_kept: int) -> Iterator[ShardResult]:
+def _made(out: str, missing: list[int], workers: int | None, ray: str | None, n_kept: int) -> Iterator[ShardResult]:
     if ray is not None:
-        return cluster.make_all(out, missing, ray, n_kept)
-    return local.make_all(out, missing, min(workers, len(missing)), n_kept)
+        return cluster.make_all(out, missing, ray, n_kept, workers)
+    return local.make_all(out, missing, min(workers or local.cores(), len(missing)), n_kept)
 
 
 def summarize(out: Path, job: BulkJob) -> BulkSummary:

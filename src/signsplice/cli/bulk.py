@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -12,8 +13,9 @@ import click
 
 from signsplice.cli.clips import check_apart, check_outputs
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.terminal import size, warn
+from signsplice.cli.terminal import note, size, warn
 from signsplice.errors import InputError, MissingExtraError
+from signsplice.formats.atomic import check_writable, replacing
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -58,7 +60,7 @@ _run_options = _added(
         _OUT,
         _LEXICON,
         click.option("--bundle", metavar="DIR", help="Folder of trained networks.  [default: those that ship]"),
-        click.option("--workers", type=int, metavar="N", help="Processes on this machine.  [default: one per core]"),
+        click.option("--workers", type=int, metavar="N", help="Processes, or actors of Ray.  [default: one per core]"),
         click.option("--ray", metavar="ADDRESS", help="Ray cluster to use instead: HOST:PORT, auto or local."),
         click.option(
             "--store",
@@ -202,6 +204,30 @@ def make(folder: str, row: int, output: str, report: str | None) -> None:
     print(local.alone(remake, folder, row, output, report))
 
 
+@bulk.command()
+@_LEXICON
+@click.option("--count", type=int, default=200, show_default=True, metavar="N", help="Sentences of each timing.")
+@click.option("--memory", type=int, default=10_000, show_default=True, metavar="N", help="Sentences made for memory.")
+@_SEED
+@click.option("-o", "--output", required=True, metavar="R.json", help="Figures; tables of them go to R.md beside it.")
+def bench(lexicon: str | None, count: int, memory: int, seed: int, output: str) -> None:
+    """Measure time a core, batched and not, growth with workers, memory and bytes; and what they come to."""
+    _require_extra()
+    if count < 40 or memory < 10 or not output.endswith(".json"):
+        raise InputError("--count 40 or more, --memory 10 or more and -o R.json expected")
+    check_writable(output)
+    check_writable(Path(output).with_suffix(".md"))
+    from signsplice.bulk import bench as benches
+    from signsplice.lexicon.reader import SHIPPED
+
+    found = benches.measure(lexicon or str(SHIPPED), count, memory, lambda what: note([f"measuring {what}"]), seed)
+    with replacing(output) as temporary:
+        temporary.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+    with replacing(Path(output).with_suffix(".md")) as temporary:
+        temporary.write_text(benches.page(found), encoding="utf-8")
+    print(benches.page(found), end="")
+
+
 def _run(
     batches: Callable[[Callable[[], list[str]]], Iterator[pa.RecordBatch]],
     output: str,
@@ -217,8 +243,6 @@ def _run(
     from signsplice.bulk.run import run
     from signsplice.lexicon.reader import SHIPPED
 
-    if workers is not None and ray is not None:
-        raise InputError("--workers and --ray, expected one of them: a cluster has a worker for each of its processors")
     if keep_words < 2:
         raise InputError(f"--keep-words {keep_words}, expected 2 or more")
     out, words = Path(output), str(SHIPPED) if lexicon is None else lexicon
@@ -227,7 +251,7 @@ def _run(
         wanted = job.BulkOptions(words, bundle, **options)
         made = job.prepare(out, wanted, lambda: batches(lambda: drawing.signs(opened)))
     with _shown(f"making {out.name}") as advance:
-        summary = run(out, made, workers or _cores(), ray, keep_words, advance)
+        summary = run(out, made, workers, ray, keep_words, advance)
     warn(f"{n:,} rows failed: {reason}" for reason, n in summary.reasons.items())
     if summary.n_failed > sum(summary.reasons.values()):
         warn(["further reasons are in the index, column error"])
@@ -236,12 +260,6 @@ def _run(
         f"{out}: {summary.n_recipes - summary.n_failed:,} sentences{failed}, {summary.n_shards:,} shards, "
         f"{summary.seconds / 3600:.2f} h of motion, {size(summary.n_bytes)}"
     )
-
-
-def _cores() -> int:
-    import os
-
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _ranges(dials: Mapping[str, Any]) -> tuple[dict[str, tuple[float, float]], dict[str, Any]]:
