@@ -1,4 +1,4 @@
-"""Kills of runs in bulk: ``python attacks/bulk_kills.py [--kills N] [--seed N] [--ray]``.
+"""Kills of runs in bulk: ``python attacks/bulk_kills.py [--kills N] [--recipes N] [--seed N] [--ray]``.
 
 A run makes sentences in shards while its processes are killed (SIGKILL) at random moments: workers or the driver; with
 ``--ray`` actors, a node of a Ray cluster of two, or the driver. A driver that was killed is called again. What is made
@@ -25,6 +25,7 @@ import psutil
 
 N_RECIPES, SHARD_SIZE = 240, 6
 TIME_LIMIT_S = 1500.0
+_STARTS = 5
 Content = dict[str, bytes]
 Kill = Callable[[psutil.Process], bool]
 
@@ -110,11 +111,18 @@ def two_nodes(rng: random.Random) -> Iterator[tuple[str, dict[str, Kill]]]:
 
     node: dict[str, Any] = {"num_cpus": 1, "node_ip_address": "127.0.0.1", "object_store_memory": 100 << 20}
     cluster = Cluster(initialize_head=True, head_node_args={**node, "include_dashboard": False})
-    nodes = [cluster.add_node(**node)]
+
+    def start() -> Any:
+        for _ in range(_STARTS - 1):
+            with suppress(Exception):  # Ray waits half a minute for a node, which a busy machine may need
+                return cluster.add_node(**node)
+        return cluster.add_node(**node)
+
+    nodes = [start()]
 
     def kill_node(_: psutil.Process) -> bool:
         cluster.remove_node(nodes.pop(), allow_graceful=False)
-        nodes.append(cluster.add_node(**node))
+        nodes.append(start())
         return True
 
     kills: dict[str, Kill] = {
@@ -159,10 +167,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--recipes", type=int, default=N_RECIPES)
     parser.add_argument("--ray", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        done = attack(Path(folder), options.kills, options.ray, options.seed)
+        done = attack(Path(folder), options.kills, options.ray, options.seed, options.recipes)
     print("| killed | times | what was made in the end |\n| --- | --- | --- |")
     for kind, n in sorted(done.items()):
         print(f"| {kind} | {n} | equal to the undisturbed run, byte by byte |")
