@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -112,8 +113,22 @@ def test_lines_are_read_as_sentence_reads_them(tmp_path: Path) -> None:
 
 def test_every_field_decides_the_hash() -> None:
     one = SentenceRecipe(("YES",))
-    other = {"glosses": ("NO",), "signer": "a", "seed": 1, "transition_time": "0.2", "sign_speed": 1.1, "tempo": "0.8"}
-    other |= {"fps": 25.0, "cutter": "ends", "transition": "linear", "free_hand": "natural", "avoid_collisions": True}
-    changed = [replace(one, **{name: value}) for name, value in (other | {"spell": False}).items()]
+    other: dict[str, Any] = {
+        "glosses": ("NO",),
+        "signer": "a",
+        "seed": 1,
+        "transition_time": "0.2",
+        "sign_speed": 1.1,
+        "tempo": "0.8",
+    }
+    other |= {
+        "spell": False,
+        "fps": 25.0,
+        "cutter": "ends",
+        "transition": "linear",
+        "free_hand": "natural",
+        "avoid_collisions": True,
+    }
+    changed = [replace(one, **{name: value}) for name, value in other.items()]
     assert len({row.sha256 for row in (one, *changed)}) == 13
     assert replace(one).sha256 == one.sha256

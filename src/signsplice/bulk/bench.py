@@ -115,7 +115,8 @@ def shards(lexicon: str, batches: list[pa.RecordBatch], n_rows: int) -> dict[str
 def memory(words: Lexicon, count: int, seed: int) -> list[dict[str, float]]:
     """Resident memory, MB, of this process while it makes ``count`` ten-word sentences, in ten stages."""
     maker = SentenceMaker(words)
-    stages, done = [], 0
+    done = 0
+    stages: list[dict[str, float]] = []
     for batch in drawing.drawn(drawing.signs(words), count, (WORDS, WORDS), seed):
         rows = recipes.recipes_of(batch)
         for start in range(0, len(rows), _BLOCK):

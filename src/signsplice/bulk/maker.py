@@ -67,7 +67,7 @@ class FailedSentence:
 
 
 @dataclass(frozen=True, eq=False)
-class _Call:
+class _Sentence:
     """A call of the engine."""
 
     clips: list[Clip]
@@ -102,7 +102,7 @@ class SentenceMaker:
         Errors of the machine (no memory, no disk) are raised, since they say nothing about a recipe.
         """
         made: list[MadeSentence | FailedSentence | None] = [None] * len(recipes)
-        calls: dict[int, _Call] = {}
+        calls: dict[int, _Sentence] = {}
         for row, recipe in enumerate(recipes):
             try:
                 calls[row] = self._call(recipe)
@@ -118,11 +118,11 @@ class SentenceMaker:
                 made[row] = MadeSentence(recipes[row], result, tokens, self._signer(recipes[row], tokens))
         return [one for one in made if one is not None]
 
-    def _call(self, recipe: SentenceRecipe) -> _Call:
+    def _call(self, recipe: SentenceRecipe) -> _Sentence:
         tokens = tuple(self._tokens(recipe))
         options = recipe.options(self.bundle)
         options.chosen_methods()  # raises for a method that there is not
-        return _Call(self._clips_of(tokens, recipe), options, tokens)
+        return _Sentence(self._clips_of(tokens, recipe), options, tokens)
 
     def clips(self, recipe: SentenceRecipe) -> list[Clip]:
         """The clips of a recipe's words, in order."""
@@ -170,7 +170,7 @@ class SentenceMaker:
         return self._bodies[signer]
 
 
-def _results(calls: Sequence[_Call]) -> list[SpliceResult | Exception]:
+def _results(calls: Sequence[_Sentence]) -> list[SpliceResult | Exception]:
     """What the engine gives of each call, or why it gives nothing. Sentences with spelled words, of which it has to be
     known where they start, go alone; the others together.
     """
@@ -186,7 +186,7 @@ def _results(calls: Sequence[_Call]) -> list[SpliceResult | Exception]:
     return [found[n] if n in found else _alone(call) for n, call in enumerate(calls)]
 
 
-def _alone(call: _Call) -> SpliceResult | Exception:
+def _alone(call: _Sentence) -> SpliceResult | Exception:
     try:
         return splice(call.clips, call.options, starts(call.tokens))
     except (MemoryError, OSError):

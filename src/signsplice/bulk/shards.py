@@ -17,7 +17,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from signsplice import formats
 from signsplice.bulk import recipes
 from signsplice.bulk.job import (
     FRAMES,
@@ -33,6 +32,7 @@ from signsplice.bulk.job import (
 from signsplice.bulk.maker import WORDS_KEPT, FailedSentence, MadeSentence, SentenceMaker
 from signsplice.bulk.poses import poses, signs
 from signsplice.errors import InputError, SignspliceError
+from signsplice.formats import encode, save
 from signsplice.formats.atomic import replacing
 from signsplice.lexicon.reader import open_lexicon
 from signsplice.motion.cache import CACHE
@@ -162,7 +162,7 @@ def remake(out: str, row: int, output: str, report: str | None) -> str:
             f"{out}: row {row}: the motion is not that of the index, bit for bit; it was made on {job.processor} with "
             f"{', '.join(' '.join(library) for library in job.made_with.items())}; {where}"
         )
-    formats.save(made.result.clip, output)
+    save(made.result.clip, output)
     if report is not None:
         reports.write(made.report(), report)
     clip = made.result.clip
@@ -207,7 +207,7 @@ class _Samples:
     def add(self, key: str, made: MadeSentence) -> dict[str, int]:
         """Add a sentence: where its clip's bytes begin, and how many there are."""
         clip = made.result.clip
-        content = formats.encode(clip, f"{key}.{self._job.format}")
+        content = encode(clip, f"{key}.{self._job.format}")
         self._put(f"{key}.{self._job.format}", content)
         place = {"offset": self._tar.offset - -(-len(content) // 512) * 512, "n_bytes": len(content)}
         self._put(f"{key}.json", json.dumps(made.report(), ensure_ascii=False).encode())
