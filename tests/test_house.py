@@ -30,6 +30,7 @@ FLOORS = {
     "evaluation": 7,
     "paper": 7,
     "service": 7,
+    "bulk": 7,
     "train": 8,
 }
 """Imports run down only. What is not named here (the command line, the demo) lies on top."""
@@ -150,7 +151,7 @@ def test_other_rooms_need_only_declared_dependencies() -> None:
     serving = {"fastapi", "starlette", "uvicorn", "pydantic", "prometheus_client", "python_multipart"}
     loading = {"httpx", "psutil", "websockets"}  # what calls the service to measure it
     for path in MODULES:
-        if room(module_name(path)) in ("train", "service"):
+        if room(module_name(path)) in ("train", "service", "bulk"):
             continue
         outside = {t.split(".")[0] for t in imports(path)} - set(sys.stdlib_module_names) - {"signsplice"}
         if path.parent.name == "cli":
@@ -161,6 +162,9 @@ def test_other_rooms_need_only_declared_dependencies() -> None:
             outside -= serving
         if path.name == "speed_service.py":
             outside -= loading
+        if path.name == "bulk.py":
+            assert path.parent.name == "cli", path
+            outside -= {"pyarrow"}
         assert outside <= names | optional, path
         at_top = {t.split(".")[0] for t in imports(path, inside_functions=False)}
         assert not at_top & (optional | training | serving | loading), path
@@ -173,6 +177,16 @@ def test_only_the_service_imports_web_libraries() -> None:
             assert {t.split(".")[0] for t in imports(path)} <= allowed | set(sys.stdlib_module_names), path
         elif path.name not in ("service.py", "speed_service.py") and room(module_name(path)) != "":
             assert not any(t.startswith("signsplice.service") for t in imports(path)), path
+
+
+def test_only_bulk_imports_parquet_and_ray() -> None:
+    allowed = {"numpy", "pyarrow", "ray", "signsplice"} | set(sys.stdlib_module_names)
+    for path in MODULES:
+        if room(module_name(path)) == "bulk":
+            assert {t.split(".")[0] for t in imports(path)} <= allowed, path
+            assert "ray" not in {t.split(".")[0] for t in imports(path, inside_functions=False)}, path
+        elif path.name != "bulk.py":
+            assert not any(t.startswith("signsplice.bulk") for t in imports(path)), path
 
 
 def test_only_training_imports_torch() -> None:

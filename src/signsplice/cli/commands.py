@@ -7,7 +7,7 @@ import sys
 
 import click
 
-from signsplice.cli import evaluation, files, lexicon, pairs, paper, service, showing, splicing, synth, train
+from signsplice.cli import bulk, evaluation, files, lexicon, pairs, paper, service, showing, splicing, synth, train
 from signsplice.errors import InputError, SignspliceError
 
 
@@ -17,7 +17,7 @@ def app() -> None:
     """Splice mocap clips of sign-language words into one fluent animation."""
 
 
-for _room in (splicing, evaluation, files, lexicon, synth, pairs, paper, train, service, showing):
+for _room in (splicing, evaluation, files, lexicon, synth, pairs, bulk, paper, train, service, showing):
     for _command in _room.COMMANDS:
         app.add_command(_command)
 

@@ -1,0 +1,202 @@
+"""What sentences in bulk cost: time a core, growth with workers, memory, bytes; and the core-hours that follow."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from signsplice.bulk import drawing, recipes
+from signsplice.bulk.job import INDEX, BulkOptions, libraries, prepare, processor
+from signsplice.bulk.maker import SentenceMaker
+from signsplice.bulk.run import run
+from signsplice.bulk.shards import make_shard
+from signsplice.errors import MissingExtraError
+from signsplice.lexicon.reader import Lexicon, open_lexicon
+from signsplice.motion.cache import CACHE
+from signsplice.splicing.bulk_splice import splice_many
+from signsplice.splicing.engine import splice
+from signsplice.splicing.methods import open_learned
+
+N_PAIRS, N_SENTENCES, WORDS = 6707 * 6706, 1_000_000, 10
+"""What the core-hours are for: all ordered pairs of the paper's dictionary; ten-word sentences."""
+_BLOCK = 64
+_STAGES = 10
+Advance = Callable[[str], None]
+
+
+def measure(lexicon: str, count: int, n_memory: int, advance: Advance, seed: int = 0) -> dict[str, Any]:
+    """All figures, JSON-ready, each with how it was taken; times are processor time unless they say wall.
+
+    count: sentences of each timing. n_memory: ten-word sentences over which memory is watched. advance: is told what
+    is measured next.
+    """
+    found: dict[str, Any] = {
+        "processor": processor(),
+        "cores": os.cpu_count(),
+        "load": [round(load, 2) for load in os.getloadavg()] if hasattr(os, "getloadavg") else None,
+        "libraries": libraries(),
+        "bundle": open_learned().sha256,
+        "count": count,
+        "seed": seed,
+    }
+    with open_lexicon(lexicon) as words:
+        found["words"] = len(drawing.signs(words))
+        advance("seams, alone and together")
+        found["seams"] = seams(words, count, seed)
+        for name, batches, rows in _kinds(words, count, seed):
+            advance(name)
+            CACHE.clear()  # the time includes that of reading words and opening networks
+            found[name] = shards(lexicon, batches, rows)
+        advance("memory")
+        found["memory"] = memory(words, n_memory, seed)
+        advance("workers")
+        found["workers"] = growth(lexicon, words, count, seed, None)
+        with suppress(MissingExtraError):
+            advance("workers of Ray")
+            found["ray"] = growth(lexicon, words, count, seed, "local")
+    found["core_hours"] = core_hours(found)
+    return found
+
+
+def _kinds(words: Lexicon, count: int, seed: int) -> Iterator[tuple[str, list[pa.RecordBatch], int]]:
+    glosses = drawing.signs(words)
+    n_pairs = min(10 * count, len(glosses) * (len(glosses) - 1))
+    yield "pairs", [next(drawing.pairs(glosses))[:n_pairs]], n_pairs
+    yield "sentences", list(drawing.drawn(glosses, count, (WORDS, WORDS), seed)), count
+
+
+def seams(words: Lexicon, count: int, seed: int) -> dict[str, Any]:
+    """Ms a seam of ``count`` pairs, each spliced alone and all in blocks, in turns; the words are read before."""
+    maker = SentenceMaker(words)
+    rows = [row for batch in drawing.pairs(drawing.signs(words), count, seed) for row in recipes.recipes_of(batch)]
+    pairs = [maker.clips(row) for row in rows]
+    splice_many(pairs)
+    alone = together = 0.0
+    for start in range(0, len(pairs), _BLOCK):
+        block = pairs[start : start + _BLOCK]
+        began = time.process_time()
+        for clips in block:
+            splice(clips)
+        between = time.process_time()
+        splice_many(block)
+        alone, together = alone + between - began, together + time.process_time() - between
+    return {
+        "alone_ms": 1e3 * alone / len(pairs),
+        "together_ms": 1e3 * together / len(pairs),
+        "ratio": together / alone,
+        "block": _BLOCK,
+    }
+
+
+def shards(lexicon: str, batches: list[pa.RecordBatch], n_rows: int) -> dict[str, Any]:
+    """Ms of processor time and bytes a row of one shard of these recipes, reading words and writing files included;
+    with clips, and with recipes and hashes alone.
+    """
+    found: dict[str, Any] = {"rows": n_rows}
+    for store in ("frames", "recipes"):
+        with tempfile.TemporaryDirectory() as folder:
+            out = Path(folder) / "out"
+            prepare(out, BulkOptions(lexicon, store=store, shard_size=n_rows), lambda: batches)
+            (out / INDEX).mkdir()
+            made = make_shard(str(out), 0, 1 << 20)
+        found[f"{store}_ms"] = 1e3 * made.seconds / n_rows
+        found[f"{store}_bytes"] = made.n_bytes / n_rows
+        found["seams"], found["frames"] = made.n_seams / n_rows, made.n_frames / n_rows
+    return found
+
+
+def memory(words: Lexicon, count: int, seed: int) -> list[dict[str, float]]:
+    """Resident memory, MB, of this process while it makes ``count`` ten-word sentences, in ten stages."""
+    maker = SentenceMaker(words)
+    done = 0
+    stages: list[dict[str, float]] = []
+    for batch in drawing.drawn(drawing.signs(words), count, (WORDS, WORDS), seed):
+        rows = recipes.recipes_of(batch)
+        for start in range(0, len(rows), _BLOCK):
+            maker.make(rows[start : start + _BLOCK])
+            done += len(rows[start : start + _BLOCK])
+            if done * _STAGES >= (len(stages) + 1) * count:
+                stages.append({"sentences": done, "mb": resident_mb()})
+    return stages
+
+
+def resident_mb() -> float:
+    """Resident memory of this process, MB; 0.0 where the system does not say."""
+    try:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+    except OSError:
+        return 0.0
+
+
+def growth(lexicon: str, words: Lexicon, count: int, seed: int, ray: str | None) -> list[dict[str, float]]:
+    """Wall and sentences a second of ``count`` ten-word sentences by 1 and by 2 workers, twice each in turns, from the
+    first finished shard to the last, so that the start of processes and the first words are not in it.
+    """
+    glosses = drawing.signs(words)
+    n_rows = max(count, 40)
+    batches = list(drawing.drawn(glosses, n_rows, (WORDS, WORDS), seed))
+    best: dict[int, float] = {}
+    for workers in (1, 2, 2, 1):
+        with tempfile.TemporaryDirectory() as folder:
+            out = Path(folder) / "out"
+            job = prepare(out, BulkOptions(lexicon, shard_size=max(n_rows // 40, 1)), lambda: batches)
+            times: list[tuple[float, int]] = []
+            run(out, job, workers, ray, advance=lambda state, t=times: t.append((time.perf_counter(), state.n_done)))  # type: ignore[misc]
+            settled = times[1 + workers :]
+            rate = (settled[-1][1] - settled[0][1]) / (settled[-1][0] - settled[0][0])
+            best[workers] = max(best.get(workers, 0.0), rate)
+    return [{"workers": workers, "sentences_a_second": rate, "ratio": rate / best[1]} for workers, rate in best.items()]
+
+
+def core_hours(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Core-hours and bytes of all pairs of the paper's dictionary and of a million ten-word sentences."""
+    rows = {"pairs": N_PAIRS, "sentences": N_SENTENCES}
+    hours: dict[str, Any] = {}
+    for name, n in rows.items():
+        for store in ("frames", "recipes"):
+            hours[f"{name}_{store}"] = {
+                "rows": n,
+                "hours": n * found[name][f"{store}_ms"] / 3.6e6,
+                "tb": n * found[name][f"{store}_bytes"] / 1e12,
+            }
+    return hours
+
+
+def page(found: Mapping[str, Any]) -> str:
+    """The figures as tables in Markdown, with the arithmetic."""
+    seam = found["seams"]
+    lines = [
+        f"Processor: {found['processor']}, {found['cores']} cores, load {found['load']} when it began; "
+        f"{found['words']} signs; networks {str(found['bundle'])[:12]}. Written by `signsplice bulk bench`.",
+        "",
+        "| a seam | processor time, ms |",
+        "| --- | --- |",
+        f"| alone | {seam['alone_ms']:.2f} |",
+        f"| {seam['block']} sentences together | {seam['together_ms']:.2f}, {seam['ratio']:.2f} of it |",
+        "",
+        "| what | rows | ms a row | core-hours = rows x ms / 3,600,000 | bytes a row | TB |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for name, row in found["core_hours"].items():
+        kind, store = name.split("_")
+        one = found[kind]
+        lines.append(
+            f"| {kind}, `--store {store}` | {row['rows']:,} | {one[f'{store}_ms']:.2f} | {row['hours']:.1f} | "
+            f"{one[f'{store}_bytes']:,.0f} | {row['tb']:.3f} |"
+        )
+    lines += ["", "| workers | sentences a second, wall | ratio |", "| --- | --- | --- |"]
+    lines += _rates("processes", found["workers"]) + _rates("Ray", found.get("ray", ()))
+    lines += ["", "| ten-word sentences made by one process | resident memory, MB |", "| --- | --- |"]
+    lines += [f"| {stage['sentences']:,} | {stage['mb']:.0f} |" for stage in found["memory"]]
+    return "\n".join(lines) + "\n"
+
+
+def _rates(kind: str, rows: Iterable[Mapping[str, float]]) -> list[str]:
+    return [f"| {row['workers']:.0f}, {kind} | {row['sentences_a_second']:.2f} | {row['ratio']:.2f} |" for row in rows]

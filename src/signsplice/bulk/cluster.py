@@ -1,0 +1,91 @@
+"""Shards made by actors of a Ray cluster, by Ray Data."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from signsplice.bulk.local import ONE_THREAD
+from signsplice.bulk.shards import ShardResult, make_shard
+from signsplice.errors import InputError, MissingExtraError, SignspliceError
+
+LOCAL = "local"
+"""The address of a cluster that is started here, of this machine alone, and ends with the call."""
+
+
+class ShardActor:
+    """A worker of the cluster: it keeps words and networks between shards."""
+
+    def __init__(self, out: str, n_kept: int) -> None:
+        self._out, self._n_kept = out, n_kept
+
+    def __call__(self, batch: dict[str, Any]) -> dict[str, Any]:
+        """The results of the shards whose numbers are in ``batch``. What is wrong with an input is a result too: Ray
+        would make a page of its traceback.
+        """
+        rows = []
+        for shard in batch["shard"].tolist():
+            try:
+                rows.append(asdict(make_shard(self._out, shard, self._n_kept)) | {"error": ""})
+            except SignspliceError as error:
+                rows.append(asdict(ShardResult(shard, 0, 0, 0, 0, 0, 0.0)) | {"error": str(error)})
+        return {name: [row[name] for row in rows] for name in rows[0]}
+
+
+def make_all(
+    out: str, shards: Sequence[int], address: str, n_kept: int, workers: int | None = None
+) -> Iterator[ShardResult]:
+    """Make these shards on the Ray cluster at ``address``, each as soon as it is whole, by an actor for every
+    processor, or by ``workers`` of them.
+
+    The cluster's machines see the folder, the lexicon and the networks under the same paths. Ray starts actors and
+    shards again that ended with a process or a machine. Raises ``InputError`` where there is no cluster, and where a
+    worker finds another folder, lexicon, bundle or version; ``MissingExtraError`` without Ray.
+    """
+    ray = connect(address)
+    try:
+        context = ray.data.DataContext.get_current()
+        context.enable_progress_bars = context.enable_auto_log_stats = False
+        n_workers = workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
+        rows = ray.data.from_items([{"shard": shard} for shard in shards], override_num_blocks=len(shards)).map_batches(
+            ShardActor,
+            fn_constructor_args=(out, n_kept),
+            batch_size=1,
+            num_cpus=1,
+            compute=ray.data.ActorPoolStrategy(min_size=1, max_size=n_workers),
+        )
+        for row in rows.iter_rows():
+            error = row.pop("error")
+            if error:
+                raise InputError(error)
+            yield ShardResult(**row)
+    finally:
+        ray.shutdown()
+
+
+def connect(address: str) -> Any:
+    """Ray, connected to the cluster at ``address``. It sends nothing about its use anywhere. Raises as ``make_all``."""
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")
+    logging.getLogger("ray.data").setLevel(logging.ERROR)
+    try:
+        import ray
+        import ray.data
+    except ImportError as error:
+        raise MissingExtraError(f"--ray needs {error.name}; install it with: pip install 'signsplice[bulk]'") from error
+    runtime = {"env_vars": dict(ONE_THREAD)}
+    try:
+        ray.init(
+            None if address == LOCAL else address,
+            runtime_env=runtime,
+            log_to_driver=False,
+            logging_level="ERROR",
+            **({"include_dashboard": False, "_node_ip_address": "127.0.0.1"} if address == LOCAL else {}),
+        )
+    except (ConnectionError, ValueError, RuntimeError, OSError) as error:
+        what = (str(error).splitlines() or [type(error).__name__])[0][:200]
+        raise InputError(f"--ray {address}: no cluster there ({what}); start one by `ray start --head`") from error
+    return ray

@@ -1,0 +1,160 @@
+"""Recipes drawn from a lexicon by seed, read from lines of glosses, or of all ordered pairs of its signs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from signsplice.bulk.recipes import ROWS, SentenceRecipe, batch_of
+from signsplice.errors import InputError, UnknownGlossError
+from signsplice.formats.reading import read_bytes
+from signsplice.lexicon.entry import LETTER_MARK
+from signsplice.lexicon.reader import Lexicon
+from signsplice.lexicon.sentence import parse
+
+_TILE = 100
+"""Pairs come in squares of so many words by as many, so that pairs near one another are of few words."""
+Range = tuple[float, float]
+
+
+def signs(lexicon: Lexicon) -> list[str]:
+    """The glosses of a lexicon's signs, without letters. Raises ``InputError`` where there are not two."""
+    found = [entry.gloss for entry in lexicon.entries() if entry.kind == "sign"]
+    if len(found) < 2:
+        raise InputError(f"{lexicon.path}: {len(found)} signs, expected two or more to draw from")
+    return found
+
+
+def drawn(
+    glosses: Sequence[str],
+    count: int,
+    n_words: tuple[int, int],
+    seed: int,
+    signers: Sequence[str] = ("",),
+    ranges: Mapping[str, Range] | None = None,
+    dials: Mapping[str, Any] | None = None,
+) -> Iterator[pa.RecordBatch]:
+    """``count`` recipes of ``n_words`` (least, most) glosses each, no word twice in a row, all by ``seed``.
+
+    signers: of which each recipe draws one. ranges: dials that are drawn uniformly, to three decimals, with least and
+    most. dials: those that are the same in all. Row k is the same whatever ``count`` is.
+    """
+    for start in range(0, count, ROWS):
+        rng = np.random.default_rng([seed, start])
+        lengths = rng.integers(n_words[0], n_words[1] + 1, ROWS)
+        words = rng.integers(0, len(glosses), (ROWS, n_words[1]))
+        for column in range(1, n_words[1]):  # a word that repeats the one before gives way to another
+            same = words[:, column] == words[:, column - 1]
+            words[same, column] = (words[same, column] + rng.integers(1, len(glosses), same.sum())) % len(glosses)
+        who = rng.integers(0, len(signers), ROWS)
+        chosen = {name: np.round(rng.uniform(*span, ROWS), 3) for name, span in (ranges or {}).items()}
+        yield batch_of(
+            SentenceRecipe(
+                tuple(glosses[word] for word in words[row, : lengths[row]]),
+                signer=signers[who[row]],
+                seed=seed,
+                **dict(dials or {}),
+                **{name: _dial(name, values[row]) for name, values in chosen.items()},
+            )
+            for row in range(min(ROWS, count - start))
+        )
+
+
+def _dial(name: str, value: float) -> Any:
+    return f"{value:g}" if name in ("transition_time", "tempo") else float(value)
+
+
+def lines(
+    path: str | Path, lexicon: Lexicon, dials: Mapping[str, Any] | None = None
+) -> tuple[list[pa.RecordBatch], list[str]]:
+    """A recipe for each line of glosses of a text file that is not blank, read as ``sentence`` reads them; and a
+    warning for each line with words that the lexicon lacks and that cannot be spelled: those become rows that fail.
+
+    Raises ``InputError`` for a line without glosses, and for a file that is not UTF-8 or has no line.
+    """
+    try:
+        text = read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8, expected lines of glosses in UTF-8") from error
+    found, warnings = [], []
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip():
+            continue
+        try:
+            tokens = tuple(
+                _token(unit.token, unit.glosses, unit.spelled) for unit in parse(line, lexicon) if unit.glosses
+            )
+        except UnknownGlossError as error:
+            tokens = tuple(line.split())
+            warnings.append(f"{path}:{number}: {error}")
+        except InputError as error:
+            raise InputError(f"{path}:{number}: {error}") from error
+        found.append(SentenceRecipe(tokens, **dict(dials or {})))
+    if not found:
+        raise InputError(f"{path}: no line of glosses, expected one sentence a line")
+    return [batch_of(found[start : start + ROWS]) for start in range(0, len(found), ROWS)], warnings
+
+
+def _token(typed: str, glosses: Sequence[str], spelled: bool) -> str:
+    """A token of a line as one entry of ``SentenceRecipe.glosses``."""
+    return LETTER_MARK + "".join(gloss.removeprefix(LETTER_MARK) for gloss in glosses) if spelled else glosses[0]
+
+
+def pairs(
+    glosses: Sequence[str], count: int | None = None, seed: int = 0, dials: Mapping[str, Any] | None = None
+) -> Iterator[pa.RecordBatch]:
+    """All ordered pairs of different glosses, or ``count`` of them drawn by ``seed``, without repeats.
+
+    All pairs come tile by tile, so that any thousand of them in a row are of few words. Raises ``InputError`` where
+    there are fewer than ``count``.
+    """
+    n, most = len(glosses), len(glosses) * (len(glosses) - 1)
+    if count is None or count == most:
+        ranks: Iterator[np.ndarray[Any, Any]] = _tiles(n)
+        seed = 0
+    elif 1 <= count <= most:
+        ranks = iter([_without_repeats(most, count, seed)])
+    else:
+        raise InputError(f"--count {count}, expected 1 to {most:,}, the ordered pairs of {n:,} signs")
+    waiting = np.zeros(0, np.int64)
+    for more in ranks:
+        waiting = np.concatenate([waiting, more])
+        while len(waiting) >= ROWS:
+            yield _pair_batch(glosses, waiting[:ROWS], seed, dials)
+            waiting = waiting[ROWS:]
+    if len(waiting):
+        yield _pair_batch(glosses, waiting, seed, dials)
+
+
+def _tiles(n: int) -> Iterator[np.ndarray[Any, Any]]:
+    """The ranks of all pairs, a band of tiles at a time. Rank r: word r // (n-1), then the (r % (n-1))-th other one."""
+    for top in range(0, n, _TILE):
+        before = np.arange(top, min(top + _TILE, n))
+        yield np.concatenate(
+            [
+                (before[:, None] * (n - 1) + np.arange(left, min(left + _TILE, n - 1))).ravel()
+                for left in range(0, n - 1, _TILE)
+            ]
+        )
+
+
+def _without_repeats(most: int, count: int, seed: int) -> np.ndarray[Any, Any]:
+    """``count`` different ranks below ``most``, rising."""
+    return np.sort(np.random.default_rng(seed).choice(most, count, replace=False, shuffle=False))
+
+
+def _pair_batch(
+    glosses: Sequence[str], ranks: np.ndarray[Any, Any], seed: int, dials: Mapping[str, Any] | None
+) -> pa.RecordBatch:
+    before, rest = np.divmod(ranks, len(glosses) - 1)
+    after = rest + (rest >= before)
+    same = batch_of([SentenceRecipe(("",), seed=seed, **dict(dials or {}))])
+    names = pa.array(glosses, pa.string()).take(pa.array(np.stack([before, after], 1).ravel()))
+    offsets = pa.array(np.arange(0, 2 * len(ranks) + 1, 2), pa.int32())
+    columns = [pa.ListArray.from_arrays(offsets, names)]
+    columns += [pa.repeat(column[0], len(ranks)) for column in same.columns[1:]]
+    return pa.RecordBatch.from_arrays(columns, schema=same.schema)

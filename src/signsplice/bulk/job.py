@@ -1,0 +1,228 @@
+"""What a folder of shards is made from: its job, kept in the folder, so that a run is resumed by the same job alone."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, fields, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from signsplice.bulk import recipes
+from signsplice.errors import FormatError, InputError
+from signsplice.formats.atomic import check_place, replacing
+from signsplice.formats.json_files import check_type, read_json
+from signsplice.lexicon.reader import Lexicon
+from signsplice.splicing.methods import open_learned
+
+JOB, RECIPES, SUMMARY, INDEX, UNFINISHED = "job.json", "recipes.parquet", "summary.json", "index", "unfinished"
+"""Names in a folder of shards; ``UNFINISHED`` is there while a run is, or was when it was ended."""
+FRAMES, RECIPES_ONLY = STORES = ("frames", "recipes")
+FORMATS = ("npz", "bvh", "glb")
+VERSION = 1
+_LIBRARIES = ("numpy", "scipy", "onnxruntime")
+_FREE = ("lexicon", "bundle", "processor")
+"""What may differ when a run is resumed: where the words and networks lie, not what they are."""
+
+
+@dataclass(frozen=True)
+class BulkJob:
+    """What decides every byte of a folder of shards.
+
+    version: of this description.
+    signsplice: version of the package.
+    n_recipes, recipes_sha256: the recipes, and the hash of the file that holds them.
+    lexicon, lexicon_sha256: where the words were read, and the hash of all that decides them.
+    bundle, bundle_sha256: where the networks were read, None for those that ship; and their hash, None without any.
+    store: one of ``STORES``.
+    format: of clips, one of ``FORMATS``.
+    poses: whether each sample has positions of joints and annotations beside its clip.
+    shard_size: recipes of a shard.
+    made_with: versions of the libraries that compute.
+    processor: of the machine where the job began.
+    """
+
+    version: int
+    signsplice: str
+    n_recipes: int
+    recipes_sha256: str
+    lexicon: str
+    lexicon_sha256: str
+    bundle: str | None
+    bundle_sha256: str | None
+    store: str
+    format: str
+    poses: bool
+    shard_size: int
+    made_with: dict[str, str]
+    processor: str
+
+    @property
+    def n_shards(self) -> int:
+        """How many shards there will be."""
+        return -(-self.n_recipes // self.shard_size)
+
+    def rows(self, shard: int) -> range:
+        """The rows of a shard."""
+        return range(shard * self.shard_size, min((shard + 1) * self.shard_size, self.n_recipes))
+
+    @property
+    def sha256(self) -> str:
+        """Hash of what may not differ when a run is resumed."""
+        decided = {name: value for name, value in asdict(self).items() if name not in _FREE}
+        return hashlib.sha256(json.dumps(decided, sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class BulkOptions:
+    """What a call wants; fields as in ``BulkJob``. Raises ``InputError`` for what is out of range."""
+
+    lexicon: str
+    bundle: str | None = None
+    store: str = FRAMES
+    format: str = "npz"
+    poses: bool = True
+    shard_size: int = 1000
+
+    def __post_init__(self) -> None:
+        for what, value, known in (("--store", self.store, STORES), ("--format", self.format, FORMATS)):
+            if value not in known:
+                raise InputError(f"{what} {value[:40]!r}, expected {', '.join(known)}")
+        if not 1 <= self.shard_size <= 1_000_000:
+            raise InputError(f"--shard-size {self.shard_size}, expected 1 to 1,000,000 sentences")
+
+
+def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.RecordBatch]]) -> BulkJob:
+    """The job of a folder: the one that is there if it is the same, a new one in a new or empty folder.
+
+    batches: makes the recipes, anew at each call. Raises ``InputError`` where the folder was begun with other recipes,
+    words, networks or options, which it names, or holds something else.
+    """
+    check_place(out)
+    with Lexicon(options.lexicon) as words:
+        lexicon_sha256 = hash_of_words(words)
+    decided: dict[str, Any] = {
+        "version": VERSION,
+        "signsplice": version("signsplice"),
+        "lexicon_sha256": lexicon_sha256,
+        "bundle_sha256": open_learned(options.bundle).sha256,
+        "store": options.store,
+        "format": options.format,
+        "poses": options.poses,
+        "shard_size": options.shard_size,
+        "made_with": libraries(),
+    }
+    places: dict[str, Any] = {
+        "lexicon": str(Path(options.lexicon).resolve()),
+        "bundle": None if options.bundle is None else str(Path(options.bundle).resolve()),
+    }
+    if (out / JOB).exists():
+        job = read_job(out)
+        for name, value in decided.items():
+            if getattr(job, name) != value:
+                raise InputError(
+                    f"{out}: was begun with {name} {_short(getattr(job, name))}, this call has {_short(value)}; "
+                    "call it as it was begun, or name a new folder"
+                )
+        if not recipes.is_same(out / RECIPES, batches()):
+            raise InputError(f"{out}: was begun with other recipes; give the same, or name a new folder")
+        return _written(replace(job, **places), out)
+    _check_new(out)
+    out.mkdir(exist_ok=True)
+    n_recipes = recipes.write(out / RECIPES, batches())
+    if not n_recipes:
+        (out / RECIPES).unlink()
+        raise InputError("no recipes, expected one row or more")
+    digest = hashlib.sha256((out / RECIPES).read_bytes()).hexdigest()
+    job = BulkJob(**decided, **places, n_recipes=n_recipes, recipes_sha256=digest, processor=processor())
+    return _written(job, out)
+
+
+def _written(job: BulkJob, out: Path) -> BulkJob:
+    with replacing(out / JOB) as temporary:
+        temporary.write_text(json.dumps(asdict(job), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    return job
+
+
+def _check_new(out: Path) -> None:
+    """Raise ``InputError`` where a folder holds more than what a call that was ended at once leaves there."""
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out}: is a file, expected a folder or a new name")
+    others = sorted(path.name for path in out.glob("*") if path.name != RECIPES and not path.name.startswith("."))
+    if others:
+        raise InputError(f"{out}: holds {others[0]} and no {JOB}; name a new folder, or an empty one")
+
+
+def _short(value: object) -> str:
+    return value[:12] if isinstance(value, str) and len(value) == 64 else str(value)
+
+
+def read_job(out: Path) -> BulkJob:
+    """The job of a folder of shards. Raises ``InputError`` where there is none."""
+    if not (out / JOB).is_file():
+        raise InputError(
+            f"{out}: holds no {JOB}, expected a folder that `signsplice bulk sentences` or `bulk pairs` made"
+        )
+    stored = read_json(out / JOB, "the job of a folder of shards")
+    try:
+        kinds = BulkJob.__annotations__
+        for row in fields(BulkJob):
+            check_type(stored[row.name], _KINDS[kinds[row.name]], row.name)
+        if stored["version"] != VERSION:
+            raise ValueError(f"version {stored['version']}, expected {VERSION}")
+        return BulkJob(**{row.name: stored[row.name] for row in fields(BulkJob)})
+    except (KeyError, TypeError, ValueError) as error:
+        raise FormatError(f"is no job of a folder of shards ({str(error)[:200]})", file=str(out / JOB)) from error
+
+
+_KINDS: dict[Any, Any] = {
+    "int": int, "str": str, "bool": bool, "str | None": str | None, "dict[str, str]": dict[str, str],
+}  # fmt: skip
+
+
+def hash_of_words(words: Lexicon) -> str:
+    """Hash of all that a splice reads of a lexicon: glosses, synonyms, signers, rates and motions."""
+    digest = hashlib.sha256()
+    for entry in words.entries():
+        digest.update(json.dumps([entry.gloss, entry.kind, entry.synonyms, entry.signer, entry.sha256]).encode())
+    return digest.hexdigest()
+
+
+def libraries() -> dict[str, str]:
+    """Versions of the libraries that compute."""
+    return {name: version(name) for name in _LIBRARIES}
+
+
+def processor() -> str:
+    """The name of the processor, or its architecture where the system does not say."""
+    try:
+        names = [line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("model name")]
+    except OSError:
+        names = []
+    return names[0].partition(":")[2].strip() if names else platform.processor() or platform.machine()
+
+
+def tar_of(out: Path, shard: int) -> Path:
+    """Where a shard's samples lie."""
+    return out / f"shard-{shard:06d}.tar"
+
+
+def index_of(out: Path, shard: int) -> Path:
+    """Where a shard's rows of the index lie. It is written last: a shard that has it is whole."""
+    return out / INDEX / f"{shard:06d}.parquet"
+
+
+def is_whole(out: Path, job: BulkJob, shard: int) -> bool:
+    """Whether a shard is there, of this job, and its samples have as many bytes as when they were written."""
+    try:
+        metadata = pq.read_metadata(index_of(out, shard)).metadata or {}
+        size = tar_of(out, shard).stat().st_size if job.store == FRAMES else 0
+    except (OSError, pa.ArrowException):
+        return False
+    return metadata.get(b"job") == job.sha256.encode() and metadata.get(b"tar_bytes") == str(size).encode()

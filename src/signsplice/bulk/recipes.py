@@ -1,0 +1,206 @@
+"""Recipes: rows that say all that decides a sentence, in Parquet or CSV."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass, fields
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv
+import pyarrow.parquet as pq
+
+from signsplice.errors import FormatError, InputError
+from signsplice.formats.atomic import replacing
+from signsplice.splicing.options import SpliceOptions
+
+SUFFIXES = (".parquet", ".csv")
+ROWS = 65_536
+"""Recipes of a batch, and of a row group of a file."""
+
+
+@dataclass(frozen=True)
+class SentenceRecipe:
+    """What decides a sentence, beside the lexicon and the networks. What is not given has the default of ``sentence``.
+
+    glosses: words of the lexicon in order; others are spelled, see ``spell``. Compounds are not looked for.
+    signer: who of the lexicon's signers signs: clips of others are brought to that one's body. Empty: every clip as it
+        is, on the body of the first.
+    seed: of the draw that the recipe comes from. Splicing draws nothing.
+    transition_time: seconds, or the name of a rule.
+    sign_speed, tempo, fps, cutter, transition, free_hand, avoid_collisions: as in ``SpliceOptions``.
+    spell: whether words that the lexicon lacks are spelled; else the row fails.
+    """
+
+    glosses: tuple[str, ...]
+    signer: str = ""
+    seed: int = 0
+    transition_time: str = "auto"
+    sign_speed: float = 1.0
+    tempo: str = "citation"
+    fps: float | None = None
+    cutter: str | None = None
+    transition: str | None = None
+    free_hand: str = "transition"
+    avoid_collisions: bool | None = None
+    spell: bool = True
+
+    @property
+    def sha256(self) -> str:
+        """Hash of all fields."""
+        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True, ensure_ascii=False).encode()).hexdigest()
+
+    def options(self, bundle: str | None) -> SpliceOptions:
+        """The call of the engine, with the networks of ``bundle``. Raises ``InputError`` for a number out of range."""
+        try:
+            seconds, rule = float(self.transition_time), "auto"
+        except ValueError:
+            seconds, rule = None, self.transition_time
+        return SpliceOptions(
+            cutter=self.cutter,
+            transition=self.transition,
+            duration=rule,
+            bundle=bundle,
+            transition_time=seconds,
+            sign_speed=self.sign_speed,
+            tempo=self.tempo,
+            fps=self.fps,
+            avoid_collisions=self.avoid_collisions,
+            free_hand=self.free_hand,
+        )
+
+
+_TYPES = {"glosses": pa.list_(pa.string()), "seed": pa.int64(), "sign_speed": pa.float64(), "fps": pa.float64()}
+_TYPES |= {"avoid_collisions": pa.bool_(), "spell": pa.bool_()}
+_DEFAULTS: Mapping[str, Any] = {row.name: row.default for row in fields(SentenceRecipe)} | {"glosses": None}
+SCHEMA = pa.schema([(name, _TYPES.get(name, pa.string())) for name in _DEFAULTS])
+"""Columns of recipes."""
+
+
+def read(path: str | Path) -> Iterator[pa.RecordBatch]:
+    """The recipes of a file by its suffix, ``.parquet`` or ``.csv``, as batches of ``ROWS`` rows of ``SCHEMA``.
+
+    Only the column ``glosses`` must be there: a list of texts, or a text with white space between glosses. What is
+    left out or empty has its default. Raises ``InputError``, which names the file and the column, for anything else.
+    """
+    path = Path(path)
+    check_suffix(path)
+    try:
+        if path.suffix.lower() == ".csv":
+            text = pyarrow.csv.ConvertOptions(
+                column_types={name: pa.string() for name in SCHEMA.names}, null_values=[""], strings_can_be_null=True
+            )
+            with pyarrow.csv.open_csv(path, convert_options=text) as rows:
+                yield from _batches(path, rows)
+        else:
+            with pq.ParquetFile(path) as file:
+                yield from _batches(path, file.iter_batches(ROWS))
+    except (pa.ArrowException, OSError) as error:
+        raise FormatError(f"cannot be read as recipes ({str(error)[:200]})", file=str(path)) from error
+
+
+def check_suffix(path: str | Path) -> None:
+    """Raise ``InputError`` for a name that is none of a file of recipes."""
+    if Path(path).suffix.lower() not in SUFFIXES:
+        raise InputError(f"{path}: expected recipes in a file whose name ends in {' or '.join(SUFFIXES)}")
+
+
+def _batches(path: Path, stored: Iterable[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
+    """Batches as they are in a file -> batches of ``SCHEMA``, each of ``ROWS`` rows but the last."""
+    waiting: list[pa.RecordBatch] = []
+    for batch in stored:
+        waiting.append(_checked(batch, path))
+        while sum(map(len, waiting)) >= ROWS:
+            joined = pa.concat_batches(waiting)
+            yield joined[:ROWS]
+            waiting = [joined[ROWS:]]
+    if any(map(len, waiting)):
+        yield pa.concat_batches(waiting)
+
+
+def _checked(batch: pa.RecordBatch, path: Path) -> pa.RecordBatch:
+    names = batch.schema.names
+    unknown = [name for name in names if name not in SCHEMA.names]
+    if unknown or "glosses" not in names:
+        what = f"column {unknown[0][:40]!r}" if unknown else "no column 'glosses'"
+        raise FormatError(f"{what}, expected glosses and any other of {', '.join(SCHEMA.names[1:])}", file=str(path))
+    columns = []
+    for name, kind in zip(SCHEMA.names, SCHEMA.types, strict=True):
+        try:
+            columns.append(_column(batch, name, kind))
+        except (pa.ArrowException, ValueError) as error:
+            raise FormatError(f"column {name}: {str(error)[:200]}, expected {kind}", file=str(path)) from error
+    return pa.RecordBatch.from_arrays(columns, schema=SCHEMA)
+
+
+def _column(batch: pa.RecordBatch, name: str, kind: pa.DataType) -> pa.Array:
+    if name not in batch.schema.names:
+        return pa.array([_DEFAULTS[name]] * len(batch), kind)
+    column = batch.column(name)
+    if isinstance(column, pa.DictionaryArray):
+        column = column.dictionary_decode()
+    if name == "glosses":
+        if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
+            column = pc.utf8_split_whitespace(pc.utf8_trim_whitespace(column))
+        if column.null_count:
+            raise ValueError("a row has no glosses")
+    elif pa.types.is_string(kind) and not pa.types.is_string(column.type):
+        column = pa.array([None if value is None else f"{value:g}" for value in column.to_pylist()], kind)
+    column = column.cast(kind)
+    return column if _DEFAULTS[name] is None else column.fill_null(pa.scalar(_DEFAULTS[name], kind))
+
+
+def batch_of(rows: Iterable[SentenceRecipe]) -> pa.RecordBatch:
+    """Recipes as one batch of ``SCHEMA``."""
+    return pa.RecordBatch.from_pylist([asdict(row) for row in rows], schema=SCHEMA)
+
+
+def recipes_of(batch: pa.RecordBatch) -> list[SentenceRecipe]:
+    """The rows of a batch of ``SCHEMA``."""
+    return [SentenceRecipe(**row | {"glosses": tuple(row["glosses"])}) for row in batch.to_pylist()]
+
+
+def write(path: str | Path, batches: Iterable[pa.RecordBatch]) -> int:
+    """Write batches of ``SCHEMA`` by suffix, whole or not at all: how many rows. In CSV glosses are one text, with
+    blanks between them.
+    """
+    n_rows = 0
+    with replacing(path) as temporary:
+        if Path(path).suffix.lower() == ".csv":
+            schema = SCHEMA.set(0, pa.field("glosses", pa.string()))
+            with pyarrow.csv.CSVWriter(temporary, schema) as table:
+                for batch in batches:
+                    joined = pc.binary_join(batch.column(0), " ")
+                    table.write(pa.RecordBatch.from_arrays([joined, *batch.columns[1:]], schema=schema))
+                    n_rows += len(batch)
+        else:
+            with pq.ParquetWriter(temporary, SCHEMA, compression="zstd") as file:
+                for batch in batches:
+                    file.write_batch(batch, row_group_size=ROWS)
+                    n_rows += len(batch)
+    return n_rows
+
+
+def rows(path: str | Path, start: int, stop: int) -> list[SentenceRecipe]:
+    """Recipes start .. stop-1 of a file that ``write`` wrote as Parquet, of which only their row groups are read."""
+    with pq.ParquetFile(path) as file:
+        groups = range(start // ROWS, min(file.num_row_groups, (stop - 1) // ROWS + 1))
+        found = chain.from_iterable(file.iter_batches(ROWS, row_groups=[group]) for group in groups)
+        table = pa.Table.from_batches(found, SCHEMA)
+    first = start - start // ROWS * ROWS
+    return [row for batch in table.slice(first, stop - start).to_batches() for row in recipes_of(batch)]
+
+
+def is_same(path: str | Path, batches: Iterable[pa.RecordBatch]) -> bool:
+    """Whether a file that ``write`` wrote holds these rows and no others."""
+    with pq.ParquetFile(path) as file:
+        stored = file.iter_batches(ROWS)
+        for batch in batches:
+            if not batch.equals(next(stored, None)):
+                return False
+        return next(stored, None) is None

@@ -1,0 +1,119 @@
+"""A run: the shards that are not there yet, made here or on a cluster; what the folder holds at the end."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import pyarrow.parquet as pq
+
+from signsplice.bulk import cluster, local
+from signsplice.bulk.job import INDEX, SUMMARY, UNFINISHED, BulkJob, index_of, is_whole, tar_of
+from signsplice.bulk.maker import WORDS_KEPT
+from signsplice.bulk.shards import ShardResult
+from signsplice.errors import InputError
+from signsplice.formats.atomic import replacing, resumable_folder
+
+MOST_REASONS = 20
+"""Reasons for failed rows that a summary lists, the most frequent first."""
+
+
+@dataclass(frozen=True)
+class BulkSummary:
+    """What a finished folder holds; the same whoever made it, and in how many goes.
+
+    n_recipes, n_shards, n_failed: rows, shards, and rows of which no sentence could be made.
+    n_seams, n_frames, n_bytes: of all sentences, and of the files of their shards.
+    seconds: of motion.
+    reasons: why rows failed -> how many, the most frequent ``MOST_REASONS``.
+    """
+
+    n_recipes: int
+    n_shards: int
+    n_failed: int
+    n_seams: int
+    n_frames: int
+    n_bytes: int
+    seconds: float
+    reasons: dict[str, int]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run is.
+
+    n_before: rows of shards that were there before.
+    n_done, n_failed: rows so far, those of before among them; those of this run that failed.
+    n_rows: all.
+    """
+
+    n_before: int
+    n_done: int
+    n_failed: int
+    n_rows: int
+
+
+def run(
+    out: Path,
+    job: BulkJob,
+    workers: int | None = None,
+    ray: str | None = None,
+    n_kept: int = WORDS_KEPT,
+    advance: Callable[[Progress], None] | None = None,
+) -> BulkSummary:
+    """Make what is missing of a folder of shards, by processes of this machine, or on the Ray cluster at the address
+    ``ray``.
+
+    workers: how many; by default one for each core of the machine, or of the cluster.
+    advance: is told how far it is.
+
+    Raises ``InputError`` where another call is writing there, and what
+    ``local.make_all`` and ``cluster.make_all`` raise.
+    """
+    if workers is not None and workers < 1:
+        raise InputError(f"--workers {workers}, expected 1 or more")
+    (out / INDEX).mkdir(exist_ok=True)
+    with resumable_folder(out / UNFINISHED):
+        missing = [shard for shard in range(job.n_shards) if not is_whole(out, job, shard)]
+        before = job.n_recipes - sum(len(job.rows(shard)) for shard in missing)
+        done, failed = before, 0
+        if advance is not None:
+            advance(Progress(before, done, failed, job.n_recipes))
+        for shard in _made(str(out.resolve()), missing, workers, ray, n_kept) if missing else ():
+            done, failed = done + shard.n_rows, failed + shard.n_failed
+            if advance is not None:
+                advance(Progress(before, done, failed, job.n_recipes))
+        summary = summarize(out, job)
+        with replacing(out / SUMMARY) as temporary:
+            temporary.write_text(json.dumps(asdict(summary), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    return summary
+
+
+def _made(out: str, missing: list[int], workers: int | None, ray: str | None, n_kept: int) -> Iterator[ShardResult]:
+    if ray is not None:
+        return cluster.make_all(out, missing, ray, n_kept, workers)
+    return local.make_all(out, missing, min(workers or local.cores(), len(missing)), n_kept)
+
+
+def summarize(out: Path, job: BulkJob) -> BulkSummary:
+    """What the shards of a folder hold, from their index. Raises ``InputError`` where a shard is missing."""
+    reasons: Counter[str] = Counter()
+    n_failed = n_seams = n_frames = n_bytes = 0
+    seconds = 0.0
+    for shard in range(job.n_shards):
+        if not is_whole(out, job, shard):
+            raise InputError(f"{out}: shard {shard} is not whole; the same call makes it")
+        table = pq.read_table(index_of(out, shard), columns=["frames", "fps", "seams", "error"])
+        failed = [error for error in table["error"].to_pylist() if error is not None]
+        reasons.update(failed)
+        frames, rates = table["frames"].drop_null().to_numpy(), table["fps"].drop_null().to_numpy()
+        n_failed += len(failed)
+        n_seams += int(table["seams"].drop_null().to_numpy().sum())
+        n_frames += int(frames.sum())
+        seconds += float((frames / rates).sum())
+        n_bytes += sum(path.stat().st_size for path in (tar_of(out, shard), index_of(out, shard)) if path.exists())
+    most = dict(sorted(reasons.most_common(MOST_REASONS), key=lambda row: (-row[1], row[0])))
+    return BulkSummary(job.n_recipes, job.n_shards, n_failed, n_seams, n_frames, n_bytes, round(seconds, 3), most)

@@ -1,0 +1,227 @@
+"""One shard: recipes k*n .. (k+1)*n-1 made in order, their samples in a tar file, their rows of the index beside it."""
+
+from __future__ import annotations
+
+import json
+import tarfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from signsplice.bulk import recipes
+from signsplice.bulk.job import (
+    FRAMES,
+    RECIPES,
+    BulkJob,
+    hash_of_words,
+    index_of,
+    libraries,
+    processor,
+    read_job,
+    tar_of,
+)
+from signsplice.bulk.maker import WORDS_KEPT, FailedSentence, MadeSentence, SentenceMaker
+from signsplice.bulk.poses import poses, signs
+from signsplice.errors import InputError, SignspliceError
+from signsplice.formats import encode, save
+from signsplice.formats.atomic import replacing
+from signsplice.lexicon.reader import open_lexicon
+from signsplice.motion.cache import CACHE
+from signsplice.splicing import report as reports
+from signsplice.splicing.methods import open_learned
+
+TOGETHER = 64
+"""Sentences that are given to the engine at a time: as many as are in memory."""
+INDEX_SCHEMA = pa.schema(
+    [
+        ("row", pa.int64()),
+        ("key", pa.string()),
+        ("shard", pa.int32()),
+        ("offset", pa.int64()),
+        ("n_bytes", pa.int64()),
+        ("glosses", pa.list_(pa.string())),
+        ("signer", pa.string()),
+        ("frames", pa.int32()),
+        ("fps", pa.float64()),
+        ("seams", pa.int32()),
+        ("warnings", pa.int32()),
+        ("recipe_sha256", pa.string()),
+        ("motion_sha256", pa.string()),
+        ("error", pa.string()),
+    ]
+)
+"""A row of the index. offset, n_bytes: where the clip's bytes lie in the tar file. error: why there is no sentence,
+null where there is one; all that is not known then is null.
+"""
+
+
+@dataclass(frozen=True)
+class ShardResult:
+    """What became of a shard.
+
+    shard: its number.
+    n_rows, n_failed: recipes, and those of which nothing could be made.
+    n_seams, n_frames: of all its sentences.
+    n_bytes: of its files.
+    seconds: processor time that it took.
+    """
+
+    shard: int
+    n_rows: int
+    n_failed: int
+    n_seams: int
+    n_frames: int
+    n_bytes: int
+    seconds: float
+
+
+def make_shard(out: str, shard: int, n_kept: int) -> ShardResult:
+    """Make a shard of the folder ``out``, whole. The process keeps words and networks for the next one.
+
+    n_kept: words to keep. Raises ``InputError`` where this process finds another lexicon, bundle or version than the
+    job's.
+    """
+    began = time.process_time()
+    folder = Path(out)
+    job = read_job(folder)
+    maker = CACHE.recent(_open_maker, folder, job.sha256, n_kept, most=1)
+    rows: list[dict[str, Any]] = []
+    with _samples(folder, job, shard) as samples:
+        todo = recipes.rows(folder / RECIPES, job.rows(shard).start, job.rows(shard).stop)
+        for start in range(0, len(todo), TOGETHER):
+            for n, made in enumerate(maker.make(todo[start : start + TOGETHER]), job.rows(shard).start + start):
+                rows.append({"row": n, "key": f"{n:09d}", "shard": shard, **_row(made, samples, f"{n:09d}")})
+    tar_bytes = tar_of(folder, shard).stat().st_size if samples is not None else 0
+    metadata = {"job": job.sha256, "tar_bytes": str(tar_bytes)}
+    with replacing(index_of(folder, shard)) as temporary:
+        pq.write_table(pa.Table.from_pylist(rows, INDEX_SCHEMA.with_metadata(metadata)), temporary, compression="zstd")
+    return ShardResult(
+        shard,
+        len(rows),
+        sum(row["error"] is not None for row in rows),
+        sum(row["seams"] or 0 for row in rows),
+        sum(row["frames"] or 0 for row in rows),
+        tar_bytes + index_of(folder, shard).stat().st_size,
+        time.process_time() - began,
+    )
+
+
+def open_maker(out: Path, n_kept: int) -> SentenceMaker:
+    """What makes the sentences of a folder of shards. Raises ``InputError`` as ``make_shard`` does."""
+    job = read_job(out)
+    words = open_lexicon(job.lexicon)
+    found: dict[str, tuple[object, object, object]] = {
+        "package": (version("signsplice"), job.signsplice, "signsplice"),
+        "libraries": (libraries(), job.made_with, ", ".join(map(" ".join, job.made_with.items()))),
+        "lexicon": (hash_of_words(words), job.lexicon_sha256, job.lexicon),
+        "bundle": (open_learned(job.bundle).sha256, job.bundle_sha256, job.bundle or "the one that ships"),
+    }
+    for what, (here, wanted, where) in found.items():
+        if here != wanted:
+            raise InputError(
+                f"{out}: its {what}, {where}, is another in this process than when it was begun; "
+                "put that one back there"
+            )
+    return SentenceMaker(words, job.bundle, n_kept)
+
+
+def _open_maker(out: Path, job_sha256: str, n_kept: int) -> SentenceMaker:
+    """``open_maker`` for the job of this hash: another one is another call."""
+    return open_maker(out, n_kept)
+
+
+def remake(out: str, row: int, output: str, report: str | None) -> str:
+    """Make one row of a folder of shards anew and write its clip, and its report: the line to print.
+
+    Raises ``InputError`` for a row that there is not, or that fails as it did, and ``SignspliceError`` where its motion
+    is not the one that the index has.
+    """
+    folder = Path(out)
+    job = read_job(folder)
+    if not 0 <= row < job.n_recipes:
+        raise InputError(f"{out}: row {row}, expected 0 to {job.n_recipes - 1}")
+    (made,) = open_maker(folder, WORDS_KEPT).make(recipes.rows(folder / RECIPES, row, row + 1))
+    if isinstance(made, FailedSentence):
+        raise InputError(f"{out}: row {row}: {made.reason}")
+    index = index_of(folder, row // job.shard_size)
+    wanted = None
+    if index.exists():
+        wanted = pq.read_table(index, columns=["motion_sha256"])[0][row % job.shard_size].as_py()
+    if wanted not in (None, made.motion_sha256):
+        where = f"this machine has {processor()}" if processor() != job.processor else "the same processor"
+        raise SignspliceError(
+            f"{out}: row {row}: the motion is not that of the index, bit for bit; it was made on {job.processor} with "
+            f"{', '.join(' '.join(library) for library in job.made_with.items())}; {where}"
+        )
+    save(made.result.clip, output)
+    if report is not None:
+        reports.write(made.report(), report)
+    clip = made.result.clip
+    told = "bit for bit that of the index" if wanted else "not in the index yet"
+    return f"{output}: {len(clip)} frames, {clip.seconds:.2f} s, {told}"
+
+
+def _row(made: MadeSentence | FailedSentence, samples: _Samples | None, key: str) -> dict[str, Any]:
+    """The row of a sentence in the index, whose sample is added to the shard."""
+    recipe = made.recipe
+    row: dict[str, Any] = dict.fromkeys(INDEX_SCHEMA.names[3:])
+    row |= {"glosses": list(recipe.glosses), "signer": recipe.signer, "recipe_sha256": recipe.sha256}
+    if isinstance(made, FailedSentence):
+        return row | {"error": made.reason}
+    try:
+        at = {} if samples is None else samples.add(key, made)
+    except InputError as error:  # a clip that the format cannot hold
+        return row | {"error": str(error)}
+    clip, seams = made.result.clip, made.result.seams
+    n_warnings = len(made.result.warnings) + sum(len(seam.warnings) for seam in seams)
+    n_warnings += sum(bool(token.warning) for token in made.tokens)
+    row |= {"signer": made.signer, "frames": len(clip), "fps": clip.fps, "seams": len(seams), "warnings": n_warnings}
+    return row | at | {"motion_sha256": made.motion_sha256}
+
+
+@contextmanager
+def _samples(out: Path, job: BulkJob, shard: int) -> Iterator[_Samples | None]:
+    """Where the samples of a shard go; its file is put in place when the block succeeds. None where none are kept."""
+    if job.store != FRAMES:
+        yield None
+        return
+    with replacing(tar_of(out, shard)) as temporary, tarfile.open(temporary, "w", format=tarfile.USTAR_FORMAT) as tar:
+        yield _Samples(tar, job)
+
+
+class _Samples:
+    """Samples of WebDataset in a tar file: members named KEY.SUFFIX, without time or owner."""
+
+    def __init__(self, tar: tarfile.TarFile, job: BulkJob) -> None:
+        self._tar, self._job = tar, job
+
+    def add(self, key: str, made: MadeSentence) -> dict[str, int]:
+        """Add a sentence: where its clip's bytes begin, and how many there are."""
+        clip = made.result.clip
+        content = encode(clip, f"{key}.{self._job.format}")
+        self._put(f"{key}.{self._job.format}", content)
+        place = {"offset": self._tar.offset - -(-len(content) // 512) * 512, "n_bytes": len(content)}
+        self._put(f"{key}.json", json.dumps(made.report(), ensure_ascii=False).encode())
+        if self._job.poses:
+            for name, positions in poses(clip).items():
+                stored = BytesIO()
+                np.save(stored, positions)
+                self._put(f"{key}.pose.{name}.npy", stored.getvalue())
+            rows = signs(made.result.spans, clip.fps)
+            self._put(f"{key}.annotations.both_hands.json", json.dumps(rows, ensure_ascii=False).encode())
+            self._put(f"{key}.signer.txt", made.signer.encode())
+        return place
+
+    def _put(self, name: str, content: bytes) -> None:
+        member = tarfile.TarInfo(name)
+        member.size = len(content)
+        self._tar.addfile(member, BytesIO(content))

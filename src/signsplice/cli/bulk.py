@@ -1,0 +1,342 @@
+"""The commands ``bulk``: recipes, and the sentences of recipes in shards, here or on a Ray cluster."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from signsplice.cli.clips import check_apart, check_outputs
+from signsplice.cli.lexicon import open_words
+from signsplice.cli.terminal import note, size, warn
+from signsplice.errors import InputError, MissingExtraError
+from signsplice.formats.atomic import check_writable, replacing
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from signsplice.bulk.run import Progress
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+_LEXICON = click.option("--lexicon", metavar="LEX", help="Lexicon of the words.  [default: the one that ships]")
+_OUT = click.option(
+    "-o", "--output", required=True, metavar="OUT", help="Folder of shards; a run that ended is resumed."
+)
+_SEED = click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Seed of the draw.")
+_RANGED = ("transition_time", "sign_speed", "tempo", "fps")
+"""Dials for which a range may be given where recipes are drawn."""
+
+
+def _added(options: Iterable[Callable[[Command], Command]]) -> Callable[[Command], Command]:
+    def add(command: Command) -> Command:
+        for option in reversed(tuple(options)):
+            command = option(command)
+        return command
+
+    return add
+
+
+_dials = _added(
+    (
+        click.option("--transition-time", metavar="auto|RULE|SECONDS", help="As of `sentence`."),
+        click.option("--sign-speed", metavar="X", help="As of `sentence`."),
+        click.option("--tempo", metavar="citation|natural|SECONDS", help="As of `sentence`."),
+        click.option("--fps", metavar="N", help="As of `sentence`."),
+        click.option("--cutter", metavar="NAME", help="As of `sentence`."),
+        click.option("--transition", metavar="NAME", help="As of `sentence`."),
+        click.option("--free-hand", metavar="transition|natural", help="As of `sentence`."),
+        click.option("--avoid-collisions/--no-avoid-collisions", default=None, help="As of `sentence`."),
+        click.option("--no-spell", is_flag=True, help="Rows with words that the lexicon lacks fail; none is spelled."),
+    )
+)
+_run_options = _added(
+    (
+        _OUT,
+        _LEXICON,
+        click.option("--bundle", metavar="DIR", help="Folder of trained networks.  [default: those that ship]"),
+        click.option("--workers", type=int, metavar="N", help="Processes, or actors of Ray.  [default: one per core]"),
+        click.option("--ray", metavar="ADDRESS", help="Ray cluster to use instead: HOST:PORT, auto or local."),
+        click.option(
+            "--store",
+            default="frames",
+            show_default=True,
+            metavar="frames|recipes",
+            help="Clips and reports in tar files; or recipes and hashes alone, from which `bulk make` makes any row.",
+        ),
+        click.option("--format", default="npz", show_default=True, metavar="npz|bvh|glb", help="Of the clips."),
+        click.option(
+            "--poses/--no-poses",
+            default=True,
+            show_default=True,
+            help="Positions of joints and annotations beside each clip, for sign-language-data-loading.",
+        ),
+        click.option("--shard-size", type=int, default=1000, show_default=True, metavar="N", help="Rows of a shard."),
+        click.option(
+            "--keep-words",
+            type=int,
+            default=2048,
+            show_default=True,
+            metavar="N",
+            help="Words that a process keeps in memory, with what the networks read of them.",
+        ),
+    )
+)
+
+
+@click.group()
+def bulk() -> None:
+    """Make sentences by the million: recipes in, shards out."""
+
+
+@bulk.command()
+@click.argument("lines", metavar="[LINES.txt]", required=False)
+@click.option("-o", "--output", required=True, metavar="RECIPES", help="File to write: .parquet or .csv.")
+@_LEXICON
+@click.option("--count", type=int, metavar="N", help="How many recipes to draw.  [default: 1000]")
+@click.option("--words", metavar="A:B", help="Words of a sentence, least and most.  [default: 3:10]")
+@click.option(
+    "--signer", "signers", multiple=True, metavar="NAME", help="Who signs; given again, each recipe draws one."
+)
+@_SEED
+@_dials
+def recipes(
+    lines: str | None,
+    output: str,
+    lexicon: str | None,
+    count: int | None,
+    words: str | None,
+    signers: tuple[str, ...],
+    seed: int,
+    **dials: Any,
+) -> None:
+    """Write recipes: drawn from the signs of a lexicon, or one for each line of glosses in LINES.txt.
+
+    Drawn dials may be ranges: --sign-speed 0.8:1.2.
+    """
+    _require_extra()
+    from signsplice.bulk import drawing
+    from signsplice.bulk.recipes import check_suffix, write
+
+    check_suffix(output)
+    check_outputs(str(Path(output).with_suffix(".npz")))
+    check_apart(output, [lines])
+    ranges, fixed = _ranges(dials)
+    with open_words(lexicon) as opened:
+        check_apart(output, [opened.path])
+        if lines is not None:
+            if count is not None or words is not None or ranges or len(signers) > 1:
+                raise InputError(
+                    f"{lines}: lines are taken as they are, expected no --count, --words, range or second --signer"
+                )
+            batches, warnings = drawing.lines(lines, opened, fixed | ({"signer": signers[0]} if signers else {}))
+            warn(warnings)
+            made: Iterable[pa.RecordBatch] = batches
+        else:
+            count, n_words = 1000 if count is None else count, _span("--words", words or "3:10")
+            if count < 1 or not (1 <= n_words[0] <= n_words[1] <= 1000 and all(n == int(n) for n in n_words)):
+                raise InputError("--count 1 or more and --words A:B, whole numbers from 1 to 1000, expected")
+            glosses = drawing.signs(opened)
+            least, most = map(int, n_words)
+            made = drawing.drawn(glosses, count, (least, most), seed, signers or ("",), ranges, fixed)
+        n_rows = write(output, made)
+    print(f"{output}: {n_rows:,} recipes")
+
+
+@bulk.command()
+@click.argument("recipes", metavar="RECIPES")
+@_run_options
+def sentences(recipes: str, **options: Any) -> None:
+    """Make the sentence of every recipe of a file, .parquet or .csv.
+
+    Called again after an interruption or a kill, it continues.
+    """
+    _require_extra()
+    from signsplice.bulk.recipes import check_suffix, read
+
+    check_suffix(recipes)
+    check_apart(options["output"], [recipes])
+    _run(lambda _: read(recipes), **options)
+
+
+@bulk.command()
+@click.option("--count", type=int, metavar="N", help="How many, drawn by seed without repeats.  [default: all]")
+@_SEED
+@_run_options
+@_dials
+def pairs(count: int | None, seed: int, **options: Any) -> None:
+    """Make the ordered pairs of a lexicon's signs.
+
+    Called again after an interruption or a kill, it continues.
+    """
+    _require_extra()
+    from signsplice.bulk import drawing
+
+    names = ("transition_time", "sign_speed", "tempo", "fps", "cutter", "transition", "free_hand")
+    dials = {name: options.pop(name) for name in (*names, "avoid_collisions", "no_spell")}
+    ranges, fixed = _ranges(dials)
+    if ranges:
+        raise InputError(f"--{next(iter(ranges)).replace('_', '-')}: a range, expected one value for all pairs")
+    _run(lambda glosses: drawing.pairs(glosses(), count, seed, fixed), **options)
+
+
+@bulk.command()
+@click.argument("folder", metavar="OUT")
+@click.argument("row", type=int, metavar="ROW")
+@click.option(
+    "-o", "--output", required=True, metavar="FILE", help="File to write, by suffix: .bvh, .npz, .glb, .vrma."
+)
+@click.option("--report", metavar="R.json", help="Write the report too.")
+def make(folder: str, row: int, output: str, report: str | None) -> None:
+    """Make one row of a folder of shards anew, and check that it is the same, bit for bit."""
+    _require_extra()
+    from signsplice import formats
+    from signsplice.bulk import local
+    from signsplice.bulk.shards import remake
+
+    formats.check_suffix(output)
+    check_outputs(output, report, [folder])
+    print(local.alone(remake, folder, row, output, report))
+
+
+@bulk.command()
+@_LEXICON
+@click.option("--count", type=int, default=200, show_default=True, metavar="N", help="Sentences of each timing.")
+@click.option("--memory", type=int, default=10_000, show_default=True, metavar="N", help="Sentences made for memory.")
+@_SEED
+@click.option("-o", "--output", required=True, metavar="R.json", help="Figures; tables of them go to R.md beside it.")
+def bench(lexicon: str | None, count: int, memory: int, seed: int, output: str) -> None:
+    """Measure time a core, batched and not, growth with workers, memory and bytes; and what they come to."""
+    _require_extra()
+    if count < 40 or memory < 10 or not output.endswith(".json"):
+        raise InputError("--count 40 or more, --memory 10 or more and -o R.json expected")
+    check_writable(output)
+    check_writable(Path(output).with_suffix(".md"))
+    from signsplice.bulk import bench as benches
+    from signsplice.lexicon.reader import SHIPPED
+
+    found = benches.measure(lexicon or str(SHIPPED), count, memory, lambda what: note([f"measuring {what}"]), seed)
+    with replacing(output) as temporary:
+        temporary.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+    with replacing(Path(output).with_suffix(".md")) as temporary:
+        temporary.write_text(benches.page(found), encoding="utf-8")
+    print(benches.page(found), end="")
+
+
+def _run(
+    batches: Callable[[Callable[[], list[str]]], Iterator[pa.RecordBatch]],
+    output: str,
+    lexicon: str | None,
+    bundle: str | None,
+    workers: int | None,
+    ray: str | None,
+    keep_words: int,
+    **options: Any,
+) -> None:
+    """Make the recipes that ``batches`` gives of the lexicon's signs, and print what there is then."""
+    from signsplice.bulk import drawing, job
+    from signsplice.bulk.run import run
+    from signsplice.lexicon.reader import SHIPPED
+
+    if keep_words < 2:
+        raise InputError(f"--keep-words {keep_words}, expected 2 or more")
+    out, words = Path(output), str(SHIPPED) if lexicon is None else lexicon
+    check_apart(output, [words, bundle])
+    with open_words(lexicon) as opened:
+        wanted = job.BulkOptions(words, bundle, **options)
+        made = job.prepare(out, wanted, lambda: batches(lambda: drawing.signs(opened)))
+    with _shown(f"making {out.name}") as advance:
+        summary = run(out, made, workers, ray, keep_words, advance)
+    warn(f"{n:,} rows failed: {reason}" for reason, n in summary.reasons.items())
+    if summary.n_failed > sum(summary.reasons.values()):
+        warn(["further reasons are in the index, column error"])
+    failed = f", {summary.n_failed:,} failed" if summary.n_failed else ""
+    print(
+        f"{out}: {summary.n_recipes - summary.n_failed:,} sentences{failed}, {summary.n_shards:,} shards, "
+        f"{summary.seconds / 3600:.2f} h of motion, {size(summary.n_bytes)}"
+    )
+
+
+def _ranges(dials: Mapping[str, Any]) -> tuple[dict[str, tuple[float, float]], dict[str, Any]]:
+    """The dials of a call that are ranges, and the others as fields of a recipe; what is not given is left out."""
+    from signsplice.bulk.recipes import SentenceRecipe
+
+    given = {name: value for name, value in dials.items() if value is not None and name != "no_spell"}
+    ranges = {name: _span(name, given[name]) for name in _RANGED if ":" in given.get(name, "")}
+    fixed = {name: value for name, value in given.items() if name not in ranges}
+    for name in ("sign_speed", "fps"):
+        if name in fixed:
+            fixed[name] = _number(name, fixed[name])
+    if dials["no_spell"]:
+        fixed["spell"] = False
+    for ends in zip(*([(name, value) for value in span] for name, span in ranges.items()), strict=True):
+        SentenceRecipe(("",), **fixed, **{name: _field(name, value) for name, value in ends}).options(None)
+    SentenceRecipe(("",), **fixed).options(None).chosen_methods()  # raises for what is out of range, or unknown
+    return ranges, fixed
+
+
+def _field(name: str, value: float) -> Any:
+    return value if name in ("sign_speed", "fps") else f"{value:g}"
+
+
+def _span(name: str, text: str) -> tuple[float, float]:
+    least, _, most = text.partition(":")
+    low, high = _number(name, least), _number(name, most or least)
+    if low > high:
+        raise InputError(f"--{name.strip('-').replace('_', '-')} {text}, expected the least first")
+    return low, high
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"--{name.strip('-').replace('_', '-')} {text!r:.40}, expected a number") from None
+
+
+@contextmanager
+def _shown(what: str) -> Iterator[Callable[[Progress], None] | None]:
+    """A bar with rate, time left and failures, on standard error where that is a terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    import rich.progress as bars
+    from rich.console import Console
+
+    columns = (
+        bars.TextColumn("{task.description}"),
+        bars.BarColumn(),
+        bars.MofNCompleteColumn(),
+        bars.TextColumn("{task.fields[rate]}"),
+        bars.TimeRemainingColumn(elapsed_when_finished=True),
+        bars.TextColumn("{task.fields[failed]}"),
+    )
+    with bars.Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=600) as bar:
+        task = bar.add_task(what, total=None, rate="", failed="")
+
+        def advance(state: Progress) -> None:
+            elapsed = bar.tasks[0].elapsed or 0.0
+            made = state.n_done - state.n_before
+            rate = f"{made / elapsed:.1f}/s" if made and elapsed else ""
+            failed = f"{state.n_failed:,} failed" if state.n_failed else ""
+            bar.update(task, completed=state.n_done, total=state.n_rows, rate=rate, failed=failed)
+
+        yield advance
+
+
+def _require_extra() -> None:
+    """Raise ``MissingExtraError`` where Parquet cannot be read or written."""
+    try:
+        import pyarrow.parquet  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError(
+            f"recipes and shards need {error.name}; install it with: pip install 'signsplice[bulk]'"
+        ) from error
+
+
+COMMANDS = (bulk,)

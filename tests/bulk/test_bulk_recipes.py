@@ -1,0 +1,121 @@
+"""Recipes: read, checked, drawn, all pairs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import permutations
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from signsplice.bulk import drawing, recipes
+from signsplice.bulk.recipes import SentenceRecipe
+from signsplice.errors import FormatError, InputError
+from signsplice.lexicon import shipped
+
+ROWS = [
+    SentenceRecipe(("HELLO", "I"), sign_speed=1.25, transition_time="0.3", seed=7),
+    SentenceRecipe(("fs-ANNA",), signer="standard", fps=60.0, tempo="natural", cutter="pose-velocity", spell=False),
+    SentenceRecipe(("YES", "NO", "YES"), avoid_collisions=False),
+]
+
+
+def rows_of(path: Path) -> list[SentenceRecipe]:
+    return [row for batch in recipes.read(path) for row in recipes.recipes_of(batch)]
+
+
+@pytest.mark.parametrize("name", ["r.csv", "r.parquet"])
+def test_recipes_come_back_as_they_were_written(tmp_path: Path, name: str) -> None:
+    assert recipes.write(tmp_path / name, [recipes.batch_of(ROWS)]) == 3
+    assert rows_of(tmp_path / name) == ROWS
+
+
+def test_only_glosses_are_needed_and_numbers_may_be_numbers(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("glosses,tempo\n  HELLO   I ,\nYES,0.8\n")
+    assert rows_of(tmp_path / "r.csv") == [SentenceRecipe(("HELLO", "I")), SentenceRecipe(("YES",), tempo="0.8")]
+    pq.write_table(pa.table({"glosses": [["YES"]], "transition_time": [0.25], "seed": [3.0]}), tmp_path / "r.parquet")
+    assert rows_of(tmp_path / "r.parquet") == [SentenceRecipe(("YES",), transition_time="0.25", seed=3)]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("glosses,tone\nYES,1\n", "column 'tone', expected glosses and any other of signer, seed"),
+        ("gloss\nYES\n", "column 'gloss', expected glosses"),
+        ("glosses,sign_speed\nYES,fast\n", "column sign_speed: .*fast.*expected double"),
+        ("glosses,seed\n,1\n", "column glosses: a row has no glosses"),
+        ("", "cannot be read as recipes"),
+    ],
+)
+def test_wrong_tables_are_refused_in_one_line(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "r.csv").write_text(text)
+    with pytest.raises(FormatError, match=message) as error:
+        rows_of(tmp_path / "r.csv")
+    assert str(error.value).startswith(str(tmp_path / "r.csv"))
+    assert "\n" not in str(error.value)
+
+
+def test_any_stretch_of_a_long_file_is_found(tmp_path: Path) -> None:
+    glosses = [f"W{k}" for k in range(300)]
+    batches = list(drawing.pairs(glosses))
+    assert [len(batch) for batch in batches] == [recipes.ROWS, 300 * 299 - recipes.ROWS]
+    recipes.write(tmp_path / "r.parquet", batches)
+    across = recipes.rows(tmp_path / "r.parquet", recipes.ROWS - 2, recipes.ROWS + 3)
+    assert across == [*recipes.recipes_of(batches[0][-2:]), *recipes.recipes_of(batches[1][:3])]
+    assert recipes.is_same(tmp_path / "r.parquet", drawing.pairs(glosses))
+    assert not recipes.is_same(tmp_path / "r.parquet", batches[:1])
+    assert not recipes.is_same(tmp_path / "r.parquet", drawing.pairs(glosses, dials={"sign_speed": 1.1}))
+
+
+def test_all_ordered_pairs_come_once_and_near_ones_share_words() -> None:
+    glosses = [f"W{k}" for k in range(230)]
+    pairs = [tuple(row) for batch in drawing.pairs(glosses) for row in batch.column("glosses").to_pylist()]
+    assert sorted(pairs) == sorted(permutations(glosses, 2))
+    for start in range(0, len(pairs), 5000):
+        assert len({gloss for pair in pairs[start : start + 1000] for gloss in pair}) < 250
+    drawn = [tuple(row) for batch in drawing.pairs(glosses, 500, 3) for row in batch.column("glosses").to_pylist()]
+    again = [tuple(row) for batch in drawing.pairs(glosses, 500, 3) for row in batch.column("glosses").to_pylist()]
+    other = [tuple(row) for batch in drawing.pairs(glosses, 500, 4) for row in batch.column("glosses").to_pylist()]
+    assert drawn == again != other
+    assert len(set(drawn)) == 500
+    assert set(drawn) < set(pairs)
+    with pytest.raises(InputError, match="--count 52671, expected 1 to 52,670"):
+        next(drawing.pairs(glosses, 52671))
+
+
+def test_drawn_sentences_follow_the_seed_alone() -> None:
+    def draw(count: int, seed: int) -> list[SentenceRecipe]:
+        ranges = {"sign_speed": (0.8, 1.2), "transition_time": (0.1, 0.4)}
+        batches = drawing.drawn("ABCDE", count, (2, 6), seed, ("kim", "lee"), ranges, {"tempo": "natural"})
+        return [row for batch in batches for row in recipes.recipes_of(batch)]
+
+    rows = draw(400, 1)
+    assert draw(50, 1) == rows[:50] != draw(50, 2)
+    assert {len(row.glosses) for row in rows} == {2, 3, 4, 5, 6}
+    assert all(before != after for row in rows for before, after in zip(row.glosses, row.glosses[1:], strict=False))
+    assert {row.signer for row in rows} == {"kim", "lee"}
+    assert {row.tempo for row in rows} == {"natural"}
+    assert all(0.8 <= row.sign_speed <= 1.2 and 0.1 <= float(row.transition_time) <= 0.4 for row in rows)
+
+
+def test_lines_are_read_as_sentence_reads_them(tmp_path: Path) -> None:
+    (tmp_path / "lines.txt").write_text("hello, I deaf\n\nthank you fs-anna\n你 HELLO\n")
+    with shipped() as words:
+        batches, warnings = drawing.lines(tmp_path / "lines.txt", words)
+    found = [row.glosses for batch in batches for row in recipes.recipes_of(batch)]
+    assert found == [("HELLO", "I", "DEAF"), ("THANK-YOU", "fs-ANNA"), ("你", "HELLO")]
+    assert len(warnings) == 1
+    assert warnings[0].startswith(f"{tmp_path / 'lines.txt'}:4: ")
+
+
+def test_every_field_decides_the_hash() -> None:
+    one = SentenceRecipe(("YES",))
+    other: dict[str, Any] = {"glosses": ("NO",), "signer": "a", "seed": 1, "transition_time": "0.2", "sign_speed": 1.1}
+    other |= {"tempo": "0.8", "fps": 25.0, "cutter": "ends", "transition": "linear", "free_hand": "natural"}
+    other |= {"avoid_collisions": True, "spell": False}
+    changed = [replace(one, **{name: value}) for name, value in other.items()]
+    assert len({row.sha256 for row in (one, *changed)}) == 13
+    assert replace(one).sha256 == one.sha256
