@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,12 +34,14 @@ def nudged(values: np.ndarray) -> np.ndarray:
 
 def changed(side: str, **fields: Callable[[Clip], object]) -> Gap:
     clip = getattr(GAP, side)
-    return replace(GAP, **{side: unchecked_copy(clip, **{name: change(clip) for name, change in fields.items()})})
+    sides: dict[str, Any] = {side: unchecked_copy(clip, **{name: change(clip) for name, change in fields.items()})}
+    return replace(GAP, **sides)
 
 
-def on_skeleton(**fields: object) -> Gap:
+def on_skeleton(**fields: Any) -> Gap:
     skeleton = replace(GAP.before.skeleton, **fields)
-    return replace(GAP, **{side: unchecked_copy(getattr(GAP, side), skeleton=skeleton) for side in ("before", "after")})
+    before, after = (unchecked_copy(clip, skeleton=skeleton) for clip in (GAP.before, GAP.after))
+    return Gap(before, after, GAP.n_frames)
 
 
 SKELETON = GAP.before.skeleton
