@@ -17,12 +17,12 @@ from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.filling import FilledGap
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods import choose
-from signsplice.splicing.tempo import Filler
+from signsplice.splicing.tempo import GapFiller
 from signsplice.splicing.transition import CurveTransition, GapTransition, find_transition
 from signsplice.splicing.transition_cache import TransitionCache, gap_key
 
 GAP = Gap(word("BOOK").clip[30:38], word("MOTHER").clip[20:28], 6)
-FILLER = Filler(find_transition("hermite"), avoid_collisions=True, is_running=False, measures=True)
+FILLER = GapFiller(find_transition("hermite"), avoid_collisions=True, is_running=False, measures=True)
 
 
 def nudged(values: np.ndarray) -> np.ndarray:
@@ -74,7 +74,7 @@ CHANGES += [(name, filler, GAP) for name, filler in OTHER_FILLERS.items()]
 
 
 @pytest.mark.parametrize(("filler", "gap"), [row[1:] for row in CHANGES], ids=[name for name, *_ in CHANGES])
-def test_what_differs_in_anything_is_a_miss(filler: Filler, gap: Gap) -> None:
+def test_what_differs_in_anything_is_a_miss(filler: GapFiller, gap: Gap) -> None:
     transitions = TransitionCache()
     transitions.fill(FILLER, [GAP])
     same_numbers = Gap(GAP.before[:], GAP.after[:], GAP.n_frames)
