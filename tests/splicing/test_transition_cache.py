@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,12 +17,12 @@ from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.filling import FilledGap
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods import choose
-from signsplice.splicing.tempo import Filler
+from signsplice.splicing.tempo import GapFiller
 from signsplice.splicing.transition import CurveTransition, GapTransition, find_transition
 from signsplice.splicing.transition_cache import TransitionCache, gap_key
 
 GAP = Gap(word("BOOK").clip[30:38], word("MOTHER").clip[20:28], 6)
-FILLER = Filler(find_transition("hermite"), avoid_collisions=True, is_running=False, measures=True)
+FILLER = GapFiller(find_transition("hermite"), avoid_collisions=True, is_running=False, measures=True)
 
 
 def nudged(values: np.ndarray) -> np.ndarray:
@@ -33,12 +34,14 @@ def nudged(values: np.ndarray) -> np.ndarray:
 
 def changed(side: str, **fields: Callable[[Clip], object]) -> Gap:
     clip = getattr(GAP, side)
-    return replace(GAP, **{side: unchecked_copy(clip, **{name: change(clip) for name, change in fields.items()})})
+    sides: dict[str, Any] = {side: unchecked_copy(clip, **{name: change(clip) for name, change in fields.items()})}
+    return replace(GAP, **sides)
 
 
-def on_skeleton(**fields: object) -> Gap:
+def on_skeleton(**fields: Any) -> Gap:
     skeleton = replace(GAP.before.skeleton, **fields)
-    return replace(GAP, **{side: unchecked_copy(getattr(GAP, side), skeleton=skeleton) for side in ("before", "after")})
+    before, after = (unchecked_copy(clip, skeleton=skeleton) for clip in (GAP.before, GAP.after))
+    return Gap(before, after, GAP.n_frames)
 
 
 SKELETON = GAP.before.skeleton
@@ -71,7 +74,7 @@ CHANGES += [(name, filler, GAP) for name, filler in OTHER_FILLERS.items()]
 
 
 @pytest.mark.parametrize(("filler", "gap"), [row[1:] for row in CHANGES], ids=[name for name, *_ in CHANGES])
-def test_what_differs_in_anything_is_a_miss(filler: Filler, gap: Gap) -> None:
+def test_what_differs_in_anything_is_a_miss(filler: GapFiller, gap: Gap) -> None:
     transitions = TransitionCache()
     transitions.fill(FILLER, [GAP])
     same_numbers = Gap(GAP.before[:], GAP.after[:], GAP.n_frames)

@@ -34,7 +34,7 @@ from signsplice.splicing.options import SpliceOptions
 from signsplice.splicing.planned import FinishedWords, PlannedSeam, PlannedWords, SentenceWord
 from signsplice.splicing.result import Piece, Span
 from signsplice.splicing.seam import Float, Seam, score, seam_positions
-from signsplice.splicing.tempo import Filler, Played, RunningDuration, play, seconds_a_sign
+from signsplice.splicing.tempo import GapFiller, Played, RunningDuration, play, seconds_a_sign
 from signsplice.splicing.whole_system import (
     WholeSystem,
     found_seam,
@@ -72,7 +72,7 @@ class SentenceBuilder:
         self.duration: Duration = self.methods.duration
         if self.seconds_a_sign is not None and not options.has_own_duration:
             self.duration = RunningDuration(self.seconds_a_sign)
-        self.filler = Filler(
+        self.filler = GapFiller(
             self.transition,
             options.avoid_collisions,
             is_running=isinstance(self.duration, RunningDuration) and options.transition_time is None,

@@ -202,7 +202,7 @@ class RunningDuration(Duration):
 
 
 @dataclass(frozen=True)
-class Filler:
+class GapFiller:
     """How the gaps of a sentence are filled; sentences with equal fillers may have theirs filled together.
 
     transition, avoid_collisions: as in ``SpliceOptions``.

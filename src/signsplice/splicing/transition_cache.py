@@ -20,7 +20,7 @@ from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
 from signsplice.splicing.filling import FilledGap
 from signsplice.splicing.gap import Gap
-from signsplice.splicing.tempo import Filler
+from signsplice.splicing.tempo import GapFiller
 
 MOST_BYTES = 64_000_000
 """Memory of the frames that are kept by default: about 3,500 transitions of a rig with fingers."""
@@ -39,7 +39,7 @@ class TransitionCache:
         self.hits = self.misses = self.nbytes = 0
         self._kept: OrderedDict[bytes, FilledGap] = OrderedDict()
 
-    def fill(self, filler: Filler, gaps: Sequence[Gap]) -> list[FilledGap]:
+    def fill(self, filler: GapFiller, gaps: Sequence[Gap]) -> list[FilledGap]:
         """The new frames of every gap, bit for bit those of ``filler.fill``. Those of transitions whose frames do not
         follow from what is known of them (``Transition.identity``), and on avatars, are always made anew.
         """
@@ -92,7 +92,7 @@ def _given(kept: FilledGap, gap: Gap) -> FilledGap:
     return replace(kept, clip=clip)
 
 
-def gap_key(filler: Filler, gap: Gap) -> bytes | None:
+def gap_key(filler: GapFiller, gap: Gap) -> bytes | None:
     """A digest of all that decides the frames of a gap; None where that is not known."""
     identity, skeleton = filler.transition.identity, gap.before.skeleton
     if identity is None or type(skeleton) is not Skeleton:
