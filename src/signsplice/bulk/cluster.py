@@ -52,6 +52,7 @@ def make_all(
     try:
         context = ray.data.DataContext.get_current()
         context.enable_progress_bars = context.enable_auto_log_stats = False
+        logging.getLogger("ray.data").setLevel(logging.ERROR)
         n_workers = workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
         rows = ray.data.from_items([{"shard": shard} for shard in shards], override_num_blocks=len(shards)).map_batches(
             ShardActor,
@@ -75,7 +76,6 @@ def connect(address: str) -> Any:
     os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")
     if address == LOCAL:
         os.environ.setdefault(LOOPBACK, "0")
-    logging.getLogger("ray.data").setLevel(logging.ERROR)
     try:
         import ray
         import ray.data
