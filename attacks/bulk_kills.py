@@ -23,6 +23,8 @@ from typing import Any
 
 import psutil
 
+from signsplice.bulk.cluster import LOOPBACK
+
 N_RECIPES, SHARD_SIZE = 240, 6
 TIME_LIMIT_S = 1500.0
 _STARTS = 5
@@ -106,7 +108,7 @@ def kill_driver(driver: psutil.Process) -> bool:
 @contextmanager
 def two_nodes(rng: random.Random) -> Iterator[tuple[str, dict[str, Kill]]]:
     """The address of a Ray cluster of two nodes on this machine, a processor each, and how to kill what is in it."""
-    os.environ |= {"RAY_USAGE_STATS_ENABLED": "0", "RAY_DISABLE_IMPORT_WARNING": "1"}
+    os.environ |= {"RAY_USAGE_STATS_ENABLED": "0", LOOPBACK: "0"}
     from ray.cluster_utils import Cluster
 
     node: dict[str, Any] = {"num_cpus": 1, "node_ip_address": "127.0.0.1", "object_store_memory": 100 << 20}

@@ -15,6 +15,9 @@ from signsplice.errors import InputError, MissingExtraError, SignspliceError
 LOCAL = "local"
 """The address of a cluster that is started here, of this machine alone, and ends with the call."""
 
+LOOPBACK = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"
+"""Set to 0, nodes of Ray are at 127.0.0.1, on every system. Else they are at the machine's own address, and open."""
+
 
 class ShardActor:
     """A worker of the cluster: it keeps words and networks between shards."""
@@ -49,6 +52,7 @@ def make_all(
     try:
         context = ray.data.DataContext.get_current()
         context.enable_progress_bars = context.enable_auto_log_stats = False
+        logging.getLogger("ray.data").setLevel(logging.ERROR)
         n_workers = workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
         rows = ray.data.from_items([{"shard": shard} for shard in shards], override_num_blocks=len(shards)).map_batches(
             ShardActor,
@@ -70,7 +74,8 @@ def connect(address: str) -> Any:
     """Ray, connected to the cluster at ``address``. It sends nothing about its use anywhere. Raises as ``make_all``."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")
-    logging.getLogger("ray.data").setLevel(logging.ERROR)
+    if address == LOCAL:
+        os.environ.setdefault(LOOPBACK, "0")
     try:
         import ray
         import ray.data
