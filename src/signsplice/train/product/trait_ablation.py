@@ -24,6 +24,7 @@ from signsplice.formats.atomic import replacing
 from signsplice.formats.json_files import check_type, read_json
 from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
+from signsplice.rig.canonical_map import ROLES
 from signsplice.splicing.learned import LearnedTransition, open_sessions
 from signsplice.splicing.transition import find_transition
 from signsplice.synth import training_data
@@ -102,7 +103,7 @@ class Ablation:
 class _WholeAnswer(LearnedTransition):
     """The curve with the network's answer for every joint; hands are not led around the body."""
 
-    name, learned, corrected = "network", False, np.ones((1, 1), bool)
+    name, learned, corrected = "network", False, np.ones(len(ROLES), bool)
 
 
 class _ArmsAlone(LearnedTransition):
