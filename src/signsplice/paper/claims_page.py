@@ -84,7 +84,9 @@ def _head(scale: str) -> list[str]:
         "- **Scores** are compared at the print's three digits (MSE: four), and equal ones are as good, as in the",
         "  print; with several seeds a difference up to their spread decides nothing (in part). lambda, the cost of a",
         "  wrong length, is ours: a frame too many or too few counts 0.002.",
-        f"- **Times** are of one CPU thread while other work ran: a ratio below {TIME_BAND:g} decides nothing.",
+        f"- **Times** are of one CPU thread, rows one after another: a ratio below {TIME_BAND:g} decides nothing.",
+        "- **Seeds**: the rows say how many. With one, nobody knows how far another would move a score; of 1,000 pairs",
+        "  alone, the standard error of a PAA of 0.8 is 0.013.",
         "",
         "Criteria: paper/claims*.py. Rows, seeds, pairs seen: [table 1](table1.md), [table 3](table3.md), [fr](fr.md).",
     ]

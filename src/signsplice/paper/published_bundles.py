@@ -33,7 +33,7 @@ number of frames; then the largest difference of a number of a frame among those
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 """
 _TAIL = """
-Each was trained by one command:
+Each was trained by one command, `pairs` being what `signsplice synth pairs -o pairs` makes:
 
 """
 
@@ -85,7 +85,8 @@ def page(folder: Path) -> str:
     configs = bundles.read_all(folder)
     if not configs:
         raise InputError(f"{folder}: holds no bundle")
-    head = _HEAD.format(folder=_shown(folder), name=configs[0].path.parent.name)
+    shown = next((config for config in configs if config.system == "lpt"), configs[0])
+    head = _HEAD.format(folder=_shown(folder), name=shown.path.parent.name)
     commands = "".join(f"    {' '.join(config.stored.get('command', []))}\n" for config in configs)
     return head + "".join(_line(config) for config in configs) + _TAIL + commands
 
