@@ -72,7 +72,8 @@ def lines(
     path: str | Path, lexicon: Lexicon, dials: Mapping[str, Any] | None = None
 ) -> tuple[list[pa.RecordBatch], list[str]]:
     """A recipe for each line of glosses of a text file that is not blank, read as ``sentence`` reads them; and a
-    warning for each line with words that the lexicon lacks and that cannot be spelled: those become rows that fail.
+    warning for each line with words that the lexicon lacks and that are not spelled, which become rows that fail, and
+    for each word that may be a typing error.
 
     Raises ``InputError`` for a line without glosses, and for a file that is not UTF-8 or has no line.
     """
@@ -85,9 +86,9 @@ def lines(
         if not line.strip():
             continue
         try:
-            tokens = tuple(
-                _token(unit.token, unit.glosses, unit.spelled) for unit in parse(line, lexicon) if unit.glosses
-            )
+            units = parse(line, lexicon, spell=bool((dials or {}).get("spell", True)))
+            tokens = tuple(_token(unit.token, unit.glosses, unit.spelled) for unit in units if unit.glosses)
+            warnings += [f"{path}:{number}: {unit.warning}" for unit in units if unit.warning]
         except UnknownGlossError as error:
             tokens = tuple(line.split())
             warnings.append(f"{path}:{number}: {error}")

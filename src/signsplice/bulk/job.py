@@ -22,6 +22,8 @@ from signsplice.lexicon.reader import Lexicon
 from signsplice.splicing.methods import open_learned
 
 JOB, RECIPES, SUMMARY, INDEX, UNFINISHED = "job.json", "recipes.parquet", "summary.json", "index", "unfinished"
+_NEW_RECIPES = ".new-recipes.parquet"
+"""The recipes until the job is written: a file of that name is nobody else's."""
 """Names in a folder of shards; ``UNFINISHED`` is there while a run is, or was when it was ended."""
 FRAMES, RECIPES_ONLY = STORES = ("frames", "recipes")
 FORMATS = ("npz", "bvh", "glb")
@@ -122,8 +124,11 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
         "lexicon": str(Path(options.lexicon).resolve()),
         "bundle": None if options.bundle is None else str(Path(options.bundle).resolve()),
     }
+    written = out / _NEW_RECIPES
     if (out / JOB).exists():
         job = read_job(out)
+        if written.exists():  # ended before it was put in place
+            written.replace(out / RECIPES)
         for name, value in decided.items():
             if getattr(job, name) != value:
                 raise InputError(
@@ -135,13 +140,15 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
         return _written(replace(job, **places), out)
     _check_new(out)
     out.mkdir(exist_ok=True)
-    n_recipes = recipes.write(out / RECIPES, batches())
+    n_recipes = recipes.write(written, batches())
     if not n_recipes:
-        (out / RECIPES).unlink()
+        written.unlink()
         raise InputError("no recipes, expected one row or more")
-    digest = hashlib.sha256((out / RECIPES).read_bytes()).hexdigest()
+    digest = hashlib.sha256(written.read_bytes()).hexdigest()
     job = BulkJob(**decided, **places, n_recipes=n_recipes, recipes_sha256=digest, processor=processor())
-    return _written(job, out)
+    _written(job, out)
+    written.replace(out / RECIPES)
+    return job
 
 
 def _written(job: BulkJob, out: Path) -> BulkJob:
@@ -154,7 +161,7 @@ def _check_new(out: Path) -> None:
     """Raise ``InputError`` where a folder holds more than what a call that was ended at once leaves there."""
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: is a file, expected a folder or a new name")
-    others = sorted(path.name for path in out.glob("*") if path.name != RECIPES and not path.name.startswith("."))
+    others = sorted(path.name for path in out.glob("*") if not path.name.startswith("."))
     if others:
         raise InputError(f"{out}: holds {others[0]} and no {JOB}; name a new folder, or an empty one")
 

@@ -43,15 +43,16 @@ def make_all(out: str, shards: Iterable[int], workers: int, n_kept: int) -> Iter
                     for done in wait(running, return_when=FIRST_COMPLETED).done:
                         result = done.result()
                         del running[done]
-                        deaths.clear()
+                        del deaths[result.shard]
                         yield result
             except BrokenProcessPool:
                 begun = sorted(running.values())[:workers]
                 deaths.update(begun)
                 waiting += sorted(running.values(), reverse=True)
                 if max(deaths.values()) >= _MOST_DEATHS:
+                    worst = max(deaths, key=lambda shard: deaths[shard])
                     raise SignspliceError(
-                        f"{out}: the processes that make shard {begun[0]} end each time, out of memory or by a fault; "
+                        f"{out}: the processes that make shard {worst} end each time, out of memory or by a fault; "
                         "call again with fewer --workers, or fewer --keep-words"
                     ) from None
 

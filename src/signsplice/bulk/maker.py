@@ -109,14 +109,19 @@ class SentenceMaker:
             except (MemoryError, OSError):
                 raise
             except Exception as error:
-                made[row] = FailedSentence(recipe, _reason(error))
+                made[row] = FailedSentence(recipe, self._reason(error))
         for row, result in zip(calls, _results(list(calls.values())), strict=True):
             if isinstance(result, Exception):
-                made[row] = FailedSentence(recipes[row], _reason(result))
+                made[row] = FailedSentence(recipes[row], self._reason(result))
             else:
                 tokens = calls[row].tokens
                 made[row] = MadeSentence(recipes[row], result, tokens, self._signer(recipes[row], tokens))
         return [one for one in made if one is not None]
+
+    def _reason(self, error: Exception) -> str:
+        """Why there is no sentence, in one line that does not hang on where the lexicon lies."""
+        text = " ".join(str(error).splitlines()).replace(f"{self.words.path}: ", "")[:500]
+        return text if isinstance(error, SignspliceError) else f"unexpected {type(error).__name__}: {text}"
 
     def _call(self, recipe: SentenceRecipe) -> _Sentence:
         tokens = tuple(self._tokens(recipe))
@@ -193,8 +198,3 @@ def _alone(call: _Sentence) -> SpliceResult | Exception:
         raise
     except Exception as error:
         return error
-
-
-def _reason(error: Exception) -> str:
-    text = " ".join(str(error).splitlines())[:500]
-    return text if isinstance(error, SignspliceError) else f"unexpected {type(error).__name__}: {text}"

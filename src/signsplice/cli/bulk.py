@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from signsplice.bulk.run import Progress
+    from signsplice.lexicon.reader import Lexicon
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -28,7 +29,9 @@ _LEXICON = click.option("--lexicon", metavar="LEX", help="Lexicon of the words. 
 _OUT = click.option(
     "-o", "--output", required=True, metavar="OUT", help="Folder of shards; a run that ended is resumed."
 )
-_SEED = click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Seed of the draw.")
+_SEED = click.option(
+    "--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, metavar="N", help="Seed of the draw."
+)
 _RANGED = ("transition_time", "sign_speed", "tempo", "fps")
 """Dials for which a range may be given where recipes are drawn."""
 
@@ -94,6 +97,16 @@ def bulk() -> None:
     """Make sentences by the million: recipes in, shards out."""
 
 
+def _check_signers(words: Lexicon, signers: Iterable[str]) -> None:
+    """Raise ``InputError`` for a signer that a lexicon does not have."""
+    known = {entry.signer for entry in words.entries()} if signers else set()
+    for signer in signers:
+        if signer not in known:
+            raise InputError(
+                f"--signer {signer[:40]!r}, expected one of the lexicon's: {', '.join(sorted(known))[:200]}"
+            )
+
+
 @bulk.command()
 @click.argument("lines", metavar="[LINES.txt]", required=False)
 @click.option("-o", "--output", required=True, metavar="RECIPES", help="File to write: .parquet or .csv.")
@@ -124,11 +137,12 @@ def recipes(
     from signsplice.bulk.recipes import check_suffix, write
 
     check_suffix(output)
-    check_outputs(str(Path(output).with_suffix(".npz")))
+    check_writable(Path(output))
     check_apart(output, [lines])
     ranges, fixed = _ranges(dials)
     with open_words(lexicon) as opened:
         check_apart(output, [opened.path])
+        _check_signers(opened, signers)
         if lines is not None:
             if count is not None or words is not None or ranges or len(signers) > 1:
                 raise InputError(

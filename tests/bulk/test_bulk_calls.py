@@ -1,0 +1,59 @@
+"""Calls of `signsplice bulk` that a newcomer gets wrong: nothing of theirs is lost, and each is one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+pytest.importorskip("pyarrow")
+
+from signsplice.bulk import recipes
+from signsplice.cli.commands import app
+
+
+def call(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["bulk", *map(str, arguments)])
+
+
+def message(result: Result) -> str:
+    """What a call that failed says."""
+    assert result.exit_code, result.output
+    return f"{result.stderr}{result.exception}"
+
+
+def test_recipes_of_ones_own_are_not_taken_for_those_of_a_run(tmp_path: Path) -> None:
+    mine = tmp_path / "recipes.parquet"
+    assert call("recipes", "-o", mine, "--count", 3).exit_code == 0
+    before = mine.read_bytes()
+    assert "holds recipes.parquet and no job.json" in message(call("pairs", "--count", 2, "-o", tmp_path))
+    assert mine.read_bytes() == before
+
+
+def test_lines_are_spelled_only_where_that_is_wanted_and_typing_errors_are_named(tmp_path: Path) -> None:
+    (tmp_path / "lines.txt").write_text("HELLO ZZQ\nTODYA HELLO\n")
+    out = tmp_path / "recipes.csv"
+    spelled = call("recipes", tmp_path / "lines.txt", "-o", out)
+    assert "lines.txt:2: " in spelled.stderr
+    assert "TODAY" in spelled.stderr
+    assert [row.glosses[-1] for row in rows(out)] == ["fs-ZZQ", "HELLO"]
+    plain = call("recipes", tmp_path / "lines.txt", "-o", out, "--no-spell")
+    assert "lines.txt:1: " in plain.stderr
+    assert [row.glosses for row in rows(out)] == [("HELLO", "ZZQ"), ("TODYA", "HELLO")]
+
+
+def rows(path: Path) -> list[recipes.SentenceRecipe]:
+    return [row for batch in recipes.read(path) for row in recipes.recipes_of(batch)]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--seed", "-1"], "--seed"),
+        (["--signer", "nobody"], "--signer 'nobody', expected one of the lexicon's: "),
+    ],
+)
+def test_a_wrong_option_of_recipes_is_one_line(tmp_path: Path, arguments: list[str], said: str) -> None:
+    assert said in message(call("recipes", "-o", tmp_path / "r.csv", *arguments))
+    assert not list(tmp_path.iterdir())
