@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from decimal import Decimal
 from itertools import permutations
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from signsplice.bulk import drawing, recipes
+from signsplice.bulk import drawing, recipes, shards
 from signsplice.bulk.recipes import SentenceRecipe
 from signsplice.errors import FormatError, InputError
 from signsplice.lexicon import shipped
@@ -48,6 +50,7 @@ def test_only_glosses_are_needed_and_numbers_may_be_numbers(tmp_path: Path) -> N
         ("glosses,sign_speed\nYES,fast\n", "column sign_speed: .*fast.*expected double"),
         ("glosses,seed\n,1\n", "column glosses: a row has no glosses"),
         ("", "cannot be read as recipes"),
+        ("glosses,seed,seed\nYES,1,2\n", "column seed is there 2 times, expected once"),
     ],
 )
 def test_wrong_tables_are_refused_in_one_line(tmp_path: Path, text: str, message: str) -> None:
@@ -56,6 +59,101 @@ def test_wrong_tables_are_refused_in_one_line(tmp_path: Path, text: str, message
         rows_of(tmp_path / "r.csv")
     assert str(error.value).startswith(str(tmp_path / "r.csv"))
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("kind", [pa.large_string(), pa.string_view()])
+@pytest.mark.parametrize("as_list", [False, True])
+def test_every_kind_of_text_is_read(tmp_path: Path, kind: pa.DataType, as_list: bool) -> None:
+    glosses = pa.array([["YES", "I"], ["NO"]], pa.list_(kind)) if as_list else pa.array([" YES I", "NO"], kind)
+    table = {"glosses": glosses, "signer": pa.array(["kim", None], kind), "fps": pa.array(["25", None], kind)}
+    pq.write_table(pa.table(table), tmp_path / "r.parquet")
+    expected = [SentenceRecipe(("YES", "I"), signer="kim", fps=25.0), SentenceRecipe(("NO",))]
+    assert rows_of(tmp_path / "r.parquet") == expected
+
+
+@pytest.mark.parametrize(
+    ("value", "kind", "text"),
+    [
+        (12345678, pa.int64(), "12345678"),
+        (12345678.0, pa.float64(), "12345678"),
+        (0.123456789, pa.float64(), "0.123456789"),
+        (0.3, pa.float32(), "0.3"),
+        (2.0, pa.float64(), "2"),
+        (Decimal("0.25"), pa.decimal128(5, 2), "0.25"),
+        (float("nan"), pa.float64(), ""),
+        (None, pa.int64(), ""),
+    ],
+)
+def test_numbers_in_columns_of_text_keep_their_digits(
+    tmp_path: Path, value: object, kind: pa.DataType, text: str
+) -> None:
+    pq.write_table(pa.table({"glosses": ["YES"], "signer": pa.array([value], kind)}), tmp_path / "r.parquet")
+    assert rows_of(tmp_path / "r.parquet")[0].signer == text
+
+
+def test_nan_is_left_out_and_the_same_when_read_again(tmp_path: Path) -> None:
+    nan = [float("nan")]
+    numbers = dict.fromkeys(("sign_speed", "fps", "seed", "transition_time", "avoid_collisions"), nan)
+    pq.write_table(pa.table({"glosses": ["YES"], **numbers}), tmp_path / "r.parquet")
+    (tmp_path / "r.csv").write_text("glosses,sign_speed,fps\nYES,nan,NaN\n")
+    for name in ("r.parquet", "r.csv"):
+        assert rows_of(tmp_path / name) == [SentenceRecipe(("YES",))]
+        recipes.write(tmp_path / "stored.parquet", recipes.read(tmp_path / name))
+        assert recipes.is_same(tmp_path / "stored.parquet", recipes.read(tmp_path / name))
+
+
+def test_a_parquet_file_with_a_column_twice_or_no_text_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "r.parquet"
+    pq.write_table(pa.Table.from_arrays([pa.array(["YES"])] * 2, names=["glosses", "glosses"]), path)
+    with pytest.raises(FormatError, match="column glosses is there 2 times, expected once"):
+        rows_of(path)
+    pq.write_table(pa.table({"glosses": ["YES"], "tempo": [True]}), path)
+    with pytest.raises(FormatError, match="column tempo: 'True' is no text and no number, expected string"):
+        rows_of(path)
+
+
+@pytest.mark.parametrize("broken", ["missing", "folder", "cut", "other", "short"])
+def test_a_broken_file_of_recipes_is_named(tmp_path: Path, broken: str) -> None:
+    path = tmp_path / "r.parquet"
+    batch = recipes.batch_of(ROWS)
+    if broken == "folder":
+        path.mkdir()
+    elif broken == "other":
+        pq.write_table(pa.table({"a": [1, 2, 3]}), path)
+    elif broken != "missing":
+        recipes.write(path, [batch[:2]])
+    if broken == "cut":
+        path.write_bytes(path.read_bytes()[:300])
+    told = f"^{re.escape(str(path))}: cannot be read as the recipes .*put that file back, or name a new folder$"
+    for start, stop in ((0, 3), (recipes.ROWS, recipes.ROWS + 1)):
+        with pytest.raises(FormatError, match=told):
+            recipes.rows(path, start, stop)
+    if broken in ("other", "short"):
+        assert not recipes.is_same(path, [batch])
+    else:
+        with pytest.raises(FormatError, match=told):
+            recipes.is_same(path, [batch])
+
+
+@pytest.mark.parametrize("broken", ["folder", "cut", "other", "short", "swapped"])
+def test_a_broken_file_of_the_index_is_named(tmp_path: Path, broken: str) -> None:
+    path = tmp_path / "r.parquet"
+    good = pa.table({"row": [4, 5], "motion_sha256": ["a", None]})
+    pq.write_table(good, path)
+    assert [shards._motion_of(path, row, row - 4) for row in (4, 5)] == ["a", None]
+    if broken == "folder":
+        path.unlink()
+        path.mkdir()
+    elif broken == "cut":
+        path.write_bytes(path.read_bytes()[:300])
+    else:
+        swapped = pa.table({"row": [6, 7], "motion_sha256": ["a", "b"]})
+        pq.write_table({"other": pa.table({"a": [1]}), "short": good[:1], "swapped": swapped}[broken], path)
+    told = (
+        f"^{re.escape(str(path))}: cannot be read as the index of row 5 .*; remove it, and the call .* makes it anew$"
+    )
+    with pytest.raises(FormatError, match=told):
+        shards._motion_of(path, 5, 1)
 
 
 def test_any_stretch_of_a_long_file_is_found(tmp_path: Path) -> None:

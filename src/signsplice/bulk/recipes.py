@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
+from decimal import Decimal
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -86,7 +88,8 @@ def read(path: str | Path) -> Iterator[pa.RecordBatch]:
     """The recipes of a file by its suffix, ``.parquet`` or ``.csv``, as batches of ``ROWS`` rows of ``SCHEMA``.
 
     Only the column ``glosses`` must be there: a list of texts, or a text with white space between glosses. What is
-    left out or empty has its default. Raises ``InputError``, which names the file and the column, for anything else.
+    left out, empty or NaN has its default. Raises ``InputError``, which names the file and the column, for anything
+    else.
     """
     path = Path(path)
     check_suffix(path)
@@ -129,6 +132,9 @@ def _checked(batch: pa.RecordBatch, path: Path) -> pa.RecordBatch:
     if unknown or "glosses" not in names:
         what = f"column {unknown[0][:40]!r}" if unknown else "no column 'glosses'"
         raise FormatError(f"{what}, expected glosses and any other of {', '.join(SCHEMA.names[1:])}", file=str(path))
+    for name in names:
+        if names.count(name) > 1:
+            raise FormatError(f"column {name} is there {names.count(name)} times, expected once", file=str(path))
     columns = []
     for name, kind in zip(SCHEMA.names, SCHEMA.types, strict=True):
         try:
@@ -144,15 +150,33 @@ def _column(batch: pa.RecordBatch, name: str, kind: pa.DataType) -> pa.Array:
     column = batch.column(name)
     if isinstance(column, pa.DictionaryArray):
         column = column.dictionary_decode()
+    if pa.types.is_large_string(column.type) or pa.types.is_string_view(column.type):
+        column = column.cast(pa.string())
     if name == "glosses":
-        if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
+        if pa.types.is_string(column.type):
             column = pc.utf8_split_whitespace(pc.utf8_trim_whitespace(column))
         if column.null_count:
             raise ValueError("a row has no glosses")
     elif pa.types.is_string(kind) and not pa.types.is_string(column.type):
-        column = pa.array([None if value is None else f"{value:g}" for value in column.to_pylist()], kind)
-    column = column.cast(kind)
+        if pa.types.is_float32(column.type):
+            column = column.cast(pa.string()).cast(pa.float64())  # 0.3 stays 0.3, as it would not as a number
+        column = pa.array([None if value is None else _text(value) for value in _no_nan(column).to_pylist()], kind)
+    column = _no_nan(_no_nan(column).cast(kind))  # before, since NaN is no integer; after, for the text "nan"
     return column if _DEFAULTS[name] is None else column.fill_null(pa.scalar(_DEFAULTS[name], kind))
+
+
+def _no_nan(column: pa.Array) -> pa.Array:
+    """A column whose NaN, if it has floating numbers, are null: NaN is not equal to itself."""
+    if not pa.types.is_floating(column.type):
+        return column
+    return pc.if_else(pc.is_nan(column), pa.scalar(None, column.type), column)
+
+
+def _text(value: object) -> str:
+    """A number in a column of texts, with all its digits: 2.0 is "2"."""
+    if isinstance(value, bool) or not isinstance(value, int | float | Decimal):
+        raise ValueError(f"{str(value)[:40]!r} is no text and no number")
+    return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
 
 
 def batch_of(rows: Iterable[SentenceRecipe]) -> pa.RecordBatch:
@@ -187,20 +211,37 @@ def write(path: str | Path, batches: Iterable[pa.RecordBatch]) -> int:
 
 
 def rows(path: str | Path, start: int, stop: int) -> list[SentenceRecipe]:
-    """Recipes start .. stop-1 of a file that ``write`` wrote as Parquet, of which only their row groups are read."""
-    with pq.ParquetFile(path) as file:
+    """Recipes start .. stop-1 of a file that ``write`` wrote as Parquet, of which only their row groups are read.
+
+    Raises ``FormatError`` where it cannot be read or lacks some of them.
+    """
+    with _own(path), pq.ParquetFile(path) as file:
         groups = range(start // ROWS, min(file.num_row_groups, (stop - 1) // ROWS + 1))
         found = chain.from_iterable(file.iter_batches(ROWS, row_groups=[group]) for group in groups)
-        table = pa.Table.from_batches(found, SCHEMA)
-    first = start - start // ROWS * ROWS
-    return [row for batch in table.slice(first, stop - start).to_batches() for row in recipes_of(batch)]
+        table = pa.Table.from_batches(found, SCHEMA).slice(start - start // ROWS * ROWS, stop - start)
+        if len(table) != stop - start:
+            raise ValueError(f"{file.metadata.num_rows} rows, expected row {stop - 1} too")
+        return [row for batch in table.to_batches() for row in recipes_of(batch)]
 
 
 def is_same(path: str | Path, batches: Iterable[pa.RecordBatch]) -> bool:
-    """Whether a file that ``write`` wrote holds these rows and no others."""
-    with pq.ParquetFile(path) as file:
-        stored = file.iter_batches(ROWS)
-        for batch in batches:
-            if not batch.equals(next(stored, None)):
-                return False
-        return next(stored, None) is None
+    """Whether a file that ``write`` wrote holds these rows and no others. Raises ``FormatError`` where it cannot be
+    read.
+    """
+    stored = _stored(path)
+    return all(batch.equals(next(stored, None)) for batch in batches) and next(stored, None) is None
+
+
+def _stored(path: str | Path) -> Iterator[pa.RecordBatch]:
+    with _own(path), pq.ParquetFile(path) as file:
+        yield from file.iter_batches(ROWS)
+
+
+@contextmanager
+def _own(path: str | Path) -> Iterator[None]:
+    """Raises ``FormatError`` where the block cannot read what ``write`` wrote at ``path``."""
+    try:
+        yield
+    except (pa.ArrowException, OSError, TypeError, ValueError) as error:
+        what = f"cannot be read as the recipes that the folder was begun with ({str(error)[:200]})"
+        raise FormatError(f"{what}; put that file back, or name a new folder", file=str(path)) from error

@@ -31,7 +31,7 @@ from signsplice.bulk.job import (
 )
 from signsplice.bulk.maker import WORDS_KEPT, FailedSentence, MadeSentence, SentenceMaker
 from signsplice.bulk.poses import poses, signs
-from signsplice.errors import InputError, SignspliceError
+from signsplice.errors import FormatError, InputError, SignspliceError
 from signsplice.formats import encode, save
 from signsplice.formats.atomic import replacing
 from signsplice.lexicon.reader import open_lexicon
@@ -142,8 +142,8 @@ def _open_maker(out: Path, job_sha256: str, n_kept: int) -> SentenceMaker:
 def remake(out: str, row: int, output: str, report: str | None) -> str:
     """Make one row of a folder of shards anew and write its clip, and its report: the line to print.
 
-    Raises ``InputError`` for a row that there is not, or that fails as it did, and ``SignspliceError`` where its motion
-    is not the one that the index has.
+    Raises ``InputError`` for a row that there is not, that fails as it did or whose index is broken, and
+    ``SignspliceError`` where its motion is not the one that the index has.
     """
     folder = Path(out)
     job = read_job(folder)
@@ -155,7 +155,7 @@ def remake(out: str, row: int, output: str, report: str | None) -> str:
     index = index_of(folder, row // job.shard_size)
     wanted = None
     if index.exists():
-        wanted = pq.read_table(index, columns=["motion_sha256"])[0][row % job.shard_size].as_py()
+        wanted = _motion_of(index, row, row % job.shard_size)
     if wanted not in (None, made.motion_sha256):
         where = f"this machine has {processor()}" if processor() != job.processor else "the same processor"
         raise SignspliceError(
@@ -168,6 +168,25 @@ def remake(out: str, row: int, output: str, report: str | None) -> str:
     clip = made.result.clip
     told = "bit for bit that of the index" if wanted else "not in the index yet"
     return f"{output}: {len(clip)} frames, {clip.seconds:.2f} s, {told}"
+
+
+def _motion_of(index: Path, row: int, place: int) -> str | None:
+    """The hash of the motion of a row, which is the one at ``place`` of a shard's file of the index.
+
+    Raises ``FormatError`` where the file is broken, or is that of another shard.
+    """
+    try:
+        with pq.ParquetFile(index) as file:
+            table = file.read(columns=["row", "motion_sha256"])
+        if table["row"][place].as_py() != row:
+            raise ValueError(f"row {table['row'][place]}, expected {row}")
+        sha256: str | None = table["motion_sha256"][place].as_py()
+    except (pa.ArrowException, OSError, LookupError, ValueError) as error:
+        what = f"cannot be read as the index of row {row} ({str(error)[:200]})"
+        raise FormatError(
+            f"{what}; remove it, and the call that began the folder makes it anew", file=str(index)
+        ) from error
+    return sha256
 
 
 def _row(made: MadeSentence | FailedSentence, samples: _Samples | None, key: str) -> dict[str, Any]:
