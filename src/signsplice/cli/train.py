@@ -157,22 +157,13 @@ _SIGNING = "Signing to train on, of `signsplice synth endless`; several folders 
 @click.option("--from", "earlier", multiple=True, metavar="DIR",
               help="Folder of an earlier training, or a bundle, to start from; of several the mean.")  # fmt: skip
 @_product_options
-def cutter(
-    signing: tuple[str, ...],
-    earlier: tuple[str, ...],
-    out: str,
-    scale: str,
-    steps: int | None,
-    batch: int | None,
-    seed: int,
-    device: str,
-) -> None:
+def cutter(signing: tuple[str, ...], earlier: tuple[str, ...], **options: Any) -> None:
     """Train the network that finds where to leave and enter words, and how long the transition takes. The same command
     continues after an interruption.
 
     Several processes can divide the work: torchrun --nproc-per-node 2 -m signsplice train cutter ...
     """
-    _train_product("cutter", signing, out, scale, steps, batch, seed, device, earlier)
+    _train_product("cutter", signing, earlier=earlier, **options)
 
 
 @train.command()
