@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from signsplice.cli.bulk_options import LEXICON, dial_options, number, run_options, span
 from signsplice.cli.clips import check_apart, check_outputs
 from signsplice.cli.lexicon import open_words
 from signsplice.cli.terminal import note, size, warn
@@ -25,71 +26,11 @@ if TYPE_CHECKING:
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-_LEXICON = click.option("--lexicon", metavar="LEX", help="Lexicon of the words.  [default: the one that ships]")
-_OUT = click.option(
-    "-o", "--output", required=True, metavar="OUT", help="Folder of shards; a run that ended is resumed."
-)
 _SEED = click.option(
     "--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, metavar="N", help="Seed of the draw."
 )
 _RANGED = ("transition_time", "sign_speed", "tempo", "fps")
 """Dials for which a range may be given where recipes are drawn."""
-
-
-def _added(options: Iterable[Callable[[Command], Command]]) -> Callable[[Command], Command]:
-    def add(command: Command) -> Command:
-        for option in reversed(tuple(options)):
-            command = option(command)
-        return command
-
-    return add
-
-
-_dials = _added(
-    (
-        click.option("--transition-time", metavar="auto|RULE|SECONDS", help="As of `sentence`."),
-        click.option("--sign-speed", metavar="X", help="As of `sentence`."),
-        click.option("--tempo", metavar="citation|natural|SECONDS", help="As of `sentence`."),
-        click.option("--fps", metavar="N", help="As of `sentence`."),
-        click.option("--cutter", metavar="NAME", help="As of `sentence`."),
-        click.option("--transition", metavar="NAME", help="As of `sentence`."),
-        click.option("--free-hand", metavar="transition|natural", help="As of `sentence`."),
-        click.option("--avoid-collisions/--no-avoid-collisions", default=None, help="As of `sentence`."),
-        click.option("--no-spell", is_flag=True, help="Rows with words that the lexicon lacks fail; none is spelled."),
-    )
-)
-_run_options = _added(
-    (
-        _OUT,
-        _LEXICON,
-        click.option("--bundle", metavar="DIR", help="Folder of trained networks.  [default: those that ship]"),
-        click.option("--workers", type=int, metavar="N", help="Processes, or actors of Ray.  [default: one per core]"),
-        click.option("--ray", metavar="ADDRESS", help="Ray cluster to use instead: HOST:PORT, auto or local."),
-        click.option(
-            "--store",
-            default="frames",
-            show_default=True,
-            metavar="frames|recipes",
-            help="Clips and reports in tar files; or recipes and hashes alone, from which `bulk make` makes any row.",
-        ),
-        click.option("--format", default="npz", show_default=True, metavar="npz|bvh|glb", help="Of the clips."),
-        click.option(
-            "--poses/--no-poses",
-            default=True,
-            show_default=True,
-            help="Positions of joints and annotations beside each clip, for sign-language-data-loading.",
-        ),
-        click.option("--shard-size", type=int, default=1000, show_default=True, metavar="N", help="Rows of a shard."),
-        click.option(
-            "--keep-words",
-            type=int,
-            default=2048,
-            show_default=True,
-            metavar="N",
-            help="Words that a process keeps in memory, with what the networks read of them.",
-        ),
-    )
-)
 
 
 @click.group()
@@ -110,14 +51,14 @@ def _check_signers(words: Lexicon, signers: Iterable[str]) -> None:
 @bulk.command()
 @click.argument("lines", metavar="[LINES.txt]", required=False)
 @click.option("-o", "--output", required=True, metavar="RECIPES", help="File to write: .parquet or .csv.")
-@_LEXICON
+@LEXICON
 @click.option("--count", type=int, metavar="N", help="How many recipes to draw.  [default: 1000]")
 @click.option("--words", metavar="A:B", help="Words of a sentence, least and most.  [default: 3:10]")
 @click.option(
     "--signer", "signers", multiple=True, metavar="NAME", help="Who signs; given again, each recipe draws one."
 )
 @_SEED
-@_dials
+@dial_options
 def recipes(
     lines: str | None,
     output: str,
@@ -152,7 +93,7 @@ def recipes(
             warn(warnings)
             made: Iterable[pa.RecordBatch] = batches
         else:
-            count, n_words = 1000 if count is None else count, _span("--words", words or "3:10")
+            count, n_words = 1000 if count is None else count, span("--words", words or "3:10")
             if count < 1 or not (1 <= n_words[0] <= n_words[1] <= 1000 and all(n == int(n) for n in n_words)):
                 raise InputError("--count 1 or more and --words A:B, whole numbers from 1 to 1000, expected")
             glosses = drawing.signs(opened)
@@ -164,7 +105,7 @@ def recipes(
 
 @bulk.command()
 @click.argument("recipes", metavar="RECIPES")
-@_run_options
+@run_options
 def sentences(recipes: str, **options: Any) -> None:
     """Make the sentence of every recipe of a file, .parquet or .csv.
 
@@ -181,8 +122,8 @@ def sentences(recipes: str, **options: Any) -> None:
 @bulk.command()
 @click.option("--count", type=int, metavar="N", help="How many, drawn by seed without repeats.  [default: all]")
 @_SEED
-@_run_options
-@_dials
+@run_options
+@dial_options
 def pairs(count: int | None, seed: int, **options: Any) -> None:
     """Make the ordered pairs of a lexicon's signs.
 
@@ -219,7 +160,7 @@ def make(folder: str, row: int, output: str, report: str | None) -> None:
 
 
 @bulk.command()
-@_LEXICON
+@LEXICON
 @click.option("--count", type=int, default=200, show_default=True, metavar="N", help="Sentences of each timing.")
 @click.option("--memory", type=int, default=10_000, show_default=True, metavar="N", help="Sentences made for memory.")
 @_SEED
@@ -281,14 +222,14 @@ def _ranges(dials: Mapping[str, Any]) -> tuple[dict[str, tuple[float, float]], d
     from signsplice.bulk.recipes import SentenceRecipe
 
     given = {name: value for name, value in dials.items() if value is not None and name != "no_spell"}
-    ranges = {name: _span(name, given[name]) for name in _RANGED if ":" in given.get(name, "")}
+    ranges = {name: span(name, given[name]) for name in _RANGED if ":" in given.get(name, "")}
     fixed = {name: value for name, value in given.items() if name not in ranges}
     for name in ("sign_speed", "fps"):
         if name in fixed:
-            fixed[name] = _number(name, fixed[name])
+            fixed[name] = number(name, fixed[name])
     if dials["no_spell"]:
         fixed["spell"] = False
-    for ends in zip(*([(name, value) for value in span] for name, span in ranges.items()), strict=True):
+    for ends in zip(*([(name, value) for value in ends] for name, ends in ranges.items()), strict=True):
         SentenceRecipe(("",), **fixed, **{name: _field(name, value) for name, value in ends}).options(None)
     SentenceRecipe(("",), **fixed).options(None).chosen_methods()  # raises for what is out of range, or unknown
     return ranges, fixed
@@ -296,21 +237,6 @@ def _ranges(dials: Mapping[str, Any]) -> tuple[dict[str, tuple[float, float]], d
 
 def _field(name: str, value: float) -> Any:
     return value if name in ("sign_speed", "fps") else f"{value:g}"
-
-
-def _span(name: str, text: str) -> tuple[float, float]:
-    least, _, most = text.partition(":")
-    low, high = _number(name, least), _number(name, most or least)
-    if low > high:
-        raise InputError(f"--{name.strip('-').replace('_', '-')} {text}, expected the least first")
-    return low, high
-
-
-def _number(name: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError(f"--{name.strip('-').replace('_', '-')} {text!r:.40}, expected a number") from None
 
 
 @contextmanager
