@@ -13,7 +13,7 @@ from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate, resample
 from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motion
 from signsplice.rig.canonical_map import ROLES
-from signsplice.splicing import features
+from signsplice.splicing import features, gap_features
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.transition import find_transition
 
@@ -79,8 +79,8 @@ def test_the_features_of_a_frame_are_values_and_their_rates() -> None:
 
 def test_the_tokens_of_a_gap_have_where_every_frame_lies() -> None:
     motion = canonical_motion(word("BOOK").clip[9:28])  # 6 frames before the gap, 5 in it, 8 after it
-    tokens = features.gap_features(motion, 6, 5).tokens
-    assert tokens.shape == (21, features.N_TOKEN)
+    tokens = gap_features.gap_features(motion, 6, 5).tokens
+    assert tokens.shape == (21, gap_features.N_TOKEN)
     n = features.N_FRAME
     frames = features.frame_features(features.trajectory(motion, (np.arange(21) - 2) / 30.0))
     np.testing.assert_array_equal(tokens[:, :n], frames)
@@ -91,25 +91,25 @@ def test_the_tokens_of_a_gap_have_where_every_frame_lies() -> None:
     assert real.tolist() == [False] * 2 + [True] * 19
     np.testing.assert_allclose(t[7:14], np.arange(7) / 6, atol=1e-6)
     np.testing.assert_allclose(seconds, 6 / 30)
-    assert features.gap_frames(6 / 30) == 5
+    assert gap_features.gap_frames(6 / 30) == 5
 
 
-MATRIX = RNG.normal(0.0, 0.01, (features.N_TOKEN, len(ROLES) * 3))
+MATRIX = RNG.normal(0.0, 0.01, (gap_features.N_TOKEN, len(ROLES) * 3))
 
 
 def filled(before: Clip, after: Clip, n_frames: int) -> Clip:
     """A transition by a network that is one fixed matrix from tokens to rotation vectors."""
     base = find_transition("hermite").between(Gap(before, after, n_frames))
-    seen = features.gap_features(canonical_motion(concatenate([before, base, after])), len(before), n_frames)
-    answer = (seen.tokens[features.CONTEXT : features.CONTEXT + seen.n_gap] @ MATRIX).reshape(-1, len(ROLES), 3)
-    deltas = features.delta_rotvecs(answer, seen, n_frames)
+    seen = gap_features.gap_features(canonical_motion(concatenate([before, base, after])), len(before), n_frames)
+    answer = (seen.tokens[gap_features.CONTEXT : gap_features.CONTEXT + seen.n_gap] @ MATRIX).reshape(-1, len(ROLES), 3)
+    deltas = gap_features.delta_rotvecs(answer, seen, n_frames)
     return replace(base, local_rotations=apply_deltas(base.skeleton, base.local_rotations, deltas))
 
 
-def unseen_gap(n_gap: int, seconds: float, motion_weights: np.ndarray | None = None) -> features.GapFeatures:
+def unseen_gap(n_gap: int, seconds: float, motion_weights: np.ndarray | None = None) -> gap_features.GapFeatures:
     """A gap without tokens, in which all roles move in full by default."""
     weights = np.ones(len(ROLES)) if motion_weights is None else motion_weights
-    return features.GapFeatures(np.zeros((0, 0), np.float32), n_gap, seconds, False, weights)
+    return gap_features.GapFeatures(np.zeros((0, 0), np.float32), n_gap, seconds, False, weights)
 
 
 def test_a_mirrored_gap_is_filled_with_the_mirrored_frames() -> None:
@@ -125,7 +125,7 @@ def test_a_mirrored_gap_is_filled_with_the_mirrored_frames() -> None:
 def test_answers_weigh_nothing_at_the_ends_and_less_in_short_gaps() -> None:
     t = np.array([0.0, 1e-3, 0.5, 1.0])
     moving = np.linspace(0.0, 1.0, len(ROLES))
-    full, short, long = (features.answer_weights(t, unseen_gap(9, seconds, moving)) for seconds in (0.6, 0.15, 1.4))
+    full, short, long = (gap_features.answer_weights(t, unseen_gap(9, seconds, moving)) for seconds in (0.6, 0.15, 1.4))
     np.testing.assert_allclose(full, np.outer([0.0, 16e-6 * (1.0 - 1e-3) ** 2, 1.0, 0.0], moving))
     np.testing.assert_allclose(short, 0.125 * full)
     np.testing.assert_allclose(long, full)
@@ -134,13 +134,13 @@ def test_answers_weigh_nothing_at_the_ends_and_less_in_short_gaps() -> None:
 def test_a_hand_at_rest_has_a_small_motion_weight() -> None:
     one_handed = word("MOTHER").clip
     whole = features.trajectory(canonical_motion(one_handed), np.arange(20, 50) / 30.0)
-    weights = features.motion_weights(whole, 1.0)
+    weights = gap_features.motion_weights(whole, 1.0)
     arms = {side: weights[ROLES.index(f"{side}LowerArm")] for side in ("left", "right")}
     assert arms["left"] < 0.2 < 0.8 < arms["right"] <= 1.0
     assert weights[ROLES.index("chest")] == arms["right"]
-    other = features.motion_weights(features.mirrored(whole), 1.0)
+    other = gap_features.motion_weights(features.mirrored(whole), 1.0)
     assert other[ROLES.index("leftIndexDistal")] == arms["right"]
-    assert features.motion_weights(whole, 1e9).max() < 1e-6
+    assert gap_features.motion_weights(whole, 1e9).max() < 1e-6
 
 
 def test_a_gap_at_another_rate_is_filled_with_the_same_motion() -> None:
@@ -154,13 +154,13 @@ def test_answers_are_interpolated_smoothly() -> None:
     t, finer = np.arange(1, 10) / 10, np.arange(1, 28) / 28
     seen = unseen_gap(9, 1 / 3)
     wave = np.broadcast_to(np.sin(3.0 * t)[:, None, None], (9, len(ROLES), 3))
-    found = features.delta_rotvecs(wave, seen, 27)[:, 0, 0] / features.answer_weights(finer, seen)[:, 0]
+    found = gap_features.delta_rotvecs(wave, seen, 27)[:, 0, 0] / gap_features.answer_weights(finer, seen)[:, 0]
     assert np.abs(found - np.sin(3.0 * finer))[3:-3].max() < 0.005
 
 
 def test_end_poses_and_end_velocities_do_not_change() -> None:
     t = np.arange(1, 401) / 401
-    out = features.delta_rotvecs(np.ones((12, len(ROLES), 3)), unseen_gap(12, 0.8), len(t))
+    out = gap_features.delta_rotvecs(np.ones((12, len(ROLES), 3)), unseen_gap(12, 0.8), len(t))
     np.testing.assert_allclose(out[:, 0, 0], 16 * t**2 * (1 - t) ** 2, atol=1e-9)
     assert out[0].max() < 1e-3
     assert out.max() == pytest.approx(1.0, abs=1e-4)

@@ -22,12 +22,12 @@ from signsplice.motion.joined import JoinedClips, joined
 from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motion
 from signsplice.rig.canonical_map import ARM, ROLES
 from signsplice.rig.info import rig_info
-from signsplice.splicing import features
+from signsplice.splicing import features, gap_features
 from signsplice.splicing.bundle import read_config
 from signsplice.splicing.cut import Cut, Cutter
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration, travel_law
-from signsplice.splicing.features import CONTEXT, MAX_GAP_FRAMES, MIN_GAP_FRAMES
 from signsplice.splicing.gap import Gap
+from signsplice.splicing.gap_features import CONTEXT, MAX_GAP_FRAMES, MIN_GAP_FRAMES
 from signsplice.splicing.sessions import Sessions, single
 from signsplice.splicing.transition import GapTransition, find_transition
 from signsplice.splicing.viterbi import SeamScores, best_path
@@ -224,11 +224,11 @@ class LearnedTransition(GapTransition):
     def _bent(self, block: JoinedClips, windows: Sequence[tuple[Clip, Clip, Clip]], bases: list[Clip]) -> list[Clip]:
         """The curves of some gaps with their arms bent by the network."""
         counts = [(frames, len(windows[row][0]), len(windows[row][1])) for row, frames in block]
-        seen = features.all_gap_features(canonical_motion(block.clip), counts)
+        seen = gap_features.all_gap_features(canonical_motion(block.clip), counts)
         skeleton = block.clip.skeleton
         local = np.concatenate([base.local_rotations for base in bases])
         deltas = [
-            features.delta_rotvecs(self._answer(one), one, len(base)) for one, base in zip(seen, bases, strict=True)
+            gap_features.delta_rotvecs(self._answer(one), one, len(base)) for one, base in zip(seen, bases, strict=True)
         ]
         local = apply_deltas(skeleton, local, np.concatenate(deltas), self.corrected)
         stops = np.cumsum([len(base) for base in bases]).tolist()
@@ -237,7 +237,7 @@ class LearnedTransition(GapTransition):
             for base, stop in zip(bases, stops, strict=True)
         ]
 
-    def _answer(self, seen: features.GapFeatures) -> Float:
+    def _answer(self, seen: gap_features.GapFeatures) -> Float:
         """The network's rotation vectors (n_gap, R, 3) of a gap."""
         inputs = {"tokens": single(seen.tokens), "mask": np.ones((1, len(seen.tokens)), bool)}
         turns: Float = self.sessions.run("bridge", inputs, turns=(1, seen.n_gap, len(ROLES), 3))["turns"][0]
@@ -245,7 +245,7 @@ class LearnedTransition(GapTransition):
 
     def warnings(self, gap: Gap) -> tuple[str, ...]:
         """A line about a gap that is too long for the network."""
-        if features.gap_frames(gap.seconds) <= MAX_GAP_FRAMES:
+        if gap_features.gap_frames(gap.seconds) <= MAX_GAP_FRAMES:
             return ()
         seconds = gap.n_frames / gap.before.fps
         return (f"{seconds:.2f} s are longer than the network knows: made by {self.base.name} alone",)
@@ -253,7 +253,7 @@ class LearnedTransition(GapTransition):
 
 def _within_limits(gap: Gap) -> bool:
     """Whether a gap is neither too short nor too long for the network, on a rig whose arms are known."""
-    n_frames = features.gap_frames(gap.seconds)
+    n_frames = gap_features.gap_frames(gap.seconds)
     return MIN_GAP_FRAMES <= n_frames <= MAX_GAP_FRAMES and rig_info(gap.before.skeleton).has_arms
 
 

@@ -14,7 +14,7 @@ from signsplice.motion import rotation  # noqa: E402
 from signsplice.motion.clip import Clip  # noqa: E402
 from signsplice.rig.canonical import canonical_motion  # noqa: E402
 from signsplice.rig.canonical_map import ROLES  # noqa: E402
-from signsplice.splicing import features  # noqa: E402
+from signsplice.splicing import gap_features  # noqa: E402
 from signsplice.splicing.gap import Gap  # noqa: E402
 from signsplice.splicing.transition import find_transition  # noqa: E402
 from signsplice.train.product import gap_data  # noqa: E402
@@ -55,7 +55,7 @@ def test_a_gap_hides_the_signed_frames(gaps: GapDataset) -> None:
     sentence, start, n_gap = signer.seams[0]
     quats = signer.sentences[sentence][start - 8 : start + n_gap + 8]
     arrays = gaps.arrays(signer, quats, 8, n_gap)
-    assert arrays["tokens"].shape == (16 + n_gap, features.N_TOKEN)
+    assert arrays["tokens"].shape == (16 + n_gap, gap_features.N_TOKEN)
     gap = Gap(clip_of(gaps, quats[:8]), clip_of(gaps, quats[8 + n_gap :]), n_gap)
     base = find_transition("hermite").between(gap)
     local_quats = np.concatenate([np.tile(rotation.IDENTITY, (n_gap, 1, 1)), arrays["base"].astype(float)], axis=1)

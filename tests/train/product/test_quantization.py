@@ -18,7 +18,8 @@ from signsplice.cli.commands import app  # noqa: E402
 from signsplice.errors import InputError  # noqa: E402
 from signsplice.splicing import methods  # noqa: E402
 from signsplice.splicing.bundle import bundle_sha256, read_config  # noqa: E402
-from signsplice.splicing.features import N_TOKEN, N_WORD  # noqa: E402
+from signsplice.splicing.features import N_WORD  # noqa: E402
+from signsplice.splicing.gap_features import N_TOKEN  # noqa: E402
 from signsplice.splicing.learned import open_sessions  # noqa: E402
 from signsplice.train import quantization  # noqa: E402
 from signsplice.train.product import tuning  # noqa: E402

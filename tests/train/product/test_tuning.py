@@ -20,7 +20,7 @@ from signsplice.cli.commands import app
 from signsplice.errors import InputError, SignspliceError
 from signsplice.motion.clip import concatenate
 from signsplice.rig.canonical import canonical_motion
-from signsplice.splicing import features
+from signsplice.splicing import gap_features
 from signsplice.splicing.bundle import read_config, write_bundle
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.learned import LearnedTransition, open_sessions
@@ -95,7 +95,7 @@ def test_any_rig_is_trained_on_as_it_will_be_seen(lacking: str) -> None:
     arrays = dataset.arrays(signer, signer.sentences[0][20:46], 8, 10)
     before, after = clip[20:28], clip[38:46]
     base = find_transition("hermite").between(Gap(before, after, 10))
-    expected = features.gap_features(canonical_motion(concatenate([before, base, after])), 8, 10)
+    expected = gap_features.gap_features(canonical_motion(concatenate([before, base, after])), 8, 10)
     assert np.isfinite(arrays["tokens"]).all()
     np.testing.assert_allclose(arrays["tokens"], expected.tokens, atol=2e-4)
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from signsplice.motion import rotation
 from signsplice.rig.canonical import FEATURE_FPS
 from signsplice.rig.canonical_map import ARM, LEFT, RIGHT
-from signsplice.splicing import features
+from signsplice.splicing import gap_features
 
 Float = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ NOISE_PROBABILITY = 0.3
 NOISE_RAD = (0.001, 0.008)
 """Range of the standard deviation of noise."""
 OTHER_ARM_PROBABILITY = 0.3
-_MIN_FRAMES = features.MIN_GAP_FRAMES + 2 * features.CONTEXT
+_MIN_FRAMES = gap_features.MIN_GAP_FRAMES + 2 * gap_features.CONTEXT
 """The shortest gap with all the frames that the network sees on either side."""
 
 

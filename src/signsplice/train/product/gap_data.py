@@ -25,7 +25,7 @@ from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.rig.canonical import FEATURE_FPS, canonical_motion
 from signsplice.rig.canonical_map import MIRROR, ROLES
-from signsplice.splicing import features
+from signsplice.splicing import gap_features
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.transition import find_transition
 from signsplice.synth.rng import stream
@@ -129,7 +129,7 @@ class GapBatch:
 
     - tokens: (B, S, N_TOKEN); mask: (B, S), False at padding
     - base, true: quaternions (B, T, R, 4), the classical transition and the target; real: (B, T), False at padding
-    - weights: (B, T, R), factor of the network's answer (``features.answer_weights``)
+    - weights: (B, T, R), factor of the network's answer (``gap_features.answer_weights``)
     - bones: (B, R, 3), arm lengths
     - seam: (B,), whether the gap is a true transition
     - step: the training step, for messages
@@ -238,7 +238,7 @@ class GapDataset:
             quats = augmentation.augmented_take(lambda: signer.draw_take(rng), rng, self.idle)
             n_gap = min(n_gap, len(quats) - 4)
             start = int(rng.integers(2, len(quats) - n_gap - 1))
-        low, high = max(0, start - features.CONTEXT), min(len(quats), start + n_gap + features.CONTEXT)
+        low, high = max(0, start - gap_features.CONTEXT), min(len(quats), start + n_gap + gap_features.CONTEXT)
         quats, start = quats[low:high], start - low
         if self.n_fixed is None and not self.clean:
             quats = augmentation.with_offsets_and_sway(quats, rng)
@@ -257,7 +257,7 @@ class GapDataset:
         if (self.clean or rng.random() < SEAM_FRACTION) and signer.seams:
             seam = int(rng.integers(len(signer.seams)))
             return _GapPlan(rng, signer, seam, signer.seams[seam][2])
-        log_frames = rng.uniform(np.log(features.MIN_GAP_FRAMES), np.log(features.MAX_GAP_FRAMES))
+        log_frames = rng.uniform(np.log(gap_features.MIN_GAP_FRAMES), np.log(gap_features.MAX_GAP_FRAMES))
         return _GapPlan(rng, signer, None, round(float(np.exp(log_frames))))
 
     def arrays(self, signer: SignerMotion, quats: Float, start: int, n_gap: int) -> dict[str, Any]:
@@ -267,7 +267,7 @@ class GapDataset:
         clip = Clip(signer.skeleton, local_quats, np.zeros((len(quats), 3)), FEATURE_FPS)
         before, after = clip[:start], clip[start + n_gap :]
         base = _BASE.between(Gap(before, after, n_gap))
-        window = features.gap_features(canonical_motion(concatenate([before, base, after])), start, n_gap)
+        window = gap_features.gap_features(canonical_motion(concatenate([before, base, after])), start, n_gap)
         base_quats = np.tile(rotation.IDENTITY, (n_gap, len(ROLES), 1))
         base_quats[:, signer.roles] = base.local_rotations[:, 1:]
         true_quats, bones = quats[start : start + n_gap], signer.bones
@@ -279,6 +279,6 @@ class GapDataset:
             "tokens": window.tokens,
             "base": base_quats.astype(np.float32),
             "true": true_quats.astype(np.float32),
-            "weights": features.answer_weights(alpha, window).astype(np.float32),
+            "weights": gap_features.answer_weights(alpha, window).astype(np.float32),
             "bones": bones,
         }

@@ -2,8 +2,8 @@
 
 It is a Transformer encoder with pre-layer normalisation and rotary positions (Su et al. 2021), because what matters is
 how far apart two frames are. Its answer is a rotation vector for every joint at every frame of the gap, weighted by a
-window that is flat at both ends (``splicing.features.delta_rotvecs``) and added to the classical transition. The last
-layer is initialised with zeros, so that an untrained network is the classical method.
+window that is flat at both ends (``splicing.gap_features.delta_rotvecs``) and added to the classical transition. The
+last layer is initialised with zeros, so that an untrained network is the classical method.
 
 Names of attributes that hold weights are stored in checkpoints and in ONNX graphs, from which training can continue:
 do not rename them.
@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
 from signsplice.rig.canonical_map import ROLES
-from signsplice.splicing.features import CONTEXT, N_TOKEN
+from signsplice.splicing.gap_features import CONTEXT, N_TOKEN
 
 MAX_DEVIATIONS = 5.0
 """Inputs are clamped to this many standard deviations from the mean."""
