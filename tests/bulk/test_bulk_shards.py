@@ -25,7 +25,7 @@ from signsplice.bulk.maker import FailedSentence, MadeSentence, SentenceMaker, m
 from signsplice.bulk.poses import poses
 from signsplice.bulk.recipes import SentenceRecipe
 from signsplice.bulk.shards import make_shard
-from signsplice.errors import InputError
+from signsplice.errors import FormatError, InputError
 from signsplice.formats import npz
 from signsplice.formats.json_files import read_json
 from signsplice.lexicon.reader import SHIPPED
@@ -40,11 +40,12 @@ ROWS = [
     SentenceRecipe(("fs-ANN", "fs-A", "I"), **QUICK),  # type: ignore[arg-type]
     SentenceRecipe(("YES", "NO"), sign_speed=99.0),
 ]
+OPTIONS = BulkOptions(str(SHIPPED), shard_size=2)
 
 
 def job_of(out: Path, rows: Iterable[SentenceRecipe] = ROWS, **options: object) -> BulkJob:
     batch = recipes.batch_of(rows)
-    return prepare(out, BulkOptions(str(SHIPPED), **{"shard_size": 2, **options}), lambda: [batch])  # type: ignore[arg-type]
+    return prepare(out, replace(OPTIONS, **options), lambda: [batch])  # type: ignore[arg-type]
 
 
 def make(out: Path, job: BulkJob, order: Iterable[int] | None = None) -> None:
@@ -125,8 +126,14 @@ def test_a_run_makes_only_what_is_missing_or_not_whole(made: tuple[Path, BulkJob
     whole = content(out)
     (out / "index" / "000000.parquet").unlink()
     (out / "shard-000002.tar").write_bytes(whole["shard-000002.tar"][:-512])
+    (out / "summary.json").write_text("of the files that are missing now")
     states: list[run.Progress] = []
-    summary = run.run(out, job_of(out), workers=1, advance=states.append)
+
+    def advance(state: run.Progress) -> None:
+        states.append(state)
+        assert len(states) == 1 or not (out / "summary.json").exists()
+
+    summary = run.run(out, OPTIONS, lambda: [recipes.batch_of(ROWS)], workers=1, advance=advance)
     assert (states[0].n_before, states[0].n_done, states[-1].n_done, states[-1].n_failed) == (2, 2, 5, 1)
     found = content(out)
     assert json.loads(found.pop("summary.json"))["n_failed"] == summary.n_failed == 2
@@ -176,6 +183,49 @@ def test_a_folder_with_other_files_is_refused(tmp_path: Path) -> None:
     (tmp_path / "out" / "thesis.txt").write_text("")
     with pytest.raises(InputError, match=r"holds thesis.txt and no job.json"):
         job_of(tmp_path / "out")
+
+
+def test_a_call_that_is_refused_leaves_no_trace(made: tuple[Path, BulkJob], tmp_path: Path) -> None:
+    for out in (tmp_path / "new", made[0]):
+        before = content(out) if out.exists() else None
+        with pytest.raises(InputError):
+            run.run(out, OPTIONS, lambda: [recipes.batch_of(ROWS[:0])])
+        assert (content(out) if out.exists() else None) == before
+        assert not (out / "unfinished").exists()
+
+
+def test_a_call_that_is_interrupted_leaves_whole_shards_alone(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+
+    def interrupt(state: run.Progress) -> None:
+        if state.n_done:
+            (out / f".signsplice-{0:016x}.tar").write_bytes(b"of a worker that was killed")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run.run(out, OPTIONS, lambda: [recipes.batch_of(ROWS)], workers=1, advance=interrupt)
+    assert not [path for path in out.rglob("*") if path.name.startswith(".signsplice-")]
+    assert (out / "unfinished").is_dir()
+    assert {path.name for path in out.glob("*.tar")} >= {"shard-000000.tar"}
+
+
+def test_a_folder_whose_recipes_were_written_again_is_refused(made: tuple[Path, BulkJob], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(made[0], out)
+    pq.write_table(pq.read_table(out / "recipes.parquet"), out / "recipes.parquet", compression="none")
+    with pytest.raises(InputError, match=r"recipes\.parquet: is not the file that job\.json names"):
+        job_of(out)
+
+
+def test_a_broken_file_of_the_index_ends_a_run_in_one_line(made: tuple[Path, BulkJob], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(made[0], out)
+    path = out / "index" / "000001.parquet"
+    stored = path.read_bytes()
+    footer = int.from_bytes(stored[-8:-4], "little") + 8  # says what there is, and stays
+    path.write_bytes(stored[:4] + bytes(len(stored) - 4 - footer) + stored[-footer:])
+    with pytest.raises(FormatError, match=r"000001\.parquet: cannot be read as the index of shard 1 .*makes it anew"):
+        run.run(out, OPTIONS, lambda: [recipes.batch_of(ROWS)])
 
 
 def test_recipes_and_hashes_alone_make_any_row_again(made: tuple[Path, BulkJob], tmp_path: Path) -> None:

@@ -61,6 +61,9 @@ def test_sentences_are_those_of_splice_bit_for_bit(options: ss.SpliceOptions) ->
 def test_letters_are_those_of_splice_bit_for_bit() -> None:
     spelled = [sentence(1)[0], *clips("fs-A", "fs-N", "fs-N", "fs-E"), sentence(4)[0]]
     assert facts(splice_many([spelled, spelled[1:3]])[0]) == facts(ss.splice(spelled))
+    found = splice_many([spelled, spelled], starts=[(3,), ()])
+    assert [facts(one) for one in found] == [facts(ss.splice(spelled, None, starts)) for starts in ((3,), ())]
+    assert facts(found[0]) != facts(found[1])
 
 
 def test_words_of_another_place_and_with_bones_that_move_are_those_of_splice() -> None:

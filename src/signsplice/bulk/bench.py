@@ -15,7 +15,7 @@ import pyarrow as pa
 from signsplice.bulk import drawing, recipes
 from signsplice.bulk.job import INDEX, BulkOptions, libraries, prepare, processor
 from signsplice.bulk.maker import SentenceMaker
-from signsplice.bulk.run import run
+from signsplice.bulk.run import Progress, run
 from signsplice.bulk.shards import make_shard
 from signsplice.errors import MissingExtraError
 from signsplice.lexicon.reader import Lexicon, open_lexicon
@@ -146,9 +146,13 @@ def growth(lexicon: str, words: Lexicon, count: int, seed: int, ray: str | None)
     for workers in (1, 2, 2, 1):
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder) / "out"
-            job = prepare(out, BulkOptions(lexicon, shard_size=max(n_rows // 40, 1)), lambda: batches)
+            options = BulkOptions(lexicon, shard_size=max(n_rows // 40, 1))
             times: list[tuple[float, int]] = []
-            run(out, job, workers, ray, advance=lambda state, t=times: t.append((time.perf_counter(), state.n_done)))  # type: ignore[misc]
+
+            def note(state: Progress, times: list[tuple[float, int]] = times) -> None:
+                times.append((time.perf_counter(), state.n_done))
+
+            run(out, options, lambda: batches, workers, ray, advance=note)
             settled = times[1 + workers :]
             rate = (settled[-1][1] - settled[0][1]) / (settled[-1][0] - settled[0][0])
             best[workers] = max(best.get(workers, 0.0), rate)

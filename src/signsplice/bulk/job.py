@@ -104,9 +104,9 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
     """The job of a folder: the one that is there if it is the same, a new one in a new or empty folder.
 
     batches: makes the recipes, anew at each call. Raises ``InputError`` where the folder was begun with other recipes,
-    words, networks or options, which it names, or holds something else.
+    words, networks or options, which it names, where its recipes were changed since, and as ``check_out`` does.
     """
-    check_place(out)
+    check_out(out)
     with Lexicon(options.lexicon) as words:
         lexicon_sha256 = hash_of_words(words)
     decided: dict[str, Any] = {
@@ -137,14 +137,17 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
                 )
         if not recipes.is_same(out / RECIPES, batches()):
             raise InputError(f"{out}: was begun with other recipes; give the same, or name a new folder")
+        if _hash_of(out / RECIPES) != job.recipes_sha256:
+            raise InputError(
+                f"{out / RECIPES}: is not the file that {JOB} names; put that one back, or name a new folder"
+            )
         return _written(replace(job, **places), out)
-    _check_new(out)
     out.mkdir(exist_ok=True)
     n_recipes = recipes.write(written, batches())
     if not n_recipes:
         written.unlink()
         raise InputError("no recipes, expected one row or more")
-    digest = hashlib.sha256(written.read_bytes()).hexdigest()
+    digest = _hash_of(written)
     job = BulkJob(**decided, **places, n_recipes=n_recipes, recipes_sha256=digest, processor=processor())
     _written(job, out)
     written.replace(out / RECIPES)
@@ -157,11 +160,21 @@ def _written(job: BulkJob, out: Path) -> BulkJob:
     return job
 
 
-def _check_new(out: Path) -> None:
-    """Raise ``InputError`` where a folder holds more than what a call that was ended at once leaves there."""
+def _hash_of(file: Path) -> str:
+    with file.open("rb") as opened:
+        return hashlib.file_digest(opened, "sha256").hexdigest()
+
+
+def check_out(out: Path) -> None:
+    """Raise ``InputError`` where a folder cannot be put, or where one without a job holds more than what a call that
+    was ended at once leaves there.
+    """
+    check_place(out)
+    if (out / JOB).exists():
+        return
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: is a file, expected a folder or a new name")
-    others = sorted(path.name for path in out.glob("*") if not path.name.startswith("."))
+    others = sorted(path.name for path in out.glob("*") if not path.name.startswith(".") and path.name != UNFINISHED)
     if others:
         raise InputError(f"{out}: holds {others[0]} and no {JOB}; name a new folder, or an empty one")
 

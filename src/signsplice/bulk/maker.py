@@ -175,20 +175,18 @@ class SentenceMaker:
         return self._bodies[signer]
 
 
-def _results(calls: Sequence[_Sentence]) -> list[SpliceResult | Exception]:
-    """What the engine gives of each call, or why it gives nothing. Sentences with spelled words, of which it has to be
-    known where they start, go alone; the others together.
-    """
-    found: dict[int, SpliceResult | Exception] = {}
-    together = [n for n, call in enumerate(calls) if not any(token.spelled for token in call.tokens)]
+def _results(calls: Sequence[_Sentence]) -> Sequence[SpliceResult | Exception]:
+    """What the engine gives of each call, or why it gives nothing."""
     try:
-        batch = splice_many([calls[n].clips for n in together], [calls[n].options for n in together])
-        found = dict(zip(together, batch, strict=True))
+        return splice_many(
+            [call.clips for call in calls],
+            [call.options for call in calls],
+            starts=[starts(call.tokens) for call in calls],
+        )
     except (MemoryError, OSError):
         raise
     except Exception:  # a bug that one sentence brings out; the others are made without it
-        found = {}
-    return [found[n] if n in found else _alone(call) for n, call in enumerate(calls)]
+        return [_alone(call) for call in calls]
 
 
 def _alone(call: _Sentence) -> SpliceResult | Exception:

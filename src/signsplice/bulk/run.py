@@ -4,18 +4,31 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 
 from signsplice.bulk import cluster, local
-from signsplice.bulk.job import INDEX, SUMMARY, UNFINISHED, BulkJob, index_of, is_whole, tar_of
+from signsplice.bulk.job import (
+    INDEX,
+    SUMMARY,
+    UNFINISHED,
+    BulkJob,
+    BulkOptions,
+    check_out,
+    index_of,
+    is_whole,
+    prepare,
+    tar_of,
+)
 from signsplice.bulk.maker import WORDS_KEPT
 from signsplice.bulk.shards import ShardResult
-from signsplice.errors import InputError
-from signsplice.formats.atomic import replacing, resumable_folder
+from signsplice.errors import FormatError, InputError
+from signsplice.formats.atomic import replacing, resumable_folder, sweep
 
 MOST_REASONS = 20
 """Reasons for failed rows that a summary lists, the most frequent first."""
@@ -58,30 +71,35 @@ class Progress:
 
 def run(
     out: Path,
-    job: BulkJob,
+    options: BulkOptions,
+    batches: Callable[[], Iterable[pa.RecordBatch]],
     workers: int | None = None,
     ray: str | None = None,
     n_kept: int = WORDS_KEPT,
     advance: Callable[[Progress], None] | None = None,
 ) -> BulkSummary:
     """Make what is missing of a folder of shards, by processes of this machine, or on the Ray cluster at the address
-    ``ray``.
+    ``ray``. The folder is begun where there is none.
 
+    batches: makes the recipes, anew at each call.
     workers: how many; by default one for each core of the machine, or of the cluster.
     advance: is told how far it is.
 
-    Raises ``InputError`` where another call is writing there, and what
-    ``local.make_all`` and ``cluster.make_all`` raise.
+    Raises ``InputError`` where another call is writing there, and what ``prepare``, ``local.make_all`` and
+    ``cluster.make_all`` raise.
     """
     if workers is not None and workers < 1:
         raise InputError(f"--workers {workers}, expected 1 or more")
-    (out / INDEX).mkdir(exist_ok=True)
-    with resumable_folder(out / UNFINISHED):
+    check_out(out)
+    with _begun(out, options, batches) as job:
+        (out / INDEX).mkdir(exist_ok=True)
         missing = [shard for shard in range(job.n_shards) if not is_whole(out, job, shard)]
         before = job.n_recipes - sum(len(job.rows(shard)) for shard in missing)
         done, failed = before, 0
         if advance is not None:
             advance(Progress(before, done, failed, job.n_recipes))
+        if missing:
+            (out / SUMMARY).unlink(missing_ok=True)
         for shard in _made(str(out.resolve()), missing, workers, ray, n_kept) if missing else ():
             done, failed = done + shard.n_rows, failed + shard.n_failed
             if advance is not None:
@@ -92,10 +110,41 @@ def run(
     return summary
 
 
+@contextmanager
+def _begun(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.RecordBatch]]) -> Iterator[BulkJob]:
+    """The job of a folder that no other call can write to. A call that is refused leaves no trace."""
+    was_there, was_ended = out.exists(), (out / UNFINISHED).exists()
+    out.mkdir(exist_ok=True)
+    with resumable_folder(out / UNFINISHED):
+        try:
+            job = prepare(out, options, batches)
+        except BaseException:
+            with suppress(OSError):
+                if not was_ended:
+                    (out / UNFINISHED).rmdir()
+                if not was_there:
+                    out.rmdir()
+            raise
+        try:
+            yield job
+        finally:
+            for folder in (out, out / INDEX):
+                sweep(folder)  # what workers that were killed have left
+
+
 def _made(out: str, missing: list[int], workers: int | None, ray: str | None, n_kept: int) -> Iterator[ShardResult]:
     if ray is not None:
         return cluster.make_all(out, missing, ray, n_kept, workers)
     return local.make_all(out, missing, min(workers or local.cores(), len(missing)), n_kept)
+
+
+def _index(out: Path, shard: int) -> pa.Table:
+    path = index_of(out, shard)
+    try:
+        return pq.read_table(path, columns=["frames", "fps", "seams", "error"])
+    except (pa.ArrowException, OSError, ValueError) as error:
+        what = f"cannot be read as the index of shard {shard} ({str(error)[:200]})"
+        raise FormatError(f"{what}; remove it, and the same call makes it anew", file=str(path)) from error
 
 
 def summarize(out: Path, job: BulkJob) -> BulkSummary:
@@ -106,7 +155,7 @@ def summarize(out: Path, job: BulkJob) -> BulkSummary:
     for shard in range(job.n_shards):
         if not is_whole(out, job, shard):
             raise InputError(f"{out}: shard {shard} is not whole; the same call makes it")
-        table = pq.read_table(index_of(out, shard), columns=["frames", "fps", "seams", "error"])
+        table = _index(out, shard)
         failed = [error for error in table["error"].to_pylist() if error is not None]
         reasons.update(failed)
         frames, rates = table["frames"].drop_null().to_numpy(), table["fps"].drop_null().to_numpy()

@@ -194,7 +194,8 @@ def _run(
     **options: Any,
 ) -> None:
     """Make the recipes that ``batches`` gives of the lexicon's signs, and print what there is then."""
-    from signsplice.bulk import drawing, job
+    from signsplice.bulk import drawing
+    from signsplice.bulk.job import BulkOptions
     from signsplice.bulk.run import run
     from signsplice.lexicon.reader import SHIPPED
 
@@ -202,11 +203,9 @@ def _run(
         raise InputError(f"--keep-words {keep_words}, expected 2 or more")
     out, words = Path(output), str(SHIPPED) if lexicon is None else lexicon
     check_apart(output, [words, bundle])
-    with open_words(lexicon) as opened:
-        wanted = job.BulkOptions(words, bundle, **options)
-        made = job.prepare(out, wanted, lambda: batches(lambda: drawing.signs(opened)))
-    with _shown(f"making {out.name}") as advance:
-        summary = run(out, made, workers, ray, keep_words, advance)
+    with open_words(lexicon) as opened, _shown(f"making {out.name}") as advance:
+        wanted = BulkOptions(words, bundle, **options)
+        summary = run(out, wanted, lambda: batches(lambda: drawing.signs(opened)), workers, ray, keep_words, advance)
     warn(f"{n:,} rows failed: {reason}" for reason, n in summary.reasons.items())
     if summary.n_failed > sum(summary.reasons.values()):
         warn(["further reasons are in the index, column error"])

@@ -240,7 +240,7 @@ def _temporary(parent: Path, make: Callable[[Path], object], suffix: str = "") -
     """A new temporary path, locked and made by ``make``. Whatever is there at the end is removed, and so is what killed
     processes have left in the folder.
     """
-    _sweep(parent)
+    sweep(parent)
     while True:
         path = parent / f".signsplice-{os.urandom(8).hex()}{suffix}"
         make(path)
@@ -260,8 +260,8 @@ def _make_file(path: Path, mode: int | None) -> None:
     os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, permissions))
 
 
-def _sweep(parent: Path) -> None:
-    """Remove temporary files and folders that no process holds."""
+def sweep(parent: Path) -> None:
+    """Remove the temporary files and folders of a folder that no process holds."""
     names: list[str] = []
     with suppress(OSError):  # a folder that may be written, but not listed
         names = os.listdir(parent)

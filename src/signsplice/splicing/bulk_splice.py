@@ -9,8 +9,8 @@ on what it is batched with.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
-from typing import TypeVar
+from collections.abc import Callable, Collection, Iterable, Sequence
+from typing import NamedTuple, TypeVar
 
 from signsplice.errors import SignspliceError
 from signsplice.motion.clip import Clip
@@ -29,34 +29,42 @@ Result = SpliceResult | SignspliceError
 T = TypeVar("T")
 
 
+class _Asked(NamedTuple):
+    clips: Sequence[Clip]
+    options: SpliceOptions
+    starts: Collection[int]
+
+
 def splice_many(
     sentences: Sequence[Sequence[Clip]],
     options: Sequence[SpliceOptions] | SpliceOptions | None = None,
     transitions: TransitionCache | None = None,
+    starts: Sequence[Collection[int]] | None = None,
 ) -> list[Result]:
     """What ``splice`` gives of each sentence alone, in order; where it raises a ``SignspliceError``, that error.
 
     options: of all sentences, or of each.
     transitions: where those of earlier calls are found.
+    starts: of each sentence, as in ``splice``.
 
     Clips that are one word should be one object in all sentences: what is computed of a word is kept as long as that
-    object lives. Raises ``ValueError`` where there are not as many options as sentences.
+    object lives. Raises ``ValueError`` where there are not as many options or starts as sentences.
     """
     if options is None or isinstance(options, SpliceOptions):
         options = [options or SpliceOptions()] * len(sentences)
+    if starts is None:
+        starts = [()] * len(sentences)
     out: list[Result] = []
-    block: list[tuple[Sequence[Clip], SpliceOptions]] = []
-    for one in zip(sentences, options, strict=True):
-        block.append(one)
-        if sum(len(clips) for clips, _ in block) >= _WORDS_AT_ONCE:
+    block: list[_Asked] = []
+    for one in zip(sentences, options, starts, strict=True):
+        block.append(_Asked(*one))
+        if sum(len(sentence.clips) for sentence in block) >= _WORDS_AT_ONCE:
             out += _spliced(block, transitions)
             block = []
     return out + _spliced(block, transitions)
 
 
-def _spliced(
-    block: Sequence[tuple[Sequence[Clip], SpliceOptions]], transitions: TransitionCache | None
-) -> list[Result]:
+def _spliced(block: Sequence[_Asked], transitions: TransitionCache | None) -> list[Result]:
     """``splice_many`` of few sentences, each step for all of them."""
     done: dict[int, Result] = {}
 
@@ -70,8 +78,8 @@ def _spliced(
                 done[row] = error
         return made
 
-    builders = each(lambda row: SentenceBuilder(block[row][1]), range(len(block)))
-    planned = each(lambda row: builders[row].plan(block[row][0]), builders)
+    builders = each(lambda row: SentenceBuilder(block[row].options), range(len(block)))
+    planned = each(lambda row: builders[row].plan(block[row].clips, block[row].starts), builders)
     filled: dict[int, list[FilledGap]] = {}
     for rows in _with_one_filler(builders, planned):
         try:
