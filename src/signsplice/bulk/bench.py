@@ -6,7 +6,8 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -73,26 +74,38 @@ def _kinds(words: Lexicon, count: int, seed: int) -> Iterator[tuple[str, list[pa
 
 
 def seams(words: Lexicon, count: int, seed: int) -> dict[str, Any]:
-    """Ms a seam of ``count`` pairs, each spliced alone and all in blocks, in turns; the words are read before."""
+    """Ms a seam of ``count`` pairs and of as many ten-word sentences, in turns: each spliced alone from words that are
+    new to the networks, as a first call finds them; each alone from words that are known; and many together, known.
+    """
     maker = SentenceMaker(words)
-    rows = [row for batch in drawing.pairs(drawing.signs(words), count, seed) for row in recipes.recipes_of(batch)]
-    pairs = [maker.clips(row) for row in rows]
-    splice_many(pairs)
-    alone = together = 0.0
-    for start in range(0, len(pairs), _BLOCK):
-        block = pairs[start : start + _BLOCK]
-        began = time.process_time()
-        for clips in block:
-            splice(clips)
-        between = time.process_time()
-        splice_many(block)
-        alone, together = alone + between - began, together + time.process_time() - between
-    return {
-        "alone_ms": 1e3 * alone / len(pairs),
-        "together_ms": 1e3 * together / len(pairs),
-        "ratio": together / alone,
-        "block": _BLOCK,
-    }
+    found: dict[str, Any] = {"block": _BLOCK}
+    for name, batches, _ in _kinds(words, count, seed):
+        rows = [row for batch in batches for row in recipes.recipes_of(batch)][:count]
+        sentences = [maker.clips(row) for row in rows]
+        splice_many(sentences)
+        times = dict.fromkeys(("new", "alone", "together"), 0.0)
+        for start in range(0, len(rows), _BLOCK):
+            block = sentences[start : start + _BLOCK]
+            new = [[replace(clip) for clip in clips] for clips in block]  # words are known as objects
+            with _timed(times, "new"):
+                for clips in new:
+                    splice(clips)
+            with _timed(times, "alone"):
+                for clips in block:
+                    splice(clips)
+            with _timed(times, "together"):
+                splice_many(block)
+        n_seams = sum(len(clips) - 1 for clips in sentences)
+        found[name] = {f"{way}_ms": 1e3 * seconds / n_seams for way, seconds in times.items()}
+    return found
+
+
+@contextmanager
+def _timed(times: dict[str, float], name: str) -> Iterator[None]:
+    """Adds the processor time of a block to ``times[name]``, seconds."""
+    began = time.process_time()
+    yield
+    times[name] += time.process_time() - began
 
 
 def shards(lexicon: str, batches: list[pa.RecordBatch], n_rows: int) -> dict[str, Any]:
@@ -180,10 +193,14 @@ def page(found: Mapping[str, Any]) -> str:
         f"Processor: {found['processor']}, {found['cores']} cores, load {found['load']} when it began; "
         f"{found['words']} signs; networks {str(found['bundle'])[:12]}. Written by `signsplice bulk bench`.",
         "",
-        "| a seam | processor time, ms |",
-        "| --- | --- |",
-        f"| alone | {seam['alone_ms']:.2f} |",
-        f"| {seam['block']} sentences together | {seam['together_ms']:.2f}, {seam['ratio']:.2f} of it |",
+        f"| ms of processor time a seam | alone, new words | alone, known words | {seam['block']} sentences together | "
+        "of new | of known |",
+        "| --- | --- | --- | --- | --- | --- |",
+        *(
+            f"| {name} | {ms['new_ms']:.2f} | {ms['alone_ms']:.2f} | {ms['together_ms']:.2f} | "
+            f"{ms['together_ms'] / ms['new_ms']:.2f} | {ms['together_ms'] / ms['alone_ms']:.2f} |"
+            for name, ms in ((name, seam[name]) for name in ("pairs", "sentences"))
+        ),
         "",
         "| what | rows | ms a row | core-hours = rows x ms / 3,600,000 | bytes a row | TB |",
         "| --- | --- | --- | --- | --- | --- |",

@@ -260,7 +260,7 @@ def _frames(text: str, n_frames: int) -> tuple[int, int]:
 @click.command()
 @click.argument("bundle", metavar="BUNDLE")
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder for the bundle to write.")
-@click.option("--int8", is_flag=True, required=True, help="With 8-bit weights: smaller and faster, and less exact.")
+@click.option("--int8", is_flag=True, required=True, help="With 8-bit weights: smaller, and less exact.")
 def export(bundle: str, output: str, int8: bool) -> None:
     """Write the networks of a bundle with 8-bit weights; needs the extra `train`. `signsplice evaluate` measures the
     loss of accuracy.

@@ -1,9 +1,8 @@
 """Many sentences spliced together: the same frames as one by one, bit for bit, in less time.
 
 A word is read by the networks once, whatever the number of sentences. What is computed frame by frame (curves, what the
-network is shown, poses, collisions, scores) is computed for the seams of many sentences in one go; every frame gets the
-numbers that it would get alone. The network that bends transitions sees one gap a pass: in 8 bits, a gap would depend
-on what it is batched with.
+network is shown and answers, poses, collisions, scores) is computed for the seams of many sentences in one go; every
+frame gets the numbers that it would get alone.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ from signsplice.splicing.cut import Cut, Cutter
 from signsplice.splicing.duration import HUMAN_MEDIAN_S, Duration, travel_law
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.gap_features import CONTEXT, MAX_GAP_FRAMES, MIN_GAP_FRAMES
-from signsplice.splicing.sessions import Sessions, single
+from signsplice.splicing.sessions import Sessions
 from signsplice.splicing.transition import GapTransition, find_transition
 from signsplice.splicing.viterbi import SeamScores, best_path
 from signsplice.splicing.word_reader import WordReader, WordReading
@@ -37,6 +37,8 @@ Float = NDArray[np.float64]
 
 SYSTEM = "signsplice"
 NAME, FLUENT = "learned", "learned-fluent"
+_BATCH = 16
+"""Gaps of one pass: the time a gap falls up to here."""
 _CORRECTED = np.array([role.endswith(ARM) for role in ROLES])
 """Roles (R,) that the network corrects: collarbones, arms and wrists. On captures that it had not seen, its answer
 for fingers, trunk, neck and head was worse than the curve at every length of a gap.
@@ -186,8 +188,7 @@ class LearnedTransition(GapTransition):
 
     End poses and end velocities stay those of the curve. Fingers, trunk, neck, head and joints without a role, gaps of
     fewer than 2 or more than 45 frames at 30 a second, and rigs whose arms are not known by name follow the curve
-    alone. Every gap is a pass of its own: 8-bit networks round by the largest number of a pass, so that a gap would
-    depend on what it is batched with.
+    alone.
     """
 
     name, learned = NAME, True
@@ -228,7 +229,8 @@ class LearnedTransition(GapTransition):
         skeleton = block.clip.skeleton
         local = np.concatenate([base.local_rotations for base in bases])
         deltas = [
-            gap_features.delta_rotvecs(self._answer(one), one, len(base)) for one, base in zip(seen, bases, strict=True)
+            gap_features.delta_rotvecs(turns, one, len(base))
+            for turns, one, base in zip(self._turns(seen), seen, bases, strict=True)
         ]
         local = apply_deltas(skeleton, local, np.concatenate(deltas), self.corrected)
         stops = np.cumsum([len(base) for base in bases]).tolist()
@@ -237,11 +239,21 @@ class LearnedTransition(GapTransition):
             for base, stop in zip(bases, stops, strict=True)
         ]
 
-    def _answer(self, seen: gap_features.GapFeatures) -> Float:
-        """The network's rotation vectors (n_gap, R, 3) of a gap."""
-        inputs = {"tokens": single(seen.tokens), "mask": np.ones((1, len(seen.tokens)), bool)}
-        turns: Float = self.sessions.run("bridge", inputs, turns=(1, seen.n_gap, len(ROLES), 3))["turns"][0]
-        return turns
+    def _turns(self, seen: Sequence[gap_features.GapFeatures]) -> list[Float]:
+        """The network's rotation vectors (n_gap, R, 3) of every gap. Gaps of one length are a batch: each gets the
+        numbers that it would get alone, since the rows of a product in 32 bits do not hang on one another.
+        """
+        turns: dict[int, Float] = {}
+        lengths = [one.n_gap for one in seen]
+        for n_gap in set(lengths):
+            rows = [row for row, length in enumerate(lengths) if length == n_gap]
+            for start in range(0, len(rows), _BATCH):
+                batch = rows[start : start + _BATCH]
+                tokens = np.stack([seen[row].tokens for row in batch]).astype(np.float32)
+                inputs = {"tokens": tokens, "mask": np.ones(tokens.shape[:2], bool)}
+                shape = (len(batch), n_gap, len(ROLES), 3)
+                turns |= zip(batch, self.sessions.run("bridge", inputs, turns=shape)["turns"], strict=True)
+        return [turns[row] for row in range(len(seen))]
 
     def warnings(self, gap: Gap) -> tuple[str, ...]:
         """A line about a gap that is too long for the network."""
