@@ -7,12 +7,14 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import threading
 from collections.abc import Iterable
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -192,6 +194,38 @@ def test_a_call_that_is_refused_leaves_no_trace(made: tuple[Path, BulkJob], tmp_
             run.run(out, OPTIONS, lambda: [recipes.batch_of(ROWS[:0])])
         assert (content(out) if out.exists() else None) == before
         assert not (out / "unfinished").exists()
+
+
+@pytest.mark.parametrize("kind", ["file", "folder that is not empty"])
+def test_what_is_called_unfinished_and_is_not_ours_is_not_touched(tmp_path: Path, kind: str) -> None:
+    mark = tmp_path / "out" / "unfinished"
+    thesis = mark if kind == "file" else mark / "thesis.txt"
+    thesis.parent.mkdir(parents=True)
+    thesis.write_text("mine")
+    with pytest.raises(InputError, match=r"unfinished: is no empty folder.*name a new folder"):
+        run.run(tmp_path / "out", OPTIONS, lambda: [recipes.batch_of(ROWS)])
+    assert thesis.read_text() == "mine"
+
+
+def test_a_call_that_waited_for_one_that_was_refused_begins_anew(tmp_path: Path) -> None:
+    out, held, refuse = tmp_path / "out", threading.Event(), threading.Event()
+
+    def no_recipes() -> list[pa.RecordBatch]:
+        held.set()
+        refuse.wait(5.0)
+        return []
+
+    def refused() -> None:
+        with pytest.raises(InputError, match="no recipes"):
+            run.run(out, OPTIONS, no_recipes)
+
+    first = threading.Thread(target=refused)
+    first.start()
+    held.wait(5.0)
+    threading.Timer(0.2, refuse.set).start()
+    assert run.run(out, OPTIONS, lambda: [recipes.batch_of(ROWS[1:2])], workers=1).n_recipes == 1
+    first.join()
+    assert not (out / "unfinished").exists()
 
 
 def test_a_call_that_is_interrupted_leaves_whole_shards_alone(tmp_path: Path) -> None:

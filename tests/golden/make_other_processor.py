@@ -3,7 +3,8 @@
     python tests/golden/make_other_processor.py
 
 It was run by Python 3.11 for aarch64 on an emulated Neoverse N1 (qemu-aarch64): numpy 2.4.6, onnxruntime 1.32.0.
-The networks are those of tiny_bundle, so that the file outlives those that ship.
+The networks are those of tiny_int8, which is tiny_bundle after `signsplice export --int8`, so that the file outlives
+the networks that ship.
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ PAIRS = (("HELLO", "DEAF"), ("BOOK", "MOTHER"), ("THANK-YOU", "I"), ("SIGN", "YE
 
 
 def spliced(pair: tuple[str, str]) -> ss.SpliceResult:
-    """Two words that ship, joined by the networks of the tiny bundle."""
+    """Two words that ship, joined by the networks of tiny_int8."""
     with shipped() as words:
-        options = ss.SpliceOptions(bundle=HERE / "tiny_bundle")
+        options = ss.SpliceOptions(bundle=HERE / "tiny_int8")
         return ss.splice([words.clip(gloss) for gloss in pair], options)
 
 

@@ -74,29 +74,34 @@ def _kinds(words: Lexicon, count: int, seed: int) -> Iterator[tuple[str, list[pa
 
 
 def seams(words: Lexicon, count: int, seed: int) -> dict[str, Any]:
-    """Ms a seam of ``count`` pairs and of as many ten-word sentences, in turns: each spliced alone from words that are
-    new to the networks, as a first call finds them; each alone from words that are known; and many together, known.
+    """Ms a seam of ``count`` pairs and of as many ten-word sentences, each alone and many together, in turns: of words
+    that the networks have not read, and of words that they have.
     """
-    maker = SentenceMaker(words)
+    maker, glosses = SentenceMaker(words), drawing.signs(words)
     found: dict[str, Any] = {"block": _BLOCK}
-    for name, batches, _ in _kinds(words, count, seed):
-        rows = [row for batch in batches for row in recipes.recipes_of(batch)][:count]
-        sentences = [maker.clips(row) for row in rows]
+    for name, batches in (
+        ("pairs", drawing.pairs(glosses, count, seed)),
+        ("sentences", drawing.drawn(glosses, count, (WORDS, WORDS), seed)),
+    ):
+        sentences = [maker.clips(row) for batch in batches for row in recipes.recipes_of(batch)]
         splice_many(sentences)
-        times = dict.fromkeys(("new", "alone", "together"), 0.0)
-        for start in range(0, len(rows), _BLOCK):
+        times = dict.fromkeys(("new_alone", "new_together", "read_alone", "read_together"), 0.0)
+        for start in range(0, len(sentences), _BLOCK):
             block = sentences[start : start + _BLOCK]
-            new = [[replace(clip) for clip in clips] for clips in block]  # words are known as objects
-            with _timed(times, "new"):
-                for clips in new:
-                    splice(clips)
-            with _timed(times, "alone"):
+            with _timed(times, "read_alone"):
                 for clips in block:
                     splice(clips)
-            with _timed(times, "together"):
+            with _timed(times, "read_together"):
                 splice_many(block)
+            apart = [[replace(clip) for clip in clips] for clips in block]  # a word is known by its object
+            with _timed(times, "new_alone"):
+                for clips in apart:
+                    splice(clips)
+            copies = {id(clip): replace(clip) for clips in block for clip in clips}
+            with _timed(times, "new_together"):
+                splice_many([[copies[id(clip)] for clip in clips] for clips in block])
         n_seams = sum(len(clips) - 1 for clips in sentences)
-        found[name] = {f"{way}_ms": 1e3 * seconds / n_seams for way, seconds in times.items()}
+        found[name] = {way: 1e3 * seconds / n_seams for way, seconds in times.items()}
     return found
 
 
@@ -193,13 +198,13 @@ def page(found: Mapping[str, Any]) -> str:
         f"Processor: {found['processor']}, {found['cores']} cores, load {found['load']} when it began; "
         f"{found['words']} signs; networks {str(found['bundle'])[:12]}. Written by `signsplice bulk bench`.",
         "",
-        f"| ms of processor time a seam | alone, new words | alone, known words | {seam['block']} sentences together | "
-        "of new | of known |",
-        "| --- | --- | --- | --- | --- | --- |",
+        f"| ms of processor time a seam | each alone | {seam['block']} together | together / alone |",
+        "| --- | --- | --- | --- |",
         *(
-            f"| {name} | {ms['new_ms']:.2f} | {ms['alone_ms']:.2f} | {ms['together_ms']:.2f} | "
-            f"{ms['together_ms'] / ms['new_ms']:.2f} | {ms['together_ms'] / ms['alone_ms']:.2f} |"
+            f"| {name}, words {what} | {ms[f'{way}_alone']:.2f} | {ms[f'{way}_together']:.2f} | "
+            f"{ms[f'{way}_together'] / ms[f'{way}_alone']:.2f} |"
             for name, ms in ((name, seam[name]) for name in ("pairs", "sentences"))
+            for way, what in (("new", "not read before"), ("read", "read before"))
         ),
         "",
         "| what | rows | ms a row | core-hours = rows x ms / 3,600,000 | bytes a row | TB |",

@@ -22,9 +22,9 @@ from signsplice.lexicon.reader import Lexicon
 from signsplice.splicing.methods import open_learned
 
 JOB, RECIPES, SUMMARY, INDEX, UNFINISHED = "job.json", "recipes.parquet", "summary.json", "index", "unfinished"
+"""Names in a folder of shards; ``UNFINISHED`` is there while a run is, or was when it was ended."""
 _NEW_RECIPES = ".new-recipes.parquet"
 """The recipes until the job is written: a file of that name is nobody else's."""
-"""Names in a folder of shards; ``UNFINISHED`` is there while a run is, or was when it was ended."""
 FRAMES, RECIPES_ONLY = STORES = ("frames", "recipes")
 FORMATS = ("npz", "bvh", "glb")
 VERSION = 1
@@ -166,10 +166,13 @@ def _hash_of(file: Path) -> str:
 
 
 def check_out(out: Path) -> None:
-    """Raise ``InputError`` where a folder cannot be put, or where one without a job holds more than what a call that
-    was ended at once leaves there.
+    """Raise ``InputError`` where a folder cannot be put, or holds what no run has put there: without a job, more than
+    what a call that was ended at once leaves; and anything in, or in place of, the empty folder ``UNFINISHED``.
     """
     check_place(out)
+    mark = out / UNFINISHED
+    if mark.exists() and (not mark.is_dir() or mark.is_symlink() or any(mark.iterdir())):
+        raise InputError(f"{mark}: is no empty folder, expected none of that name; move it, or name a new folder")
     if (out / JOB).exists():
         return
     if out.exists() and not out.is_dir():

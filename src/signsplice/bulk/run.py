@@ -113,9 +113,8 @@ def run(
 @contextmanager
 def _begun(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.RecordBatch]]) -> Iterator[BulkJob]:
     """The job of a folder that no other call can write to. A call that is refused leaves no trace."""
-    was_there, was_ended = out.exists(), (out / UNFINISHED).exists()
-    out.mkdir(exist_ok=True)
-    with resumable_folder(out / UNFINISHED):
+    was_there = out.exists()
+    with resumable_folder(out / UNFINISHED) as was_ended:
         try:
             job = prepare(out, options, batches)
         except BaseException:

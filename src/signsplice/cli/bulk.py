@@ -256,9 +256,10 @@ def _shown(what: str) -> Iterator[Callable[[Progress], None] | None]:
         bars.TextColumn("{task.fields[failed]}"),
     )
     with bars.Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=600) as bar:
-        task = bar.add_task(what, total=None, rate="", failed="")
+        task = bar.add_task(what, start=False, total=None, rate="", failed="")
 
         def advance(state: Progress) -> None:
+            bar.start_task(task)
             elapsed = bar.tasks[0].elapsed or 0.0
             made = state.n_done - state.n_before
             rate = f"{made / elapsed:.1f}/s" if made and elapsed else ""

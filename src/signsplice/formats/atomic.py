@@ -162,18 +162,23 @@ def check_place(path: str | Path) -> None:
 
 
 @contextmanager
-def resumable_folder(path: Path) -> Iterator[None]:
-    """Makes the folder ``path`` and keeps other processes out of it. It is removed when the block succeeds; when it
-    fails, it stays, and the next call continues there. Raises ``InputError`` where another process is in it.
+def resumable_folder(path: Path) -> Iterator[bool]:
+    """Makes the folder ``path``, with those that it is in, and keeps other processes out of it; gives whether it was
+    there already. It is removed when the block succeeds; when it fails, it stays, and the next call continues there.
+    Raises ``InputError`` where another process is in it.
     """
-    lock = None
+    lock, was_there = None, False
     while True:
-        path.mkdir(exist_ok=True)
+        try:
+            path.mkdir(parents=True)
+            was_there = False
+        except FileExistsError:
+            was_there = True
         with suppress(FileNotFoundError):  # removed since by another process that has finished
             lock = _lock(path, _WAIT_S)
             break
     try:
-        yield
+        yield was_there
         _remove(path)
     finally:
         _unlock(lock)

@@ -66,7 +66,7 @@ def best_ablation(e: Evidence, lpt: str) -> Finding:
 def attention_error(e: Evidence, lpt: str) -> Finding:
     """Holds if the MSE without attention is larger."""
     whole, without = found = e.of(*_ablations(lpt, "wa"))
-    facts = {"paa": each(found, "paa")}
+    facts = {"paa": each(found, "paa"), "pta": each(found, "pta")}
     return Finding(above(without, whole, "mse"), each(found, "mse"), facts)
 
 

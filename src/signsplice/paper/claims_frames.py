@@ -17,7 +17,11 @@ def distortion(e: Evidence, lpt: str) -> Finding:
     alike = max(first[1:]) <= ALIKE * first[0]
     distorted = [value >= DISTORTED * later[0] for value in later[1:]]
     figure = "; ".join(f"{one.name} {a:.1f} then {b:.1f}" for one, a, b in zip(found, first, later, strict=True))
-    return Finding(graded(alike and all(distorted), alike or any(distorted)), figure + " cm")
+    facts = {
+        name: " and ".join(f"{value / values[0]:.2f}" for value in values[1:])
+        for name, values in (("first", first), ("later", later))
+    }
+    return Finding(graded(alike and all(distorted), alike or any(distorted)), figure + " cm", facts)
 
 
 def missing_frames(e: Evidence, lpt: str) -> Finding:

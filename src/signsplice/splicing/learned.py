@@ -38,7 +38,7 @@ Float = NDArray[np.float64]
 SYSTEM = "signsplice"
 NAME, FLUENT = "learned", "learned-fluent"
 _BATCH = 16
-"""Gaps of one pass: the time a gap falls up to here."""
+"""Gaps of one pass at most: larger passes take as long a gap."""
 _CORRECTED = np.array([role.endswith(ARM) for role in ROLES])
 """Roles (R,) that the network corrects: collarbones, arms and wrists. On captures that it had not seen, its answer
 for fingers, trunk, neck and head was worse than the curve at every length of a gap.
@@ -240,8 +240,8 @@ class LearnedTransition(GapTransition):
         ]
 
     def _turns(self, seen: Sequence[gap_features.GapFeatures]) -> list[Float]:
-        """The network's rotation vectors (n_gap, R, 3) of every gap. Gaps of one length are a batch: each gets the
-        numbers that it would get alone, since the rows of a product in 32 bits do not hang on one another.
+        """The network's rotation vectors (n_gap, R, 3) of every gap. Gaps of one length are a batch; each gets the
+        numbers that it would get alone, bit for bit, as far as measured (tests compare).
         """
         turns: dict[int, Float] = {}
         lengths = [one.n_gap for one in seen]
@@ -249,7 +249,7 @@ class LearnedTransition(GapTransition):
             rows = [row for row, length in enumerate(lengths) if length == n_gap]
             for start in range(0, len(rows), _BATCH):
                 batch = rows[start : start + _BATCH]
-                tokens = np.stack([seen[row].tokens for row in batch]).astype(np.float32)
+                tokens = np.stack([seen[row].tokens for row in batch], dtype=np.float32)
                 inputs = {"tokens": tokens, "mask": np.ones(tokens.shape[:2], bool)}
                 shape = (len(batch), n_gap, len(ROLES), 3)
                 turns |= zip(batch, self.sessions.run("bridge", inputs, turns=shape)["turns"], strict=True)

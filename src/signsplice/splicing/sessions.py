@@ -64,6 +64,12 @@ class Sessions:
             # bits too, on each kind of processor in its own way.
             options.add_session_config_entry("session.disable_quant_qdq", "1")
             with format_errors(file, "network"):
+                if multiplies_in_8_bits(content):
+                    raise FormatError(
+                        "multiplies in 8 bits, and so makes other sentences on other processors; "
+                        f"`signsplice export {self.folder} -o NEW --int8` writes the same weights for 32 bits",
+                        file=file,
+                    )
                 if names_other_files(content):
                     raise FormatError(
                         "keeps weights in other files, which no hash of the bundle covers; export the system anew, "
@@ -74,6 +80,11 @@ class Sessions:
             takes = [entry.name for entry in session.get_inputs()]
             self._sessions[name] = (session, takes, [entry.name for entry in session.get_outputs()])
         return self._sessions[name]
+
+
+def multiplies_in_8_bits(content: bytes) -> bool:
+    """Whether a graph rounds the inputs of its products to 8 bits, as bundles of version 0.3 did."""
+    return b"DynamicQuantizeLinear" in content
 
 
 def _check_output(name: str, output: Any, shape: tuple[int | None, ...]) -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import re
+import shutil
 import tempfile
 from pathlib import Path
 
@@ -10,12 +13,13 @@ import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
+onnx = pytest.importorskip("onnx")
 
 from click.testing import CliRunner  # noqa: E402
 
 from signing import word  # noqa: E402
 from signsplice.cli.commands import app  # noqa: E402
-from signsplice.errors import InputError  # noqa: E402
+from signsplice.errors import FormatError, InputError  # noqa: E402
 from signsplice.splicing import methods  # noqa: E402
 from signsplice.splicing.bundle import bundle_sha256, read_config  # noqa: E402
 from signsplice.splicing.features import N_WORD  # noqa: E402
@@ -81,6 +85,48 @@ def test_stored_bytes_stand_for_nearly_the_same_weights(small: Path) -> None:
     for name in matrices:
         half_steps = 0.5 * np.abs(exact[name]).max(axis=0) / 127.0
         assert np.all(np.abs(found[name] - exact[name]).max(axis=0) <= half_steps + 1e-7)
+
+
+def in_8_bits(content: bytes, folder: Path) -> bytes:
+    """A graph as version 0.3 exported it: products in 8 bits, by onnxruntime's dynamic quantisation."""
+    pytest.importorskip("onnxruntime.quantization")
+    from onnxruntime.quantization import QuantType, quantize_dynamic
+
+    model = onnx.load_model_from_string(content)
+    del model.graph.value_info[:]
+    quantize_dynamic(
+        model, str(folder / "old.onnx"), per_channel=True, reduce_range=True,
+        weight_type=QuantType.QInt8, op_types_to_quantize=["MatMul", "Gemm"],
+    )  # fmt: skip
+    return (folder / "old.onnx").read_bytes()
+
+
+def test_a_bundle_with_products_in_8_bits_is_written_anew_with_the_same_weights(tmp_path: Path) -> None:
+    old, new = tmp_path / "old", tmp_path / "new"
+    shutil.copytree(TINY, old)
+    stored = json.loads((old / "bundle.json").read_text())
+    for name in ("word.onnx", "bridge.onnx"):
+        content = in_8_bits((TINY / name).read_bytes(), tmp_path)
+        (old / name).write_bytes(content)
+        stored["files"][name] = hashlib.sha256(content).hexdigest()
+    (old / "bundle.json").write_text(json.dumps(stored | {"precision": "int8"}))
+    tokens, mask = np.random.default_rng(2).normal(0.0, 0.3, (1, 26, N_TOKEN)), np.ones((1, 26), bool)
+    inputs = {"tokens": tokens.astype(np.float32), "mask": mask}
+    with pytest.raises(FormatError, match="multiplies in 8 bits"):
+        open_sessions(old).run("bridge", inputs)
+    quantization.quantize_bundle(old, new)
+    for name in ("word.onnx", "bridge.onnx"):
+        before, after = (quantization.weights_of((folder / name).read_bytes()) for folder in (old, new))
+        assert all(np.array_equal(before[key], values) for key, values in after.items())
+    expected, found = (open_sessions(bundle).run("bridge", inputs)["turns"] for bundle in (TINY, new))
+    assert relative_error(found, expected) < 0.1
+
+
+def test_products_of_another_kind_are_refused() -> None:
+    with pytest.raises(ValueError, match="expected products of the kind MatMul"):
+        quantization.quantized((TINY / "cut.onnx").read_bytes())
+    with pytest.raises(ValueError, match="expected products in 8 bits"):
+        quantization.in_32_bits((TINY / "word.onnx").read_bytes())
 
 
 def test_the_shipped_graph_gives_the_network_to_tune() -> None:
