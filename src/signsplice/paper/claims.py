@@ -94,14 +94,16 @@ def others_misplace(e: Evidence, lpt: str) -> Finding:
 
 
 def exact_positions(e: Evidence, lpt: str) -> Finding:
-    """Holds from a PTA and a PAA of ``EXACT`` on; in part if so many of all pairs have positions within two frames."""
+    """Holds from a PTA and a PAA of ``EXACT`` on; in part for one of both, or if so many of all pairs have positions
+    within two frames.
+    """
     (one,) = e.of(lpt)
     pta, paa, near = (known(one, name) for name in ("pta", "paa", "within_2"))
     ends = [one.score(name) for name in ("paa_margin_1", "paa_margin_4")]
     margins = "not known" if any(map(math.isnan, ends)) else f"{ends[0]:.3f} to {ends[1]:.3f}"
     train = one.score("paa_train")
     facts = {"train": "not known" if math.isnan(train) else shown(train), "margins": margins}
-    verdict = graded(min(pta, paa) >= EXACT, pta * near >= EXACT)
+    verdict = graded(min(pta, paa) >= EXACT, max(pta, paa, pta * near) >= EXACT)
     return Finding(verdict, f"PTA {pta:.3f}, PAA {paa:.3f}, within 2 frames {near:.3f}", facts)
 
 
