@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processor_pairs import BUNDLE, PAIRS, spliced
 
-from golden.make_other_processor import HERE, PAIRS, spliced
 from signsplice.errors import FormatError
 from signsplice.motion import rotation
 from signsplice.splicing.learned import open_sessions
@@ -21,7 +21,7 @@ from signsplice.splicing.sessions import multiplies_in_8_bits
 @pytest.mark.parametrize("n", range(len(PAIRS)), ids=["-".join(pair) for pair in PAIRS])
 def test_new_frames_are_the_same_within_a_hundredth_of_a_degree(n: int) -> None:
     """They differ by 0.001 degrees at most."""
-    expected = np.load(HERE / "other_processor.npz")
+    expected = np.load(BUNDLE.with_name("other_processor.npz"))
     result = spliced(PAIRS[n])
     spans = [span.output for span in result.spans]
     assert [list(span) for span in spans] == expected[f"spans_{n}"].tolist()
@@ -34,7 +34,7 @@ def test_networks_that_ship_multiply_in_32_bits() -> None:
 
 
 def test_a_network_that_multiplies_in_8_bits_is_refused_with_what_to_do(tmp_path: Path) -> None:
-    bundle = Path(shutil.copytree(HERE / "tiny_int8", tmp_path / "old"))
+    bundle = Path(shutil.copytree(BUNDLE, tmp_path / "old"))
     stored = json.loads((bundle / "bundle.json").read_text())
     content = b"...DynamicQuantizeLinear..."
     (bundle / "bridge.onnx").write_bytes(content)
