@@ -215,7 +215,7 @@ def page(found: Mapping[str, Any]) -> str:
         one = found[kind]
         lines.append(
             f"| {kind}, `--store {store}` | {row['rows']:,} | {one[f'{store}_ms']:.2f} | {row['hours']:.1f} | "
-            f"{one[f'{store}_bytes']:,.0f} | {row['tb']:.3f} |"
+            f"{one[f'{store}_bytes']:,.0f} | {row['tb']:.4f} |"
         )
     lines += ["", "| workers | sentences a second, wall | ratio |", "| --- | --- | --- |"]
     lines += _rates("processes", found["workers"]) + _rates("Ray", found.get("ray", ()))
