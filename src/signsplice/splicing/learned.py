@@ -229,8 +229,8 @@ class LearnedTransition(GapTransition):
         skeleton = block.clip.skeleton
         local = np.concatenate([base.local_rotations for base in bases])
         deltas = [
-            gap_features.delta_rotvecs(turns, one, len(base))
-            for turns, one, base in zip(self._turns(seen), seen, bases, strict=True)
+            gap_features.delta_rotvecs(rotvecs, one, len(base))
+            for rotvecs, one, base in zip(self._rotvecs(seen), seen, bases, strict=True)
         ]
         local = apply_deltas(skeleton, local, np.concatenate(deltas), self.corrected)
         stops = np.cumsum([len(base) for base in bases]).tolist()
@@ -239,11 +239,11 @@ class LearnedTransition(GapTransition):
             for base, stop in zip(bases, stops, strict=True)
         ]
 
-    def _turns(self, seen: Sequence[gap_features.GapFeatures]) -> list[Float]:
+    def _rotvecs(self, seen: Sequence[gap_features.GapFeatures]) -> list[Float]:
         """The network's rotation vectors (n_gap, R, 3) of every gap. Gaps of one length are a batch; each gets the
         numbers that it would get alone, bit for bit, as far as measured (tests compare).
         """
-        turns: dict[int, Float] = {}
+        found: dict[int, Float] = {}
         lengths = [one.n_gap for one in seen]
         for n_gap in set(lengths):
             rows = [row for row, length in enumerate(lengths) if length == n_gap]
@@ -252,8 +252,8 @@ class LearnedTransition(GapTransition):
                 tokens = np.stack([seen[row].tokens for row in batch], dtype=np.float32)
                 inputs = {"tokens": tokens, "mask": np.ones(tokens.shape[:2], bool)}
                 shape = (len(batch), n_gap, len(ROLES), 3)
-                turns |= zip(batch, self.sessions.run("bridge", inputs, turns=shape)["turns"], strict=True)
-        return [turns[row] for row in range(len(seen))]
+                found |= zip(batch, self.sessions.run("bridge", inputs, turns=shape)["turns"], strict=True)
+        return [found[row] for row in range(len(seen))]
 
     def warnings(self, gap: Gap) -> tuple[str, ...]:
         """A line about a gap that is too long for the network."""
