@@ -231,12 +231,21 @@ def test_rows_of_other_metrics_are_refused_and_times_of_other_machines_judge_not
 
 def test_two_truths_that_disagree_make_a_claim_hold_in_part() -> None:
     worse = [
-        replace(r, truth="word", scores={**r.scores, "accuracy": 0.97, "mse_equal": 0.0012}) for r in printed_rows()
+        replace(
+            r, truth="word", scores={**r.scores, "accuracy": 0.98 if r.system == "lstm" else 0.97, "mse_equal": 0.0012}
+        )
+        for r in printed_rows()
     ]
     both = verdicts(of_rows(*printed_rows()), of_rows(*worse))
     one = by_judge(both, "accuracy")
     assert (one.verdict, one.figures) == (IN_PART, ("0.9900", "0.9700"))
-    assert one.why == "the truths disagree: partner holds, word does not hold"
+    assert one.why.startswith("the truths disagree: partner holds, word does not hold; ")
+    assert "of the lengths are right" in one.why
+    alike = by_judge(both, "best_accuracy")
+    assert alike.why == (
+        "the truths disagree: partner holds (no rival is better at three digits); word does not hold (LSTM has the "
+        "highest of the rivals)"
+    )
     other = by_judge(both, "mse")
     assert other.verdict == HOLDS
     assert other.why.startswith("0.0010 / 0.0012 over equal lengths")

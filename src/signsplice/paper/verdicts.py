@@ -131,10 +131,10 @@ def judge(claim: Claim, corpora: Sequence[Evidence]) -> ClaimVerdict:
     """The verdict on a claim, from the rows of one corpus for every truth."""
     found = [_finding(claim, e, published.PRINTED) for e in corpora]
     tested = [one for one in found if one.verdict != UNTESTED]
+    truths = [e.truth for e, one in zip(corpora, found, strict=True) if one.verdict != UNTESTED]
     verdict = together([one.verdict for one in tested])
     if len({one.verdict for one in tested}) > 1:
-        each = (f"{e.truth} {one.verdict}" for e, one in zip(corpora, found, strict=True))
-        why = f"the truths disagree: {', '.join(each)}"
+        why = f"the truths disagree: {_disagreement(claim, truths, tested)}"
     elif tested or claim.judge is None:
         why = claim.why[verdict].format(**_facts(tested))
     else:
@@ -142,6 +142,15 @@ def judge(claim: Claim, corpora: Sequence[Evidence]) -> ClaimVerdict:
     better = _finding(claim, corpora[0], published.IMPROVED) if claim.of_lpt else None
     improved = "-" if better is None or better.verdict == UNTESTED else f"{better.verdict}: {better.figure}"
     return ClaimVerdict(claim, verdict, tuple(one.figure for one in found), improved, why)
+
+
+def _disagreement(claim: Claim, truths: Sequence[str], found: Sequence[Finding]) -> str:
+    """The verdict of each truth that was tested, and its reason: in brackets, or at the end where all have the same."""
+    verdicts = [f"{truth} {one.verdict}" for truth, one in zip(truths, found, strict=True)]
+    reasons = [claim.why[one.verdict].format(**one.facts) for one in found]
+    if len(set(reasons)) == 1:
+        return f"{', '.join(verdicts)}; {reasons[0]}"
+    return "; ".join(f"{verdict} ({reason})" for verdict, reason in zip(verdicts, reasons, strict=True))
 
 
 def _finding(claim: Claim, evidence: Evidence, system: str) -> Finding:

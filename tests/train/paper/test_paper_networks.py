@@ -17,6 +17,7 @@ from signsplice.train.paper.losses import token_loss  # noqa: E402
 from signsplice.train.paper.networks.convs2s import ConvS2S  # noqa: E402
 from signsplice.train.paper.networks.filling import Filler, gap_fractions  # noqa: E402
 from signsplice.train.paper.networks.generator import FRAME, HIDDEN, START, Generator, generate  # noqa: E402
+from signsplice.train.paper.networks.layers import with_deltas  # noqa: E402
 from signsplice.train.paper.networks.spsn import POST, PRE, Spsn  # noqa: E402
 from signsplice.train.paper.pairs_data import Batch, splice_marks  # noqa: E402
 from signsplice.train.paper.tasks import MOST_FRAMES, decoder_input, own_frames, positions, token_bias  # noqa: E402
@@ -59,6 +60,25 @@ def test_states_of_deep_convolutions_start_at_one_size() -> None:
     assert len(sizes) == 20
     assert max(sizes) < 2.0 * min(sizes)
     assert float(torch.nn.utils.get_total_norm([p.grad for p in made.parameters() if p.grad is not None])) < 1e3
+
+
+def test_ten_steps_of_adamw_enlarge_the_inputs_of_convs2s_less_than_twofold() -> None:
+    """At cpu scale, whatever the gradients: each step moves each weight by the rate."""
+    part = scales.parts("conv-s2s", "cpu")[0]
+    torch.manual_seed(0)
+    network: Any = scales.task(part, data().normaliser(), parents(), 0).network.eval()
+    one = data().batch(range(1))
+
+    def largest_input() -> float:
+        with torch.no_grad():
+            _, states, values = network.encode(one.x, one.mask, one.n_before).memory
+        return float((values * 2.0**0.5 - states).abs().max())  # values are the sum of states and inputs over sqrt(2)
+
+    before = largest_input()
+    numbers = with_deltas(network.normaliser(one.x), one.n_before)[0]
+    with torch.no_grad():
+        network.embedding.weight += 10 * part.rate * numbers[numbers.abs().sum(1).argmax()].sign()
+    assert largest_input() < 2.0 * before
 
 
 @pytest.mark.parametrize("name", GENERATORS)

@@ -186,7 +186,7 @@ _SCHEDULES = {
     "tfgn": _PartSchedule((60, 4000, 60_000)),
     "tfgn-wc": _PartSchedule((60, 1700, 60_000), 32),
     "transformer": _PartSchedule((60, 3000, 60_000), 32),
-    "conv-s2s": _PartSchedule((60, 1500, 60_000), 32, 5e-4),
+    "conv-s2s": _PartSchedule((60, 1500, 60_000), 32, 7e-4),
     "lstm": _PartSchedule((60, 6000, 60_000), 32, 3e-3),
     "progressive": _PartSchedule((60, 2000, 60_000)),
     "mixture": _PartSchedule((60, 2600, 60_000)),
@@ -195,8 +195,9 @@ _SCHEDULES = {
     "skeletal": _PartSchedule((60, 2000, 60_000), 16, 3e-3),
     "cam-stitch": _PartSchedule((60, 11_000, 60_000), 64, 3e-3),
 }
-"""At cpu scale every system is trained for about 25 minutes of one core, half of them for each of two parts, and the
-parts of mixture density, skeletal attention and CAM-STITCH for about 10. Their steps differ in cost several times over.
+"""At cpu scale every system is trained for about 25 minutes of one core (ConvS2S for 32), half of them for each of two
+parts, and the parts of mixture density, skeletal attention and CAM-STITCH for about 10. Their steps differ in cost
+several times over.
 """
 
 STEP_FRACTIONS = {("cpu", "sgd"): 5.0, ("paper", "sgd"): 5.0, ("cpu", "unseen-words"): 0.3}
