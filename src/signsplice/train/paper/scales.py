@@ -186,7 +186,7 @@ _SCHEDULES = {
     "tfgn": _PartSchedule((60, 4000, 60_000)),
     "tfgn-wc": _PartSchedule((60, 1700, 60_000), 32),
     "transformer": _PartSchedule((60, 3000, 60_000), 32),
-    "conv-s2s": _PartSchedule((60, 1500, 60_000), 32, 7e-4),
+    "conv-s2s": _PartSchedule((60, 1500, 60_000), 32, 2.1e-3),
     "lstm": _PartSchedule((60, 6000, 60_000), 32, 3e-3),
     "progressive": _PartSchedule((60, 2000, 60_000)),
     "mixture": _PartSchedule((60, 2600, 60_000)),
