@@ -146,6 +146,8 @@ def test_only_what_is_wanted_is_planned() -> None:
     asked = plan.runs("cpu", Choice(("lstm", "lpt-printed"), ("sgd",)))
     assert [(r.system, r.optimiser) for r in asked] == [("lstm", "sgd"), ("lpt-printed", "sgd")]
     assert any(r.seed for r in plan.runs("cpu", Choice(("lpt", "lstm")))), "no rival is to be found among one"
+    (again,) = plan.runs("cpu", Choice(("transformer",), seeds=(1,), frs=(published.BEST_FR,)))
+    assert (again.system, again.seed) == ("transformer", 1), "named, though nobody knows the best rival yet"
     wanted = plan.runs("paper", Choice(("lpt", "nat"), ("adamw",), ("unseen-signer",), (0,)))
     assert {(r.system, r.optimiser, r.split, r.seed) for r in wanted} == {
         ("lpt", "adamw", "random", 0),

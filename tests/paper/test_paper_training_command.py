@@ -59,6 +59,14 @@ def test_what_time_left_untrained_is_named(
     )
 
 
+def test_a_choice_that_fits_nothing_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rounds = fake_training(monkeypatch)
+    options = TrainingOptions("cpu", corpus().folder, tmp_path)
+    with pytest.raises(InputError, match="--system lstm --seed 5: nothing planned at scale cpu fits"):
+        paper_training.train_missing(options, Choice(("lstm",), seeds=(5,)))
+    assert rounds == []
+
+
 def test_minutes_become_a_deadline() -> None:
     assert deadline_in(None) is None
     found = deadline_in(2.0)

@@ -47,7 +47,8 @@ class TrainingOptions:
 def train_missing(options: TrainingOptions, choice: Choice) -> list[Run]:
     """Train what the plan has and the bundles lack, until time is up; returns what is still missing.
 
-    The plan is asked again after every round, because the best rival is known only when all are trained.
+    The plan is asked again after every round, because the best rival is known only when all are trained. Raises
+    ``InputError`` for a choice that fits nothing in it.
     """
     from signsplice.paper import plan
     from signsplice.synth.corpus import Pairs
@@ -55,8 +56,12 @@ def train_missing(options: TrainingOptions, choice: Choice) -> list[Run]:
     corpus = Pairs(options.pairs)
 
     def missing() -> list[Run]:
-        rival = plan.best_rival(options.bundles, options.scale)
-        todo = plan.missing(plan.runs(options.scale, choice, rival), options.bundles, str(corpus.head["hash"]))
+        planned = plan.runs(options.scale, choice, plan.best_rival(options.bundles, options.scale))
+        if not planned:
+            raise InputError(
+                f"{choice}: nothing planned at scale {options.scale} fits; `signsplice train paper` trains any system"
+            )
+        todo = plan.missing(planned, options.bundles, str(corpus.head["hash"]))
         return [run for run in todo if corpus.split(run.split, "train")]  # few words: a split may be empty
 
     todo = missing()

@@ -91,6 +91,12 @@ class Choice:
     seeds: tuple[int, ...] = ()
     frs: tuple[int, ...] = ()
 
+    def __str__(self) -> str:
+        """The options that make this choice."""
+        named = (("system", self.systems), ("optimiser", self.optimisers), ("split", self.splits),
+                 ("seed", self.seeds), ("fr", self.frs))  # fmt: skip
+        return " ".join(f"--{option} {value}" for option, values in named for value in values)
+
     def allows(self, run: Run) -> bool:
         """Whether a run is wanted: what it trains is judged on one of the splits."""
         feeding = tuple(_trained_on(split) for split in self.splits)
@@ -113,8 +119,9 @@ def runs(scale: str, choice: Choice | None = None, rival: str | None = None) -> 
 
     1. On the random split by AdamW: the systems of tables 1 and 3. At scale ``paper`` those of ``BY_SGD`` after them.
     2. The same systems on unseen words; at scale ``smoke`` only those of table 1.
-    3. Seeds 1 and 2 of the systems in ``SEEDED`` and of ``rival``, the best rival; at scale ``smoke`` seed 1. While it
-       is not known (None), and all rivals are wanted, the list ends before them.
+    3. Seeds 1 and 2 of the systems in ``SEEDED`` and of ``rival``, the best rival, or of those that the choice names
+       together with seeds; at scale ``smoke`` seed 1. While the best rival is not known (None), and all rivals are
+       wanted, the list ends before them.
     4. LpTransformer for every fr, the systems of the related work on both splits, and SGD: of the systems in
        ``BY_SGD``, or of those that the choice names together with SGD.
     """
@@ -128,6 +135,8 @@ def runs(scale: str, choice: Choice | None = None, rival: str | None = None) -> 
     if rival is None and {Run(system, scale, "adamw", "random") for system in RIVALS} <= set(chosen):
         return chosen
     seeded = (*SEEDED, *(() if rival is None else (rival,)))
+    if wanted.seeds and wanted.systems:
+        seeded = wanted.systems
     last = [
         Run(system, scale, "adamw", "random", seed=seed) for seed in SEEDS[: 1 if smoke else None] for system in seeded
     ]

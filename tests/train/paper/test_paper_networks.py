@@ -76,9 +76,30 @@ def test_ten_steps_of_adamw_enlarge_the_inputs_of_convs2s_less_than_twofold() ->
 
     before = largest_input()
     numbers = with_deltas(network.normaliser(one.x), one.n_before)[0]
+    length, direction = (weight for name, weight in network.embedding.named_parameters() if "weight" in name)
     with torch.no_grad():
-        network.embedding.weight += 10 * part.rate * numbers[numbers.abs().sum(1).argmax()].sign()
+        direction += 10 * part.rate * numbers[numbers.abs().sum(1).argmax()].sign()
+        length += 10 * part.rate
     assert largest_input() < 2.0 * before
+
+
+def test_a_step_changes_the_length_of_an_output_s_weights_in_convs2s_by_no_more_than_the_rate() -> None:
+    """Each weight of its own could move by the rate, and the length of all 48 of an output seven times as far."""
+    made, rate = toy("conv-s2s"), 1e-2
+
+    def lengths() -> list[Tensor]:
+        layers: list[Any] = [layer for layer in made.modules() if hasattr(layer, "parametrizations")]
+        return [layer.weight.detach().flatten(1).norm(dim=1) for layer in layers]
+
+    optimiser, before = torch.optim.AdamW(made.parameters(), lr=rate, weight_decay=0.0), lengths()
+    assert len(before) > 10
+    for step in range(3):
+        optimiser.zero_grad()
+        made(data("train").batch(range(4), step)).backward()
+        optimiser.step()
+        after = lengths()
+        assert all(float((a - b).abs().max()) < 1.5 * rate for a, b in zip(after, before, strict=True))
+        before = after
 
 
 @pytest.mark.parametrize("name", GENERATORS)

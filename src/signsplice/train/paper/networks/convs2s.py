@@ -6,12 +6,12 @@ its inputs. It does both jobs with the same weights: it reads X again and classi
 transition frames from the start token on.
 
 Weights begin as in the original, with a deviation of sqrt(4 p / n) for n inputs of which the share p is kept, and
-inputs with a deviation of 0.1. The original takes its inputs from a table; ours come from a linear layer of usual
-weights, whose output is multiplied by 0.1. With small weights instead, which Adam changes by several times their size
-within some tens of steps, two of three trainings diverged: gated units keep the size of small states, but double the
-variance of larger ones in every layer. As in the original, the gradient that reaches the encoder through attention is
-divided by twice the number of attending layers. Its weight normalisation is left out: it learned no faster in 110
-steps.
+inputs with a deviation of 0.1. As in the original, all weights but those of tables are normalised: the length of an
+output's weights is a number of its own, so that a step of Adam changes it by no more than the rate. Without that, it
+can change by the rate times the root of their number; gated units double the variance of large states in every layer,
+and trainings diverged. The original takes its inputs from a table; ours come from a linear layer, whose output is
+multiplied by 0.1. As in the original, the gradient that reaches the encoder through attention is divided by twice the
+number of attending layers.
 
 After 20 layers of width 3 a state of the encoder depends on only 20 frames to either side. Through attention the
 decoder knows both words at every frame.
@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
+from torch.nn.utils.parametrizations import weight_norm
 
 from signsplice.train.paper.networks.generator import FRAME, Encoded, Generator, State
 from signsplice.train.paper.networks.layers import Normaliser, with_deltas
@@ -57,6 +58,7 @@ def _linear(n_in: int, n_out: int) -> nn.Linear:
     layer = nn.Linear(n_in, n_out)
     nn.init.normal_(layer.weight, std=n_in**-0.5)
     nn.init.zeros_(layer.bias)
+    weight_norm(layer)
     return layer
 
 
@@ -76,6 +78,7 @@ class GatedConvolution(nn.Module):
         nn.init.normal_(self.convolution.weight, std=(4.0 * (1.0 - dropout) / (_KERNEL * width)) ** 0.5)
         if self.convolution.bias is not None:
             nn.init.zeros_(self.convolution.bias)
+        weight_norm(self.convolution)
 
     def forward(self, x: Tensor) -> Tensor:
         """States (B, S, D) of inputs with one more frame at either end, or two more before."""
