@@ -23,7 +23,7 @@ PAGE = "claims.md"
 _KEYS = {HOLDS: "holds", IN_PART: "in_part", FAILS: "fails", UNTESTED: "untested"}
 UNEQUAL_TRAINING = {
     "cpu": (
-        "- **Equal time, not equal pairs**: a system has about 25 core-minutes (ConvS2S 32), half each for positions",
+        "- **Equal time, not equal pairs**: a system has about 25 core-minutes, half each for positions",
         "  and frames if these are two networks. In them TFGN saw most pairs, LSTM three quarters as many, Transformer",
         "  three eighths, ConvS2S and TFGN without Culling (LPT-WC, LPT-WAC) a fifth. That and Transformer have half",
         "  its feed-forward width.",

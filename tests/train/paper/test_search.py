@@ -62,11 +62,11 @@ def test_the_page_names_the_best_and_whether_the_scale_has_it() -> None:
     rows = [row(rate, width, 0.5) for width in search.WIDTHS for rate in search.RATES]
     units = scales.parts("lpt", "cpu")[0]
     line = next(line for line in search.page(head, rows).splitlines() if line.startswith("| spsn "))
-    assert line.endswith(f"| {units.rate:.2g}, {search.units_of(units.config)} units | yes |"), (
+    assert line.endswith(f"| {units.rate:.2g}, {search.units_of(units.config)} units | 0.000 |"), (
         "of equal ones the scale's own"
     )
     rows[-1] = row(3.0, 1.5, 0.6)
     line = next(line for line in search.page(head, rows).splitlines() if line.startswith("| spsn "))
-    assert line.endswith(f"| {3.0 * units.rate:.2g}, {round(1.5 * search.units_of(units.config))} units | no |")
+    assert line.endswith(f"| {3.0 * units.rate:.2g}, {round(1.5 * search.units_of(units.config))} units | 0.100 |")
     line = next(line for line in search.page(head, rows[:4]).splitlines() if line.startswith("| spsn "))
     assert line.endswith("| - | - | - | - |"), "not decided before all are trained"

@@ -8,13 +8,11 @@ and ``fill``. Batches have one pair. The numbers of frames are variable, except 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import deepcopy
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
-from torch.nn.utils import parametrize
 
 from signsplice.errors import SignspliceError
 from signsplice.train.export import ExportGraph, exported
@@ -29,7 +27,7 @@ def paper_graphs(network: nn.Module, fr: int | None) -> dict[str, bytes]:
 
     Raises ``SignspliceError`` if onnxruntime and torch differ.
     """
-    network = _with_plain_weights(network.eval().cpu())
+    network = network.eval().cpu()
     if isinstance(network, Spsn):
         graphs = {"spsn": spsn_graph(network)}
     elif isinstance(network, Generator):
@@ -39,15 +37,6 @@ def paper_graphs(network: nn.Module, fr: int | None) -> dict[str, bytes]:
     else:
         raise SignspliceError(f"cannot export a {type(network).__name__}, expected a network of the paper's systems")
     return {f"{name}.onnx": exported(name, graph) for name, graph in graphs.items()}
-
-
-def _with_plain_weights(network: nn.Module) -> nn.Module:
-    """A copy whose normalised weights are kept as they are, not as lengths and directions."""
-    copy = deepcopy(network)
-    for module in copy.modules():
-        if parametrize.is_parametrized(module):
-            parametrize.remove_parametrizations(module, "weight")
-    return copy
 
 
 def _frames(n_frames: int, network: Any) -> Tensor:

@@ -195,7 +195,7 @@ _SCHEDULES = {
     "skeletal": _PartSchedule((60, 2000, 60_000), 16, 3e-3),
     "cam-stitch": _PartSchedule((60, 11_000, 60_000), 64, 3e-3),
 }
-"""At cpu scale every system is trained for about 25 minutes of one core (ConvS2S for 32), half of them for each of two
+"""At cpu scale every system is trained for about 25 minutes of one core, half of them for each of two
 parts, and the parts of mixture density, skeletal attention and CAM-STITCH for about 10. Their steps differ in cost
 several times over.
 """

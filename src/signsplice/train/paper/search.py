@@ -209,7 +209,7 @@ def _write(out: Path, signature: dict[str, Any], rows: Sequence[SearchRow]) -> N
 
 
 def page(signature: dict[str, Any], rows: Sequence[SearchRow]) -> str:
-    """The page of a search: the score by rate and width, the best, and whether ``scales.py`` has it."""
+    """The page of a search: the score by rate and width, the best, and how far it is above what ``scales.py`` has."""
     now = {part.name: part for system in SYSTEMS for part in parts(system, signature["scale"])}
     names = list(dict.fromkeys(row.part for row in rows))
     columns = [(width, rate) for width in WIDTHS for rate in RATES]
@@ -220,24 +220,28 @@ def page(signature: dict[str, Any], rows: Sequence[SearchRow]) -> str:
         best = max(by.values(), key=lambda row: (row.score, (row.width, row.rate) == (1.0, 1.0)))
         cells = [f"{by[key].score:.3f}" if key in by else "-" for key in columns]
         whole = len(by) == len(columns)
-        has = name in now and (units_of(now[name].config), now[name].rate) == (best.units, best.learning_rate)
-        chosen = f"{best.learning_rate:.2g}, {best.units} units"
-        lines.append((name, *cells, chosen if whole else "-", ("yes" if has else "no") if whole else "-"))
+        has = [row for row in by.values() if name in now and _is_of(row, now[name])]
+        chosen = f"{best.learning_rate:.2g}, {best.units} units" if whole else "-"
+        lines.append((name, *cells, chosen, f"{best.score - has[0].score:.3f}" if whole and has else "-"))
     table = Table(
         f"Validation score by learning rate and width: scale {signature['scale']}, {signature['steps']} steps, seed "
         f"{signature['seed']}",
         "search",
-        ("part", *head, "best", "the scale has it"),
+        ("part", *head, "best", "above the scale's"),
         tuple(lines),
         (
             "Score: PAA for parts that find positions, Accuracy for those that make frames, the mean of both for those "
             "that do both, on 256 validation pairs of the random split. Rates and widths are multiples of those that "
-            "the scale had when they were tried; the last column compares the best with those it has now. One seed: "
-            "differences of a few hundredths mean nothing. -: not trained.",
+            "the scale had when they were tried; the last column is the best score less that with the rate and width "
+            "that it has now. One seed: differences of a few hundredths mean nothing. -: not trained.",
             f"Corpus {signature['corpus']}. `signsplice paper search`",
         ),
     )
     return "# Learning rates and widths\n\n" + markdown(table)
+
+
+def _is_of(row: SearchRow, part: SystemPart) -> bool:
+    return (row.units, row.learning_rate) == (units_of(part.config), part.rate)
 
 
 def _factor(value: float) -> str:
