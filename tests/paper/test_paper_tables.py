@@ -72,6 +72,12 @@ def test_seeds_are_shown_with_their_mean_and_range() -> None:
     assert lines.line(of_rows(row("lpt")), "lpt", "cpu", "random").cell("paa") == "0.900", "one seed has no range"
 
 
+def test_the_time_of_seeds_is_that_of_the_first() -> None:
+    found = of_rows(*(row("lpt", seed=seed, scores={"ms_mean": 5.0 - 2.0 * seed}) for seed in (1, 0)))
+    one = lines.line(found, "lpt", "cpu", "random")
+    assert (one.score("ms_mean"), one.cell("ms_mean", 1)) == (5.0, "5.0")
+
+
 def test_a_system_below_the_mean_transition_is_named_but_has_no_scores() -> None:
     mean = row("mean-transition", scale=MEAN, optimiser="", fr=None, seed=None, scores={"accuracy": 0.95})
     low = row(published.PRINTED, optimiser="sgd", scores={"accuracy": 0.9499, "bleu-1": 0.4321})
