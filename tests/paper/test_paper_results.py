@@ -148,6 +148,9 @@ def test_only_what_is_wanted_is_planned() -> None:
     assert any(r.seed for r in plan.runs("cpu", Choice(("lpt", "lstm")))), "no rival is to be found among one"
     (again,) = plan.runs("cpu", Choice(("transformer",), seeds=(1,), frs=(published.BEST_FR,)))
     assert (again.system, again.seed) == ("transformer", 1), "named, though nobody knows the best rival yet"
+    of_fr = plan.runs("cpu", Choice(("lpt-printed",), seeds=(1,), frs=(6,)))
+    assert [(r.fr, r.seed) for r in of_fr] == [(6, 1)]
+    assert {r.seed for r in plan.runs("cpu", Choice(seeds=(0, 1), frs=(6,)))} == {0}, "further seeds have to be asked for"
     wanted = plan.runs("paper", Choice(("lpt", "nat"), ("adamw",), ("unseen-signer",), (0,)))
     assert {(r.system, r.optimiser, r.split, r.seed) for r in wanted} == {
         ("lpt", "adamw", "random", 0),
