@@ -49,9 +49,9 @@ def printed_rows(**changes: Any) -> list[ResultRow]:
     return out
 
 
-def curve_of(system: str, accuracies: Sequence[float], fr: int | None = None) -> Curve:
+def curve_of(system: str, accuracies: Sequence[float], fr: int | None = None, seed: int = 0) -> Curve:
     points = [(64.0 * k, 1.0, value, 0.01) for k, value in enumerate(accuracies, 1)]
-    return Curve(system, "random", "cpu", "adamw", fr, 0, points, COLUMNS)
+    return Curve(system, "random", "cpu", "adamw", fr, seed, points, COLUMNS)
 
 
 def printed_curves() -> list[Curve]:
@@ -251,17 +251,21 @@ def test_two_truths_that_disagree_make_a_claim_hold_in_part() -> None:
     assert other.why.startswith("0.0010 / 0.0012 over equal lengths")
 
 
-@pytest.mark.parametrize(("last", "verdict"), [((0.90,), HOLDS), ((0.99,), FAILS), ((), UNTESTED)])
-def test_curves_judge_overfitting(last: tuple[float, ...], verdict: str) -> None:
-    curve = curve_of(published.PRINTED, [*[0.99] * 7, *last], fr=6)
-    assert by_judge(verdicts(of_rows(*printed_rows()).merged(curves=[curve])), "fr_overfits").verdict == verdict
+@pytest.mark.parametrize(
+    ("last", "verdict"), [((0.90,), HOLDS), ((0.99,), FAILS), ((0.99, 0.90), IN_PART), ((), UNTESTED)]
+)
+def test_curves_of_all_seeds_judge_overfitting(last: tuple[float, ...], verdict: str) -> None:
+    ends = [[0.99] * 7 + [end] for end in last] or [[0.99] * 7]
+    curves = [curve_of(published.PRINTED, points, fr=6, seed=seed) for seed, points in enumerate(ends)]
+    assert by_judge(verdicts(of_rows(*printed_rows()).merged(curves=curves)), "fr_overfits").verdict == verdict
 
 
 def test_curves_judge_convergence_by_their_last_quarter() -> None:
     rising = [0.90, 0.91, 0.92, 0.93, 0.94, 0.95, 0.96, 0.97, 0.98]
     some = [curve_of("lpt-printed-wa", rising), *printed_curves()[2:], printed_curves()[0]]
     every = [curve_of(c.system, rising) for c in printed_curves()[:4]]
-    for curves, verdict in ((printed_curves(), HOLDS), (some, IN_PART), (every, FAILS)):
+    again = [*printed_curves(), curve_of("lpt-printed-wa", rising, seed=1)]
+    for curves, verdict in ((printed_curves(), HOLDS), (some, IN_PART), (again, IN_PART), (every, FAILS)):
         found = by_judge(verdicts(of_rows(*printed_rows()).merged(curves=curves)), "ablations_converge")
         assert found.verdict == verdict
     assert found.figures == ("at most 0.0200 in the last quarter",)

@@ -115,6 +115,20 @@ def test_a_curve_that_ends_elsewhere_than_its_row_is_left_out(tmp_path: Path) ->
     assert len(lines) == len(style.COMPARED) - 1
 
 
+def test_points_are_means_over_seeds_as_in_the_tables() -> None:
+    pytest.importorskip("matplotlib")
+    rows = [row(s, bundle=s, scores={"mse": 0.001, "ms_mean": 4.0}) for s in style.COMPARED]
+    rows += [row("lstm", seed=1, scores={"mse": 0.003, "ms_mean": 8.0})]
+    rows += [row("lpt-printed", seed=1, scores={"mse": 0.002, "ms_mean": 6.0})]
+    rows += [row("lpt-printed", fr=6, scores={"mse": 0.004})]
+    axes = plots(of_rows(*rows)).comparison().axes[0]
+    at = {(float(x[0]), float(y[0])) for x, y in (line.get_data() for line in axes.lines[: len(style.COMPARED)])}
+    assert at == {(4.0, 0.001), (8.0, 0.002), (6.0, 0.0015)}
+    bars, curve = plots(of_rows(*rows)).time_and_error_by_fr().axes
+    assert list(curve.lines[0].get_ydata()) == [0.004, 0.0015]
+    assert [patch.get_height() for patch in bars.patches] == [10.0, 6.0]
+
+
 def test_every_point_has_a_label_of_its_own(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     same = {"mse": 0.001, "ms_mean": 10.0}

@@ -73,8 +73,8 @@ def _head(scale: str) -> list[str]:
     """What a reader has to know before the verdicts."""
     return [
         f"Scale {scale}, split {SPLIT}, AdamW, test pairs. The row that follows the print judges (LpTransformer in",
-        "the tables); LPT+ stands beside it. What is not trained, or below the mean transition, judges nothing.",
-        "Where two truths disagree, a claim holds in part; where a reason's figures differ, / parts them.",
+        "the tables); LPT+ stands beside it. What is not trained, or below the mean transition with every seed, judges",
+        "nothing. Where two truths disagree, a claim holds in part; where a reason's figures differ, / parts them.",
         "",
         "- **Rivals have more than the print gives them**: differences between frames, a loss that weighs the tokens,",
         "  a bias of the tokens chosen on validation pairs; LSTM a summary of both words, LSTM and ConvS2S training on",

@@ -18,8 +18,8 @@ from signsplice.paper import frame_errors, published
 from signsplice.paper.curve import MOST_DIFFERENCE, Curve, difference
 from signsplice.paper.kept_frames import HERMITE, PRODUCT, KeptFrames
 from signsplice.paper.labels import label_points
-from signsplice.paper.lines import OPTIMISERS, pick
-from signsplice.paper.results import CORPUS_TRAINED, ResultRow, Results
+from signsplice.paper.lines import OPTIMISERS, TableLine, line
+from signsplice.paper.results import CORPUS_TRAINED, Results
 from signsplice.paper.style import ABLATIONS, CLASSICAL, COMPARED, ON_CLIPS, Style, plot_options, style
 
 HALF = (5.2, 3.6)
@@ -138,22 +138,25 @@ class _Plots:
         """Figure 4(b)."""
         wanted = {"scale": self.scale, "optimiser": self.optimiser, "split": SPLIT, "part": "test"}
         for system in SWEPT:
-            rows = sorted(self.results.find(system=system, **wanted), key=lambda row: -(row.seed or 0))
-            by_fr = {row.fr: row for row in rows if row.fr is not None}
-            if len(by_fr) > 1:
-                return self._bars([by_fr[fr] for fr in sorted(by_fr)], published.name(system))
+            frs = sorted({row.fr for row in self.results.find(system=system, **wanted) if row.fr is not None})
+            found = {fr: line(self.results, system, self.scale, SPLIT, self.optimiser, fr) for fr in frs}
+            known = {fr: one for fr, one in found.items() if one.is_known}
+            if len(known) > 1:
+                return self._bars(known, published.name(system))
         return None
 
-    def _bars(self, rows: Sequence[ResultRow], name: str) -> Any:
+    def _bars(self, by_fr: Mapping[int, TableLine], name: str) -> Any:
         figure, ax = self.pyplot.subplots(figsize=HALF, constrained_layout=True)
-        at, (bars, line) = [float(row.fr or 0) for row in rows], (style("lpt-printed").colour, style("lpt").colour)
-        ax.bar(at, [row.score("ms_mean") for row in rows], width=0.9, color=bars, alpha=0.75)
+        at, found = list(by_fr), by_fr.values()
+        bars, curve = style("lpt-printed").colour, style("lpt").colour
+        errors = [one.score("mse") for one in found]
+        ax.bar(at, [one.score("ms_mean") for one in found], width=0.9, color=bars, alpha=0.75)
         ax.set(xlabel="fr, frames", xticks=at)
         ax.set_ylabel("mean prediction time, ms (bars)", color=bars)
         other = ax.twinx()
-        other.plot(at, [row.score("mse") for row in rows], "D-", color=line)
-        other.set_ylabel("MSE (line)", color=line)
-        other.set_ylim(0.0, 1.2 * max(row.score("mse") for row in rows))
+        other.plot(at, errors, "D-", color=curve)
+        other.set_ylabel("MSE (line)", color=curve)
+        other.set_ylim(0.0, 1.2 * max(errors))
         ax.set_title(f"{name}: prediction time and MSE by fr ({self.setting})", fontsize=9)
         return figure
 
@@ -169,10 +172,9 @@ class _Plots:
 
     def comparison(self) -> Any:
         """Figure 4(d): the compared systems, two classical rows with what they are given, and this project's."""
-        rows = self._picked(COMPARED)
-        if len(rows) < 2:
+        points = self._points(COMPARED)
+        if len(points) < 2:
             return None
-        points = [(row, published.name(row.system), style(row.system)) for row in rows]
         for (system, given), name, of in (
             (("pose-velocity+hermite", "length"), "pose-velocity+hermite,\ngiven length", CLASSICAL),
             (HERMITE, "true-positions+hermite,\ngiven positions and length", CLASSICAL),
@@ -181,24 +183,20 @@ class _Plots:
             for row in self.results.find(system=system, given=given, split=SPLIT, part="test"):
                 trained = "" if of is CLASSICAL else ", as it ships"
                 trained = ", trained on the split" if row.scale == CORPUS_TRAINED else trained
-                points.append((row, name + trained, of))
+                points.append((TableLine(name + trained, "", (row,)), of))
         return self._error_against_time({"": points})
 
     def ablations(self) -> Any:
         """Figure 5(b): a plot for each family of which two or more are there."""
-        groups = {title: self._picked(systems) for title, systems in ABLATIONS.items()}
-        return self._error_against_time(
-            {
-                title: [(row, published.name(row.system), style(row.system)) for row in rows]
-                for title, rows in groups.items()
-                if len(rows) > 1
-            }
-        )
+        groups = {title: self._points(systems) for title, systems in ABLATIONS.items()}
+        return self._error_against_time({title: points for title, points in groups.items() if len(points) > 1})
 
-    def _picked(self, systems: Iterable[str]) -> list[ResultRow]:
-        return list(pick(self.results, self.scale, SPLIT, self.optimiser, systems).values())
+    def _points(self, systems: Iterable[str]) -> list[tuple[TableLine, Style]]:
+        """The line and the style of every system that is trained."""
+        found = {system: line(self.results, system, self.scale, SPLIT, self.optimiser) for system in systems}
+        return [(one, style(system)) for system, one in found.items() if one.is_known]
 
-    def _error_against_time(self, groups: Mapping[str, Sequence[tuple[ResultRow, str, Style]]]) -> Any:
+    def _error_against_time(self, groups: Mapping[str, Sequence[tuple[TableLine, Style]]]) -> Any:
         """A plot of MSE against time for each group of points."""
         if not groups:
             return None
@@ -206,8 +204,8 @@ class _Plots:
         size = {"figsize": (width, 1.2 * HALF[1]), "constrained_layout": True}
         figure, axes = self.pyplot.subplots(1, len(groups), squeeze=False, **size)
         for ax, (title, points) in zip(axes[0], groups.items(), strict=True):
-            at = [(row.score("ms_mean"), row.score("mse")) for row, _, _ in points]
-            for (x, y), (_, _, of) in zip(at, points, strict=True):
+            at = [(one.score("ms_mean"), one.score("mse")) for one, _ in points]
+            for (x, y), (_, of) in zip(at, points, strict=True):
                 ax.plot(x, y, of.marker, color=of.colour, ms=7, mfc="white" if of.dashed else of.colour)
             ax.axhline(published.VISIBLE, color="#9a9a9a", ls=":", lw=1)
             ax.annotate("seen by viewers above (paper)", (0.01, published.VISIBLE), fontsize=7, color="#6b6b6b",
@@ -220,8 +218,8 @@ class _Plots:
         if len(groups) > 1 or "" not in groups:
             figure.suptitle(f"MSE against prediction time ({self.setting})", fontsize=10)
         for ax, points in zip(axes[0], groups.values(), strict=True):
-            at = [(row.score("ms_mean"), row.score("mse")) for row, _, _ in points]
-            label_points(ax, at, [name for _, name, _ in points], [of.colour for _, _, of in points])
+            at = [(one.score("ms_mean"), one.score("mse")) for one, _ in points]
+            label_points(ax, at, [one.name for one, _ in points], [of.colour for _, of in points])
         return figure
 
     def _drawn_curves(self, groups: Mapping[str, Mapping[str, tuple[Curve, dict[str, Any]]]], title: str) -> Any:
@@ -247,14 +245,14 @@ class _Plots:
         return figure
 
     def _swept(self, system: str) -> dict[int, Curve]:
-        """A system's curves by fr, of the lowest seed."""
-        curves = sorted((c for c in self.curves if c.system == system), key=lambda c: -(c.seed or 0))
+        """A system's curves by fr, of the last seed."""
+        curves = sorted((c for c in self.curves if c.system == system), key=lambda c: c.seed or 0)
         return {curve.fr: curve for curve in curves if curve.fr is not None}
 
     def _best(self, system: str) -> Curve | None:
-        """A system's curve with the paper's fr, of the lowest seed."""
+        """A system's curve with the paper's fr, of the last seed."""
         curves = [c for c in self.curves if c.system == system and c.fr in (None, published.BEST_FR)]
-        return min(curves, key=lambda c: c.seed or 0, default=None)
+        return max(curves, key=lambda c: c.seed or 0, default=None)
 
     def _is_drawn(self, curve: Curve) -> bool:
         """Whether a curve belongs here, and its system found the positions itself. One that ends elsewhere than the

@@ -72,17 +72,19 @@ class Evidence:
             raise NotTestedError(f"no classical method given {given}")
         return comparable([compared, *found])[1:]
 
-    def accuracies(self, system: str, fr: int = published.BEST_FR, least: int = 8) -> list[float]:
-        """Validation Accuracy over the training of a system. Raises ``NotTestedError`` for fewer than ``least``
-        points.
+    def accuracies(self, system: str, fr: int = published.BEST_FR, least: int = 8) -> list[list[float]]:
+        """Validation Accuracy over the training of a system, for every seed. Raises ``NotTestedError`` if no curve has
+        as many points.
         """
+        curves = []
         for curve in self.results.curves:
             key = (curve.system, curve.split, curve.scale, curve.optimiser)
-            if key == (system, SPLIT, self.scale, "adamw") and curve.fr in (None, fr) and not curve.seed:
-                points = [value for value in curve.column("accuracy") if value is not None]
-                if len(points) >= least:
-                    return points
-        raise NotTestedError(f"no curve of {least} points: {published.name(system)}")
+            if key == (system, SPLIT, self.scale, "adamw") and curve.fr in (None, fr):
+                curves.append([value for value in curve.column("accuracy") if value is not None])
+        curves = [points for points in curves if len(points) >= least]
+        if not curves:
+            raise NotTestedError(f"no curve of {least} points: {published.name(system)}")
+        return curves
 
 
 Judge = Callable[[Evidence, str], Finding]
