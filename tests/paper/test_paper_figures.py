@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -70,7 +71,7 @@ def test_every_figure_is_drawn_with_the_same_bytes_each_time(tmp_path: Path) -> 
     files = [*(f"{n}{s}" for n in names for s in (".png", ".svg")), "frame-errors.md", "frame-errors.tex"]
     assert sorted(path.name for path in written) == sorted(files)
     errors = (one / "frame-errors.md").read_text()
-    assert f"| {published.name('lstm')} | AdamW | 1.0 | 1.0 | 2.0 |" in errors, "frames 1 to 2, frame 1, frame 2, ..."
+    assert f"| {published.name('lstm')} | AdamW, 100 steps | 1.0 | 1.0 | 2.0 |" in errors, "frames 1 to 2, 1, 2, ..."
     assert set(left_out) == {f"{name}-sgd" for name in (*names[:6], names[-1])}
     assert all(path.stat().st_size > 5000 for path in written if path.suffix in (".png", ".svg"))
     few = [r for r in measured().rows if r.system in style.COMPARED and r.fr in (None, 8)]
@@ -122,11 +123,28 @@ def test_points_are_means_over_seeds_as_in_the_tables() -> None:
     rows += [row("lpt-printed", seed=1, scores={"mse": 0.002, "ms_mean": 6.0})]
     rows += [row("lpt-printed", fr=6, scores={"mse": 0.004})]
     axes = plots(of_rows(*rows)).comparison().axes[0]
-    at = {(float(x[0]), float(y[0])) for x, y in (line.get_data() for line in axes.lines[: len(style.COMPARED)])}
-    assert at == {(4.0, 0.001), (8.0, 0.002), (6.0, 0.0015)}
+    drawn = axes.lines[: len(style.COMPARED)]
+    at = {s: tuple(float(v[0]) for v in line.get_data()) for s, line in zip(style.COMPARED, drawn, strict=True)}
+    assert at == dict.fromkeys(at, (4.0, 0.001)) | {"lstm": (8.0, 0.002), "lpt-printed": (6.0, 0.0015)}
     bars, curve = plots(of_rows(*rows)).time_and_error_by_fr().axes
-    assert list(curve.lines[0].get_ydata()) == [0.004, 0.0015]
-    assert [patch.get_height() for patch in bars.patches] == [10.0, 6.0]
+    assert list(curve.lines[0].get_ydata()) == [0.004, 0.001], "seed 1 is not there for fr = 6"
+    assert [patch.get_height() for patch in bars.patches] == [10.0, 4.0]
+
+
+def test_curves_are_of_the_last_seed_and_of_one_seed_where_networks_are_shared() -> None:
+    pytest.importorskip("matplotlib")
+    ends = {("lpt-printed", 0): 0.91, ("lpt-printed", 1): 0.92, ("lpt-printed", 2): 0.93, ("lpt-printed-wa", 0): 0.94}
+    ends |= {("lpt-printed-wa", 1): 0.95, ("lstm", 0): 0.96}
+    rows = [row(s, seed=seed, bundle=f"{s}{seed}", scores={"accuracy_valid": end}) for (s, seed), end in ends.items()]
+    curves = [replace(curve_of(r, r.score("accuracy_valid")), seed=r.seed) for r in rows]
+    drawn = plots(of_rows(*rows).merged(curves=curves))
+
+    def last(figure: Any) -> dict[str, float]:
+        return {line.get_label(): round(1.0 - line.get_ydata()[-1], 3) for line in figure.axes[0].lines}
+
+    assert last(drawn.accuracy({"": ["lpt-printed", "lstm"]})) == {"LpTransformer": 0.93, "LSTM": 0.96}
+    shared = drawn.accuracy({"": ["lpt-printed", "lpt-printed-wa"]}, alike=True)
+    assert last(shared) == {"LpTransformer": 0.92, "LPT-WA": 0.95}
 
 
 def test_every_point_has_a_label_of_its_own(tmp_path: Path) -> None:

@@ -151,6 +151,9 @@ def test_only_what_is_wanted_is_planned() -> None:
     of_fr = plan.runs("cpu", Choice(("lpt-printed",), seeds=(1,), frs=(6,)))
     assert [(r.fr, r.seed) for r in of_fr] == [(6, 1)]
     assert {r.seed for r in plan.runs("cpu", Choice(seeds=(0, 1), frs=(6,)))} == {0}, "only with systems named"
+    (alone,) = plan.runs("cpu", Choice(("lpt-printed",), seeds=(1,)))
+    assert alone.name == "lpt-printed-cpu-adamw-random-seed1", "no other value of fr, which nobody named"
+    assert plan.runs("cpu", Choice(("lpt-printed",), seeds=(5,), frs=(6,))) == []
     wanted = plan.runs("paper", Choice(("lpt", "nat"), ("adamw",), ("unseen-signer",), (0,)))
     assert {(r.system, r.optimiser, r.split, r.seed) for r in wanted} == {
         ("lpt", "adamw", "random", 0),

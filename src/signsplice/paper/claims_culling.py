@@ -62,13 +62,13 @@ def ablations_converge(e: Evidence, lpt: str) -> Finding:
 
 def best_ablation(e: Evidence, lpt: str) -> Finding:
     """Holds if no ablation has a higher Accuracy."""
-    found = best(e, _ablations(lpt, "wa", "wc", "wac"), "accuracy")
+    found = best(e, _ablations(lpt, "wa", "wc", "wac"), "accuracy", alike=True)
     return Finding(found.verdict, found.figure, {**found.facts, **_unequal(e)})
 
 
 def attention_error(e: Evidence, lpt: str) -> Finding:
     """Holds if the MSE without attention is larger."""
-    whole, without = found = e.of(*_ablations(lpt, "wa"))
+    whole, without = found = e.of(*_ablations(lpt, "wa"), alike=True)
     facts = {"paa": each(found, "paa"), "pta": each(found, "pta")}
     return Finding(above(without, whole, "mse"), each(found, "mse"), facts)
 
@@ -89,7 +89,7 @@ def _ablations(lpt: str, *kinds: str) -> tuple[str, ...]:
 
 def _lower(e: Evidence, systems: Sequence[str], name: str) -> Finding:
     """Whether the others have a lower score than the first."""
-    whole, *others = found = e.of(*systems)
+    whole, *others = found = e.of(*systems, alike=True)
     verdicts = [above(whole, other, name) for other in others]
     return Finding(together(verdicts), each(found, name), _unequal(e))
 

@@ -23,10 +23,11 @@ PAGE = "claims.md"
 _KEYS = {HOLDS: "holds", IN_PART: "in_part", FAILS: "fails", UNTESTED: "untested"}
 UNEQUAL_TRAINING = {
     "cpu": (
-        "- **Equal time, not equal pairs**: a system has about 25 core-minutes, half each for positions",
-        "  and frames if these are two networks. In them TFGN saw most pairs, LSTM three quarters as many, Transformer",
-        "  three eighths, ConvS2S and TFGN without Culling (LPT-WC, LPT-WAC) a fifth. That and Transformer have half",
-        "  its feed-forward width.",
+        "- **Equal time, not equal pairs**: steps were chosen so that a system has about 25 core-minutes, half each",
+        "  for positions and frames if these are two networks (in figure 4(c), measured on a faster day, 10 to 18).",
+        "  In them TFGN saw most pairs, LSTM three quarters as many, Transformer three eighths, ConvS2S and TFGN",
+        "  without Culling (LPT-WC, LPT-WAC) a fifth. TFGN without Culling and Transformer have half of TFGN's",
+        "  feed-forward width. Related work had less time.",
     )
 }
 """By scale, how the trainings of compared systems differ (``train.paper.scales``)."""
@@ -82,9 +83,10 @@ def _head(scale: str) -> list[str]:
         "  PAA of rivals are without bias; all else is with it.",
         *UNEQUAL_TRAINING.get(scale, ()),
         "- **Scores** are compared at the print's three digits (MSE: four), and equal ones are as good, as in the",
-        "  print; with several seeds a difference up to their spread decides nothing (in part). lambda, the cost of a",
-        "  wrong length, is ours: a frame too many or too few counts 0.002.",
+        '  print; with several seeds a difference up to their spread decides nothing: "holds in part". lambda, the',
+        "  cost of a wrong length, is ours: a frame too many or too few counts 0.002.",
         f"- **Times** are of one CPU thread, rows one after another: a ratio below {TIME_BAND:g} decides nothing.",
+        "- **Ablations and fr** share networks, and are compared with the seeds that all of them have.",
         "- **Seeds**: the rows say how many. With one, nobody knows how far another would move a score; of 1,000 pairs",
         "  alone, the standard error of a PAA of 0.8 is 0.013.",
         "",

@@ -80,7 +80,7 @@ def fr_takes_time(e: Evidence, lpt: str) -> Finding:
 
 def culling_time(e: Evidence, lpt: str) -> Finding:
     """Holds if both ablations take at least twice as long; in part if one takes longer."""
-    own, *others = milliseconds(e.of(lpt, f"{lpt}-wc", f"{lpt}-wac"))
+    own, *others = milliseconds(e.of(lpt, f"{lpt}-wc", f"{lpt}-wac", alike=True))
     times = [other / own for other in others]
     verdict = graded(min(times) >= 2.0, max(times) >= TIME_BAND)
     return Finding(verdict, f"{times[0]:.1f} and {times[1]:.1f} times", _at(e))

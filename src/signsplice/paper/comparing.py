@@ -1,8 +1,8 @@
 """How scores and times of two systems are compared, so that no claim turns on less than was measured.
 
 Scores are compared with the digits that the paper prints; equal ones are as good, as in its tables. With several seeds
-a difference up to their spread decides nothing. Times were measured while other work ran on the machine: a ratio below
-``TIME_BAND`` decides nothing.
+a difference up to their spread decides nothing. Times of a machine differ from run to run: a ratio below ``TIME_BAND``
+decides nothing.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ def _is_noise(gain: float, one: TableLine, other: TableLine, name: str, theirs: 
     return 0.0 < abs(gain) <= spread
 
 
-def best(e: Evidence, systems: Sequence[str], name: str, lower: bool = False) -> Finding:
+def best(e: Evidence, systems: Sequence[str], name: str, lower: bool = False, alike: bool = False) -> Finding:
     """Whether the first system is as good as every other in a score; the fact ``other`` is the best of the others."""
-    found = e.of(*systems)
+    found = e.of(*systems, alike=alike)
     verdicts = [better(found[0], other, name, lower) for other in found[1:]]
     top = (min if lower else max)(found[1:], key=lambda one: known(one, name))
     return Finding(worst(verdicts), each(found, name), {"other": top.name})

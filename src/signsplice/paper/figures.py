@@ -7,10 +7,10 @@ core-minutes, both summed over a system's parts.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from signsplice.errors import MissingExtraError
 from signsplice.formats.atomic import replacing
@@ -18,10 +18,11 @@ from signsplice.paper import frame_errors, published
 from signsplice.paper.curve import MOST_DIFFERENCE, Curve, difference
 from signsplice.paper.kept_frames import HERMITE, PRODUCT, KeptFrames
 from signsplice.paper.labels import label_points
-from signsplice.paper.lines import OPTIMISERS, TableLine, line
+from signsplice.paper.lines import OPTIMISERS, TableLine, line, shared_seeds
 from signsplice.paper.results import CORPUS_TRAINED, Results
 from signsplice.paper.style import ABLATIONS, CLASSICAL, COMPARED, ON_CLIPS, Style, plot_options, style
 
+Key = TypeVar("Key")
 HALF = (5.2, 3.6)
 """Inches of one plot."""
 SPLIT = "random"
@@ -53,7 +54,7 @@ def write(results: Results, kept: Sequence[KeptFrames], folder: Path, scale: str
             "figure4b": plots.time_and_error_by_fr,
             "figure4c": partial(plots.accuracy, {"": COMPARED}),
             "figure4d": plots.comparison,
-            "figure5a": partial(plots.accuracy, ABLATIONS),
+            "figure5a": partial(plots.accuracy, ABLATIONS, alike=True),
             "figure5b": plots.ablations,
             frame_errors.PAGE: partial(frame_errors.plot, results, scale, optimiser, pyplot),
         }
@@ -139,7 +140,8 @@ class _Plots:
         wanted = {"scale": self.scale, "optimiser": self.optimiser, "split": SPLIT, "part": "test"}
         for system in SWEPT:
             frs = sorted({row.fr for row in self.results.find(system=system, **wanted) if row.fr is not None})
-            found = {fr: line(self.results, system, self.scale, SPLIT, self.optimiser, fr) for fr in frs}
+            seeds = shared_seeds(self.results, [system], self.scale, SPLIT, self.optimiser, frs)
+            found = {fr: line(self.results, system, self.scale, SPLIT, self.optimiser, fr, seeds) for fr in frs}
             known = {fr: one for fr, one in found.items() if one.is_known}
             if len(known) > 1:
                 return self._bars(known, published.name(system))
@@ -160,12 +162,15 @@ class _Plots:
         ax.set_title(f"{name}: prediction time and MSE by fr ({self.setting})", fontsize=9)
         return figure
 
-    def accuracy(self, groups: Mapping[str, Sequence[str]]) -> Any:
-        """Figures 4(c) and 5(a): a row of plots for each group of systems that has two curves or more."""
+    def accuracy(self, groups: Mapping[str, Sequence[str]], alike: bool = False) -> Any:
+        """Figures 4(c) and 5(a): a row of plots for each group of systems that has two curves or more; ``alike``: of a
+        seed that all of a group have.
+        """
         lines = {}
         for title, systems in groups.items():
-            found = {s: self._best(s) for s in systems}
-            known = {published.name(s): (curve, plot_options(s)) for s, curve in found.items() if curve is not None}
+            at_best = [curve for curve in self.curves if curve.fr in (None, published.BEST_FR)]
+            found = _last({s: [curve for curve in at_best if curve.system == s] for s in systems}, alike)
+            known = {published.name(s): (curve, plot_options(s)) for s, curve in found.items()}
             if len(known) > 1:
                 lines[title] = known
         return self._drawn_curves(lines, f"Accuracy on validation pairs, own positions ({self.setting})")
@@ -188,12 +193,14 @@ class _Plots:
 
     def ablations(self) -> Any:
         """Figure 5(b): a plot for each family of which two or more are there."""
-        groups = {title: self._points(systems) for title, systems in ABLATIONS.items()}
+        groups = {title: self._points(systems, alike=True) for title, systems in ABLATIONS.items()}
         return self._error_against_time({title: points for title, points in groups.items() if len(points) > 1})
 
-    def _points(self, systems: Iterable[str]) -> list[tuple[TableLine, Style]]:
-        """The line and the style of every system that is trained."""
-        found = {system: line(self.results, system, self.scale, SPLIT, self.optimiser) for system in systems}
+    def _points(self, systems: Sequence[str], alike: bool = False) -> list[tuple[TableLine, Style]]:
+        """The line and the style of every system that is trained; ``alike``: with the seeds that all of them have."""
+        at = (self.scale, SPLIT, self.optimiser)
+        seeds = shared_seeds(self.results, systems, *at) if alike else ()
+        found = {system: line(self.results, system, *at, seeds=seeds) for system in systems}
         return [(one, style(system)) for system, one in found.items() if one.is_known]
 
     def _error_against_time(self, groups: Mapping[str, Sequence[tuple[TableLine, Style]]]) -> Any:
@@ -245,14 +252,9 @@ class _Plots:
         return figure
 
     def _swept(self, system: str) -> dict[int, Curve]:
-        """A system's curves by fr, of the last seed."""
-        curves = sorted((c for c in self.curves if c.system == system), key=lambda c: c.seed or 0)
-        return {curve.fr: curve for curve in curves if curve.fr is not None}
-
-    def _best(self, system: str) -> Curve | None:
-        """A system's curve with the paper's fr, of the last seed."""
-        curves = [c for c in self.curves if c.system == system and c.fr in (None, published.BEST_FR)]
-        return max(curves, key=lambda c: c.seed or 0, default=None)
+        """A system's curves by fr, of a seed that all of them have."""
+        own = [curve for curve in self.curves if curve.system == system and curve.fr is not None]
+        return _last({fr: [c for c in own if c.fr == fr] for fr in sorted({c.fr for c in own if c.fr})}, alike=True)
 
     def _is_drawn(self, curve: Curve) -> bool:
         """Whether a curve belongs here, and its system found the positions itself. One that ends elsewhere than the
@@ -269,6 +271,17 @@ class _Plots:
                 )
                 return False
         return True
+
+
+def _last(found: Mapping[Key, Sequence[Curve]], alike: bool) -> dict[Key, Curve]:
+    """Of the curves of each, that of the last seed; ``alike``: of the last seed that all have, if there is one."""
+    found = {key: curves for key, curves in found.items() if curves}
+    seeds = [{curve.seed for curve in curves} for curves in found.values()]
+    shared = set.intersection(*seeds) if alike and seeds else set()
+    return {
+        key: max((c for c in curves if not shared or c.seed in shared), key=lambda c: c.seed or 0)
+        for key, curves in found.items()
+    }
 
 
 def _accuracy_axis(ax: Any) -> None:

@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from signsplice.formats.atomic import replacing
-from signsplice.paper import layout, published
+from signsplice.paper import layout
 from signsplice.paper.extra_metrics import FIRST, FRAMES
+from signsplice.paper.kept_frames import HERMITE
 from signsplice.paper.layout import Table, number
-from signsplice.paper.lines import OPTIMISERS, pick
+from signsplice.paper.lines import OPTIMISERS, TableLine, clip_lines, line
 from signsplice.paper.protocol import SPLITS
-from signsplice.paper.results import CLASSICAL, Results
+from signsplice.paper.results import Results
 from signsplice.paper.style import COMPARED, plot_options
 
 PAGE = "frame-errors"
@@ -25,23 +26,28 @@ _COUNTED = range(1, FRAMES + 1)
 
 def table(results: Results, scale: str, split: str = SPLIT) -> list[Table]:
     """The errors of the compared systems and of Hermite at the true positions, a table if any was measured."""
-    rows = [row for optimiser in OPTIMISERS for row in pick(results, scale, split, optimiser, COMPARED).values()]
-    rows += results.find(system="true-positions+hermite", scale=CLASSICAL, split=split, part="test")
+    found = [one for optimiser in OPTIMISERS for one in _measured(results, scale, split, optimiser).values()]
+    found += [one for one in clip_lines(results, split, (HERMITE,)) if one.values("first_frames_error")]
     cells = [
         (
-            published.name(row.system),
-            OPTIMISERS.get(row.optimiser, f"classical, given {row.given}"),
-            number(row.score("first_frames_error"), 1),
-            *(number(row.score(f"frame_error-{n}"), 1) for n in _COUNTED),
+            one.name,
+            one.origin,
+            number(one.score("first_frames_error"), 1),
+            *(number(one.score(f"frame_error-{n}"), 1) for n in _COUNTED),
         )
-        for row in rows
-        if "first_frames_error" in row.scores
+        for one in found
     ]
     if not cells:
         return []
     caption = f"Error of each frame, cm: mean distance of elbows, wrists and finger joints, scale {scale}, {split}"
     head = ("system", "from", f"frames 1 to {FIRST}", *(f"frame {n}" for n in _COUNTED))
     return [Table(caption, f"frame-errors-{scale}-{split}", head, tuple(cells))]
+
+
+def _measured(results: Results, scale: str, split: str, optimiser: str) -> dict[str, TableLine]:
+    """The lines of the compared systems that are trained and have these errors, of several seeds their means."""
+    found = {system: line(results, system, scale, split, optimiser) for system in COMPARED}
+    return {s: one for s, one in found.items() if one.is_known and one.values("first_frames_error")}
 
 
 def write(results: Results, folder: Path, scale: str) -> list[Path]:
@@ -58,15 +64,13 @@ def write(results: Results, folder: Path, scale: str) -> list[Path]:
 
 def plot(results: Results, scale: str, optimiser: str, pyplot: Any) -> Any:
     """The errors of the compared systems by frame; None if fewer than two were measured."""
-    rows = [
-        row for row in pick(results, scale, SPLIT, optimiser, COMPARED).values() if "first_frames_error" in row.scores
-    ]
-    if len(rows) < 2:
+    found = _measured(results, scale, SPLIT, optimiser)
+    if len(found) < 2:
         return None
     figure, ax = pyplot.subplots(figsize=(5.2, 3.6), constrained_layout=True)
-    for row in rows:
-        errors = [row.score(f"frame_error-{n}") for n in _COUNTED]
-        ax.plot(_COUNTED, errors, **plot_options(row.system), ms=5, lw=1.6, label=published.name(row.system))
+    for system, one in found.items():
+        errors = [one.score(f"frame_error-{n}") for n in _COUNTED]
+        ax.plot(_COUNTED, errors, **plot_options(system), ms=5, lw=1.6, label=one.name)
     ax.set(xlabel="frame of the transition", ylabel="mean distance of arm and finger joints, cm", ylim=(0.0, None))
     ax.set_title(f"Error by frame ({OPTIMISERS[optimiser]}, scale {scale})", fontsize=10)
     ax.grid(alpha=0.25)

@@ -143,7 +143,8 @@ class Judge:
             protocol.check_allowed(config.stored, self.pairs, protocols[0], folder.name)
         row = bundles.result_row(config)
         best_fr = row.fr in (None, published.BEST_FR)
-        label = kept_frames.label(row.system, row.scale, row.optimiser) if best_fr else ""
+        shown = best_fr and not row.seed  # figures 6 and 7 show seed 0
+        label = kept_frames.label(row.system, row.scale, row.optimiser) if shown else ""
         system = _LazySystem(self, folder, "one-by-one")
         rows, kept = self._rows(row, label, system, allowed, kept, more=partial(self._other_pairs, system))
         if best_fr and row.system in published.IN_ONE_PASS:

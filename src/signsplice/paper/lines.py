@@ -7,7 +7,7 @@ is named "not trained", none of its scores is shown, and no claim of the paper i
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from signsplice.paper.results import CLASSICAL, CLIP_SCALES, CORPUS_TRAINED, MEA
 OPTIMISERS = {"adamw": "AdamW", "sgd": "SGD"}
 MISSING, UNTRAINED = "not trained yet", "not trained: below the mean transition"
 TIMES = ("ms_mean", "ms_median")
-"""Scores of the last seed alone: sizes are equal, and a machine is not as quick on every day that seeds are judged."""
+"""Scores of the last seed alone, timed on one day with other systems: a machine is not as fast on every day."""
 SHORT = "short"
 """Digits of a score with two significant figures."""
 
@@ -80,41 +80,58 @@ def mean_transition(results: Results, split: str) -> ResultRow | None:
 
 
 def line(
-    results: Results, system: str, scale: str, split: str, optimiser: str = "adamw", fr: int | None = None
+    results: Results,
+    system: str,
+    scale: str,
+    split: str,
+    optimiser: str = "adamw",
+    fr: int | None = None,
+    seeds: Collection[int] = (),
 ) -> TableLine:
-    """The line of one of the paper's systems or of those beside it, with the paper's fr where none is given."""
+    """The line of one of the paper's systems or of those beside it, with the paper's fr where none is given, and with
+    all seeds where none are given.
+    """
     rows = results.find(system=system, scale=scale, split=split, optimiser=optimiser, part="test")
     wanted = (None, published.BEST_FR) if fr is None else (fr,)
     rows = sorted((row for row in rows if row.fr in wanted), key=lambda row: row.seed or 0)
+    rows = [row for row in rows if not seeds or row.seed in seeds]
     name, by = published.name(system), OPTIMISERS.get(optimiser, optimiser)
     if not rows:
         return TableLine(name, f"{by}, {MISSING}")
     steps = "/".join(dict.fromkeys(f"{row.steps}" for row in rows))
     if optimiser == "sgd" and any(row.stopped in ("steps", "time") for row in rows):
         by += " ended by its limit, not by validation"
-    seeds = f", {len(rows)} seeds" if len(rows) > 1 else ""
-    made = TableLine(name, f"{by}, {steps} steps{seeds}", tuple(rows))
+    many = f", {len(rows)} seeds" if len(rows) > 1 else ""
+    made = TableLine(name, f"{by}, {steps} steps{many}", tuple(rows))
     baseline = mean_transition(results, split)
     if baseline is not None and max(made.values("accuracy"), default=math.inf) < baseline.score("accuracy"):
-        return TableLine(name, f"{by}, {steps} steps{seeds}; {UNTRAINED}", tuple(rows), trained=False)
+        return TableLine(name, f"{by}, {steps} steps{many}; {UNTRAINED}", tuple(rows), trained=False)
     return made
 
 
-def lines(results: Results, systems: Sequence[str], scale: str, split: str) -> list[TableLine]:
+def shared_seeds(
+    results: Results, systems: Iterable[str], scale: str, split: str, optimiser: str = "adamw", frs: Sequence[int] = ()
+) -> frozenset[int]:
+    """The seeds that all of some systems have, with each of ``frs``, as far as they have rows; none if that is no seed.
+
+    Systems that share networks are compared with these seeds alone: otherwise the network that they share would decide.
+    """
+    found = [line(results, s, scale, split, optimiser, fr).rows for s in systems for fr in frs or (None,)]
+    seeds = [frozenset(row.seed for row in rows if row.seed is not None) for rows in found if rows]
+    return seeds[0].intersection(*seeds[1:]) if seeds else frozenset()
+
+
+def lines(
+    results: Results, systems: Sequence[str], scale: str, split: str, seeds: Collection[int] = ()
+) -> list[TableLine]:
     """The lines of some systems trained by AdamW, and of those that were trained by SGD."""
     out = []
     for system in systems:
-        out.append(line(results, system, scale, split))
+        out.append(line(results, system, scale, split, seeds=seeds))
         by_sgd = line(results, system, scale, split, "sgd")
         if by_sgd.rows or system == published.PRINTED:
             out.append(by_sgd)
     return out
-
-
-def pick(results: Results, scale: str, split: str, optimiser: str, systems: Iterable[str]) -> dict[str, ResultRow]:
-    """One row for each trained system, that of the lowest seed."""
-    found = {system: line(results, system, scale, split, optimiser) for system in systems}
-    return {system: one.rows[0] for system, one in found.items() if one.is_known}
 
 
 def clip_lines(results: Results, split: str, chosen: Sequence[tuple[str, str]] | None = None) -> list[TableLine]:

@@ -122,9 +122,9 @@ def runs(scale: str, choice: Choice | None = None, rival: str | None = None) -> 
     3. Seeds 1 and 2 of the systems in ``SEEDED`` and of ``rival``, the best rival, or of those that the choice names
        together with seeds; at scale ``smoke`` seed 1. While the best rival is not known (None), and all rivals are
        wanted, the list ends before them.
-    4. LpTransformer for every fr with seed 0, or with the seeds that the choice names together with systems; the
-       systems of the related work on both splits, and SGD: of the systems in ``BY_SGD``, or of those that the choice
-       names together with SGD.
+    4. LpTransformer for every fr with seed 0, and with seeds 1 and 2 where the choice names them, values of fr and
+       systems; the systems of the related work on both splits, and SGD: of the systems in ``BY_SGD``, or of those that
+       the choice names together with SGD.
     """
     wanted, smoke = choice or Choice(), scale == "smoke"
     by_sgd = wanted.systems if "sgd" in wanted.optimisers and wanted.systems else BY_SGD[scale]
@@ -142,12 +142,9 @@ def runs(scale: str, choice: Choice | None = None, rival: str | None = None) -> 
         Run(system, scale, "adamw", "random", seed=seed) for seed in SEEDS[: 1 if smoke else None] for system in seeded
     ]
     sweep = [fr for fr in (SWEEP_SMOKE if smoke else SWEEP) if fr != published.BEST_FR]
-    sweep_seeds = wanted.seeds if wanted.systems else ()
+    again = [seed for seed in SEEDS if wanted.systems and wanted.frs and seed in wanted.seeds]
     last += [
-        Run(system, scale, "adamw", "random", fr, seed)
-        for seed in sweep_seeds or (0,)
-        for fr in sweep
-        for system in SEEDED
+        Run(system, scale, "adamw", "random", fr, seed) for seed in (0, *again) for fr in sweep for system in SEEDED
     ]
     last += [
         Run(system, scale, "adamw", split) for split in SPLITS[: 1 if smoke else None] for system in published.RELATED

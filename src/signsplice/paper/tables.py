@@ -13,7 +13,7 @@ from pathlib import Path
 from signsplice.formats.atomic import replacing
 from signsplice.paper import bleu, layout, metrics, pair_samples, published
 from signsplice.paper.layout import RULE, Table, number
-from signsplice.paper.lines import SHORT, TableLine, clip_lines, line, lines, mean_lines, pairs_seen
+from signsplice.paper.lines import SHORT, TableLine, clip_lines, line, lines, mean_lines, pairs_seen, shared_seeds
 from signsplice.paper.protocol import SPLITS
 from signsplice.paper.results import Results, check_comparable
 
@@ -98,12 +98,16 @@ def blocks_1(results: Results, scale: str, split: str) -> list[Block]:
 
 
 def blocks_3(results: Results, scale: str, split: str) -> list[Block]:
-    """The blocks of table 3: the system as printed and its ablations, LPT+ and its own."""
-    return [
-        ("as printed", lines(results, (*published.ABLATIONS, published.PRINTED), scale, split)),
-        ("LPT+", lines(results, (*published.IMPROVED_ABLATIONS, published.IMPROVED), scale, split)),
-        ("", mean_lines(results, split)),
-    ]
+    """The blocks of table 3: the system as printed and its ablations, LPT+ and its own, each with the seeds that all of
+    them have.
+    """
+    blocks: list[Block] = []
+    for title, systems in (
+        ("as printed", (*published.ABLATIONS, published.PRINTED)),
+        ("LPT+", (*published.IMPROVED_ABLATIONS, published.IMPROVED)),
+    ):
+        blocks.append((title, lines(results, systems, scale, split, shared_seeds(results, systems, scale, split))))
+    return [*blocks, ("", mean_lines(results, split))]
 
 
 def table_1(results: Results, scale: str, split: str = "random") -> list[Table]:
@@ -142,12 +146,15 @@ def table_3(results: Results, scale: str, split: str = "random") -> list[Table]:
 
 
 def swept(results: Results, scale: str, split: str) -> tuple[str, list[TableLine]]:
-    """The system with several values of fr and its lines: the printed one, or LPT+, whose TFGN is the same."""
+    """The system with several values of fr, the printed one or LPT+, whose TFGN is the same; and its lines, with the
+    seeds that all of them have.
+    """
     for system in (published.PRINTED, published.IMPROVED):
         rows = results.find(system=system, scale=scale, split=split, optimiser="adamw", part="test")
         values = sorted({row.fr for row in rows if row.fr is not None})
         if len(values) > 1:
-            return system, [line(results, system, scale, split, fr=fr) for fr in values]
+            seeds = shared_seeds(results, [system], scale, split, frs=values)
+            return system, [line(results, system, scale, split, fr=fr, seeds=seeds) for fr in values]
     return published.PRINTED, []
 
 

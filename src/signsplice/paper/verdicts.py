@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from signsplice.paper import published
-from signsplice.paper.lines import TableLine, clip_lines, line
+from signsplice.paper.lines import TableLine, clip_lines, line, shared_seeds
 from signsplice.paper.results import CLASSICAL, Results, check_comparable
 
 HOLDS, IN_PART, FAILS, UNTESTED = "holds", "holds in part", "does not hold", "not tested"
@@ -45,11 +45,13 @@ class Evidence:
         self.results, self.scale = results, scale
         self.truth = next((row.truth for row in results.rows if row.truth), "partner")
 
-    def of(self, *systems: str) -> list[TableLine]:
-        """The lines of some systems trained by AdamW. Raises ``NotTestedError`` if one is missing or not trained, and
-        ``InputError`` if they cannot be compared.
+    def of(self, *systems: str, alike: bool = False) -> list[TableLine]:
+        """The lines of some systems trained by AdamW; ``alike``: with the seeds that all of them have, as systems that
+        share networks are compared. Raises ``NotTestedError`` if one is missing or not trained, and ``InputError`` if
+        they cannot be compared.
         """
-        found = [line(self.results, system, self.scale, SPLIT) for system in systems]
+        seeds = shared_seeds(self.results, systems, self.scale, SPLIT) if alike else ()
+        found = [line(self.results, system, self.scale, SPLIT, seeds=seeds) for system in systems]
         missing = [one.name for one in found if not one.rows]
         low = [one.name for one in found if one.rows and not one.trained]
         if missing or low:
@@ -58,8 +60,10 @@ class Evidence:
         return comparable(found)
 
     def by_fr(self, system: str, values: Iterable[int]) -> dict[int, TableLine]:
-        """The lines of a system by fr, as far as there are any."""
-        found = {fr: line(self.results, system, self.scale, SPLIT, fr=fr) for fr in values}
+        """The lines of a system by fr, as far as there are any, with the seeds that all of them have."""
+        frs = list(values)
+        seeds = shared_seeds(self.results, [system], self.scale, SPLIT, frs=frs)
+        found = {fr: line(self.results, system, self.scale, SPLIT, fr=fr, seeds=seeds) for fr in frs}
         known = {fr: one for fr, one in found.items() if one.is_known}
         comparable(known.values())
         return known
@@ -73,16 +77,15 @@ class Evidence:
         return comparable([compared, *found])[1:]
 
     def accuracies(self, system: str, fr: int = published.BEST_FR, least: int = 8) -> list[list[float]]:
-        """Validation Accuracy over the training of a system, for every seed. Raises ``NotTestedError`` if no curve has
-        as many points.
+        """Validation Accuracy over the training of a system, for every seed that has a curve. Raises ``NotTestedError``
+        if none has, or one of them has fewer points than ``least``.
         """
         curves = []
         for curve in self.results.curves:
             key = (curve.system, curve.split, curve.scale, curve.optimiser)
             if key == (system, SPLIT, self.scale, "adamw") and curve.fr in (None, fr):
                 curves.append([value for value in curve.column("accuracy") if value is not None])
-        curves = [points for points in curves if len(points) >= least]
-        if not curves:
+        if min(map(len, curves), default=0) < least:
             raise NotTestedError(f"no curve of {least} points: {published.name(system)}")
         return curves
 
