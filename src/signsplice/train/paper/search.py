@@ -233,7 +233,8 @@ def page(signature: dict[str, Any], rows: Sequence[SearchRow]) -> str:
             "Score: PAA for parts that find positions, Accuracy for those that make frames, the mean of both for those "
             "that do both, on 256 validation pairs of the random split. Rates and widths are multiples of those that "
             "the scale had when they were tried; the last column is the best score less that with the rate and width "
-            "that it has now. One seed: differences of a few hundredths mean nothing. -: not trained.",
+            "that it has now. One seed: differences of a few hundredths mean nothing. -: not trained; no best is named "
+            "before all are.",
             f"Corpus {signature['corpus']}. `signsplice paper search`",
         ),
     )
