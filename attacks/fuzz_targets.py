@@ -34,7 +34,7 @@ from signsplice.motion.clip import Clip, EndSite, Skeleton
 from signsplice.rig.info import rig_info
 from signsplice.service import scene
 from signsplice.splicing import report as reports
-from signsplice.splicing.methods import open_learned
+from signsplice.splicing.methods.choice import open_learned
 from signsplice.synth import notation, planner
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -29,8 +29,8 @@ from signsplice.errors import InputError
 from signsplice.formats import save
 from signsplice.synth.corpus import Pairs
 from signsplice.train import checkpoint, quantization
-from signsplice.train.paper import scales, training
 from signsplice.train.processes import Processes
+from signsplice_paper.train import scales, training
 
 N_KILLS = 20
 """Kills of each writer."""

@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 
-Float = rotation.Float
 
-
-def on_other_rig(clip: Clip, turn: Float, scale: float, rename: dict[str, str] | None = None) -> Clip:
+def on_other_rig(clip: Clip, turn: FloatArray, scale: float, rename: dict[str, str] | None = None) -> Clip:
     """The same motion on a rig whose world axes, rest pose included, are rotated by ``turn``, in a unit ``scale`` times
     as long, with joints renamed.
     """
@@ -29,7 +28,7 @@ def on_other_rig(clip: Clip, turn: Float, scale: float, rename: dict[str, str] |
 def with_rest_pose(clip: Clip, pose: dict[str, tuple[float, float, float]]) -> Clip:
     """The same motion on a rig with another rest pose: joint name -> rotation vector from the present rest pose."""
     skeleton = clip.skeleton
-    global_quats: list[Float] = []
+    global_quats: list[FloatArray] = []
     for joint, name in enumerate(skeleton.names):
         parent = int(skeleton.parents[joint])
         parent_quat = global_quats[parent] if parent >= 0 else rotation.IDENTITY

@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.info import rig_info
 
-Float = rotation.Float
 
-
-def arms_out(skeleton: Skeleton, lowered_deg: float = 0.0) -> Float:
+def arms_out(skeleton: Skeleton, lowered_deg: float = 0.0) -> FloatArray:
     """Local rotations (J, 4) of the T-pose, or of an A-pose whose arms are lowered."""
     info = rig_info(skeleton)
     turned = np.array(info.t_pose.rotations)
@@ -28,7 +27,7 @@ def arms_out(skeleton: Skeleton, lowered_deg: float = 0.0) -> Float:
     return out
 
 
-def with_pose(clip: Clip, pose: Float, n_frames: int, n_blend: int = 0, at_end: bool = False) -> Clip:
+def with_pose(clip: Clip, pose: FloatArray, n_frames: int, n_blend: int = 0, at_end: bool = False) -> Clip:
     """The clip with ``n_frames`` of a pose (J, 4) before or after it, and ``n_blend`` frames of slerp between them."""
     edge = -1 if at_end else 0
     blend = rotation.slerp(pose, clip.local_rotations[edge], np.arange(1, n_blend + 1)[:, None] / (n_blend + 1.0))

@@ -6,17 +6,15 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import notation, planner
 from signsplice.synth.manner import PLAIN, Manner
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import JOINTS, STANDARD, Signer, draw_signer
-
-Float = NDArray[np.float64]
 
 MIRRORED = np.array([1.0, -1.0, -1.0, 1.0])
 """Factors of a quaternion seen in the mirror x -> -x."""
@@ -46,7 +44,7 @@ def made(*lines: str, hands: str = "one", seed: int | None = None, fps: float = 
     return planner.isolated(notation.parse(text)["WORD"], signer_of(seed), fps=fps)
 
 
-def seen_from_chest(clip: Clip, *names: str) -> tuple[Float, Float]:
+def seen_from_chest(clip: Clip, *names: str) -> tuple[FloatArray, FloatArray]:
     """Rotations (T, K, 3, 3) and positions (T, K, 3) of joints in the chest's axes, from the chest joint."""
     rotations, positions = kinematics.forward(clip, [JOINTS["Spine2"], *(JOINTS[name] for name in names)])
     chest = rotations[:, 0]
@@ -56,12 +54,12 @@ def seen_from_chest(clip: Clip, *names: str) -> tuple[Float, Float]:
     )
 
 
-def wrists(one: IsolatedWord) -> Float:
+def wrists(one: IsolatedWord) -> FloatArray:
     """Positions (T, 2, 3) of left and right wrist from the chest."""
     return seen_from_chest(one.clip, "LeftHand", "RightHand")[1]
 
 
-def mirror(clip: Clip) -> tuple[Float, Float]:
+def mirror(clip: Clip) -> tuple[FloatArray, FloatArray]:
     """Local rotations (T, 53, 4) and root positions (T, 3) of the clip seen in a mirror, left and right swapped."""
     swap = [JOINTS[_other(name)] for name in JOINTS]
     return clip.local_rotations[:, swap] * MIRRORED, clip.root_positions * [-1.0, 1.0, 1.0]

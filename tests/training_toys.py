@@ -17,23 +17,23 @@ import torch
 from signsplice.synth import notation, training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.synth.signer import STANDARD, skeleton
+from signsplice.train.bridge_task import BridgeTask
+from signsplice.train.cut_data import CutDataset
 from signsplice.train.loop import LoopConfig, train
-from signsplice.train.paper.networks.cam_stitch import CamStitchConfig
-from signsplice.train.paper.networks.convs2s import ConvS2SConfig
-from signsplice.train.paper.networks.filling import InterpolationConfig, NatConfig
-from signsplice.train.paper.networks.lstm import LstmConfig
-from signsplice.train.paper.networks.mixture_density import MixtureConfig
-from signsplice.train.paper.networks.skeletal_attention import SkeletalConfig
-from signsplice.train.paper.networks.spsn import SpsnConfig
-from signsplice.train.paper.networks.tfgn import TransformerConfig
-from signsplice.train.paper.pairs_data import PairsData
-from signsplice.train.paper.scales import Config, SystemPart, task
 from signsplice.train.prefetch import Dataset, Rows
 from signsplice.train.processes import Processes
-from signsplice.train.product.bridge_task import BridgeTask
-from signsplice.train.product.cut_data import CutDataset
-from signsplice.train.product.training import FILES, ProductTraining, build, dataset
 from signsplice.train.task import Task
+from signsplice.train.training import FILES, ProductTraining, build, dataset
+from signsplice_paper.train.networks.cam_stitch import CamStitchConfig
+from signsplice_paper.train.networks.convs2s import ConvS2SConfig
+from signsplice_paper.train.networks.filling import InterpolationConfig, NatConfig
+from signsplice_paper.train.networks.lstm import LstmConfig
+from signsplice_paper.train.networks.mixture_density import MixtureConfig
+from signsplice_paper.train.networks.skeletal_attention import SkeletalConfig
+from signsplice_paper.train.networks.spsn import SpsnConfig
+from signsplice_paper.train.networks.tfgn import TransformerConfig
+from signsplice_paper.train.pairs_data import PairsData
+from signsplice_paper.train.scales import Config, SystemPart, task
 
 GLOSSES = ("HELLO", "DEAF", "SIGN", "YOU", "SEE")
 ALONE = Processes(0, 1, torch.device("cpu"))

@@ -7,23 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from other_rigs import without
 from signing import mirror, word
 from signsplice.body import capsules, collision
 from signsplice.body.capsules import capsule_ends
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import pose
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.rest import resting
 from signsplice.synth.signer import STANDARD, skeleton
 
-Float = NDArray[np.float64]
 
-
-def sampled_distance(a: Float, b: Float, n: int = 1201) -> tuple[float, Float]:
+def sampled_distance(a: FloatArray, b: FloatArray, n: int = 1201) -> tuple[float, FloatArray]:
     """Least distance of two line segments (2, 3), and the vector (3,) from b to a there, by ``n`` points on each."""
     u = np.linspace(0.0, 1.0, n)[:, None]
     p, q = a[0] + u * (a[1] - a[0]), b[0] + u * (b[1] - b[0])
@@ -33,14 +31,14 @@ def sampled_distance(a: Float, b: Float, n: int = 1201) -> tuple[float, Float]:
     return float(np.linalg.norm(between)), np.asarray(between)
 
 
-def pair_overlap(a: Float, b: Float, radii: tuple[float, float]) -> tuple[float, Float]:
+def pair_overlap(a: FloatArray, b: FloatArray, radii: tuple[float, float]) -> tuple[float, FloatArray]:
     """Depth of capsule a in capsule b, and a's exit direction (3,); each of one radius, about an axis (2, 3)."""
     starts, ends = (np.stack([a[n], b[n]])[None] for n in (0, 1))
     depths, exits = collision.overlap(starts, ends, np.array([[r, r] for r in radii]), [0], [1])
     return float(depths[0, 0, 0]), exits[0, 0, 0]
 
 
-def random_axes(seed: int) -> tuple[Float, Float]:
+def random_axes(seed: int) -> tuple[FloatArray, FloatArray]:
     """Two random line segments (2, 3)."""
     rng = np.random.default_rng(seed)
     return rng.normal(size=(2, 3)), rng.normal(size=(2, 3))
@@ -144,7 +142,7 @@ def posed(right: tuple[float, float, float], left: tuple[float, float, float] | 
     return pose.clip(state[None], STANDARD, 30.0)
 
 
-def first_penetration(clip: Clip) -> tuple[Float, Float]:
+def first_penetration(clip: Clip) -> tuple[FloatArray, FloatArray]:
     """Depths (2,) and exit directions (2, 3) of the left and the right hand in the first frame."""
     depths, exits = collision.hand_penetration(clip.skeleton, *kinematics.forward(clip))
     return depths[0], exits[0]

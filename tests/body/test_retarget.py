@@ -25,6 +25,7 @@ from signsplice.cli.commands import app
 from signsplice.formats import load, save
 from signsplice.lexicon import shipped
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.rig.align import copy_rotations, reference
 from signsplice.rig.info import rig_info
@@ -76,7 +77,7 @@ def test_contacts_are_kept_where_rotations_lose_them(gloss: str, name: str) -> N
     assert deepest(done.clip) < deepest(clip) + 0.009
 
 
-def distances(clip: Clip, other: Clip) -> rotation.Float:
+def distances(clip: Clip, other: Clip) -> FloatArray:
     """By how much (N,) the skin distance of each touching pair of capsules differs on another body, m."""
     one, two = (posed_body(each, body_capsules(each.skeleton)) for each in (clip, other))
     pairs = skin_pairs(one.body, frozenset(one.body.keys))

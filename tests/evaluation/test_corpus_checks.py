@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from signing import sign
 from signsplice.evaluation import corpus_checks
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import notation, planner, pose
 from signsplice.synth.corpus import Pairs, scaled_positions
 from signsplice.synth.rest import resting
 from signsplice.synth.signer import JOINTS, STANDARD
 
-Float = NDArray[np.float64]
 SIGNS = {**notation.everyday(), **notation.alphabet()}
 
 
@@ -44,7 +44,7 @@ def with_arrays(corpus: Pairs, folder: Path, **changes: NDArray[Any]) -> Pairs:
     return Pairs(folder)
 
 
-def in_the_chest(n: int) -> Float:
+def in_the_chest(n: int) -> FloatArray:
     """States (n, 63) with the strong hand in the breast bone."""
     state = np.array(resting(STANDARD))
     state[:3] = (-6.0, 4.0, 9.0)

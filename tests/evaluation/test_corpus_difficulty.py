@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from signsplice.evaluation import corpus_difficulty
-from signsplice.splicing.cut import CUTTERS, find_cutter
-from signsplice.splicing.transition import TRANSITIONS
+from signsplice.splicing.methods.cut import CUTTERS, find_cutter
+from signsplice.splicing.methods.transition import TRANSITIONS
 from signsplice.synth import notation
 from signsplice.synth.corpus import Pairs
 

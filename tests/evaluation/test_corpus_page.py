@@ -17,7 +17,7 @@ from signsplice.formats import save
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.splicing.gap import Gap
-from signsplice.splicing.transition import find_transition
+from signsplice.splicing.methods.transition import find_transition
 from signsplice.synth import pseudo
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 

@@ -7,24 +7,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from signing import mirror, word
 from signsplice.evaluation.hand_likeness import hand_likeness
 from signsplice.evaluation.signer_motion import half_changed_at, reaches, signer_motion
 from signsplice.evaluation.wrists import busier_side
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import pose
 from signsplice.synth.rest import resting
 from signsplice.synth.signer import JOINTS, STANDARD
 
-Float = NDArray[np.float64]
-
 FPS = 30.0
 
 
-def moved(weak: Callable[[Float], Float]) -> Clip:
+def moved(weak: Callable[[FloatArray], FloatArray]) -> Clip:
     """Both hands before the chest, going out and back together; ``weak`` makes the weak wrists from the strong ones."""
     state = np.tile(resting(STANDARD), (60, 1))
     t = np.arange(60) / FPS

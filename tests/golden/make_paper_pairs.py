@@ -21,10 +21,9 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "paper"))
 
 import reference  # noqa: E402
-
-from signsplice.paper import clip_methods  # noqa: E402
 from signsplice.synth import notation  # noqa: E402
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs  # noqa: E402
+from signsplice_paper import clip_methods  # noqa: E402
 
 GLOSSES = ("HELLO", "DEAF")
 TOLERANCE = 1e-4

@@ -17,10 +17,10 @@ from pathlib import Path
 import torch
 
 from signsplice.synth import training_data
-from signsplice.train.product import training
-from signsplice.train.product.networks.bridge import Bridge, BridgeConfig
-from signsplice.train.product.networks.cutting import Cutting, CuttingConfig
-from signsplice.train.product.onnx_graphs import product_graphs
+from signsplice.train import training
+from signsplice.train.networks.bridge import Bridge, BridgeConfig
+from signsplice.train.networks.cutting import Cutting, CuttingConfig
+from signsplice.train.onnx_graphs import product_graphs
 
 HERE = Path(__file__).parent
 SCHEDULES = {

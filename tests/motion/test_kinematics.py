@@ -10,14 +10,15 @@ from conftest import random_clip
 from signsplice.errors import InputError
 from signsplice.formats import save
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 
 
-def positions_by_loop(clip: Clip) -> rotation.Float:
+def positions_by_loop(clip: Clip) -> FloatArray:
     """Global positions (T, J, 3), computed one frame and one joint at a time."""
     out = np.empty((len(clip), len(clip.skeleton), 3))
     for t in range(len(clip)):
-        global_matrices: list[rotation.Float] = []
+        global_matrices: list[FloatArray] = []
         for j, parent in enumerate(clip.skeleton.parents):
             local = rotation.to_matrix(clip.local_rotations[t, j])
             if parent < 0:

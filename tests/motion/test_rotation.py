@@ -8,6 +8,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 
 unit = arrays(np.float64, (5, 4), elements=st.floats(-1, 1)).filter(
     lambda q: bool((np.linalg.norm(q, axis=-1) > 0.1).all())
@@ -17,12 +18,12 @@ vectors = arrays(np.float64, (5, 3), elements=st.floats(-10, 10))
 ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 
 
-def same(a: rotation.Float, b: rotation.Float, tolerance: float = 1e-9) -> bool:
+def same(a: FloatArray, b: FloatArray, tolerance: float = 1e-9) -> bool:
     return bool(np.all(rotation.angle_between(a, b) < tolerance))
 
 
 @given(quaternions, quaternions, quaternions)
-def test_rotations_form_a_group(a: rotation.Float, b: rotation.Float, c: rotation.Float) -> None:
+def test_rotations_form_a_group(a: FloatArray, b: FloatArray, c: FloatArray) -> None:
     assert np.allclose(
         rotation.multiply(rotation.multiply(a, b), c), rotation.multiply(a, rotation.multiply(b, c)), atol=1e-12
     )
@@ -32,7 +33,7 @@ def test_rotations_form_a_group(a: rotation.Float, b: rotation.Float, c: rotatio
 
 
 @given(quaternions, quaternions, vectors)
-def test_operations_agree_with_scipy(a: rotation.Float, b: rotation.Float, v: rotation.Float) -> None:
+def test_operations_agree_with_scipy(a: FloatArray, b: FloatArray, v: FloatArray) -> None:
     ra, rb = Rotation.from_quat(a), Rotation.from_quat(b)
     assert np.allclose(rotation.rotate(a, v), ra.apply(v), atol=1e-9)
     assert np.allclose(rotation.to_matrix(a), ra.as_matrix(), atol=1e-12)
@@ -43,7 +44,7 @@ def test_operations_agree_with_scipy(a: rotation.Float, b: rotation.Float, v: ro
 
 
 @given(quaternions)
-def test_every_form_converts_there_and_back(q: rotation.Float) -> None:
+def test_every_form_converts_there_and_back(q: FloatArray) -> None:
     assert same(rotation.exp(rotation.log(q)), q)
     assert same(rotation.from_matrix(rotation.to_matrix(q)), q, 1e-7)
     assert same(rotation.from_6d(rotation.to_6d(q)), q, 1e-7)
@@ -71,7 +72,7 @@ def test_gimbal_lock_keeps_the_rotation(axes: str, middle: float) -> None:
 
 
 @given(quaternions, quaternions)
-def test_slerp_starts_halves_and_ends_where_it_should(a: rotation.Float, b: rotation.Float) -> None:
+def test_slerp_starts_halves_and_ends_where_it_should(a: FloatArray, b: FloatArray) -> None:
     assert same(rotation.slerp(a, b, np.zeros(5)), a)
     assert same(rotation.slerp(a, b, np.ones(5)), b)
     half = rotation.slerp(a, b, np.full(5, 0.5))
@@ -79,7 +80,7 @@ def test_slerp_starts_halves_and_ends_where_it_should(a: rotation.Float, b: rota
 
 
 @given(vectors, vectors)
-def test_between_vectors_rotates_one_onto_the_other(u: rotation.Float, v: rotation.Float) -> None:
+def test_between_vectors_rotates_one_onto_the_other(u: FloatArray, v: FloatArray) -> None:
     lengths = np.linalg.norm(u, axis=-1) * np.linalg.norm(v, axis=-1)
     rotated = rotation.rotate(rotation.between_vectors(u, v), u) * np.linalg.norm(v, axis=-1, keepdims=True)
     expected = v * np.linalg.norm(u, axis=-1, keepdims=True)
@@ -148,7 +149,7 @@ def test_nearest_euler_sequence_is_nearest_euler_per_frame(has_start: bool) -> N
 
 
 @pytest.mark.parametrize("bad", [np.zeros(4), np.zeros((2, 4))])
-def test_a_zero_quaternion_is_refused(bad: rotation.Float) -> None:
+def test_a_zero_quaternion_is_refused(bad: FloatArray) -> None:
     with pytest.raises(ValueError, match="length 0"):
         rotation.normalize(bad)
 

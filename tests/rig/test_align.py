@@ -13,16 +13,15 @@ from known_rigs import reverse_depth_first, with_joints
 from other_rigs import on_other_rig, with_rest_pose, without
 from signsplice.errors import RigMismatchError
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig import proportions
 from signsplice.rig.align import Reference, align, copy_rotations, reference
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import placement
 
-Float = rotation.Float
 
-
-def positions(clip: Clip) -> Float:
+def positions(clip: Clip) -> FloatArray:
     """Global positions (T, J, 3) of all joints."""
     return kinematics.forward(clip)[1]
 
@@ -212,7 +211,7 @@ def test_rigs_with_nothing_in_common_are_refused(words: dict[str, Clip]) -> None
         align(other, reference(clip))
 
 
-def arm_directions(clip: Clip) -> Float:
+def arm_directions(clip: Clip) -> FloatArray:
     """Unit vectors (T, 8, 3) along the bones of arms and index fingers, in the signer's left, up and forward axes."""
     joints, placed = rig_info(clip.skeleton).roles.joints, placement(clip)
     axes = np.stack([np.cross(placed.up, placed.forward), placed.up, placed.forward])

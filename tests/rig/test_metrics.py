@@ -9,14 +9,15 @@ import pytest
 from signing import word
 from signsplice.evaluation.hidden_frames import hidden_frames, table
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
 from signsplice.splicing.gap import Gap
-from signsplice.splicing.transition import find_transition
+from signsplice.splicing.methods.transition import find_transition
 
 
-def points(x: list[float]) -> metrics.Float:
+def points(x: list[float]) -> FloatArray:
     """One point (T, 1, 3) that moves along x."""
     out = np.zeros((len(x), 1, 3))
     out[:, 0, 0] = x

@@ -23,6 +23,7 @@ from signsplice.formats.avatar import read_avatar
 from signsplice.formats.gltf_writer import in_front
 from signsplice.lexicon import shipped
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.align import copy_rotations, reference
 from signsplice.rig.info import rig_info
@@ -107,7 +108,7 @@ def page(folder: Path) -> Mapping[tuple[str, str], dict[str, Any]]:
     return {case: {**one, "avatar": read_avatar(made(folder, case[1]))} for case, one in zip(cases, found, strict=True)}
 
 
-def hands(clip: Clip, points: list[str]) -> rotation.Float:
+def hands(clip: Clip, points: list[str]) -> FloatArray:
     """Wrists and fingertips (T, P, 3) of an avatar from the middle of its shoulders, m."""
     joints, offsets = rig_info(clip.skeleton).roles.joints, clip.skeleton.offsets
     global_rotations, positions = kinematics.forward(clip)

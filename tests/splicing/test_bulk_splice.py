@@ -15,8 +15,8 @@ from signsplice.lexicon import shipped
 from signsplice.motion.clip import Clip
 from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.gap import Gap
-from signsplice.splicing.sessions import Sessions
-from signsplice.splicing.transition import GapTransition, find_transition
+from signsplice.splicing.methods.transition import GapTransition, find_transition
+from signsplice.splicing.networks.sessions import Sessions
 
 
 @cache

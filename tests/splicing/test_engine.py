@@ -16,14 +16,15 @@ from reference_poses import arms_out, with_pose
 from signsplice.errors import InputError
 from signsplice.formats import bvh
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, resample
 from signsplice.motion.euler_channels import Channels
 from signsplice.rig.align import align, reference
 from signsplice.rig.arms import active_span, arms
-from signsplice.splicing.cut import CUTTERS, Cut, PairCutter
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
 from signsplice.splicing.inbetween import inbetween
-from signsplice.splicing.transition import TRANSITIONS
+from signsplice.splicing.methods.cut import CUTTERS, Cut, PairCutter
+from signsplice.splicing.methods.transition import TRANSITIONS
 
 CLASSICAL = SpliceOptions("pose-velocity", "hermite", "tempo")
 
@@ -40,7 +41,7 @@ class FixedCutter(PairCutter):
         return self.at
 
 
-def rebuilt(result: SpliceResult, clips: list[Clip]) -> rotation.Float:
+def rebuilt(result: SpliceResult, clips: list[Clip]) -> FloatArray:
     """Rotations (T, J, 4) by the spans: of signs from their aligned clips, of transitions from the output."""
     first = reference(clips[0], result.clip.fps)
     out = np.full_like(result.clip.local_rotations, np.nan)

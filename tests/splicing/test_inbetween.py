@@ -12,7 +12,7 @@ from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.inbetween import inbetween
-from signsplice.splicing.transition import TRANSITIONS, find_transition
+from signsplice.splicing.methods.transition import TRANSITIONS, find_transition
 
 
 @pytest.mark.parametrize("transition", list(TRANSITIONS))

@@ -10,7 +10,7 @@ from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, resample
 from signsplice.motion.euler_channels import ROTATIONS
 from signsplice.splicing.engine import splice
-from signsplice.splicing.transition import find_transition
+from signsplice.splicing.methods.transition import find_transition
 
 
 def test_real_clips_of_two_rigs_are_spliced_without_a_jump(real_clips: dict[str, Clip]) -> None:

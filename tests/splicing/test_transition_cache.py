@@ -14,11 +14,11 @@ from conftest import GOLDEN
 from signing import word
 from signsplice.motion.clip import Clip, EndSite, unchecked_copy
 from signsplice.splicing.bulk_splice import splice_many
-from signsplice.splicing.filling import FilledGap
 from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods import choose
-from signsplice.splicing.tempo import GapFiller
-from signsplice.splicing.transition import CurveTransition, GapTransition, find_transition
+from signsplice.splicing.methods.choice import choose
+from signsplice.splicing.methods.transition import CurveTransition, GapTransition, find_transition
+from signsplice.splicing.passes.filling import FilledGap
+from signsplice.splicing.passes.tempo import GapFiller
 from signsplice.splicing.transition_cache import TransitionCache, gap_key
 
 GAP = Gap(word("BOOK").clip[30:38], word("MOTHER").clip[20:28], 6)

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from signing import seen_from_chest, sign, word, wrists
 from signsplice.body import capsules, collision
@@ -19,8 +18,6 @@ from signsplice.synth.phonology import Posture, Segment, Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.segment_plan import touches
 from signsplice.synth.signer import JOINTS, RESTS, STANDARD, draw_signer
-
-Float = NDArray[np.float64]
 
 STRONG, WEAK = 1, 0
 """Columns of left and right hand for a right-handed signer."""

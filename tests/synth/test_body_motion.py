@@ -7,19 +7,17 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from signing import mirror, sign, signer_of
 from signsplice.body import capsules, collision
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import planner, pose, truth
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.manner import PLAIN, Manner
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import JOINTS, STANDARD, Signer
-
-Float = NDArray[np.float64]
 
 TURNING = Manner(body_motion=1.0)
 MEETING = Manner(head_to_hand=1.0)
@@ -41,7 +39,7 @@ def speed(one: IsolatedWord, joint: str) -> float:
     return float(np.rad2deg(np.sqrt(np.square(step).mean())) * one.clip.fps)
 
 
-def gap_to_head(one: IsolatedWord) -> Float:
+def gap_to_head(one: IsolatedWord) -> FloatArray:
     """Distance (T,) of the strong hand's skin from that of head and neck, cm."""
     body = capsules.body_capsules(one.clip.skeleton)
     ends = capsules.capsule_ends(body, *kinematics.forward(one.clip))

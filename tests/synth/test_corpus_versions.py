@@ -14,11 +14,11 @@ from conftest import GOLDEN
 from signing import sign
 from signsplice.errors import InputError
 from signsplice.evaluation import corpus_checks, corpus_difficulty, corpus_touches
-from signsplice.paper import protocol
-from signsplice.paper.prediction import Prediction
 from signsplice.synth import corpus_training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.synth.manner import PLAIN
+from signsplice_paper import protocol
+from signsplice_paper.prediction import Prediction
 
 RECIPE = Recipe(tuple(map(sign, ("I", "MOTHER", "BOOK", "YES"))), fps=15.0, n_other=5, truth="word")
 SIGNS = {one.gloss: one for one in RECIPE.signs}

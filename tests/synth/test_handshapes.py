@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from signsplice.body import capsules as body
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 from signsplice.rig.roles import FINGERS
 from signsplice.synth import hand, signer
 from signsplice.synth.handshapes import HANDSHAPES, find
-
-Float = NDArray[np.float64]
 
 CONTACT = 0.3
 """Greatest distance of surfaces that should touch, cm."""
@@ -71,7 +70,7 @@ def skeleton_with_hand() -> Skeleton:
     return replace(skeleton, offsets=offsets, end_sites=tuple(tips))
 
 
-def posed(angles: Float) -> tuple[Clip, NDArray[np.intp]]:
+def posed(angles: FloatArray) -> tuple[Clip, NDArray[np.intp]]:
     """A clip of the signer whose right hand takes ``angles`` (T, 21), and the indices of the hand's joints."""
     skeleton = skeleton_with_hand()
     joints = np.array([skeleton.index[f"mixamorig:RightHand{joint}"] for joint in hand.JOINTS])
@@ -80,7 +79,7 @@ def posed(angles: Float) -> tuple[Clip, NDArray[np.intp]]:
     return Clip(skeleton, local, np.zeros((len(angles), 3)), 30.0), joints
 
 
-def nearest(p: Float, u: Float, q: Float, v: Float) -> tuple[Float, Float]:
+def nearest(p: FloatArray, u: FloatArray, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Fractions s, t (...) along the segments p + s u and q + t v where they come nearest (Ericson 2005, 5.1.9)."""
     r = p - q
     a, e, f = (np.sum(x * y, axis=-1) for x, y in ((u, u), (v, v), (v, r)))
@@ -189,7 +188,7 @@ def test_every_two_shapes_differ() -> None:
         assert apart.max() > UNLIKE, f"{a.name} and {b.name}"
 
 
-def any_angles(seed: int, *size: int) -> Float:
+def any_angles(seed: int, *size: int) -> FloatArray:
     """Angles (*size, 21) anywhere within the limits."""
     low, high = hand.LIMITS.T
     return np.asarray(low + (high - low) * np.random.default_rng(seed).random((*size, len(hand.ANGLES))))
@@ -224,7 +223,7 @@ def test_angles_move_the_hand_as_their_names_promise() -> None:
     assert np.array_equal(hand.rotations(np.zeros(21)), np.tile(rotation.IDENTITY, (15, 1)))
     rest = hand.points(np.zeros(21))
 
-    def moved(angle: str, point: str) -> Float:
+    def moved(angle: str, point: str) -> FloatArray:
         angles = np.zeros(21)
         angles[hand.ANGLES.index(angle)] = 0.2
         n = hand.POINTS.index(point)

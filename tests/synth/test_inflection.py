@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from signing import SIGNS, made, sign, signer_of
 from signsplice.errors import InputError
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import inflection, notation, planner, pose
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.inflection import agree, form, inflect
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import STANDARD
 
-Float = NDArray[np.float64]
-
 
 def isolated(gloss: str) -> IsolatedWord:
     return planner.isolated(form(SIGNS, gloss))
 
 
-def stroke(one: IsolatedWord) -> Float:
+def stroke(one: IsolatedWord) -> FloatArray:
     """Displacement (3,) of the strong wrist in its last pass: out, up, forward, cm."""
     begin, stop = one.events.passes[-1]
     x, y, z = one.states[stop, pose.WRIST] - one.states[begin, pose.WRIST]

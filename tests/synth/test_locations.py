@@ -7,11 +7,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from signing import seen_from_chest, signer_of
 from signsplice.body import capsules, collision
 from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import hand, locations, pose
 from signsplice.synth.handshapes import HANDSHAPES
@@ -19,8 +19,6 @@ from signsplice.synth.locations import WeakArm
 from signsplice.synth.phonology import DIRECTIONS, IN_SPACE, LOCATIONS, ON_BASE, PARTS, Posture, Vector
 from signsplice.synth.rest import resting
 from signsplice.synth.signer import JOINTS, STANDARD, Signer, skeleton
-
-Float = NDArray[np.float64]
 
 SEEDS = (None, 1, 3, 7, 13)
 SOLID = ("face", "hair", "nose", "neck", "shirt")
@@ -39,7 +37,7 @@ def no_arm(signer: Signer = STANDARD) -> WeakArm:
     return WeakArm(signer, np.zeros(27))
 
 
-Axes = tuple[Float, Float]
+Axes = tuple[FloatArray, FloatArray]
 """Points (400, K, 3) all along the axes of K capsules, and the radii (400, K) there."""
 
 
@@ -52,12 +50,12 @@ def solid(signer: Signer) -> Axes:
     return along(starts, ends, shape.radii[chosen])
 
 
-def along(starts: Float, ends: Float, radii: Float) -> Axes:
+def along(starts: FloatArray, ends: FloatArray, radii: FloatArray) -> Axes:
     u = np.linspace(0.0, 1.0, 400)[:, None, None]
     return starts + u * (ends - starts), radii[:, 0] + u[..., 0] * (radii[:, 1] - radii[:, 0])
 
 
-def height(points: Float, axes: Axes, bulging: bool = False) -> Float:
+def height(points: FloatArray, axes: Axes, bulging: bool = False) -> FloatArray:
     """Distance of points (N, 3) from the skin, by trying points of every axis: the nearest one with its radius, as
     ``body.collision`` has it, or (bulging) every one, as tapered capsules are drawn.
     """
@@ -114,7 +112,7 @@ def test_locations_scale_with_the_body(seed: int | None) -> None:
 # --- the part at the location
 
 
-def centre(clip: Clip, side: str, names: tuple[str, ...]) -> Float:
+def centre(clip: Clip, side: str, names: tuple[str, ...]) -> FloatArray:
     """The mean (T, 3) of joints and tips of a hand in the chest's axes, from forward kinematics."""
     rotations, positions = kinematics.forward(clip)
     tips = kinematics.tip_positions(clip, rotations, positions)
@@ -131,11 +129,11 @@ def centre(clip: Clip, side: str, names: tuple[str, ...]) -> Float:
     return np.asarray(np.einsum("tba,tb->ta", axes, np.mean(points, axis=0) - chest))
 
 
-def clip_of(strong: Float, weak: Float, signer: Signer) -> Clip:
+def clip_of(strong: FloatArray, weak: FloatArray, signer: Signer) -> Clip:
     return pose.clip(np.concatenate([strong, weak, np.zeros(9)])[None], signer, 30.0)
 
 
-def unlimited(hand_state: Float, signer: Signer) -> bool:
+def unlimited(hand_state: FloatArray, signer: Signer) -> bool:
     """Whether no limit of wrist, forearm or reach is near, so that the hand is exactly as its state has it."""
     arm = pose.solve_arm(hand_state[pose.WRIST], signer)
     wrist = pose.wrist_angles(arm, hand_state[pose.ROTVEC], signer)
@@ -293,7 +291,7 @@ def test_shifts_are_out_up_and_forward_and_scale_with_the_body() -> None:
     posture = Posture("B", "space", "palm", DIRECTIONS["in"], (0.0, S, S))
     tall = Signer(stature_cm=187.0)
 
-    def palm(p: Posture, signer: Signer, size: float = 1.0) -> Float:
+    def palm(p: Posture, signer: Signer, size: float = 1.0) -> FloatArray:
         hand_state = locations.strong_hand(p, no_arm(signer), size=size)
         return np.asarray(centre(clip_of(hand_state, hand_state, signer), "Right", PART_JOINTS["palm"])[0])
 

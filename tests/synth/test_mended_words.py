@@ -11,17 +11,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from signing import seen_from_chest, sign
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import hand, planner, pose
 from signsplice.synth.events import Events
 from signsplice.synth.locations import body_locations
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.segment_plan import FPS
 from signsplice.synth.signer import STANDARD
-
-Float = NDArray[np.float64]
 
 SIGNER = replace(STANDARD, manner=PLAIN)
 OUT_UP_FORWARD = np.array([-1.0, 1.0, 1.0])
@@ -35,12 +33,12 @@ class Hands:
     then the wrist.
     """
 
-    strong: Float
-    weak: Float
-    weak_elbow: Float
+    strong: FloatArray
+    weak: FloatArray
+    weak_elbow: FloatArray
     events: Events
 
-    def at(self, frame: int, name: str, weak: bool = False) -> Float:
+    def at(self, frame: int, name: str, weak: bool = False) -> FloatArray:
         points = self.weak if weak else self.strong
         return np.asarray(points[frame, hand.POINTS.index(name) if name in hand.POINTS else -1])
 
@@ -57,7 +55,7 @@ def hands(gloss: str) -> Hands:
     return Hands(strong * OUT_UP_FORWARD, weak * OUT_UP_FORWARD, positions[:, 2] * OUT_UP_FORWARD, one.events)
 
 
-def off(h: Hands, frame: int, bone: str, direction: Float, weak: bool = False) -> float:
+def off(h: Hands, frame: int, bone: str, direction: FloatArray, weak: bool = False) -> float:
     """Angle of a finger, from its named joint to its tip, off a direction, degrees."""
     v = h.at(frame, f"{bone[:-1]}Tip", weak) - h.at(frame, bone, weak)
     return float(np.rad2deg(np.arccos(np.clip(v @ direction / np.linalg.norm(v) / np.linalg.norm(direction), -1, 1))))

@@ -7,9 +7,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from signing import sign, signer_of
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import notation, planner, pose, trajectory, truth, two_hands, undershoot
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.gaps import TOUCH_CM, hand_gaps
@@ -17,8 +17,6 @@ from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.manner import PLAIN, USUAL, only
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import STANDARD, Signer
-
-Float = NDArray[np.float64]
 
 MINE = ("hand_difference", "finger_stagger", "undershoot", "base_lag")
 
@@ -34,13 +32,13 @@ def written(*lines: str, hands: str = "one", signer: Signer = STANDARD) -> Isola
     return planner.isolated(notation.parse(text)["WORD"], signer)
 
 
-def apart(one: IsolatedWord) -> Float:
+def apart(one: IsolatedWord) -> FloatArray:
     """How far the weak wrist is from the mirror image of the strong one, cm, (n, 3), from first to last posture."""
     strong, weak = np.moveaxis(pose.hands(one.states)[one.events.start : one.events.end + 1, :, pose.WRIST], 1, 0)
     return np.asarray(weak - strong)
 
 
-def half_times(fingers: Float) -> Float:
+def half_times(fingers: FloatArray) -> FloatArray:
     """Frames (k,) at which each of the numbers (n, k) that change by over 0.4 is half way."""
     change = fingers[-1] - fingers[0]
     moving = np.abs(change) > 0.4
@@ -159,7 +157,7 @@ def test_letters_are_formed_at_their_hold() -> None:
         assert np.allclose(formed, HANDSHAPES[letter].angles, atol=1e-9)
 
 
-def seams() -> list[tuple[Float, Float]]:
+def seams() -> list[tuple[FloatArray, FloatArray]]:
     glosses = ("MOTHER", "YES", "BOOK", "fs-A", "UNDERSTAND", "NO", "fs-W", "HELLO")
     words = [made(gloss) for gloss in glosses]
     return [
@@ -168,7 +166,9 @@ def seams() -> list[tuple[Float, Float]]:
     ]
 
 
-def staggered(before: Float, after: Float, n: int = 39, name: str = "standard", amount: float = 1.0) -> Float:
+def staggered(
+    before: FloatArray, after: FloatArray, n: int = 39, name: str = "standard", amount: float = 1.0
+) -> FloatArray:
     signer = replace(STANDARD, name=name, manner=replace(PLAIN, finger_stagger=amount))
     return trajectory.reach(before, after, n, signer)
 

@@ -7,17 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from signing import made, mirror, seen_from_chest, sign, signer_of, word, wrists
 from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import planner, pose
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import JOINTS, STANDARD, draw_signer
-
-Float = NDArray[np.float64]
 
 ONE = ("MOTHER", "HELLO", "YES", "NO", "PLEASE", "YOU")
 KINDS = (*ONE, "BOOK", "HOUSE", "SIGN", "CAR", "LEARN", "NAME", "TREE")
@@ -31,7 +29,7 @@ def plainly(one: IsolatedWord) -> IsolatedWord:
     return planner.isolated(one.sign, replace(one.signer, manner=PLAIN), fps=one.clip.fps)
 
 
-def speeds(one: IsolatedWord) -> Float:
+def speeds(one: IsolatedWord) -> FloatArray:
     """Speed of left and right wrist, cm per frame, (T - 1, 2)."""
     return np.asarray(np.linalg.norm(np.diff(wrists(one), axis=0), axis=-1))
 
@@ -138,7 +136,7 @@ def test_an_arc_bulges_and_a_zigzag_swings() -> None:
     bowed = made(start, "M at=space-in path=arc:up:8")
     swung = made(start, "M at=space-in path=zigzag:up:4:2")
 
-    def rise(one: IsolatedWord) -> Float:
+    def rise(one: IsolatedWord) -> FloatArray:
         assert one.events.first is not None
         begin, stop = one.events.first
         return np.asarray(

@@ -6,24 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from signing import mirror, seen_from_chest, signer_of, word
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import hand, locations, pose
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.rest import resting
 from signsplice.synth.signer import FOREARM, JOINTS, STANDARD, UPPER_ARM, Signer, draw_signer, skeleton
-
-Float = NDArray[np.float64]
 
 SEEDS = (None, 0, 3, 7)
 HANDS = ("RightHand", "LeftHand")
 LEFT_TO_RIGHT = np.array([-1.0, 1.0, 1.0])
 
 
-def easy_states(n: int, signer: Signer, seed: int = 0) -> Float:
+def easy_states(n: int, signer: Signer, seed: int = 0) -> FloatArray:
     """Random states (n, 63) in the signing space with small rotations of hands, trunk and head."""
     rng = np.random.default_rng(seed)
     states = np.zeros((n, pose.SIZE))
@@ -39,7 +37,7 @@ def easy_states(n: int, signer: Signer, seed: int = 0) -> Float:
     return states
 
 
-def wild_states(n: int, signer: Signer, seed: int = 0) -> Float:
+def wild_states(n: int, signer: Signer, seed: int = 0) -> FloatArray:
     """Random states far beyond what a signer does: hands anywhere, with any rotation."""
     states = easy_states(n, signer, seed)
     rng = np.random.default_rng(seed + 1)

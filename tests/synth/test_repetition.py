@@ -6,15 +6,13 @@ import itertools
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from signing import made
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import pose
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import STANDARD
-
-Float = NDArray[np.float64]
 
 CHEST = "X shape=B-open at=chest by=palm off=0.5 shift=0,3,0 palm=back fingers=in"
 PALM = (
@@ -23,12 +21,12 @@ PALM = (
 )
 
 
-def strong(one: IsolatedWord) -> Float:
+def strong(one: IsolatedWord) -> FloatArray:
     """The strong wrist (T, 3): X to the weak side, Y up, Z forward, cm."""
     return one.states[:, pose.WRIST]
 
 
-def weak(one: IsolatedWord) -> Float:
+def weak(one: IsolatedWord) -> FloatArray:
     """The weak wrist (T, 3), mirrored."""
     return one.states[:, 27:30]
 

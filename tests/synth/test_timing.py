@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from signing import SIGNS, sign, signer_of, word, wrists
 from signsplice.evaluation.corpus_checks import over_limit
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import notation, planner, pose, pseudo, running, timing, trajectory, truth
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.events import Events
@@ -25,7 +25,6 @@ from signsplice.synth.trajectory import Knot
 sys.path.insert(0, str(Path(__file__).parents[1] / "golden"))
 import make_plain_words
 
-Float = NDArray[np.float64]
 GOLDEN = Path(__file__).parents[1] / "golden" / "plain_words.npz"
 ALL = Manner(low_pass_frames=1.0, off_frame=1.0, tempo_spread=1.0, pass_difference=1.0, hesitation=1.0)
 TAPS = """TAPS hands=one
@@ -45,7 +44,7 @@ def frames_of(events: Events) -> Events:
     return replace(events, gap_first_cm=None, gap_last_cm=None)
 
 
-def depth(one: IsolatedWord) -> Float:
+def depth(one: IsolatedWord) -> FloatArray:
     """Depth (T,) of the deeper hand, cm."""
     return np.asarray(penetration(one.states, one.signer)[0].max(axis=1))
 

@@ -6,21 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from signing import signer_of, word
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import hand, manner, planner, pose, trajectory
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, Signer
 from signsplice.synth.trajectory import Knot
 
-Float = NDArray[np.float64]
-
 PLAIN = replace(STANDARD, arch=0.0, manner=manner.PLAIN)
 
 
-def state(seed: int, spread: float = 5.0) -> Float:
+def state(seed: int, spread: float = 5.0) -> FloatArray:
     """A state near a hand before the chest, both hands' fingers within their limits."""
     rng = np.random.default_rng(seed)
     made = np.zeros(pose.SIZE)
@@ -33,7 +31,7 @@ def state(seed: int, spread: float = 5.0) -> Float:
     return made
 
 
-def still(one: Float, n: int = 3) -> Float:
+def still(one: FloatArray, n: int = 3) -> FloatArray:
     return np.repeat(one[None], n, axis=0)
 
 
@@ -104,13 +102,13 @@ def test_every_bump_on_a_trajectory_makes_its_jerk_larger() -> None:
 # --- reaches
 
 
-def moving(one: Float, velocity: Float, ends: bool, n: int = 6) -> Float:
+def moving(one: FloatArray, velocity: FloatArray, ends: bool, n: int = 6) -> FloatArray:
     """Frames of even motion that end (or begin) at a state."""
     steps = np.arange(1 - n, 1) if ends else np.arange(n)
     return np.asarray(one + steps[:, None] * velocity)
 
 
-def seeded_ends(seed: int) -> tuple[Float, Float]:
+def seeded_ends(seed: int) -> tuple[FloatArray, FloatArray]:
     rng = np.random.default_rng(seed)
     v, w = 0.25 * rng.normal(size=(2, pose.SIZE))
     v[pose.FINGERS] = w[pose.FINGERS] = v[33:54] = w[33:54] = 0.0
@@ -313,7 +311,7 @@ def test_breath_and_tremor_have_the_signers_frequencies() -> None:
     made = trajectory.small_motions(n, fps, STANDARD, stream("test", 2))
     hz = np.fft.rfftfreq(n, 1.0 / fps)
 
-    def peak(x: Float, above: float = 0.0) -> float:
+    def peak(x: FloatArray, above: float = 0.0) -> float:
         power = np.abs(np.fft.rfft(x - x.mean())) * (hz > above)
         return float(hz[power.argmax()])
 

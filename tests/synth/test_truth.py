@@ -8,7 +8,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from signing import seen_from_chest, word, wrists
 from signsplice.errors import InputError
@@ -18,8 +17,6 @@ from signsplice.synth.avoidance import penetration
 from signsplice.synth.events import Events
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import STANDARD
-
-Float = NDArray[np.float64]
 
 GLOSSES = ("I", "MOTHER", "HELLO", "BOOK", "LEARN", "SIGN", "YES", "YOU", "fs-A")
 PAIRS = [(a, b) for a, b in itertools.product(GLOSSES, repeat=2) if a != b]

@@ -18,17 +18,17 @@ from click.testing import CliRunner  # noqa: E402
 
 from signsplice.cli.commands import app  # noqa: E402
 from signsplice.errors import InputError, SignspliceError  # noqa: E402
-from signsplice.paper import speed  # noqa: E402
-from signsplice.paper.systems import DECODINGS, PaperSystem, TwoNetworkSystem, open_bundle  # noqa: E402
-from signsplice.splicing.bundle import write_bundle  # noqa: E402
+from signsplice.splicing.networks.bundle import write_bundle  # noqa: E402
 from signsplice.train import export  # noqa: E402
-from signsplice.train.paper import graphs, scales, training  # noqa: E402
-from signsplice.train.paper.networks.filling import Filler  # noqa: E402
-from signsplice.train.paper.networks.generator import Generator, generate  # noqa: E402
-from signsplice.train.paper.pairs_data import Batch  # noqa: E402
-from signsplice.train.paper.scales import SystemPart  # noqa: E402
-from signsplice.train.paper.tasks import MOST_FRAMES, TokenTask, positions  # noqa: E402
 from signsplice.train.task import Task  # noqa: E402
+from signsplice_paper import speed  # noqa: E402
+from signsplice_paper.systems import DECODINGS, PaperSystem, TwoNetworkSystem, open_bundle  # noqa: E402
+from signsplice_paper.train import graphs, scales, training  # noqa: E402
+from signsplice_paper.train.networks.filling import Filler  # noqa: E402
+from signsplice_paper.train.networks.generator import Generator, generate  # noqa: E402
+from signsplice_paper.train.pairs_data import Batch  # noqa: E402
+from signsplice_paper.train.scales import SystemPart  # noqa: E402
+from signsplice_paper.train.tasks import MOST_FRAMES, TokenTask, positions  # noqa: E402
 from training_toys import CONFIGS, corpus, data, toy  # noqa: E402
 
 SYSTEMS = {name: parts for name, parts in scales.SYSTEMS.items() if name not in ("lpt-wa", "lpt-wac")}
@@ -165,7 +165,7 @@ def test_the_command_trains_and_writes_a_bundle_once(tmp_path: Path) -> None:
     CliRunner().invoke(app, call, catch_exceptions=False)
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before, "nothing is trained twice"
     code = (
-        "import sys, numpy as np; from signsplice.paper.systems import open_bundle\n"
+        "import sys, numpy as np; from signsplice_paper.systems import open_bundle\n"
         f"system = open_bundle({str(out)!r}); x = np.zeros((20, 159)); system.predict(x, x)\n"
         "print(sorted({'torch', 'onnx', 'onnxscript', 'matplotlib'} & set(sys.modules)))"
     )

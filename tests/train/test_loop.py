@@ -14,15 +14,15 @@ torch = pytest.importorskip("torch")
 from torch import Tensor  # noqa: E402
 
 from signsplice.errors import InputError  # noqa: E402
-from signsplice.paper import plan  # noqa: E402
-from signsplice.splicing.culling import cull  # noqa: E402
 from signsplice.synth.corpus import Pairs  # noqa: E402
 from signsplice.train import checkpoint, log, loop, processes  # noqa: E402
 from signsplice.train.loop import LoopConfig, train  # noqa: E402
-from signsplice.train.paper import scales  # noqa: E402
-from signsplice.train.paper.networks.convs2s import ConvS2SConfig  # noqa: E402
-from signsplice.train.paper.networks.tfgn import TransformerConfig  # noqa: E402
-from signsplice.train.paper.pairs_data import PairsData  # noqa: E402
+from signsplice_paper import plan  # noqa: E402
+from signsplice_paper.culling import cull  # noqa: E402
+from signsplice_paper.train import scales  # noqa: E402
+from signsplice_paper.train.networks.convs2s import ConvS2SConfig  # noqa: E402
+from signsplice_paper.train.networks.tfgn import TransformerConfig  # noqa: E402
+from signsplice_paper.train.pairs_data import PairsData  # noqa: E402
 from training_toys import ALONE, CONFIGS, FR, corpus, data, toy  # noqa: E402
 
 

@@ -12,9 +12,9 @@ import pytest
 pytest.importorskip("torch")
 
 from signsplice.errors import InputError
-from signsplice.splicing.bundle import read_config
+from signsplice.splicing.networks.bundle import read_config
 from signsplice.train import checkpoint, provenance
-from signsplice.train.paper import training
+from signsplice_paper.train import training
 from training_toys import ALONE, corpus
 
 

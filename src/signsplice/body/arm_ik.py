@@ -12,13 +12,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
-
-Float = NDArray[np.float64]
 
 _REACH = 0.999
 """Largest distance of a wrist from its shoulder, as a fraction of the arm's length: a straight elbow has no plane."""
@@ -29,7 +27,7 @@ _HINGES = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
 _TINY = 1e-9
 
 
-def move_wrists(clip: Clip, moves: Float, swivels: Float | None = None) -> Clip:
+def move_wrists(clip: Clip, moves: FloatArray, swivels: FloatArray | None = None) -> Clip:
     """The clip with left and right wrist moved by ``moves`` (T, 2, 3), world axes and clip units; a target beyond an
     arm's reach is approached as far as possible.
 
@@ -66,7 +64,7 @@ def move_wrists(clip: Clip, moves: Float, swivels: Float | None = None) -> Clip:
     return replace(clip, local_rotations=local)
 
 
-def moved_arms(clip: Clip, moves: Float) -> tuple[Float, Float, Float]:
+def moved_arms(clip: Clip, moves: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Shoulders, elbows and wrists (T, 2, 3) of ``move_wrists(clip, moves)``, world axes and clip units."""
     joints = rig_info(clip.skeleton).arm_joints
     global_rotations, positions = kinematics.forward(clip, joints[:6])
@@ -81,13 +79,13 @@ def moved_arms(clip: Clip, moves: Float) -> tuple[Float, Float, Float]:
     return out[:, :, 0], out[:, :, 1], out[:, :, 2]
 
 
-def swivelled(shoulders: Float, elbows: Float, wrists: Float, swivels: Float) -> Float:
+def swivelled(shoulders: FloatArray, elbows: FloatArray, wrists: FloatArray, swivels: FloatArray) -> FloatArray:
     """The elbows (..., 3), turned by ``swivels`` (...) about the lines from shoulders to wrists."""
     axis = (wrists - shoulders) / (_length(wrists - shoulders)[..., None] + _TINY)
     return shoulders + rotation.rotate(rotation.exp(swivels[..., None] * axis), elbows - shoulders)
 
 
-def _hinge(clip: Clip, side: int) -> Float:
+def _hinge(clip: Clip, side: int) -> FloatArray:
     """The axis (3,) about which a straight elbow bends, in the upper arm's own axes."""
     info = rig_info(clip.skeleton)
     return np.asarray(
@@ -95,7 +93,9 @@ def _hinge(clip: Clip, side: int) -> Float:
     )
 
 
-def _solve_arm(s: Float, e: Float, w: Float, target: Float, hinge: Float) -> tuple[Float, Float]:
+def _solve_arm(
+    s: FloatArray, e: FloatArray, w: FloatArray, target: FloatArray, hinge: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Global rotations (T, 4): of all below the elbow about the elbow, then of the whole arm about the shoulder.
 
     s, e, w: (T, 3) shoulder, elbow and wrist. target: (T, 3) the wrist's. hinge: (T, 3) the axis of a straight elbow.
@@ -116,11 +116,11 @@ def _solve_arm(s: Float, e: Float, w: Float, target: Float, hinge: Float) -> tup
     return bend, rotation.between_vectors(bent, target - s)
 
 
-def _flexion(a: Float, b: Float, distance: Float) -> Float:
+def _flexion(a: FloatArray, b: FloatArray, distance: FloatArray) -> FloatArray:
     """Radians by which an elbow is bent, 0 when straight."""
     cosine = (a * a + b * b - distance * distance) / (2.0 * a * b)
     return np.asarray(np.pi - np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
-def _length(v: Float) -> Float:
+def _length(v: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(v, axis=-1))

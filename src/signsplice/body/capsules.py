@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from signsplice.body.mesh_part import MeshPart
 from signsplice.body.relief import Relief
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Skeleton
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
-
-Float = NDArray[np.float64]
 
 _SEGMENTS = ("Metacarpal", "Proximal", "Intermediate", "Distal")
 _THICKNESS = {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049}
@@ -96,9 +95,9 @@ class BodyCapsules:
     """
 
     joints: NDArray[np.intp]
-    starts: Float
-    ends: Float
-    radii: Float
+    starts: FloatArray
+    ends: FloatArray
+    radii: FloatArray
     parts: tuple[str, ...]
     sides: tuple[str, ...]
     keys: tuple[str, ...]
@@ -147,7 +146,9 @@ def body_capsules(skeleton: Skeleton) -> BodyCapsules:
     return CACHE.of(skeleton, _build)
 
 
-def capsule_ends(body: BodyCapsules, global_rotations: Float, global_positions: Float) -> tuple[Float, Float]:
+def capsule_ends(
+    body: BodyCapsules, global_rotations: FloatArray, global_positions: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Both ends (T, C, 3) of each capsule in the world, from the globals (T, J, 3, 3) and (T, J, 3) of forward
     kinematics.
     """
@@ -185,8 +186,8 @@ class _Capsule:
 
     key: str
     joint: int
-    start: Float
-    end: Float
+    start: FloatArray
+    end: FloatArray
     start_radius: float
     end_radius: float
     part: str
@@ -225,7 +226,7 @@ def _trunk(skeleton: Skeleton, height: float, shape: BodyShape) -> list[_Capsule
     rows: list[_Capsule] = []
     big, wide, deep = shape.head, shape.trunk_width, shape.trunk_depth
 
-    def add(key: str, joint: int, start: Float, end: Float, r0: float, r1: float, part: str) -> None:
+    def add(key: str, joint: int, start: FloatArray, end: FloatArray, r0: float, r1: float, part: str) -> None:
         """Both ends relative to the joint, in the axes of the T-pose."""
         start, end = rotation.rotate(rotation.inverse(info.t_pose.rotations[joint]), np.stack([start, end]))
         rows.append(_Capsule(key, joint, start, end, r0 * height, r1 * height, part))
@@ -284,7 +285,7 @@ def _shoulders(skeleton: Skeleton, height: float, shape: BodyShape) -> list[_Cap
 
 
 def _hand(
-    skeleton: Skeleton, joints: Mapping[str, int], rest: Float, side: str, height: float, thickness: float
+    skeleton: Skeleton, joints: Mapping[str, int], rest: FloatArray, side: str, height: float, thickness: float
 ) -> list[_Capsule]:
     """The palm as capsules from the wrist to each knuckle, and every phalanx."""
     wrist = joints.get(f"{side}Hand")
@@ -314,7 +315,7 @@ def _hand(
     return rows
 
 
-def _tip(skeleton: Skeleton, joint: int, chain: list[int], rest: Float) -> Float:
+def _tip(skeleton: Skeleton, joint: int, chain: list[int], rest: FloatArray) -> FloatArray:
     """Where a finger ends beyond its last joint: its end site or tip joint, else 0.8 of the phalanx before, straight
     on.
     """

@@ -13,16 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Skeleton
-
-Float = NDArray[np.float64]
 
 _TINY = 1e-12
 _WHOLE_HAND_WEIGHT = 1.2
 """How much the direction from hand to hand counts beside the exit direction of two capsules of the hands."""
 
 
-def hand_penetration(skeleton: Skeleton, global_rotations: Float, global_positions: Float) -> tuple[Float, Float]:
+def hand_penetration(
+    skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Depth (T, 2) of the left and the right hand in head, neck, trunk or the other hand, clip units (negative: the
     distance to them), and the exit direction (T, 2, 3) in the world.
 
@@ -63,8 +64,8 @@ class PosedCapsules:
     """
 
     body: BodyCapsules
-    starts: Float
-    ends: Float
+    starts: FloatArray
+    ends: FloatArray
 
     def __getitem__(self, frames: slice) -> PosedCapsules:
         """The capsules of some frames."""
@@ -114,14 +115,14 @@ class PosedCapsules:
             apart=apart,
         )
 
-    def penetration(self, firsts: Sequence[int] = (0,)) -> tuple[Float, Float]:
+    def penetration(self, firsts: Sequence[int] = (0,)) -> tuple[FloatArray, FloatArray]:
         """``hand_penetration`` where a hand lies in something, in a small part of the time: only ``near_pairs`` are
         tested. Elsewhere the depth is some number not above 0, and the exit direction means nothing.
         """
         return self.near_pairs(firsts=firsts).penetration()
 
 
-def _ball(middles: Float, reach: Float) -> tuple[Float, Float]:
+def _ball(middles: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Middles (T, 1, 3) and radii (T, 1) of balls about balls (T, K, 3), (T, K); empty where there is none."""
     if not middles.shape[1]:
         return np.zeros((len(middles), 1, 3)), np.full((len(middles), 1), -np.inf)
@@ -130,7 +131,9 @@ def _ball(middles: Float, reach: Float) -> tuple[Float, Float]:
     return whole, (np.sqrt(_dot(away, away)) + reach).max(axis=1, keepdims=True)
 
 
-def _meet(middles: Float, reach: Float, starts: Float, axes: Float, thick: Float) -> NDArray[np.bool_]:
+def _meet(
+    middles: FloatArray, reach: FloatArray, starts: FloatArray, axes: FloatArray, thick: FloatArray
+) -> NDArray[np.bool_]:
     """Whether balls, middles (T, A, 3) and radii (T, A), meet capsules, starts and axes (T, B, 3) and radii (B,):
     (T, A, B).
     """
@@ -164,14 +167,14 @@ class NearPairs:
     n_frames: int
     frames: NDArray[np.intp]
     pairs: NDArray[np.intp]
-    hands: Float
+    hands: FloatArray
     meeting: NDArray[np.bool_]
-    gaps: Float
-    axes: tuple[Float, Float]
-    radii: tuple[Float, Float]
-    apart: Float
+    gaps: FloatArray
+    axes: tuple[FloatArray, FloatArray]
+    radii: tuple[FloatArray, FloatArray]
+    apart: FloatArray
 
-    def penetration(self, moves: Float | None = None) -> tuple[Float, Float]:
+    def penetration(self, moves: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
         """Depth (T, 2) of each hand, and the exit direction (T, 2, 3), with the hands moved by ``moves`` (T, 2, 3); as
         ``PosedCapsules.penetration``.
         """
@@ -211,18 +214,20 @@ class NearPairs:
         return float(-np.minimum(*depths).max(initial=-np.inf))
 
 
-def _weighted_rows(weights: Float, rows: Float) -> Float:
+def _weighted_rows(weights: FloatArray, rows: FloatArray) -> FloatArray:
     """Sums (K, 3) of rows (K, S, 3), each times its weight (K, S)."""
     return np.asarray((weights[:, :, None] * rows).sum(axis=1))
 
 
-def posed_capsules(skeleton: Skeleton, global_rotations: Float, global_positions: Float) -> PosedCapsules:
+def posed_capsules(skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray) -> PosedCapsules:
     """A skeleton's capsules, from the globals of ``kinematics.forward`` for all joints."""
     body = body_capsules(skeleton)
     return PosedCapsules(body, *capsule_ends(body, global_rotations, global_positions))
 
 
-def overlap(starts: Float, ends: Float, radii: Float, a: Sequence[int], b: Sequence[int]) -> tuple[Float, Float]:
+def overlap(
+    starts: FloatArray, ends: FloatArray, radii: FloatArray, a: Sequence[int], b: Sequence[int]
+) -> tuple[FloatArray, FloatArray]:
     """Depth (T, A, B) of capsules ``a`` in capsules ``b`` (negative: the distance), and the exit direction
     (T, A, B, 3) of each of ``a``.
 
@@ -235,7 +240,9 @@ def overlap(starts: Float, ends: Float, radii: Float, a: Sequence[int], b: Seque
     return _penetration(p - q, u, v, radii[rows, None], radii[columns])
 
 
-def _penetration(r: Float, u: Float, v: Float, one: Float, two: Float) -> tuple[Float, Float]:
+def _penetration(
+    r: FloatArray, u: FloatArray, v: FloatArray, one: FloatArray, two: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Depth (...) of capsules with axes u in those with axes v (..., 3), which start r (..., 3) from one another, and
     the exit directions (..., 3); radii (..., 2).
     """
@@ -250,5 +257,5 @@ def _penetration(r: Float, u: Float, v: Float, one: Float, two: Float) -> tuple[
     return thick - distance, line / distance[..., None]
 
 
-def _dot(a: Float, b: Float) -> Float:
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("...c,...c->...", a, b))

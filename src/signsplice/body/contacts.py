@@ -7,12 +7,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules
 from signsplice.body.touch import Near, SkinPairs
-
-Float = NDArray[np.float64]
+from signsplice.motion.arrays import FloatArray
 
 TOUCH_M, PART_M = 0.005, 0.012
 """A contact begins where skins are nearer than the first and ends where they are farther apart than the second, m."""
@@ -45,7 +43,9 @@ class Contact:
     is_kept: bool
 
 
-def find_contacts(body: BodyCapsules, pairs: SkinPairs, near: Near, after: Float, n_frames: int) -> tuple[Contact, ...]:
+def find_contacts(
+    body: BodyCapsules, pairs: SkinPairs, near: Near, after: FloatArray, n_frames: int
+) -> tuple[Contact, ...]:
     """The contacts of a clip of ``n_frames``, in order.
 
     near: all pairs that are nearer than ``PART_M`` at the source; after: (N,) their distances on the other body, m.
@@ -66,7 +66,7 @@ def find_contacts(body: BodyCapsules, pairs: SkinPairs, near: Near, after: Float
     return tuple(sorted(found, key=lambda one: one.frames))
 
 
-def _median(distance: Float) -> float:
+def _median(distance: FloatArray) -> float:
     return float(np.median(distance[np.isfinite(distance)]))
 
 
@@ -76,7 +76,7 @@ def _region(body: BodyCapsules, row: int) -> int:
     return REGIONS.index({"shirt": "trunk", "neck": "neck"}.get(body.parts[row], "head"))
 
 
-def _events(distance: Float) -> list[tuple[int, int]]:
+def _events(distance: FloatArray) -> list[tuple[int, int]]:
     """Half-open ranges of frames in which a distance (T,) is that of a contact."""
     touching = np.zeros(len(distance), bool)
     is_touching = False

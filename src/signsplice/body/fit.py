@@ -28,8 +28,8 @@ from scipy.linalg import solveh_banded
 from signsplice.body.capsules import BodyCapsules
 from signsplice.body.posed import PosedBody
 from signsplice.body.touch import Near, SkinPairs, gaps, near_pairs, pair_gaps, skin_pairs
+from signsplice.motion.arrays import FloatArray
 
-Float = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 NEAR_M = 0.04
@@ -79,7 +79,7 @@ class _Rows:
 
     source: Index
     target: Index
-    at: Float
+    at: FloatArray
 
 
 class Fit:
@@ -89,7 +89,7 @@ class Fit:
     active: (T, 2) how much each arm signs in each frame: 0 where it hangs.
     """
 
-    def __init__(self, source: PosedBody, carried: PosedBody, fps: float, active: Float) -> None:
+    def __init__(self, source: PosedBody, carried: PosedBody, fps: float, active: FloatArray) -> None:
         self.source, self.carried, self.fps, self.active = source, carried, fps, active
         self.n_frames = len(source.wrists)
         self._arm_scale = float(np.mean(carried.arm_lengths) / np.mean(source.arm_lengths))
@@ -108,25 +108,27 @@ class Fit:
         source, target = ([body.keys.index(key) for key, _ in found] for body in (self.source.body, self.carried.body))
         return _Rows(np.array(source, np.intp), np.array(target, np.intp), np.array([at for _, at in found]))
 
-    def moves(self) -> Float:
+    def moves(self) -> FloatArray:
         """The moves (T, 2, 3) of the wrists, m, with arms that follow as ``_shares`` says."""
         m = self._solve_linear()
         self.out_of_reach = self._out_of_reach(m)
         self.near = _near_contacts(self, m)
         return self._touched(m, self.carried, np.zeros_like(m), _STEPS)
 
-    def _out_of_reach(self, m: Float) -> Float:
+    def _out_of_reach(self, m: FloatArray) -> FloatArray:
         """How far (2,) the places of each hand lie beyond its arm's reach where it signs, at most, m."""
         away = np.linalg.norm(self.carried.wrists + m - self.carried.shoulders, axis=-1) - self.carried.arm_lengths
         return np.asarray((away * (self.active > 0.5)).max(axis=0, initial=0.0))
 
-    def again(self, moved: PosedBody) -> Float:
+    def again(self, moved: PosedBody) -> FloatArray:
         """The moves once more, from ``moved``: the body with the arms as they lie after the moves so far."""
         base = moved.wrists - self.carried.wrists
         heights = moved.heights(self.pairs[1], self.near)
         return self._touched(base, moved, base, _STEPS_AGAIN if moved.body.relief is None else _STEPS, heights)
 
-    def _touched(self, m: Float, posed: PosedBody, base: Float, steps: int, heights: Float | float = 0.0) -> Float:
+    def _touched(
+        self, m: FloatArray, posed: PosedBody, base: FloatArray, steps: int, heights: FloatArray | float = 0.0
+    ) -> FloatArray:
         contacts = _Contacts(self.pairs[1], self.near, posed, base, heights)
         for _ in range(steps):
             m = self._step(m, contacts)
@@ -135,7 +137,7 @@ class Fit:
     # --- the linear stage ---
 
     @cached_property
-    def _linear(self) -> tuple[Float, Float, Float]:
+    def _linear(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Per frame: the diagonal (T, 2) and off-diagonal (T,) of the 2 x 2 block, the right side (T, 2, 3)."""
         diagonal = np.full((self.n_frames, 2), _SPACE_WEIGHT)
         middle, wrists = self.carried.shoulders.mean(axis=1, keepdims=True), self.source.wrists
@@ -151,7 +153,7 @@ class Fit:
         right[:, 1] -= pull
         return diagonal, -weight, right
 
-    def _body_places(self, side: int) -> tuple[Float, Float]:
+    def _body_places(self, side: int) -> tuple[FloatArray, FloatArray]:
         """Sums over anchors and capsules of weights (T,), and of weights times the way to the place (T, 3)."""
         anchors, solid = self._anchors[side], self._solid[side]
         s, c = self.source, self.carried
@@ -172,7 +174,7 @@ class Fit:
         way = start + t[..., None] * axis + out * (wanted / away)[..., None] - b[:, :, None]
         return weight.sum(axis=(1, 2)), np.einsum("tas,tasx->tx", weight, way)
 
-    def _hand_places(self) -> tuple[Float, Float]:
+    def _hand_places(self) -> tuple[FloatArray, FloatArray]:
         """Sum over pairs of anchors of weights (T,), and of weights times the way of the left to its place (T, 3)."""
         left, right = self._anchors
         (a, ra), (b, rb) = (_points(self.source, rows.source, rows.at) for rows in (left, right))
@@ -185,7 +187,7 @@ class Fit:
         way = wanted - (a[:, :, None] - b[:, None])
         return weight.sum(axis=(1, 2)), np.einsum("tab,tabx->tx", weight, way)
 
-    def _scaled(self, gap: Float) -> Float:
+    def _scaled(self, gap: FloatArray) -> FloatArray:
         """A skin distance on the other body: as it is where it is small, scaled as signing space where it is large."""
         share = np.clip((gap - _FREE_M) / (_FAR_M - _FREE_M), 0.0, 1.0)
         share = share * share * (3.0 - 2.0 * share)
@@ -195,7 +197,7 @@ class Fit:
     def _smooth(self) -> float:
         return _SMOOTHNESS * (self.fps / 30.0) ** 4
 
-    def _solve_linear(self) -> Float:
+    def _solve_linear(self) -> FloatArray:
         n, (diagonal, off, right) = self.n_frames, self._linear
         band = np.zeros((5, 2 * n))  # lower form: band[k, i] = A[i + k, i]
         d0, d1, d2 = _second_differences(n)
@@ -207,7 +209,7 @@ class Fit:
 
     # --- the contact stage ---
 
-    def _step(self, m: Float, contacts: _Contacts) -> Float:
+    def _step(self, m: FloatArray, contacts: _Contacts) -> FloatArray:
         n, (diagonal, off, right) = self.n_frames, self._linear
         block = np.zeros((n, 6, 6))
         for axis in range(3):
@@ -228,7 +230,7 @@ class Fit:
         solved = solveh_banded(band, rhs.ravel(), lower=True, check_finite=False)
         return np.asarray(solved).reshape(n, 2, 3)
 
-    def _add_reach(self, m: Float, block: Float, rhs: Float) -> None:
+    def _add_reach(self, m: FloatArray, block: FloatArray, rhs: FloatArray) -> None:
         """Keep wrists within reach: the plane at right angles to the arm, where they are beyond."""
         for side in (0, 1):
             arm = self.carried.wrists[:, side] + m[:, side] - self.carried.shoulders[:, side]
@@ -244,7 +246,7 @@ class Fit:
             rhs[rows, own] += _REACH_WEIGHT * goal[:, None] * n
 
 
-def _near_contacts(fit: Fit, m: Float) -> Near:
+def _near_contacts(fit: Fit, m: FloatArray) -> Near:
     """The pairs that are near at the source, or on the other body with its wrists moved by ``m``."""
     source, posed, (theirs, ours) = fit.source, fit.carried, fit.pairs
     first, last, sides = _shares(posed.body)
@@ -266,7 +268,9 @@ class _Contacts:
     heights: (N,) of its skin above the other capsule of each.
     """
 
-    def __init__(self, ours: SkinPairs, near: Near, posed: PosedBody, base: Float, heights: Float | float) -> None:
+    def __init__(
+        self, ours: SkinPairs, near: Near, posed: PosedBody, base: FloatArray, heights: FloatArray | float
+    ) -> None:
         self.frames, k, self.then = near.frames, near.k, near.distance
         first, last, _ = _shares(posed.body)
         own, other = ours.own[k], ours.other[k]
@@ -284,7 +288,7 @@ class _Contacts:
         self._wanted = self._allowed = np.minimum(self.then, _CLEAR_M) + heights
         self._held = np.where(touching, _CONTACT_WEIGHT * np.exp(-off / _CONTACT_FADE_M), 0.0)
 
-    def add(self, m: Float, block: Float, rhs: Float) -> None:
+    def add(self, m: FloatArray, block: FloatArray, rhs: FloatArray) -> None:
         """Add this step's residuals to the blocks (T, 6, 6) and right sides (T, 6)."""
         if not len(self.frames):
             return
@@ -313,7 +317,7 @@ class _Contacts:
         rhs[frames[starts]] += np.add.reduceat(weighted * goal[:, None], starts)
 
 
-def _shares(body: BodyCapsules) -> tuple[Float, Float, Index]:
+def _shares(body: BodyCapsules) -> tuple[FloatArray, FloatArray, Index]:
     """How far both ends of each capsule (C,) move with a wrist, and whose (C,): hands wholly, an elbow half-way."""
     first, last = np.zeros(len(body.parts)), np.zeros(len(body.parts))
     for n, (part, side) in enumerate(zip(body.parts, body.sides, strict=True)):
@@ -322,19 +326,19 @@ def _shares(body: BodyCapsules) -> tuple[Float, Float, Index]:
     return first, last, np.array([int(side == "right") for side in body.sides], np.intp)
 
 
-def _points(body: PosedBody, rows: Index, at: Float) -> tuple[Float, Float]:
+def _points(body: PosedBody, rows: Index, at: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Points (T, n, 3) along capsules, and the radii (n,) there."""
     start = body.starts[:, rows]
     radius = body.radii[rows]
     return start + at[:, None] * (body.ends[:, rows] - start), radius[:, 0] + at * (radius[:, 1] - radius[:, 0])
 
 
-def _weight(gap: Float) -> Float:
+def _weight(gap: FloatArray) -> FloatArray:
     near = 1.0 + np.maximum(gap, 0.0) / NEAR_M
     return 1.0 / (near * near * near * near)
 
 
-def _second_differences(n: int) -> tuple[Float, Float, Float]:
+def _second_differences(n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The three diagonals of D'D, D the second differences of n values."""
     if n < 3:
         return np.zeros(n), np.zeros(max(n - 1, 0)), np.zeros(max(n - 2, 0))

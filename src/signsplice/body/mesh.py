@@ -17,13 +17,12 @@ from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules, capsul
 from signsplice.body.mesh_part import N_JOINTS, MeshPart
 from signsplice.body.surface_nets import surface
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Skeleton
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
 from signsplice.rig.t_pose import posed_positions
-
-Float = NDArray[np.float64]
 
 SKIN = {"right": (0.93, 0.72, 0.58), "left": (0.80, 0.58, 0.47), "": (0.90, 0.69, 0.56)}
 """Colours of skin, sRGB 0 to 1; the left hand is darker, so that crossed hands can be distinguished."""
@@ -84,7 +83,7 @@ def colour(part: str, side: str) -> tuple[float, float, float]:
     return TIPS[side] if part.endswith("Tip") and side else SKIN[side]
 
 
-def bind_pose(skeleton: Skeleton) -> tuple[Float, Float]:
+def bind_pose(skeleton: Skeleton) -> tuple[FloatArray, FloatArray]:
     """The bind pose: global rotations (J, 4) and positions (J, 3), clip units, the root at the origin. It is the T-pose
     with fingers spread; the rest pose of an avatar with a mesh of its own.
     """
@@ -112,9 +111,9 @@ class _MeshCapsules:
     bundles: (C,) number of the group in which each is blended first.
     """
 
-    starts: Float
-    ends: Float
-    radii: Float
+    starts: FloatArray
+    ends: FloatArray
+    radii: FloatArray
     joints: NDArray[np.intp]
     bundles: NDArray[np.intp]
 
@@ -194,7 +193,7 @@ def _bundles(parts: list[str], sides: list[str]) -> NDArray[np.intp]:
 
 
 def _with_wrist(
-    own: _MeshCapsules, starts: Float, ends: Float, shape: BodyCapsules, side: str, height: float
+    own: _MeshCapsules, starts: FloatArray, ends: FloatArray, shape: BodyCapsules, side: str, height: float
 ) -> _MeshCapsules:
     """A hand with the end of its forearm, which the sleeve leaves bare."""
     cuff = next((n for n, part in enumerate(shape.parts) if part == "cuff" and shape.sides[n] == side), None)
@@ -220,10 +219,10 @@ def _skin(
 ) -> MeshPart:
     blend = height * _BLEND.get(kind, 0.0006)
 
-    def distances(points: Float) -> Float:
+    def distances(points: FloatArray) -> FloatArray:
         return _distances(points, own)
 
-    def field(points: Float) -> Float:
+    def field(points: FloatArray) -> FloatArray:
         each = distances(points)
         blends = {int(k): _LIMB_BLEND * height for k in own.bundles}
         if kind == "hand":
@@ -242,13 +241,13 @@ def _skin(
     return MeshPart(name, tint, vertices, normals, triangles, joints, weights)
 
 
-def _union(distances: Float, blend: float) -> Float:
+def _union(distances: FloatArray, blend: float) -> FloatArray:
     """A smooth union (N,) of distances (N, C): a point near to several solids counts as a little deeper inside."""
     nearest = distances.min(axis=1)
     return np.asarray(nearest - blend * np.log(np.exp((nearest[:, None] - distances) / blend).sum(axis=1)))
 
 
-def _distances(points: Float, own: _MeshCapsules) -> Float:
+def _distances(points: FloatArray, own: _MeshCapsules) -> FloatArray:
     """Signed distances (N, C) of points (N, 3) from tapered capsules, negative inside.
 
     A tapered capsule is the union of all balls between its two end balls.
@@ -277,7 +276,9 @@ def _distances(points: Float, own: _MeshCapsules) -> Float:
     return np.asarray(np.where(cone, out, ball))
 
 
-def _carried(distances: Float, softness: Float, joints: NDArray[np.intp]) -> tuple[NDArray[np.int64], Float]:
+def _carried(
+    distances: FloatArray, softness: FloatArray, joints: NDArray[np.intp]
+) -> tuple[NDArray[np.int64], FloatArray]:
     """Skinning joints and weights (V, 4) of vertices, by their distances (V, C) from the capsules of each joint.
 
     softness: (C,) distance over which a vertex passes from one capsule to the next; the smaller of two counts.

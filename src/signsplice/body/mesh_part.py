@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from signsplice.motion.arrays import FloatArray
 
 N_JOINTS = 4
 """Joints, at most, that carry a vertex."""
@@ -26,8 +26,8 @@ class MeshPart:
 
     name: str
     colour: tuple[float, float, float]
-    vertices: Float
-    normals: Float
+    vertices: FloatArray
+    normals: FloatArray
     triangles: NDArray[np.int64]
     joints: NDArray[np.int64]
-    weights: Float
+    weights: FloatArray

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules, capsule_ends
 from signsplice.body.touch import Near, SkinPairs, pair_gaps
 from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
-
-Float = NDArray[np.float64]
 
 _LEG, _SIDES = ("leg", "shoe"), ("left", "right")
 
@@ -31,13 +29,13 @@ class PosedBody:
     """
 
     body: BodyCapsules
-    starts: Float
-    ends: Float
-    radii: Float
-    shoulders: Float
-    wrists: Float
-    arm_lengths: Float
-    turns: Float | None = None
+    starts: FloatArray
+    ends: FloatArray
+    radii: FloatArray
+    shoulders: FloatArray
+    wrists: FloatArray
+    arm_lengths: FloatArray
+    turns: FloatArray | None = None
 
     @property
     def hand_length(self) -> float:
@@ -45,7 +43,7 @@ class PosedBody:
         palms = [n for n, part in enumerate(self.body.parts) if part == "palm"]
         return float(np.median(np.linalg.norm(self.ends[0, palms] - self.starts[0, palms], axis=-1)))
 
-    def heights(self, pairs: SkinPairs, near: Near) -> Float:
+    def heights(self, pairs: SkinPairs, near: Near) -> FloatArray:
         """How far (N,) the skin of head or trunk lies above the other capsule of near pairs, where they are nearest, m;
         0 where the capsules are the skin.
         """
@@ -62,7 +60,7 @@ class PosedBody:
         out[own] = relief.heights(rows, places, outward) * (self.radii[0, 0] / body.radii[0, 0])
         return out
 
-    def with_arms(self, elbows: Float, wrists: Float) -> PosedBody:
+    def with_arms(self, elbows: FloatArray, wrists: FloatArray) -> PosedBody:
         """The same body with elbows and wrists (T, 2, 3) elsewhere; hands keep their rotations."""
         starts, ends, moves = self.starts.copy(), self.ends.copy(), wrists - self.wrists
         for n, (part, side) in enumerate(zip(self.body.parts, self.body.sides, strict=True)):

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-Float = NDArray[np.float64]
+from signsplice.motion.arrays import FloatArray
+
 Index = NDArray[np.intp]
 
 _AROUND_M = 0.015
@@ -44,19 +45,19 @@ class Relief:
     origins: (C, 3) the joint of each of the body's capsules.
     """
 
-    points: Float
-    normals: Float
+    points: FloatArray
+    normals: FloatArray
     rows: Index
-    starts: Float
-    ends: Float
-    radii: Float
-    origins: Float
+    starts: FloatArray
+    ends: FloatArray
+    radii: FloatArray
+    origins: FloatArray
 
     @cached_property
     def _tree(self) -> cKDTree:
         return cKDTree(self.points)
 
-    def heights(self, rows: Index, places: Float, directions: Float) -> Float:
+    def heights(self, rows: Index, places: FloatArray, directions: FloatArray) -> FloatArray:
         """Heights (N,) of the skin above capsules ``rows`` (N,) at places (N, 3) on them with outward directions
         (N, 3), in the axes of their joints and from them, m; 0 for capsules that are not under the surface.
         """
@@ -69,7 +70,7 @@ class Relief:
             out[part] = shown * self._above(places_at_rest, directions[part])
         return out
 
-    def _above(self, places: Float, directions: Float) -> Float:
+    def _above(self, places: FloatArray, directions: FloatArray) -> FloatArray:
         apart, near = self._tree.query(places, _NEAREST, distance_upper_bound=_FARTHEST_M)
         met = np.isfinite(apart)
         near = np.where(met, near, 0)
@@ -81,7 +82,7 @@ class Relief:
         total = weight.sum(axis=1)
         return np.asarray((weight * height).sum(axis=1) / np.where(total > 0.0, total, 1.0))
 
-    def _shown(self, rows: Index, places: Float) -> Float:
+    def _shown(self, rows: Index, places: FloatArray) -> FloatArray:
         """How much of each place is skin (N,): 1 on the outside of all capsules, 0 within another."""
         axis = self.ends - self.starts
         since = places[:, None] - self.starts

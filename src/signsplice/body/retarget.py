@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.body import arm_ik, swivel
 from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules
@@ -19,13 +18,12 @@ from signsplice.body.fit import Fit
 from signsplice.body.posed import PosedBody, posed_body
 from signsplice.body.thumb_contacts import keep_thumb_contacts
 from signsplice.body.touch import Near, forearm_pairs, near_pairs, pair_gaps
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.align import Reference, copy_rotations, is_same_skeleton, settle
 from signsplice.rig.arms import active_span, arms
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import placement
-
-Float = NDArray[np.float64]
 
 ALIKE = 0.005
 """Bodies whose arms, shoulders and hands differ by a smaller fraction than this are one body: rotations are enough."""
@@ -96,7 +94,7 @@ def fit_body(source: Clip, source_body: BodyCapsules, carried: Clip, body: BodyC
     return Retargeted(out, _reach_warnings(beyond, source.name), tuple(contacts))
 
 
-def _solved(fit: Fit, carried: Clip, metres: float) -> tuple[Float, Float, PosedBody]:
+def _solved(fit: Fit, carried: Clip, metres: float) -> tuple[FloatArray, FloatArray, PosedBody]:
     """Moves (T, 2, 3) of the wrists, m, turns (T, 2) of the elbows, and the body as it lies then."""
     moves = fit.moves()
     shoulders, elbows, wrists = _moved_arms(carried, moves, metres)
@@ -106,12 +104,12 @@ def _solved(fit: Fit, carried: Clip, metres: float) -> tuple[Float, Float, Posed
     return moves, swivels, fit.carried.with_arms(arm_ik.swivelled(shoulders, elbows, wrists, swivels), wrists)
 
 
-def _moved_arms(carried: Clip, moves: Float, metres: float) -> tuple[Float, Float, Float]:
+def _moved_arms(carried: Clip, moves: FloatArray, metres: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     shoulders, elbows, wrists = arm_ik.moved_arms(carried, moves / metres)
     return metres * shoulders, metres * elbows, metres * wrists
 
 
-def _fade_in(n_frames: int, is_later: bool) -> Float:
+def _fade_in(n_frames: int, is_later: bool) -> FloatArray:
     """The share (T,) of a window in what it gives together with the one before."""
     share = np.ones(n_frames)
     if is_later:
@@ -151,7 +149,7 @@ def _is_alike(a: Skeleton, b: Skeleton) -> bool:
     )
 
 
-def signing(clip: Clip) -> Float:
+def signing(clip: Clip) -> FloatArray:
     """How much each arm signs in each frame (T, 2): 1 while it is raised and the arms are away from rest, else 0."""
     seen = arms(clip)
     start, stop = active_span(seen)
@@ -162,7 +160,7 @@ def signing(clip: Clip) -> Float:
     return np.asarray(raised * np.clip(1.0 - outside / _FADE_S, 0.0, 1.0)[:, None])
 
 
-def _swivels(fit: Fit, shoulders: Float, elbows: Float, wrists: Float) -> Float:
+def _swivels(fit: Fit, shoulders: FloatArray, elbows: FloatArray, wrists: FloatArray) -> FloatArray:
     """Turns (T, 2) of both elbows, from where they are, that keep forearms as clear of head and trunk as at the source;
     shoulders, elbows, wrists: (T, 2, 3) m.
     """
@@ -189,7 +187,7 @@ def _swivels(fit: Fit, shoulders: Float, elbows: Float, wrists: Float) -> Float:
     return out
 
 
-def _reach_warnings(beyond: Float, name: str) -> tuple[str, ...]:
+def _reach_warnings(beyond: FloatArray, name: str) -> tuple[str, ...]:
     """A line for each hand whose places lie beyond its arm's reach."""
     return tuple(
         f"{name}: places of the {hand} hand lie up to {100.0 * most:.0f} cm beyond the reach of this body's arm"

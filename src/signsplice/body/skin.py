@@ -17,18 +17,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules, BodyShape, shaped_capsules
 from signsplice.body.relief import Relief
 from signsplice.body.skin_head import fit_head
 from signsplice.body.skin_points import MIN_POINTS, SkinPoints, quantile, window
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Skeleton
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.info import rig_info
-
-Float = NDArray[np.float64]
 
 _TRUNK = ("hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder")
 _HEAD = ("head", "jaw", "leftEye", "rightEye")
@@ -158,7 +156,9 @@ class _Fitting:
             self.radii[row, k] = np.clip(radius, low, high)
         return True
 
-    def _finger_sleeve(self, row: int, start: Float, axis: Float, along: Float, across: Float, frame: Float) -> bool:
+    def _finger_sleeve(
+        self, row: int, start: FloatArray, axis: FloatArray, along: FloatArray, across: FloatArray, frame: FloatArray
+    ) -> bool:
         """One middle and one radius for a phalanx; the last one ends where its vertices do."""
         is_last = self.usual.parts[row].endswith("Tip")
         inside = (along > -0.1) & ((along < 1.1) | is_last)
@@ -241,16 +241,16 @@ class _Fitting:
                 if depth is not None:
                     ends[row][2], self.radii[row, k] = 0.5 * (depth[0] + depth[1]), 0.5 * (depth[1] - depth[0])
 
-    def _surface(self, joints: Sequence[int]) -> Float:
+    def _surface(self, joints: Sequence[int]) -> FloatArray:
         """Points (N, 3) on the surface that these joints carry."""
         return self.points.surface(joints, _STEP * self.height)[0]
 
-    def _depth(self, points: Float, x: float, y: float) -> tuple[float, float] | None:
+    def _depth(self, points: FloatArray, x: float, y: float) -> tuple[float, float] | None:
         """Back and front (z) of the skin at a place seen from in front; None where there is none."""
         near = window(points, (x, y), 0.010 * self.height)
         return None if near is None else (float(near[:, 2].min()), float(near[:, 2].max()))
 
-    def _column(self, name: str, row: int, n: int, points: Float) -> bool:
+    def _column(self, name: str, row: int, n: int, points: FloatArray) -> bool:
         """Fit one of three columns (0 on the left, 1 in the middle) with lines through front, back and side."""
         start, end, seen = self.starts[row], self.ends[row], []
         middle = 0.5 * (self.rest[self.roles["leftUpperArm"]][0] + self.rest[self.roles["rightUpperArm"]][0])
@@ -277,7 +277,7 @@ class _Fitting:
             self.radii[row, k] = 0.5 * (front - back)
         return True
 
-    def _behind(self, row: int, factor: float, points: Float) -> None:
+    def _behind(self, row: int, factor: float, points: FloatArray) -> None:
         """A capsule under the skin of the back: as thick as the chest is, relative to the usual, and as far back."""
         self.radii[row] *= factor
         for ends, k in ((self.starts, 0), (self.ends, 1)):
@@ -299,7 +299,7 @@ class _Fitting:
             self.missed.append("head")
 
 
-def _ring(across: Float, is_centred: bool = False) -> tuple[Float, float] | None:
+def _ring(across: FloatArray, is_centred: bool = False) -> tuple[FloatArray, float] | None:
     """Middle (2,) and radius of the vertices (N, 2) around a bone; None where they are too few, or not all around. The
     middle is the bone itself where that is wanted (``is_centred``).
     """
@@ -311,7 +311,7 @@ def _ring(across: Float, is_centred: bool = False) -> tuple[Float, float] | None
     return middle, quantile(np.linalg.norm(across - middle, axis=1), 0.5)
 
 
-def _line(t: Float, values: Float, at: float, weight: Float | None = None) -> float:
+def _line(t: FloatArray, values: FloatArray, at: float, weight: FloatArray | None = None) -> float:
     """The least-squares line through ``values`` (N,) at ``t`` (N,), with a weight for each, at one place."""
     w = np.full(len(t), 1.0 / len(t)) if weight is None else weight / weight.sum()
     middle, mean = float(w @ t), float(w @ values)

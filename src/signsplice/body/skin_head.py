@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.body.skin_points import MIN_POINTS, quantile
-
-Float = NDArray[np.float64]
+from signsplice.motion.arrays import FloatArray
 
 _CHIN, _TOP, _WIDTH = -0.0092, 0.134, 0.045
 """Of the usual head about its joint, measured as here: heights of chin and top, half width of the face; fractions of
@@ -19,7 +17,7 @@ _CELL = 0.006
 """Cell of the maps of front and back, as a fraction of stature."""
 
 
-def fit_head(starts: Float, ends: Float, radii: Float, points: Float, height: float) -> bool:
+def fit_head(starts: FloatArray, ends: FloatArray, radii: FloatArray, points: FloatArray, height: float) -> bool:
     """Fit the head's capsules in place: ``starts`` and ``ends`` (8, 3) and ``radii`` (8, 2) of the usual proportions,
     to vertices (N, 3) of the head, all about its joint. False where there are too few vertices.
     """
@@ -71,7 +69,9 @@ def fit_head(starts: Float, ends: Float, radii: Float, points: Float, height: fl
     return True
 
 
-def _place_nose(starts: Float, ends: Float, radii: Float, front: Float, sizes: tuple[float, float, float]) -> None:
+def _place_nose(
+    starts: FloatArray, ends: FloatArray, radii: FloatArray, front: FloatArray, sizes: tuple[float, float, float]
+) -> None:
     """Put the nose's capsule below the foremost point of the middle of the face."""
     chin, top, wide = sizes
     share = (front[:, 1] - chin) / (top - chin)
@@ -86,7 +86,7 @@ def _place_nose(starts: Float, ends: Float, radii: Float, front: Float, sizes: t
     starts[row] = 0.0, tip[1] + rise, (float(bridge[:, 2].max()) if len(bridge) else tip[2]) - radii[row, 0]
 
 
-def _map(points: Float, sign: float, cell: float) -> Float:
+def _map(points: FloatArray, sign: float, cell: float) -> FloatArray:
     """Of the points (N, 3) in each square cell of the plane of x and y, the one that lies farthest in front, or behind
     with ``sign`` -1.
     """
@@ -95,13 +95,13 @@ def _map(points: Float, sign: float, cell: float) -> Float:
     return points[order[first]]
 
 
-def _between(balls: list[tuple[Float, float]]) -> list[tuple[Float, float]]:
+def _between(balls: list[tuple[FloatArray, float]]) -> list[tuple[FloatArray, float]]:
     """Middles and radii of balls from the first to the last of two."""
     (a, r), (b, q) = balls
     return [(a + t * (b - a), r + t * (q - r)) for t in np.linspace(0.0, 1.0, 5)]
 
 
-def _offset(surface: Float, balls: list[tuple[Float, float]], sign: float) -> float | None:
+def _offset(surface: FloatArray, balls: list[tuple[FloatArray, float]], sign: float) -> float | None:
     """The median distance in z by which a surface (N, 3) lies beyond the outermost of some balls, seen from in front,
     or from behind with ``sign`` -1; None where they do not overlap.
     """
@@ -116,7 +116,7 @@ def _offset(surface: Float, balls: list[tuple[Float, float]], sign: float) -> fl
     return sign * quantile(sign * surface[met, 2] - outer[met], 0.5)
 
 
-def _surface(front: Float, at: Float, cell: float, otherwise: float) -> float:
+def _surface(front: FloatArray, at: FloatArray, cell: float, otherwise: float) -> float:
     """The z of the front at a place; ``otherwise`` where no vertex is near."""
     near = front[np.abs(front[:, :2] - at[:2]).max(axis=1) < 1.5 * cell]
     return float(near[:, 2].max()) if len(near) else otherwise

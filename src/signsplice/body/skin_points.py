@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from signsplice.motion.arrays import FloatArray
 
 MIN_POINTS = 6
 """Fewer vertices than this are too few to measure."""
@@ -29,12 +29,12 @@ class SkinPoints:
     triangles: (F, 3) those between such vertices.
     """
 
-    positions: Float
+    positions: FloatArray
     joints: NDArray[np.int64]
-    weights: Float
+    weights: FloatArray
     triangles: NDArray[np.int64]
 
-    def of(self, joints: int | Sequence[int]) -> Float:
+    def of(self, joints: int | Sequence[int]) -> FloatArray:
         """Positions (N, 3) of the vertices that these joints carry together, by half or more."""
         return np.asarray(self.positions[self.is_of(joints)])
 
@@ -42,7 +42,7 @@ class SkinPoints:
         """Which vertices (V,) these joints carry together, by half or more."""
         return np.asarray((self.weights * np.isin(self.joints, joints)).sum(axis=1) >= _OWN)
 
-    def surface(self, joints: Sequence[int], step: float) -> tuple[Float, Float]:
+    def surface(self, joints: Sequence[int], step: float) -> tuple[FloatArray, FloatArray]:
         """Points and normals (S, 3) on the triangles that these joints carry, about ``step`` apart."""
         corners = self.positions[self.triangles[self.is_of(joints)[self.triangles].all(axis=1)]]  # (F, 3, 3)
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -62,12 +62,12 @@ class SkinPoints:
         return np.concatenate(points), np.concatenate(normals)
 
 
-def quantile(values: Float, share: float) -> float:
+def quantile(values: FloatArray, share: float) -> float:
     """The value (one of them) below which a share of values (N,) lies."""
     return float(np.sort(values)[int(share * (len(values) - 1) + 0.5)])
 
 
-def window(points: Float, at: tuple[float, float], half: float) -> Float | None:
+def window(points: FloatArray, at: tuple[float, float], half: float) -> FloatArray | None:
     """Points (N, 3) whose x and y lie within ``half`` of a place, or within two or four times that where there are too
     few; None where these are too few too.
     """

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from signsplice.motion.arrays import FloatArray
 
 
-def spread_in_time(push: Float, kernel: Float) -> Float:
+def spread_in_time(push: FloatArray, kernel: FloatArray) -> FloatArray:
     """Pushes (T, 2, 3) spread to their neighbours in time: at each frame the weighted sum, no larger than the largest
     push nearby.
 
@@ -23,7 +22,7 @@ def spread_in_time(push: Float, kernel: Float) -> Float:
     return np.asarray((summed / np.maximum(weights, 1.0)[:, None]).reshape(push.shape))
 
 
-def fade_window(n_frames: int) -> Float:
+def fade_window(n_frames: int) -> FloatArray:
     """0 just outside both ends, 1 well inside, with slope and curvature 0 at the ends (n_frames,)."""
     edge = np.minimum(np.arange(1, n_frames + 1), np.arange(n_frames, 0, -1)) / max(1.6, 0.25 * (n_frames + 1))
     near = np.clip(edge, 0.0, 1.0)

@@ -12,8 +12,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
-Field = Callable[[Float], Float]
+from signsplice.motion.arrays import FloatArray
+
+Field = Callable[[FloatArray], FloatArray]
 """Points (N, 3) -> how far they lie outside (N,), negative inside."""
 
 _BLOCK = 20_000
@@ -22,7 +23,9 @@ _N_PROJECTIONS = 2
 """Steps by which a vertex is moved onto the surface."""
 
 
-def surface(field: Field, low: Float, high: Float, step: float) -> tuple[Float, Float, NDArray[np.int64]]:
+def surface(
+    field: Field, low: FloatArray, high: FloatArray, step: float
+) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
     """Vertices (V, 3), unit normals outwards (V, 3) and triangles (F, 3), counter-clockwise seen from outside.
 
     low, high (3,): corners of a box that holds the whole surface. step: the grid's, in the same unit. Raises
@@ -52,7 +55,7 @@ def surface(field: Field, low: Float, high: Float, step: float) -> tuple[Float, 
 def _in_blocks(field: Field) -> Field:
     """The same field, evaluated for a limited number of points at a time, so that memory stays small."""
 
-    def asked(points: Float) -> Float:
+    def asked(points: FloatArray) -> FloatArray:
         return np.concatenate([field(points[at : at + _BLOCK]) for at in range(0, max(len(points), 1), _BLOCK)])
 
     return asked
@@ -63,7 +66,7 @@ def _shifted(shift: tuple[int, ...], shape: tuple[int, ...]) -> tuple[slice, ...
     return tuple(slice(s, n - 1 + s) for s, n in zip(shift, shape, strict=True))
 
 
-def _sampled(field: Field, origin: Float, counts: NDArray[np.int_], step: float) -> Float:
+def _sampled(field: Field, origin: FloatArray, counts: NDArray[np.int_], step: float) -> FloatArray:
     """The field on a grid; exact near the surface, elsewhere only its sign."""
     coarse = [np.arange(0, n, _COARSE) for n in counts]
     rough = _values(field, origin, coarse, step)
@@ -90,12 +93,12 @@ def _block(i: int, j: int, k: int) -> tuple[slice, slice, slice]:
     return first, second, third
 
 
-def _values(field: Field, origin: Float, axes: list[NDArray[np.int_]], step: float) -> Float:
+def _values(field: Field, origin: FloatArray, axes: list[NDArray[np.int_]], step: float) -> FloatArray:
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     return field(origin + step * grid.reshape(-1, 3)).reshape(grid.shape[:3])
 
 
-def _within(values: Float, cells: NDArray[np.int_]) -> Float:
+def _within(values: FloatArray, cells: NDArray[np.int_]) -> FloatArray:
     """Where in each cell (C, 3) the surface lies: the mean of the points where it crosses the cell's edges, 0 to 1."""
     sums, counts = np.zeros((len(cells), 3)), np.zeros((len(cells), 1))
     for axis in range(3):
@@ -141,12 +144,12 @@ def _triangles(inside: NDArray[np.bool_], numbers: NDArray[np.int_]) -> NDArray[
     return np.concatenate(faces)
 
 
-def _gradient(field: Field, points: Float, step: float) -> Float:
+def _gradient(field: Field, points: FloatArray, step: float) -> FloatArray:
     """Unit gradients (N, 3) by central differences."""
     moves = step * np.eye(3)
     slopes = np.stack([field(points + move) - field(points - move) for move in moves], axis=-1)
     return _unit(slopes)
 
 
-def _unit(vectors: Float) -> Float:
+def _unit(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors / (np.linalg.norm(vectors, axis=-1, keepdims=True) + 1e-300))

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.touch import gaps
-
-Float = NDArray[np.float64]
+from signsplice.motion.arrays import FloatArray
 
 _GRID = np.deg2rad(np.arange(-60.0, 61.0, 15.0))
 _TURN_WEIGHT = 0.15
@@ -32,22 +31,22 @@ class BentArm:
     radii: (2,) of the forearm at elbow and wrist.
     """
 
-    shoulder: Float
-    elbow: Float
-    wrist: Float
-    radii: Float
+    shoulder: FloatArray
+    elbow: FloatArray
+    wrist: FloatArray
+    radii: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
     """Capsules that the forearm must keep out of, m: starts and ends (T, S, 3), radii (S, 2)."""
 
-    starts: Float
-    ends: Float
-    radii: Float
+    starts: FloatArray
+    ends: FloatArray
+    radii: FloatArray
 
 
-def choose(arm: BentArm, solid: Solid, allowed: Float, fps: float) -> Float:
+def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float) -> FloatArray:
     """Turns (T,) of the elbow, radians, that keep the forearm from lying deeper in a solid than ``allowed`` (T, S)."""
     cost = _depth_cost(arm.elbow[None], arm, solid, allowed, slice(None))[0]
     rows = np.flatnonzero(cost > 1e-4)
@@ -73,7 +72,7 @@ def choose(arm: BentArm, solid: Solid, allowed: Float, fps: float) -> Float:
     return turns
 
 
-def _depth_cost(elbow: Float, arm: BentArm, solid: Solid, allowed: Float, span: slice) -> Float:
+def _depth_cost(elbow: FloatArray, arm: BentArm, solid: Solid, allowed: FloatArray, span: slice) -> FloatArray:
     """Squared depth (K, T) of the forearm beyond what is allowed, summed over the solids, cm^2, for elbows (K, T, 3)
     in a span of frames.
     """
@@ -86,7 +85,7 @@ def _depth_cost(elbow: Float, arm: BentArm, solid: Solid, allowed: Float, span: 
     return np.asarray((1e4 * depth * depth).sum(axis=-1))
 
 
-def _smoothest(costs: Float) -> NDArray[np.intp]:
+def _smoothest(costs: FloatArray) -> NDArray[np.intp]:
     """The row of choices (T,) with the least cost (T, K), changes included."""
     steps = np.arange(costs.shape[1])
     change = _CHANGE_WEIGHT * (steps[:, None] - steps) ** 2

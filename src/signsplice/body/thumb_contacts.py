@@ -22,11 +22,11 @@ from signsplice.body.posed import PosedBody, posed_body
 from signsplice.body.smoothing import spread_in_time
 from signsplice.body.touch import Gaps, gaps
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
 
-Float = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 ALIKE = 0.03
@@ -112,7 +112,9 @@ def _are_alike(a: BodyCapsules, b: BodyCapsules, keys: list[str]) -> bool:
     return bool(np.abs(ratios / np.median(ratios) - 1.0).max() < ALIKE)
 
 
-def _turn(hand: _Hand, source: PosedBody, carried: PosedBody, rotations: Float, clip: Clip, local: Float) -> None:
+def _turn(
+    hand: _Hand, source: PosedBody, carried: PosedBody, rotations: FloatArray, clip: Clip, local: FloatArray
+) -> None:
     """Turn the first joints of a hand in the local rotations (T, J, 4) of a clip."""
     n_frames, n_pairs = len(local), len(hand.fingers)
     then = _gaps(source, hand.source)
@@ -145,7 +147,7 @@ def _turn(hand: _Hand, source: PosedBody, carried: PosedBody, rotations: Float, 
         local[:, joint] = rotation.multiply(own, local[:, joint])
 
 
-def _coupling(bones: Float) -> Float:
+def _coupling(bones: FloatArray) -> FloatArray:
     """The damping (F, 7, 7) of the unknowns, from the fingers' first bones (F, 4, 3) at the source."""
     along = bones / np.linalg.norm(bones, axis=-1, keepdims=True)
     angle = np.arccos(np.clip(np.einsum("fix,fix->fi", along[:, :-1], along[:, 1:]), -1.0, 1.0))
@@ -158,8 +160,15 @@ def _coupling(bones: Float) -> Float:
 
 
 def _solve(
-    p: Float, q: Float, wanted: Float, weight: Float, fingers: Index, pivots: Float, axes: Float, damping: Float
-) -> Float:
+    p: FloatArray,
+    q: FloatArray,
+    wanted: FloatArray,
+    weight: FloatArray,
+    fingers: Index,
+    pivots: FloatArray,
+    axes: FloatArray,
+    damping: FloatArray,
+) -> FloatArray:
     """Rotation vectors (F, 5, 3), in the world, of the first joints of the thumb and four fingers.
 
     p, q: (F, K, 3) points of the thumb and of what it touches. wanted: (F, K, 3) p - q. weight: (F, K).
@@ -202,7 +211,7 @@ def _gaps(posed: PosedBody, rows: tuple[Index, Index]) -> Gaps:
     return gaps(p, u, q, v, own, other)
 
 
-def _points(posed: PosedBody, frames: Index, rows: Index, at: Float) -> tuple[Float, Float]:
+def _points(posed: PosedBody, frames: Index, rows: Index, at: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Points (F, K, 3) along capsules at shares ``at`` (F, K) of their axes, and the radii (F, K) there."""
     start, end, radii = posed.starts[np.ix_(frames, rows)], posed.ends[np.ix_(frames, rows)], posed.radii[rows]
     return start + at[..., None] * (end - start), radii[:, 0] + at * (radii[:, 1] - radii[:, 0])

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules
+from signsplice.motion.arrays import FloatArray
 
-Float = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 _TINY = 1e-12
@@ -53,7 +53,7 @@ class Near:
 
     frames: Index
     k: Index
-    distance: Float
+    distance: FloatArray
 
 
 def skin_pairs(body: BodyCapsules, keys: frozenset[str]) -> SkinPairs:
@@ -94,7 +94,9 @@ def _paired(body: BodyCapsules, blocks: list[tuple[list[int], list[int]]]) -> Sk
     return SkinPairs(own, other, side[own], side[other], tuple(rows))
 
 
-def near_pairs(starts: Float, ends: Float, radii: Float, pairs: SkinPairs, margin: float) -> tuple[Index, Index]:
+def near_pairs(
+    starts: FloatArray, ends: FloatArray, radii: FloatArray, pairs: SkinPairs, margin: float
+) -> tuple[Index, Index]:
     """Frames and pairs (N,), in order of frames, that may be nearer than ``margin``, from capsule ends (T, C, 3) and
     radii (C, 2): first by a ball around each whole hand or forearm, then by one around each of its capsules.
     """
@@ -125,12 +127,12 @@ def near_pairs(starts: Float, ends: Float, radii: Float, pairs: SkinPairs, margi
     return frames[order], k[order]
 
 
-def _take(points: Float, at: Index) -> Float:
+def _take(points: FloatArray, at: Index) -> FloatArray:
     """Rows (..., 3) of points (T, C, 3) by their flat index."""
     return points.reshape(-1, 3).take(at, axis=0)
 
 
-def _squared_distance(point: Float, start: Float, axis: Float, length: Float) -> Float:
+def _squared_distance(point: FloatArray, start: FloatArray, axis: FloatArray, length: FloatArray) -> FloatArray:
     """Squared distance of points from line segments (..., 3) with axes of squared ``length`` (...)."""
     away = point - start
     along = np.clip(_dot(away, axis) / (length + _TINY), 0.0, 1.0)
@@ -147,13 +149,15 @@ class Gaps:
     own_at, other_at: (N,) where along each axis the nearest points lie, 0 to 1.
     """
 
-    distance: Float
-    normals: Float
-    own_at: Float
-    other_at: Float
+    distance: FloatArray
+    normals: FloatArray
+    own_at: FloatArray
+    other_at: FloatArray
 
 
-def gaps(p: Float, u: Float, q: Float, v: Float, own_radii: Float, other_radii: Float) -> Gaps:
+def gaps(
+    p: FloatArray, u: FloatArray, q: FloatArray, v: FloatArray, own_radii: FloatArray, other_radii: FloatArray
+) -> Gaps:
     """Skin distances of capsules: starts p, q and axes u, v (N, 3), radii (N, 2) (Ericson 2005, 5.1.9)."""
     r = p - q
     uu, vv, uv = _dot(u, u) + _TINY, _dot(v, v) + _TINY, _dot(u, v)
@@ -168,12 +172,14 @@ def gaps(p: Float, u: Float, q: Float, v: Float, own_radii: Float, other_radii: 
     return Gaps(away - thick, line / away[:, None], s, t)
 
 
-def pair_gaps(starts: Float, ends: Float, radii: Float, pairs: SkinPairs, frames: Index, k: Index) -> Gaps:
+def pair_gaps(
+    starts: FloatArray, ends: FloatArray, radii: FloatArray, pairs: SkinPairs, frames: Index, k: Index
+) -> Gaps:
     """Skin distances of the pairs ``k`` (N,) at ``frames`` (N,), from capsule ends (T, C, 3) and radii (C, 2)."""
     own, other, rows = pairs.own[k], pairs.other[k], frames * len(radii)
     p, q = _take(starts, rows + own), _take(starts, rows + other)
     return gaps(p, _take(ends, rows + own) - p, q, _take(ends, rows + other) - q, radii[own], radii[other])
 
 
-def _dot(a: Float, b: Float) -> Float:
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("...c,...c->...", a, b))

@@ -37,7 +37,7 @@ from signsplice.formats.atomic import replacing
 from signsplice.lexicon.reader import open_lexicon
 from signsplice.motion.cache import CACHE
 from signsplice.splicing import report as reports
-from signsplice.splicing.methods import open_learned
+from signsplice.splicing.methods.choice import open_learned
 
 TOGETHER = 64
 """Sentences that are given to the engine at a time: as many as are in memory."""

@@ -7,8 +7,9 @@ import sys
 
 import click
 
-from signsplice.cli import bulk, evaluation, files, lexicon, pairs, paper, service, showing, splicing, synth, train
+from signsplice.cli import bulk, evaluation, files, lexicon, service, showing, splicing, synth, train
 from signsplice.errors import InputError, SignspliceError
+from signsplice_paper.cli import pairs, paper
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})

@@ -16,7 +16,7 @@ from signsplice.errors import InputError
 
 if TYPE_CHECKING:
     from signsplice.motion.clip import Clip
-    from signsplice.splicing.transition import Transition
+    from signsplice.splicing.methods.transition import Transition
 
 Measured = tuple[str, Sequence[Any], list[str]]
 """Signature, rows, and the rows as lines of Markdown."""
@@ -91,7 +91,7 @@ def evaluate(
 
 def _hidden_frames(files: tuple[str, ...], fps: float | None, bundle: str | None) -> Measured:
     from signsplice.evaluation.hidden_frames import SIGNATURE, hidden_frames, table
-    from signsplice.splicing.transition import TRANSITIONS
+    from signsplice.splicing.methods.transition import TRANSITIONS
 
     transitions = [*TRANSITIONS.values(), *_learned_transition(bundle)]
     clips = _loaded(files, fps)
@@ -114,7 +114,7 @@ def _loaded(files: tuple[str, ...], fps: float | None) -> list[Clip]:
 
 def _learned_transition(bundle: str | None) -> list[Transition]:
     """The learned transition, where there is one; a warning where there is none."""
-    from signsplice.splicing.methods import choose
+    from signsplice.splicing.methods.choice import choose
 
     chosen = choose("ends", None, "fixed", bundle)
     warn(chosen.warnings)

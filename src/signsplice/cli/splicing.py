@@ -19,8 +19,8 @@ from signsplice.cli.terminal import note, warn
 from signsplice.errors import InputError
 
 if TYPE_CHECKING:
-    from signsplice.paper.systems.clips import ClipSplicer
     from signsplice.splicing.engine import SpliceOptions, SpliceResult
+    from signsplice_paper.systems.clips import ClipSplicer
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -168,7 +168,7 @@ def _splice_options(
 ) -> SpliceOptions:
     """``SpliceOptions`` of a call. Raises ``InputError`` for unknown methods, before any file is read."""
     from signsplice.splicing.engine import SpliceOptions
-    from signsplice.splicing.methods import AUTO
+    from signsplice.splicing.methods.choice import AUTO
 
     try:
         seconds, duration = float(transition_time), AUTO
@@ -191,7 +191,7 @@ def _networks(
     bundle: str | None, cutter: str | None = None, transition: str | None = None, system: str | None = None, **_: Any
 ) -> list[str | Path | None]:
     """Folders of the networks that a call may read."""
-    from signsplice.splicing.methods import WEIGHTS
+    from signsplice.splicing.methods.choice import WEIGHTS
 
     return [bundle or WEIGHTS, cutter, transition, system]
 
@@ -205,8 +205,8 @@ def _method(name: str | None) -> Any:
 
 def _opened(folder: str) -> ClipSplicer:
     """The paper's trained system in a folder. Raises ``InputError``, which names those in its folders, for another."""
-    from signsplice.splicing.bundle import BUNDLE_FILE, read_config
-    from signsplice.splicing.learned import SYSTEM
+    from signsplice.splicing.methods.learned import SYSTEM
+    from signsplice.splicing.networks.bundle import BUNDLE_FILE, read_config
 
     if not (Path(folder) / BUNDLE_FILE).is_file():
         within = sorted(path.parent.name for path in Path(folder).glob(f"*/{BUNDLE_FILE}"))
@@ -215,7 +215,7 @@ def _opened(folder: str) -> ClipSplicer:
 
     if read_config(Path(folder)).system == SYSTEM:
         raise InputError(f"{folder}: is a bundle of this project; give it as --bundle {quote(folder)}")
-    from signsplice.paper.systems.clips import open_clip_splicer
+    from signsplice_paper.systems.clips import open_clip_splicer
 
     return open_clip_splicer(folder)
 
@@ -286,7 +286,7 @@ def _gap(text: str) -> tuple[int, int]:
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 def methods(as_json: bool) -> None:
     """List every cutter, transition and duration by name."""
-    from signsplice.splicing.methods import all_methods
+    from signsplice.splicing.methods.choice import all_methods
 
     rows = [
         {"kind": kind, "name": method.name, "summary": method.summary, "learned": method.learned, "default": default}

@@ -68,7 +68,7 @@ def paper(
     from signsplice.synth.corpus import Pairs
     from signsplice.train import processes
     from signsplice.train.ending import DeadlineError
-    from signsplice.train.paper import scales, training
+    from signsplice_paper.train import scales, training
 
     systems = list(scales.SYSTEMS) if system == "all" else [system]
     with processes.joined(device) as process:
@@ -132,8 +132,7 @@ def _train_product(
 ) -> None:
     _check_steps(steps, least=0 if earlier else 1)
     check_extra()
-    from signsplice.train import processes
-    from signsplice.train.product import training
+    from signsplice.train import processes, training
 
     with processes.joined(device) as process:
         config = training.ProductTraining(network, scale, seed, steps, batch=batch)
@@ -200,9 +199,8 @@ def transition(
         raise InputError("--batch is for --signing; tuning has a batch of its own")
     _check_steps(steps)
     check_extra()
-    from signsplice.splicing.methods import WEIGHTS
-    from signsplice.train import processes
-    from signsplice.train.product import tuning
+    from signsplice.splicing.methods.choice import WEIGHTS
+    from signsplice.train import processes, tuning
 
     source = Path(earlier[0]) if earlier else WEIGHTS
     with processes.joined(device) as process:
@@ -237,7 +235,7 @@ def traits(clip: str, frames: str, output: str, same_as: str | None, work: str, 
         raise InputError(f"-o {output}, expected a name that ends in .json")
     from signsplice.motion.clip import resample
     from signsplice.rig.canonical import FEATURE_FPS
-    from signsplice.train.product import trait_ablation
+    from signsplice.train import trait_ablation
 
     loaded = load(clip)
     first, end = _frames(frames, len(loaded))
@@ -286,7 +284,7 @@ def publish(bundles: tuple[str, ...], output: str, pairs: str, limit: int) -> No
         raise InputError(f"--limit {limit}, expected at least 1")
     check_extra()
     from signsplice.synth.corpus import Pairs
-    from signsplice.train import publishing
+    from signsplice_paper.train import publishing
 
     for line in publishing.publish([Path(name) for name in bundles], Path(output), Pairs(pairs), limit):
         print(line)

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.evaluation.tables import markdown
-
-Float = NDArray[np.float64]
+from signsplice.motion.arrays import FloatArray
 
 PERCENTILES = (5, 25, 50, 75, 95)
 MEDIAN_WITHIN, TAILS_WITHIN = 0.15, 0.25
@@ -62,7 +60,7 @@ class Quantity:
         return median, low_tail, high_tail
 
 
-def percentiles(values: Sequence[float] | Float) -> tuple[float, ...]:
+def percentiles(values: Sequence[float] | FloatArray) -> tuple[float, ...]:
     """``PERCENTILES`` of some values."""
     return tuple(float(v) for v in np.percentile(values, PERCENTILES))
 

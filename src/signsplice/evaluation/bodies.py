@@ -25,12 +25,12 @@ from signsplice.evaluation.stretched_bodies import BODIES, BodyProportions, stre
 from signsplice.evaluation.tables import markdown
 from signsplice.evaluation.timing import forget
 from signsplice.lexicon import shipped
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.align import Reference, copy_rotations
 from signsplice.rig.placement import placement
 from signsplice.synth.rng import stream
 
-Float = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 ROTATIONS, FITTED = "rotations", "fitted"
@@ -197,7 +197,7 @@ def _both(source: SourceClip, skeleton: Skeleton, shape: BodyShape) -> tuple[_Ma
     )
 
 
-def _row(name: str, method: str, held_out: bool, words: Sequence[_Made], ratios: Float) -> BodyRow:
+def _row(name: str, method: str, held_out: bool, words: Sequence[_Made], ratios: FloatArray) -> BodyRow:
     seen = [word.measured for word in words]
     pairs, frames = (np.concatenate([getattr(m, f"{part}_errors") for m in seen]) for part in ("pair", "frame"))
     clear = np.concatenate([m.clear for m in seen])
@@ -242,7 +242,7 @@ def _mean(values: NDArray[np.bool_]) -> float | None:
     return float(np.mean(values)) if len(values) else None
 
 
-def _quantile(values: Float, share: float) -> float | None:
+def _quantile(values: FloatArray, share: float) -> float | None:
     return float(np.quantile(values, share)) if len(values) else None
 
 

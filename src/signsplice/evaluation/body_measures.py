@@ -13,10 +13,10 @@ from signsplice.body.fit import NEAR_M
 from signsplice.body.posed import PosedBody, posed_body
 from signsplice.body.retarget import signing
 from signsplice.body.touch import SkinPairs, forearm_pairs, near_pairs, pair_gaps, skin_pairs
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 
-Float = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
@@ -81,16 +81,16 @@ class BodyMeasurement:
     """
 
     word: str
-    pair_errors: Float
+    pair_errors: FloatArray
     clear: Mask
-    frame_errors: Float
+    frame_errors: FloatArray
     n_signing: int
     n_made: int
     hand_depth: float
     forearm_depth: float
-    place_errors: Float
-    palm_degrees: Float
-    index_degrees: Float
+    place_errors: FloatArray
+    palm_degrees: FloatArray
+    index_degrees: FloatArray
     peak_ratio: float
     jerk_ratio: float
     arm_ratio: float
@@ -147,7 +147,7 @@ class SourceClip:
         )
 
     def _worst(
-        self, frames: Index, k: Index, before: Float, after: Float, errors: Float, touches: Index
+        self, frames: Index, k: Index, before: FloatArray, after: FloatArray, errors: FloatArray, touches: Index
     ) -> LostContact | None:
         if not len(touches):
             return None
@@ -157,7 +157,7 @@ class SourceClip:
         pair = f"{self.body.keys[self._pairs.own[k[n]]]} - {self.body.keys[self._pairs.other[k[n]]]}"
         return LostContact(self.clip.name, int(frames[n]), pair, float(before[n]), float(after[n]), float(errors[n]))
 
-    def _place_errors(self, posed: PosedBody) -> Float:
+    def _place_errors(self, posed: PosedBody) -> FloatArray:
         """Distance (P,), m, of each hand's anchor that is nearest to head or trunk from the same place there: the same
         share along the capsule's axis, direction from it, and skin distance by the ratio of the hands.
         """
@@ -188,7 +188,7 @@ class SourceClip:
             found.append(np.linalg.norm(posed.ends[near, anchors[i]] - place, axis=-1))
         return np.concatenate(found)
 
-    def _turned(self, posed: PosedBody, direction: Callable[[PosedBody, str], Float | None]) -> Float:
+    def _turned(self, posed: PosedBody, direction: Callable[[PosedBody, str], FloatArray | None]) -> FloatArray:
         """Degrees (D,) between a direction of the hands at the source and after, where they sign."""
         found = [np.empty(0)]
         for side, name in enumerate(("left", "right")):
@@ -218,19 +218,19 @@ def _near(posed: PosedBody, pairs: SkinPairs, margin: float) -> Index:
     return np.asarray(frames * len(pairs.own) + k, np.intp)
 
 
-def _first_of_each(frames: Index, distance: Float) -> Index:
+def _first_of_each(frames: Index, distance: FloatArray) -> Index:
     """The row of the least distance of each frame."""
     order = np.lexsort((distance, frames))
     return np.asarray(order[np.unique(frames[order], return_index=True)[1]])
 
 
-def _radius(posed: PosedBody, rows: Index, t: Float) -> Float:
+def _radius(posed: PosedBody, rows: Index, t: FloatArray) -> FloatArray:
     """Radii (T, A, C) at shares (T, A, C, 1) along the axes of capsules (C,)."""
     radii = posed.radii[rows]
     return np.asarray(radii[:, 0] + t[..., 0] * (radii[:, 1] - radii[:, 0]))
 
 
-def _palm_normals(posed: PosedBody, side: str) -> Float | None:
+def _palm_normals(posed: PosedBody, side: str) -> FloatArray | None:
     """Normals (T, 3) of a palm; None without index and little finger."""
     keys = posed.body.keys
     if f"{side}IndexPalm" not in keys or f"{side}LittlePalm" not in keys:
@@ -240,7 +240,7 @@ def _palm_normals(posed: PosedBody, side: str) -> Float | None:
     return np.cross(index, little)
 
 
-def _index_directions(posed: PosedBody, side: str) -> Float | None:
+def _index_directions(posed: PosedBody, side: str) -> FloatArray | None:
     """Vectors (T, 3) from the knuckle to the tip of the index finger; None without it."""
     keys = posed.body.keys
     if f"{side}IndexPalm" not in keys or f"{side}IndexDistal" not in keys:
@@ -248,7 +248,7 @@ def _index_directions(posed: PosedBody, side: str) -> Float | None:
     return np.asarray(posed.ends[:, keys.index(f"{side}IndexDistal")] - posed.ends[:, keys.index(f"{side}IndexPalm")])
 
 
-def _smoothness(wrists: Float) -> tuple[float, float]:
+def _smoothness(wrists: FloatArray) -> tuple[float, float]:
     """Peak step and RMS third difference of wrists (T, 2, 3), m; 0 of clips that are too short."""
     step, third = np.diff(wrists, axis=0), np.diff(wrists, n=3, axis=0)
     peak = float(np.linalg.norm(step, axis=-1).max(initial=0.0))

@@ -10,19 +10,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.evaluation.tables import markdown
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.splicing.collision_avoidance import TOLERANCE_M, depths
-from signsplice.splicing.cut import Cut
-from signsplice.splicing.filling import fill
 from signsplice.splicing.gap import Gap, gap_at
+from signsplice.splicing.methods.cut import Cut
+from signsplice.splicing.methods.transition import TRANSITIONS, Transition
+from signsplice.splicing.passes.collision_avoidance import TOLERANCE_M, depths
+from signsplice.splicing.passes.filling import fill
 from signsplice.splicing.seam import DEEP_M
-from signsplice.splicing.transition import TRANSITIONS, Transition
 from signsplice.synth.corpus import Pairs
 
-Float = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 SIGNATURE = f"intrusion|hands-in:head,trunk,hand|beyond-ends:{1e3 * TOLERANCE_M:g}mm|deep:{1e3 * DEEP_M:g}mm"
@@ -64,7 +63,7 @@ def compare(
 ) -> list[CollisionRow]:
     """One row for each method, measured on the pairs of these numbers."""
     clips = {int(p): pairs.word_clip(int(p)) for p in np.unique(pairs.index[list(numbers), :2])}
-    found: list[list[Float]] = [[] for _ in methods]  # depths (n_frames,) of every gap, for each method
+    found: list[list[FloatArray]] = [[] for _ in methods]  # depths (n_frames,) of every gap, for each method
     for done, number in enumerate(numbers, 1):
         gap = _gap(pairs, clips, number)
         for row, (transition, avoid) in zip(found, methods, strict=True):
@@ -79,7 +78,7 @@ def _gap(pairs: Pairs, clips: Mapping[int, Clip], number: int) -> Gap:
     return gap_at(clips[p], clips[q], Cut(pre, post), count)
 
 
-def _row(transition: Transition, avoid: bool, found: Sequence[Float]) -> CollisionRow:
+def _row(transition: Transition, avoid: bool, found: Sequence[FloatArray]) -> CollisionRow:
     every = np.concatenate(found)
     return CollisionRow(
         transition=transition.name,

@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.body import collision
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import hand, planner, pose, running
 from signsplice.synth.corpus import VERSION, Pairs
@@ -18,7 +18,6 @@ from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import JOINTS
 
-Float = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 LIMIT_CM = 0.5
@@ -124,7 +123,7 @@ def _wrist_change(p: _PosedClip, seam: _PosedClip, q: _PosedClip, pre: int, post
     return max(float(np.linalg.norm(np.diff(x, n=2, axis=0), axis=-1).max()) for x in (leaving, entering))
 
 
-def over_limit(local_rotations: Float) -> float:
+def over_limit(local_rotations: FloatArray) -> float:
     """Largest angle (radians) by which an elbow, wrist or finger joint is beyond its limits, 0 where none is.
 
     local_rotations: (T, 53, 4), joints of the synthetic signer.

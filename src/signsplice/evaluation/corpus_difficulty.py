@@ -15,9 +15,9 @@ from signsplice.evaluation.wrists import strong_side, strong_wrist
 from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
 from signsplice.rig.arms import active_span, arms
-from signsplice.splicing.cut import CUTTERS
 from signsplice.splicing.gap import Gap
-from signsplice.splicing.transition import TRANSITIONS
+from signsplice.splicing.methods.cut import CUTTERS
+from signsplice.splicing.methods.transition import TRANSITIONS
 from signsplice.synth import planner, pose, truth
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.events import Events

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from signsplice.errors import MissingExtraError
-from signsplice.evaluation.agreement import Float, Quantity
+from signsplice.evaluation.agreement import Quantity
 from signsplice.evaluation.corpus_realism import WristMotion
 from signsplice.evaluation.wrists import strong_side, strong_wrist
 from signsplice.formats.atomic import replacing
+from signsplice.motion.arrays import FloatArray
 from signsplice.render.strips import Strip, write_strips
 from signsplice.synth import notation, planner, pseudo
 from signsplice.synth.corpus import Pairs
@@ -138,7 +139,7 @@ def check_matplotlib() -> None:
 
 
 def write_plot(
-    durations: Sequence[Quantity], motion: WristMotion, bends: Mapping[str, Mapping[str, Float]], path: Path
+    durations: Sequence[Quantity], motion: WristMotion, bends: Mapping[str, Mapping[str, FloatArray]], path: Path
 ) -> None:
     """Write four plots: durations, speeds at the ends of transitions, wrist speeds, finger ranges.
 
@@ -185,7 +186,7 @@ def _plot_speeds(ax: Any, motion: WristMotion) -> None:
     ax.legend(fontsize=8)
 
 
-def _plot_bends(ax: Any, bends: Mapping[str, Mapping[str, Float]]) -> None:
+def _plot_bends(ax: Any, bends: Mapping[str, Mapping[str, FloatArray]]) -> None:
     joints = list(bends["corpus"])
     for k, (name, column) in enumerate(bends.items()):
         shift = 0.25 * (k - 0.5 * (len(bends) - 1))

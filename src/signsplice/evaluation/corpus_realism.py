@@ -15,14 +15,13 @@ from signsplice.evaluation.hidden_frames import hidden_frames
 from signsplice.evaluation.sign_kinds import AIMED, ASL_LEX, symmetric_words
 from signsplice.evaluation.signer_motion import MeasuredMotion, half_formed, signer_motion
 from signsplice.evaluation.wrists import busier_side, strong_side, strong_wrist
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
-from signsplice.splicing.transition import find_transition
+from signsplice.splicing.methods.transition import find_transition
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream
-
-Float = NDArray[np.float64]
 
 N_PAIRS = 1500
 """Pairs whose motion is measured, drawn once; durations are counted over all pairs."""
@@ -70,7 +69,7 @@ def durations(pairs: Pairs) -> list[Quantity]:
     ]
 
 
-def _kept_frames(index: NDArray[np.int32]) -> Float:
+def _kept_frames(index: NDArray[np.int32]) -> FloatArray:
     """Number of frames that a word keeps between two others, over triples of words drawn at random."""
     enters = {(p, q): post for p, q, _, post, _, _ in index.tolist()}
     leaves = {(p, q): pre for p, q, pre, _, _, _ in index.tolist()}
@@ -92,12 +91,12 @@ class WristMotion:
     jerk: see ``rms_jerk``, m/s^3.
     """
 
-    speed: Float
-    peak: Float
-    start: Float
-    end: Float
-    detour: Float
-    jump: Float
+    speed: FloatArray
+    peak: FloatArray
+    start: FloatArray
+    end: FloatArray
+    detour: FloatArray
+    jump: FloatArray
     exponent: float
     jerk: float
 
@@ -139,13 +138,13 @@ def wrist_motion(pairs: Pairs, n_pairs: int = N_PAIRS) -> WristMotion:
     )
 
 
-def sentence_speeds(pairs: Pairs, n_sentences: int = 200) -> Float:
+def sentence_speeds(pairs: Pairs, n_sentences: int = 200) -> FloatArray:
     """Mean speed (n_sentences,) of the strong wrist in chains of eight words, first sign to last, m/s."""
     n_words = len(pairs.head["words"]) // 2
     number = {(p, q): k for k, (p, q) in enumerate(pairs.index[:, :2].tolist())}
     strong = strong_side(pairs)
     words = [strong_wrist(pairs.word_clip(k), strong) for k in range(n_words)]  # (T, 3) each
-    new: dict[tuple[int, int], Float] = {}
+    new: dict[tuple[int, int], FloatArray] = {}
     means = []
     for chain in stream("chains", n_words).choice(n_words, size=(n_sentences, 8)).tolist():
         pieces = []
@@ -163,14 +162,14 @@ def sentence_speeds(pairs: Pairs, n_sentences: int = 200) -> Float:
     return np.array(means)
 
 
-def word_peak_speeds(pairs: Pairs) -> Float:
+def word_peak_speeds(pairs: Pairs) -> FloatArray:
     """Highest speed of the strong wrist in each isolated word of the first signer, m/s."""
     clips = (pairs.word_clip(k) for k in range(len(pairs.head["words"]) // 2))
     strong = strong_side(pairs)
     return np.array([speeds(strong_wrist(clip, strong), clip.fps).max() for clip in clips])
 
 
-def speeds(positions: Float, fps: float) -> Float:
+def speeds(positions: FloatArray, fps: float) -> FloatArray:
     """Speeds (T - 1,) from frame to frame along positions (T, 3), units a second."""
     return np.asarray(np.linalg.norm(np.diff(positions, axis=0), axis=-1) * fps)
 
@@ -187,7 +186,7 @@ def motion_quantities(pairs: Pairs, motion: WristMotion) -> list[Quantity]:
     ]
 
 
-def power_law(paths: Sequence[Float], fps: float) -> float:
+def power_law(paths: Sequence[FloatArray], fps: float) -> float:
     """The exponent b of speed ~ curvature^b over all frames that move (two-thirds power law: -1/3; Lacquaniti et al.
     1983): the slope of the regression of their logarithms. ``paths``: (T, 3) each, m.
     """
@@ -205,7 +204,7 @@ def power_law(paths: Sequence[Float], fps: float) -> float:
     return float(np.polyfit(x, y, 1)[0])
 
 
-def rms_jerk(paths: Sequence[Float], fps: float) -> float:
+def rms_jerk(paths: Sequence[FloatArray], fps: float) -> float:
     """Root mean square of the jerk (third difference) of paths (T, 3), m: m/s^3."""
     jerks = [np.linalg.norm(np.diff(path, n=3, axis=0), axis=-1) * fps**3 for path in paths if len(path) > 3]
     return float(np.sqrt(np.mean(np.concatenate(jerks) ** 2)))
@@ -216,7 +215,7 @@ def slerp_motion_ratio(clips: Sequence[Clip], n_frames: int = 18) -> float:
     return hidden_frames(clips, [find_transition("slerp")], (n_frames,))[0].motion_ratio
 
 
-def forming(pairs: Pairs) -> Float:
+def forming(pairs: Pairs) -> FloatArray:
     """When fingers of the first signer's strong hand have made half of their change of bend in true transitions, as
     fractions of the transition (``signer_motion.half_formed``), pairs drawn once.
     """
@@ -276,7 +275,7 @@ def likeness_of_hands(pairs: Pairs, signs: Mapping[str, Sign], captured: Mapping
     return lines
 
 
-def _compared(text: str, unit: str, ours: Float, real: Float, name: str) -> list[Quantity]:
+def _compared(text: str, unit: str, ours: FloatArray, real: FloatArray, name: str) -> list[Quantity]:
     """Values of the corpus beside those of a captured clip, of which few give a median alone; none without values."""
     if not (len(ours) and len(real)):
         return []

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.body import collision
 from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.synth.corpus import Pairs
-
-Float = NDArray[np.float64]
 
 TOUCH_CM = 0.5
 """Skin distance up to which a hand is seen to touch."""

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS, finger_roles
 
-Float = NDArray[np.float64]
 
-
-def flexions(clip: Clip) -> dict[str, Float]:
+def flexions(clip: Clip) -> dict[str, FloatArray]:
     """Finger and joint number ("Index 2") -> its bend in every frame, degrees, left hand then right (2 T,).
 
     The bend is the angle between the bones on either side; joint 1 is the nearest to the wrist. Fingers whose joints a
@@ -23,7 +21,7 @@ def flexions(clip: Clip) -> dict[str, Float]:
     rotations, positions = kinematics.forward(clip)
     tip_positions = np.swapaxes(kinematics.tip_positions(clip, rotations, positions), 0, 1)
     tips = dict(zip((site.joint for site in clip.skeleton.end_sites), tip_positions, strict=True))
-    out: dict[str, list[Float]] = {}
+    out: dict[str, list[FloatArray]] = {}
     for side in ("left", "right"):
         for finger in FINGERS:
             chain = [f"{side}Hand", *(side + role for role in finger_roles(finger))]

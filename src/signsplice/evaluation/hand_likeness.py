@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
-
-Float = NDArray[np.float64]
 
 MIRRORED_SPEED, MIRRORED_COSINE, MIRRORED_FRAMES = 0.3, 0.5, 6
 """Hands mirror each other while both wrists are faster than this (arm lengths a second), one wrist's velocity and the
@@ -31,8 +29,8 @@ class HandLikeness:
         ``MIRRORED_SPEED`` (K,): the shift, up to three frames, at which the speeds of both correlate best.
     """
 
-    cm: Float
-    lag: Float
+    cm: FloatArray
+    lag: FloatArray
 
 
 def hand_likeness(clips: Sequence[Clip], stretches: Sequence[Sequence[tuple[int, int]]] | None = None) -> HandLikeness:
@@ -50,7 +48,7 @@ def hand_likeness(clips: Sequence[Clip], stretches: Sequence[Sequence[tuple[int,
     return HandLikeness(100.0 * np.concatenate(distances), np.array(lags))
 
 
-def _seen_from_shoulders(clip: Clip) -> tuple[Float, Float, Float]:
+def _seen_from_shoulders(clip: Clip) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The right wrist and the left one's mirror image (2, T, 3), m, their speeds (2, T - 1), arm lengths a second, and
     the cosine (T - 1,) between their velocities.
     """
@@ -68,14 +66,14 @@ def _seen_from_shoulders(clip: Clip) -> tuple[Float, Float, Float]:
     return hands, speed, np.einsum("ti,ti->t", *velocity) / np.maximum(speed.prod(axis=0), 1e-12)
 
 
-def _alike(speed: Float, cosine: Float) -> list[tuple[int, int]]:
+def _alike(speed: FloatArray, cosine: FloatArray) -> list[tuple[int, int]]:
     """Stretches [begin, end] in which the hands mirror each other."""
     alike = (speed.min(axis=0) > MIRRORED_SPEED) & (cosine > MIRRORED_COSINE)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], alike, [False]])))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= MIRRORED_FRAMES]
 
 
-def _lag(speed: Float, first: int, stop: int) -> float:
+def _lag(speed: FloatArray, first: int, stop: int) -> float:
     """By how many frames one of two speeds (2, T) is behind the other over [first, stop), with a fraction of a frame
     from a parabola through the best shift and its neighbours.
     """
@@ -89,6 +87,6 @@ def _lag(speed: Float, first: int, stop: int) -> float:
     return float(abs(shifts[best] + (0.5 * (before - after) / bow if bow < 0.0 else 0.0)))
 
 
-def _correlation(a: Float, b: Float) -> float:
+def _correlation(a: FloatArray, b: FloatArray) -> float:
     a, b = a - a.mean(), b - b.mean()
     return float((a * b).sum() / max(float(np.sqrt((a**2).sum() * (b**2).sum())), 1e-12))

@@ -6,21 +6,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.evaluation.tables import markdown
 from signsplice.evaluation.wrists import wrist_positions
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
-from signsplice.splicing.collision_avoidance import depths
-from signsplice.splicing.filling import fill
 from signsplice.splicing.gap import Gap
+from signsplice.splicing.methods.transition import Transition
+from signsplice.splicing.passes.collision_avoidance import depths
+from signsplice.splicing.passes.filling import fill
 from signsplice.splicing.seam import DEEP_M
-from signsplice.splicing.transition import Transition
-
-Float = NDArray[np.float64]
 
 CONTEXT = 8
 """Frames shown to a transition on either side of the gap."""
@@ -154,7 +152,7 @@ def table(rows: Sequence[HiddenFrames], clips: Sequence[Clip] = ()) -> list[str]
     return lines
 
 
-def _means(scores: Float) -> list[float]:
+def _means(scores: FloatArray) -> list[float]:
     """Means of columns of scores (N, S) over the gaps that have one; NaN where none has."""
     return [float(column[known].mean()) if (known := ~np.isnan(column)).any() else float("nan") for column in scores.T]
 

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.evaluation import agreement, corpus_pictures, corpus_realism, sign_kinds
 from signsplice.evaluation.agreement import number
@@ -17,13 +16,12 @@ from signsplice.evaluation.hand_likeness import MIRRORED_FRAMES, MIRRORED_SPEED
 from signsplice.evaluation.signer_motion import MOVING
 from signsplice.evaluation.tables import markdown
 from signsplice.evaluation.wrists import busier_side, strong_side, strong_wrist
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream
-
-Float = NDArray[np.float64]
 
 N_SHAPES = 60
 """Pairs whose shape of motion is measured."""
@@ -99,7 +97,7 @@ def _mean_speed(clips: Sequence[Clip], strong: str) -> float:
     return float(np.mean(np.concatenate([speeds(path, clips[0].fps) for path in _paths(clips, strong)])))
 
 
-def _paths(clips: Sequence[Clip], strong: str) -> list[Float]:
+def _paths(clips: Sequence[Clip], strong: str) -> list[FloatArray]:
     return [strong_wrist(clip, strong) for clip in clips]
 
 
@@ -114,10 +112,10 @@ _SHAPES: dict[str, Callable[[Sequence[Clip], str], float]] = {
 """Measures of the shape of motion, each over clips of one frame rate, with the strong side."""
 
 
-def _bends(clips: Sequence[Clip]) -> dict[str, Float]:
+def _bends(clips: Sequence[Clip]) -> dict[str, FloatArray]:
     every = [flexions(clip) for clip in clips]
     return {joint: np.concatenate([one[joint] for one in every]) for joint in every[0]}
 
 
-def _range(values: Float | None) -> str:
+def _range(values: FloatArray | None) -> str:
     return "-" if values is None else "{:.0f} to {:.0f}".format(*np.percentile(values, (5, 95)))

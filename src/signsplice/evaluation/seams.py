@@ -21,25 +21,25 @@ from signsplice.evaluation.stitcher import stitch
 from signsplice.evaluation.tables import markdown
 from signsplice.evaluation.wrists import wrist_joints, wrist_positions
 from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
 from signsplice.rig import metrics
 from signsplice.rig.arms import Arms, arms
 from signsplice.rig.info import rig_info
-from signsplice.splicing.cut import CLASSICAL_CUTTER, CUTTERS, Cut
-from signsplice.splicing.duration import CLASSICAL_DURATION
 from signsplice.splicing.engine import SpliceOptions, splice
-from signsplice.splicing.free_hand import NATURAL
-from signsplice.splicing.idle_hand import IdleHand, idle_hands
-from signsplice.splicing.learned import FLUENT, NAME
-from signsplice.splicing.methods import choose
+from signsplice.splicing.methods.choice import choose
+from signsplice.splicing.methods.cut import CLASSICAL_CUTTER, CUTTERS, Cut
+from signsplice.splicing.methods.duration import CLASSICAL_DURATION
+from signsplice.splicing.methods.learned import FLUENT, NAME
+from signsplice.splicing.methods.transition import CLASSICAL_TRANSITION, TRANSITIONS
+from signsplice.splicing.passes.free_hand import NATURAL
+from signsplice.splicing.passes.idle_hand import IdleHand, idle_hands
 from signsplice.splicing.seam import DEEP_M
-from signsplice.splicing.transition import CLASSICAL_TRANSITION, TRANSITIONS
 from signsplice.synth import notation, planner
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, RESTS, STANDARD
 
-Float = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 FrameRange = tuple[int, int]
 
@@ -185,7 +185,7 @@ def measure_spliced(before: IsolatedWord, after: IsolatedWord, options: SpliceOp
     return replace(measured, idle_peak=_idle_peak(wrists, (first, stop), hands, result.clip.fps))
 
 
-def _idle_peak(wrists: Float, gap: FrameRange, hands: Sequence[IdleHand], fps: float) -> float | None:
+def _idle_peak(wrists: FloatArray, gap: FrameRange, hands: Sequence[IdleHand], fps: float) -> float | None:
     """Highest speed (m/s) of the idle hands, of wrists (T, 2, 3), in the gap and while they rest; None without any."""
     first, stop = gap
     peaks = []
@@ -204,7 +204,7 @@ def measure_stitched(before: IsolatedWord, after: IsolatedWord) -> SeamMeasureme
 
 
 def _measure(
-    wrists: Float,
+    wrists: FloatArray,
     gap: FrameRange,
     before: IsolatedWord,
     after: IsolatedWord,

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.evaluation.agreement import Quantity, percentiles
 from signsplice.evaluation.wrists import strong_side
 from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 from signsplice.synth import notation, pseudo
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.phonology import ON_BASE, Sign
-
-Float = NDArray[np.float64]
 
 N_PSEUDO = 300
 """Pseudo-signs that are counted: the first ones by seed."""
@@ -79,7 +77,7 @@ def second_passes(pairs: Pairs) -> list[Quantity]:
     ]
 
 
-def _from_chest(clip: Clip, strong: str) -> Float:
+def _from_chest(clip: Clip, strong: str) -> FloatArray:
     """Positions (T, 3) of the strong wrist in the axes of the joint that carries the shoulders, m."""
     info = rig_info(clip.skeleton)
     joints = info.roles.joints
@@ -90,7 +88,7 @@ def _from_chest(clip: Clip, strong: str) -> Float:
     )
 
 
-def _extent(positions: Float) -> float:
+def _extent(positions: FloatArray) -> float:
     return float(np.linalg.norm(positions - positions[0], axis=-1).max())
 
 

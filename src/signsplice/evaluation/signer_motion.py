@@ -10,15 +10,13 @@ from dataclasses import dataclass, fields
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.evaluation.flexion import flexions
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
-
-Float = NDArray[np.float64]
 
 MOVING = 0.1
 """Speed of the faster wrist, arm lengths a second, from which on a frame counts as moving."""
@@ -42,18 +40,18 @@ class MeasuredMotion:
         somewhere; fingers that change by less than 20 degrees are left out.
     """
 
-    angular_deg: dict[str, Float]
-    speed: Float
-    abduction_deg: Float
-    wrist_bend_deg: Float
-    forming: Float
+    angular_deg: dict[str, FloatArray]
+    speed: FloatArray
+    abduction_deg: FloatArray
+    wrist_bend_deg: FloatArray
+    forming: FloatArray
 
 
 def signer_motion(clips: Sequence[Clip], strong: str) -> MeasuredMotion:
     """Motion of the signer of some clips of one rig, whose strong side is ``strong``, "left" or "right"."""
     each = [_one(clip, strong) for clip in clips]
 
-    def joined(name: str) -> Float:
+    def joined(name: str) -> FloatArray:
         return np.concatenate([np.empty(0), *(getattr(one, name) for one in each)])
 
     roles = dict.fromkeys(role for one in each for role in one.angular_deg)
@@ -95,13 +93,13 @@ def _other(side: str) -> str:
     return "right" if side == "left" else "left"
 
 
-def _angle_deg(a: Float, b: Float) -> Float:
+def _angle_deg(a: FloatArray, b: FloatArray) -> FloatArray:
     """Angles (T,) between vectors (T, 3), degrees."""
     cosine = (a * b).sum(-1) / np.maximum(np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1), 1e-12)
     return np.asarray(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
-def reaches(speed: Float) -> list[tuple[int, int]]:
+def reaches(speed: FloatArray) -> list[tuple[int, int]]:
     """[begin, end] frames of the reaches in speeds (T - 1,) from frame to frame: between two minima, at least four
     steps long, and somewhere faster than half an arm length a second.
     """
@@ -128,7 +126,7 @@ def half_formed(clip: Clip, strong: str, spans: Sequence[tuple[int, int]]) -> It
                 yield fraction
 
 
-def half_changed_at(values: Float) -> float | None:
+def half_changed_at(values: FloatArray) -> float | None:
     """When values (T, K), degrees, have first made half of their way from first to last, as a fraction of the time;
     None where they change by less than 20.
     """

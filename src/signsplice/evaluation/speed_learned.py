@@ -17,8 +17,8 @@ from signsplice.evaluation.timing import forget, milliseconds
 from signsplice.lexicon import shipped
 from signsplice.motion.clip import Clip
 from signsplice.splicing.engine import splice, stream
-from signsplice.splicing.learned import LearnedCutter
-from signsplice.splicing.methods import choose
+from signsplice.splicing.methods.choice import choose
+from signsplice.splicing.methods.learned import LearnedCutter
 
 N_STREAM = 1000
 """Words of a long stream; fewer with few repeats."""

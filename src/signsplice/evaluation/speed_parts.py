@@ -27,10 +27,10 @@ from signsplice.lexicon import building, open_lexicon, shipped
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, concatenate, resample
 from signsplice.rig.arms import active_span, arms
-from signsplice.splicing.cut import CUTTERS, Cut, PairCutter, search_window
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.gap import Gap
-from signsplice.splicing.transition import TRANSITIONS
+from signsplice.splicing.methods.cut import CUTTERS, Cut, PairCutter, search_window
+from signsplice.splicing.methods.transition import TRANSITIONS
 
 Progress = Callable[[int, int], None]
 

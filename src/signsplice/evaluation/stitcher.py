@@ -17,14 +17,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, filtfilt
 
 from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import arms
-
-Float = NDArray[np.float64]
 
 MARGIN_FRAMES = 5
 LONGEST_S = 0.8
@@ -43,7 +41,7 @@ class Stitched:
         the result.
     """
 
-    positions: Float
+    positions: FloatArray
     first: int
     stop: int
     kept_before: tuple[int, int]
@@ -85,7 +83,7 @@ def _raised(clip: Clip) -> tuple[int, int]:
     return max(0, int(raised[0]) - MARGIN_FRAMES), min(len(clip), int(raised[-1]) + 1 + MARGIN_FRAMES)
 
 
-def _shortened(points: Float, fps: float) -> Float:
+def _shortened(points: FloatArray, fps: float) -> FloatArray:
     """The same motion (T, J, 3) in at most 0.8 s."""
     most = round(LONGEST_S * fps)
     if len(points) <= most:
@@ -102,7 +100,7 @@ def _source(span: tuple[int, int], n_frames: int, first: int, stop: int) -> tupl
     return span[0] + int(np.ceil(first * scale - 1e-9)), span[0] + int((stop - 1) * scale + 1e-9) + 1
 
 
-def _filtered(points: Float, fps: float) -> Float:
+def _filtered(points: FloatArray, fps: float) -> FloatArray:
     b, a = butter(ORDER, CUTOFF_HZ / (0.5 * fps))
     if len(points) <= 3 * max(len(a), len(b)):
         return points

@@ -9,24 +9,23 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.evaluation.seams import keeps_stroke
 from signsplice.evaluation.tables import markdown
 from signsplice.evaluation.wrists import wrist_positions
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.splicing.engine import Span, SpliceOptions, SpliceResult, splice
-from signsplice.splicing.pace import contact_frames
+from signsplice.splicing.passes.pace import contact_frames
+from signsplice.splicing.passes.tempo import CITATION, NATURAL, RUNNING_S
 from signsplice.splicing.seam import Seam
-from signsplice.splicing.tempo import CITATION, NATURAL, RUNNING_S
 from signsplice.synth import notation, planner
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, Signer, draw_signer
 
-Float = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 LENGTH = 7
@@ -221,7 +220,7 @@ def _passes(span: Span, word: IsolatedWord, fps: float) -> Iterator[float]:
             yield seconds
 
 
-def _repeats(span: Span, word: IsolatedWord, wrists: Float) -> bool:
+def _repeats(span: Span, word: IsolatedWord, wrists: FloatArray) -> bool:
     """Whether the hands (T, W, 3) of a sentence turn back no less often than recorded in a sign's movements."""
     events = word.events
     if events.first is None or not events.passes:
@@ -247,11 +246,11 @@ def _contacts(span: Span, clip: Clip, touching: Sequence[tuple[int, int]]) -> tu
     return len(there), sum(seen)
 
 
-def _peak(wrists: Float, fps: float) -> float:
+def _peak(wrists: FloatArray, fps: float) -> float:
     return float(np.linalg.norm(np.diff(wrists, axis=0), axis=-1).max(initial=0.0) * fps)
 
 
-def _shape(wrists: Float) -> float:
+def _shape(wrists: FloatArray) -> float:
     """Root mean square jerk of the wrist (T, W, 3) that goes farther, over its path's length, in durations; NaN for one
     that stands still.
     """
@@ -263,7 +262,7 @@ def _shape(wrists: Float) -> float:
     return float(np.sqrt((jerk**2).sum(axis=-1).mean()) * (len(wrists) - 1) ** 3 / lengths[hand])
 
 
-def _direction_changes(path: Float, axis: Float, least: float) -> int:
+def _direction_changes(path: FloatArray, axis: FloatArray, least: float) -> int:
     """How often a wrist (T, 3) turns back along the main axis of its recorded path, by more than ``least`` m."""
     along = path @ axis
     turns, direction, extreme = 0, 0.0, along[0]

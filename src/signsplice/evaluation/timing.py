@@ -8,7 +8,7 @@ from statistics import median
 
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
-from signsplice.splicing.word_reader import WordReader
+from signsplice.splicing.networks.word_reader import WordReader
 
 
 def milliseconds(run: Callable[[], object]) -> float:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.info import rig_info
 from signsplice.synth.corpus import Pairs
-
-Float = NDArray[np.float64]
 
 
 def wrist_joints(skeleton: Skeleton) -> list[int]:
@@ -19,13 +17,13 @@ def wrist_joints(skeleton: Skeleton) -> list[int]:
     return [joints[role] for role in ("leftHand", "rightHand") if role in joints]
 
 
-def wrist_positions(clip: Clip) -> Float:
+def wrist_positions(clip: Clip) -> FloatArray:
     """Positions (T, W, 3) of the wrists in the order of ``wrist_joints``, m."""
     _, positions = kinematics.forward(clip, wrist_joints(clip.skeleton))
     return positions * rig_info(clip.skeleton).sizes.unit.metres
 
 
-def strong_wrist(clip: Clip, strong: str) -> Float:
+def strong_wrist(clip: Clip, strong: str) -> FloatArray:
     """Positions (T, 3) of the wrist of the strong side ("left" or "right"), m, on a rig with both hands known."""
     return wrist_positions(clip)[:, 0 if strong == "left" else 1]
 

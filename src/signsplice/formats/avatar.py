@@ -13,7 +13,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.body.capsules import Avatar
 from signsplice.body.skin import fit_skin
@@ -22,10 +21,9 @@ from signsplice.formats.gltf_mesh import MeshReader
 from signsplice.formats.gltf_skeleton import VRM_0, VRM_1, printable, unique
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.formats.reading import format_errors, read_bytes, stem
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import EndSite, Skeleton
 from signsplice.rig.info import rig_info
-
-Float = NDArray[np.float64]
 
 AVATAR_SUFFIXES = (".vrm", ".glb", ".gltf")
 """Suffixes that ``read_avatar`` reads."""
@@ -74,7 +72,7 @@ class AvatarReader(MeshReader):
         body, missed = fit_skin(avatar, points)
         return replace(avatar, mesh=parts, body=body, warnings=_warnings(avatar.label, missed))
 
-    def _skeleton(self, order: list[int], names: list[str], roles: Mapping[str, str], turn: Float) -> Avatar:
+    def _skeleton(self, order: list[int], names: list[str], roles: Mapping[str, str], turn: FloatArray) -> Avatar:
         """The skeleton of nodes ``order`` at rest, turned, with the ends of fingers."""
         rows = {node: k for k, node in enumerate(order)}
         parents = np.array([rows.get(self.parents.get(node, -1), -1) for node in order])

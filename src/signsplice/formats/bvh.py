@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.bvh_hierarchy import Hierarchy, number_of, short
@@ -20,10 +19,9 @@ from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
 from signsplice.formats.numbers import format_rows
 from signsplice.formats.reading import stem
 from signsplice.motion import euler_channels, euler_curves
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 from signsplice.motion.euler_channels import Channels
-
-Float = NDArray[np.float64]
 
 _LINE = re.compile(rb"\S[^\n]*")
 """A line that is not blank; found one after another, so that blank ones cost next to nothing."""
@@ -122,9 +120,9 @@ def _depth_first(skeleton: Skeleton) -> list[int]:
     return order
 
 
-def _write_joint(lines: list[str], skeleton: Skeleton, names: euler_channels.Names, offsets: Float) -> None:
+def _write_joint(lines: list[str], skeleton: Skeleton, names: euler_channels.Names, offsets: FloatArray) -> None:
     """Append the hierarchy's lines; a stack instead of recursion, so that depth has no limit."""
-    tips: dict[int, list[Float]] = {}
+    tips: dict[int, list[FloatArray]] = {}
     for site in skeleton.end_sites:
         tips.setdefault(site.joint, []).append(site.offset)
     stack: list[tuple[int, int]] = [(0, 0)]  # (joint, depth); joint -1 closes a brace
@@ -144,7 +142,7 @@ def _write_joint(lines: list[str], skeleton: Skeleton, names: euler_channels.Nam
         stack += [(child, depth + 1) for child in reversed(skeleton.children[joint])]
 
 
-def _decimals(row: Float) -> str:
+def _decimals(row: FloatArray) -> str:
     return " ".join(map(repr, row.tolist()))
 
 
@@ -206,7 +204,7 @@ def _motion_head(text: bytes, start: int, n_lines: int, file: str) -> tuple[int,
     return int(found[0]), frame_time, start
 
 
-def _read_frames(text: bytes, start: int, n_frames: int, values: Float, file: str) -> None:
+def _read_frames(text: bytes, start: int, n_frames: int, values: FloatArray, file: str) -> None:
     """Write the numbers of the frame lines to ``values`` (T, C). Raises where there are not ``n_frames`` of C each."""
     rows, width = _LINE.finditer(text, start), values.shape[1]
     done, last = 0, start
@@ -235,7 +233,7 @@ def _read_frames(text: bytes, start: int, n_frames: int, values: Float, file: st
         )
 
 
-def _numbers(rows: list[bytes]) -> Float | None:
+def _numbers(rows: list[bytes]) -> FloatArray | None:
     """The numbers of lines (R, C), bit for bit those of ``float``; None where the lines hold anything but as many
     finite numbers each.
     """
@@ -268,7 +266,7 @@ def _check_numbers(text: bytes, row: re.Match[bytes], file: str) -> None:
             raise FormatError(error.what, file=file, line=_line_number(text, row.start())) from None
 
 
-def _clip(hierarchy: Hierarchy, values: Float, frame_time: float, name: str) -> Clip:
+def _clip(hierarchy: Hierarchy, values: FloatArray, frame_time: float, name: str) -> Clip:
     written = np.array(hierarchy.offsets, np.float64)
     names = tuple(hierarchy.channels)
     rotations, translations = euler_channels.to_motion(names, values, written)

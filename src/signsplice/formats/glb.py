@@ -7,7 +7,6 @@ action wherever glTF is read. ``gltf_reader`` says what is read.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from pygltflib import GLTF2
 
 from signsplice.body.mesh import bind_pose, body_mesh
@@ -15,12 +14,11 @@ from signsplice.formats.gltf_document import HUMANOID_EXTRA, ROLES_EXTRA
 from signsplice.formats.gltf_reader import parse
 from signsplice.formats.gltf_writer import DocumentWriter, in_front
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, bone_translations
 from signsplice.rig.info import rig_info
 
 __all__ = ["document", "encode", "parse"]
-
-Float = NDArray[np.float64]
 
 _STILL = 1e-9
 """A joint whose rotations or translations differ by less than this over the clip gets no animation channel."""
@@ -63,7 +61,7 @@ def document(clip: Clip) -> GLTF2:
     return writer.finish(clip.name, clip.fps)
 
 
-def _inverse_bind(clip: Clip, metres: float) -> Float:
+def _inverse_bind(clip: Clip, metres: float) -> FloatArray:
     """Matrices (J, 4, 4) from world coordinates of the bind pose, in metres, to each joint's own axes."""
     global_quats, positions = bind_pose(clip.skeleton)
     rotations = rotation.to_matrix(global_quats)  # (J, 3, 3)

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from signsplice.errors import FormatError, LimitError
 from signsplice.formats.limits import ReadLimits
 from signsplice.formats.reading import read_bytes
-
-Float = NDArray[np.float64]
+from signsplice.motion.arrays import FloatArray
 
 VRM_ANIMATION = "VRMC_vrm_animation"
 """The glTF extension of VRM animations."""
@@ -72,7 +71,7 @@ class Document:
             raise LimitError(f"{len(self.nodes):,} nodes, expected at most {limits.nodes:,.0f}", file=file)
         self._buffers: dict[int, bytes] = {}
         self._files: dict[str, bytes] = {}
-        self._arrays: dict[int, Float] = {}
+        self._arrays: dict[int, FloatArray] = {}
         self._array_bytes = 0
         self.parents = self._parents()
         self.order = self._order_of_nodes()
@@ -117,13 +116,13 @@ class Document:
             out.append(self.parents[out[-1]])
         return out
 
-    def _values(self, number: int) -> Float:
+    def _values(self, number: int) -> FloatArray:
         """The values (N, width) of an accessor; integers that are marked as normalized as -1..1 or 0..1."""
         if number not in self._arrays:
             self._arrays[number] = self._read_values(number)
         return self._arrays[number]
 
-    def _read_values(self, number: int) -> Float:
+    def _read_values(self, number: int) -> FloatArray:
         accessor = self._row(self.json.get("accessors"), number, "accessor")
         kind, width, count = _COMPONENTS[accessor["componentType"]], _WIDTHS[accessor["type"]], accessor["count"]
         stored = accessor.get("bufferView") is not None
@@ -140,7 +139,7 @@ class Document:
             values = np.maximum(values / float(2**bits - 1), -1.0)
         return values
 
-    def _replace_sparse(self, values: Float, sparse: Fields, kind: type[np.generic], number: int) -> None:
+    def _replace_sparse(self, values: FloatArray, sparse: Fields, kind: type[np.generic], number: int) -> None:
         """Write the rows that a sparse accessor replaces into its ``values`` (N, width)."""
         count, what = sparse["count"], f"the sparse part of accessor {number}"
         index = sparse["indices"]

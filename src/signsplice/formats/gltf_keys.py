@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.motion import rotation
-
-Float = NDArray[np.float64]
+from signsplice.motion.arrays import FloatArray
 
 LEAST_FPS, MOST_FPS = 10.0, 240.0
 """Keys that are farther apart or closer together imply no frame rate: such files are sampled at ``USUAL_FPS``."""
@@ -29,12 +27,12 @@ class Keys:
     interpolation: "LINEAR", "STEP" or "CUBICSPLINE".
     """
 
-    times: Float
-    values: Float
+    times: FloatArray
+    values: FloatArray
     interpolation: str
 
 
-def frame_rate(times: Float) -> float:
+def frame_rate(times: FloatArray) -> float:
     """The frame rate that rising key times (K,) imply."""
     if len(times) < 2:
         return USUAL_FPS
@@ -50,7 +48,7 @@ def frame_rate(times: Float) -> float:
     return rate
 
 
-def sample(keys: Keys, times: Float, fps: float, rotations: bool) -> Float:
+def sample(keys: Keys, times: FloatArray, fps: float, rotations: bool) -> FloatArray:
     """Values of a channel at ``times`` (T,): (T, 3), or unit quaternions (T, 4) for ``rotations``.
 
     Between keys as the file's interpolation says; before the first and after the last key, the value there.

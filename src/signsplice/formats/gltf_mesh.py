@@ -16,8 +16,7 @@ from signsplice.body.skin_points import SkinPoints
 from signsplice.formats.gltf_document import Fields
 from signsplice.formats.gltf_skeleton import VRM_0, SkeletonDocument, stored_pose
 from signsplice.motion import rotation
-
-Float = NDArray[np.float64]
+from signsplice.motion.arrays import FloatArray
 
 _TRIANGLES = 4
 _DRACO = "KHR_draco_mesh_compression"
@@ -51,7 +50,7 @@ def is_loose(name: str) -> bool:
     return bool(words(name) & _LOOSE) or any(sign in name for sign in _LOOSE_SIGNS)
 
 
-_Bones = tuple[Float, NDArray[np.int64], NDArray[np.bool_]]
+_Bones = tuple[FloatArray, NDArray[np.int64], NDArray[np.bool_]]
 """Of joints that carry a mesh: matrices (B, 4, 4) to the rest pose, rows of the skeleton (B,), and whether they carry
 skin (B,).
 """
@@ -60,7 +59,7 @@ skin (B,).
 class MeshReader(SkeletonDocument):
     """A document whose meshes are being read."""
 
-    def world(self, node: int) -> Float:
+    def world(self, node: int) -> FloatArray:
         """The matrix (4, 4) of a node in the world at rest."""
         path = [node]
         while path[-1] not in self._worlds and path[-1] in self.parents:
@@ -72,10 +71,10 @@ class MeshReader(SkeletonDocument):
         return self._worlds[node]
 
     @cached_property
-    def _worlds(self) -> dict[int, Float]:
+    def _worlds(self) -> dict[int, FloatArray]:
         return {}
 
-    def _matrix(self, node: int) -> Float:
+    def _matrix(self, node: int) -> FloatArray:
         fields = self.nodes[node]
         if fields.get("matrix"):
             matrix = np.array(fields["matrix"], np.float64).reshape(4, 4).T
@@ -88,7 +87,7 @@ class MeshReader(SkeletonDocument):
         return matrix
 
     def skin(
-        self, rows: Mapping[int, int], turn: Float, origin: Float
+        self, rows: Mapping[int, int], turn: FloatArray, origin: FloatArray
     ) -> tuple[tuple[MeshPart, ...], SkinPoints | None]:
         """The meshes that joints carry, and their vertices that are skin, None where there are none.
 
@@ -199,7 +198,9 @@ class MeshReader(SkeletonDocument):
         red, green, blue = np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055).tolist()
         return str(material.get("name")), (red, green, blue)
 
-    def _part(self, primitive: Fields, bones: _Bones, turn: Float, origin: Float) -> tuple[MeshPart, NDArray[np.bool_]]:
+    def _part(
+        self, primitive: Fields, bones: _Bones, turn: FloatArray, origin: FloatArray
+    ) -> tuple[MeshPart, NDArray[np.bool_]]:
         """A primitive in the rest pose, and which of its vertices are skin (V,)."""
         if _DRACO in (primitive.get("extensions") or {}):
             raise self._error(f"its meshes are compressed by {_DRACO}, which is not read; export it without")
@@ -225,7 +226,9 @@ class MeshReader(SkeletonDocument):
         part = MeshPart(name, colour, vertices, _normals(vertices, triangles), triangles, rows[joints], weights)
         return part, loose < 0.5
 
-    def _carried(self, attributes: Fields, used: NDArray[np.int64], n_bones: int) -> tuple[NDArray[np.int64], Float]:
+    def _carried(
+        self, attributes: Fields, used: NDArray[np.int64], n_bones: int
+    ) -> tuple[NDArray[np.int64], FloatArray]:
         """Rows of bones and weights (V, 4) of the vertices ``used``: the four that carry most."""
         sets = [n for n in range(4) if f"JOINTS_{n}" in attributes and f"WEIGHTS_{n}" in attributes]
         if not sets:
@@ -245,7 +248,7 @@ class MeshReader(SkeletonDocument):
         return joints, weights
 
 
-def _normals(vertices: Float, triangles: NDArray[np.int64]) -> Float:
+def _normals(vertices: FloatArray, triangles: NDArray[np.int64]) -> FloatArray:
     """Unit normals (V, 3) of vertices: of the triangles around them, by their area."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     across = np.cross(b - a, c - a)

@@ -22,10 +22,9 @@ from signsplice.formats.gltf_skeleton import EVEN, SkeletonDocument, printable, 
 from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
 from signsplice.formats.reading import stem
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.roles import ROLES
-
-Float = NDArray[np.float64]
 
 _AVATAR = "a figure to put signing on is no clip: signsplice convert CLIP OUT --avatar FIGURE"
 _HELD = 1e-5
@@ -62,7 +61,7 @@ class _AnimationReader(SkeletonDocument):
         order: list[int],
         roles: Mapping[str, int],
         channels: Mapping[tuple[int, str], Keys],
-        times: Float,
+        times: FloatArray,
         fps: float,
         name: Any,
     ) -> Clip:
@@ -175,7 +174,9 @@ class _AnimationReader(SkeletonDocument):
                 found.add(node)
         return found
 
-    def _times(self, channels: Mapping[tuple[int, str], Keys], animation: Fields, n_joints: int) -> tuple[Float, float]:
+    def _times(
+        self, channels: Mapping[tuple[int, str], Keys], animation: Fields, n_joints: int
+    ) -> tuple[FloatArray, float]:
         """Times (T,) from the first to the last key, and the frame rate: that of our extras, else of the densest
         keys.
         """
@@ -191,9 +192,9 @@ class _AnimationReader(SkeletonDocument):
         self.limits.check_clip(steps, n_joints, fps, steps * n_joints * FRAME_BYTES, self.given_bytes, self.file)
         return start + np.arange(int(steps + 1.01 * DRIFT) + 1) / fps, fps
 
-    def _bind_rotations(self, order: Sequence[int], parents: NDArray[np.intp], rest_quats: Float) -> Float:
+    def _bind_rotations(self, order: Sequence[int], parents: NDArray[np.intp], rest_quats: FloatArray) -> FloatArray:
         """Global rotations (J, 4) of the pose in which the skin is bound; of the rest pose for joints without skin."""
-        bound: dict[int, Float] = {}
+        bound: dict[int, FloatArray] = {}
         wanted = {*order}
         for skin in self.json.get("skins") or ():
             matrices = self._bind_matrices(skin)

@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.errors import LimitError
 from signsplice.formats.gltf_document import VRM_ANIMATION, Document, Fields
 from signsplice.formats.limits import ReadLimits
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.rig.roles import ROLES
-
-Float = NDArray[np.float64]
 
 EVEN = 1e-3
 """Scales along three axes, or over time, that differ by less than this fraction are equal."""
@@ -34,7 +32,7 @@ class SkeletonDocument(Document):
 
     def __init__(self, file: str, content: bytes, limits: ReadLimits, folder: Path | None) -> None:
         super().__init__(file, content, limits, folder)
-        self.scales: dict[int, Float] = {}
+        self.scales: dict[int, FloatArray] = {}
 
     def _humanoid(self) -> dict[str, int]:
         """Role -> node of a VRM humanoid; empty where there is none."""
@@ -71,7 +69,7 @@ class SkeletonDocument(Document):
             raise LimitError(what, file=self.file)
         return order
 
-    def _bind_matrices(self, skin: Fields) -> Float | None:
+    def _bind_matrices(self, skin: Fields) -> FloatArray | None:
         """The matrices (B, 4, 4) that take a skin's mesh to the axes of its joints; None where it has none."""
         if skin.get("inverseBindMatrices") is None:
             return None
@@ -81,7 +79,7 @@ class SkeletonDocument(Document):
             raise self._error(f"a skin binds {n_joints} joints with {len(matrices)} valid matrices")
         return matrices
 
-    def _local_pose(self, node: int) -> tuple[Float, Float, float]:
+    def _local_pose(self, node: int) -> tuple[FloatArray, FloatArray, float]:
         """A node's own position (3,), rotation (4,) and scale at rest, relative to its parent."""
         fields = self.nodes[node]
         if fields.get("matrix"):
@@ -96,7 +94,7 @@ class SkeletonDocument(Document):
             raise self._error(f"node {name!r:.80} is scaled by {scale.tolist()}, expected one positive number")
         return position, quat, float(scale.mean())
 
-    def _world_pose(self, node: int | None) -> tuple[Float, Float, float]:
+    def _world_pose(self, node: int | None) -> tuple[FloatArray, FloatArray, float]:
         """Position (3,), rotation (4,) and scale of a node in the world at rest; the identity for None."""
         position, quat, scale = np.zeros(3), rotation.IDENTITY, 1.0
         for ancestor in reversed([] if node is None else self._path_to_root(node)):
@@ -106,7 +104,7 @@ class SkeletonDocument(Document):
         return position, quat, scale
 
 
-def stored_pose(node: Fields) -> tuple[Float, Float, Float]:
+def stored_pose(node: Fields) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Position (3,), rotation (4,) and scale (3,) of a node that is stored without a matrix."""
     position = np.array(node.get("translation") or [0.0, 0.0, 0.0], np.float64).reshape(3)
     quat = rotation.normalize(np.array(node.get("rotation") or [0.0, 0.0, 0.0, 1.0], np.float64).reshape(4))

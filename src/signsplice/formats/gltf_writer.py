@@ -36,11 +36,11 @@ from signsplice.body.mesh import bind_pose
 from signsplice.body.mesh_part import MeshPart
 from signsplice.formats.gltf_document import FPS_EXTRA
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import Placement, place
 
-Float = NDArray[np.float64]
 Array = NDArray[Any]
 
 _FLOAT, _UBYTE, _USHORT, _UINT = 5126, 5121, 5123, 5125
@@ -113,7 +113,7 @@ class DocumentWriter:
         self.gltf.accessors.append(accessor)
         return len(self.gltf.accessors) - 1
 
-    def skin(self, joints: Sequence[int], inverse_bind: Float, root: int) -> None:
+    def skin(self, joints: Sequence[int], inverse_bind: FloatArray, root: int) -> None:
         """Add a skin of joint nodes, with their inverse bind matrices (J, 4, 4)."""
         matrices = self.array(inverse_bind.transpose(0, 2, 1).reshape(-1, 16), "MAT4", _FLOAT)
         self.gltf.skins = [Skin(joints=list(joints), inverseBindMatrices=matrices, skeleton=root)]
@@ -156,7 +156,7 @@ class DocumentWriter:
         seconds = (np.arange(len(clip)) / clip.fps).astype(np.float32)
         return self.array(seconds, "SCALAR", _FLOAT, min=[float(seconds[0])], max=[float(seconds[-1])])
 
-    def channel(self, node: int, path: str, times: int, values: Float) -> None:
+    def channel(self, node: int, path: str, times: int, values: FloatArray) -> None:
         """Animate a node's "rotation" (T, 4) or "translation" (T, 3), one linear key a frame."""
         animation = self.gltf.animations[0]
         output = self.array(values, "VEC4" if path == "rotation" else "VEC3", _FLOAT)
@@ -174,7 +174,7 @@ class DocumentWriter:
         return self.gltf
 
 
-def _to_bytes(weights: Float) -> NDArray[np.uint8]:
+def _to_bytes(weights: FloatArray) -> NDArray[np.uint8]:
     """Weights (V, 4) as bytes that sum to 255."""
     out = np.floor(255.0 * weights).astype(np.int64)
     out[:, 0] += 255 - out.sum(axis=1)

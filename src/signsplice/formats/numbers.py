@@ -6,16 +6,15 @@ Motion files are almost nothing but numbers such as ``-12.345678``, and Python's
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from signsplice.motion.arrays import FloatArray
 
 _WHOLE, _FRACTION = 6, 8
 """Digits before and after the decimal point that ``format_rows`` prints with array operations."""
 _PAIRS = np.frombuffer("".join(f"{n:02d}" for n in range(100)).encode(), np.uint8).reshape(100, 2)
 
 
-def format_rows(values: Float) -> str:
+def format_rows(values: FloatArray) -> str:
     """Rows of numbers (R, C) as lines of text; ``float`` reads each number back as the same.
 
     Numbers with at most 6 digits before and 8 after the point are printed in parallel, without superfluous zeros; rows

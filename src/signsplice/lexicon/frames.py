@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 
-Float = NDArray[np.float64]
 Buffer = bytes | memoryview
 
 FRAMES = "frames.bin"
@@ -89,7 +89,7 @@ def decode(block: Buffer, shape: Shape, skeleton: Skeleton, fps: float, name: st
     _check_memory(shape.n_frames, changing, len(block))
     types = [np.dtype("<i2" if shape.form == "int16" else "<f4"), np.dtype("<f4"), np.dtype("<f4")]
     at = _aligned(sum(widths))
-    tracks: list[Float] = []
+    tracks: list[FloatArray] = []
     for changes, n_parts, dtype in zip(changing, (4, 3, 3), types, strict=False):
         n_changing = int(changes.sum())
         n_constant = len(changes) - n_changing
@@ -171,7 +171,7 @@ def _validated(numbers: NDArray[Any]) -> NDArray[Any]:
     return values
 
 
-def _positions(values: Float, name: str) -> NDArray[np.float32]:
+def _positions(values: FloatArray, name: str) -> NDArray[np.float32]:
     with np.errstate(over="ignore"):
         stored = values.astype("<f4")
     if not np.isfinite(stored).all():

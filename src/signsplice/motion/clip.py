@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.euler_channels import Channels
-
-Float = NDArray[np.float64]
 
 _UNIT_TOLERANCE = 1e-6
 _BLOCK = 32
@@ -30,7 +29,7 @@ SAME_FPS = 1e-6
 """Frame rates that differ by less than this fraction are one rate."""
 
 
-def _frozen(array: Float) -> Float:
+def _frozen(array: FloatArray) -> FloatArray:
     """A read-only view: the clip cannot be written through; no copy is made."""
     view = np.asarray(array, np.float64).view()
     view.flags.writeable = False
@@ -42,7 +41,7 @@ def _is_text(text: object) -> bool:
     return isinstance(text, str) and not any("\ud800" <= character <= "\udfff" for character in text)
 
 
-def _are_near(lengths: Float) -> bool:
+def _are_near(lengths: FloatArray) -> bool:
     """Whether all are finite and of a size that can be worked with; False for NaN."""
     return lengths.size == 0 or bool(lengths.min() > -_FARTHEST and lengths.max() < _FARTHEST)
 
@@ -56,7 +55,7 @@ class EndSite:
     """
 
     joint: int
-    offset: Float
+    offset: FloatArray
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "offset", _frozen(self.offset))
@@ -77,7 +76,7 @@ class Skeleton:
 
     names: tuple[str, ...]
     parents: NDArray[np.intp]
-    offsets: Float
+    offsets: FloatArray
     end_sites: tuple[EndSite, ...] = ()
     roles: Mapping[str, str] | None = None
 
@@ -151,11 +150,11 @@ class Clip:
     """
 
     skeleton: Skeleton
-    local_rotations: Float
-    root_positions: Float
+    local_rotations: FloatArray
+    root_positions: FloatArray
     fps: float
     name: str = ""
-    translations: Float | None = None
+    translations: FloatArray | None = None
     channels: Channels | None = None
     left_out: tuple[str, ...] = ()
     source_clip: Clip | None = field(default=None, init=False)
@@ -296,7 +295,7 @@ def unchecked_copy(clip: Clip, **changes: object) -> Clip:
     return made
 
 
-def bone_translations(clip: Clip) -> Float:
+def bone_translations(clip: Clip) -> FloatArray:
     """Translation (T, J, 3) of every joint from its parent in every frame, whether the clip animates them or not."""
     if clip.translations is not None:
         return clip.translations
@@ -319,7 +318,7 @@ def resample(clip: Clip, fps: float, speed: float = 1.0) -> Clip:
     return replace(sampled(clip, np.minimum(np.arange(n_frames) * step, len(clip) - 1)), fps=fps)
 
 
-def sampled(clip: Clip, at: Float) -> Clip:
+def sampled(clip: Clip, at: FloatArray) -> Clip:
     """The frames of a clip at ``at`` (N,), counted in its frames, 0 to T - 1; slerp between neighbouring ones."""
     low = np.minimum(np.floor(at + 1e-9).astype(np.intp), len(clip) - 1)
     high = np.minimum(low + 1, len(clip) - 1)
@@ -331,7 +330,7 @@ def sampled(clip: Clip, at: Float) -> Clip:
         part = slice(start, start + _BLOCK)
         rotations[part] = rotation.slerp(q[low[part]], q[high[part]], weight[part, None])
 
-    def between(x: Float) -> Float:
+    def between(x: FloatArray) -> FloatArray:
         w = weight.reshape(-1, *([1] * (x.ndim - 1)))
         return np.asarray(x[low] + w * (x[high] - x[low]))  # a value that does not change stays exact
 

@@ -11,12 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 
-Float = NDArray[np.float64]
 Names = tuple[tuple[str, ...], ...]
 
 _BLOCK = 4096
@@ -36,8 +35,8 @@ class Channels:
     """
 
     names: Names
-    values: Float
-    offsets: Float
+    values: FloatArray
+    offsets: FloatArray
     frame_time: float
     starts: tuple[int, ...] = (0,)
     root_moved: bool = False
@@ -119,7 +118,7 @@ def first_columns(names: Names) -> list[int]:
     return [int(c) for c in ends[:-1]]
 
 
-def to_motion(names: Names, values: Float, offsets: Float) -> tuple[Float, Float]:
+def to_motion(names: Names, values: FloatArray, offsets: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Local rotations (T, J, 4) and translations (T, J, 3) that channel ``values`` (T, C) stand for.
 
     A position channel replaces its component of the offset (rejected: adding to it, which puts 6-channel files far

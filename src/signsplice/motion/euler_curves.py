@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, bone_translations
 from signsplice.motion.euler_channels import (
     POSITIONS,
@@ -24,8 +24,6 @@ from signsplice.motion.euler_channels import (
     to_motion,
 )
 
-Float = NDArray[np.float64]
-
 _WIDEN_DEG = 1e-4
 """A joint gets the rotation channels it lacks only where it rotates by more than this about their axes."""
 _DECIMALS = 8
@@ -34,7 +32,7 @@ _LOCKED = 1e-6
 """Below this cosine of the middle angle only the sum or difference of the other two is determined."""
 
 
-def complete(clip: Clip) -> tuple[Names, Float]:
+def complete(clip: Clip) -> tuple[Names, FloatArray]:
     """Channel names and values (T, C) of every frame of a clip, no number missing.
 
     Numbers from a file stay as they are; each run of them may shift as a whole by whole revolutions, or to the other
@@ -89,7 +87,7 @@ def _three(axes: str) -> str:
     return axes + "".join(letter for letter in "ZXY" if letter not in axes)
 
 
-def _given_angles(given: Channels) -> Float:
+def _given_angles(given: Channels) -> FloatArray:
     """Angles (T, J, 3), degrees, along each joint's three axes: as given, 0 about axes that have no channel, else
     NaN.
     """
@@ -104,7 +102,7 @@ def _given_angles(given: Channels) -> Float:
     return angles
 
 
-def _continued(angles: Float, rotations: Float, axes: str, spans: Sequence[tuple[int, int]]) -> Float:
+def _continued(angles: FloatArray, rotations: FloatArray, axes: str, spans: Sequence[tuple[int, int]]) -> FloatArray:
     """Angles (T, K, 3), degrees, of joints with one order of axes: missing ones derived, each span run on from the one
     before.
     """
@@ -120,7 +118,7 @@ def _continued(angles: Float, rotations: Float, axes: str, spans: Sequence[tuple
     return out
 
 
-def _continued_span(angles: Float, before: Float) -> Float:
+def _continued_span(angles: FloatArray, before: FloatArray) -> FloatArray:
     """A span (S, K, 3), degrees, moved as a whole to the equal numbers nearest to ``before`` (K, 3)."""
     first = angles[0]
     other = np.stack([first[:, 0] + 180.0, 180.0 - first[:, 1], first[:, 2] + 180.0], axis=-1)
@@ -133,7 +131,7 @@ def _continued_span(angles: Float, before: Float) -> Float:
     return np.asarray(np.where((other_cost < cost - 1e-6)[:, None], mirrored + other_shift, angles + shift))
 
 
-def _derived(rotations: Float, axes: str, before: Float | None) -> Float:
+def _derived(rotations: FloatArray, axes: str, before: FloatArray | None) -> FloatArray:
     """Angles (S, K, 3), degrees, of ``rotations`` (S, K, 4), each frame nearest to the one before it."""
     angles = rotation.to_euler(rotations, axes)
     sign = 1.0 if axes in ("XYZ", "YZX", "ZXY") else -1.0
@@ -152,13 +150,13 @@ def _derived(rotations: Float, axes: str, before: Float | None) -> Float:
     return np.rad2deg(angles)
 
 
-def _written(clip: Clip, given: Channels, axes: Sequence[str], angles: Float) -> tuple[Names, Float]:
+def _written(clip: Clip, given: Channels, axes: Sequence[str], angles: FloatArray) -> tuple[Names, FloatArray]:
     """Names and values (T, C) of ``angles`` and positions in the layout of ``given``, widened where it cannot hold
     them.
     """
     names: list[tuple[str, ...]] = []
-    curves: list[Float] = []
-    kept: list[Float] = []
+    curves: list[FloatArray] = []
+    kept: list[FloatArray] = []
     nothing = np.full(len(clip), np.nan)
     for joint, (start, channels) in enumerate(zip(first_columns(given.names), given.names, strict=True)):
         position = _positions(clip, joint)
@@ -177,7 +175,7 @@ def _written(clip: Clip, given: Channels, axes: Sequence[str], angles: Float) ->
     return tuple(names), _rounded(np.stack(curves, axis=1), np.stack(kept, axis=1), names)
 
 
-def _positions(clip: Clip, joint: int) -> Float:
+def _positions(clip: Clip, joint: int) -> FloatArray:
     """Translation (T, 3) of a joint from its parent in every frame; the root's is its position in the world."""
     if joint == 0:
         return clip.root_positions
@@ -186,12 +184,12 @@ def _positions(clip: Clip, joint: int) -> Float:
     return np.broadcast_to(clip.skeleton.offsets[joint], (len(clip), 3))
 
 
-def _curve(name: str, axes: str, angles: Float, position: Float) -> Float:
+def _curve(name: str, axes: str, angles: FloatArray, position: FloatArray) -> FloatArray:
     """One channel's curve (T,): an angle of ``angles`` (T, 3), or a component of ``position`` (T, 3)."""
     return position[:, POSITIONS.index(name)] if name in POSITIONS else angles[:, axes.index(name[0].upper())]
 
 
-def _rounded(curves: Float, given: Float, names: Sequence[Sequence[str]]) -> Float:
+def _rounded(curves: FloatArray, given: FloatArray, names: Sequence[Sequence[str]]) -> FloatArray:
     """Curves (T, C), numbers that were given (T, C) among them, the others rounded. An angle that was given counts as
     long as its curve was not led elsewhere.
     """

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, Skeleton
 
-Float = NDArray[np.float64]
 
-
-def forward(clip: Clip, joints: Sequence[int] | None = None, origin: int | None = None) -> tuple[Float, Float]:
+def forward(
+    clip: Clip, joints: Sequence[int] | None = None, origin: int | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Global rotations (T, K, 3, 3) and positions (T, K, 3) of joints in the world.
 
     joints: K joint indices, all by default; only they and their ancestors are computed.
@@ -118,7 +119,7 @@ def common_ancestor(skeleton: Skeleton, joints: Sequence[int]) -> int:
     return max(shared)
 
 
-def _components_first(q: Float, out: Float) -> None:
+def _components_first(q: FloatArray, out: FloatArray) -> None:
     """Rotation matrices, written to ``out`` (3, 3, K, T), of quaternions (T, K, 4)."""
     x, y, z, w = np.ascontiguousarray(q.transpose(2, 1, 0))
     x2, y2, z2 = x + x, y + y, z + z
@@ -130,7 +131,7 @@ def _components_first(q: Float, out: Float) -> None:
     out[2, 0], out[2, 1], out[2, 2] = xz - wy, yz + wx, 1.0 - xx - yy
 
 
-def tip_positions(clip: Clip, global_rotations: Float, global_positions: Float) -> Float:
+def tip_positions(clip: Clip, global_rotations: FloatArray, global_positions: FloatArray) -> FloatArray:
     """Positions (T, E, 3) of the skeleton's end sites, from the globals of ``forward`` for all joints."""
     sites = clip.skeleton.end_sites
     joints = [site.joint for site in sites]
@@ -138,7 +139,7 @@ def tip_positions(clip: Clip, global_rotations: Float, global_positions: Float) 
     return np.asarray(global_positions[:, joints] + np.einsum("teab,eb->tea", global_rotations[:, joints], offsets))
 
 
-def rest_positions(skeleton: Skeleton) -> Float:
+def rest_positions(skeleton: Skeleton) -> FloatArray:
     """Joint positions (J, 3) of the rest pose, every rotation identity, the root at the origin."""
     positions = np.zeros((len(skeleton), 3))
     for joint in range(1, len(skeleton)):
@@ -148,11 +149,11 @@ def rest_positions(skeleton: Skeleton) -> Float:
 
 def rotations_from_positions(
     skeleton: Skeleton,
-    positions: Float,
-    before: Float | None = None,
-    after: Float | None = None,
+    positions: FloatArray,
+    before: FloatArray | None = None,
+    after: FloatArray | None = None,
     joints: Sequence[int] | None = None,
-) -> Float:
+) -> FloatArray:
     """Local rotations (T, J, 4) that bring a skeleton's joints to ``positions`` (T, K, 3) as near as its bones allow.
 
     joints: the K joints whose positions these are, all by default.
@@ -174,7 +175,7 @@ def rotations_from_positions(
     end = None if after is None else np.asarray(after, np.float64)
     alpha = np.arange(1, len(positions) + 1) / (len(positions) + 1)
     local = rotation.slerp(start[None], (start if end is None else end)[None], alpha[:, None])  # (T, J, 4)
-    globals_: list[Float] = []
+    globals_: list[FloatArray] = []
     for joint in range(n_joints):
         parent = skeleton.parents[joint]
         above = globals_[parent] if parent >= 0 else np.broadcast_to(rotation.IDENTITY, (len(positions), 4))
@@ -193,7 +194,7 @@ def rotations_from_positions(
     return rotation.continuous(local)
 
 
-def _bones(skeleton: Skeleton, local: Float, joint: int, given: Container[int]) -> dict[int, Float]:
+def _bones(skeleton: Skeleton, local: FloatArray, joint: int, given: Container[int]) -> dict[int, FloatArray]:
     """The nearest joints below ``joint`` that are given, with their way (T, 3) from it in its own axes; ``local``
     (T, J, 4) holds the rotations of the joints between. Those at its own place are left out.
     """
@@ -211,19 +212,19 @@ def _bones(skeleton: Skeleton, local: Float, joint: int, given: Container[int]) 
     return {child: way for child, way in found.items() if np.linalg.norm(way[0]) > 1e-9}
 
 
-def _spans_plane(offsets: Float) -> bool:
+def _spans_plane(offsets: FloatArray) -> bool:
     directions = offsets / np.linalg.norm(offsets, axis=-1, keepdims=True)
     return bool(np.linalg.matrix_rank(directions, tol=0.05) >= 2)
 
 
-def _fitted(rest: Float, seen: Float) -> Float:
+def _fitted(rest: FloatArray, seen: FloatArray) -> FloatArray:
     """Rotations (T, 4) that take the bones ``rest`` (T, C, 3) nearest to ``seen`` (T, C, 3) (Kabsch 1976, by SVD)."""
     u, _, vt = np.linalg.svd(np.einsum("tca,tcb->tab", seen, rest))
     u[..., -1] *= np.sign(np.linalg.det(u) * np.linalg.det(vt))[:, None]
     return rotation.from_matrix(u @ vt)
 
 
-def _transported(rest: Float, seen: Float, start: Float, end: Float | None) -> Float:
+def _transported(rest: FloatArray, seen: FloatArray, start: FloatArray, end: FloatArray | None) -> FloatArray:
     """Rotations (T, 4) that point the bone ``rest`` (T, 3) along ``seen`` (T, 3) without needless twist, from ``start``
     (4,).
     """

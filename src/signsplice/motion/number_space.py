@@ -7,13 +7,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
-
-Float = NDArray[np.float64]
 
 _NAMED = 3
 """Most joints named in an error."""
@@ -58,7 +56,7 @@ class NumberSpace:
         """Numbers a frame, 3 J."""
         return 3 * len(self.joints)
 
-    def numbers(self, clip: Clip) -> Float:
+    def numbers(self, clip: Clip) -> FloatArray:
         """The numbers (T, 3 J) of a clip in cm. Joints are found by name, whatever stands before a colon in it.
 
         Raises ``InputError`` where the clip lacks one of the joints.
@@ -68,7 +66,7 @@ class NumberSpace:
         positions = kinematics.forward(clip, None if whole else chosen)[1]  # (T, J, 3)
         return np.asarray(((positions - np.array(self.middle)) / self.side).reshape(len(positions), -1))
 
-    def positions(self, numbers: Float) -> Float:
+    def positions(self, numbers: FloatArray) -> FloatArray:
         """The joint positions (T, J, 3), cm, of numbers (T, 3 J)."""
         return np.asarray(numbers.reshape(len(numbers), -1, 3) * self.side + np.array(self.middle))
 

@@ -9,18 +9,18 @@ leading axes, are pure and leave their arguments as they are.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Float = NDArray[np.float64]
+from signsplice.motion.arrays import FloatArray
 
-IDENTITY: Float = np.array([0.0, 0.0, 0.0, 1.0])
+IDENTITY: FloatArray = np.array([0.0, 0.0, 0.0, 1.0])
 IDENTITY.flags.writeable = False
 
 _AXIS = {"X": 0, "Y": 1, "Z": 2}
 _TINY = 1e-12
 
 
-def cross(a: ArrayLike, b: ArrayLike) -> Float:
+def cross(a: ArrayLike, b: ArrayLike) -> FloatArray:
     """Cross product (..., 3); several times as fast as numpy's on the small arrays of a seam."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
@@ -30,7 +30,7 @@ def cross(a: ArrayLike, b: ArrayLike) -> Float:
     return out
 
 
-def multiply(a: ArrayLike, b: ArrayLike) -> Float:
+def multiply(a: ArrayLike, b: ArrayLike) -> FloatArray:
     """Product ``a * b`` (``b`` acts first), (..., 4)."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     ax, ay, az, aw = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
@@ -43,12 +43,12 @@ def multiply(a: ArrayLike, b: ArrayLike) -> Float:
     return out
 
 
-def inverse(q: ArrayLike) -> Float:
+def inverse(q: ArrayLike) -> FloatArray:
     """Inverse of unit quaternions, (..., 4)."""
     return np.asarray(np.asarray(q, np.float64) * np.array([-1.0, -1.0, -1.0, 1.0]))
 
 
-def normalize(q: ArrayLike) -> Float:
+def normalize(q: ArrayLike) -> FloatArray:
     """``q`` at unit length, (..., 4). Raises ``ValueError`` for a quaternion of length 0."""
     q = np.asarray(q, np.float64)
     length = np.linalg.norm(q, axis=-1, keepdims=True)
@@ -57,7 +57,7 @@ def normalize(q: ArrayLike) -> Float:
     return np.asarray(q / length)
 
 
-def rotate(q: ArrayLike, v: ArrayLike) -> Float:
+def rotate(q: ArrayLike, v: ArrayLike) -> FloatArray:
     """Vectors ``v`` (..., 3) rotated by ``q`` (..., 4): v + 2w(u x v) + 2u x (u x v), u the vector part."""
     q, v = np.asarray(q, np.float64), np.asarray(v, np.float64)
     u = q[..., :3]
@@ -65,7 +65,7 @@ def rotate(q: ArrayLike, v: ArrayLike) -> Float:
     return np.asarray(v + q[..., 3:] * t + cross(u, t))
 
 
-def to_matrix(q: ArrayLike) -> Float:
+def to_matrix(q: ArrayLike) -> FloatArray:
     """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
     q = np.asarray(q, np.float64)
     x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
@@ -86,7 +86,7 @@ def to_matrix(q: ArrayLike) -> Float:
     return m
 
 
-def from_matrix(m: ArrayLike) -> Float:
+def from_matrix(m: ArrayLike) -> FloatArray:
     """Unit quaternions (..., 4), w >= 0, of rotation matrices (..., 3, 3) (Bar-Itzhack 2000, by the largest
     component).
     """
@@ -112,7 +112,7 @@ def from_matrix(m: ArrayLike) -> Float:
     return np.asarray(np.where(q[..., 3:] < 0.0, -q, q))
 
 
-def exp(rotvec: ArrayLike) -> Float:
+def exp(rotvec: ArrayLike) -> FloatArray:
     """Unit quaternions (..., 4) of rotation vectors (..., 3), radians."""
     v = np.asarray(rotvec, np.float64)
     angle = np.sqrt(np.einsum("...i,...i->...", v, v))[..., None]
@@ -121,7 +121,7 @@ def exp(rotvec: ArrayLike) -> Float:
     return np.concatenate([v * scale, np.cos(0.5 * angle)], axis=-1)
 
 
-def log(q: ArrayLike) -> Float:
+def log(q: ArrayLike) -> FloatArray:
     """Rotation vectors (..., 3) of unit quaternions (..., 4), by the short side (angle <= pi)."""
     q = np.asarray(q, np.float64)
     sign = np.where(q[..., 3:] < 0.0, -1.0, 1.0)
@@ -132,24 +132,24 @@ def log(q: ArrayLike) -> Float:
     return np.asarray(v * scale)
 
 
-def difference(a: ArrayLike, b: ArrayLike) -> Float:
+def difference(a: ArrayLike, b: ArrayLike) -> FloatArray:
     """Rotation vector (..., 3) that takes ``a`` to ``b`` in the frame of ``a``: log(a^-1 b)."""
     return log(multiply(inverse(a), b))
 
 
-def angle_between(a: ArrayLike, b: ArrayLike) -> Float:
+def angle_between(a: ArrayLike, b: ArrayLike) -> FloatArray:
     """Angle (...) between two rotations, radians in [0, pi]."""
     d = difference(a, b)
     return np.asarray(np.sqrt(np.einsum("...i,...i->...", d, d)))
 
 
-def slerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Float:
+def slerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> FloatArray:
     """Great-circle interpolation (..., 4) from ``a`` (t = 0) to ``b`` (t = 1), by the short side."""
     t = np.asarray(t, np.float64)
     return multiply(a, exp(difference(a, b) * t[..., None]))
 
 
-def nlerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Float:
+def nlerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> FloatArray:
     """Normalised linear interpolation (..., 4), by the short side."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     t = np.asarray(t, np.float64)[..., None]
@@ -158,7 +158,7 @@ def nlerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Float:
     return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True))
 
 
-def continuous(q: ArrayLike) -> Float:
+def continuous(q: ArrayLike) -> FloatArray:
     """The same rotations (T, ..., 4) with signs chosen so that neighbours along the first axis never point apart."""
     q = np.array(q, np.float64)
     if len(q) > 1:
@@ -167,7 +167,7 @@ def continuous(q: ArrayLike) -> Float:
     return q
 
 
-def between_vectors(u: ArrayLike, v: ArrayLike) -> Float:
+def between_vectors(u: ArrayLike, v: ArrayLike) -> FloatArray:
     """Smallest rotations (..., 4) that turn the directions ``u`` (..., 3) into ``v`` (..., 3).
 
     Lengths do not matter. Opposite directions turn by pi about some axis normal to ``u``; a zero vector gives identity.
@@ -185,7 +185,7 @@ def between_vectors(u: ArrayLike, v: ArrayLike) -> Float:
     return np.where(norm < _TINY, IDENTITY, q / np.where(norm < _TINY, 1.0, norm))
 
 
-def twist_angle(q: ArrayLike, axis: ArrayLike) -> Float:
+def twist_angle(q: ArrayLike, axis: ArrayLike) -> FloatArray:
     """Signed angle (...) in (-pi, pi] by which ``q`` turns about the unit ``axis`` (..., 3) (swing-twist
     decomposition).
     """
@@ -195,7 +195,7 @@ def twist_angle(q: ArrayLike, axis: ArrayLike) -> Float:
     return np.asarray(np.pi - np.mod(np.pi - angle, 2.0 * np.pi))
 
 
-def right_jacobian_inverse(rotvec: ArrayLike, w: ArrayLike) -> Float:
+def right_jacobian_inverse(rotvec: ArrayLike, w: ArrayLike) -> FloatArray:
     """Rate of the rotation vector (..., 3) at ``rotvec`` whose body angular velocity is ``w`` (..., 3).
 
     x' = J_r(x)^-1 w with J_r^-1 = I + [x]/2 + (1/|x|^2 - (1 + cos|x|) / (2|x| sin|x|)) [x]^2 (Chirikjian 2012, eq.
@@ -211,14 +211,14 @@ def right_jacobian_inverse(rotvec: ArrayLike, w: ArrayLike) -> Float:
     return np.asarray(w + 0.5 * xw + k * cross(x, xw))
 
 
-def from_euler(angles: ArrayLike, axes: str) -> Float:
+def from_euler(angles: ArrayLike, axes: str) -> FloatArray:
     """Quaternions (..., 4) of intrinsic Euler angles (..., n), radians.
 
     ``axes`` holds n letters of XYZ in the order of the product: ``"ZXY"`` is Rz(a0) Rx(a1) Ry(a2), which is what BVH's
     channel order means. n may be 0 to 3.
     """
     half = 0.5 * np.asarray(angles, np.float64)
-    q: list[Float | float] = [0.0, 0.0, 0.0, 1.0]
+    q: list[FloatArray | float] = [0.0, 0.0, 0.0, 1.0]
     for n, letter in enumerate(axes):
         i = _AXIS[letter]
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -232,7 +232,7 @@ def from_euler(angles: ArrayLike, axes: str) -> Float:
     return out
 
 
-def to_euler(q: ArrayLike, axes: str) -> Float:
+def to_euler(q: ArrayLike, axes: str) -> FloatArray:
     """Intrinsic Euler angles (..., 3), radians, of rotations (..., 4) for three different ``axes`` ("ZXY", ...).
 
     The middle angle lies in [-pi/2, pi/2]. In gimbal lock the first angle is 0 and the third takes the whole rotation.
@@ -250,7 +250,7 @@ def to_euler(q: ArrayLike, axes: str) -> Float:
     return np.stack([first, middle, third], axis=-1)
 
 
-def nearest_euler(angles: ArrayLike, reference: ArrayLike) -> Float:
+def nearest_euler(angles: ArrayLike, reference: ArrayLike) -> FloatArray:
     """Those Euler angles (..., 3) of the same rotation that lie nearest to ``reference`` (..., 3).
 
     A rotation has the triples (a, b, c) and (a + pi, pi - b, c + pi), each up to whole revolutions of any angle.
@@ -265,7 +265,7 @@ def nearest_euler(angles: ArrayLike, reference: ArrayLike) -> Float:
     return np.where(cost_far < cost_near, far, near)
 
 
-def nearest_euler_sequence(angles: ArrayLike, before: ArrayLike | None = None) -> Float:
+def nearest_euler_sequence(angles: ArrayLike, before: ArrayLike | None = None) -> FloatArray:
     """Euler angles (T, ..., 3) of the same rotations, in every frame those nearest to the frame before's, in the first
     nearest to ``before`` (..., 3), where there is one: ``nearest_euler`` again and again, for all frames at once.
     """
@@ -292,7 +292,7 @@ def nearest_euler_sequence(angles: ArrayLike, before: ArrayLike | None = None) -
     return np.asarray(out + revolution * np.cumsum(revolutions, axis=0))
 
 
-def to_6d(q: ArrayLike) -> Float:
+def to_6d(q: ArrayLike) -> FloatArray:
     """First two columns of the rotation matrix (..., 6) (Zhou et al. 2019, eq. 13)."""
     q = np.asarray(q, np.float64)
     x, y, z, w = (q[..., k] for k in range(4))
@@ -304,20 +304,20 @@ def to_6d(q: ArrayLike) -> Float:
     return out
 
 
-def matrix_to_6d(m: ArrayLike) -> Float:
+def matrix_to_6d(m: ArrayLike) -> FloatArray:
     """The same six numbers (..., 6) of rotation matrices (..., 3, 3)."""
     m = np.asarray(m, np.float64)
     return np.concatenate([m[..., :, 0], m[..., :, 1]], axis=-1)
 
 
-def from_6d(r: ArrayLike) -> Float:
+def from_6d(r: ArrayLike) -> FloatArray:
     """Rotations (..., 4) from 6D (..., 6) by Gram-Schmidt (Zhou et al. 2019, eq. 14). Raises ``ValueError`` if
     degenerate.
     """
     return from_matrix(matrix_from_6d(r))
 
 
-def matrix_from_6d(r: ArrayLike) -> Float:
+def matrix_from_6d(r: ArrayLike) -> FloatArray:
     """The same as matrices (..., 3, 3)."""
     r = np.asarray(r, np.float64)
     a, b = r[..., :3], r[..., 3:]

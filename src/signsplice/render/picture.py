@@ -14,6 +14,7 @@ from signsplice.body.mesh import CLOTHES, SKIN, TIPS, bind_pose, body_mesh, caps
 from signsplice.body.mesh_part import MeshPart
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.render.raster import Canvas, Pixels, lit
@@ -21,7 +22,6 @@ from signsplice.rig.info import rig_info
 from signsplice.rig.placement import placement
 from signsplice.rig.roles import FINGERS
 
-Float = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 VIEWS = {"front": 0.0, "three-quarter": 40.0, "side": 90.0}
@@ -52,8 +52,8 @@ class Skin:
     tints: Pixels
     groups: NDArray[np.int16]
     hands: NDArray[np.str_]
-    rotations: Float
-    positions: Float
+    rotations: FloatArray
+    positions: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,13 +72,13 @@ class Scene:
     """
 
     skin: Skin
-    rotations: Float
-    positions: Float
-    axes: Float
-    origin: Float
+    rotations: FloatArray
+    positions: FloatArray
+    axes: FloatArray
+    origin: FloatArray
     height: float
     window: tuple[float, float, float, float]
-    hands: Float
+    hands: FloatArray
     depths: tuple[float, float]
 
 
@@ -173,7 +173,9 @@ def _with_shown_bones(clip: Clip) -> Skeleton:
     return replace(clip.skeleton, offsets=offsets)
 
 
-def _window(body: BodyCapsules, starts: Float, ends: Float, radii: Float) -> tuple[float, float, float, float]:
+def _window(
+    body: BodyCapsules, starts: FloatArray, ends: FloatArray, radii: FloatArray
+) -> tuple[float, float, float, float]:
     """Left, right, bottom and top of the box around all parts but the legs, over all frames."""
     upper = np.array([part not in _LEGS for part in body.parts])
     points = np.concatenate([starts[:, upper], ends[:, upper]], axis=1)  # (T, 2 C, 3)
@@ -183,7 +185,7 @@ def _window(body: BodyCapsules, starts: Float, ends: Float, radii: Float) -> tup
     return float(low[0] - margin), float(high[0] + margin), float(low[1] - margin), float(high[1] + margin)
 
 
-def _hand_centres(body: BodyCapsules, starts: Float, ends: Float) -> Float:
+def _hand_centres(body: BodyCapsules, starts: FloatArray, ends: FloatArray) -> FloatArray:
     """Centres (T, 2, 3) of the left and right hand: mean of the far ends of the palm's capsules; 0 without a hand."""
     centres = np.zeros((len(starts), 2, 3))
     for n, side in enumerate(("left", "right")):

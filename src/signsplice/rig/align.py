@@ -11,16 +11,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.errors import RigMismatchError
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, resample
 from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import Placement, place, placement
-
-Float = NDArray[np.float64]
 
 SAME_DIRECTION_DEG = 20.0
 """Rest bones that point within this angle of one another count as one rig's; local rotations then mean the same."""
@@ -44,7 +42,7 @@ class Reference:
     skeleton: Skeleton
     fps: float
     placement: Placement
-    held_pose: Float
+    held_pose: FloatArray
     name: str
 
 
@@ -187,10 +185,10 @@ def _transfer(
     clip: Clip,
     target: Skeleton,
     counterpart: Mapping[int, int],
-    held_pose: Float,
-    source_t_pose: Float | None = None,
-    target_t_pose: Float | None = None,
-) -> Float:
+    held_pose: FloatArray,
+    source_t_pose: FloatArray | None = None,
+    target_t_pose: FloatArray | None = None,
+) -> FloatArray:
     """Local rotations (T, J, 4) on ``target`` that give each joint the global rotation of its counterpart.
 
     ``*_t_pose``: (J, 4) global rotations that bring each rest skeleton into the T-pose; identity by default. A joint
@@ -201,7 +199,7 @@ def _transfer(
     plain = source_t_pose is None or target_t_pose is None
     source_globals = _global_rotations(clip)
     out = np.empty((len(clip), len(target), 4))
-    globals_: list[Float] = []
+    globals_: list[FloatArray] = []
     for joint in range(len(target)):
         parent = int(target.parents[joint])
         over = globals_[parent] if parent >= 0 else np.broadcast_to(rotation.IDENTITY, (len(clip), 4))
@@ -223,8 +221,8 @@ def _transfer(
     return out
 
 
-def _global_rotations(clip: Clip) -> list[Float]:
-    rotations: list[Float] = []
+def _global_rotations(clip: Clip) -> list[FloatArray]:
+    rotations: list[FloatArray] = []
     for joint in range(len(clip.skeleton)):
         local = clip.local_rotations[:, joint]
         parent = clip.skeleton.parents[joint]

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
-
-Float = NDArray[np.float64]
 
 _RAISED_FRACTION = 0.4
 """An arm has left its rest when it has risen this fraction of the height from rest to its highest; less than half, so
@@ -36,19 +34,19 @@ class Arms:
     fps: frame rate.
     """
 
-    shoulders: Float
-    elbows: Float
-    wrists: Float
-    hand_rotations: Float
-    hips: Float
-    up: Float
+    shoulders: FloatArray
+    elbows: FloatArray
+    wrists: FloatArray
+    hand_rotations: FloatArray
+    hips: FloatArray
+    up: FloatArray
     length: float
     shoulder_width: float
     metres: float
     fps: float
 
     @property
-    def lift(self) -> Float:
+    def lift(self) -> FloatArray:
         """Height of each wrist (T, 2): 0 where the arm hangs straight down, 1 at shoulder height."""
         return np.asarray(1.0 + (self.wrists - self.shoulders) @ self.up / self.length)
 
@@ -85,7 +83,7 @@ def _arms(clip: Clip) -> Arms:
     )
 
 
-def seen_from_trunk(own: Arms) -> tuple[Float, Float]:
+def seen_from_trunk(own: Arms) -> tuple[FloatArray, FloatArray]:
     """Positions (T, 2, 3) and rotation matrices (T, 2, 3, 3) of the hands, from between the shoulders and in axes that
     turn and lean with the trunk: a body that sways moves no hand.
     """
@@ -107,7 +105,7 @@ def active_span(arms: Arms) -> tuple[int, int]:
     return span_between_rests(arms.lift, (arms.elbows - arms.shoulders) @ arms.up / arms.length + 1.0)
 
 
-def span_between_rests(wrists: Float, elbows: Float) -> tuple[int, int]:
+def span_between_rests(wrists: FloatArray, elbows: FloatArray) -> tuple[int, int]:
     """``active_span`` by the heights (T, 2) of both wrists and both elbows, arm lengths."""
     reach = wrists.max(axis=1)
     peak = float(reach.max())

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.arms import span_between_rests
 from signsplice.rig.canonical_map import MIRROR, ROLES, TIPS
 from signsplice.rig.info import rig_info
-
-Float = NDArray[np.float64]
 
 FEATURE_FPS = 30.0
 """Frame rate at which networks see canonical motion, whatever the rate of the clip."""
@@ -35,9 +34,9 @@ class CanonicalMotion:
     fps: frame rate.
     """
 
-    quats: Float
-    positions: Float
-    elbow_positions: Float
+    quats: FloatArray
+    positions: FloatArray
+    elbow_positions: FloatArray
     has_role: NDArray[np.bool_]
     fps: float
 
@@ -82,7 +81,7 @@ def canonical_motion(clip: Clip) -> CanonicalMotion:
     )
 
 
-def _rotation_along(local: Float, path: tuple[tuple[int, bool], ...]) -> Float:
+def _rotation_along(local: FloatArray, path: tuple[tuple[int, bool], ...]) -> FloatArray:
     """The rotation (T, 4) from one joint to another, of local rotations (T, J, 4)."""
     out = np.broadcast_to(rotation.IDENTITY, (len(local), 4))
     for joint, up in path:
@@ -91,8 +90,8 @@ def _rotation_along(local: Float, path: tuple[tuple[int, bool], ...]) -> Float:
 
 
 def apply_deltas(
-    skeleton: Skeleton, local_rotations: Float, delta_rotvecs: Float, roles: NDArray[np.bool_] | None = None
-) -> Float:
+    skeleton: Skeleton, local_rotations: FloatArray, delta_rotvecs: FloatArray, roles: NDArray[np.bool_] | None = None
+) -> FloatArray:
     """Local rotations (T, J, 4) with each role's joint turned by ``delta_rotvecs`` (T, R, 3), rotation vectors in
     canonical axes, radians; other joints stay. Roles that the rig lacks, or that are not among ``roles`` (R,), are
     passed over.
@@ -107,7 +106,7 @@ def apply_deltas(
     return out
 
 
-def canonical_bones(skeleton: Skeleton) -> Float:
+def canonical_bones(skeleton: Skeleton) -> FloatArray:
     """From the joint of the role above to each role's own in the T-pose (R, 3), arm lengths; 0 where a role is missing.
 
     With canonical rotations A, joints lie at p_j = p_parent + K_parent bone_j, as near as joints without a role keep
@@ -121,6 +120,6 @@ def canonical_bones(skeleton: Skeleton) -> Float:
     return np.asarray(np.where(canonical.has_role[:, None], bones, 0.0))
 
 
-def mirrored_deltas(delta_rotvecs: Float) -> Float:
+def mirrored_deltas(delta_rotvecs: FloatArray) -> FloatArray:
     """Rotation vectors (T, R, 3) of all roles as they are in the mirror."""
     return np.asarray(delta_rotvecs[:, MIRROR] * np.array([1.0, -1.0, -1.0]))

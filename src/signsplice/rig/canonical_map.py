@@ -17,11 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Skeleton
 from signsplice.rig.roles import FINGERS, Humanoid, arm_joints, finger_roles
 from signsplice.rig.t_pose import TPose
-
-Float = NDArray[np.float64]
 
 TRUNK = ("spine", "chest", "upperChest", "neck", "head")
 ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand")
@@ -64,11 +63,11 @@ class CanonicalMap:
 
     joints: NDArray[np.intp]
     parent_rows: NDArray[np.intp]
-    t_pose_rotations: Float
+    t_pose_rotations: FloatArray
     last_joints: NDArray[np.intp]
     joint_paths: dict[int, tuple[tuple[int, bool], ...]]
-    to_canonical: Float
-    from_canonical: Float
+    to_canonical: FloatArray
+    from_canonical: FloatArray
     arms: tuple[int, ...]
     chest: int
     origin: int
@@ -124,6 +123,6 @@ def _joint_path(skeleton: Skeleton, start: int, end: int) -> tuple[tuple[int, bo
     return (*rising, *((joint, False) for joint in reversed(down) if joint not in shared))
 
 
-def _on_quaternions(before: Float, after: Float) -> Float:
+def _on_quaternions(before: FloatArray, after: FloatArray) -> FloatArray:
     """Matrices (K, 4, 4) that take a quaternion q to before q after, for quaternions (K, 4)."""
     return np.stack([rotation.multiply(rotation.multiply(before, q), after) for q in np.eye(4)], axis=-1)

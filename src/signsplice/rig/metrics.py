@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.canonical_map import TRUNK
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
-
-Float = NDArray[np.float64]
 
 POSITION_ERROR = "position-error|joints:arms+fingers|frame:root|unit:arm/1000|mean"
 GROUP_ERRORS = "group-errors|hands:wrists,root|fingers:wrist|trunk:trunk+neck+head,root|unit:arm/1000|mean"
@@ -35,7 +33,7 @@ def fingertip_joints(clip: Clip) -> list[int]:
     return tips or [joint for role, joint in joints.items() if role.endswith("Hand")]
 
 
-def relative_positions(clip: Clip, joints: Sequence[int]) -> Float:
+def relative_positions(clip: Clip, joints: Sequence[int]) -> FloatArray:
     """Positions (T, K, 3) of joints in the axes of the root."""
     rotations, positions = kinematics.forward(clip, [0, *joints])
     return _seen_from(0, rotations, positions, list(range(1, len(joints) + 1)))
@@ -92,7 +90,7 @@ def _is_finger(role: str) -> bool:
     return any(finger in role for finger in FINGERS)
 
 
-def _seen_from(origin: int, rotations: Float, positions: Float, joints: list[int]) -> Float:
+def _seen_from(origin: int, rotations: FloatArray, positions: FloatArray, joints: list[int]) -> FloatArray:
     """Positions (T, K, 3) of joints in the axes of one joint, of global rotations and positions of all."""
     relative = positions[:, joints] - positions[:, origin, None]
     return np.asarray(np.einsum("tba,tkb->tka", rotations[:, origin], relative))
@@ -106,7 +104,7 @@ _MOVING_RAD = 0.005
 """Rotation of the fastest joint in a frame (0.3 degrees) from which on a body counts as moving."""
 
 
-def even_rotation_frames(clip: Clip) -> Float:
+def even_rotation_frames(clip: Clip) -> FloatArray:
     """For every frame but the first and the last (T - 2,): 1 where every arm and finger joint repeats its last rotation
     step, 0 where one does not, NaN where none moves or is known.
 
@@ -149,7 +147,7 @@ def motion_ratio(predicted: Clip, true: Clip) -> float:
     return float(paths[0] / paths[1]) if paths[1] > 0.0 else float("nan")
 
 
-def velocity_jump(positions: Float, first: int, stop: int, fps: float) -> float:
+def velocity_jump(positions: FloatArray, first: int, stop: int, fps: float) -> float:
     """Largest change of velocity from one frame step to the next at either end of frames [first, stop).
 
     positions: (T, K, 3) with at least two frames before ``first`` and after ``stop`` where the clip has them; the unit
@@ -164,7 +162,7 @@ def velocity_jump(positions: Float, first: int, stop: int, fps: float) -> float:
     return float(max((changes[i] for i in ends), default=0.0))
 
 
-def peak_speed(positions: Float, first: int, stop: int, fps: float) -> float:
+def peak_speed(positions: FloatArray, first: int, stop: int, fps: float) -> float:
     """Highest speed of any point (T, K, 3) between frame first - 1 and frame stop, in units a second."""
     path = positions[max(first - 1, 0) : stop + 1]
     if len(path) < 2:
@@ -172,7 +170,7 @@ def peak_speed(positions: Float, first: int, stop: int, fps: float) -> float:
     return float(np.linalg.norm(np.diff(path, axis=0), axis=-1).max() * fps)
 
 
-def jerk_ratio(positions: Float, first: int, stop: int, least: float = 0.0) -> float:
+def jerk_ratio(positions: FloatArray, first: int, stop: int, least: float = 0.0) -> float:
     """Root mean square jerk of frames [first - 1, stop + 1) over that of the frames around them; 1 is as smooth as the
     signs.
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, unchecked_copy
 from signsplice.rig.info import rig_info
-
-Float = NDArray[np.float64]
 
 _SAMPLES = 24
 """Frames, evenly spread, from which a placement is found."""
@@ -38,9 +36,9 @@ class Placement:
     forward: (3,) unit vector, the facing, at right angles to ``up``.
     """
 
-    position: Float
-    up: Float
-    forward: Float
+    position: FloatArray
+    up: FloatArray
+    forward: FloatArray
 
 
 ORIGIN = Placement(np.zeros(3), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
@@ -109,13 +107,13 @@ def _placement(clip: Clip) -> Placement:
     return Placement(_median(np.sum(feet, axis=0) / len(feet) if feet else root), up, forward)
 
 
-def _median(rows: Float) -> Float:
+def _median(rows: FloatArray) -> FloatArray:
     """The median (3,) of rows (T, 3); several times as fast as numpy's on so few."""
     ordered, half = np.sort(rows, axis=0), len(rows) // 2
     return np.asarray(ordered[half] if len(rows) % 2 else 0.5 * (ordered[half - 1] + ordered[half]))
 
 
-def _up_axis(at: dict[str, Float], root: Float) -> Float:
+def _up_axis(at: dict[str, FloatArray], root: FloatArray) -> FloatArray:
     top = at.get("head", at.get("neck"))
     up = np.array([0.0, 1.0, 0.0])
     if top is None:
@@ -125,7 +123,7 @@ def _up_axis(at: dict[str, Float], root: Float) -> Float:
     return np.sign(trunk[axis]) * np.eye(3)[axis] if trunk[axis] != 0.0 else up
 
 
-def _forward(at: dict[str, Float], up: Float) -> Float:
+def _forward(at: dict[str, FloatArray], up: FloatArray) -> FloatArray:
     across = np.zeros(3)
     for pair in (("leftUpperArm", "rightUpperArm"), ("leftUpperLeg", "rightUpperLeg")):
         if pair[0] in at and pair[1] in at:

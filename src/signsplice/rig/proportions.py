@@ -6,13 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Skeleton
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.roles import Humanoid
-
-Float = NDArray[np.float64]
 
 STATURE_M = 1.70
 """A grown person's height, against which a skeleton's numbers are read as metres, centimetres, ..."""
@@ -58,7 +56,7 @@ class BodySizes:
     unit: LengthUnit
 
 
-def measure(skeleton: Skeleton, roles: Humanoid, t_pose_positions: Callable[[], Float]) -> BodySizes:
+def measure(skeleton: Skeleton, roles: Humanoid, t_pose_positions: Callable[[], FloatArray]) -> BodySizes:
     """The sizes of a body with these roles; ``t_pose_positions`` gives joint positions (J, 3), asked
     only where both shoulders are known.
 

@@ -16,6 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, unchecked_copy
 from signsplice.rig.canonical import canonical_motion
@@ -23,7 +24,6 @@ from signsplice.rig.canonical_map import LEFT, RIGHT
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
 
-Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 JUMP_DEG, JUMP_M_S = 60.0, 4.0
@@ -121,7 +121,7 @@ def _numbers(start: int, stop: int) -> str:
     return f"frame {start}" if stop - start == 1 else f"frames {start} to {stop - 1}"
 
 
-def _steps(clip: Clip) -> tuple[Float, Float]:
+def _steps(clip: Clip) -> tuple[FloatArray, FloatArray]:
     """From frame to frame, how far each joint turns (T - 1, J), degrees, and how fast the fastest of hands and root
     moves (T - 1,), m/s.
     """
@@ -134,7 +134,7 @@ def _steps(clip: Clip) -> tuple[Float, Float]:
     return angles, speeds * info.sizes.unit.metres * clip.fps
 
 
-def _jumps(steps: Float, least: float) -> Mask:
+def _jumps(steps: FloatArray, least: float) -> Mask:
     """Which steps (T - 1,) are jumps."""
     if len(steps) < 3 or not (steps > least).any():
         return np.zeros(len(steps), bool)
@@ -197,7 +197,7 @@ def _shows_rest_pose(clip: Clip) -> bool:
     return bool(np.rad2deg(rotation.angle_between(local, rotation.IDENTITY)).max() <= _REST_DEG)
 
 
-def _bone_directions(clip: Clip) -> Float:
+def _bone_directions(clip: Clip) -> FloatArray:
     """Directions (T, 2, 15, 3) of upper arm, forearm and hand and of the twelve bones of four fingers, left then right,
     in the axes of the chest; those of the right arm in the mirror.
     """
@@ -217,12 +217,12 @@ def _bone_directions(clip: Clip) -> Float:
     return np.asarray(rotation.rotate(np.concatenate(rotations, axis=2), outwards) * [[[1.0, 1, 1]], [[-1.0, 1, 1]]])
 
 
-def _lowered_deg(bones: Float) -> float:
+def _lowered_deg(bones: FloatArray) -> float:
     """How far below the horizontal the arms of bones (2, 15, 3) point, degrees: the mean of both."""
     return float(np.rad2deg(np.arcsin(np.clip(-bones[:, :2, 1].mean(), -1.0, 1.0))))
 
 
-def _is_straight(bones: Float, arm_deg: float, finger_deg: float) -> bool:
+def _is_straight(bones: FloatArray, arm_deg: float, finger_deg: float) -> bool:
     """Whether both arms of bones (2, 15, 3) are straight, in the frontal plane, equally low, and fingers straight."""
     lowered = np.deg2rad(_lowered_deg(bones))
     mean = np.array([np.cos(lowered), -np.sin(lowered), 0.0])
@@ -254,7 +254,7 @@ def _n_until_out(clip: Clip) -> int:
 # --- warnings ---
 
 
-def _jump_warnings(clip: Clip, jumps: Mask, angles: Float, speeds: Float, start: int, stop: int) -> list[str]:
+def _jump_warnings(clip: Clip, jumps: Mask, angles: FloatArray, speeds: FloatArray, start: int, stop: int) -> list[str]:
     """A line about each of the first jumps between frames that belong."""
     lines = []
     steps = [step for step in np.flatnonzero(jumps | (angles.max(axis=1) > JUMP_DEG)) if start <= step < stop - 1]

@@ -11,17 +11,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Skeleton
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.roles import Humanoid
 
-Float = NDArray[np.float64]
-
 # Where each bone points: role -> (role at the bone's other end, direction).
-_T_POSE_BONES: dict[str, tuple[str, Float]] = {}
+_T_POSE_BONES: dict[str, tuple[str, FloatArray]] = {}
 for _side, _x in (("left", 1.0), ("right", -1.0)):
     _out = np.array([_x, 0.0, 0.0])
     _T_POSE_BONES[f"{_side}Shoulder"] = (f"{_side}UpperArm", _out)
@@ -58,8 +56,8 @@ class TPose:
     positions: (J, 3) joint positions there, the root at the origin, clip units.
     """
 
-    rotations: Float
-    positions: Float
+    rotations: FloatArray
+    positions: FloatArray
 
 
 def t_pose(skeleton: Skeleton, roles: Humanoid) -> TPose:
@@ -76,7 +74,7 @@ def t_pose(skeleton: Skeleton, roles: Humanoid) -> TPose:
     return TPose(rotations, positions)
 
 
-def posed_positions(skeleton: Skeleton, rotations: Float) -> Float:
+def posed_positions(skeleton: Skeleton, rotations: FloatArray) -> FloatArray:
     """Joint positions (J, 3) under global rotations (J, 4), the root at the origin, clip units."""
     positions = np.zeros((len(skeleton), 3))
     for joint in range(1, len(skeleton)):
@@ -85,7 +83,7 @@ def posed_positions(skeleton: Skeleton, rotations: Float) -> Float:
     return positions
 
 
-def _rotations(skeleton: Skeleton, joints: Mapping[str, int]) -> Float:
+def _rotations(skeleton: Skeleton, joints: Mapping[str, int]) -> FloatArray:
     role_of = {joint: role for role, joint in joints.items()}
     rest = rest_positions(skeleton)
     upright = _upright(rest, joints)
@@ -105,7 +103,7 @@ def _rotations(skeleton: Skeleton, joints: Mapping[str, int]) -> Float:
     return rotations
 
 
-def _upright(rest: Float, joints: Mapping[str, int]) -> Float:
+def _upright(rest: FloatArray, joints: Mapping[str, int]) -> FloatArray:
     """Rotation (4,) that brings the rest pose's up to +Y and its left to +X."""
     top = next((joints[r] for r in ("head", "neck", "upperChest", "chest", "spine") if r in joints), None)
     for part in ("UpperLeg", "Shoulder", "UpperArm"):  # hips and collar bones lie across in any rest pose; arms may not
@@ -117,7 +115,7 @@ def _upright(rest: Float, joints: Mapping[str, int]) -> Float:
     return rotation.IDENTITY
 
 
-def _hand_to_t_pose(side: str, rest: Float, joints: Mapping[str, int], above: Float) -> Float:
+def _hand_to_t_pose(side: str, rest: FloatArray, joints: Mapping[str, int], above: FloatArray) -> FloatArray:
     knuckles = [joints.get(f"{side}{finger}Proximal") for finger in ("Index", "Middle", "Little")]
     wrist = joints[f"{side}Hand"]
     out = 1.0 if side == "left" else -1.0
@@ -134,7 +132,7 @@ def _hand_to_t_pose(side: str, rest: Float, joints: Mapping[str, int], above: Fl
     return _frame(along * out, back)
 
 
-def _frame(x: Float, y: Float) -> Float:
+def _frame(x: FloatArray, y: FloatArray) -> FloatArray:
     """Rotation (4,) that takes the direction ``y`` to +Y and the part of ``x`` at right angles to it to +X."""
     y = y / np.linalg.norm(y)
     x = x - (x @ y) * y

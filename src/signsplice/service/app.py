@@ -41,7 +41,7 @@ from signsplice.service.wire import (
 )
 from signsplice.service.worker_process import BusyError
 from signsplice.service.workers import Worker, Workers
-from signsplice.splicing.methods import all_methods
+from signsplice.splicing.methods.choice import all_methods
 
 ResultT = TypeVar("ResultT")
 

@@ -19,8 +19,8 @@ from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
 from signsplice.service.wire import Dials, Format, SentenceRequest, SpliceRequest
-from signsplice.splicing import methods
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
+from signsplice.splicing.methods import choice as methods
 from signsplice.splicing.report import plain
 
 _N_CACHED_CLIPS = 256

@@ -14,8 +14,8 @@ from typing import NamedTuple, TypeVar
 from signsplice.errors import SignspliceError
 from signsplice.motion.clip import Clip
 from signsplice.splicing.engine import joined_sentence
-from signsplice.splicing.filling import FilledGap
 from signsplice.splicing.options import SpliceOptions
+from signsplice.splicing.passes.filling import FilledGap
 from signsplice.splicing.planned import PlannedWords
 from signsplice.splicing.result import SpliceResult
 from signsplice.splicing.seam import seam_positions

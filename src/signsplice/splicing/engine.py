@@ -14,11 +14,11 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.splicing.arguments import check_clips
-from signsplice.splicing.duration import MAX_TRANSITION_S
+from signsplice.splicing.methods.duration import MAX_TRANSITION_S
 from signsplice.splicing.options import SpliceOptions
+from signsplice.splicing.passes.tempo import reached
 from signsplice.splicing.result import Piece, Span, SpliceResult
 from signsplice.splicing.sentence import SentenceBuilder
-from signsplice.splicing.tempo import reached
 
 __all__ = ["MAX_TRANSITION_S", "Piece", "Span", "SpliceOptions", "SpliceResult", "Stream", "splice", "stream"]
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.splicing.cut import Cut
+from signsplice.splicing.methods.cut import Cut
 
 CONTEXT = 8
 """Frames of each sign that a seam's scores see, and the least that a transition is shown."""

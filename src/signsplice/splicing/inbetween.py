@@ -8,13 +8,13 @@ from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate, left_out_warnings
-from signsplice.splicing import methods
-from signsplice.splicing.cut import Cut
 from signsplice.splicing.engine import Span, SpliceResult
-from signsplice.splicing.filling import fill
 from signsplice.splicing.gap import gap_at
+from signsplice.splicing.methods import choice as methods
+from signsplice.splicing.methods.cut import Cut
+from signsplice.splicing.methods.transition import Transition
+from signsplice.splicing.passes.filling import fill
 from signsplice.splicing.seam import Seam, score
-from signsplice.splicing.transition import Transition
 
 
 def inbetween(

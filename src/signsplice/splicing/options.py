@@ -7,13 +7,14 @@ from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
-from signsplice.splicing import free_hand, methods
-from signsplice.splicing.cut import CLASSICAL_CUTTER, Cutter
-from signsplice.splicing.duration import CLASSICAL_DURATION, MAX_TRANSITION_S, Duration
-from signsplice.splicing.learned import NAME
-from signsplice.splicing.methods import ChosenMethods
-from signsplice.splicing.tempo import CITATION, seconds_a_sign
-from signsplice.splicing.transition import CLASSICAL_TRANSITION, Transition
+from signsplice.splicing.methods import choice as methods
+from signsplice.splicing.methods.choice import ChosenMethods
+from signsplice.splicing.methods.cut import CLASSICAL_CUTTER, Cutter
+from signsplice.splicing.methods.duration import CLASSICAL_DURATION, MAX_TRANSITION_S, Duration
+from signsplice.splicing.methods.learned import NAME
+from signsplice.splicing.methods.transition import CLASSICAL_TRANSITION, Transition
+from signsplice.splicing.passes import free_hand
+from signsplice.splicing.passes.tempo import CITATION, seconds_a_sign
 from signsplice.splicing.whole_system import WholeSystem, check_alone
 
 _DECIDED_BY_SYSTEM = (

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from signsplice.motion.clip import Clip
-from signsplice.splicing.cut import Cut
-from signsplice.splicing.filling import FilledGap
-from signsplice.splicing.fingerspelling import LetterSeam
-from signsplice.splicing.free_hand import ArmStretch
 from signsplice.splicing.gap import Gap
-from signsplice.splicing.letter_blending import MovingFinger
+from signsplice.splicing.methods.cut import Cut
+from signsplice.splicing.passes.filling import FilledGap
+from signsplice.splicing.passes.fingerspelling import LetterSeam
+from signsplice.splicing.passes.free_hand import ArmStretch
+from signsplice.splicing.passes.letter_blending import MovingFinger
+from signsplice.splicing.passes.tempo import Played
 from signsplice.splicing.seam import Seam
-from signsplice.splicing.tempo import Played
 
 
 @dataclass(eq=False)

@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 from signsplice.body.contacts import Contact
 from signsplice.motion.clip import Clip
-from signsplice.splicing.free_hand import Remade
+from signsplice.splicing.passes.free_hand import Remade
+from signsplice.splicing.passes.tempo import ReachedTempo
 from signsplice.splicing.seam import Seam
-from signsplice.splicing.tempo import ReachedTempo
 
 
 @dataclass(frozen=True)

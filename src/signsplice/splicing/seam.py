@@ -7,19 +7,17 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.motion.joined import joined
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
 from signsplice.rig.stray_frames import JUMP_DEG, JUMP_M_S
-from signsplice.splicing.cut import Cut
-from signsplice.splicing.filling import FilledGap
 from signsplice.splicing.gap import CONTEXT, Gap
-
-Float = NDArray[np.float64]
+from signsplice.splicing.methods.cut import Cut
+from signsplice.splicing.passes.filling import FilledGap
 
 Score = Annotated[float, "NaN where unknown, null in JSON"]
 FAST_M_S = 2.5
@@ -75,7 +73,7 @@ def score(
     warnings: tuple[str, ...] = (),
     of_one_clip: bool = False,
     by_system: bool = False,
-    positions: Float | None = None,
+    positions: FloatArray | None = None,
 ) -> Seam:
     """The seam of a gap and its new frames, None where there are none, between the signs of these names; or within one
     clip, where no transition time was chosen and the feet are the same signer's. ``by_system``: whether a system chose
@@ -126,11 +124,11 @@ def score(
     )
 
 
-def seam_positions(gaps: Sequence[Gap], filled: Sequence[FilledGap | None]) -> list[Float]:
+def seam_positions(gaps: Sequence[Gap], filled: Sequence[FilledGap | None]) -> list[FloatArray]:
     """Positions (T, K, 3) of the hands and feet that a rig has, m, in the new frames of each gap and up to ``CONTEXT``
     frames on either side.
     """
-    out: dict[int, Float] = {}
+    out: dict[int, FloatArray] = {}
     windows = [
         (gap.before[-CONTEXT:], *(() if new is None else (new.clip,)), gap.after[:CONTEXT])
         for gap, new in zip(gaps, filled, strict=True)

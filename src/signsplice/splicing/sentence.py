@@ -19,22 +19,23 @@ from signsplice.body.contacts import Contact
 from signsplice.body.retarget import align
 from signsplice.errors import FormatError, InputError, SignspliceError
 from signsplice.lexicon.entry import is_letter
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, left_out_warnings
 from signsplice.rig.align import Reference, reference
 from signsplice.rig.stray_frames import stray_frames, with_ends_held
-from signsplice.splicing import fingerspelling, free_hand
 from signsplice.splicing.arguments import check_clip, check_clips, check_options
-from signsplice.splicing.cut import Cut, cut_clips
-from signsplice.splicing.duration import HUMAN_MEDIAN_S, MAX_TRANSITION_S, Duration, most_frames
-from signsplice.splicing.filling import FilledGap, fill, led_around
-from signsplice.splicing.fingerspelling import LetterSeam
 from signsplice.splicing.gap import Gap, gap_at
-from signsplice.splicing.letter_blending import blend, with_fingers
+from signsplice.splicing.methods.cut import Cut, cut_clips
+from signsplice.splicing.methods.duration import HUMAN_MEDIAN_S, MAX_TRANSITION_S, Duration, most_frames
 from signsplice.splicing.options import SpliceOptions
+from signsplice.splicing.passes import fingerspelling, free_hand
+from signsplice.splicing.passes.filling import FilledGap, fill, led_around
+from signsplice.splicing.passes.fingerspelling import LetterSeam
+from signsplice.splicing.passes.letter_blending import blend, with_fingers
+from signsplice.splicing.passes.tempo import GapFiller, Played, RunningDuration, play, seconds_a_sign
 from signsplice.splicing.planned import FinishedWords, PlannedSeam, PlannedWords, SentenceWord
 from signsplice.splicing.result import Piece, Span
-from signsplice.splicing.seam import Float, Seam, score, seam_positions
-from signsplice.splicing.tempo import GapFiller, Played, RunningDuration, play, seconds_a_sign
+from signsplice.splicing.seam import Seam, score, seam_positions
 from signsplice.splicing.whole_system import (
     WholeSystem,
     found_seam,
@@ -121,7 +122,7 @@ class SentenceBuilder:
         self._last = planned.last
         return FinishedWords(finished)
 
-    def pieces(self, finished: FinishedWords, positions: Sequence[Float]) -> Iterator[Piece]:
+    def pieces(self, finished: FinishedWords, positions: Sequence[FloatArray]) -> Iterator[Piece]:
         """The pieces of finished words but the last; ``positions`` are ``seam_positions`` of their windows."""
         for (planned, transition), seen in zip(finished.seams, positions, strict=True):
             yield self._sign(planned.before, planned.before.played.last(planned.cut.pre) + 1)
@@ -292,7 +293,7 @@ class SentenceBuilder:
             return replace(planned, gap=blended.seam.gap), blended.seam.filled
         return replace(planned, gap=done.gap), made
 
-    def _score(self, planned: PlannedSeam, filled: FilledGap | None, positions: Float) -> Seam:
+    def _score(self, planned: PlannedSeam, filled: FilledGap | None, positions: FloatArray) -> Seam:
         with self.timed("join"):
             before, after, cut = planned.before, planned.after, planned.cut
             own = Cut(cut.pre + before.n_left_out, cut.post + after.n_left_out)

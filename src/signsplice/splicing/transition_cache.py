@@ -18,9 +18,9 @@ import numpy as np
 
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
-from signsplice.splicing.filling import FilledGap
 from signsplice.splicing.gap import Gap
-from signsplice.splicing.tempo import GapFiller
+from signsplice.splicing.passes.filling import FilledGap
+from signsplice.splicing.passes.tempo import GapFiller
 
 MOST_BYTES = 64_000_000
 """Memory of the frames that are kept by default: about 3,500 transitions of a rig with fingers."""

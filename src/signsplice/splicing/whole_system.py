@@ -20,9 +20,9 @@ from signsplice.motion.clip import Clip
 from signsplice.rig.align import Reference, is_same_skeleton
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import Placement, placement
-from signsplice.splicing.cut import Cut
 from signsplice.splicing.gap import gap_at
-from signsplice.splicing.method import Method
+from signsplice.splicing.methods.cut import Cut
+from signsplice.splicing.methods.method import Method
 from signsplice.splicing.planned import PlannedSeam, SentenceWord
 
 FPS_TOLERANCE = 1e-3

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from signsplice.body import collision, smoothing
 from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import pose
 from signsplice.synth.signer import JOINTS, Signer, skeleton
-
-Float = NDArray[np.float64]
 
 TOLERANCE_CM = 0.2
 """Depth up to which a touch may press into the body."""
@@ -25,7 +24,7 @@ _STUCK_CM = 0.35
 _KERNEL = np.array([0.12, 0.35, 0.72, 1.0, 0.72, 0.35, 0.12])
 
 
-def clear_collisions(states: Float, signer: Signer, ends: bool = False) -> Float:
+def clear_collisions(states: FloatArray, signer: Signer, ends: bool = False) -> FloatArray:
     """States (T, 63) with wrists moved out of head, trunk and each other where they lay deeper than the tolerance.
 
     Each push is spread over about five frames. ``ends``: the frames belong between two others; pushes fade out towards
@@ -54,7 +53,7 @@ def clear_collisions(states: Float, signer: Signer, ends: bool = False) -> Float
     return states
 
 
-def penetration(states: Float, signer: Signer) -> tuple[Float, Float]:
+def penetration(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
     """Depth (T, 2) of each hand, strong first, in head, trunk or the other hand, cm, negative where it is free; and the
     unit direction (T, 2, 3) out of there in the chest's axes, mirrored for the weak hand as its state is.
     """
@@ -65,7 +64,7 @@ def penetration(states: Float, signer: Signer) -> tuple[Float, Float]:
     return depth[:, ::-1], out[:, ::-1] * [[[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]]]
 
 
-def touching(states: Float, signer: Signer) -> NDArray[np.bool_]:
+def touching(states: FloatArray, signer: Signer) -> NDArray[np.bool_]:
     """Whether either hand touches head, trunk or the other hand, or nearly does (T,)."""
     depth, _ = penetration(states, replace(signer, left_handed=False))
     return np.asarray(depth.max(axis=1) > -NEAR_CM)

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import trajectory
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.gaps import TOUCH_CM, between_hands
@@ -16,8 +16,6 @@ from signsplice.synth.signer import Signer
 
 if TYPE_CHECKING:
     from signsplice.synth.phonology import Sign
-
-Float = NDArray[np.float64]
 
 _LAG_S = 0.15
 """How much earlier or later than the strong hand a base hand comes and goes, at most."""
@@ -30,8 +28,14 @@ _GIVE_CM = (0.15, 0.4)
 
 
 def base_motion(
-    states: Float, gaps: Float, sign: Sign, signer: Signer, take: int, fps: float, span: tuple[int, int, int, int]
-) -> tuple[Float, Float]:
+    states: FloatArray,
+    gaps: FloatArray,
+    sign: Sign,
+    signer: Signer,
+    take: int,
+    fps: float,
+    span: tuple[int, int, int, int],
+) -> tuple[FloatArray, FloatArray]:
     """At which time (T,), frames, a base hand's motion is taken, so that it comes and goes in its own time and is in
     place while it is touched; and the displacements (T, 63), cm, of both hands for that.
 
@@ -56,7 +60,9 @@ def base_motion(
     return times, shift
 
 
-def _coming(states: Float, gap: Float, up: int, start: int, lag: float, signer: Signer) -> tuple[Float, Float]:
+def _coming(
+    states: FloatArray, gap: FloatArray, up: int, start: int, lag: float, signer: Signer
+) -> tuple[FloatArray, FloatArray]:
     """At which time (n,) a base hand's motion is taken that ends in a touch at the last of the states (n, 63), and the
     strong wrist's displacement (n, 3), cm: it goes round the base hand where that is in its way. Where there is no
     way, the base hand comes with the strong one.
@@ -77,7 +83,7 @@ def _coming(states: Float, gap: Float, up: int, start: int, lag: float, signer: 
     return frames, np.zeros((len(states), 3))
 
 
-def _own_times(frames: Float, wrist: Float, up: int, start: int, lag: float) -> Float:
+def _own_times(frames: FloatArray, wrist: FloatArray, up: int, start: int, lag: float) -> FloatArray:
     """Times (n,) at which a base hand that would be in place at frame ``start`` is ``lag`` frames later, or earlier
     where it would be late for the last of them. It rests where time stands or turns.
     """
@@ -92,7 +98,7 @@ def _own_times(frames: Float, wrist: Float, up: int, start: int, lag: float) -> 
     return own
 
 
-def _give(states: Float, gap: Float, rng: np.random.Generator, signer: Signer, fps: float) -> Float:
+def _give(states: FloatArray, gap: FloatArray, rng: np.random.Generator, signer: Signer, fps: float) -> FloatArray:
     """Displacements (T, 63) of both hands together, cm, where the strong one touches the base hand: that gives way in
     the direction of the touch and comes back.
     """

@@ -11,10 +11,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import pose
 from signsplice.synth.carrying import Nearness, carried, nearness
 from signsplice.synth.rng import stream
@@ -22,8 +22,6 @@ from signsplice.synth.signer import Signer
 
 if TYPE_CHECKING:
     from signsplice.synth.events import Events
-
-Float = NDArray[np.float64]
 
 _STEP_S = 0.42
 """Usual time from one turn of the head to the next."""
@@ -43,7 +41,9 @@ _MEET_CM, _MEET_FULL_CM = 14.0, 4.0
 """Distance of a hand from the head's skin from which the head goes to meet it, and at which it has done so."""
 
 
-def add_body_motion(states: Float, events: Events, signer: Signer, fps: float, names: tuple[str | int, ...]) -> Float:
+def add_body_motion(
+    states: FloatArray, events: Events, signer: Signer, fps: float, names: tuple[str | int, ...]
+) -> FloatArray:
     """States (T, 63) of an isolated word with motion of head and trunk, where the signer's manner has any, and with
     hands that keep their places on the body; ``names`` seed what is random.
     """
@@ -69,7 +69,7 @@ def add_body_motion(states: Float, events: Events, signer: Signer, fps: float, n
     return carried(states, near, right_handed)
 
 
-def _level(n_frames: int, events: Events, fps: float) -> Float:
+def _level(n_frames: int, events: Events, fps: float) -> FloatArray:
     """Weights (T,) that rise from 0 at ``up`` and are back at 0 at ``down``, with no jump of their acceleration."""
     t = np.arange(n_frames)
     ramp = max(1.0, 0.22 * fps)
@@ -77,8 +77,8 @@ def _level(n_frames: int, events: Events, fps: float) -> Float:
 
 
 def _trunk_and_head(
-    states: Float, events: Events, signer: Signer, fps: float, names: tuple[str | int, ...]
-) -> tuple[Float, Float]:
+    states: FloatArray, events: Events, signer: Signer, fps: float, names: tuple[str | int, ...]
+) -> tuple[FloatArray, FloatArray]:
     """Rotation vectors (T, 3) of trunk and head: from one turn to the next, with the reach of the hands, and a nod at
     the sign's end.
     """
@@ -101,14 +101,14 @@ def _trunk_and_head(
     return trunk, head
 
 
-def _spline(times: Float, knots: Float, n_frames: int) -> Float:
+def _spline(times: FloatArray, knots: FloatArray, n_frames: int) -> FloatArray:
     """The smooth curve (T, 3) through knots (K, 3), at rest before the first and after the last."""
     rest = [(1, np.zeros(3)), (2, np.zeros(3))]
     curve = make_interp_spline(times, knots, k=5, bc_type=(rest, rest))  # type: ignore[arg-type]
     return np.asarray(curve(np.clip(np.arange(n_frames), times[0], times[-1])))
 
 
-def _reaching(states: Float, signer: Signer, fps: float) -> Float:
+def _reaching(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     """Rotation vectors (T, 3) of a trunk that goes with the hands: it turns the shoulder of a hand that reaches
     forward to the front, turns to where both hands are, leans after far hands and away from the side of a high one.
     """
@@ -121,7 +121,7 @@ def _reaching(states: Float, signer: Signer, fps: float) -> Float:
     return np.deg2rad(_smoothed(np.stack([lean, turn, aside], axis=-1), fps, 0.12))
 
 
-def _meeting(near: Nearness, signer: Signer, fps: float) -> Float:
+def _meeting(near: Nearness, signer: Signer, fps: float) -> FloatArray:
     """Rotation vectors (T, 3) of a head that goes to meet the hands near it: forward to a hand at its front, to the
     side to a hand there.
     """
@@ -135,5 +135,5 @@ def _meeting(near: Nearness, signer: Signer, fps: float) -> Float:
     )
 
 
-def _smoothed(values: Float, fps: float, seconds: float) -> Float:
+def _smoothed(values: FloatArray, fps: float, seconds: float) -> FloatArray:
     return np.asarray(gaussian_filter1d(values, seconds * fps, axis=0, mode="nearest"))

@@ -10,17 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from signsplice.body import capsules, collision
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.synth import pose
 from signsplice.synth.signer import JOINTS, Signer, skeleton
-
-Float = NDArray[np.float64]
 
 _CARRIERS = ("Head", "Neck", "Spine2", "Hips")
 """Joints that carry parts of the body, and so hands. What hangs on others is carried with the chest."""
@@ -50,17 +48,17 @@ class Nearness:
     head_side: (T, 2) where at the head each hand is, from -1 (strong side) over 0 (front) to 1 (weak side)
     """
 
-    shares: Float
-    gaps: Float
-    head_side: Float
+    shares: FloatArray
+    gaps: FloatArray
+    head_side: FloatArray
 
     @property
-    def head(self) -> Float:
+    def head(self) -> FloatArray:
         """Distance (T, 2) of each hand's skin from the head's, cm."""
         return self.gaps[..., _HEAD]
 
 
-def nearness(states: Float, signer: Signer) -> Nearness:
+def nearness(states: FloatArray, signer: Signer) -> Nearness:
     """Where the hands of states (T, 63) are, were head and trunk upright."""
     upright = states.copy()
     upright[:, 54:] = 0.0
@@ -72,7 +70,7 @@ def nearness(states: Float, signer: Signer) -> Nearness:
     return Nearness(hanging * np.eye(len(_CARRIERS))[_HIPS] + (1.0 - hanging) * shares, gaps, out[..., _HEAD, 0])
 
 
-def _gaps(states: Float, signer: Signer) -> tuple[Float, Float, Float]:
+def _gaps(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Distances (T, 2, 4) of both hands' skin from that of the carriers, cm; the directions (T, 2, 4, 3) away from it
     in the chest's axes; and distances (T,) of the hands from one another or a forearm.
     """
@@ -104,7 +102,7 @@ def _gaps(states: Float, signer: Signer) -> tuple[Float, Float, Float]:
     return gaps, np.einsum("tba,tnkb->tnka", rotations[:, JOINTS["Spine2"]], out), -np.maximum(*depths)
 
 
-def _shares(gaps: Float, apart: Float) -> Float:
+def _shares(gaps: FloatArray, apart: FloatArray) -> FloatArray:
     """Shares (T, 2, 4) from the distances of hands to the parts of the body (T, 2, 4) and to one another (T,), cm."""
     nearest = gaps.min(axis=-1, keepdims=True)
     shares = np.exp((nearest - gaps) / _SHARE_CM)
@@ -114,7 +112,7 @@ def _shares(gaps: Float, apart: Float) -> Float:
     return np.asarray((1.0 - alike) * shares + alike * shares[:, ::-1])
 
 
-def carried(states: Float, near: Nearness, signer: Signer) -> Float:
+def carried(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
     """States (T, 63) of a right-handed signer with hands carried by head and trunk, as these are in ``states``."""
     turns, places = _carriers(states, signer)
     rest = rest_positions(skeleton(signer))[[JOINTS[name] for name in _CARRIERS]]
@@ -132,7 +130,7 @@ def carried(states: Float, near: Nearness, signer: Signer) -> Float:
     return _touching(moved, near, signer)
 
 
-def _carriers(states: Float, signer: Signer) -> tuple[Float, Float]:
+def _carriers(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
     """Rotations (T, 4, 4) and positions (T, 4, 3), cm, of the carriers in the chest's axes and from the chest."""
     joints = [JOINTS[name] for name in _CARRIERS]
     local_quats, roots = pose.rotations(states, signer)
@@ -142,7 +140,7 @@ def _carriers(states: Float, signer: Signer) -> tuple[Float, Float]:
     return turns, np.einsum("tba,tkb->tka", chest, positions - positions[:, _CHEST, None])
 
 
-def _touching(states: Float, near: Nearness, signer: Signer) -> Float:
+def _touching(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
     """States (T, 63) with hands as far from the skin as they were, where that was near to nothing: a wrist at its
     limits does not follow wholly.
     """

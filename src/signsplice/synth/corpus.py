@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import check_folder, replacing_folder, resumable_folder
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import planner, pose, truth
 from signsplice.synth.pairs import FILES, HEAD, Pairs, StoredRow, save_row, write_transitions, write_words
@@ -30,7 +30,6 @@ from signsplice.synth.signer import STANDARD, Signer, draw_signer, skeleton
 from signsplice.synth.signer_space import EXTENT, signer_space
 from signsplice.synth.splits import draw_splits
 
-Float = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 VERSION = 2
@@ -68,12 +67,12 @@ class Recipe:
         return first, draw_signer(2 * self.seed + 1)
 
 
-def scaled_positions(clip: Clip, stature_cm: float) -> Float:
+def scaled_positions(clip: Clip, stature_cm: float) -> FloatArray:
     """The numbers (T, 3 J) of a synthetic signer's clip (``signer_space``)."""
     return signer_space(clip.skeleton, stature_cm).numbers(clip)
 
 
-def unscaled_positions(numbers: Float, stature_cm: float) -> Float:
+def unscaled_positions(numbers: FloatArray, stature_cm: float) -> FloatArray:
     """Joint positions (T, J, 3), cm, of a synthetic signer's numbers (T, 3 J)."""
     return signer_space(skeleton(), stature_cm).positions(numbers)
 

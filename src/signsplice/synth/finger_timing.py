@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import pose
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import Signer
-
-Float = NDArray[np.float64]
 
 _PER_FINGER = (4, 4, 4, 4, 5)
 """How many of ``hand.ANGLES`` belong to each finger, the thumb last."""
@@ -22,7 +20,7 @@ _MOST_ADVANCE = 0.27
 _SCALE = np.concatenate([np.full(3, 15.0), np.full(24, 0.5)])  # of a hand state: cm, radians
 
 
-def delays(signer: Signer, gloss: str, take: int) -> Float:
+def delays(signer: Signer, gloss: str, take: int) -> FloatArray:
     """How much later than usual each finger angle of both hands moves within a word, (2, 21), frames of 30 a second.
 
     Half of it is the signer's habit, half the word's.
@@ -34,7 +32,7 @@ def delays(signer: Signer, gloss: str, take: int) -> Float:
     return np.repeat(signer.manner.finger_stagger * _MOST_FRAMES * fingers, _PER_FINGER, axis=1)
 
 
-def advances(start: Float, end: Float, leads: Float, signer: Signer) -> Float:
+def advances(start: FloatArray, end: FloatArray, leads: FloatArray, signer: Signer) -> FloatArray:
     """How far the time of each number (63,) of a reach between two states is advanced at half time, as a fraction.
 
     A smooth function of both states, so that equal seams are equal and near ones alike; waves of random phase and

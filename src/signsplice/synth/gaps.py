@@ -5,22 +5,20 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.body import collision
 from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
 from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import pose
 from signsplice.synth.signer import Signer, skeleton
-
-Float = NDArray[np.float64]
 
 TOUCH_CM = 0.5
 """Distance of the skins up to which hands count as touching."""
 
 
-def hand_gaps(states: Float, signer: Signer) -> Float:
+def hand_gaps(states: FloatArray, signer: Signer) -> FloatArray:
     """Distances (T, 4) between skins, cm, negative inside: of the strong hand and of the weak one from head and trunk,
     of the strong hand from the weak hand or arm, and from the weak hand alone.
     """
@@ -35,13 +33,13 @@ def hand_gaps(states: Float, signer: Signer) -> Float:
     return gaps
 
 
-def between_hands(states: Float, signer: Signer) -> Float:
+def between_hands(states: FloatArray, signer: Signer) -> FloatArray:
     """Distance (T,) between the skins of the two hands, cm, negative inside."""
     body, starts, ends = _posed(states, signer)
     return _gap(body, starts, ends, body.groups.right, body.groups.left)
 
 
-def _posed(states: Float, signer: Signer) -> tuple[BodyCapsules, Float, Float]:
+def _posed(states: FloatArray, signer: Signer) -> tuple[BodyCapsules, FloatArray, FloatArray]:
     """The capsules of a right-handed signer's body, and where their axes (T, C, 3) start and end."""
     signer = replace(signer, left_handed=False)
     bones = skeleton(signer)
@@ -49,5 +47,7 @@ def _posed(states: Float, signer: Signer) -> tuple[BodyCapsules, Float, Float]:
     return body, *capsule_ends(body, *kinematics.forward(Clip(bones, *pose.rotations(states, signer), 30.0)))
 
 
-def _gap(body: BodyCapsules, starts: Float, ends: Float, own: tuple[int, ...], other: tuple[int, ...]) -> Float:
+def _gap(
+    body: BodyCapsules, starts: FloatArray, ends: FloatArray, own: tuple[int, ...], other: tuple[int, ...]
+) -> FloatArray:
     return np.asarray(-collision.overlap(starts, ends, body.radii, own, other)[0].max(axis=(1, 2)))

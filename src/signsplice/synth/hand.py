@@ -22,11 +22,10 @@ degrees in all after Kapandji 1982).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from signsplice.motion import rotation
-
-Float = NDArray[np.float64]
+from signsplice.motion.arrays import FloatArray
 
 FINGERS = ("Thumb", "Index", "Middle", "Ring", "Pinky")
 JOINTS = tuple(f"{finger}{n}" for finger in FINGERS for n in (1, 2, 3))
@@ -42,13 +41,13 @@ ANGLES = (
 """Names of a hand's 21 joint angles, in order."""
 
 
-def _fixed(values: ArrayLike) -> Float:
+def _fixed(values: ArrayLike) -> FloatArray:
     array = np.array(values, np.float64)
     array.flags.writeable = False
     return array
 
 
-KNUCKLES: dict[str, Float] = {
+KNUCKLES: dict[str, FloatArray] = {
     "Thumb": _fixed((-1.9, -1.2, 2.2)),
     "Index": _fixed((-8.5, 0.0, 2.9)),
     "Middle": _fixed((-8.6, 0.2, 0.7)),
@@ -66,10 +65,10 @@ PHALANGES: dict[str, tuple[float, float, float]] = {
 }
 """Lengths of the three bones of each finger, cm."""
 
-THUMB_DIRECTION: Float = _fixed(np.array([-0.72, -0.28, 0.63]) / np.linalg.norm([-0.72, -0.28, 0.63]))
+THUMB_DIRECTION: FloatArray = _fixed(np.array([-0.72, -0.28, 0.63]) / np.linalg.norm([-0.72, -0.28, 0.63]))
 """Unit direction of the thumb at rest; the fingers point along -X."""
 
-LIMITS: Float = _fixed(
+LIMITS: FloatArray = _fixed(
     np.deg2rad(
         [
             *((-20.0, 20.0), (-30.0, 100.0), (-5.0, 105.0), (-5.0, 85.0)),
@@ -98,7 +97,7 @@ _ACROSS = np.cross(THUMB_DIRECTION, _OUT)
 _BEND = np.cos(np.deg2rad(40.0)) * -_ACROSS + np.sin(np.deg2rad(40.0)) * _OUT
 
 
-def rotations(angles: ArrayLike) -> Float:
+def rotations(angles: ArrayLike) -> FloatArray:
     """Local rotations (..., 15, 4), x y z w, of the right hand's ``JOINTS`` for ``angles`` (..., 21)."""
     half = 0.5 * np.asarray(angles, np.float64)
     sin, cos = np.sin(half), np.cos(half)
@@ -118,7 +117,7 @@ def rotations(angles: ArrayLike) -> Float:
     return quats
 
 
-def _thumb_base(sin: Float, cos: Float) -> Float:
+def _thumb_base(sin: FloatArray, cos: FloatArray) -> FloatArray:
     """Rotation (..., 4) of the thumb's CMC from sines and cosines (..., 3) of its half angles: opposition first, then
     abduction, then flexion.
     """
@@ -130,7 +129,7 @@ def _thumb_base(sin: Float, cos: Float) -> Float:
     return np.stack([c * x + s * z, c * y + s * w, c * z - s * x, c * w - s * y], axis=-1)
 
 
-def points(angles: ArrayLike) -> Float:
+def points(angles: ArrayLike) -> FloatArray:
     """Positions (..., 20, 3) of the right hand's ``POINTS`` in the wrist's frame, cm, for ``angles`` (..., 21)."""
     angles = np.asarray(angles, np.float64)
     lead = angles.shape[:-1]

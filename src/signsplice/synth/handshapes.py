@@ -21,12 +21,10 @@ from difflib import get_close_matches
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.errors import InputError
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import hand
-
-Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +37,7 @@ class Handshape:
     """
 
     name: str
-    angles: Float
+    angles: FloatArray
     note: str
 
     def __post_init__(self) -> None:
@@ -50,7 +48,7 @@ class Handshape:
         object.__setattr__(self, "angles", angles)
 
     @cached_property
-    def points(self) -> Float:
+    def points(self) -> FloatArray:
         """Positions (20, 3) of ``hand.POINTS`` in the wrist's frame of the standard hand, cm."""
         return hand.points(self.angles)
 

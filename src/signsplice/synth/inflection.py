@@ -20,12 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import locations, pose
 from signsplice.synth.phonology import IN_SPACE, ON_BASE, ROLES, Posture, Segment, Sign, Vector, faults
 from signsplice.synth.pseudo import easy
 from signsplice.synth.signer import STANDARD
-
-Float = NDArray[np.float64]
 
 PERSONS = ("1", "2", "3", "3-weak")
 """The signer, the addressee, a third person on the strong side, and one on the weak side."""
@@ -222,7 +221,7 @@ def _facing(posture: Posture, by_palm: bool) -> Posture:
     return posture
 
 
-def _directions(n: int) -> Float:
+def _directions(n: int) -> FloatArray:
     """Unit vectors (n, 3) spread evenly (Fibonacci's lattice on the sphere)."""
     k = np.arange(n) + 0.5
     up, turn = 1.0 - 2.0 * k / n, np.pi * (1.0 + np.sqrt(5.0)) * k
@@ -230,7 +229,7 @@ def _directions(n: int) -> Float:
     return np.stack([flat * np.cos(turn), up, flat * np.sin(turn)], axis=-1)
 
 
-def _vector(v: Float) -> Vector:
+def _vector(v: FloatArray) -> Vector:
     x, y, z = v.tolist()
     return x, y, z
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.body import capsules
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, rest_positions
@@ -20,8 +20,6 @@ from signsplice.synth import hand, pose
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.phonology import Posture, Vector
 from signsplice.synth.signer import JOINTS, Signer, skeleton
-
-Float = NDArray[np.float64]
 
 # On the body: a joint; a point inside the body, seen from it (out, up, forward, fractions of stature); the direction
 # from there out through the skin.
@@ -134,8 +132,8 @@ class Location:
     normal: unit vector (3,) out of the body there; zeros in space
     """
 
-    point: Float
-    normal: Float
+    point: FloatArray
+    normal: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,10 +145,10 @@ class WeakArm:
     """
 
     signer: Signer
-    hand: Float
+    hand: FloatArray
 
     @cached_property
-    def joints(self) -> tuple[Float, Float, Float, Float]:
+    def joints(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Positions (3,) of shoulder, elbow and wrist and the hand's rotation (4,), as of a right arm."""
         signer = replace(self.signer, left_handed=False)
         local_quats, roots = pose.rotations(np.concatenate([self.hand, self.hand, np.zeros(9)])[None], signer)
@@ -180,7 +178,7 @@ def _body_locations(signer: Signer) -> dict[str, Location]:
     return {name: Location(point - chest, normal) for name, point, normal in zip(_ON_BODY, skin, normals, strict=True)}
 
 
-def _skin(origins: Float, directions: Float, signer: Signer) -> Float:
+def _skin(origins: FloatArray, directions: FloatArray, signer: Signer) -> FloatArray:
     """Points (N, 3) where rays from inside leave head and trunk for good, by sphere tracing from outside."""
     body = capsules.body_capsules(skeleton(signer))
     wanted = [n for n, part in enumerate(body.parts) if part in ("face", "hair", "nose", "neck", "shirt")]
@@ -199,18 +197,18 @@ def _skin(origins: Float, directions: Float, signer: Signer) -> Float:
     return np.asarray(points)
 
 
-def axes(v: Vector | Float) -> Float:
+def axes(v: Vector | FloatArray) -> FloatArray:
     """A vector (out, up, forward) in the chest's axes X, Y, Z of a right-handed signer."""
     return np.array([-v[0], v[1], v[2]])
 
 
-def part_of(points: Float, names: tuple[str, ...]) -> Float:
+def part_of(points: FloatArray, names: tuple[str, ...]) -> FloatArray:
     """The mean position (..., 3) of some joints and tips of hands with ``hand.points`` (..., 20, 3)."""
     with_wrist = np.concatenate([points, np.zeros((*points.shape[:-2], 1, 3))], axis=-2)
     return np.asarray(with_wrist[..., [_INDEX[name] for name in names], :].mean(axis=-2))
 
 
-def facing(palm: Vector, fingers: Vector) -> Float:
+def facing(palm: Vector, fingers: Vector) -> FloatArray:
     """Rotation (4,) of a right hand whose fingers point along ``fingers`` and whose palm faces ``palm`` as nearly as
     that allows.
     """
@@ -221,7 +219,7 @@ def facing(palm: Vector, fingers: Vector) -> Float:
     return rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1))
 
 
-def strong_hand(posture: Posture, weak: WeakArm, meets: bool = False, size: float = 1.0) -> Float:
+def strong_hand(posture: Posture, weak: WeakArm, meets: bool = False, size: float = 1.0) -> FloatArray:
     """The strong hand's state (27,) in a posture, for the signer of the weak arm.
 
     weak: the weak arm at the time, for locations on it
@@ -232,7 +230,9 @@ def strong_hand(posture: Posture, weak: WeakArm, meets: bool = False, size: floa
     return np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, weak.signer), angles])
 
 
-def strong_wrist(posture: Posture, weak: WeakArm, meets: bool = False, size: float = 1.0) -> tuple[Float, Float, Float]:
+def strong_wrist(
+    posture: Posture, weak: WeakArm, meets: bool = False, size: float = 1.0
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The same as the wrist's position (3,), the hand's rotation (4,) and its angles (21,)."""
     signer = weak.signer
     location = locate(posture.location, weak)
@@ -252,7 +252,7 @@ def strong_wrist(posture: Posture, weak: WeakArm, meets: bool = False, size: flo
     return target - part, quat, shape.angles
 
 
-def weak_hand(posture: Posture, signer: Signer, size: float = 1.0) -> Float:
+def weak_hand(posture: Posture, signer: Signer, size: float = 1.0) -> FloatArray:
     """The weak hand's state (27,) in a posture of its own; ``in`` is towards the strong side for it."""
     return strong_hand(posture, WeakArm(signer, np.zeros(27)), size=size)
 
@@ -260,7 +260,7 @@ def weak_hand(posture: Posture, signer: Signer, size: float = 1.0) -> Float:
 _LIFTED_IN_SPACE = (0.0, 0.7, -0.7)
 
 
-def lifted(posture: Posture, weak: WeakArm) -> Float:
+def lifted(posture: Posture, weak: WeakArm) -> FloatArray:
     """The unit vector (3,) along which a hand is lifted on its way back to a posture: away from the surface that it is
     at; in space up and towards the signer.
     """

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from signsplice.motion.arrays import FloatArray
 
 _LEAST_PASS = 0.18
 """Standard deviation of the smoothing over the duration of a movement's shortest pass, at most: the movement keeps 85 %
@@ -19,8 +19,8 @@ _REACH = 4.0
 
 
 def low_passed(
-    states: Float, deviation: float, passes: Sequence[tuple[int, int]] = (), touches: Sequence[int] = ()
-) -> Float:
+    states: FloatArray, deviation: float, passes: Sequence[tuple[int, int]] = (), touches: Sequence[int] = ()
+) -> FloatArray:
     """States (T, 63) smoothed in time by a Gaussian of standard deviation ``deviation``, frames.
 
     The first and the last frame stay as they are; within repeated ``passes``, [begin, end] each, and near both ends of
@@ -40,7 +40,9 @@ def low_passed(
     return np.asarray(smooth + _bump(frames, centres, radius) @ factors)
 
 
-def _deviations(n_frames: int, deviation: float, passes: Sequence[tuple[int, int]], touches: Sequence[int]) -> Float:
+def _deviations(
+    n_frames: int, deviation: float, passes: Sequence[tuple[int, int]], touches: Sequence[int]
+) -> FloatArray:
     """The smoothing's standard deviation (T,) in each frame. It changes by no more than 1 in 3 frames."""
     frames = np.arange(n_frames)
     out = np.minimum(deviation, np.minimum(frames, n_frames - 1 - frames) / 3.0)
@@ -53,7 +55,7 @@ def _deviations(n_frames: int, deviation: float, passes: Sequence[tuple[int, int
     return np.asarray(out, np.float64)
 
 
-def _bump(frames: NDArray[np.intp], centres: NDArray[np.intp], radius: float) -> Float:
+def _bump(frames: NDArray[np.intp], centres: NDArray[np.intp], radius: float) -> FloatArray:
     """Wendland's function (F, C) of the distance in frames: 1 at 0, 0 from ``radius`` on, twice differentiable, and
     positive definite, so that any values at the centres can be met.
     """

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import hand, pose, trajectory
 from signsplice.synth.phonology import Segment
 from signsplice.synth.signer import Signer
 
-Float = NDArray[np.float64]
 
-
-def add_local_movement(states: Float, segment: Segment, hands: str, signer: Signer) -> None:
+def add_local_movement(states: FloatArray, segment: Segment, hands: str, signer: Signer) -> None:
     """Add a segment's local movement to its states (n, 63), in place."""
     local = segment.local
     assert local is not None
@@ -45,7 +43,7 @@ def add_local_movement(states: Float, segment: Segment, hands: str, signer: Sign
         np.clip(angles, hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=angles)
 
 
-def add_gesture(states: Float, segment: Segment, begin: int, end: int, fps: float) -> None:
+def add_gesture(states: FloatArray, segment: Segment, begin: int, end: int, fps: float) -> None:
     """Add a segment's head and trunk movement to states (T, 63) of the whole word, in place.
 
     The gesture begins a little before frame ``begin`` and ends a little after ``end``.

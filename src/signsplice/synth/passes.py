@@ -6,13 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.synth.avoidance import touching
 from signsplice.synth.paths import PathMotion
 from signsplice.synth.rng import stream
-
-Float = NDArray[np.float64]
 
 _LEAST_SIZE = 0.6
 """Least size of a later pass over the first one."""

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import locations, pose, trajectory
 from signsplice.synth.phonology import Path, Segment
 from signsplice.synth.signer import Signer
-
-Float = NDArray[np.float64]
 
 MOVEMENT_PACE = 0.70
 """Duration of a sign's movements, over what the travel law gives."""
@@ -20,7 +18,7 @@ CYCLE_S = {"wiggle": 0.28, "bend": 0.30, "twist": 0.26, "nod": 0.28, "tremble": 
 """Duration of one cycle of each local movement."""
 
 
-def translated(hand_state: Float, displacement: Float, signer: Signer) -> Float:
+def translated(hand_state: FloatArray, displacement: FloatArray, signer: Signer) -> FloatArray:
     """A hand state (27,) moved by ``displacement`` (3,), cm, without rotating the hand."""
     wrist = hand_state[pose.WRIST]
     quat = rotation.multiply(pose.solve_arm(wrist, signer).fore, rotation.exp(hand_state[pose.ROTVEC]))
@@ -28,7 +26,7 @@ def translated(hand_state: Float, displacement: Float, signer: Signer) -> Float:
     return np.concatenate([moved, pose.hand_rotvecs(moved, quat, signer), hand_state[pose.FINGERS]])
 
 
-def drifted(state: Float, displacement: Float, signer: Signer, hands: str) -> Float:
+def drifted(state: FloatArray, displacement: FloatArray, signer: Signer, hands: str) -> FloatArray:
     """A state (63,) with the strong hand moved by ``displacement`` (3,), cm, and with it a weak hand that moves."""
     weak = translated(state[27:54], displacement, signer) if hands in ("symmetric", "alternating") else state[27:54]
     return np.concatenate([translated(state[:27], displacement, signer), weak, state[54:]])
@@ -53,11 +51,11 @@ class PathMotion:
     segment: Segment
     hands: str
     signer: Signer
-    start: tuple[Float, Float]
-    end: tuple[Float, Float]
+    start: tuple[FloatArray, FloatArray]
+    end: tuple[FloatArray, FloatArray]
     size: float
     rounds: tuple[float, ...] = ()
-    lift: Float | None = None
+    lift: FloatArray | None = None
     carried: bool = False
 
     @property
@@ -82,7 +80,7 @@ class PathMotion:
         found = [path.revolutions for path in self._paths if path.kind == "circle"]
         return max(1, round(abs(found[0]))) if found else 1
 
-    def at(self, s: float) -> Float:
+    def at(self, s: float) -> FloatArray:
         """The state (63,) at progress ``s``."""
         both = []
         for which, t, phase in self._both(s):
@@ -90,7 +88,7 @@ class PathMotion:
             both.append(hand_state if offset is None else translated(hand_state, offset, self.signer))
         return np.concatenate([*both, np.zeros(9)])
 
-    def back(self, s: float) -> Float:
+    def back(self, s: float) -> FloatArray:
         """The state (63,) at progress ``s`` of the way back for another pass."""
         if self.lift is None:
             return self.at(1.0 - s)
@@ -101,7 +99,7 @@ class PathMotion:
             both[which] = translated(both[which], lift, self.signer)
         return np.concatenate([*both, np.zeros(9)])
 
-    def of_pass(self, k: int, s: float) -> Float:
+    def of_pass(self, k: int, s: float) -> FloatArray:
         """The state (63,) at progress ``s`` of pass ``k``, where every other one is the way back."""
         state = self.back(s) if k % 2 else self.at(s)
         if not any(self.segment.step):
@@ -120,11 +118,11 @@ class PathMotion:
         reverse = self.hands == "alternating" and not opposite
         return (0, s, 0.0), (0 if mirrored else 1, 1.0 - s if reverse else s, 0.5 * opposite)
 
-    def _straight(self, which: int, s: float) -> Float:
+    def _straight(self, which: int, s: float) -> FloatArray:
         start, end = self.start[which], self.end[which]
         return start + s * (end - start)
 
-    def _offset(self, which: int, s: float, phase: float) -> Float | None:
+    def _offset(self, which: int, s: float, phase: float) -> FloatArray | None:
         """Displacement (3,), cm, of a hand from the straight line; None where it stays on the line."""
         own = self._path_offset(self.segment.weak_path if which == 1 else self.segment.path, s, phase)
         if which == 1 or not self.carried:
@@ -135,7 +133,7 @@ class PathMotion:
         mirrored = np.asarray(along * locations.MIRROR)
         return mirrored if own is None else np.asarray(own + mirrored)
 
-    def _path_offset(self, path: Path, s: float, phase: float) -> Float | None:
+    def _path_offset(self, path: Path, s: float, phase: float) -> FloatArray | None:
         """Displacement (3,), cm, on one path; None where it has none."""
         if path.kind not in ("arc", "zigzag", "circle"):
             return None
@@ -209,7 +207,7 @@ _PLANES = {"frontal": ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)), "sagittal": ((0.0, 1.0
 _PLANES["horizontal"] = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 
 
-def _circle_offset(path: Path, s: float, phase: float) -> Float:
+def _circle_offset(path: Path, s: float, phase: float) -> FloatArray:
     """Displacement (3,) on a circle from its start at the top (horizontal: the front), for unit scale."""
     top, side = (locations.axes(v) for v in _PLANES[path.plane])
     angle = 2.0 * np.pi * (path.revolutions * s + phase)

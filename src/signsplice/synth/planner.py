@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import pose, trajectory, two_hands
 from signsplice.synth.avoidance import clear_collisions
@@ -27,8 +27,6 @@ from signsplice.synth.segment_plan import FPS, SegmentPlan
 from signsplice.synth.signer import STANDARD, Signer
 from signsplice.synth.timing import between_frames
 from signsplice.synth.touch_events import skin_gaps, touching_sides
-
-Float = NDArray[np.float64]
 
 PREPARATION_PACE, RETRACTION_PACE = 1.06, 1.25
 """Duration of the reaches from and to rest, over what the travel law gives."""
@@ -49,7 +47,7 @@ class IsolatedWord:
 
     sign: Sign
     signer: Signer
-    states: Float
+    states: FloatArray
     clip: Clip
     events: Events
 
@@ -90,7 +88,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     return IsolatedWord(sign, signer, states, clip, _with_touches(events, clip, sign, signer))
 
 
-def _reach_frames(start: Float, end: Float, signer: Signer, fps: float, pace: float) -> int:
+def _reach_frames(start: FloatArray, end: FloatArray, signer: Signer, fps: float, pace: float) -> int:
     travel = np.linalg.norm(pose.hands(end)[:, pose.WRIST] - pose.hands(start)[:, pose.WRIST], axis=-1).max()
     return max(4, round(fps * pace * trajectory.travel_seconds(float(travel), signer)) - 1)
 

@@ -19,14 +19,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import hand
 from signsplice.synth.signer import COLLAR, FOREARM, JOINTS, SHOULDER, UPPER_ARM, Signer, skeleton
-
-Float = NDArray[np.float64]
 
 SIZE = 63
 WRIST, ROTVEC, FINGERS = slice(0, 3), slice(3, 6), slice(6, 27)
@@ -57,7 +56,7 @@ _PRESSED_CM = 3.0  # how deep elbow or forearm lie in the trunk for a cost of 0.
 _ONSET = np.deg2rad(6.0)  # before a limit is approached softly, where that cost begins
 
 
-def hands(states: Float) -> Float:
+def hands(states: FloatArray) -> FloatArray:
     """The hand states (..., 2, 27) in states (..., 63), strong then weak, a view."""
     return states[..., :54].reshape(*states.shape[:-1], 2, 27)
 
@@ -73,11 +72,11 @@ class Arm:
     bend: flexion of the elbow, radians, (...)
     """
 
-    collar: Float
-    upper: Float
-    fore: Float
-    direction: Float
-    bend: Float
+    collar: FloatArray
+    upper: FloatArray
+    fore: FloatArray
+    direction: FloatArray
+    bend: FloatArray
 
 
 def solve_arm(wrists: ArrayLike, signer: Signer) -> Arm:
@@ -115,19 +114,19 @@ def solve_arm(wrists: ArrayLike, signer: Signer) -> Arm:
     return Arm(collar, _bone_rotation(upper, hinge), _bone_rotation(fore, hinge), direction, bend)
 
 
-def _bone_rotation(bone: Float, hinge: Float) -> Float:
+def _bone_rotation(bone: FloatArray, hinge: FloatArray) -> FloatArray:
     """Rotations (..., 4) that take the right arm's rest bone -X to ``bone`` and the elbow's axis +Y to ``hinge``."""
     return rotation.from_matrix(np.stack([-bone, hinge, np.cross(-bone, hinge)], axis=-1))
 
 
-def hand_rotvecs(wrists: ArrayLike, hand_quats: ArrayLike, signer: Signer) -> Float:
+def hand_rotvecs(wrists: ArrayLike, hand_quats: ArrayLike, signer: Signer) -> FloatArray:
     """The rotation vectors (..., 3) for hand states of right hands at ``wrists`` (..., 3) with rotations (..., 4), both
     in the chest's axes.
     """
     return rotation.log(rotation.multiply(rotation.inverse(solve_arm(wrists, signer).fore), hand_quats))
 
 
-def hand_rotations(states: Float, signer: Signer) -> Float:
+def hand_rotations(states: FloatArray, signer: Signer) -> FloatArray:
     """Rotations (..., 2, 4) of both hands in the chest's axes, as right hands, before joint limits."""
     both = hands(states)
     return rotation.multiply(solve_arm(both[..., WRIST], signer).fore, rotation.exp(both[..., ROTVEC]))
@@ -143,13 +142,13 @@ class Wrist:
     flexion: of the wrist, positive towards the palm
     """
 
-    swivel: Float
-    twist: Float
-    deviation: Float
-    flexion: Float
+    swivel: FloatArray
+    twist: FloatArray
+    deviation: FloatArray
+    flexion: FloatArray
 
 
-def wrist_angles(arm: Arm, rotvecs: Float, signer: Signer) -> Wrist:
+def wrist_angles(arm: Arm, rotvecs: FloatArray, signer: Signer) -> Wrist:
     """The angles with which arms carry hands with rotation vectors ``rotvecs`` (..., 3), the elbow where they are
     smallest, and where the signer's manner says so, low.
 
@@ -172,7 +171,7 @@ def wrist_angles(arm: Arm, rotvecs: Float, signer: Signer) -> Wrist:
     return Wrist(swivel, *_split(chosen))
 
 
-def _raised_cost(arm: Arm, angles: Float, signer: Signer) -> Float:
+def _raised_cost(arm: Arm, angles: FloatArray, signer: Signer) -> FloatArray:
     """What each candidate swivel (..., 13) costs that lifts the elbow, that puts elbow or forearm into the trunk, and
     that bends forearm and wrist beyond their limits: angles (..., 13, 3) of twist, deviation and flexion.
 
@@ -197,7 +196,7 @@ def _raised_cost(arm: Arm, angles: Float, signer: Signer) -> Float:
     return np.asarray(cost + (np.square(depth) / (_PRESSED_CM * (_PRESSED_CM + depth))).sum(axis=0))
 
 
-def _trunk_depth(points: Float) -> Float:
+def _trunk_depth(points: FloatArray) -> FloatArray:
     """Depth (...) of an arm's axis at points (..., 3) in the trunk of the standard body, cm: an oval around a line from
     side to side, ending at the shoulders.
     """
@@ -207,7 +206,7 @@ def _trunk_depth(points: Float) -> Float:
     return np.asarray(depth * smooth_step((10.0 - points[..., 1]) / 10.0))
 
 
-def _split(quats: Float) -> tuple[Float, Float, Float]:
+def _split(quats: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Twist about X, then deviation and flexion, of rotations from forearm to hand (..., 4)."""
     quats = quats * np.where(quats[..., 3:] < 0.0, -1.0, 1.0)
     twist = 2.0 * np.arctan2(quats[..., 0], quats[..., 3])
@@ -215,12 +214,12 @@ def _split(quats: Float) -> tuple[Float, Float, Float]:
     return twist, swing[..., 1], swing[..., 2]
 
 
-def clip(states: Float, signer: Signer, fps: float, name: str = "") -> Clip:
+def clip(states: FloatArray, signer: Signer, fps: float, name: str = "") -> Clip:
     """The motion of states (T, 63) as a clip on the signer's skeleton."""
     return Clip(skeleton(signer), *rotations(states, signer), fps, name)
 
 
-def rotations(states: Float, signer: Signer) -> tuple[Float, Float]:
+def rotations(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
     """Local rotations (T, 53, 4) and root positions (T, 3), cm, of states (T, 63)."""
     n_frames = len(states)
     local_quats = np.zeros((n_frames, len(JOINTS), 4))
@@ -273,7 +272,7 @@ def _trunk_parts(signer: Signer) -> tuple[float, float, float]:
     return (1.0 / lowest, 2.0 / (1.0 - lowest), 2.0 / (1.0 - lowest)) if signer.manner.body_motion else (3.0, 3.0, 3.0)
 
 
-def _lean_legs(local_quats: Float, displacement: Float) -> None:
+def _lean_legs(local_quats: FloatArray, displacement: FloatArray) -> None:
     """Rotate the legs, in place, against the root's displacement (T, 3), cm, so that the feet stay where they are."""
     leg = 81.0  # hip to ankle of the standard body, cm
     lean = np.stack([-displacement[:, 2], np.zeros(len(displacement)), displacement[:, 0]], axis=-1) / leg
@@ -282,13 +281,13 @@ def _lean_legs(local_quats: Float, displacement: Float) -> None:
         local_quats[:, JOINTS[f"{side}Foot"]] = rotation.exp(lean)
 
 
-def smooth_step(x: Float) -> Float:
+def smooth_step(x: FloatArray) -> FloatArray:
     """0 up to 0, 1 from 1 on, between them the smooth step of degree 5."""
     x = np.clip(x, 0.0, 1.0)
     return np.asarray(x**3 * (10.0 + x * (-15.0 + 6.0 * x)))
 
 
-def _soft_clip(x: ArrayLike, low: ArrayLike, high: ArrayLike, margin: float) -> Float:
+def _soft_clip(x: ArrayLike, low: ArrayLike, high: ArrayLike, margin: float) -> FloatArray:
     """``x`` kept between limits: unchanged until ``margin`` from one, then approaching it (C1, by tanh)."""
     x = np.asarray(x, np.float64)
     over, under = x - (np.asarray(high) - margin), (np.asarray(low) + margin) - x

@@ -24,6 +24,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import frequencies, locations, pose
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.locations import MIRROR, WeakArm
@@ -43,7 +44,6 @@ from signsplice.synth.rest import resting
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD
 
-Float = NDArray[np.float64]
 T = TypeVar("T")
 
 _NEAR_BODY = 0.4
@@ -291,7 +291,7 @@ def _out_of_reach(segment: Segment) -> bool:
     return segment.weak is None and segment.strong.location == "forearm-weak"
 
 
-def easy(hand_states: Float) -> NDArray[np.bool_]:
+def easy(hand_states: FloatArray) -> NDArray[np.bool_]:
     """Whether hand states (..., 27) need no more than 85 % of any wrist or forearm limit of the standard signer, and
     the elbow stays bent by 20 degrees or more.
     """
@@ -303,7 +303,7 @@ def easy(hand_states: Float) -> NDArray[np.bool_]:
     return np.asarray(bent & (np.abs(wrist.twist) < 0.85 * pose.FOREARM_LIMIT) & (arm.bend > 0.35))
 
 
-def _in_front(hand_states: Float, meets: bool) -> NDArray[np.bool_]:
+def _in_front(hand_states: FloatArray, meets: bool) -> NDArray[np.bool_]:
     """Whether wrists are in front of the chest, and on the strong side where hands mirror one another."""
     wrists = hand_states[..., pose.WRIST] * MIRROR
     return np.asarray((wrists[..., 2] > 2.0) & ((wrists[..., 0] > 1.0) | (not meets)))

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import locations, pose
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.phonology import Posture
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, Signer
-
-Float = NDArray[np.float64]
 
 _HELD = {
     "folded": (
@@ -30,7 +28,7 @@ _HELD_LOWER_CM = 2.0
 """How much lower than these postures hands rest."""
 
 
-def resting(signer: Signer, *names: str | int) -> Float:
+def resting(signer: Signer, *names: str | int) -> FloatArray:
     """The state (63,) of a signer at rest; ``names`` seed its small variations."""
     rng = stream("rest", signer.name, *names)
     state = np.zeros(pose.SIZE)

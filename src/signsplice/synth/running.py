@@ -13,18 +13,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from signsplice.errors import InputError
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import pose, truth
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import skeleton
 from signsplice.synth.timing import transition_pause
-
-Float = NDArray[np.float64]
 
 PRONOUNS = frozenset({"I", "YOU", "HE-SHE", "THEY", "THIS", "THAT", "THERE"})
 """Pointing signs, which assimilate where they have the pointing hand's own shape."""
@@ -81,12 +79,12 @@ def utter(words: Sequence[IsolatedWord], changes: bool = True, partner: bool = T
         raise InputError("no words, expected at least one")
     cuts = [truth.cut(p, q, partner=partner) for p, q in itertools.pairwise(words)]
     leaves, enters = [pre for pre, _ in cuts], [0, *(post for _, post in cuts)]
-    signed: list[tuple[Float, tuple[str, ...]]] = [(word.states, ()) for word in words]
+    signed: list[tuple[FloatArray, tuple[str, ...]]] = [(word.states, ()) for word in words]
     if changes:
         for k in range(len(words) - 1):
             signed[k] = _changed(words, signed, k, leaves, enters)
     glosses = [word.sign.gloss for word in words]
-    pieces: list[tuple[Float, Float]] = []  # local rotations and root positions
+    pieces: list[tuple[FloatArray, FloatArray]] = []  # local rotations and root positions
     stretches: list[Stretch] = []
     seams = []
     at = 0
@@ -121,11 +119,11 @@ def utter(words: Sequence[IsolatedWord], changes: bool = True, partner: bool = T
 
 def _changed(
     words: Sequence[IsolatedWord],
-    signed: Sequence[tuple[Float, tuple[str, ...]]],
+    signed: Sequence[tuple[FloatArray, tuple[str, ...]]],
     k: int,
     leaves: Sequence[int],
     enters: Sequence[int],
-) -> tuple[Float, tuple[str, ...]]:
+) -> tuple[FloatArray, tuple[str, ...]]:
     """The states of word ``k`` as running signing changes them, and the names of the changes."""
     word, states, changed = words[k], words[k].states, []
     following = words[k + 1]

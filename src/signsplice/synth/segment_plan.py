@@ -6,8 +6,8 @@ import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import locations, undershoot
 from signsplice.synth.avoidance import touching
 from signsplice.synth.events import Events
@@ -21,8 +21,6 @@ from signsplice.synth.rest import resting
 from signsplice.synth.signer import Signer
 from signsplice.synth.timing import hold_pause, tempo_of
 from signsplice.synth.trajectory import Knot
-
-Float = NDArray[np.float64]
 
 FPS = 30.0
 
@@ -73,7 +71,7 @@ class SegmentPlan:
         spans = [span for timed in self.timed for span in ((timed.begin, timed.end), *timed.passes)]
         return sorted({frame for span in spans for frame in span})
 
-    def low_passed(self, states: Float, offset: int) -> Float:
+    def low_passed(self, states: FloatArray, offset: int) -> FloatArray:
         """States of the whole word as the signer's low pass leaves them."""
         deviation = self.signer.manner.low_pass_frames * self.fps / FPS
         if not deviation:
@@ -100,7 +98,7 @@ class SegmentPlan:
             passes=tuple(moves[-1]) if moves else (),
         )
 
-    def add_overlays(self, states: Float, offset: int) -> None:
+    def add_overlays(self, states: FloatArray, offset: int) -> None:
         """Add local movements and gestures of head and trunk to states of the whole word, in place."""
         for timed in self.timed:
             add_gesture(states, timed.segment, timed.begin + offset, timed.end + offset, self.fps)
@@ -109,7 +107,7 @@ class SegmentPlan:
                 part = states[timed.begin + offset : timed.end + offset + 1]
                 add_local_movement(part, timed.segment, self.sign.hands, self.signer)
 
-    def _postures(self) -> list[tuple[Float, Float]]:
+    def _postures(self) -> list[tuple[FloatArray, FloatArray]]:
         """Both hand states at the end of each segment; a weak hand without a posture of its own mirrors or rests."""
         meets = self.sign.hands in ("symmetric", "alternating")
         arms: dict[Posture | None, WeakArm] = {}
@@ -127,12 +125,12 @@ class SegmentPlan:
         touching = [touches(segment, self.sign) for segment in self.sign.segments]
         return undershoot.undershot(pairs, self.sign, touching, rest, tempo, self.signer)
 
-    def _weak_hand(self, posture: Posture | None) -> Float:
+    def _weak_hand(self, posture: Posture | None) -> FloatArray:
         if posture is None:
             return resting(self.signer, self.sign.gloss)[27:54]
         return locations.weak_hand(posture, self.signer, self.size)
 
-    def _first_state(self) -> Float:
+    def _first_state(self) -> FloatArray:
         """The first posture; hands that alternate are where the first movement begins for each."""
         moves = [n for n, s in enumerate(self.sign.segments) if s.kind == "M"]
         if self.sign.hands == "alternating" and moves:

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.errors import InputError
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import EndSite, Skeleton
 from signsplice.synth import hand
 from signsplice.synth.manner import USUAL, Manner, draw_manner
 from signsplice.synth.rng import stream
-
-Float = NDArray[np.float64]
 
 STATURE_CM = 170.0
 """Stature of the standard body. Positions and lengths in this folder are given for it; other bodies scale them."""
@@ -155,8 +153,8 @@ def skeleton(signer: Signer = STANDARD) -> Skeleton:
 
 def _skeleton(signer: Signer) -> Skeleton:
     scale = signer.scale
-    rows: list[tuple[str, str, Float]] = [("Hips", "", np.array([0.0, HIPS_CM, 0.0]) * scale)]
-    tips: list[tuple[str, Float]] = []
+    rows: list[tuple[str, str, FloatArray]] = [("Hips", "", np.array([0.0, HIPS_CM, 0.0]) * scale)]
+    tips: list[tuple[str, FloatArray]] = []
     rows += [(name, parent, np.array(offset) * scale) for name, parent, offset in (*_TRUNK, *_NECK)]
     for side in SIDES:
         mirror = np.array([1.0 if side == "Left" else -1.0, 1.0, 1.0]) * scale

@@ -11,14 +11,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import Signer
 from signsplice.synth.trajectory import Knot
-
-Float = NDArray[np.float64]
 
 _MOVEMENT, _MOVEMENT_SPREAD = 0.03, 0.16
 """Mean and standard deviation, over words, of the logarithm of the factor on a movement's duration."""
@@ -81,7 +79,7 @@ def tempo_of(sign: Sign, signer: Signer, take: int) -> Tempo:
     )
 
 
-def hold_pause(signer: Signer, sign: Sign, take: int, number: int) -> tuple[float, Float]:
+def hold_pause(signer: Signer, sign: Sign, take: int, number: int) -> tuple[float, FloatArray]:
     """How much longer (seconds) a word's hold ``number`` lasts by hesitation, mostly 0, and how far (3,), cm, the hands
     drift meanwhile: mostly down. Words that are nothing but a hold have no pause, since a sentence keeps most of it.
     """
@@ -104,7 +102,7 @@ def _pause(signer: Signer, seconds: tuple[float, float], *names: str | int) -> t
     return (rng.uniform(*seconds) if hesitates else 0.0), rng
 
 
-def slowed(n_frames: int, pause_frames: int) -> Float:
+def slowed(n_frames: int, pause_frames: int) -> FloatArray:
     """Where frames of a reach of ``n_frames`` lie on it, 0 to 1, if it pauses for ``pause_frames`` more: at its own
     speed at both ends, slowest half way (n_frames + pause, at most nearly twice as many).
     """

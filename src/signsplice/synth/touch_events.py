@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from signsplice.body.capsules import body_capsules, capsule_ends
 from signsplice.body.touch import SkinPairs, pair_gaps, skin_pairs
 from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth.phonology import Sign
 from signsplice.synth.signer import SIDES, Signer
-
-Float = NDArray[np.float64]
 
 MIRRORED_HANDS = ("symmetric", "alternating")
 """Kinds of hands of which either may touch; of others the strong one."""
@@ -27,7 +26,7 @@ def touching_sides(sign: Sign, signer: Signer) -> tuple[str, ...]:
     return ("Left",) if signer.left_handed else ("Right",)
 
 
-def skin_gaps(clip: Clip, frames: Sequence[int], sides: Sequence[str]) -> Float:
+def skin_gaps(clip: Clip, frames: Sequence[int], sides: Sequence[str]) -> FloatArray:
     """Least distance (F,), cm, at some frames, from the skin of the hands ``sides`` to head, neck, trunk, the other
     hand and the other arm; negative inside, rounded so that a mirrored signer has the same.
     """

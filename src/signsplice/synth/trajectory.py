@@ -7,17 +7,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, make_interp_spline
 
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import finger_timing, hand, pose
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.signer import COLLAR, SHOULDER, Signer
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-Float = NDArray[np.float64]
 
 SHOULDERS_CM = 36.0
 """Shoulder width of the standard body, the unit of the travel law."""
@@ -41,11 +39,11 @@ class Knot:
     """
 
     frame: float
-    state: Float
+    state: FloatArray
     stop: bool
 
 
-def through(knots: Sequence[Knot]) -> Float:
+def through(knots: Sequence[Knot]) -> FloatArray:
     """States (T, 63) of every whole frame from the first knot to the last, of minimum jerk: between stops the quintic
     spline through the knots, at rest at both ends (Flash and Hogan 1985 with via points).
     """
@@ -77,12 +75,14 @@ _FALLING_WEAK_LEAD = -0.08
 _BOW_DIRECTION = np.array([-0.25, 0.35, 0.9])  # outwards, up and forward, away from the body
 
 
-def bump(u: Float) -> Float:
+def bump(u: FloatArray) -> FloatArray:
     """A bump (...) of height 1 over [0, 1] whose value, slope and curvature are 0 at both ends: 64 u^3 (1 - u)^3."""
     return np.asarray(64.0 * (u * (1.0 - u)) ** 3)
 
 
-def reach(before: Float, after: Float, n_frames: int, signer: Signer, at: Float | None = None) -> Float:
+def reach(
+    before: FloatArray, after: FloatArray, n_frames: int, signer: Signer, at: FloatArray | None = None
+) -> FloatArray:
     """The ``n_frames`` states between two motions: the end of ``before`` (.., 63) and the start of ``after`` (.., 63).
 
     The quintic (minimum jerk) takes position and velocity from the two ends (one-sided differences over three frames)
@@ -118,14 +118,14 @@ def reach(before: Float, after: Float, n_frames: int, signer: Signer, at: Float 
     return states
 
 
-def clip_fingers(states: Float) -> None:
+def clip_fingers(states: FloatArray) -> None:
     """Clip the finger angles of states (T, 63) to their limits, in place."""
     for first in (0, 27):
         fingers = states[:, first : first + 27][:, pose.FINGERS]
         np.clip(fingers, hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=fingers)
 
 
-def from_rest_to_rest(knots: Sequence[Knot], rest: Float, up: int, down: int, signer: Signer) -> Float:
+def from_rest_to_rest(knots: Sequence[Knot], rest: FloatArray, up: int, down: int, signer: Signer) -> FloatArray:
     """States of every whole frame of the preparation, ``up`` frames until the first knot's, of the trajectory, and of
     the retraction, ``down`` frames from the last knot's.
     """
@@ -144,7 +144,7 @@ def from_rest_to_rest(knots: Sequence[Knot], rest: Float, up: int, down: int, si
     )
 
 
-def _still(state: Float) -> Float:
+def _still(state: FloatArray) -> FloatArray:
     return np.broadcast_to(state, (3, pose.SIZE))
 
 
@@ -155,7 +155,7 @@ _MOST_PASSING_CM = 16.0
 """How far a path bows forward for that at most; plain motion has no limit, and throws a hand forward now and then."""
 
 
-def _avoid_shoulder(path: Float, hill: Float, start: Float, end: Float, signer: Signer) -> None:
+def _avoid_shoulder(path: FloatArray, hill: FloatArray, start: FloatArray, end: FloatArray, signer: Signer) -> None:
     """Bow a wrist's path (n, 3) forward and out, in place, where it would come nearer to the shoulder than its ends."""
     shoulder = (COLLAR + SHOULDER) * np.array([-signer.shoulders, 1.0, 1.0]) * signer.scale
     ends = min(float(np.linalg.norm(start - shoulder)), float(np.linalg.norm(end - shoulder)))
@@ -170,7 +170,7 @@ def _avoid_shoulder(path: Float, hill: Float, start: Float, end: Float, signer: 
         path += hill * bow * _PASSING_DIRECTION
 
 
-def _end_derivatives(frames: Float) -> tuple[Float, Float, Float]:
+def _end_derivatives(frames: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """State, velocity and acceleration (per frame) at the last of up to three frames."""
     zero = np.zeros(frames.shape[1])
     if len(frames) < 2:
@@ -181,7 +181,7 @@ def _end_derivatives(frames: Float) -> tuple[Float, Float, Float]:
     return c, 1.5 * c - 2.0 * b + 0.5 * a, 0.4 * (c - 2.0 * b + a)
 
 
-def _quintic(start: tuple[Float, ...], end: tuple[Float, ...], steps: int, u: Float) -> Float:
+def _quintic(start: tuple[FloatArray, ...], end: tuple[FloatArray, ...], steps: int, u: FloatArray) -> FloatArray:
     """The polynomial of degree 5 over [0, 1] with given state, velocity and acceleration (per frame) at both ends."""
     (p, v, a), (q, w, b) = start, end
     v, w, a, b = v * steps, w * steps, a * steps**2, b * steps**2
@@ -192,7 +192,7 @@ def _quintic(start: tuple[Float, ...], end: tuple[Float, ...], steps: int, u: Fl
     return np.asarray(p + u * (v + u * (0.5 * a + u * (c3 + u * (c4 + u * c5)))))
 
 
-def taken_at(states: Float, times: Float) -> Float:
+def taken_at(states: FloatArray, times: FloatArray) -> FloatArray:
     """States (T, 63), each number taken at a time of its own, frames (T, 63); between frames by a cubic spline."""
     frames = np.arange(len(states))
     taken = states.copy()
@@ -204,12 +204,12 @@ def taken_at(states: Float, times: Float) -> Float:
     return taken
 
 
-def small_motions(n_frames: int, fps: float, signer: Signer, rng: np.random.Generator) -> Float:
+def small_motions(n_frames: int, fps: float, signer: Signer, rng: np.random.Generator) -> FloatArray:
     """Breath, sway and tremor (T, 63) of a standing signer, to be added to states."""
     t = np.arange(n_frames) / fps
     out = np.zeros((n_frames, pose.SIZE))
 
-    def wave(hz: float) -> Float:
+    def wave(hz: float) -> FloatArray:
         """A wave of nearly one frequency: the sum of two close frequencies with random phases."""
         phases = 2.0 * np.pi * rng.random(2)
         return np.asarray(
@@ -229,7 +229,7 @@ def small_motions(n_frames: int, fps: float, signer: Signer, rng: np.random.Gene
     return out
 
 
-def window(n_frames: int, edge: int) -> Float:
+def window(n_frames: int, edge: int) -> FloatArray:
     """Weights (n_frames,) that rise smoothly from 0 to 1 over ``edge`` frames, stay there and fall again."""
     i = np.arange(n_frames)
     from_end = np.clip(np.minimum(i, n_frames - 1 - i) / max(edge, 1), 0.0, 1.0)

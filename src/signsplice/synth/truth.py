@@ -16,15 +16,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.errors import InputError
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import pose, trajectory
 from signsplice.synth.avoidance import clear_collisions, penetration
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.timing import slowed
-
-Float = NDArray[np.float64]
 
 KINDS = {
     "partner": "where a word is left and entered depends on the other word too",
@@ -88,7 +86,7 @@ class Splice:
 
     pre: int
     post: int
-    states: Float
+    states: FloatArray
 
 
 @dataclass(frozen=True)
@@ -277,7 +275,7 @@ def _far(relation: Relation) -> float:
     return relation.travel_cm / (relation.travel_cm + FAR_CM)
 
 
-def _seen(word: IsolatedWord, frame: int, least: int = 0, most: int | None = None) -> Float:
+def _seen(word: IsolatedWord, frame: int, least: int = 0, most: int | None = None) -> FloatArray:
     """The strong wrist's position (3,) around a frame, on the standard body; averaged so that errors of single frames
     hardly count.
     """
@@ -287,13 +285,13 @@ def _seen(word: IsolatedWord, frame: int, least: int = 0, most: int | None = Non
     return np.asarray(word.states[frames, pose.WRIST].mean(axis=0) / word.signer.scale)
 
 
-def _alignment(displacement: Float, travel: Float) -> float:
+def _alignment(displacement: FloatArray, travel: FloatArray) -> float:
     """The cosine between two displacements, less where one of them is short."""
     lengths = [float(np.linalg.norm(v)) + DIRECTION_CM for v in (displacement, travel)]
     return float(displacement @ travel) / (lengths[0] * lengths[1])
 
 
-def transition(before: Float, after: Float, p: IsolatedWord, pause_s: float = 0.0) -> Float:
+def transition(before: FloatArray, after: FloatArray, p: IsolatedWord, pause_s: float = 0.0) -> FloatArray:
     """The states (n, 63) between two stretches of at least three frames, in ``p``'s signer and rate.
 
     Where the path is so short that a hand would pass through the body, it takes two, four or six frames longer.
@@ -308,7 +306,7 @@ def transition(before: Float, after: Float, p: IsolatedWord, pause_s: float = 0.
     return states
 
 
-def transition_frames(start: Float, end: Float, p: IsolatedWord) -> int:
+def transition_frames(start: FloatArray, end: FloatArray, p: IsolatedWord) -> int:
     """How many frames are new between two states (63,), by the travel law for the hand that takes longer (the weak hand
     is faster), and at least as many as the hands take to turn and the handshape to form; the law includes the signer's
     tempo.

@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import finger_timing, hand, pose, trajectory
 from signsplice.synth.base_hand import base_motion
 from signsplice.synth.gaps import TOUCH_CM, hand_gaps
@@ -19,8 +19,6 @@ from signsplice.synth.signer import Signer
 
 if TYPE_CHECKING:
     from signsplice.synth.phonology import Sign
-
-Float = NDArray[np.float64]
 
 _FREE_CM = 3.5
 """How much farther than that hands are as free as in the open."""
@@ -31,8 +29,8 @@ _LAG_FRAMES = (0.5, 1.7)
 
 
 def in_their_own_time(
-    states: Float, sign: Sign, signer: Signer, take: int, fps: float, span: tuple[int, int, int, int]
-) -> Float:
+    states: FloatArray, sign: Sign, signer: Signer, take: int, fps: float, span: tuple[int, int, int, int]
+) -> FloatArray:
     """States (T, 63) of a whole word in which hands and fingers differ in place and time as the signer's manner has it;
     the states themselves where it is plain.
 
@@ -71,7 +69,7 @@ def in_their_own_time(
     return states
 
 
-def _freedom(gaps: Float, fps: float) -> Float:
+def _freedom(gaps: FloatArray, fps: float) -> FloatArray:
     """How free the strong and the weak hand are, (T, 2): 0 around touches, 1 in the open; it changes over some frames,
     so that time never runs backwards.
     """
@@ -82,14 +80,14 @@ def _freedom(gaps: Float, fps: float) -> Float:
     return np.asarray(gaussian_filter1d(least, 0.5 * side, axis=0, radius=side))
 
 
-def _within(frames: Float, begin: int, end: int, fps: float) -> Float:
+def _within(frames: FloatArray, begin: int, end: int, fps: float) -> FloatArray:
     """1 between two frames, 0 outside of them, rising over a third of a second or half of the way."""
     rise = min(10.0 * fps / 30.0, 0.5 * (end - begin))
     inside = np.minimum(frames - begin, end - frames)
     return _smooth_step(inside / max(rise, 1e-9))
 
 
-def _difference(seconds: Float, sign: Sign, signer: Signer, take: int) -> tuple[float, Float]:
+def _difference(seconds: FloatArray, sign: Sign, signer: Signer, take: int) -> tuple[float, FloatArray]:
     """By how many frames of 30 a second the weak hand lags, and its displacement (T, 3), cm, that varies slowly about
     one of the word's.
     """
@@ -102,6 +100,6 @@ def _difference(seconds: Float, sign: Sign, signer: Signer, take: int) -> tuple[
     return lag, amount * float(rng.uniform(*_PLACE_CM)) * signer.scale * place
 
 
-def _smooth_step(x: Float) -> Float:
+def _smooth_step(x: FloatArray) -> FloatArray:
     x = np.clip(x, 0.0, 1.0)
     return np.asarray(x * x * (3.0 - 2.0 * x))

@@ -7,16 +7,14 @@ movements short of their targets (Mauk 2003, Undershoot in two modalities, Unive
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from signsplice.motion.arrays import FloatArray
 from signsplice.synth import pose
 from signsplice.synth.gaps import TOUCH_CM, hand_gaps
 from signsplice.synth.locations import ON_HEAD
 from signsplice.synth.paths import translated
 from signsplice.synth.phonology import Sign
 from signsplice.synth.signer import Signer
-
-Float = NDArray[np.float64]
 
 _USUAL_CM, _MOST_CM = 0.5, 2.0
 """How far short a movement stays at the usual tempo, and at most."""
@@ -32,8 +30,13 @@ def short_cm(tempo: float, signer: Signer) -> float:
 
 
 def undershot(
-    pairs: list[tuple[Float, Float]], sign: Sign, touching: list[bool], rest: Float, tempo: float, signer: Signer
-) -> list[tuple[Float, Float]]:
+    pairs: list[tuple[FloatArray, FloatArray]],
+    sign: Sign,
+    touching: list[bool],
+    rest: FloatArray,
+    tempo: float,
+    signer: Signer,
+) -> list[tuple[FloatArray, FloatArray]]:
     """Strong and weak hand's states (27,) in a sign's segments, the strong one moved towards the segment before, in the
     first towards ``rest`` (63,), unless it touches there; a weak hand that mirrors it moves too. A posture that is kept
     stays the same.
@@ -43,7 +46,7 @@ def undershot(
         return pairs
     states = np.array([np.concatenate([*pair, np.zeros(9)]) for pair in pairs])
     near = hand_gaps(states, signer)[:, [0, 2]].min(axis=1) < TOUCH_CM
-    moved: list[tuple[Float, Float]] = []
+    moved: list[tuple[FloatArray, FloatArray]] = []
     for n, (strong, weak) in enumerate(pairs):
         if n and np.array_equal(strong, pairs[n - 1][0]):
             moved.append((moved[-1][0], moved[-1][0] if weak is strong else weak))

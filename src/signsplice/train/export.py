@@ -17,7 +17,7 @@ from torch import Tensor, nn
 
 from signsplice.errors import InputError, SignspliceError
 from signsplice.formats.atomic import check_place
-from signsplice.splicing.bundle import BUNDLE_FILE
+from signsplice.splicing.networks.bundle import BUNDLE_FILE
 
 TOLERANCE = 1e-4
 """Largest difference between torch and onnxruntime, relative for numbers above 1."""

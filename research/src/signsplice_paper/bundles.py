@@ -1,0 +1,49 @@
+"""Bundles of the paper's systems: finding them, and what their rows and curves take from them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from signsplice.errors import InputError
+from signsplice.formats.reading import read_bytes
+from signsplice.splicing.networks.bundle import BUNDLE_FILE, BundleConfig, bundle_sha256, config_of
+from signsplice_paper.results import ResultRow
+
+
+def read_all(bundles: Path) -> list[BundleConfig]:
+    """The configurations of all bundles in a folder, sorted by name.
+
+    Bundles of other versions are included; opening one raises ``InputError``. So does reading an invalid bundle.json.
+    """
+    return [_read(path) for path in sorted(bundles.glob(f"*/{BUNDLE_FILE}"))] if bundles.is_dir() else []
+
+
+def _read(path: Path) -> BundleConfig:
+    try:
+        return config_of(json.loads(read_bytes(path)), path)
+    except ValueError as error:
+        raise InputError(f"{path}: is no JSON ({error})") from error
+
+
+def result_row(config: BundleConfig) -> ResultRow:
+    """A bundle's row without split and scores. Raises ``InputError`` if bundle.json lacks a field."""
+    fields = ("system", "scale", "optimiser", "seed", "steps", "corpus")
+    config.require(*fields)
+    values = {name: getattr(config, name) for name in fields}
+    bias = None if config.runs is None else config.runs.token_bias
+    stopped = str(config.stored.get("stopped", ""))
+    return ResultRow(
+        split="",
+        **values,
+        stopped=stopped,
+        fr=config.fr,
+        n_parameters=config.n_parameters,
+        token_bias=bias,
+        bundle=short_hash(config),
+    )
+
+
+def short_hash(config: BundleConfig) -> str:
+    """The first twelve hex digits of a bundle's sha256."""
+    return bundle_sha256(config.path.parent)[:12]

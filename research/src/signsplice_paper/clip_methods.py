@@ -1,0 +1,169 @@
+"""Methods that splice the words' own clips, as rows next to the paper's systems: every classical cutter with slerp and
+Hermite, and this project's networks.
+
+They work on rotations. Forward kinematics turns their frames into numbers, and that time counts as theirs. A
+method either chooses the length of a transition itself or is given the true one, because the paper's Accuracy and MSE
+mostly measure the length where it is off. Rows state what they were given. Classical rows choose the length by the rule
+``tempo``. The networks that ship never saw a word or a signer of the corpus; other bundles may have been trained on the
+training part of a split. They cut as the corpus does, which shortens signs (``learned-fluent``), and choose the learned
+duration without the minimum that it has for viewers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from signsplice.errors import InputError
+from signsplice.motion.cache import CACHE
+from signsplice.motion.clip import Clip
+from signsplice.splicing.gap import gap_at
+from signsplice.splicing.methods.choice import ChosenMethods, choose, open_learned
+from signsplice.splicing.methods.cut import CUTTERS, Cut
+from signsplice.splicing.methods.duration import CLASSICAL_DURATION
+from signsplice.splicing.methods.learned import FLUENT, LearnedDuration
+from signsplice.splicing.methods.learned import NAME as LEARNED
+from signsplice.splicing.passes.filling import fill
+from signsplice.synth.corpus import Pairs
+from signsplice_paper.prediction import Prediction
+from signsplice_paper.results import GIVEN
+
+TRANSITIONS = ("slerp", "hermite")
+TRUE_POSITIONS = "true-positions"
+
+
+@dataclass(frozen=True)
+class ClipMethod:
+    """A cutter and a transition.
+
+    - cutter: name of the cutter, or ``TRUE_POSITIONS``
+    - transition: name of the transition
+    - given: what the method is given of the truth, one of ``GIVEN``
+    - bundle: folder of the learned parts, None for the bundle that ships
+
+    Raises ``InputError`` for unknown names, and for learned parts whose bundle cannot be read.
+    """
+
+    cutter: str
+    transition: str
+    given: str = "nothing"
+    bundle: str | Path | None = None
+
+    def __post_init__(self) -> None:
+        if self.given not in GIVEN or ("positions" in self.given) != (self.cutter == TRUE_POSITIONS):
+            raise InputError(
+                f"{self.cutter} given {self.given!r}, expected one of {', '.join(GIVEN)}; "
+                f"only {TRUE_POSITIONS} takes positions"
+            )
+        self.parts  # noqa: B018  # raises for unknown names
+
+    @property
+    def name(self) -> str:
+        """The name in tables: cutter+transition."""
+        return f"{self.cutter}+{self.transition}"
+
+    @property
+    def learned(self) -> bool:
+        """Whether the method uses a network of this project."""
+        return self.cutter == FLUENT or self.transition == LEARNED
+
+    @property
+    def trained_on(self) -> dict[str, str] | None:
+        """The ``corpus`` and ``split`` that the method's networks learned from; None if they never saw a corpus.
+
+        Raises ``InputError`` if they learned from two.
+        """
+        if not self.learned:
+            return None
+        networks = open_learned(self.bundle).networks.values()
+        sources = {tuple(network.trained_on.items()) for network in networks if network.trained_on}
+        if len(sources) > 1:
+            raise InputError(f"{self.bundle}: its networks learned from {len(sources)} splits, expected one")
+        return dict(sources.pop()) if sources else None
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of parameters of the networks in use."""
+        if not self.learned:
+            return 0
+        networks = open_learned(self.bundle).networks
+        in_use = {
+            "cutter": isinstance(self.parts.duration, LearnedDuration),
+            "transition": self.transition == LEARNED,
+        }
+        return sum(networks[name].n_parameters for name, used in in_use.items() if used)
+
+    @cached_property
+    def parts(self) -> ChosenMethods:
+        """The cutter, transition and duration of these names."""
+        cutter = "ends" if self.cutter == TRUE_POSITIONS else self.cutter
+        learned_duration = self.cutter == FLUENT or (self.given == "positions" and self.learned)
+        parts = choose(cutter, self.transition, LEARNED if learned_duration else CLASSICAL_DURATION, self.bundle)
+        if not isinstance(parts.duration, LearnedDuration):
+            return parts
+        duration = LearnedDuration(parts.duration.reader, unhurried=False)
+        return ChosenMethods(parts.cutter, parts.transition, duration, parts.bundle)
+
+    def splice(self, before: Clip, after: Clip, truth: Cut, n_true: int) -> tuple[Cut, Clip]:
+        """The splice position and the transition between two words' clips.
+
+        truth, n_true: the true position and number of transition frames; used only as far as ``given`` allows.
+        """
+        # What was computed of these words for another pair must not shorten the measured time.
+        CACHE.forget(before, after)
+        if isinstance(self.parts.duration, LearnedDuration):
+            self.parts.duration.reader.forget(before, after)
+        cut = truth if "positions" in self.given else self.parts.cutter.cut_all([before, after])[0]
+        n_frames = n_true
+        if "length" not in self.given:
+            n_frames = max(1, round(self.parts.duration.seconds(before, after, cut) * before.fps))
+        return cut, fill(self.parts.transition, [gap_at(before, after, cut, n_frames)], None)[0].clip
+
+
+class ClipAnswers:
+    """A method on a corpus: a callable from a pair's number to its prediction."""
+
+    def __init__(self, pairs: Pairs, method: ClipMethod) -> None:
+        self.pairs, self.method = pairs, method
+        self._clips: dict[int, Clip] = {}
+
+    def __call__(self, number: int) -> Prediction:
+        """The prediction for a pair."""
+        p, q, pre, post, _, count = self.pairs.index[number].tolist()
+        cut, made = self.method.splice(self._clip(p), self._clip(q), Cut(pre, post), count)
+        return Prediction(cut.pre, cut.post, self.pairs.space(p).numbers(made))
+
+    def prepare(self, numbers: Sequence[int]) -> None:
+        """Read the words of these pairs, so that reading is not timed."""
+        for p in sorted(set(self.pairs.index[list(numbers), :2].ravel().tolist())):
+            self._clip(p)
+
+    def _clip(self, word: int) -> Clip:
+        if word not in self._clips:
+            self._clips[word] = self.pairs.word_clip(word)
+        return self._clips[word]
+
+
+def classical_methods() -> list[ClipMethod]:
+    """Every classical cutter with every transition, without and with the true length; and both transitions at the true
+    positions.
+    """
+    rows = [ClipMethod(c, t, given) for given in ("nothing", "length") for c in CUTTERS for t in TRANSITIONS]
+    rows += [ClipMethod(TRUE_POSITIONS, t, given) for given in GIVEN[2:] for t in TRANSITIONS]
+    return rows
+
+
+def product_methods(bundle: str | Path | None = None) -> list[ClipMethod]:
+    """Methods with the networks of this project: both networks, the cutter with a classical transition, and the
+    transition at the true positions.
+    """
+    rows = [(FLUENT, LEARNED, "nothing"), (FLUENT, "hermite", "nothing")]
+    rows += [(TRUE_POSITIONS, LEARNED, given) for given in GIVEN[2:]]
+    return [ClipMethod(*row, bundle) for row in rows]
+
+
+def all_clip_methods() -> list[ClipMethod]:
+    """All classical methods, and the product's where the networks that ship can be read."""
+    return classical_methods() + (product_methods() if choose().bundle is not None else [])

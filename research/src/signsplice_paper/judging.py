@@ -1,0 +1,281 @@
+"""Judging: every bundle of a folder and every method on clips, on every split that allows it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any
+
+from signsplice.errors import InputError
+from signsplice.splicing.methods.learned import SYSTEM
+from signsplice.splicing.networks.bundle import BundleConfig
+from signsplice.synth.corpus import Pairs
+from signsplice_paper import (
+    bundles,
+    clip_methods,
+    curve,
+    kept_frames,
+    margins,
+    pair_samples,
+    protocol,
+    published,
+    results,
+)
+from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
+from signsplice_paper.curve import Curve
+from signsplice_paper.environment import environment
+from signsplice_paper.kept_frames import KeptFrames
+from signsplice_paper.mean_transition import NAME as MEAN_TRANSITION
+from signsplice_paper.mean_transition import MeanAnswers
+from signsplice_paper.plan import Choice, Run
+from signsplice_paper.protocol import Answer, Protocol
+from signsplice_paper.results import CLASSICAL, CORPUS_TRAINED, MEAN, SHIPPED, ResultRow, Results
+from signsplice_paper.systems import open_bundle
+
+ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None] | None]]
+"""Title -> a context that yields a callback (done, total), or None."""
+Warn = Callable[[str], object]
+Scores = dict[str, float]
+MoreScores = Callable[[str], Scores]
+"""A split -> scores on other pairs of it than the test part."""
+Opener = Callable[[Path, str], Any]
+"""A bundle's folder and a decoding -> the system."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What judging one method or bundle adds.
+
+    - rows: new rows, one for each split
+    - curves: the bundle's training curve, if any
+    - kept: the frames for figures 6 and 7, with those of this method or bundle
+    """
+
+    rows: tuple[ResultRow, ...]
+    curves: tuple[Curve, ...]
+    kept: tuple[KeptFrames, ...]
+
+
+@dataclass(frozen=True)
+class Judge:
+    """How to judge, and what is known already.
+
+    - pairs: the corpus
+    - known: earlier results; rows of the same bundle, protocol and metrics are not judged again
+    - progress: makes a progress bar
+    - opener: opens a bundle
+    - limit: largest number of pairs of a split, None for all
+    - splits: those that are judged, all if none is named
+    - again: whether to judge known rows again
+    - margins: how near the true cuts are to other frames, by pair, as far as known
+    - judged_in: commit, versions and machine, read once: a later commit is not that of the code in memory
+    """
+
+    pairs: Pairs
+    known: Results
+    progress: ProgressBar
+    opener: Opener = open_bundle
+    limit: int | None = None
+    again: bool = False
+    splits: tuple[str, ...] = ()
+    margins: Mapping[int, float] = field(default_factory=dict)
+    judged_in: Mapping[str, Any] = field(default_factory=environment)
+
+    def protocols(self) -> list[Protocol]:
+        """The test part of every split that has pairs in it. Raises ``InputError`` if none has."""
+        splits = [split for split in protocol.SPLITS if self.pairs.split(split, "test")]
+        if not splits:
+            raise InputError(f"{self.pairs.folder}: no pair to test in any split; make a corpus of more words")
+        return [protocol.choose(self.pairs, split, limit=self.limit) for split in splits]
+
+    def judgements(
+        self, methods: Iterable[ClipMethod], configs: Iterable[BundleConfig], kept: Sequence[KeptFrames]
+    ) -> Iterator[Judgement]:
+        """Judge the mean transition, methods on clips, then bundles; one judgement each. ``kept``: frames of earlier
+        calls.
+        """
+        protocols = self.protocols()
+        frames = kept_frames.merge(kept, kept_frames.choose(self.pairs, protocols[0]))
+        protocols = [p for p in protocols if not self.splits or p.split in self.splits]
+        yield self.judge_mean(protocols)
+        for method in methods:
+            judgement = self.judge_method(method, protocols, frames)
+            frames = list(judgement.kept)
+            yield judgement
+        for config in configs:
+            judgement = self.judge_bundle(config, protocols, frames)
+            frames = list(judgement.kept)
+            yield judgement
+
+    def judge_mean(self, protocols: Sequence[Protocol]) -> Judgement:
+        """Judge the mean transition of every split's training part."""
+        row, rows = ResultRow(MEAN_TRANSITION, "", MEAN), []
+        for p in protocols:
+            if self.pairs.split(p.split, "train"):
+                rows += self._rows(row, "", MeanAnswers(self.pairs, p.split), [p], [])[0]
+        return Judgement(tuple(rows), (), ())
+
+    def judge_method(self, method: ClipMethod, protocols: Sequence[Protocol], kept: list[KeptFrames]) -> Judgement:
+        """Judge a method on clips. One whose networks learned from the corpus is judged only where that is allowed."""
+        answer, source = ClipAnswers(self.pairs, method), method.trained_on
+        allowed = [p for p in protocols if source is None or protocol.may_judge(source, self.pairs, p)]
+        scale, bundle = CLASSICAL, method.parts.bundle
+        if method.learned:
+            scale = SHIPPED if source is None else CORPUS_TRAINED
+        row = ResultRow(method.name, "", scale, given=method.given, bundle=bundle and bundle[:12])
+        shown = source is None and (method.name, method.given) in kept_frames.SHOWN_METHODS
+        label = kept_frames.label(method.name, scale, "", method.given) if shown else ""
+        more = None if source is None else partial(self._other_pairs, answer)
+        rows, kept = self._rows(row, label, answer, allowed, kept, answer.prepare, more)
+        return Judgement(tuple(rows), (), tuple(kept))
+
+    def judge_bundle(self, config: BundleConfig, protocols: Sequence[Protocol], kept: list[KeptFrames]) -> Judgement:
+        """Judge a bundle, and where its network can, a second time with all frames made in one pass.
+
+        Raises ``InputError`` if no protocol allows it.
+        """
+        folder = config.path.parent
+        allowed = [p for p in protocols if protocol.may_judge(config.stored, self.pairs, p)]
+        if not allowed:
+            protocol.check_allowed(config.stored, self.pairs, protocols[0], folder.name)
+        row = bundles.result_row(config)
+        best_fr = row.fr in (None, published.BEST_FR)
+        shown = best_fr and not row.seed  # figures 6 and 7 show seed 0
+        label = kept_frames.label(row.system, row.scale, row.optimiser) if shown else ""
+        system = _LazySystem(self, folder, "one-by-one")
+        rows, kept = self._rows(row, label, system, allowed, kept, more=partial(self._other_pairs, system))
+        if best_fr and row.system in published.IN_ONE_PASS:
+            one_pass = replace(row, system=published.IN_ONE_PASS[row.system])
+            system = _LazySystem(self, folder, "parallel")
+            rows += self._rows(one_pass, "", system, allowed, kept, more=partial(self._other_pairs, system))[0]
+        known = curve.load(folder, row.bundle or "")
+        return Judgement(tuple(rows), () if known is None else (known,), tuple(kept))
+
+    def _rows(
+        self,
+        like: ResultRow,
+        label: str,
+        answer: Answer,
+        protocols: Sequence[Protocol],
+        kept: list[KeptFrames],
+        prepare: Callable[[Sequence[int]], None] | None = None,
+        more: MoreScores | None = None,
+    ) -> tuple[list[ResultRow], list[KeptFrames]]:
+        """New rows on some protocols, and the kept frames with those for the random split under ``label``, if any.
+        ``more``: scores on other pairs of a split.
+        """
+        rows = []
+        shared = {
+            **self.judged_in,
+            "metrics_id": results.signature_id(),
+            "truth": self.pairs.head.get("truth", "partner"),
+        }
+        for p in protocols:
+            row = replace(like, split=p.split, part=p.part, corpus=p.corpus, protocol=p.signature, **shared)
+            if not self.again and self._is_known(row) and all(not label or label in pair.made for pair in kept):
+                continue
+            if prepare is not None:
+                prepare(p.numbers)
+            with self.progress(f"{like.system}, {p.split}") as advance:
+                judged = protocol.judge(answer, self.pairs, p, advance)
+            scores = judged.scores | pair_samples.by_margin(judged.off, self.margins)
+            scores |= {} if more is None else more(p.split)
+            rows.append(replace(row, scores=results.finite(scores), n_pairs=judged.n_pairs))
+            if p.split == "random" and label:
+                kept = kept_frames.with_answers(kept, label, answer, self.pairs)
+        return rows, kept
+
+    def _other_pairs(self, answer: Any, split: str) -> Scores:
+        """``paa_train`` and ``accuracy_valid`` of a system on a split."""
+        taught, valid = pair_samples.taught(self.pairs, split), pair_samples.validation(self.pairs, split)
+        if isinstance(answer, ClipAnswers):
+            answer.prepare([*taught, *valid])
+        found = answer.positions if isinstance(answer, _LazySystem) else lambda k: (answer(k).pre, answer(k).post)
+        return {
+            "paa_train": protocol.paa(found, self.pairs, taught),
+            "accuracy_valid": protocol.accuracy(answer, self.pairs, valid),
+        }
+
+    def _is_known(self, row: ResultRow) -> bool:
+        """Whether a row of the same key was judged on the same bundle, by the same protocol and metrics."""
+        old = next((known for known in self.known.rows if known.key == row.key), None)
+        return old is not None and (old.bundle, old.protocol, old.metrics_id) == (
+            row.bundle,
+            row.protocol,
+            row.metrics_id,
+        )
+
+
+class _LazySystem:
+    """The answers of a bundle, which is opened for the first pair."""
+
+    def __init__(self, judge: Judge, folder: Path, decoding: str) -> None:
+        self.judge, self.folder, self.decoding = judge, folder, decoding
+
+    @cached_property
+    def system(self) -> Any:
+        """The opened bundle."""
+        return self.judge.opener(self.folder, self.decoding)
+
+    def __call__(self, number: int) -> Any:
+        return protocol.answers(self.judge.pairs, self.system)(number)
+
+    def positions(self, number: int) -> protocol.Positions:
+        """The positions alone."""
+        return protocol.positions(self.judge.pairs, self.system)(number)
+
+
+def corpus_trained_methods(configs: Iterable[BundleConfig], warn: Warn) -> list[ClipMethod]:
+    """Methods of this project's networks that were trained on a corpus of pairs.
+
+    A bundle that cannot be judged, or a second one of the same split, is skipped with a warning.
+    """
+    by_source: dict[tuple[str, ...], list[ClipMethod]] = {}
+    for config in configs:
+        if config.system != SYSTEM or not any(network.trained_on for network in config.networks.values()):
+            continue
+        bundle = config.path.parent
+        try:
+            methods = clip_methods.product_methods(bundle)
+            source = tuple((methods[0].trained_on or {}).values())
+            if source in by_source:
+                raise InputError(f"{bundle}: trained on {' '.join(source)} like another bundle; move one away")
+            by_source[source] = methods
+        except InputError as error:
+            warn(f"not judged: {error}")
+    return [method for methods in by_source.values() for method in methods]
+
+
+def _run(config: BundleConfig) -> Run:
+    """The training that made a bundle."""
+    return Run(
+        config.system or "", config.scale or "", config.optimiser or "", config.split or "", config.fr, config.seed or 0
+    )
+
+
+def evaluate(judge: Judge, out: Path, folder: Path, scale: str, choice: Choice, warn: Warn) -> tuple[int, Results]:
+    """Judge the methods on clips and the bundles in ``folder``: the number of new rows, and all results.
+
+    results.json and frames.npz in ``out`` are written after every method and bundle, so that an interrupted call loses
+    at most one. ``judge.known`` are the results before. ``choice``: which bundles; methods on
+    clips are judged only if it names none.
+    """
+    configs = bundles.read_all(folder)
+    chosen = [config for config in configs if config.scale == scale and choice.allows(_run(config))]
+    named = bool(choice.systems or choice.optimisers or choice.seeds or choice.frs)
+    if not chosen:
+        warn(f"{folder}: no bundle of scale {scale} there" + ("" if named else "; only methods on clips are judged"))
+    methods = [] if named else [*clip_methods.all_clip_methods(), *corpus_trained_methods(configs, warn)]
+    numbers = sorted({number for p in judge.protocols() for number in p.numbers})
+    judge = replace(judge, margins=margins.of_pairs(out / margins.FILE, judge.pairs, numbers, warn))
+    known, n_rows = judge.known, 0
+    for judgement in judge.judgements(methods, chosen, kept_frames.load(out / kept_frames.FILE)):
+        n_rows += len(judgement.rows)
+        if judgement.rows or judgement.curves:
+            known = known.merged(judgement.rows, judgement.curves)
+            results.save(known, out / results.FILE)
+            kept_frames.save(judgement.kept, out / kept_frames.FILE)
+    return n_rows, known

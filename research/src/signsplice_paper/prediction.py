@@ -1,0 +1,44 @@
+"""The interface between systems and their evaluation: a system predicts a splice of two words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from signsplice.motion.arrays import FloatArray
+
+N_NUMBERS = 159
+"""Numbers per frame: 53 joints with three coordinates each, in [-0.5, 0.5]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A predicted splice.
+
+    - pre: last kept frame of the word before, None if the system emitted no such token
+    - post: first kept frame of the word after, None if the system emitted no such token
+    - frames: the transition (n, 159); n = 0 if the system could make none
+    - unbiased: pre and post without the bias of the tokens; None if there is no bias
+    """
+
+    pre: int | None
+    post: int | None
+    frames: FloatArray
+    unbiased: tuple[int | None, int | None] | None = None
+
+
+class System(Protocol):
+    """Splices two words given as joint positions."""
+
+    @property
+    def name(self) -> str:
+        """The system's name."""
+        ...
+
+    def predict(self, before: FloatArray, after: FloatArray) -> Prediction:
+        """The splice of ``before`` (N, 159) and ``after`` (M, 159), both in [-0.5, 0.5]."""
+        ...
+
+    def positions(self, before: FloatArray, after: FloatArray) -> tuple[int | None, int | None]:
+        """Its positions pre and post alone."""
+        ...

@@ -1,0 +1,198 @@
+"""Which pairs are judged and how: the test part of a split of one corpus, one pair at a time, timed.
+
+A bundle may be judged only if it was trained on the same corpus and on the training part of the split, so that it never
+saw a pair on which it is judged. ``unseen-signer`` has the training part of ``random``: one bundle serves both.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from signsplice.errors import InputError
+from signsplice.motion.arrays import FloatArray
+from signsplice.synth.corpus import Pairs
+from signsplice.synth.rng import stream
+from signsplice_paper import extra_metrics, metrics
+from signsplice_paper.prediction import Prediction, System
+
+Answer = Callable[[int], Prediction]
+"""A pair's number -> a system's prediction."""
+Positions = tuple[int | None, int | None]
+Progress = Callable[[int, int], None]
+
+SPLITS = ("random", "unseen-words", "unseen-signer")
+WARM_UP = 3
+"""Untimed calls before the first timed one, because first calls allocate."""
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """The pairs that are judged.
+
+    - corpus: hash of the corpus
+    - split: name of the split
+    - part: train, valid or test
+    - numbers: the pairs' numbers
+    - fps: frames per second of the corpus
+    """
+
+    corpus: str
+    split: str
+    part: str
+    numbers: tuple[int, ...]
+    fps: float
+
+    @property
+    def signature(self) -> str:
+        """The protocol in one line; rows are comparable if it is the same."""
+        return (
+            f"paper|corpus:{self.corpus}|split:{self.split}|part:{self.part}|pairs:{len(self.numbers)}|fps:{self.fps:g}"
+            f"|batch:1|threads:1|clock:search+generation|warm-up:{WARM_UP}"
+        )
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A system's scores.
+
+    - scores: by name, with ``ms_mean`` and ``ms_median`` of the time per pair, and ``frames_ms``, how long the true
+      transition takes to be seen
+    - n_pairs: number of pairs judged
+    - off: errors of the positions by pair, None where a token is missing
+    """
+
+    scores: dict[str, float]
+    n_pairs: int
+    off: dict[int, tuple[int, int] | None]
+
+
+def choose(pairs: Pairs, split: str, part: str = "test", limit: int | None = None) -> Protocol:
+    """The pairs of a part of a split; a fixed choice of ``limit`` of them if there are more.
+
+    Raises ``InputError`` if the split or part is unknown or holds no pair.
+    """
+    numbers = pairs.split(split, part)
+    if limit is not None and limit < len(numbers):
+        chosen = stream("paper-limit", len(numbers)).permutation(len(numbers))[:limit]
+        numbers = [numbers[k] for k in sorted(chosen.tolist())]
+    if not numbers:
+        raise InputError(f"{pairs.folder}: no pair in {split} {part}; make a corpus of more words")
+    return Protocol(pairs.head["hash"], split, part, tuple(numbers), pairs.head["fps"])
+
+
+def check_allowed(trained_on: Mapping[str, Any], pairs: Pairs, protocol: Protocol, name: str = "bundle") -> None:
+    """Raise ``InputError`` if a bundle must not be judged by a protocol: it was trained on another corpus, on another
+    training part than the split's, or on a pair that is judged.
+
+    trained_on: the ``corpus`` and ``split`` that it was trained on.
+    """
+    if trained_on.get("corpus") != protocol.corpus:
+        raise InputError(
+            f"{name}: trained on corpus {trained_on.get('corpus')}, judged on {protocol.corpus}; "
+            "judge it on the pairs it was trained on, or move it away"
+        )
+    split = trained_on.get("split")
+    if not isinstance(split, str):
+        raise InputError(f"{name}: states no split that it was trained on, expected one of {', '.join(SPLITS)}")
+    learned = pairs.split(split, "train")
+    seen = set(learned) | set(pairs.split(split, "valid"))
+    if protocol.part == "test" and seen & set(protocol.numbers):
+        raise InputError(
+            f"{name}: trained on split {split}, and {len(seen & set(protocol.numbers))} of the "
+            f"{len(protocol.numbers)} pairs of {protocol.split} {protocol.part} were seen in training"
+        )
+    if learned != pairs.split(protocol.split, "train"):
+        raise InputError(
+            f"{name}: trained on split {split}, judged on {protocol.split}, which has another training part"
+        )
+
+
+def may_judge(trained_on: Mapping[str, Any], pairs: Pairs, protocol: Protocol) -> bool:
+    """Whether ``check_allowed`` accepts a bundle."""
+    try:
+        check_allowed(trained_on, pairs, protocol)
+    except InputError:
+        return False
+    return True
+
+
+def answers(pairs: Pairs, system: System) -> Answer:
+    """The predictions of a system that sees only the numbers."""
+
+    def answer(number: int) -> Prediction:
+        p, q = pairs.index[number, :2].tolist()
+        return system.predict(pairs.word(p).astype(np.float64), pairs.word(q).astype(np.float64))
+
+    return answer
+
+
+def positions(pairs: Pairs, system: System) -> Callable[[int], Positions]:
+    """The positions of a system that sees only the numbers, without frames."""
+
+    def found(number: int) -> Positions:
+        p, q = pairs.index[number, :2].tolist()
+        return system.positions(pairs.word(p).astype(np.float64), pairs.word(q).astype(np.float64))
+
+    return found
+
+
+def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress | None = None) -> Judged:
+    """The scores of a system on the pairs of a protocol, judged one at a time.
+
+    Raises ``InputError`` for a prediction with wrong shapes, values that are not finite, or positions out of range.
+    """
+    layouts: dict[int, extra_metrics.NumberLayout] = {}
+    for number in protocol.numbers[:WARM_UP]:
+        answer(number)
+    scores, seconds = [], []
+    for done, number in enumerate(protocol.numbers, 1):
+        p, q = pairs.index[number, :2].tolist()
+        before, after = pairs.word(p).astype(np.float64), pairs.word(q).astype(np.float64)
+        begun = time.perf_counter()
+        prediction = answer(number)
+        seconds.append(time.perf_counter() - begun)
+        _check(prediction, (before, after), number)
+        signer = pairs.signer(p)
+        if signer not in layouts:
+            layouts[signer] = extra_metrics.number_layout(pairs.word_clip(p), pairs.spaces[signer])
+        pre, post, frames = pairs.truth(number)
+        truth = (pre, post, frames.astype(np.float64))
+        scores.append(metrics.score(prediction, truth, (before, after), layouts[signer]))
+        if progress is not None:
+            progress(done, len(protocol.numbers))
+    summary = metrics.summary(scores)
+    times = _milliseconds(seconds) | {"frames_ms": 1e3 * summary["n_frames"] / protocol.fps}
+    off = dict(zip(protocol.numbers, (score.off for score in scores), strict=True))
+    return Judged(summary | times, len(scores), off)
+
+
+def accuracy(answer: Answer, pairs: Pairs, numbers: Sequence[int]) -> float:
+    """The Accuracy of a system on some pairs, NaN without any."""
+    made = [metrics.accuracy(answer(k).frames, np.asarray(pairs.truth(k)[2], np.float64)) for k in numbers]
+    return float(np.mean(made)) if made else float("nan")
+
+
+def paa(found: Callable[[int], Positions], pairs: Pairs, numbers: Sequence[int]) -> float:
+    """The PAA of positions on some pairs, NaN without any."""
+    true = pairs.index[list(numbers), 2:4].tolist() if numbers else []
+    off = [metrics.positions_off(found(k), (pre, post)) for k, (pre, post) in zip(numbers, true, strict=True)]
+    return metrics.position_scores(off)["paa"]
+
+
+def _check(prediction: Prediction, words: tuple[FloatArray, FloatArray], number: int) -> None:
+    n_before, n_after, n_numbers = len(words[0]), len(words[1]), words[0].shape[1]
+    frames = prediction.frames
+    if frames.ndim != 2 or frames.shape[1] != n_numbers or not np.isfinite(frames).all():
+        raise InputError(f"pair {number}: predicted frames {frames.shape}, expected finite (n, {n_numbers})")
+    for what, position, count in (("pre", prediction.pre, n_before), ("post", prediction.post, n_after)):
+        if position is not None and not 0 <= position < count:
+            raise InputError(f"pair {number}: predicted {what} {position}, expected a frame of a word of {count}")
+
+
+def _milliseconds(seconds: Sequence[float]) -> dict[str, float]:
+    return {"ms_mean": 1e3 * float(np.mean(seconds)), "ms_median": 1e3 * float(np.median(seconds))}

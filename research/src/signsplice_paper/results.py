@@ -1,0 +1,183 @@
+"""results.json, version 2: every measured row with the recipe that made it, and the curve of every training.
+
+A row's key is what was judged and where: system, what it was given, scale, optimiser, fr, seed, split and part. A new
+row replaces the row of the same key. A table holds only rows whose signatures agree.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+
+from signsplice.errors import InputError
+from signsplice.formats.atomic import replacing
+from signsplice.formats.reading import read_bytes
+from signsplice_paper import curve, metrics
+from signsplice_paper.curve import Curve
+
+VERSION = 2
+FILE = "results.json"
+_OTHER_VERSION = "version 1 is of signsplice 0.3, whose BLEU is another; choose another --out, and judge again"
+CLASSICAL, SHIPPED, CORPUS_TRAINED, MEAN = "classical", "own", "taught", "mean"
+"""Scales of rows that are not the paper's systems: methods without training, this project's networks as they ship, its
+networks trained on the split's training part, as the paper's systems are, and the mean transition of that part.
+"""
+CLIP_SCALES = (CLASSICAL, SHIPPED, CORPUS_TRAINED)
+GIVEN = ("nothing", "length", "positions", "positions and length")
+"""What a method on clips may be given of the truth."""
+
+
+@dataclass(frozen=True)
+class ResultRow:
+    """One system on one protocol.
+
+    - system: the system's or method's name
+    - split: the split that is judged
+    - scale: smoke, cpu or paper; for methods on clips one of ``CLIP_SCALES``; ``MEAN`` for the mean transition
+    - optimiser: adamw or sgd, empty for methods on clips
+    - part: the part of the split that is judged
+    - fr: frames that Culling keeps on each side, None without Culling
+    - seed: the training's seed, None for methods on clips
+    - given: what the method was given of the truth, one of ``GIVEN``
+    - steps: training steps of all parts together
+    - stopped: why a training ended: plateau, steps or time; empty for methods on clips
+    - n_parameters: number of parameters
+    - token_bias: bias of the tokens' logits, 0 without; None for methods without tokens
+    - bundle: first digits of the bundle's sha256, None for classical methods
+    - corpus: hash of the corpus
+    - truth: kind of its true positions: partner, word, or what made them
+    - protocol: signature of the protocol
+    - metrics_id: ``signature_id`` of the metrics
+    - n_pairs: number of pairs judged
+    - scores: by name, None where there was nothing to count
+    - commit: git revision of the code
+    - versions: of Python and packages
+    - machine: processor and number of cores
+    """
+
+    system: str
+    split: str
+    scale: str = CLASSICAL
+    optimiser: str = ""
+    part: str = "test"
+    fr: int | None = None
+    seed: int | None = None
+    given: str = "nothing"
+    steps: int | None = None
+    stopped: str = ""
+    n_parameters: int | None = None
+    token_bias: float | None = None
+    bundle: str | None = None
+    corpus: str = ""
+    truth: str = ""
+    protocol: str = ""
+    metrics_id: str = ""
+    n_pairs: int = 0
+    scores: Mapping[str, float | None] = field(default_factory=dict)
+    commit: str = ""
+    versions: Mapping[str, str] = field(default_factory=dict)
+    machine: str = ""
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Identifies the row: a row of the same key replaces it."""
+        method = (self.system, self.given, self.scale, self.optimiser, self.fr, self.seed)
+        return (*method, self.split, self.part)
+
+    def score(self, name: str) -> float:
+        """A score by name, NaN if it is missing."""
+        value = self.scores.get(name)
+        return float("nan") if value is None else value
+
+
+@dataclass(frozen=True)
+class Results:
+    """The contents of results.json.
+
+    - rows: with distinct keys
+    - curves: with distinct keys
+    - signatures: the metrics' signatures by name, for every ``metrics_id`` of the rows
+    """
+
+    rows: tuple[ResultRow, ...] = ()
+    curves: tuple[Curve, ...] = ()
+    signatures: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+
+    def merged(self, rows: Iterable[ResultRow] = (), curves: Iterable[Curve] = ()) -> Results:
+        """These results with rows and curves added; the same key replaces. Signatures that no row names are dropped."""
+        by_key = {row.key: row for row in (*self.rows, *rows)}
+        by_curve = {c.key: c for c in (*self.curves, *curves)}
+        named = {row.metrics_id for row in by_key.values()}
+        known = {**self.signatures, signature_id(): metrics.SIGNATURES}
+        return Results(
+            tuple(sorted(by_key.values(), key=lambda row: _order(row.key))),
+            tuple(sorted(by_curve.values(), key=lambda c: _order(c.key))),
+            {k: v for k, v in known.items() if k in named},
+        )
+
+    def find(self, **wanted: object) -> list[ResultRow]:
+        """The rows whose fields have these values."""
+        return [row for row in self.rows if all(getattr(row, k) == v for k, v in wanted.items())]
+
+
+def signature_id() -> str:
+    """A short hash of the current signatures of all metrics."""
+    text = json.dumps(metrics.SIGNATURES, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def check_comparable(rows: Sequence[ResultRow]) -> None:
+    """Raise ``InputError`` if rows for one table differ in metrics, protocol or corpus."""
+    for field_name in ("metrics_id", "protocol", "corpus"):
+        by_value = {getattr(row, field_name): row for row in rows}
+        if len(by_value) > 1:
+            (a, first), (b, second) = list(by_value.items())[:2]
+            raise InputError(
+                f"{first.system} and {second.system} cannot be compared in one table: {field_name} {a!r} and {b!r}; "
+                "judge both again with `signsplice paper all`"
+            )
+
+
+def finite(scores: Mapping[str, float]) -> dict[str, float | None]:
+    """Scores for JSON, with None in place of NaN and infinity."""
+    return {name: value if math.isfinite(value) else None for name, value in scores.items()}
+
+
+def load(path: Path) -> Results:
+    """The results in a file, empty if there is no file. Raises ``InputError`` for a file of another kind."""
+    if not path.exists():
+        return Results()
+    try:
+        head = json.loads(read_bytes(path))
+        if head["version"] != VERSION:
+            raise InputError(f"{path}: version {head['version']}, expected {VERSION}; {_OTHER_VERSION}")
+        names = {f.name for f in fields(ResultRow)}
+        rows = tuple(ResultRow(**{k: v for k, v in row.items() if k in names}) for row in head["rows"])
+        curves = tuple(curve.from_json(stored) for stored in head["curves"])
+        return Results(rows, curves, head["signatures"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: is no results.json of this project ({error})") from error
+
+
+def save(results: Results, path: Path) -> None:
+    """Write results atomically, with one row per line."""
+    lines = [
+        "{",
+        f' "version": {VERSION},',
+        f' "signatures": {json.dumps(results.signatures, indent=1)},',
+        ' "rows": [',
+        ",\n".join("  " + json.dumps(asdict(row)) for row in results.rows),
+        ' ],\n "curves": [',
+        ",\n".join("  " + json.dumps(asdict(c)) for c in results.curves),
+        " ]\n}",
+    ]
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _order(key: tuple[object, ...]) -> tuple[str, ...]:
+    return tuple("" if part is None else f"{part:09d}" if isinstance(part, int) else str(part) for part in key)

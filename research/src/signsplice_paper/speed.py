@@ -1,0 +1,180 @@
+"""Prediction times of all systems in one run, at sizes that need no training to be timed.
+
+Untrained networks would stop at random lengths. Each system therefore does its usual search and then makes as many
+frames as the truth has (``PaperSystem.predict_fixed``), so that an untrained network costs as much as a trained one.
+
+The paper states that LpTransformer predicts five times faster than Transformer, but not how its Transformer decoded nor
+what it put out. Plausible variants of 2023 are therefore timed too: decoding without a cache of keys and values, and
+writing the whole utterance Y instead of the transition.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from signsplice.formats.atomic import replacing
+from signsplice.splicing.methods.learned import FLUENT
+from signsplice.splicing.methods.learned import NAME as LEARNED
+from signsplice.synth.corpus import Pairs
+from signsplice_paper import layout, protocol, published
+from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
+from signsplice_paper.environment import environment, machine
+from signsplice_paper.layout import Table
+from signsplice_paper.protocol import Protocol
+from signsplice_paper.systems import DECODINGS, PaperSystem, open_bundle
+
+WRITES = ("transition", "utterance")
+SYSTEMS = ("lpt", "transformer", "lstm", "conv-s2s")
+PRODUCT = "signsplice"
+"""This project's networks as they ship: from the words' clips to the transition's 159 numbers per frame."""
+BASE = ("lpt", DECODINGS[0], WRITES[0])
+"""System, decoding and output that all others are compared with."""
+PAGE = "speed"
+
+
+@dataclass(frozen=True)
+class DecodingRun:
+    """What is timed.
+
+    - system: name of the system
+    - decoding: one of ``DECODINGS``
+    - writes: one of ``WRITES``: the transition alone, or the utterance with both words
+    """
+
+    system: str
+    decoding: str
+    writes: str
+
+    def n_frames(self, n_before: int, n_after: int, truth: tuple[int, int, int]) -> int:
+        """Number of frames made for a pair; ``truth`` is pre, post and the number of transition frames."""
+        pre, post, count = truth
+        return count if self.writes == "transition" else pre + 1 + count + n_after - post
+
+
+@dataclass(frozen=True)
+class Timed:
+    """The times of one run.
+
+    - run: what was timed
+    - ms_median: median time per pair, milliseconds
+    - ms_mean: mean time per pair, milliseconds
+    - times_base: median over pairs of the time divided by that of ``BASE``
+    - n_parameters: number of the system's parameters
+    """
+
+    run: DecodingRun
+    ms_median: float
+    ms_mean: float
+    times_base: float
+    n_parameters: int
+
+
+def decoding_runs() -> Iterator[DecodingRun]:
+    """Everything that is timed of the paper's systems, ``BASE`` first."""
+    for system in SYSTEMS:
+        attention = system in published.IN_ONE_PASS
+        for decoding in DECODINGS if attention else DECODINGS[:1]:
+            yield DecodingRun(system, decoding, "transition")
+        if system != "lpt":
+            for decoding in DECODINGS[:2] if attention else DECODINGS[:1]:
+                yield DecodingRun(system, decoding, "utterance")
+
+
+def measure(
+    pairs: Pairs,
+    bundles: Path,
+    judged: Protocol,
+    progress: Callable[[int, int], None] | None = None,
+    product_bundle: str | Path | None = None,
+) -> list[Timed]:
+    """The times of every run on the pairs of a protocol. All runs take turns on each pair, so that changes of the
+    machine's speed affect all alike.
+
+    bundles: holds a folder for each system. product_bundle: this project's bundle, None for the one that ships. Raises
+    ``InputError`` if a bundle is missing.
+    """
+    runs = list(decoding_runs())
+    systems = {(run.system, run.decoding): open_bundle(bundles / run.system, run.decoding) for run in runs}
+    product = ClipMethod(FLUENT, LEARNED, bundle=product_bundle)
+    answers = ClipAnswers(pairs, product)
+    answers.prepare(judged.numbers)
+    runs.append(DecodingRun(PRODUCT, DECODINGS[-1], WRITES[0]))
+    seconds = np.zeros((len(judged.numbers), len(runs)))
+    for warm_up in (True, False):
+        for row, number in enumerate(judged.numbers[: protocol.WARM_UP] if warm_up else judged.numbers):
+            for column, run in enumerate(runs):
+                work: Callable[[], object] = partial(answers, number)
+                if run.system != PRODUCT:
+                    work = _prediction(systems[run.system, run.decoding], run, pairs, number)
+                start = time.perf_counter()
+                work()
+                seconds[row, column] = time.perf_counter() - start
+            if progress is not None and not warm_up:
+                progress(row + 1, len(judged.numbers))
+    base = runs.index(DecodingRun(*BASE))
+    ratios = np.median(seconds / seconds[:, base : base + 1], axis=0)
+    return [
+        Timed(
+            run,
+            1e3 * float(np.median(seconds[:, column])),
+            1e3 * float(np.mean(seconds[:, column])),
+            float(ratios[column]),
+            product.n_parameters if run.system == PRODUCT else systems[run.system, run.decoding].n_parameters,
+        )
+        for column, run in enumerate(runs)
+    ]
+
+
+def _prediction(system: PaperSystem, run: DecodingRun, pairs: Pairs, number: int) -> Callable[[], object]:
+    """The prediction of a pair with its true outcome, ready to be called."""
+    p, q = pairs.index[number, :2].tolist()
+    before, after = pairs.word(p).astype(np.float64), pairs.word(q).astype(np.float64)
+    pre, post, frames = pairs.truth(number)
+    n_frames = run.n_frames(len(before), len(after), (pre, post, len(frames)))
+    return partial(system.predict_fixed, before, after, pre, post, n_frames)
+
+
+def table(timed: Sequence[Timed], scale: str, judged: Protocol) -> Table:
+    """The times as a table."""
+    columns = ("system", "decoding", "writes", "parameters, M", "ms, median", "ms, mean", "times LpTransformer")
+    rows = tuple(
+        (
+            *(published.name(t.run.system), t.run.decoding, t.run.writes, f"{t.n_parameters / 1e6:.1f}"),
+            *(f"{t.ms_median:.1f}", f"{t.ms_mean:.1f}", f"{t.times_base:.2f}"),
+        )
+        for t in timed
+    )
+    notes = (
+        f"{len(judged.numbers)} pairs, all systems on one before the next; sizes of scale {scale}, untrained, "
+        "number of frames given; signsplice as it ships, given nothing. "
+        "Last column: median over pairs of the time divided by that of the first row.",
+        f"Timed by `{judged.signature}`.",
+        f"Times: {machine()}.",
+    )
+    return Table(f"Prediction time at the sizes of scale {scale}", f"{PAGE}-{scale}", columns, rows, notes)
+
+
+def write(timed: Sequence[Timed], folder: Path, scale: str, judged: Protocol) -> list[Path]:
+    """Write the times as JSON, Markdown and LaTeX, named by scale; the paths written."""
+    rows = [{k: v for k, v in {**asdict(row), **asdict(row.run)}.items() if k != "run"} for row in timed]
+    stored = {"scale": scale, "protocol": judged.signature, **environment(), "rows": rows}
+    as_table = table(timed, scale, judged)
+    texts = {
+        ".json": json.dumps(stored, indent=1),
+        ".md": layout.markdown(as_table).rstrip(),
+        ".tex": layout.latex(as_table).rstrip(),
+    }
+    paths = []
+    for suffix, text in texts.items():
+        path = folder / f"{PAGE}-{scale}{suffix}"
+        with replacing(path) as temporary:
+            temporary.write_text(text + "\n", encoding="utf-8")
+        paths.append(path)
+    return paths

@@ -1,0 +1,147 @@
+"""How the joints of a frame's numbers are drawn: bones, sides, hands and head of any rig, seen from the front.
+
+It is found once from a word of the corpus and stored beside the frames, so that pictures need no corpus.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from signsplice.motion.arrays import FloatArray
+from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.kinematics import rest_positions
+from signsplice.rig.info import rig_info
+from signsplice.rig.placement import placement
+from signsplice.rig.roles import FINGERS
+
+TRUNK, LEFT, RIGHT, HIDDEN = "trunk", "left", "right", "hidden"
+SIDES = (RIGHT, LEFT)
+_NEARLY = 0.98
+"""Cosine of the angle, 11 degrees, within which a signer counts as facing along an axis."""
+_HIDDEN_ROLES = ("UpperLeg", "LowerLeg", "Foot", "Toes", "Eye", "jaw")
+
+
+@dataclass(frozen=True)
+class StickFigure:
+    """The joints of a frame's numbers, J of them.
+
+    - parents: index of the joint above each, -1 for the first
+    - parts: which part of the body each belongs to: trunk, left, right or hidden
+    - fingers: whether each is of a finger
+    - wrists: side -> the hand's joint, if the rig has one
+    - knuckles: side -> the joint in the middle of the pictures of a hand
+    - head: the head's joint and the top of the head, if the rig has them
+    - view: the viewer's right and up, as directions of the numbers' axes
+    """
+
+    parents: tuple[int, ...]
+    parts: tuple[str, ...]
+    fingers: tuple[bool, ...]
+    wrists: Mapping[str, int]
+    knuckles: Mapping[str, int]
+    head: tuple[int, int] | None
+    view: tuple[tuple[float, ...], ...]
+
+    def seen(self, frames: FloatArray) -> FloatArray:
+        """Joint positions (T, J, 2) of frames (T, 3 J), as a viewer in front sees them."""
+        return np.asarray(frames.reshape(len(frames), len(self.parents), 3) @ np.array(self.view).T)
+
+    def bones(self, part: str, fingers: bool, side: str | None = None) -> list[tuple[int, int]]:
+        """The bones (upper joint, lower joint) of a part of the body; ``side``: only those of this hand."""
+        return [
+            (parent, joint)
+            for joint, parent in enumerate(self.parents)
+            if parent >= 0
+            and self.parts[joint] == part
+            and self.fingers[joint] == fingers
+            and (side is None or (part == side and (fingers or joint == self.wrists.get(side))))
+        ]
+
+    def as_json(self) -> str:
+        """What ``read_stick_figure`` reads."""
+        return json.dumps(asdict(self))
+
+
+def read_stick_figure(text: str) -> StickFigure:
+    """The figure in a text of JSON. Raises ``ValueError``, ``KeyError`` or ``TypeError`` for any other."""
+    row = json.loads(text)
+    joints = {name: tuple(row[name]) for name in ("parents", "parts", "fingers")}
+    head = None if row["head"] is None else tuple(row["head"])
+    return StickFigure(**{**row, **joints, "head": head, "view": tuple(map(tuple, row["view"]))})
+
+
+def stick_figure(clip: Clip, joints: Sequence[int], parents: Sequence[int]) -> StickFigure:
+    """How a signer's numbers are drawn.
+
+    clip: any word of the signer. joints: the skeleton's joint behind each of J triples of numbers. parents: of each of
+    these among them, -1 for the first.
+    """
+    skeleton = clip.skeleton
+    roles = rig_info(skeleton).roles
+    order = {joint: n for n, joint in enumerate(joints)}
+    known = {role: order[joint] for role, joint in roles.joints.items() if joint in order}
+    owners = [_owner(skeleton, joint, roles.role_of) for joint in joints]
+    top = _top_of_head(skeleton, roles.joint("head"), roles.role_of)
+    wrists = {side: known[f"{side}Hand"] for side in SIDES if f"{side}Hand" in known}
+    stands = placement(clip)
+    parts = ["hidden" if joint == top else _part(owner) for joint, owner in zip(joints, owners, strict=True)]
+    of_fingers = [
+        _is_finger(owner) or (owner.endswith("Hand") and n not in wrists.values()) for n, owner in enumerate(owners)
+    ]
+    return StickFigure(
+        parents=tuple(parents),
+        parts=tuple(parts),
+        fingers=tuple(of_fingers),
+        wrists=wrists,
+        knuckles={side: known.get(f"{side}MiddleProximal", wrist) for side, wrist in wrists.items()},
+        head=(known["head"], order[top]) if "head" in known and top in order else None,
+        view=(_along_axis(np.cross(stands.up, stands.forward)), _along_axis(stands.up)),
+    )
+
+
+def synthetic() -> StickFigure:
+    """The synthetic signer's, which frames without a figure are of."""
+    from signsplice.synth.signer import skeleton
+
+    body = skeleton()
+    still = np.zeros((1, len(body), 4))
+    still[..., 3] = 1.0
+    return stick_figure(Clip(body, still, np.zeros((1, 3)), 30.0), range(len(body)), body.parents.tolist())
+
+
+def _along_axis(direction: FloatArray) -> tuple[float, ...]:
+    """A unit vector, along an axis of the numbers where it nearly is."""
+    nearest = np.round(direction)
+    return tuple((nearest if direction @ nearest > _NEARLY else direction).round(9).tolist())
+
+
+def _owner(skeleton: Skeleton, joint: int, role_of: Mapping[int, str]) -> str:
+    """The role of a joint, or of the nearest one above it that has one."""
+    while joint >= 0:
+        if joint in role_of:
+            return role_of[joint]
+        joint = int(skeleton.parents[joint])
+    return ""
+
+
+def _part(role: str) -> str:
+    if role.endswith(_HIDDEN_ROLES):
+        return HIDDEN
+    return next((side for side in SIDES if role.startswith(side)), TRUNK)
+
+
+def _is_finger(role: str) -> bool:
+    return any(finger in role for finger in FINGERS)
+
+
+def _top_of_head(skeleton: Skeleton, head: int | None, role_of: Mapping[int, str]) -> int | None:
+    """The child of the head that has no role and lies farthest from it, None where there is none."""
+    if head is None:
+        return None
+    children = [k for k, parent in enumerate(skeleton.parents.tolist()) if parent == head and k not in role_of]
+    rest = rest_positions(skeleton)
+    return max(children, key=lambda k: float(np.linalg.norm(rest[k] - rest[head])), default=None)

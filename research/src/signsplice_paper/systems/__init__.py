@@ -1,0 +1,31 @@
+"""The paper's systems as exported graphs: numpy and onnxruntime, no torch."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from signsplice.errors import InputError
+from signsplice.splicing.networks.bundle import read_config
+from signsplice.splicing.networks.sessions import Sessions
+from signsplice_paper.systems.splicers import DECODINGS, OneNetworkSystem, PaperSystem, TwoNetworkSystem
+
+__all__ = ["DECODINGS", "OneNetworkSystem", "PaperSystem", "TwoNetworkSystem", "open_bundle"]
+
+
+def open_bundle(folder: str | Path, decoding: str = "one-by-one") -> PaperSystem:
+    """The trained system in a folder; its graphs are read and checked on first use.
+
+    decoding: "one-by-one" feeds every frame back, with a cache; "without-cache" reads all earlier frames again for each
+    new one, with the same result; "parallel" makes all frames in one pass, if the network can.
+
+    Raises ``InputError`` for a folder without a bundle, and for a decoding that the network does not have.
+    """
+    folder = Path(folder)
+    config = read_config(folder)
+    config.require("system", "runs", "fr")
+    if decoding not in DECODINGS:
+        raise InputError(f"decoding {decoding!r}, expected one of {', '.join(DECODINGS)}")
+    if config.runs is None or (decoding == "parallel" and not config.runs.concurrent):
+        raise InputError(f"{folder}: {config.system} makes its frames one by one; it has no parallel decoding")
+    kind = OneNetworkSystem if config.runs.positions == "encoder" else TwoNetworkSystem
+    return kind(config, config.runs, Sessions(folder, config), decoding)

@@ -1,0 +1,184 @@
+"""Trained systems that splice two words: positions by one network and frames by another, or both by one.
+
+Positions follow eq. 10: a token is emitted if its class wins at some frame, with a bias that was chosen on validation
+pairs; its position is the frame with the highest log-odds against "none". Frames follow eq. 16: from the start token to
+the first frame that is classified as the last one.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.motion.arrays import FloatArray
+from signsplice.splicing.networks.bundle import BundleConfig, RunConfig
+from signsplice.splicing.networks.sessions import Array, Sessions, single
+from signsplice_paper.culling import check, cull
+from signsplice_paper.prediction import N_NUMBERS, Prediction
+
+DECODINGS = ("one-by-one", "without-cache", "parallel")
+NONE, PRE, POST = 0, 1, 2
+START, FRAME, HIDDEN = 0, 1, 2
+
+
+class PaperSystem(ABC):
+    """A trained system.
+
+    - name: the system's name
+    - config: its bundle.json
+    - graphs: the exported graphs
+    - decoding: one of ``DECODINGS``
+    - n_numbers: numbers of a frame
+    """
+
+    def __init__(self, config: BundleConfig, runs: RunConfig, graphs: Sessions, decoding: str) -> None:
+        self.name, self.config, self.graphs, self.decoding = config.system or "", config, graphs, decoding
+        self.frames_by, self.fr, self.n_fed, self.marked = runs.frames, config.fr, runs.n_fed, runs.marked
+        self.most_frames, self.token_bias = runs.most_frames, runs.token_bias
+        self.n_numbers = N_NUMBERS if config.space is None else config.space.n_numbers
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of parameters of all networks."""
+        return self.config.n_parameters or 0
+
+    @abstractmethod
+    def predict(self, before: FloatArray, after: FloatArray) -> Prediction:
+        """The splice of ``before`` (N, 159) and ``after`` (M, 159), both in [-0.5, 0.5]."""
+
+    def positions(self, before: FloatArray, after: FloatArray) -> tuple[int | None, int | None]:
+        """The positions pre and post alone, None for a token that is not emitted."""
+        return self._both_positions(self._tokens(before, after), len(before))[0]
+
+    @abstractmethod
+    def predict_fixed(self, before: FloatArray, after: FloatArray, pre: int, post: int, n_frames: int) -> FloatArray:
+        """The frames (n_frames, 159) of a prediction with a fixed outcome, for timing. Positions are searched for, but
+        ``n_frames`` frames are made at pre and post. The cost depends only on the sizes of the networks, not on their
+        weights.
+        """
+
+    @abstractmethod
+    def _tokens(self, before: FloatArray, after: FloatArray) -> Array:
+        """The logits (N + M, 3) of the tokens."""
+
+    def _both_positions(
+        self, logits: Array, n_before: int
+    ) -> tuple[tuple[int | None, int | None], tuple[int | None, int | None] | None]:
+        """The positions with the bias of the tokens, and without it; None without a bias."""
+        unbiased = splice_position(logits, n_before) if self.token_bias else None
+        return splice_position(logits, n_before, self.token_bias), unbiased
+
+    def _decode(self, encoded: Mapping[str, Array], n_frames: int | None = None) -> FloatArray:
+        """Transition frames (n, 159) that the decoder makes from the encoder's outputs; with ``n_frames``, as many,
+        without regard to the end token.
+        """
+        inputs = {name: value for name, value in encoded.items() if name.startswith(("memory", "state"))}
+        if self.decoding == "parallel":
+            kinds = np.full((1, self.most_frames), HIDDEN)
+            kinds[:, 0] = START
+            blank = np.zeros((1, self.most_frames, self.n_fed), np.float32)
+            made = self.graphs.run("decoder", {**inputs, "fed": blank, "kinds": kinds, "start": np.array(0)})
+            ends = np.flatnonzero(made["last"][0] > 0.0)
+            count = (int(ends[0]) + 1 if len(ends) else self.most_frames) if n_frames is None else n_frames
+            return made["made"][0, :count, : self.n_numbers].astype(np.float64)
+        frames: list[Array] = []
+        fed, kinds, start = np.zeros((1, 1, self.n_fed), np.float32), np.full((1, 1), START), 0
+        while len(frames) < (self.most_frames if n_frames is None else n_frames):
+            made = self.graphs.run("decoder", {**inputs, "fed": fed, "kinds": kinds, "start": np.array(start)})
+            newest = made["made"][:, -1:]
+            frames.append(newest[0, 0, : self.n_numbers])
+            if n_frames is None and made["last"][0, -1] > 0.0:
+                break
+            if self.decoding == "without-cache":
+                fed, kinds = np.concatenate([fed, newest], axis=1), np.append(kinds, [[FRAME]], axis=1)
+            else:
+                fed, kinds, start = newest, np.full((1, 1), FRAME), len(frames)
+                inputs |= {name.removeprefix("next_"): made[name] for name in made if name.startswith("next_")}
+        return np.stack(frames).astype(np.float64)
+
+
+class TwoNetworkSystem(PaperSystem):
+    """SPSN for the positions and another network for the frames: LpTransformer, its ablations, and other networks for
+    transitions behind the same SPSN.
+    """
+
+    def predict(self, before: FloatArray, after: FloatArray) -> Prediction:
+        """The splice. Without Culling, frames are made even if a position is missing."""
+        (pre, post), unbiased = self._both_positions(self._tokens(before, after), len(before))
+        if self.fr is not None and (pre is None or post is None):
+            return Prediction(pre, post, np.zeros((0, self.n_numbers)), unbiased)
+        return Prediction(pre, post, self._frames(before, after, pre, post), unbiased)
+
+    def _tokens(self, before: FloatArray, after: FloatArray) -> Array:
+        inputs = {"x": single(np.concatenate([before, after])), "n_before": np.array([len(before)])}
+        return np.asarray(self.graphs.run("spsn", inputs)["tokens"][0])
+
+    def fill(self, before: FloatArray, after: FloatArray, pre: int, post: int) -> FloatArray:
+        """The transition (n, 159) at given positions."""
+        check(before, after, pre, post)
+        return self._frames(before, after, pre, post)
+
+    def predict_fixed(self, before: FloatArray, after: FloatArray, pre: int, post: int, n_frames: int) -> FloatArray:
+        """The frames of a prediction with a fixed outcome."""
+        self.positions(before, after)
+        return self._frames(before, after, pre, post, n_frames)
+
+    def _frames(
+        self, before: FloatArray, after: FloatArray, pre: int | None, post: int | None, n_frames: int | None = None
+    ) -> FloatArray:
+        if self.fr is None or pre is None or post is None:
+            x, mask = np.concatenate([before, after]), np.ones(len(before) + len(after), bool)
+        else:
+            x, mask = cull(before, after, pre, post, self.fr)
+        n_before = len(before) if self.fr is None else self.fr
+        inputs: dict[str, Array] = {"x": single(x), "mask": mask[None], "n_before": np.array([n_before])}
+        if self.marked:
+            marks = np.zeros((1, len(x), 2), np.float32)  # no mark for a position that SPSN did not find
+            if pre is not None:
+                marks[0, pre, 0] = 1.0
+            if post is not None:
+                marks[0, n_before + post, 1] = 1.0
+            inputs["marks"] = marks
+        if self.frames_by == "generator":
+            return self._decode(self.graphs.run("encoder", inputs), n_frames)
+        count = int(self.graphs.run("length", inputs)["numbers"][0].argmax()) + 1
+        if n_frames is not None:
+            count = n_frames
+        made = self.graphs.run("fill", {**inputs, "real": np.ones((1, count), bool)})["made"]
+        return np.asarray(made[0], np.float64)
+
+
+class OneNetworkSystem(PaperSystem):
+    """One network for positions and frames, which reads the whole X: the systems that the paper compares with."""
+
+    def predict(self, before: FloatArray, after: FloatArray) -> Prediction:
+        """The splice."""
+        encoded = self._encode(before, after)
+        (pre, post), unbiased = self._both_positions(encoded["tokens"][0], len(before))
+        return Prediction(pre, post, self._decode(encoded), unbiased)
+
+    def predict_fixed(self, before: FloatArray, after: FloatArray, pre: int, post: int, n_frames: int) -> FloatArray:
+        """The frames of a prediction with a fixed outcome; the positions do not affect them."""
+        return self._decode(self._encode(before, after), n_frames)
+
+    def _tokens(self, before: FloatArray, after: FloatArray) -> Array:
+        return np.asarray(self._encode(before, after)["tokens"][0])
+
+    def _encode(self, before: FloatArray, after: FloatArray) -> Mapping[str, Array]:
+        """The encoder's outputs."""
+        x = np.concatenate([before, after])
+        inputs = {"x": single(x), "mask": np.ones((1, len(x)), bool), "n_before": np.array([len(before)])}
+        return self.graphs.run("encoder", inputs)
+
+
+def splice_position(logits: NDArray[np.float32], n_before: int, bias: float = 0.0) -> tuple[int | None, int | None]:
+    """Positions pre (a frame of P) and post (a frame of Q) from logits (N + M, 3); None for a token whose class wins at
+    no frame. ``bias`` is added to the logits of both tokens first.
+    """
+    wins = (logits + np.array([0.0, bias, bias])).argmax(axis=1)
+    pre = int((logits[:n_before, PRE] - logits[:n_before, NONE]).argmax()) if (wins == PRE).any() else None
+    post = int((logits[n_before:, POST] - logits[n_before:, NONE]).argmax()) if (wins == POST).any() else None
+    return pre, post

@@ -1,0 +1,124 @@
+"""Predictions of a whole system for many pairs at once, by torch: positions, Culling there, frames one by one.
+
+They are those of the exported system (``paper.systems``), which is made for one pair at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn.utils.rnn import pad_sequence
+
+from signsplice_paper.culling import cull
+from signsplice_paper.prediction import Prediction
+from signsplice_paper.systems.splicers import splice_position
+from signsplice_paper.train.networks.filling import Filler
+from signsplice_paper.train.networks.generator import generate
+from signsplice_paper.train.pairs_data import splice_marks
+from signsplice_paper.train.tasks import MOST_FRAMES
+
+Frames = NDArray[np.float32]
+Words = tuple[Frames, Frames]
+"""The frames (N, K) and (M, K) of the two words of a pair."""
+Positions = tuple[int | None, int | None]
+BATCH = 64
+
+
+@dataclass(frozen=True)
+class BatchPredictor:
+    """The networks of a system, in evaluation mode and on one device.
+
+    - networks: the one for positions, if it is separate, then the one for frames
+    - fr: frames that Culling keeps on each side, None without Culling
+    - token_bias: added to the logits of both tokens
+    """
+
+    networks: Sequence[nn.Module]
+    fr: int | None
+    token_bias: float
+
+    @torch.no_grad()
+    def predict(self, pairs: Sequence[Words]) -> list[Prediction]:
+        """The predictions, in order. Pairs of similar length are computed together."""
+        order = np.argsort([len(before) + len(after) for before, after in pairs], kind="stable").tolist()
+        found: dict[int, Prediction] = {}
+        for first in range(0, len(order), BATCH):
+            chosen = order[first : first + BATCH]
+            found |= zip(chosen, self._batch([pairs[k] for k in chosen]), strict=True)
+        return [found[k] for k in range(len(pairs))]
+
+    def _batch(self, pairs: Sequence[Words]) -> list[Prediction]:
+        x, mask, n_before = self._whole(pairs)
+        frames_by: Any = self.networks[-1]
+        if len(self.networks) == 1:
+            encoded = frames_by.encode(x, mask, n_before)
+            positions = self._positions(encoded.tokens, pairs)
+            made = generate(frames_by, encoded, len(pairs), MOST_FRAMES)
+            return [_prediction(p, frames) for p, frames in zip(positions, made, strict=True)]
+        positions = self._positions(self.networks[0](x, n_before, mask), pairs)
+        if self.fr is None:
+            marks = self._marks(pairs, positions, x.shape[1]) if frames_by.marked else None
+            made = generate(frames_by, frames_by.encode(x, mask, n_before, marks), len(pairs), MOST_FRAMES)
+            return [_prediction(p, frames) for p, frames in zip(positions, made, strict=True)]
+        return self._culled(pairs, positions)
+
+    def _culled(self, pairs: Sequence[Words], positions: Sequence[Positions]) -> list[Prediction]:
+        """Predictions from culled frames; without frames where a position is missing."""
+        out = [Prediction(*p, np.zeros((0, pairs[0][0].shape[1]))) for p in positions]
+        inputs = {
+            k: cull(*words, pre, post, self.fr)
+            for k, (words, (pre, post)) in enumerate(zip(pairs, positions, strict=True))
+            if pre is not None and post is not None and self.fr is not None
+        }
+        if inputs:
+            x = torch.from_numpy(np.stack([frames for frames, _ in inputs.values()])).to(self._device)
+            mask = torch.from_numpy(np.stack([real for _, real in inputs.values()])).to(self._device)
+            for k, frames in zip(inputs, self._made(x, mask), strict=True):
+                out[k] = _prediction(positions[k], frames)
+        return out
+
+    def _made(self, x: Tensor, mask: Tensor) -> list[Tensor]:
+        """The transitions (n, K) of culled frames (B, 2 fr, K)."""
+        network: Any = self.networks[-1]
+        if isinstance(network, Filler):
+            counts = network.length(x, mask).argmax(1) + 1
+            real = torch.arange(int(counts.max()), device=x.device)[None] < counts[:, None]
+            made = network.fill(x, mask, real)
+            return [row[:count] for row, count in zip(made, counts.tolist(), strict=True)]
+        n_before = torch.full((len(x),), self.fr or 0, device=x.device)
+        return generate(network, network.encode(x, mask, n_before), len(x), MOST_FRAMES)
+
+    def _whole(self, pairs: Sequence[Words]) -> tuple[Tensor, Tensor, Tensor]:
+        """X (B, S, K) of each pair, False at its padding (B, S), and the number of frames of the first word (B,)."""
+        x = [torch.from_numpy(np.concatenate(words)) for words in pairs]
+        mask = [torch.ones(len(frames), dtype=torch.bool) for frames in x]
+        n_before = torch.tensor([len(before) for before, _ in pairs])
+        padded = (pad_sequence(x, batch_first=True), pad_sequence(mask, batch_first=True), n_before)
+        return padded[0].to(self._device), padded[1].to(self._device), padded[2].to(self._device)
+
+    def _marks(self, pairs: Sequence[Words], positions: Sequence[Positions], n_frames: int) -> Tensor:
+        """Marks (B, n_frames, 2) of the positions in X; none for one that is missing."""
+        pre = [-1 if p is None else p for p, _ in positions]
+        post = [-1 if q is None else len(before) + q for (before, _), (_, q) in zip(pairs, positions, strict=True)]
+        return splice_marks(torch.tensor(pre), torch.tensor(post), n_frames).to(self._device)
+
+    def _positions(self, logits: Tensor, pairs: Sequence[Words]) -> list[Positions]:
+        rows = logits.float().cpu().numpy()
+        return [
+            splice_position(row[: len(before) + len(after)], len(before), self.token_bias)
+            for row, (before, after) in zip(rows, pairs, strict=True)
+        ]
+
+    @property
+    def _device(self) -> torch.device:
+        return next(self.networks[0].parameters()).device
+
+
+def _prediction(positions: Positions, frames: Tensor) -> Prediction:
+    return Prediction(*positions, frames.double().cpu().numpy())

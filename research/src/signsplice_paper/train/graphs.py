@@ -1,0 +1,182 @@
+"""The networks of the paper's systems as ONNX graphs.
+
+A generator becomes two graphs: ``encoder`` (input -> tokens, memory, state) and ``decoder``, which makes one or many
+frames per call and takes and returns its state, including key-value caches of any length. A filler becomes ``length``
+and ``fill``. Batches have one pair. The numbers of frames are variable, except those of culled frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from signsplice.errors import SignspliceError
+from signsplice.train.export import ExportGraph, exported
+from signsplice_paper.train.networks.filling import Filler
+from signsplice_paper.train.networks.generator import FRAME, START, Encoded, Generator
+from signsplice_paper.train.networks.spsn import Spsn
+from signsplice_paper.train.pairs_data import splice_marks
+
+
+def paper_graphs(network: nn.Module, fr: int | None) -> dict[str, bytes]:
+    """ONNX graphs of a network by file name; ``fr`` for a network that sees culled frames.
+
+    Raises ``SignspliceError`` if onnxruntime and torch differ.
+    """
+    network = network.eval().cpu()
+    if isinstance(network, Spsn):
+        graphs = {"spsn": spsn_graph(network)}
+    elif isinstance(network, Generator):
+        graphs = _generator_graphs(network, fr)
+    elif isinstance(network, Filler):
+        graphs = _filler_graphs(network, fr or 1)
+    else:
+        raise SignspliceError(f"cannot export a {type(network).__name__}, expected a network of the paper's systems")
+    return {f"{name}.onnx": exported(name, graph) for name, graph in graphs.items()}
+
+
+def _frames(n_frames: int, network: Any) -> Tensor:
+    """Random frames (1, n, K) that move about as those of the training pairs."""
+    n_numbers = network.normaliser.n_numbers
+    rng = np.random.default_rng(n_frames)
+    values = rng.normal(0.0, 1.0, (1, 1, n_numbers)) + rng.normal(0.0, 0.1, (1, n_frames, n_numbers)).cumsum(axis=1)
+    frames: Tensor = network.normaliser.inverse(torch.from_numpy(values.astype(np.float32)))
+    return frames
+
+
+def spsn_graph(network: Spsn) -> ExportGraph:
+    """The graph of SPSN."""
+    inputs = [{"x": _frames(n, network), "n_before": torch.tensor([n // 2])} for n in (11, 24, 7)]
+    return ExportGraph(_SpsnGraph(network), inputs[0], ("tokens",), {"x": (1,)}, tuple(inputs[1:]))
+
+
+def _generator_graphs(network: Generator, fr: int | None) -> dict[str, ExportGraph]:
+    def encoder_inputs(n: int) -> dict[str, Tensor]:
+        mask = torch.ones(1, n, dtype=torch.bool)
+        inputs = {"x": _frames(n, network), "mask": mask, "n_before": torch.tensor([n // 2])}
+        if network.marked:
+            inputs["marks"] = splice_marks(torch.tensor([n // 2 - 2]), torch.tensor([n // 2 + 1]), n)
+        return inputs
+
+    sizes = (11, 24, 7) if fr is None else (2 * fr,)
+    inputs = [encoder_inputs(n) for n in sizes]
+    if fr is not None:
+        edge = dict(inputs[0])
+        edge["mask"] = torch.arange(2 * fr)[None] > 0
+        inputs.append(edge)
+    with torch.no_grad():
+        encoded = [network.encode(**entry) for entry in inputs]
+    tokens, memory, state = encoded[0]
+    memory_names = tuple(f"memory_{k}" for k in range(len(memory)))
+    state_names = tuple(f"state_{k}" for k in range(len(state)))
+    outputs = (*(() if tokens is None else ("tokens",)), *memory_names, *state_names)
+    free: dict[str, tuple[int, ...]] = {"x": (1,), "mask": (1,)} if fr is None else {}
+    if network.marked:
+        free["marks"] = (1,)
+    encoder = ExportGraph(_EncoderGraph(network), inputs[0], outputs, free, tuple(inputs[1:]))
+    return {"encoder": encoder, "decoder": _decoder_graph(network, encoded, memory_names, state_names, fr)}
+
+
+def _decoder_graph(
+    network: Generator,
+    encoded: Sequence[Encoded],
+    memory_names: Sequence[str],
+    state_names: Sequence[str],
+    fr: int | None,
+) -> ExportGraph:
+    """The decoder. Its example continues after earlier frames; it is also compared on the first step, of one frame and
+    of many.
+    """
+
+    def step(entry: Encoded, state: Sequence[Tensor], at: int, n_new: int) -> dict[str, Tensor]:
+        kinds = torch.full((1, n_new), FRAME)
+        kinds[0, 0] = START if at == 0 else FRAME
+        fed = torch.zeros(1, n_new, network.n_fed)
+        fed[..., : network.normaliser.n_numbers] = _frames(n_new, network)
+        return {"fed": fed, "kinds": kinds, "start": torch.tensor(at)} | dict(
+            zip((*memory_names, *state_names), (*entry.memory, *state), strict=True)
+        )
+
+    checks = [step(entry, entry.state, 0, n_new) for entry in encoded for n_new in (1, 6)]
+    with torch.no_grad():
+        first = checks[1]
+        _, _, state = network.decode(first["fed"], first["kinds"], first["start"], encoded[0].memory, encoded[0].state)
+    inputs = step(encoded[0], state, 6, 3)
+    free: dict[str, tuple[int, ...]] = {"fed": (1,), "kinds": (1,)}
+    if fr is None:
+        n_input = encoded[0].memory[0].shape[1] if encoded[0].memory else -1
+        for name, part in zip(memory_names, encoded[0].memory, strict=True):
+            free[name] = tuple(k for k, size in enumerate(part.shape) if size == n_input)[-1:]
+    for name, part, old in zip(state_names, state, encoded[0].state, strict=True):
+        free[name] = tuple(k for k, size in enumerate(part.shape) if size != old.shape[k])
+    outputs = ("made", "last", *(f"next_{name}" for name in state_names))
+    return ExportGraph(_DecoderGraph(network, len(memory_names)), inputs, outputs, free, tuple(checks), n_named=3)
+
+
+def _filler_graphs(network: Filler, fr: int) -> dict[str, ExportGraph]:
+    x, mask = _frames(2 * fr, network), torch.ones(1, 2 * fr, dtype=torch.bool)
+    edge = torch.arange(2 * fr)[None] > 0
+    inputs = {"x": x, "mask": mask}
+    length = ExportGraph(_LengthGraph(network), inputs, ("numbers",), {}, ({"x": x, "mask": edge},))
+    reals = [torch.ones(1, n, dtype=torch.bool) for n in (5, 1, 12)]
+    checks = tuple({"x": x, "mask": edge, "real": real} for real in reals)
+    return {
+        "length": length,
+        "fill": ExportGraph(_FillGraph(network), {**inputs, "real": reals[0]}, ("made",), {"real": (1,)}, checks),
+    }
+
+
+class _SpsnGraph(nn.Module):
+    def __init__(self, network: Spsn) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, x: Tensor, n_before: Tensor) -> Tensor:
+        tokens: Tensor = self.network(x, n_before)
+        return tokens
+
+
+class _EncoderGraph(nn.Module):
+    def __init__(self, network: Generator) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, x: Tensor, mask: Tensor, n_before: Tensor, marks: Tensor | None = None) -> tuple[Tensor, ...]:
+        encoded = self.network.encode(x, mask, n_before, marks)
+        tokens = () if encoded.tokens is None else (encoded.tokens,)
+        # A mask that is returned unchanged would not become an output of the graph.
+        memory = tuple(part & True if part.dtype == torch.bool else part for part in encoded.memory)
+        return (*tokens, *memory, *encoded.state)
+
+
+class _DecoderGraph(nn.Module):
+    def __init__(self, network: Generator, n_memory: int) -> None:
+        super().__init__()
+        self.network, self.n_memory = network, n_memory
+
+    def forward(self, fed: Tensor, kinds: Tensor, start: Tensor, *given: Tensor) -> tuple[Tensor, ...]:
+        memory, state = given[: self.n_memory], given[self.n_memory :]
+        made, last, after = self.network.decode(fed, kinds, start, memory, state)
+        return (made, last, *after)
+
+
+class _LengthGraph(nn.Module):
+    def __init__(self, network: Filler) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, x: Tensor, mask: Tensor) -> Tensor:
+        return self.network.length(x, mask)
+
+
+class _FillGraph(nn.Module):
+    def __init__(self, network: Filler) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, x: Tensor, mask: Tensor, real: Tensor) -> Tensor:
+        return self.network.fill(x, mask, real)

@@ -1,0 +1,117 @@
+"""The base of all networks that make transition frames one after another, and decoding with them.
+
+Start and stop tokens (eq. 15, 16): the first input is preIndexToken, and each frame comes with the logit of
+postIndexToken, "this is the last frame". Eq. 15 prints a softmax over the output; here coordinates are regressed
+linearly, and only the token is a probability. An input can be hidden. If all inputs are, every frame depends only on
+the encoder, and all frames are made in one pass ("concurrently").
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from signsplice_paper.train.networks.layers import Normaliser
+
+START, FRAME, HIDDEN = 0, 1, 2
+"""Kinds of decoder inputs: the start token, the frame before, a hidden frame."""
+
+State = tuple[Tensor, ...]
+
+
+class Encoded(NamedTuple):
+    """The outputs of an encoder.
+
+    - tokens: logits of the position tokens (B, S, 3), None without a head for them
+    - memory: tensors that the decoder attends to
+    - state: the decoder's state before the first frame
+    """
+
+    tokens: Tensor | None
+    memory: State
+    state: State
+
+
+class Generator(nn.Module, ABC):
+    """A network that makes transition frames step by step.
+
+    - n_fed: how many numbers of each frame are fed back: the K of a frame, and a counter if it has one
+    - concurrent: whether it can make all frames in one pass
+    - marked: whether it is given the splice positions as marks on the whole X
+    - feeds_own: whether it learns half of the pairs from its own frames instead of the true ones
+    - normaliser: of frames
+    """
+
+    n_fed: int
+    concurrent: bool
+    marked: bool = False
+    feeds_own: bool = False
+    normaliser: Normaliser
+
+    @abstractmethod
+    def encode(self, x: Tensor, mask: Tensor, n_before: Tensor, marks: Tensor | None = None) -> Encoded:
+        """Encode the input.
+
+        x (B, S, K): frames, not normalised. mask (B, S): False at padding. n_before (B,): number of frames of the
+        first word. marks (B, S, 2): 1 at the frames pre and post, else 0; for a network that is ``marked``.
+        """
+
+    @abstractmethod
+    def decode(
+        self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State
+    ) -> tuple[Tensor, Tensor, State]:
+        """Frames (B, T, n_fed), logits (B, T) of being the last frame, and the state after them.
+
+        fed (B, T, n_fed): the frame before each, not normalised. kinds (B, T): kind of each input. start (): number of
+        earlier frames.
+        """
+
+    def forward(
+        self, x: Tensor, mask: Tensor, n_before: Tensor, fed: Tensor, kinds: Tensor, marks: Tensor | None = None
+    ) -> tuple[Tensor | None, Tensor, Tensor]:
+        """Tokens, frames and logits of the last frame for whole sequences, given the frame before each."""
+        encoded = self.encode(x, mask, n_before, marks)
+        return encoded.tokens, *self.decode_whole(encoded, fed, kinds)
+
+    def decode_whole(self, encoded: Encoded, fed: Tensor, kinds: Tensor) -> tuple[Tensor, Tensor]:
+        """Frames and logits of the last frame for whole sequences (B, T), given the frame before each."""
+        start = torch.zeros((), dtype=torch.long, device=fed.device)
+        made, last, _ = self.decode(fed, kinds, start, encoded.memory, encoded.state)
+        return made, last
+
+
+@torch.no_grad()
+def generate(network: Generator, encoded: Encoded, n_batch: int, most: int, parallel: bool = False) -> list[Tensor]:
+    """The frames (n, K) of each pair of a batch up to the first that is classified as the last one; n <= ``most``."""
+    device = encoded.memory[0].device if encoded.memory else encoded.state[0].device
+    zero = torch.zeros(n_batch, 1, network.n_fed, device=device)
+    if parallel:
+        kinds = torch.full((n_batch, most), HIDDEN, device=device)
+        kinds[:, 0] = START
+        fed = zero.expand(-1, most, -1)
+        start = torch.zeros((), dtype=torch.long, device=device)
+        made, last, _ = network.decode(fed, kinds, start, encoded.memory, encoded.state)
+    else:
+        made, last = _one_by_one(network, encoded, zero, most)
+    ended = last > 0.0
+    counts = torch.where(ended.any(1), ended.float().argmax(1) + 1, made.shape[1]).tolist()
+    n_numbers = network.normaliser.n_numbers
+    return [frames[:count, :n_numbers] for frames, count in zip(made, counts, strict=True)]
+
+
+def _one_by_one(network: Generator, encoded: Encoded, fed: Tensor, most: int) -> tuple[Tensor, Tensor]:
+    n_batch, state = len(fed), encoded.state
+    frames: list[Tensor] = []
+    ends: list[Tensor] = []
+    done = torch.zeros(n_batch, dtype=torch.bool, device=fed.device)
+    while len(frames) < most and not bool(done.all()):
+        kinds = torch.full((n_batch, 1), FRAME if frames else START, device=fed.device)
+        start = torch.tensor(len(frames), device=fed.device)
+        fed, last, state = network.decode(fed, kinds, start, encoded.memory, state)
+        frames.append(fed)
+        ends.append(last)
+        done |= last[:, 0] > 0.0
+    return torch.cat(frames, dim=1), torch.cat(ends, dim=1)

@@ -1,0 +1,148 @@
+"""SPSN, the network that finds the splice positions (eq. 4-10).
+
+LSTM encoder and decoder both run over X, frame by frame (eq. 4 and 5; eq. 5 prints C_t = F_t * W_xc + ..., where an
+LSTM has C_t = F_t * C_{t-1} + I_t * C~_t, which torch computes). The decoder's state at t is compared with every state
+of the encoder (eq. 6), the weights form the context (eq. 7-9), and each frame is classified as {none, prePositionToken,
+postPositionToken} (our reading of eq. 9 and 10).
+
+The paper does not specify what the decoder receives from the encoder besides attention. The network that follows the
+print starts its decoder from the encoder's last state H_{N+M} through a learned linear layer (Bahdanau et al. 2015).
+Two additions of ours can be switched off one by one. ``steps``: it reads the differences between frames beside the
+frames. ``summary``: the linear layer reads the states at the ends of both words, H_N and H_{N+M}, and also makes a
+summary that the decoder reads with every frame (Cho et al. 2014).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from signsplice_paper.train.networks.layers import Normaliser, with_deltas
+from signsplice_paper.train.networks.recurrent import Lstm
+
+NONE, PRE, POST = 0, 1, 2
+"""The classes of a frame."""
+
+ATTENTIONS = ("normalised", "printed", "none")
+
+
+@dataclass(frozen=True)
+class SpsnConfig:
+    """Sizes and design of SPSN.
+
+    - width: of states and embeddings
+    - attention: "printed" is a = 1 - softmax(score), whose weights sum to N + M - 1; "normalised" is
+      softmax(-sharpness * score) with a learned sharpness, which starts at the square root of the width; "none" is the
+      ablation WA
+    - dropout: probability
+    - steps: whether it reads differences between frames too, or only frames, as printed
+    - summary: whether the decoder reads a summary of both words with every frame
+    """
+
+    width: int = 512
+    attention: str = "normalised"
+    dropout: float = 0.1
+    steps: bool = True
+    summary: bool = True
+
+    def __post_init__(self) -> None:
+        if self.attention not in ATTENTIONS:
+            raise ValueError(f"attention {self.attention!r}, expected one of {', '.join(ATTENTIONS)}")
+
+
+def score(decoded: Tensor, encoded: Tensor) -> Tensor:
+    """Mean squared differences (B, T, S) of states (B, T, D) and (B, S, D) (eq. 6)."""
+    device = decoded.device.type
+    if torch.amp.is_autocast_available(device) and torch.is_autocast_enabled(device):
+        with torch.autocast(device, enabled=False):  # half precision would lose small differences of large states
+            return score(decoded.float(), encoded.float())
+    squares = decoded.square().mean(-1)[:, :, None] + encoded.square().mean(-1)[:, None, :]
+    return squares - 2.0 * decoded @ encoded.transpose(1, 2) / decoded.shape[-1]
+
+
+def printed_weights(scores: Tensor, mask: Tensor | None = None) -> Tensor:
+    """Weights a = 1 - softmax(score) (B, T, S), as printed (eq. 7, 8); 0 at padding."""
+    if mask is None:
+        return 1.0 - scores.softmax(-1)
+    weights = 1.0 - scores.masked_fill(~mask[:, None], -torch.inf).softmax(-1)
+    return weights * mask[:, None]
+
+
+def normalised_weights(scores: Tensor, sharpness: Tensor, mask: Tensor | None = None) -> Tensor:
+    """Weights softmax(-sharpness * score) (B, T, S): similar states weigh more, as in eq. 7; the weights sum to 1."""
+    scores = -sharpness * scores
+    if mask is not None:
+        scores = scores.masked_fill(~mask[:, None], -torch.inf)
+    return scores.softmax(-1)
+
+
+def admissible(logits: Tensor, n_before: Tensor) -> Tensor:
+    """Logits (B, S, 3) with pre excluded in Q and post in P; ``n_before`` (B,) is N."""
+    in_before = torch.arange(logits.shape[1], device=logits.device)[None] < n_before[:, None]  # (B, S)
+    excluded = torch.stack([torch.zeros_like(in_before), ~in_before, in_before], dim=-1)
+    return logits.masked_fill(excluded, -1e4)
+
+
+def last_states(states: Tensor, mask: Tensor | None) -> Tensor:
+    """The state (B, D) of each row at its last frame before padding, from states (B, S, D)."""
+    if mask is None:
+        return states[:, -1]
+    return states_at(states, mask.sum(1) - 1)
+
+
+def states_at(states: Tensor, frames: Tensor) -> Tensor:
+    """The state (B, D) of each row at a frame (B,), from states (B, S, D)."""
+    return states.gather(1, frames[:, None, None].expand(-1, 1, states.shape[-1]))[:, 0]
+
+
+def word_ends(states: Tensor, n_before: Tensor, mask: Tensor | None) -> Tensor:
+    """The states (B, 2 D) at the last frames of both words, from states (B, S, D)."""
+    return torch.cat([states_at(states, n_before - 1), last_states(states, mask)], dim=-1)
+
+
+class Spsn(nn.Module):
+    """Classifies every frame of X."""
+
+    def __init__(self, config: SpsnConfig, normaliser: Normaliser) -> None:
+        super().__init__()
+        self.config, self.normaliser = config, normaliser
+        width = config.width
+        self.embedding = nn.Linear((1 + config.steps) * normaliser.n_numbers, width)
+        self.encoder, self.decoder = Lstm(width, width), Lstm((1 + config.summary) * width, width)
+        self.bridge = nn.Linear(2 * width, 3 * width) if config.summary else nn.Linear(width, 2 * width)
+        if config.attention != "none":
+            self.combine = nn.Linear(2 * width, width, bias=False)
+        self.sharpness = nn.Parameter(torch.tensor(0.5).mul(torch.tensor(float(width)).log()))
+        self.sharpness.requires_grad_(config.attention == "normalised")
+        self.out = nn.Linear(width, 3)
+        self.dropout = nn.Dropout(config.dropout)
+
+    def forward(self, x: Tensor, n_before: Tensor, mask: Tensor | None = None) -> Tensor:
+        """Logits (B, S, 3) of the frames X (B, S, K).
+
+        n_before (B,): N. mask (B, S): False at padding, which follows X.
+        """
+        x = self.normaliser(x)
+        x = self.embedding(with_deltas(x, n_before) if self.config.steps else x)
+        encoded = self.dropout(self.encoder(x)[0])  # (B, S, D)
+        if self.config.summary:
+            hidden, cell, summary = self.bridge(word_ends(encoded, n_before, mask)).chunk(3, dim=-1)
+            x = torch.cat([x, summary.tanh()[:, None].expand(-1, x.shape[1], -1)], dim=-1)  # (B, S, 2 D)
+        else:
+            hidden, cell = self.bridge(last_states(encoded, mask)).chunk(2, dim=-1)
+        start = hidden.tanh()[None].contiguous(), cell[None].contiguous()
+        decoded, _ = self.decoder(x, start)  # (B, S, D)
+        return admissible(self.out(self.attend(self.dropout(decoded), encoded, mask)), n_before)
+
+    def attend(self, decoded: Tensor, encoded: Tensor, mask: Tensor | None) -> Tensor:
+        """H~ (B, T, D) = tanh(W_c [C_t, H_t]) with C_t = a_t H (eq. 9); the decoder's states without attention."""
+        if self.config.attention == "none":
+            return decoded
+        scores = score(decoded, encoded)
+        if self.config.attention == "printed":
+            weights = printed_weights(scores, mask)
+        else:
+            weights = normalised_weights(scores, self.sharpness.exp(), mask)
+        return torch.tanh(self.combine(torch.cat([weights @ encoded, decoded], dim=-1)))

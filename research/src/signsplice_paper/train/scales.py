@@ -1,0 +1,285 @@
+"""The parts of each system, their sizes, and how long they are trained, for every scale.
+
+The parts of a system are trained separately: a splice position is a choice, so that no gradient passes from TFGN
+through Culling to SPSN, and joint training would equal separate training. LpTransformer and its ablations share parts,
+so that comparing them compares designs, not random initial weights.
+
+smoke: everything in minutes, to test the pipeline. cpu: smaller networks, some hours on two cores. paper: the sizes of
+the paper (512 units everywhere, 6 + 6 and 20 + 20 layers, 8 heads), which need a GPU.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from torch import nn
+
+from signsplice.errors import InputError
+from signsplice.train.task import Task
+from signsplice_paper.plan import SCALES
+from signsplice_paper.published import BEST_FR
+from signsplice_paper.train.networks.cam_stitch import CamStitch, CamStitchConfig
+from signsplice_paper.train.networks.convs2s import ConvS2S, ConvS2SConfig
+from signsplice_paper.train.networks.filling import Interpolation, InterpolationConfig, Nat, NatConfig
+from signsplice_paper.train.networks.generator import Generator
+from signsplice_paper.train.networks.layers import Normaliser
+from signsplice_paper.train.networks.lstm import LstmConfig, LstmSeq2Seq
+from signsplice_paper.train.networks.mixture_density import MixtureConfig, MixtureTransformer
+from signsplice_paper.train.networks.skeletal_attention import SkeletalConfig, SkeletalTransformer
+from signsplice_paper.train.networks.spsn import Spsn, SpsnConfig
+from signsplice_paper.train.networks.tfgn import Transformer, TransformerConfig
+from signsplice_paper.train.tasks import FillTask, FrameTask, MixtureTask, TokenTask
+
+FR = BEST_FR
+"""Frames that Culling keeps on each side: the paper's choice after its sweep."""
+
+SYSTEMS: dict[str, tuple[str, ...]] = {
+    "lpt": ("spsn", "tfgn"),
+    "lpt-wa": ("spsn-wa", "tfgn"),
+    "lpt-wc": ("spsn", "tfgn-wc"),
+    "lpt-wac": ("spsn-wa", "tfgn-wc"),
+    "lpt-printed": ("spsn-printed", "tfgn"),
+    "lpt-printed-wa": ("spsn-printed-wa", "tfgn"),
+    "lpt-printed-wc": ("spsn-printed", "tfgn-wc"),
+    "lpt-printed-wac": ("spsn-printed-wa", "tfgn-wc"),
+    "lpt-eq7": ("spsn-eq7", "tfgn"),
+    "lpt-frames": ("spsn-frames", "tfgn"),
+    "lpt-no-summary": ("spsn-no-summary", "tfgn"),
+    "lpt-plain-loss": ("spsn-plain-loss", "tfgn"),
+    "conv-s2s": ("conv-s2s",),
+    "lstm": ("lstm",),
+    "transformer": ("transformer",),
+    "progressive-transformer": ("spsn", "progressive"),
+    "mixture-density": ("spsn", "mixture"),
+    "nat": ("spsn", "nat"),
+    "conv-interp": ("spsn", "interpolation"),
+    "skeletal-attention": ("spsn", "skeletal"),
+    "cam-stitch": ("spsn", "cam-stitch"),
+}
+"""System -> its parts: the one for positions, if it is separate, then the one for frames. ``lpt-printed`` follows the
+print; ``lpt`` has this project's additions to SPSN, and each of ``lpt-eq7``, ``lpt-frames``, ``lpt-no-summary`` and
+``lpt-plain-loss`` lacks one of them.
+"""
+UNBIASED = ("lpt-printed", "lpt-printed-wa", "lpt-printed-wc", "lpt-printed-wac")
+"""Systems that emit tokens as printed, without the bias chosen on validation pairs, which is an addition too."""
+
+CULLED = ("tfgn", "progressive", "mixture", "nat", "interpolation", "skeletal", "cam-stitch")
+"""Parts that see ``fr`` frames on each side of the splice instead of the whole X."""
+_PLAIN_LOSS = ("spsn-printed", "spsn-printed-wa", "spsn-plain-loss")
+
+Config = (
+    SpsnConfig
+    | TransformerConfig
+    | ConvS2SConfig
+    | LstmConfig
+    | NatConfig
+    | InterpolationConfig
+    | SkeletalConfig
+    | CamStitchConfig
+)
+
+
+@dataclass(frozen=True)
+class SystemPart:
+    """A network and its training.
+
+    - name: name of the part
+    - config: sizes of the network
+    - fr: frames that it sees on each side of the splice, None for all
+    - steps: training steps
+    - batch: pairs per batch
+    - rate: highest learning rate of AdamW; SGD has the paper's
+    - plain_loss: whether positions are learned with plain cross-entropy, as printed
+    """
+
+    name: str
+    config: Config
+    fr: int | None
+    steps: int
+    batch: int
+    rate: float
+    plain_loss: bool = False
+
+    def facts(self) -> dict[str, Any]:
+        """The part as JSON, for bundle.json and for the hash in the name of its checkpoints."""
+        return {"config": asdict(self.config), **{k: v for k, v in asdict(self).items() if k not in ("name", "config")}}
+
+
+def _transformer(scale: str) -> TransformerConfig:
+    sizes = {
+        "smoke": TransformerConfig(32, 2, 1, 1, 64, 0.0),
+        "cpu": TransformerConfig(128, 8, 3, 3, 512, 0.0),
+        "paper": TransformerConfig(),
+    }
+    return sizes[scale]
+
+
+def _config(name: str, scale: str, fr: int) -> Config:
+    width = {"smoke": 32, "cpu": 128, "paper": 512}[scale]
+    dropout = 0.0 if scale == "smoke" else 0.1
+    t = _transformer(scale)
+    whole = replace(t, inner=t.inner // 2) if scale == "cpu" else t
+    configs: dict[str, Config] = {
+        "spsn": SpsnConfig(width, dropout=dropout),
+        "spsn-wa": SpsnConfig(width, "none", dropout),
+        "spsn-printed": SpsnConfig(width, "printed", dropout, steps=False, summary=False),
+        "spsn-printed-wa": SpsnConfig(width, "none", dropout, steps=False, summary=False),
+        "spsn-eq7": SpsnConfig(width, "printed", dropout),
+        "spsn-frames": SpsnConfig(width, dropout=dropout, steps=False),
+        "spsn-no-summary": SpsnConfig(width, dropout=dropout, summary=False),
+        "spsn-plain-loss": SpsnConfig(width, dropout=dropout),
+        "tfgn": t,
+        "tfgn-wc": replace(whole, marks=True),
+        "transformer": replace(whole, tokens=True, steps=True),
+        "progressive": replace(t, counter=True),
+        "mixture": MixtureConfig(t.width, t.n_heads, t.n_encoder_layers, t.n_decoder_layers, t.inner, t.dropout),
+        "skeletal": _skeletal(scale),
+        "cam-stitch": CamStitchConfig(fr, width),
+        "nat": NatConfig(fr, t.width, t.n_heads, t.n_encoder_layers, t.n_decoder_layers, t.inner, 8, t.dropout),
+        "interpolation": InterpolationConfig(fr, width, 9 if scale == "paper" else 6),
+        "conv-s2s": _convolutions(scale),
+        "lstm": LstmConfig(width),
+    }
+    return configs[name]
+
+
+def _skeletal(scale: str) -> SkeletalConfig:
+    sizes = {
+        "smoke": SkeletalConfig(8, 2, 1, 1, 16, dropout=0.0),
+        "cpu": SkeletalConfig(32, 2, 2, 2, 128, dropout=0.0),
+        "paper": SkeletalConfig(),
+    }
+    return sizes[scale]
+
+
+def _convolutions(scale: str) -> ConvS2SConfig:
+    sizes = {"smoke": ConvS2SConfig(16, 3, 3, 0.0), "cpu": ConvS2SConfig(64, 20, 20, 0.0), "paper": ConvS2SConfig()}
+    return sizes[scale]
+
+
+@dataclass(frozen=True)
+class _PartSchedule:
+    """The training of a part.
+
+    - steps: at smoke, cpu and paper scale
+    - batch: pairs per batch at cpu scale
+    - rate: AdamW's rate at cpu scale
+    """
+
+    steps: tuple[int, int, int]
+    batch: int = 64
+    rate: float = 1e-3
+
+
+_SPSN = _PartSchedule((60, 3500, 60_000), 32, 3e-3)
+_SCHEDULES = {
+    "spsn": _SPSN,
+    "spsn-wa": _SPSN,
+    "spsn-printed": _SPSN,
+    "spsn-printed-wa": _SPSN,
+    "spsn-eq7": _SPSN,
+    "spsn-frames": _SPSN,
+    "spsn-no-summary": _SPSN,
+    "spsn-plain-loss": _SPSN,
+    "tfgn": _PartSchedule((60, 4000, 60_000)),
+    "tfgn-wc": _PartSchedule((60, 1700, 60_000), 32),
+    "transformer": _PartSchedule((60, 3000, 60_000), 32),
+    "conv-s2s": _PartSchedule((60, 1500, 60_000), 32, 2.1e-3),
+    "lstm": _PartSchedule((60, 6000, 60_000), 32, 3e-3),
+    "progressive": _PartSchedule((60, 2000, 60_000)),
+    "mixture": _PartSchedule((60, 2600, 60_000)),
+    "nat": _PartSchedule((60, 2000, 60_000)),
+    "interpolation": _PartSchedule((60, 2000, 60_000)),
+    "skeletal": _PartSchedule((60, 2000, 60_000), 16, 3e-3),
+    "cam-stitch": _PartSchedule((60, 11_000, 60_000), 64, 3e-3),
+}
+"""At cpu scale every system is trained for about 25 minutes of one core, half of them for each of two
+parts, and the parts of mixture density, skeletal attention and CAM-STITCH for about 10. Their steps differ in cost
+several times over.
+"""
+
+STEP_FRACTIONS = {("cpu", "sgd"): 5.0, ("paper", "sgd"): 5.0, ("cpu", "unseen-words"): 0.3}
+"""Multiples of the steps. SGD is trained until validation stops improving, which takes many times AdamW's steps; for it
+these are a limit. The split of unseen words leaves three fifths of the pairs to learn from, over which half as many
+passes are made.
+"""
+SGD_PATIENCE = 4
+"""Validations in a row, a fortieth of the limit apart, that have to improve the loss for SGD to go on."""
+MOST_SGD_CPU_S = {"cpu": 3600.0}
+"""Processor seconds that SGD has for a part: two core-hours for a system of two."""
+
+
+def parts(
+    system: str,
+    scale: str,
+    fr: int | None = None,
+    steps: int | None = None,
+    optimiser: str = "adamw",
+    split: str = "random",
+) -> tuple[SystemPart, ...]:
+    """A system's parts at a scale. With 0 ``steps`` they stay untrained, which is enough to measure their size and
+    time.
+
+    Raises ``InputError`` for an unknown name, numbers out of range, and an ``fr`` for a system without Culling.
+    """
+    if system not in SYSTEMS:
+        raise InputError(f"no system {system!r}, expected all or one of {', '.join(SYSTEMS)}")
+    if scale not in SCALES:
+        raise InputError(f"no scale {scale!r}, expected one of {', '.join(SCALES)}")
+    names = SYSTEMS[system]
+    if fr is not None and not any(name in CULLED for name in names):
+        raise InputError(f"--fr {fr}, but {system} has no Culling layer; leave it out")
+    for option, value, least in (("--fr", fr, 1), ("--steps", steps, 0)):
+        if value is not None and value < least:
+            raise InputError(f"{option} {value}, expected at least {least}")
+    side = FR if fr is None else fr
+    column = SCALES.index(scale)
+    fraction = STEP_FRACTIONS.get((scale, optimiser), 1.0) * STEP_FRACTIONS.get((scale, split), 1.0)
+    return tuple(
+        SystemPart(
+            name,
+            _config(name, scale, side),
+            side if name in CULLED else None,
+            round(fraction * _SCHEDULES[name].steps[column]) if steps is None else steps,
+            (16, _SCHEDULES[name].batch, 64)[column],
+            (1e-2, _SCHEDULES[name].rate, 3e-4)[column],
+            name in _PLAIN_LOSS,
+        )
+        for name in names
+    )
+
+
+def task(part: SystemPart, normaliser: Normaliser, parents: Sequence[int], seed: int) -> Task:
+    """A part's network with its loss; ``parents``: parents of the joints."""
+    network = network_of(part.config, normaliser, parents)
+    if isinstance(network, Spsn):
+        return TokenTask(network, part.plain_loss)
+    if isinstance(network, Nat | Interpolation):
+        return FillTask(network, normaliser)
+    if isinstance(network, MixtureTransformer):
+        return MixtureTask(network, normaliser, seed)
+    assert isinstance(network, Generator)
+    return FrameTask(network, normaliser, seed)
+
+
+def network_of(config: Config, normaliser: Normaliser, parents: Sequence[int]) -> nn.Module:
+    """The network with these sizes."""
+    if isinstance(config, SpsnConfig):
+        return Spsn(config, normaliser)
+    if isinstance(config, MixtureConfig):
+        return MixtureTransformer(config, normaliser)
+    if isinstance(config, TransformerConfig):
+        return Transformer(config, normaliser)
+    if isinstance(config, ConvS2SConfig):
+        return ConvS2S(config, normaliser)
+    if isinstance(config, LstmConfig):
+        return LstmSeq2Seq(config, normaliser)
+    if isinstance(config, SkeletalConfig):
+        return SkeletalTransformer(config, normaliser, parents)
+    if isinstance(config, CamStitchConfig):
+        return CamStitch(config, normaliser)
+    if isinstance(config, NatConfig):
+        return Nat(config, normaliser, parents)
+    return Interpolation(config, normaliser)

@@ -1,0 +1,249 @@
+"""Search of learning rates and widths: every part of the paper's systems, shortly trained with each, on validation.
+
+Rates and widths are chosen on validation pairs, at a thousand steps with one seed; test pairs are not read. Each
+variant has the whole schedule of its steps, with warm-up and decay.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from signsplice.errors import InputError
+from signsplice.formats.atomic import replacing
+from signsplice.formats.json_files import read_json
+from signsplice.synth.corpus import Pairs
+from signsplice.synth.pool import Pool
+from signsplice.train import checkpoint, processes
+from signsplice.train import log as logs
+from signsplice.train.ending import DeadlineError
+from signsplice_paper.layout import Table, markdown
+from signsplice_paper.train import training
+from signsplice_paper.train.scales import SYSTEMS, Config, SystemPart, parts
+from signsplice_paper.train.training import Training
+
+FILE, PAGE = "search.json", "search.md"
+VERSION = 1
+RATES = (1 / 3, 1.0, 3.0)
+"""Learning rates that are tried, as multiples of the scale's."""
+WIDTHS = (1.0, 1.5)
+"""Widths that are tried, likewise."""
+STEPS = 1000
+JUDGED = ("accuracy", "paa")
+"""Scores whose mean decides, those of them that a part has."""
+_N_JUDGEMENTS = 4
+
+
+@dataclass(frozen=True)
+class SearchPlan:
+    """What is tried, and where.
+
+    - pairs: folder of the corpus
+    - folder: for checkpoints
+    - scale: whose rates and widths are varied
+    - steps: of every training
+    - seed: of every training
+    """
+
+    pairs: Path
+    folder: Path
+    scale: str
+    steps: int = STEPS
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class SearchRow:
+    """One training.
+
+    - part: name of the part
+    - rate, width: multiples of the scale's
+    - learning_rate, units: the values themselves
+    - scores: last scores on validation pairs
+    - n_parameters: of the network
+    - cpu_s: processor seconds
+    """
+
+    part: str
+    rate: float
+    width: float
+    learning_rate: float
+    units: int
+    scores: dict[str, float]
+    n_parameters: int
+    cpu_s: float
+
+    @property
+    def score(self) -> float:
+        """The score that decides."""
+        values = [self.scores[name] for name in JUDGED if name in self.scores]
+        return sum(values) / len(values) if values else float("-inf")
+
+
+def units_of(config: Config) -> int:
+    """The width of a network; the features of every bone of one that works bone by bone."""
+    return int(getattr(config, _width(config)))
+
+
+def _width(config: Config) -> str:
+    return "width" if hasattr(config, "width") else "features"
+
+
+def widened(config: Config, factor: float) -> Config:
+    """Sizes with ``factor`` times as many units; a multiple of the heads, where there are some."""
+    heads = getattr(config, "n_heads", 1)
+    sizes: dict[str, Any] = {_width(config): max(1, round(units_of(config) * factor / heads)) * heads}
+    if hasattr(config, "inner"):
+        sizes["inner"] = round(config.inner * factor)
+    return replace(config, **sizes)
+
+
+def variants(part: SystemPart) -> list[tuple[float, float, SystemPart]]:
+    """Multiples of rate and width, and the part with these."""
+    return [
+        (rate, width, replace(part, rate=part.rate * rate, config=widened(part.config, width)))
+        for width in WIDTHS
+        for rate in RATES
+    ]
+
+
+def run(
+    plan: SearchPlan, systems: Sequence[str], out: Path, workers: int, report: Callable[[str], None],
+    deadline: float | None = None,
+) -> list[SearchRow]:  # fmt: skip
+    """Train what ``out``/search.json does not hold yet, and write it and its page after every training.
+
+    Trainings that ``deadline`` (of ``time.monotonic``) interrupts are continued by the next call. Raises
+    ``InputError`` where the file holds a search of another corpus, scale or length.
+    """
+    signature = {
+        "corpus": Pairs(plan.pairs).head["hash"], "scale": plan.scale, "split": "random", "steps": plan.steps,
+        "seed": plan.seed,
+    }  # fmt: skip
+    rows = read(out / FILE, signature)
+    done = {(row.part, row.rate, row.width) for row in rows}
+    owners: dict[str, str] = {}  # part -> the first system that has it
+    for system in systems:
+        for part in parts(system, plan.scale, steps=plan.steps):
+            owners.setdefault(part.name, system)
+    jobs = [
+        (plan, owners[part.name], part.name, rate, width, workers, deadline)
+        for system in systems
+        for part in parts(system, plan.scale, steps=plan.steps)
+        if owners[part.name] == system
+        for rate, width, _ in variants(part)
+        if (part.name, rate, width) not in done
+    ]
+    with Pool(workers) as each:
+        for row in each(_tried, jobs):
+            if row is None:
+                continue
+            rows.append(row)
+            _write(out, signature, rows)
+            report(f"{row.part}, rate {row.learning_rate:.2g}, width {row.units}: {row.score:.3f}")
+    left = len(jobs) + len(done) - len(rows)
+    if left:
+        report(f"time is up: {left} trainings are left; the same call continues")
+    elif rows:
+        _write(out, signature, rows)
+    return rows
+
+
+def _tried(job: tuple[SearchPlan, str, str, float, float, int, float | None]) -> SearchRow | None:
+    """Train one variant; None where time is up."""
+    plan, system, name, rate, width, workers, deadline = job
+    if deadline is not None and time.monotonic() >= deadline:
+        return None
+    if workers > 1:
+        torch.set_num_threads(max(1, (os.cpu_count() or 1) // workers))
+    part = next(part for part in parts(system, plan.scale, steps=plan.steps) if part.name == name)
+    part = next(made for r, w, made in variants(part) if (r, w) == (rate, width))
+    pairs = Pairs(plan.pairs)
+    config = Training(
+        system, plan.scale, seed=plan.seed, steps=plan.steps, n_judgements=_N_JUDGEMENTS, deadline=deadline
+    )
+    folder = training.part_folder(plan.folder, part, config, pairs)
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with processes.joined() as process, processes.only_one(folder, process):
+            task = training.trained(part, config, pairs, folder, process)
+    except DeadlineError:
+        return None
+    lines = logs.lines(folder / logs.NAME)
+    judged = [line for line in lines if set(JUDGED) & set(line)]
+    scores = {k: v for k, v in judged[-1].items() if k not in ("step", "cpu_s")} if judged else {}
+    spent = max((line.get("cpu_s", 0.0) for line in lines), default=0.0)
+    (folder / checkpoint.NAME).unlink(missing_ok=True)
+    shutil.rmtree(folder / checkpoint.SNAPSHOTS, ignore_errors=True)
+    n_parameters = sum(p.numel() for p in task.network.parameters())
+    return SearchRow(name, rate, width, part.rate, units_of(part.config), scores, n_parameters, round(spent, 1))
+
+
+def read(path: Path, signature: dict[str, Any] | None = None) -> list[SearchRow]:
+    """The rows of a file, none where there is no file. Raises ``InputError`` where it holds another search."""
+    if not path.exists():
+        return []
+    stored = read_json(path, "a search")
+    try:
+        if signature is not None and stored["search"] != signature:
+            raise InputError(f"{path}: a search of {stored['search']}, expected {signature}; name another folder")
+        return [SearchRow(**row) for row in stored["rows"]]
+    except (KeyError, TypeError) as error:
+        raise InputError(f"{path}: holds no search ({error}); remove it to begin anew") from error
+
+
+def _write(out: Path, signature: dict[str, Any], rows: Sequence[SearchRow]) -> None:
+    lines = ",\n".join("  " + json.dumps(asdict(row)) for row in rows)
+    head = f'{{\n "version": {VERSION},\n "search": {json.dumps(signature)},\n "rows": [\n{lines}\n ]\n}}\n'
+    for name, text in ((FILE, head), (PAGE, page(signature, rows))):
+        with replacing(out / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+
+
+def page(signature: dict[str, Any], rows: Sequence[SearchRow]) -> str:
+    """The page of a search: the score by rate and width, the best, and how far it is above what ``scales.py`` has."""
+    now = {part.name: part for system in SYSTEMS for part in parts(system, signature["scale"])}
+    names = list(dict.fromkeys(row.part for row in rows))
+    columns = [(width, rate) for width in WIDTHS for rate in RATES]
+    head = tuple(f"rate x {_factor(rate)}, width x {_factor(width)}" for width, rate in columns)
+    lines = []
+    for name in names:
+        by = {(row.width, row.rate): row for row in rows if row.part == name}
+        best = max(by.values(), key=lambda row: (row.score, (row.width, row.rate) == (1.0, 1.0)))
+        cells = [f"{by[key].score:.3f}" if key in by else "-" for key in columns]
+        whole = len(by) == len(columns)
+        has = [row for row in by.values() if name in now and _is_of(row, now[name])]
+        chosen = f"{best.learning_rate:.2g}, {best.units} units" if whole else "-"
+        lines.append((name, *cells, chosen, f"{best.score - has[0].score:.3f}" if whole and has else "-"))
+    table = Table(
+        f"Validation score by learning rate and width: scale {signature['scale']}, {signature['steps']} steps, seed "
+        f"{signature['seed']}",
+        "search",
+        ("part", *head, "best", "above the scale's"),
+        tuple(lines),
+        (
+            "Score: PAA for parts that find positions, Accuracy for those that make frames, the mean of both for those "
+            "that do both, on 256 validation pairs of the random split. Rates and widths are multiples of those that "
+            "the scale had when they were tried; the last column is the best score less that with the rate and width "
+            "that it has now. One seed: differences of a few hundredths mean nothing. -: not trained; no best is named "
+            "before all are.",
+            f"Corpus {signature['corpus']}. `signsplice paper search`",
+        ),
+    )
+    return "# Learning rates and widths\n\n" + markdown(table)
+
+
+def _is_of(row: SearchRow, part: SystemPart) -> bool:
+    return (row.units, row.learning_rate) == (units_of(part.config), part.rate)
+
+
+def _factor(value: float) -> str:
+    return "1/3" if value == 1 / 3 else f"{value:g}"

@@ -1,0 +1,240 @@
+"""The tasks of the paper's networks: their losses, and their scores on validation pairs.
+
+**Exposure bias.** A decoder that always sees the true frame before learns to copy it, and its errors accumulate on its
+own output. Three measures counter this, all drawn from seed and step: noise on the frames fed to the decoder; hiding a
+quarter of these frames; and, for half of the pairs, no true frame at all: in networks that can make all frames in one
+pass every frame is hidden, and LSTM and ConvS2S are fed their own, made one by one without gradients (scheduled
+sampling, Bengio et al. 2015, by pair). Without the last, LSTM found 87 % of the lengths after true frames, and 23 %
+after its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional as F  # noqa: N812
+
+from signsplice.synth.rng import stream
+from signsplice.train.task import Task
+from signsplice_paper.metrics import accuracy
+from signsplice_paper.train.losses import counter_loss, frame_loss, last_loss, mixture_loss, token_loss
+from signsplice_paper.train.networks.filling import Filler
+from signsplice_paper.train.networks.generator import FRAME, HIDDEN, START, Encoded, Generator, generate
+from signsplice_paper.train.networks.layers import Normaliser
+from signsplice_paper.train.networks.mixture_density import WIDTH_FLOOR, MixtureTransformer
+from signsplice_paper.train.networks.spsn import NONE, POST, PRE, Spsn
+from signsplice_paper.train.pairs_data import Batch, PairsData
+
+NOISE = 0.1
+"""Deviation of the noise on frames fed to a decoder, in deviations of the training pairs."""
+HIDDEN_FRAMES = 0.25
+"""Probability that a fed frame is hidden."""
+UNTAUGHT_PAIRS = 0.5
+"""Probability that no true frame of a pair is fed."""
+MOST_FRAMES = 32
+"""Longest transition that is generated."""
+EMITTED = 0.999
+"""Fraction of validation pairs for which both tokens must be emitted."""
+
+
+def positions(logits: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+    """The frames where pre and post are likeliest (B, 2), and whether each is emitted (B, 2), from logits (B, S, 3)."""
+    odds = (logits[..., [PRE, POST]] - logits[..., NONE : NONE + 1]).masked_fill(~mask[..., None], -1e4)
+    wins = logits.argmax(-1)[..., None] == torch.tensor([PRE, POST], device=logits.device)
+    return odds.argmax(1), (wins & mask[..., None]).any(1)
+
+
+@torch.no_grad()
+def token_bias(task: Task, valid: PairsData) -> float:
+    """The bias for the logits of both tokens with which a system emits them on ``EMITTED`` of the validation pairs.
+
+    The weight of a token against "none" in the loss is our choice (``TOKEN_WEIGHT``), and it affects how often a
+    network emits no token. The bias removes that effect for every system but those as printed. It changes no
+    position.
+    """
+    if not len(valid):
+        return 0.0
+    task.eval()
+    network: Any = task.network
+    device = next(network.parameters()).device
+    missing = []
+    for first in range(0, len(valid), 64):
+        batch = valid.batch(range(first, min(first + 64, len(valid)))).to(device)
+        if isinstance(network, Spsn):
+            logits = network(batch.x, batch.n_before, batch.mask)
+        else:
+            logits = network.encode(batch.x, batch.mask, batch.n_before).tokens
+        margins = (logits[..., [NONE]] - logits[..., [PRE, POST]]).masked_fill(~batch.mask[..., None], torch.inf)
+        missing.append(margins.amin(1).amax(1).cpu())  # (B,)
+    return max(0.0, float(np.quantile(torch.cat(missing).double().numpy(), EMITTED, method="higher")) + 1e-3)
+
+
+def _judge_positions(logits: Tensor, batch: Batch) -> dict[str, float]:
+    frames, emitted = positions(logits, batch.mask)
+    right = frames == torch.stack([batch.pre, batch.post], dim=1)
+    return {
+        "pre": right[:, 0].float().mean().item(),
+        "post": right[:, 1].float().mean().item(),
+        "paa": (right & emitted).all(1).float().mean().item(),
+        "pta": emitted.all(1).float().mean().item(),
+    }
+
+
+def _judge_frames(made: list[Tensor], batch: Batch, suffix: str = "") -> dict[str, float]:
+    """Accuracy, fraction of right lengths and squared error of frames (n, K) by pair; ``suffix`` ends the names."""
+    counts = batch.real.sum(1).tolist()
+    pairs = [
+        (frames.double().cpu().numpy(), true[:count].double().cpu().numpy())
+        for frames, true, count in zip(made, batch.new, counts, strict=True)
+    ]
+    right = [len(frames) == len(true) for frames, true in pairs]
+    errors = [float(np.mean((a - b) ** 2)) for a, b in pairs if len(a) == len(b)]
+    scores = {
+        f"accuracy{suffix}": float(np.mean([accuracy(frames, true) for frames, true in pairs])),
+        f"length{suffix}": float(np.mean(right)),
+    }
+    return scores | ({f"frame_mse{suffix}": float(np.mean(errors))} if errors else {})
+
+
+@dataclass(frozen=True)
+class DecoderInput:
+    """The inputs of a decoder in training.
+
+    - frames: the frames that are fed (B, T, n_fed)
+    - kinds: their kinds (B, T)
+    - untaught: pairs of which no true frame is fed (B,)
+    """
+
+    frames: Tensor
+    kinds: Tensor
+    untaught: Tensor
+
+
+def decoder_input(batch: Batch, network: Generator, normaliser: Normaliser, seed: int) -> DecoderInput:
+    """The true frames, delayed by one step, with noise, some of them hidden; depends only on seed, step and pair."""
+    n_frames, n_numbers = batch.new.shape[1:]
+    rows = []
+    kinds, untaught = np.full(batch.real.shape, FRAME), np.zeros(len(batch.real), bool)
+    for k, number in enumerate(batch.numbers.tolist()):
+        rng = stream("fed", seed, batch.step, number)
+        untaught[k] = rng.random() < UNTAUGHT_PAIRS
+        hidden = 1.0 if network.concurrent and untaught[k] else HIDDEN_FRAMES
+        kinds[k, np.resize(rng.random(MOST_FRAMES), n_frames) < hidden] = HIDDEN
+        rows.append(np.resize(rng.standard_normal((MOST_FRAMES, n_numbers), np.float32), (n_frames, n_numbers)))
+    kinds[:, 0] = START
+    noise = torch.from_numpy(np.stack(rows)).to(batch.new.device) * NOISE * normaliser.deviation
+    delayed = torch.cat([torch.zeros_like(batch.new[:, :1]), batch.new[:, :-1]], dim=1) + noise
+    if network.n_fed > delayed.shape[-1]:
+        counter = torch.arange(n_frames, device=delayed.device) / batch.real.sum(1, keepdim=True)
+        delayed = torch.cat([delayed, counter[..., None]], dim=-1)
+    return DecoderInput(delayed, *(torch.from_numpy(drawn).to(delayed.device) for drawn in (kinds, untaught)))
+
+
+@torch.no_grad()
+def own_frames(network: Generator, encoded: Encoded, inputs: DecoderInput) -> DecoderInput:
+    """The inputs with the network's own frames, delayed by one step, in pairs of which no true frame is fed."""
+    fed, state, frames = inputs.frames[:, :1], encoded.state, [inputs.frames[:, :1]]
+    for index in range(inputs.frames.shape[1] - 1):
+        start = torch.tensor(index, device=fed.device)
+        fed, _, state = network.decode(fed, inputs.kinds[:, index : index + 1], start, encoded.memory, state)
+        frames.append(fed.to(inputs.frames.dtype))
+    own = torch.where(inputs.untaught[:, None, None], torch.cat(frames, dim=1), inputs.frames)
+    return replace(inputs, frames=own)
+
+
+class TokenTask(Task):
+    """SPSN, which predicts the splice positions; ``plain``: trained with plain cross-entropy, as printed."""
+
+    def __init__(self, network: Spsn, plain: bool = False) -> None:
+        super().__init__()
+        self.network: Spsn = network
+        self.plain = plain
+
+    def forward(self, batch: Batch) -> Tensor:
+        """The loss () of the tokens."""
+        logits = self.network(batch.x, batch.n_before, batch.mask)
+        return token_loss(logits, batch.pre, batch.post, batch.mask, self.plain)
+
+    def judge(self, batch: Batch) -> dict[str, float]:
+        """Fractions of right positions and of emitted tokens."""
+        return _judge_positions(self.network(batch.x, batch.n_before, batch.mask), batch)
+
+
+class FrameTask(Task):
+    """A generator, which predicts the transition frames, and the positions if it has a head for them."""
+
+    def __init__(self, network: Generator, normaliser: Normaliser, seed: int) -> None:
+        super().__init__()
+        self.network: Generator = network
+        self.normaliser, self.seed = normaliser, seed
+
+    def forward(self, batch: Batch) -> Tensor:
+        """The loss () of frames, of last frames, and of tokens."""
+        inputs = decoder_input(batch, self.network, self.normaliser, self.seed)
+        n_numbers = self.normaliser.n_numbers
+        encoded = self.network.encode(batch.x, batch.mask, batch.n_before, batch.marks)
+        if self.network.feeds_own:
+            inputs = own_frames(self.network, encoded, inputs)
+        made, last = self.network.decode_whole(encoded, inputs.frames, inputs.kinds)
+        loss = frame_loss(made[..., :n_numbers], batch.new, batch.real, self.normaliser.deviation)
+        if self.network.n_fed > n_numbers:
+            loss = loss + counter_loss(made[..., n_numbers], batch.real)
+        else:
+            loss = loss + last_loss(last, batch.real)
+        if encoded.tokens is not None:
+            loss = loss + token_loss(encoded.tokens, batch.pre, batch.post, batch.mask)
+        return loss
+
+    def judge(self, batch: Batch) -> dict[str, float]:
+        """The paper's accuracy, and fractions of right lengths and positions; also for one pass, if the network can."""
+        encoded: Encoded = self.network.encode(batch.x, batch.mask, batch.n_before, batch.marks)
+        made = generate(self.network, encoded, len(batch.x), MOST_FRAMES)
+        scores = _judge_frames(made, batch)
+        if self.network.concurrent:
+            made = generate(self.network, encoded, len(batch.x), MOST_FRAMES, parallel=True)
+            scores |= _judge_frames(made, batch, "_parallel")
+        return scores if encoded.tokens is None else scores | _judge_positions(encoded.tokens, batch)
+
+
+class MixtureTask(FrameTask):
+    """A generator of mixtures of frames, trained by their likelihood; the error of the counter weighs as that of a
+    Gaussian of the smallest width.
+    """
+
+    network: MixtureTransformer
+
+    def forward(self, batch: Batch) -> Tensor:
+        """The loss () of frames and of their counters."""
+        inputs = decoder_input(batch, self.network, self.normaliser, self.seed)
+        encoded = self.network.encode(batch.x, batch.mask, batch.n_before)
+        mixtures, counters = self.network.mixtures(encoded, inputs.frames, inputs.kinds)
+        likelihood = mixtures.log_likelihood(self.normaliser(batch.new))
+        loss = mixture_loss(likelihood, batch.real, self.normaliser.n_numbers)
+        return loss + counter_loss(counters, batch.real, 0.5 / WIDTH_FLOOR**2)
+
+
+class FillTask(Task):
+    """A filler, which predicts the number of frames, and all frames together."""
+
+    def __init__(self, network: Filler, normaliser: Normaliser) -> None:
+        super().__init__()
+        self.network: Filler = network
+        self.normaliser = normaliser
+
+    def forward(self, batch: Batch) -> Tensor:
+        """The loss () of frames and of their number."""
+        numbers, made = self.network(batch.x, batch.mask, batch.real)
+        length = F.cross_entropy(numbers.float(), (batch.real.sum(1) - 1).clamp(max=numbers.shape[1] - 1))
+        return length + frame_loss(made, batch.new, batch.real, self.normaliser.deviation)
+
+    def judge(self, batch: Batch) -> dict[str, float]:
+        """The paper's accuracy and the fraction of right lengths."""
+        counts = self.network.length(batch.x, batch.mask).argmax(1) + 1
+        most = int(counts.max())
+        real = torch.arange(most, device=counts.device)[None] < counts[:, None]
+        made: Any = self.network.fill(batch.x, batch.mask, real)
+        return _judge_frames([row[:count] for row, count in zip(made, counts.tolist(), strict=True)], batch)

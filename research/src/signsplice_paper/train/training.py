@@ -1,0 +1,264 @@
+"""Training a system of the paper from a corpus of pairs to a bundle: its parts are trained, exported and combined."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import onnx
+import onnxruntime
+import torch
+
+from signsplice.errors import InputError
+from signsplice.formats.atomic import replacing_folder
+from signsplice.formats.reading import read_bytes
+from signsplice.splicing.networks.bundle import write_bundle
+from signsplice.synth.corpus import Pairs
+from signsplice.train import checkpoint, ending, provenance
+from signsplice.train import log as logs
+from signsplice.train.export import check_bundle_folder
+from signsplice.train.loop import SGD_RATE, LoopConfig, ProgressCallback, train
+from signsplice.train.prefetch import prefetched
+from signsplice.train.processes import Processes, only_one
+from signsplice.train.task import Task
+from signsplice_paper.plan import SHARED_TRAINING
+from signsplice_paper.train.graphs import paper_graphs
+from signsplice_paper.train.networks.generator import Generator
+from signsplice_paper.train.pairs_data import PairsData
+from signsplice_paper.train.scales import MOST_SGD_CPU_S, SGD_PATIENCE, UNBIASED, SystemPart, parts, task
+from signsplice_paper.train.tasks import MOST_FRAMES, token_bias
+
+GRAPHS = "graphs"
+"""Folder of a part's graphs, next to its checkpoint."""
+
+
+@dataclass(frozen=True)
+class Training:
+    """What to train.
+
+    - system: one of ``scales.SYSTEMS``
+    - scale: one of ``scales.SCALES``
+    - optimiser: adamw or sgd
+    - split: the split whose training part is learned from
+    - seed: of weights, batches and noise
+    - fr: frames that Culling keeps on each side, None for the default
+    - steps: steps of every part, None for those of the scale
+    - bf16: whether to compute in bfloat16, None for GPUs only
+    - n_judgements: how often a part is validated, None for 4 at smoke scale, else 20, by SGD 40
+    - n_judged: number of validation pairs
+    - deadline: value of ``time.monotonic`` at which this call is interrupted, None for never
+    """
+
+    system: str
+    scale: str
+    optimiser: str = "adamw"
+    split: str = "random"
+    seed: int = 0
+    fr: int | None = None
+    steps: int | None = None
+    bf16: bool | None = None
+    n_judgements: int | None = None
+    n_judged: int = 256
+    deadline: float | None = None
+
+    @property
+    def patience(self) -> int | None:
+        """Validations without improvement after which a part is trained; None where it is after all steps."""
+        return SGD_PATIENCE if self.optimiser == "sgd" else None
+
+
+def make(
+    training: Training,
+    pairs: Pairs,
+    out: Path,
+    shared: Path,
+    processes: Processes,
+    progress: Callable[[str], ProgressCallback] | None = None,
+) -> None:
+    """Train a system's parts, as far as they are not trained, and write the bundle into ``out``.
+
+    ``shared`` holds a folder of checkpoints for each part, where other systems with the same parts find them. The same
+    call after an interruption continues from the last checkpoint. ``progress``: name of a part -> callback. Raises
+    ``DeadlineError``, and writes no bundle, where the deadline interrupts a part.
+    """
+    chosen = parts(training.system, training.scale, training.fr, training.steps, training.optimiser, training.split)
+    check_bundle_folder(out)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    tasks = []
+    for part in chosen:
+        folder = part_folder(shared, part, training, pairs)
+        folder.mkdir(parents=True, exist_ok=True)
+        with only_one(folder, processes):
+            if processes.first:
+                provenance.corpus_data(pairs.folder, folder)
+            callback = None if progress is None else progress(part.name)
+            tasks.append(trained(part, training, pairs, folder, processes, callback))
+    if processes.first:
+        _write(training, pairs, chosen, tasks, out, [part_folder(shared, part, training, pairs) for part in chosen])
+
+
+def recipe(part: SystemPart, training: Training, pairs: Pairs) -> str:
+    """Twelve hex digits that depend on everything that a part's training is given, but not on the code."""
+    given = {
+        "part": part.name,
+        **part.facts(),
+        "optimiser": training.optimiser,
+        "split": SHARED_TRAINING.get(training.split, training.split),
+        "seed": training.seed,
+        "corpus": pairs.head["hash"],
+    }
+    return hashlib.sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def part_folder(shared: Path, part: SystemPart, training: Training, pairs: Pairs) -> Path:
+    """The folder of a part's checkpoint and log."""
+    fr = "" if part.fr is None else f"-fr{part.fr}"
+    split = SHARED_TRAINING.get(training.split, training.split)
+    name = f"{part.name}{fr}-{training.scale}-{training.optimiser}-{split}-seed{training.seed}"
+    return shared / f"{name}-{recipe(part, training, pairs)}"
+
+
+def trained(
+    part: SystemPart,
+    training: Training,
+    pairs: Pairs,
+    folder: Path,
+    processes: Processes,
+    progress: ProgressCallback | None = None,
+    until: int | None = None,
+) -> Task:
+    """A part's trained task; ``until``: the step to stop at."""
+    data = PairsData(pairs, training.split, "train", part.fr)
+    valid = PairsData(pairs, training.split, "valid", part.fr)
+    if not len(data):
+        raise InputError(f"{pairs.folder}: no pair in {training.split} train; make a corpus of more words")
+    by_sgd = training.optimiser == "sgd"
+    n_judgements = training.n_judgements or (4 if training.scale == "smoke" else 40 if by_sgd else 20)
+    most_cpu_s = MOST_SGD_CPU_S.get(training.scale) if by_sgd and training.steps is None else None
+    torch.manual_seed(training.seed)
+    made = task(part, data.normaliser(), pairs.spaces[0].parents, training.seed)
+    loop = LoopConfig(
+        steps=part.steps,
+        batch=part.batch,
+        optimiser=training.optimiser,
+        rate=part.rate,
+        seed=training.seed,
+        every=max(1, part.steps // n_judgements),
+        n_judged=training.n_judged,
+        bf16=processes.device.type == "cuda" if training.bf16 is None else training.bf16,
+        until=until,
+        snapshots=training.scale != "paper",  # each is 0.2 GB there
+        patience=training.patience,
+        most_cpu_s=most_cpu_s,
+        deadline=training.deadline,
+    )
+    on_gpu = processes.device.type == "cuda"  # it would wait for batches; on a processor both share the cores
+    with prefetched(data, processes.rank, processes.count) if on_gpu else nullcontext(data) as batches:
+        train(made, loop, batches, valid, folder, recipe(part, training, pairs), processes, progress)
+    return made
+
+
+def _write(
+    training: Training, pairs: Pairs, chosen: tuple[SystemPart, ...], tasks: list[Task], out: Path, folders: list[Path]
+) -> None:
+    files: dict[str, bytes] = {}
+    for part, made, folder in zip(chosen, tasks, folders, strict=True):
+        files |= _exported(part, made, folder)
+    contents = facts(training, pairs, chosen, tasks, folders) | _provenance(training, pairs, folders)
+    if training.steps != 0 and training.system not in UNBIASED:
+        contents["runs"]["token_bias"] = token_bias(tasks[0], PairsData(pairs, training.split, "valid"))
+    logged = {
+        f"{part.name}.jsonl": read_bytes(folder / logs.NAME) for part, folder in zip(chosen, folders, strict=True)
+    }
+    write_bundle(out, contents, files, logged)
+
+
+def _provenance(training: Training, pairs: Pairs, folders: list[Path]) -> dict[str, Any]:
+    """The command that makes a bundle, and the sha256 of its data; None where a part's data are unknown."""
+    options: dict[str, provenance.Option] = {
+        "pairs": pairs.folder, "system": training.system, "scale": training.scale, "optimiser": training.optimiser,
+        "split": training.split, "fr": training.fr, "steps": training.steps, "seed": training.seed,
+        "bf16": training.bf16,
+    }  # fmt: skip
+    data = [provenance.corpus_data(pairs.folder, folder) for folder in folders]
+    return {
+        "command": provenance.command(["train", "paper"], options),
+        "data": None if None in data else data[0],
+        "signsplice": provenance.software(),
+    }
+
+
+def _exported(part: SystemPart, made: Task, folder: Path) -> dict[str, bytes]:
+    """A part's graphs; graphs next to its checkpoint are reused if they are newer."""
+    kept = folder / GRAPHS
+    if kept.is_dir() and kept.stat().st_mtime_ns > (folder / checkpoint.NAME).stat().st_mtime_ns:
+        return {path.name: read_bytes(path) for path in sorted(kept.iterdir())}
+    files = paper_graphs(made.network, part.fr)
+    with replacing_folder(kept) as graphs:
+        for name, content in files.items():
+            (graphs / name).write_bytes(content)
+    return files
+
+
+def facts(
+    training: Training, pairs: Pairs, chosen: tuple[SystemPart, ...], tasks: list[Task], folders: list[Path]
+) -> dict[str, Any]:
+    """The contents of bundle.json without its files; ``folders`` hold the parts' logs."""
+    frames = tasks[-1].network
+    normaliser: Any = frames.normaliser
+    generator = frames if isinstance(frames, Generator) else None
+    ends = [ending.reason(folder, part.steps, training.patience) for part, folder in zip(chosen, folders, strict=True)]
+    return {
+        "system": training.system,
+        "config": {part.name: part.facts()["config"] for part in chosen},
+        "scale": training.scale,
+        "optimiser": training.optimiser,
+        "split": training.split,
+        "corpus": pairs.head["hash"],
+        "fps": pairs.head["fps"],
+        "seed": training.seed,
+        "steps": sum(step for step, _ in ends),
+        "stopped": ending.of_parts([why for _, why in ends]),
+        "fr": chosen[-1].fr,
+        "parts": {
+            part.name: {
+                **{k: v for k, v in part.facts().items() if k != "config"},
+                "rate": SGD_RATE if training.optimiser == "sgd" else part.rate,
+                "steps": step,
+                "stopped": why,
+                "scores": _last_scores(folder),
+            }
+            for part, folder, (step, why) in zip(chosen, folders, ends, strict=True)
+        },
+        "normaliser": {"mean": normaliser.mean.tolist(), "deviation": normaliser.deviation.tolist()},
+        "n_parameters": sum(p.numel() for made in tasks for p in made.network.parameters()),
+        "versions": {"torch": torch.__version__, "onnx": onnx.__version__, "onnxruntime": onnxruntime.__version__},
+        "runs": {
+            "positions": "encoder" if len(chosen) == 1 else "spsn",
+            "frames": "filler" if generator is None else "generator",
+            "concurrent": generator is not None and generator.concurrent,
+            "n_fed": normaliser.n_numbers if generator is None else generator.n_fed,
+            "marked": generator is not None and generator.marked,
+            "most_frames": MOST_FRAMES,
+        },
+        **_rig(pairs),
+    }
+
+
+def _rig(pairs: Pairs) -> dict[str, Any]:
+    """The joints and cube of the numbers, and whether all words were moved to one place, for a corpus of clips; nothing
+    for one of the synthetic signer.
+    """
+    head = pairs.head
+    return {"space": head["spaces"][0], "moved": head.get("moved", True)} if "spaces" in head else {}
+
+
+def _last_scores(folder: Path) -> dict[str, float]:
+    """The last scores of a part on validation pairs."""
+    judged = [line for line in logs.lines(folder / logs.NAME) if {"accuracy", "pta"} & set(line)]
+    return {k: v for k, v in judged[-1].items() if k != "step"} if judged else {}

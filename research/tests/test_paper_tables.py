@@ -1,0 +1,279 @@
+"""Tables: the paper's printed numbers, seeds, what is missing or not trained, refusals, and Markdown and LaTeX."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from signsplice.errors import InputError
+from signsplice_paper import layout, lines, published, tables
+from signsplice_paper.curve import COLUMNS, Curve
+from signsplice_paper.layout import RULE, Table
+from signsplice_paper.results import CLASSICAL, MEAN, ResultRow, Results
+from toys import of_rows, row
+
+DESIGN = """
+BLEU-1 0.744 0.881 0.735 0.894 BLEU-2 0.649 0.771 0.652 0.869 BLEU-3 0.599 0.677 0.615 0.848
+BLEU-4 0.563 0.610 0.615 0.824 PTA 0.251 0.999 0.996 0.999 PAA 0.999 0.784 0.601 0.999
+BLEU-1 0.854 0.823 0.844 0.894 BLEU-2 0.785 0.774 0.733 0.869 BLEU-3 0.731 0.697 0.688 0.848
+BLEU-4 0.704 0.642 0.621 0.824 PTA 0.999 0.999 0.984 0.999 PAA 0.829 0.999 0.801 0.999
+"""
+"""Tables 1 and 3 as the paper prints them, by metric: a second copy that checks the first."""
+
+
+def paper_rows(optimiser: str = "adamw", split: str = "random", **changes: object) -> list[ResultRow]:
+    """Rows of the paper's systems with its printed scores."""
+    out = []
+    for n, (system, values) in enumerate({**published.TABLE_3, **published.TABLE_1}.items()):
+        scores = {published.SCORES[m]: float(v) for m, v in zip(published.METRICS, values, strict=True)}
+        printed = system == published.PRINTED
+        times = {"conv-s2s": 2.0, "transformer": 60.0, published.PRINTED: 11.0, "lpt-printed-wc": 50.0}
+        scores |= {"mse": 0.0015 if printed else 0.01, "accuracy": 0.99 if printed else 0.9 + n / 1000}
+        scores |= {"ms_mean": times.get(system, 10.0)}
+        fr = 8 if printed else None
+        out.append(row(system, optimiser=optimiser, split=split, fr=fr, scores=scores, **changes))
+    return out
+
+
+def cells(text: str) -> list[list[str]]:
+    return [[c.strip() for c in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("| ")]
+
+
+def test_the_printed_numbers_equal_a_second_copy() -> None:
+    words = DESIGN.split()
+    for n, table in enumerate((published.TABLE_1, published.TABLE_3)):
+        for m, metric in enumerate(published.METRICS):
+            at = 5 * (6 * n + m)
+            assert words[at] == metric
+            assert [values[m] for values in table.values()] == words[at + 1 : at + 5]
+
+
+@pytest.mark.parametrize(("n", "printed"), [(1, published.TABLE_1), (3, published.TABLE_3)])
+def test_tables_hold_the_printed_numbers_exactly(n: int, printed: dict[str, tuple[str, ...]]) -> None:
+    found = of_rows(*paper_rows())
+    made = (tables.table_1 if n == 1 else tables.table_3)(found, "cpu")
+    text = cells(layout.markdown(made[0]))
+    for system, values in printed.items():
+        (line,) = [c for c in text if c[:2] == [published.name(system), "the paper"]]
+        assert line[2:8] == list(values)
+        (measured,) = [c for c in text if c[0] == published.name(system) and c[1].startswith("AdamW")]
+        assert measured[2:8] == list(values), "equal scores print alike"
+        assert " & ".join(values) in layout.latex(made[0])
+
+
+def test_seeds_are_shown_with_their_mean_and_range() -> None:
+    found = of_rows(*(row("lpt", seed=seed, scores={"paa": paa}) for seed, paa in enumerate((0.7, 0.8, 0.9))))
+    one = lines.line(found, "lpt", "cpu", "random")
+    assert one.cell("paa") == "0.800 [0.700, 0.900]"
+    assert one.origin == "AdamW, 100 steps, 3 seeds"
+    assert one.seeds == "0, 1, 2"
+    assert lines.line(of_rows(row("lpt")), "lpt", "cpu", "random").cell("paa") == "0.900", "one seed has no range"
+
+
+def test_the_time_of_seeds_is_that_of_the_last() -> None:
+    found = of_rows(*(row("lpt", seed=seed, scores={"ms_mean": 5.0 - 2.0 * seed}) for seed in (1, 0)))
+    one = lines.line(found, "lpt", "cpu", "random")
+    assert (one.score("ms_mean"), one.cell("ms_mean", 1)) == (3.0, "3.0")
+
+
+def test_systems_that_share_networks_are_compared_with_the_seeds_that_all_have() -> None:
+    bleu = {0: 0.8, 1: 0.7, 2: 0.9}
+    found = of_rows(
+        *(row(published.PRINTED, seed=seed, scores={"bleu-4": score}) for seed, score in bleu.items()),
+        *(row("lpt-printed-wa", seed=seed, scores={"bleu-4": 0.75}) for seed in (0, 1)),
+        *(row(published.PRINTED, fr=6, seed=seed, scores={"bleu-4": 0.85}) for seed in (1, 2)),
+    )
+    assert lines.line(found, published.PRINTED, "cpu", "random").score("bleu-4") == pytest.approx(0.8)
+    (table, *_) = tables.table_3(found, "cpu")
+    cell = table.head.index("BLEU-4")
+    shown = {r[0]: r for r in table.rows if len(r) > 1 and r[1].startswith("AdamW, 100")}
+    assert shown["LpTransformer"][1] == shown["LPT-WA"][1] == "AdamW, 100 steps, 2 seeds"
+    assert shown["LpTransformer"][cell] == "0.750 [0.700, 0.800]"
+    (by_fr,) = tables.table_fr(found, "cpu")
+    assert [r[by_fr.head.index("BLEU-4")] for r in by_fr.rows[1:]] == ["0.850 [0.850, 0.850]", "0.800 [0.700, 0.900]"]
+    strange = of_rows(row(published.PRINTED, seed=0), row("lpt-printed-wa", seed=1))
+    assert all(one.rows for one in tables.blocks_3(strange, "cpu", "random")[0][1] if one.name in ("LPT-WA",))
+
+
+def test_a_system_below_the_mean_transition_is_named_but_has_no_scores() -> None:
+    mean = row("mean-transition", scale=MEAN, optimiser="", fr=None, seed=None, scores={"accuracy": 0.95})
+    low = row(published.PRINTED, optimiser="sgd", scores={"accuracy": 0.9499, "bleu-1": 0.4321})
+    found = of_rows(*paper_rows(), mean, low, row("lpt", scores={"accuracy": 0.95}))
+    text = layout.markdown(tables.table_1(found, "cpu")[0])
+    (sgd,) = [c for c in cells(text) if c[0] == "LpTransformer" and c[1].startswith("SGD")]
+    assert sgd[1] == "SGD, 100 steps; not trained: below the mean transition"
+    assert set(sgd[2:]) == {"-"}
+    assert "0.432" not in text
+    assert lines.line(found, "lpt", "cpu", "random").is_known, "as good as the mean is not below it"
+    for other, known in ((0.95, True), (0.9498, False)):
+        seeds = found.merged([replace(low, seed=1, scores={**low.scores, "accuracy": other})])
+        assert lines.line(seeds, published.PRINTED, "cpu", "random", "sgd").is_known == known, "one seed is enough"
+    assert any(c[0] == "mean transition" for c in cells(text))
+
+
+def test_what_is_missing_is_named() -> None:
+    found = of_rows(*paper_rows()[-1:])
+    text = layout.markdown(tables.table_1(found, "cpu")[0])
+    for name in ("LSTM", "LPT+", "LPT+, no summary", "NAT", "CAM-STITCH LSTM"):
+        (line,) = [c for c in cells(text) if c[:2] == [name, "AdamW, not trained yet"]]
+        assert set(line[2:]) == {"-"}
+    missing = tables.missing_rows(found, "cpu")
+    assert missing == "Without any row yet: split unseen-words, split unseen-signer, scale paper."
+
+
+def test_table_2_says_which_parts_each_ablation_has() -> None:
+    (table,) = tables.table_2(of_rows(row("lpt", n_parameters=1234567)), "cpu")
+    found = {r[0]: r[1:] for r in table.rows}
+    assert found["LPT-WA"][:2] == ("no", "yes")
+    assert found["LPT-WC"][:2] == ("yes", "no")
+    assert found["LPT-WAC"][:2] == ("no", "no")
+    assert found["LpTransformer"] == ("yes", "yes", "none", "not trained yet")
+    assert found["LPT+"] == ("yes", "yes", "all four", "1,234,567")
+
+
+def test_rows_say_how_many_pairs_were_seen_where_a_curve_tells() -> None:
+    points = [(64.0, 1.0, 0.9, 0.01), (368_000.0, 25.0, 0.98, 0.01)]
+    made = [Curve(published.PRINTED, "random", "cpu", "adamw", 8, 0, points, COLUMNS)]
+    tables_made = tables.table_1(of_rows(*paper_rows()).merged(curves=made), "cpu")
+    table = next(t for t in tables_made if t.label == "rows1-cpu-random")
+    seen = {r[0]: r[table.head.index("pairs seen")] for r in table.rows if r}
+    assert (seen["LpTransformer"], seen["LSTM"]) == ("368,000", "-")
+
+
+def test_bleu_has_three_tolerances_and_margins_their_groups() -> None:
+    scores = {f"{kind}-{n}@{t:g}": t for kind in ("bleu", "papineni") for n in range(1, 5) for t in (2e-5, 1e-4, 3e-4)}
+    scores |= {f"n_margin_{n}": 10.0 * n for n in range(1, 5)} | {f"paa_margin_{n}": n / 10 for n in range(1, 5)}
+    made = {t.label: t for t in tables.table_1(of_rows(row(published.PRINTED, scores=scores)), "cpu")}
+    (line,) = [r for r in made["bleu1-cpu-random"].rows if r and r[0] == "LpTransformer" and "100 steps" in r[1]]
+    assert line[2:] == ("0.000 / 0.000 / 0.000",) * 8
+    margins = made["margins1-cpu-random"]
+    assert margins.head[2:] == ("under 0.1", "0.1 to 0.2", "0.2 to 0.35", "0.35 or more")
+    assert margins.rows[-1][2:] == ("0.100", "0.200", "0.300", "0.400")
+    assert "Pairs in each: 10, 20, 30, 40." in margins.notes[0]
+    assert "margins1-cpu-random" not in {t.label for t in tables.table_1(of_rows(*paper_rows()), "cpu")}
+
+
+def classical_rows(split: str = "random") -> list[ResultRow]:
+    like = {"scale": CLASSICAL, "optimiser": "", "fr": None, "seed": None, "steps": None, "split": split}
+    return [
+        row(system, given=given, **like) for system, given in (*tables.CLASSICAL_IN_TABLE_1, ("ends+slerp", "nothing"))
+    ]
+
+
+def test_sgd_that_ended_by_a_limit_is_told_from_sgd_that_stopped_improving() -> None:
+    by_time, by_plateau = (
+        lines.line(of_rows(row("lpt", optimiser="sgd", stopped=why)), "lpt", "cpu", "random", "sgd")
+        for why in ("time", "plateau")
+    )
+    assert "ended by its limit" in by_time.origin
+    assert "ended by its limit" not in by_plateau.origin
+
+
+def test_rows_of_other_optimisers_scales_and_inputs_are_separate() -> None:
+    found = of_rows(
+        *paper_rows(), *paper_rows("sgd"), *paper_rows(scale="smoke"), *classical_rows(), row("nat", fr=None)
+    )
+    text = layout.markdown(tables.table_1(found, "cpu")[0])
+    assert "scale cpu" in text
+    assert sum(line[0] == "LpTransformer" for line in cells(text)) == 3
+    assert "| AdamW, 100 steps |" in text
+    assert "| SGD, 100 steps |" in text
+    assert "| NAT | AdamW" in text
+    assert "| true-positions+hermite | classical, given positions and length |" in text
+    assert "ends+slerp" not in text
+    (_, every) = tables.table_classical(found, "cpu")
+    assert "ends+slerp" in layout.markdown(every)
+    assert "msd<=" in text
+    assert "paper\\|corpus" not in text, "signatures are in code, outside of cells"
+    assert "`paper|corpus:c0ffee|split:random`" in text
+
+
+@pytest.mark.parametrize("field", ["metrics_id", "protocol", "corpus"])
+def test_tables_refuse_rows_that_differ_in_recipe(field: str) -> None:
+    for make, system in ((tables.table_1, "lstm"), (tables.table_3, "lpt-printed-wa")):
+        odd = row(system, fr=None, **{field: "another"})
+        with pytest.raises(InputError, match="cannot be compared in one table"):
+            make(of_rows(*paper_rows()).merged([odd]), "cpu")
+    with pytest.raises(InputError, match="cannot be compared in one table"):
+        tables.table_fr(of_rows(row(fr=8), row(fr=6, **{field: "another"})), "cpu")
+    with pytest.raises(InputError, match="cannot be compared in one table"):
+        tables.table_1(of_rows(*paper_rows(), *classical_rows()).merged([row("nat", fr=None, **{field: "x"})]), "cpu")
+
+
+def test_the_sweep_of_fr_and_every_split_have_tables() -> None:
+    sweep = [row("lpt", fr=fr) for fr in (10, 2, 8)]
+    (table,) = tables.table_fr(of_rows(*sweep), "cpu")
+    assert [r[0] for r in table.rows if r] == ["2", "8", "10"]
+    assert tables.table_fr(of_rows(sweep[0]), "cpu") == []
+    found = of_rows(*paper_rows(), *paper_rows(split="unseen-words", protocol="w"), *classical_rows("unseen-signer"))
+    pages = tables.pages(found, "cpu")
+    assert [t.label for t in pages["table1"] if t.label.startswith("table1")] == [
+        *("table1-cpu-random", "table1-cpu-unseen-words", "table1-cpu-unseen-signer")
+    ]
+    assert all(len(page) == 0 for page in tables.pages(Results(), "cpu").values())
+
+
+def test_times_of_two_machines_get_a_note() -> None:
+    text = layout.markdown(tables.table_1(of_rows(*paper_rows()).merged([row("lstm", fr=None, machine="b")]), "cpu")[0])
+    assert "Times are of 2 machines and cannot be compared: a machine; b." in text
+
+
+def balanced(text: str) -> bool:
+    depth = 0
+    for character in re.sub(r"\\[{}]", "", text):
+        depth += {"{": 1, "}": -1}.get(character, 0)
+        if depth < 0:
+            return False
+    return depth == 0
+
+
+def test_latex_is_well_formed(tmp_path: Path) -> None:
+    found = of_rows(*paper_rows(), *paper_rows("sgd"), *classical_rows(), row("lpt", fr=6))
+    for page in tables.pages(found, "cpu").values():
+        for table in page:
+            text = layout.latex(table)
+            assert balanced(text)
+            environments = re.findall(r"\\(begin|end)\{(\w+)\}", text)
+            assert environments == [("begin", "table"), ("begin", "tabular"), ("end", "tabular"), ("end", "table")]
+            body = text.split(r"\begin{tabular}")[1].split(r"\end{tabular}")[0]
+            columns = re.match(r"\{(\w+)\}", body)
+            assert columns is not None
+            for line in body.splitlines()[1:]:
+                if line != r"\hline":
+                    assert line.endswith(r" \\"), line
+                    assert len(re.findall(r"(?<!\\)&", line)) == len(columns[1]) - 1, line
+            assert not re.search(r"(?<!\\)[%#$_]", text), "characters of LaTeX commands are escaped"
+            assert text.isascii()
+
+
+def test_special_characters_are_escaped() -> None:
+    table = Table(
+        "50% of a_b & c", "x", ("a|b", "c", "d"), (("<1", "{}", "~^\\"), RULE, ("1", "2", "3")), ("by `m|n_o`",)
+    )
+    text = layout.latex(table)
+    assert r"50\% of a\_b \& c" in text
+    assert r"\textless{}1 & \{\} & \textasciitilde{}\textasciicircum{}\textbackslash{} \\" in text
+    assert r"\texttt{m\textbar{}\allowbreak{}n\_o}" in text
+    assert balanced(text)
+    assert "| a\\|b | c | d |" in layout.markdown(table)
+    with pytest.raises(ValueError, match="2 cells under 1 heads"):
+        Table("", "x", ("a",), (("1", "2"),))
+    assert [layout.short(x) for x in (0.0015, 0.0123, 0.2, 0.0, float("nan"))] == ["0.0015", "0.012", "0.20", "0", "-"]
+    assert layout.number(float("nan")) == "-"
+
+
+def test_pages_are_written_with_the_same_bytes(tmp_path: Path) -> None:
+    found = of_rows(*paper_rows(), *classical_rows())
+    pages = ("table1", "table2", "table3", "fr", "classical")
+    assert {path.name for path in tables.write(found, tmp_path, "cpu")} == {
+        f"{p}{s}" for p in pages for s in (".md", ".tex")
+    }
+    first = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert first["fr.md"].startswith(b"No two rows to compare at scale cpu yet.")
+    assert first["table1.md"].startswith(b"**Table 1 of the paper, scale cpu, random**")
+    tables.write(found, tmp_path, "cpu")
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == first
+    assert tables.write(Results(), tmp_path / "none", "cpu") == []

@@ -1,0 +1,72 @@
+"""The search of learning rates and widths on validation pairs."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("torch")
+
+from signsplice.errors import InputError
+from signsplice_paper.train import scales, search
+from signsplice_paper.train.search import SearchPlan, SearchRow
+from training_toys import corpus
+
+
+def row(rate: float, width: float, paa: float, part: str = "spsn") -> SearchRow:
+    units = scales.parts("lpt", "cpu")[0]
+    return SearchRow(
+        part, rate, width, units.rate * rate, round(search.units_of(units.config) * width), {"paa": paa}, 5, 1.0
+    )
+
+
+def test_every_part_is_tried_with_three_rates_and_two_widths() -> None:
+    for name, part in ((part.name, part) for system in scales.SYSTEMS for part in scales.parts(system, "cpu")):
+        tried = search.variants(part)
+        assert len(tried) == 6
+        assert [made for rate, width, made in tried if (rate, width) == (1.0, 1.0)] == [part], name
+        for rate, width, made in tried:
+            assert made.rate == pytest.approx(rate * part.rate)
+            units = search.units_of(made.config)
+            assert units == pytest.approx(width * search.units_of(part.config), rel=0.1)
+            assert units % getattr(made.config, "n_heads", 1) == 0
+
+
+def test_a_search_is_continued(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search, "RATES", (1.0,))
+    plan = SearchPlan(corpus().folder, tmp_path / "work", "smoke", steps=1)
+    lines: list[str] = []
+    assert search.run(plan, ["lstm"], tmp_path, 1, lines.append, deadline=time.monotonic() - 1.0) == []
+    assert lines == ["time is up: 2 trainings are left; the same call continues"]
+    rows = search.run(plan, ["lstm"], tmp_path, 1, lines.append)
+    assert len(rows) == 2
+    assert all({"accuracy", "paa"} <= row.scores.keys() and row.n_parameters > 0 for row in rows)
+    assert rows[0].score == pytest.approx((rows[0].scores["accuracy"] + rows[0].scores["paa"]) / 2.0)
+    assert search.read(tmp_path / search.FILE) == rows
+    assert not list((tmp_path / "work").glob("*/*.pt")), "no weights are left"
+    lines.clear()
+    assert search.run(plan, ["lstm"], tmp_path, 1, lines.append) == rows
+    assert lines == [], "nothing is trained again"
+    with pytest.raises(InputError, match=r"search.json: a search of .*'steps': 1, .*expected .*'steps': 2"):
+        search.run(SearchPlan(plan.pairs, plan.folder, "smoke", steps=2), ["lstm"], tmp_path, 1, lines.append)
+    (tmp_path / search.FILE).write_text(json.dumps({"rows": [{"part": "spsn"}]}))
+    with pytest.raises(InputError, match="holds no search"):
+        search.read(tmp_path / search.FILE)
+
+
+def test_the_page_names_the_best_and_whether_the_scale_has_it() -> None:
+    head = {"scale": "cpu", "steps": 5, "seed": 0, "corpus": "c0ffee"}
+    rows = [row(rate, width, 0.5) for width in search.WIDTHS for rate in search.RATES]
+    units = scales.parts("lpt", "cpu")[0]
+    line = next(line for line in search.page(head, rows).splitlines() if line.startswith("| spsn "))
+    assert line.endswith(f"| {units.rate:.2g}, {search.units_of(units.config)} units | 0.000 |"), (
+        "of equal ones the scale's own"
+    )
+    rows[-1] = row(3.0, 1.5, 0.6)
+    line = next(line for line in search.page(head, rows).splitlines() if line.startswith("| spsn "))
+    assert line.endswith(f"| {3.0 * units.rate:.2g}, {round(1.5 * search.units_of(units.config))} units | 0.100 |")
+    line = next(line for line in search.page(head, rows[:4]).splitlines() if line.startswith("| spsn "))
+    assert line.endswith("| - | - | - | - |"), "not decided before all are trained"

@@ -1,0 +1,1 @@
+"""Cutters, transitions and durations, classical and learned."""

@@ -1,0 +1,1 @@
+"""Bundles, sessions and features: what a network sees and says."""

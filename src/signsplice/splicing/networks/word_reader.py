@@ -1,0 +1,163 @@
+"""Words as the cutting network reads them, each read once however often it is placed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.motion.arrays import FloatArray
+from signsplice.motion.clip import Clip
+from signsplice.rig.canonical import FEATURE_FPS, CanonicalMotion, canonical_motion
+from signsplice.splicing.networks import features
+from signsplice.splicing.networks.features import WORD_FRAMES, CanonicalTrajectory
+from signsplice.splicing.networks.sessions import Array, Sessions
+
+_HOLD, _STROKE = (features.PHASES.index(name) for name in ("hold", "stroke"))
+_MOVEMENT_PROBABILITY = 0.05
+"""Probability from which on a frame may be part of a movement."""
+REST_FRAMES = 24
+"""Most frames of rest, at ``FEATURE_FPS``, that the cutter is shown at either end of a word."""
+STILL = 0.05
+"""Distance, arm lengths, within which a hand or finger counts as standing still: people who wait sway."""
+
+
+@dataclass(frozen=True, eq=False)
+class WordReading:
+    """A word as the cutting network reads it; T frames at ``FEATURE_FPS``.
+
+    features: (T, N_FRAME) of its frames.
+    states: (1, T, D) the network's states.
+    leave, enter: (1, S) its summaries for leaving and for entering the word.
+    first: the frame of the clip, at ``FEATURE_FPS``, with which ``features`` begin.
+    active: frames [start, stop), counted from there, in which the arms are away from rest.
+    stroke: first and last frame of the movements, counted from there; None where no sign is seen.
+    """
+
+    features: NDArray[np.float32]
+    states: Array
+    leave: Array
+    enter: Array
+    first: int
+    active: tuple[int, int]
+    stroke: tuple[int, int] | None
+
+
+def stroke_span(phases: Array) -> tuple[int, int] | None:
+    """First and last frame of a word's movements by the scores of its frames' phases (T, 5).
+
+    All frames count that are not surely something else, and one more at both ends, where movements are too slow to be
+    told from holds. The middle frame of a sign that is all hold; None where neither is seen.
+    """
+    probabilities = np.exp(phases.astype(np.float64) - phases.max(axis=-1, keepdims=True))
+    probabilities /= probabilities.sum(axis=-1, keepdims=True)
+    rows = np.flatnonzero(probabilities[:, _STROKE] > _MOVEMENT_PROBABILITY)
+    if len(rows):
+        return max(int(rows[0]) - 1, 0), min(int(rows[-1]) + 1, len(phases) - 1)
+    held = np.flatnonzero(probabilities[:, _HOLD] > 0.5)
+    return (int(held[len(held) // 2]),) * 2 if len(held) else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Word:
+    """A word before it is read.
+
+    trajectory: what the network is shown of it, from frame ``first`` on, at ``FEATURE_FPS``.
+    first: number of its first frame.
+    active: frames [start, stop), counted from there, in which the arms are away from rest.
+    readings: what the network made of it, by (mirrored, only its end).
+    """
+
+    trajectory: CanonicalTrajectory
+    first: int
+    active: tuple[int, int]
+    readings: dict[tuple[bool, bool], WordReading] = field(default_factory=dict)
+
+
+class WordReader:
+    """Reads words by a bundle's networks. What was read is kept as long as the clip lives that a word comes from: it
+    stands on both sides of two seams, and in more than one sentence.
+    """
+
+    def __init__(self, sessions: Sessions) -> None:
+        self.sessions = sessions
+        self._words: WeakKeyDictionary[Clip, _Word] = WeakKeyDictionary()
+
+    def alone(self, clip: Clip) -> tuple[WordReading, WordReading]:
+        """A word seen with its own busier hand at the right: its end and its beginning, one and the same unless it is
+        long. Neither depends on the words beside it.
+        """
+        (word,) = self.prepare([clip])
+        mirror = features.left_hand_busier(word.trajectory)
+        return self._reading(word, mirror, end=True), self._reading(word, mirror, end=False)
+
+    def pair(self, before: Clip, after: Clip) -> tuple[WordReading, WordReading]:
+        """Two words, both seen with the busier hand of the pair at the right, so that each hand of the one is that hand
+        of the other; of long ones the end and the beginning.
+        """
+        p, q = self.prepare([before, after])
+        mirror = features.left_hand_busier(p.trajectory, q.trajectory)
+        return self._reading(p, mirror, end=True), self._reading(q, mirror, end=False)
+
+    def prepare(self, clips: Sequence[Clip]) -> list[_Word]:
+        """The words of aligned clips; those that are new are brought into canonical form."""
+        sources = [clip.source_clip or clip for clip in clips]
+        for clip in sources:
+            if clip not in self._words:
+                self._words[clip] = _without_long_rests(canonical_motion(clip))
+        return [self._words[clip] for clip in sources]
+
+    def forget(self, *clips: Clip) -> None:
+        """Forget these words, so that they are read anew."""
+        for clip in clips:
+            self._words.pop(clip.source_clip or clip, None)
+
+    def _reading(self, word: _Word, mirror: bool, end: bool) -> WordReading:
+        key = (mirror, end and len(word.trajectory) > WORD_FRAMES)
+        if key not in word.readings:
+            tokens = features.word_tokens(features.mirrored(word.trajectory) if mirror else word.trajectory)
+            first = len(tokens) - WORD_FRAMES if key[1] else 0
+            tokens = tokens[first : first + WORD_FRAMES]
+            n, n_phases = len(tokens), len(features.PHASES)
+            outputs = self.sessions.run(
+                "word", {"tokens": tokens[None]}, states=(1, n, None), leave=(1, None), enter=(1, None),
+                phases=(1, n, n_phases),
+            )  # fmt: skip
+            start, stop = (min(max(frame - first, 0), len(tokens)) for frame in word.active)
+            movements = stroke_span(outputs["phases"][0, start:stop])
+            word.readings[key] = WordReading(
+                features=tokens[:, : features.N_FRAME],
+                states=outputs["states"],
+                leave=outputs["leave"],
+                enter=outputs["enter"],
+                first=word.first + first,
+                active=(start, stop),
+                stroke=None if movements is None else (start + movements[0], start + movements[1]),
+            )
+        return word.readings[key]
+
+
+def _without_long_rests(motion: CanonicalMotion) -> _Word:
+    """A word without the rest, or the standing still wherever the hands are, that goes beyond ``REST_FRAMES``: the
+    networks learned from words that begin and end soon.
+    """
+    whole = features.trajectory(motion)
+    start, stop = motion.active_span
+    # Frames at FEATURE_FPS that lie within the span whatever the clip's own rate.
+    last = min(int((stop - 1) / motion.fps * FEATURE_FPS + 1e-6), len(whole) - 1)
+    start, stop = min(int(np.ceil(start / motion.fps * FEATURE_FPS - 1e-6)), last), last + 1
+    leaves, comes = _n_still_frames(whole.positions), len(whole) - _n_still_frames(whole.positions[::-1])
+    first = max(0, max(start, leaves) - REST_FRAMES)
+    kept = slice(first, min(stop, comes) + REST_FRAMES)
+    start, stop = max(start, first), min(stop, kept.stop)
+    shown = CanonicalTrajectory(whole.rotations_6d[kept], whole.positions[kept], whole.has_role)
+    return _Word(shown, first, (start - first, stop - first))
+
+
+def _n_still_frames(positions: FloatArray) -> int:
+    """How many frames of positions (T, 12, 3) pass before one joint has left its first position; 0 where none does."""
+    away = positions - positions[0]
+    return int((np.einsum("tkc,tkc->tk", away, away).max(axis=1) > STILL**2).argmax())
