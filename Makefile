@@ -23,8 +23,8 @@ test-slow: $(VENV)/.dev $(PAGE) ## the tests that take long; CI runs them too
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile -m slow
 
 lint: $(VENV)/.dev             ## style
-	$(BIN)/ruff check src tests attacks
-	$(BIN)/ruff format --check src tests attacks
+	$(BIN)/ruff check src tests attacks examples
+	$(BIN)/ruff format --check src tests attacks examples
 
 types: $(VENV)/.dev            ## mypy --strict
 	$(BIN)/mypy
