@@ -6,6 +6,7 @@ FRAMES ?= 0:315
 BIN := $(VENV)/bin
 NODE := viewer/node_modules/.package-lock.json
 PAGE := src/signsplice/service/page/index.html
+PAGE_SOURCES := $(shell find viewer/src) $(wildcard viewer/*.json) viewer/build.mjs
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 LOCKED := $(PIP) --only-binary :all: --require-hashes --requirement
 ITSELF := $(PIP) --no-deps --no-build-isolation --editable .
@@ -23,8 +24,8 @@ test-slow: $(VENV)/.dev $(PAGE) ## the tests that take long; CI runs them too
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile -m slow
 
 lint: $(VENV)/.dev             ## style
-	$(BIN)/ruff check src tests attacks
-	$(BIN)/ruff format --check src tests attacks
+	$(BIN)/ruff check src tests attacks examples
+	$(BIN)/ruff format --check src tests attacks examples
 
 types: $(VENV)/.dev            ## mypy --strict
 	$(BIN)/mypy
@@ -88,7 +89,7 @@ $(NODE): viewer/package-lock.json
 	@if command -v npm >/dev/null; then cd viewer && npm ci --no-audit --no-fund --silent; \
 	else echo "no npm: what other programs make of our glTF files is not tested"; fi
 
-$(PAGE): $(NODE) $(wildcard viewer/src/*) viewer/build.mjs
+$(PAGE): $(NODE) $(PAGE_SOURCES)
 	@if command -v npm >/dev/null; then cd viewer && npm run --silent build; \
 	else echo "no npm: the viewer is not built, nor tested"; fi
 
