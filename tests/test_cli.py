@@ -156,6 +156,24 @@ BAD_CALLS = [
     (("render", "HELLO.bvh", "out.bvh"), "expected a name that ends in .png, .gif, .mp4"),
     (("render", "HELLO.bvh", "out.png", "--report", "bad.json"), "bad.json:1: is no JSON"),
     (("render", "HELLO.bvh", "out.png", "--view", "top"), "no view 'top', expected one of front"),
+    (
+        ("evaluate", "corpus", "nowhere", "--page", "p.md", "--images", "."),
+        "nowhere: has no corpus.json, expected a corpus of pairs",
+    ),
+    (("evaluate", "corpus", "nowhere", "--page", "p.md", "--images", "none"), "none: no such folder; make it first"),
+    (("evaluate", "corpus", "nowhere", "--page", "p.md", "--images", ".", "--real", "none"), "none: no such folder"),
+    (
+        ("evaluate", "corpus", "nowhere", "--page", "p.md", "--images", ".", "--real-frames", "0:9"),
+        "expected --real DIR too",
+    ),
+    *(
+        (
+            ("evaluate", "corpus", "nowhere", "--page", "p.md", "--images", ".", "--real", ".", "--real-frames", text),
+            f"--real-frames {text}, expected FIRST:STOP with FIRST below STOP, as in 0:315",
+        )
+        for text in ("315", "9:9", "-1:5", "a:b")
+    ),
+    (("evaluate", "corpus", "nowhere", "--page", "p.md"), "expected --images DIR too"),
     (("dance",), "No such command 'dance'"),
 ]
 
@@ -307,7 +325,7 @@ def test_a_roles_file_makes_an_unknown_rig_usable(folder: Path, words: dict[str,
 
 
 def test_evaluate_prints_json(signsplice: Call) -> None:
-    printed = json.loads(signsplice("evaluate", "--clips", "SIGN.bvh", "--json").stdout)
+    printed = json.loads(signsplice("evaluate", "clips", "SIGN.bvh", "--json").stdout)
     assert "arm/1000" in printed["signature"]
     assert {row["n_frames"] for row in printed["rows"]} == {5, 8, 12, 18, 24}
     assert {row["drawn"] for row in printed["rows"]} == {0.0}

@@ -178,20 +178,6 @@ BAD_CALLS = [
     (("pairs", "-o", "own.signs", "--words", "2"), "own.signs: is there already and has no corpus.json"),
     (("pairs", "-o", ".", "--words", "2"), "is there already and has no corpus.json"),
     (("pairs", "-o", "out", "--seed", "x"), "'x' is not a valid integer"),
-    (
-        ("study", "nowhere", "--page", "p.md", "--images", "."),
-        "nowhere: has no corpus.json, expected a corpus of pairs",
-    ),
-    (("study", "nowhere", "--page", "p.md", "--images", "none"), "none: no such folder; make it first"),
-    (("study", "nowhere", "--page", "p.md", "--images", ".", "--real", "none"), "none: no such folder"),
-    (("study", "nowhere", "--page", "p.md", "--images", ".", "--real-frames", "0:9"), "expected --real DIR too"),
-    *(
-        (
-            ("study", "nowhere", "--page", "p.md", "--images", ".", "--real", ".", "--real-frames", text),
-            f"--real-frames {text}, expected FIRST:STOP with FIRST below STOP, as in 0:315",
-        )
-        for text in ("315", "9:9", "-1:5", "a:b")
-    ),
     (("dance",), "No such command 'dance'"),
 ]
 

@@ -180,7 +180,7 @@ def test_all_ordered_pairs_come_once_and_near_ones_share_words() -> None:
     assert drawn == again != other
     assert len(set(drawn)) == 500
     assert set(drawn) < set(pairs)
-    with pytest.raises(InputError, match="--count 52671, expected 1 to 52,670"):
+    with pytest.raises(InputError, match="count 52671, expected 1 to 52,670"):
         next(drawing.pairs(glosses, 52671))
 
 

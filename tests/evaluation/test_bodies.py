@@ -137,9 +137,7 @@ def test_rows_that_are_kept_aside_use_their_own_words() -> None:
 def test_the_command_prints_rows(monkeypatch: pytest.MonkeyPatch) -> None:
     some = {name: BODIES[name] for name in ("small head", "youth")}
     monkeypatch.setattr(bodies.compare, "__defaults__", (some, None))
-    printed = json.loads(
-        CliRunner().invoke(app, ["evaluate", "--bodies", "3", "--json"], catch_exceptions=False).stdout
-    )
+    printed = json.loads(CliRunner().invoke(app, ["evaluate", "bodies", "3", "--json"], catch_exceptions=False).stdout)
     assert printed["signature"] == bodies.signature(3)
     assert [(r["body"], r["method"], r["n_words"]) for r in printed["rows"]] == [
         ("small head", "rotations", 2),
@@ -148,7 +146,7 @@ def test_the_command_prints_rows(monkeypatch: pytest.MonkeyPatch) -> None:
         ("youth", "fitted", 1),
     ]
     assert printed["rows"][0]["time_ratio"] is None, "rotations need no copying where skeletons are the same"
-    lines = CliRunner().invoke(app, ["evaluate", "--bodies", "3"], catch_exceptions=False).stdout
+    lines = CliRunner().invoke(app, ["evaluate", "bodies", "3"], catch_exceptions=False).stdout
     assert "| youth | fitted |" in lines
     assert "Bodies kept aside: 1 clips that are kept aside too" in lines
 
@@ -158,14 +156,14 @@ def test_the_command_takes_captures_for_words(monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(bodies.compare, "__defaults__", ({"small head": BODIES["small head"]}, None))
     monkeypatch.setattr(evaluation, "load", lambda file: CLIP)
-    call = ["evaluate", "--clips", "x.bvh", "--bodies", "--json"]
+    call = ["evaluate", "bodies", "--clips", "x.bvh", "--json"]
     printed = json.loads(CliRunner().invoke(app, call, catch_exceptions=False).stdout)
     assert printed["signature"] == bodies.signature()
     assert {row["n_words"] for row in printed["rows"]} == {1}
 
 
 def test_the_command_refuses_too_few_words_and_other_questions() -> None:
-    for call in (["--bodies", "2"], ["--bodies", "9999"], ["--bodies", "3", "--seams", "1"]):
+    for call in (["bodies", "2"], ["bodies", "9999"], ["bodies", "3", "--clips", "x.bvh"]):
         with pytest.raises(InputError, match="expected"):
             CliRunner().invoke(app, ["evaluate", *call], catch_exceptions=False, standalone_mode=False)
 
@@ -181,10 +179,14 @@ def test_a_picture_shows_words_on_bodies_and_their_shape(tmp_path: Path, monkeyp
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
-    [(["--seams", "3", "--picture", "a.png"], "expected --bodies too"), (["--bodies", "--picture", "a.gif"], ".png")],
+    ("call", "said"),
+    [
+        (["seams", "3", "--picture", "a.png"], "No such option '--picture'"),
+        (["--seams", "3", "--picture", "a.png"], "`evaluate seams` has no --picture"),
+        (["bodies", "--picture", "a.gif"], ".png"),
+    ],
 )
-def test_a_picture_is_asked_for_with_bodies_as_png(options: list[str], said: str) -> None:
-    result = CliRunner().invoke(app, ["evaluate", *options])
+def test_a_picture_is_asked_for_with_bodies_as_png(call: list[str], said: str) -> None:
+    result = CliRunner().invoke(app, ["evaluate", *call], standalone_mode=False)
     assert result.exit_code != 0
     assert said in str(result.exception)

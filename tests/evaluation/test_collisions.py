@@ -43,7 +43,7 @@ def test_depths_are_those_that_collision_avoidance_removes(pairs: Pairs) -> None
 
 
 def test_the_command_prints_rows_with_the_stored_keys(pairs: Pairs) -> None:
-    run = CliRunner().invoke(app, ["evaluate", "--pairs", str(pairs.folder), "--limit", "3", "--json"])
+    run = CliRunner().invoke(app, ["evaluate", "pairs", str(pairs.folder), "--limit", "3", "--json"])
     assert run.exit_code == 0, run.output
     printed = json.loads(run.stdout)
     assert {row["n_gaps"] for row in printed["rows"]} == {3}

@@ -331,5 +331,7 @@ def test_broken_expressions_keep_no_clip_from_being_read(broken: Any, tmp_path: 
 def test_a_figure_without_animation_is_told_from_a_clip(tmp_path: Path) -> None:
     content = document(ARM, [rotating()])
     del content["animations"]
-    with pytest.raises(FormatError, match=r"holds no animation, expected an animated skeleton; .* --avatar FIGURE"):
+    with pytest.raises(
+        FormatError, match=r"holds no animation, expected an animated skeleton; .*`signsplice convert` puts"
+    ):
         load_document(tmp_path, content)

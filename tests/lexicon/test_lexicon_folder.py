@@ -129,7 +129,7 @@ def test_broken_clips_stop_a_build_or_are_skipped(clips: Path, tmp_path: Path) -
     text = (clips / "hello.bvh").read_text()
     (clips / "bad.bvh").write_text(text[:-200])
     (clips / "more" / "worse.npz").write_bytes(b"PK nothing")
-    with pytest.raises(InputError, match=r"bad\.bvh:\d+: .*nothing was built: .*lexicon check .*--skip-broken"):
+    with pytest.raises(InputError, match=r"bad\.bvh:\d+: .*nothing was built: .*lexicon check .*skip_broken"):
         lexicon.build(clips, tmp_path / "lex")
     assert [path.name for path in tmp_path.iterdir()] == ["clips"]
     found = faults(clips)

@@ -196,7 +196,7 @@ def page(found: Mapping[str, Any]) -> str:
     seam = found["seams"]
     lines = [
         f"Processor: {found['processor']}, {found['cores']} cores, load {found['load']} when it began; "
-        f"{found['words']} signs; networks {str(found['bundle'])[:12]}. Written by `signsplice bulk bench`.",
+        f"{found['words']} signs; networks {str(found['bundle'])[:12]}. Written by `signsplice bench bulk`.",
         "",
         f"| ms of processor time a seam | each alone | {seam['block']} together | together / alone |",
         "| --- | --- | --- | --- |",

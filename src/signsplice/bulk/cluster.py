@@ -80,7 +80,9 @@ def connect(address: str) -> Any:
         import ray
         import ray.data
     except ImportError as error:
-        raise MissingExtraError(f"--ray needs {error.name}; install it with: pip install 'signsplice[bulk]'") from error
+        raise MissingExtraError(
+            f"a Ray cluster needs {error.name}; install it with: pip install 'signsplice[bulk]'"
+        ) from error
     runtime = {"env_vars": dict(ONE_THREAD)}
     try:
         ray.init(
@@ -92,5 +94,5 @@ def connect(address: str) -> Any:
         )
     except (ConnectionError, ValueError, RuntimeError, OSError) as error:
         what = (str(error).splitlines() or [type(error).__name__])[0][:200]
-        raise InputError(f"--ray {address}: no cluster there ({what}); start one by `ray start --head`") from error
+        raise InputError(f"ray {address}: no cluster there ({what}); start one by `ray start --head`") from error
     return ray

@@ -120,7 +120,7 @@ def pairs(
     elif 1 <= count <= most:
         ranks = iter([_without_repeats(most, count, seed)])
     else:
-        raise InputError(f"--count {count}, expected 1 to {most:,}, the ordered pairs of {n:,} signs")
+        raise InputError(f"count {count}, expected 1 to {most:,}, the ordered pairs of {n:,} signs")
     waiting = np.zeros(0, np.int64)
     for more in ranks:
         waiting = np.concatenate([waiting, more])

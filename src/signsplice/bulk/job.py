@@ -93,11 +93,11 @@ class BulkOptions:
     shard_size: int = 1000
 
     def __post_init__(self) -> None:
-        for what, value, known in (("--store", self.store, STORES), ("--format", self.format, FORMATS)):
+        for what, value, known in (("store", self.store, STORES), ("format", self.format, FORMATS)):
             if value not in known:
                 raise InputError(f"{what} {value[:40]!r}, expected {', '.join(known)}")
         if not 1 <= self.shard_size <= 1_000_000:
-            raise InputError(f"--shard-size {self.shard_size}, expected 1 to 1,000,000 sentences")
+            raise InputError(f"shard_size {self.shard_size}, expected 1 to 1,000,000 sentences")
 
 
 def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.RecordBatch]]) -> BulkJob:

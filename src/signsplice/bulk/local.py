@@ -53,7 +53,7 @@ def make_all(out: str, shards: Iterable[int], workers: int, n_kept: int) -> Iter
                     worst = max(deaths, key=lambda shard: deaths[shard])
                     raise SignspliceError(
                         f"{out}: the processes that make shard {worst} end each time, out of memory or by a fault; "
-                        "call again with fewer --workers, or fewer --keep-words"
+                        "call again with fewer workers, or with fewer words kept in memory"
                     ) from None
 
 

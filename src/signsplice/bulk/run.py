@@ -89,7 +89,7 @@ def run(
     ``cluster.make_all`` raise.
     """
     if workers is not None and workers < 1:
-        raise InputError(f"--workers {workers}, expected 1 or more")
+        raise InputError(f"workers {workers}, expected 1 or more")
     check_out(out)
     with _begun(out, options, batches) as job:
         (out / INDEX).mkdir(exist_ok=True)

@@ -11,9 +11,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from signsplice.cli.bulk_options import LEXICON, dial_options, number, run_options, span
+from signsplice.cli.aliases import moved
+from signsplice.cli.bulk_options import dial_options, number, run_options, span
 from signsplice.cli.clips import check_apart, check_outputs
 from signsplice.cli.lexicon import open_words
+from signsplice.cli.options import AS_JSON, LEXICON, SEED
+from signsplice.cli.showing import bench
 from signsplice.cli.terminal import note, size, warn
 from signsplice.errors import InputError, MissingExtraError
 from signsplice.formats.atomic import check_writable, replacing
@@ -26,9 +29,6 @@ if TYPE_CHECKING:
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-_SEED = click.option(
-    "--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, metavar="N", help="Seed of the draw."
-)
 _RANGED = ("transition_time", "sign_speed", "tempo", "fps")
 """Dials for which a range may be given where recipes are drawn."""
 
@@ -57,7 +57,7 @@ def _check_signers(words: Lexicon, signers: Iterable[str]) -> None:
 @click.option(
     "--signer", "signers", multiple=True, metavar="NAME", help="Who signs; given again, each recipe draws one."
 )
-@_SEED
+@SEED
 @dial_options
 def recipes(
     lines: str | None,
@@ -121,7 +121,7 @@ def sentences(recipes: str, **options: Any) -> None:
 
 @bulk.command()
 @click.option("--count", type=int, metavar="N", help="How many, drawn by seed without repeats.  [default: all]")
-@_SEED
+@SEED
 @run_options
 @dial_options
 def pairs(count: int | None, seed: int, **options: Any) -> None:
@@ -159,28 +159,32 @@ def make(folder: str, row: int, output: str, report: str | None) -> None:
     print(local.alone(remake, folder, row, output, report))
 
 
-@bulk.command()
+@bench.command("bulk")
 @LEXICON
 @click.option("--count", type=int, default=200, show_default=True, metavar="N", help="Sentences of each timing.")
 @click.option("--memory", type=int, default=10_000, show_default=True, metavar="N", help="Sentences made for memory.")
-@_SEED
-@click.option("-o", "--output", required=True, metavar="R.json", help="Figures; tables of them go to R.md beside it.")
-def bench(lexicon: str | None, count: int, memory: int, seed: int, output: str) -> None:
-    """Measure time a core, batched and not, growth with workers, memory and bytes; and what they come to."""
-    _require_extra()
-    if count < 40 or memory < 10 or not output.endswith(".json"):
+@SEED
+@click.option("-o", "--output", metavar="R.json", help="File of the figures; tables of them go to R.md beside it.")
+@AS_JSON
+def in_bulk(lexicon: str | None, count: int, memory: int, seed: int, output: str | None, as_json: bool) -> None:
+    """Measure sentences in bulk: time a core, growth with workers, memory and bytes; and what they come to."""
+    if count < 40 or memory < 10 or (output is not None and not output.endswith(".json")):
         raise InputError("--count 40 or more, --memory 10 or more and -o R.json expected")
-    check_writable(output)
-    check_writable(Path(output).with_suffix(".md"))
+    for path in () if output is None else (Path(output), Path(output).with_suffix(".md")):
+        check_writable(path)
+    _require_extra()
     from signsplice.bulk import bench as benches
     from signsplice.lexicon.reader import SHIPPED
 
     found = benches.measure(lexicon or str(SHIPPED), count, memory, lambda what: note([f"measuring {what}"]), seed)
-    with replacing(output) as temporary:
-        temporary.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
-    with replacing(Path(output).with_suffix(".md")) as temporary:
-        temporary.write_text(benches.page(found), encoding="utf-8")
-    print(benches.page(found), end="")
+    figures, page = json.dumps(found, indent=2) + "\n", benches.page(found)
+    for path, text in () if output is None else ((Path(output), figures), (Path(output).with_suffix(".md"), page)):
+        with replacing(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    print(figures if as_json else page, end="")
+
+
+bulk.add_command(moved("bulk bench", in_bulk, "bench bulk"))
 
 
 def _run(

@@ -2,78 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from typing import Any, TypeVar
-
 import click
 
+from signsplice.cli.options import BUNDLE, LEXICON, added
 from signsplice.errors import InputError
 
-Command = TypeVar("Command", bound=Callable[..., Any])
-
-LEXICON = click.option("--lexicon", metavar="LEX", help="Lexicon of the words.  [default: the one that ships]")
-OUT = click.option(
-    "-o", "--output", required=True, metavar="OUT", help="Folder of shards; a run that ended is resumed."
-)
-
-
-def added(options: Iterable[Callable[[Command], Command]]) -> Callable[[Command], Command]:
-    """A decorator that adds options to a command, in this order."""
-
-    def add(command: Command) -> Command:
-        for option in reversed(tuple(options)):
-            command = option(command)
-        return command
-
-    return add
-
+_DIALS = {
+    "--transition-time": "auto|RULE|SECONDS",
+    "--sign-speed": "X",
+    "--tempo": "citation|natural|SECONDS",
+    "--fps": "N",
+    "--cutter": "NAME",
+    "--transition": "NAME",
+    "--free-hand": "transition|natural",
+}
+_AS_THERE = "As of `sentence`."
 
 dial_options = added(
-    (
-        click.option("--transition-time", metavar="auto|RULE|SECONDS", help="As of `sentence`."),
-        click.option("--sign-speed", metavar="X", help="As of `sentence`."),
-        click.option("--tempo", metavar="citation|natural|SECONDS", help="As of `sentence`."),
-        click.option("--fps", metavar="N", help="As of `sentence`."),
-        click.option("--cutter", metavar="NAME", help="As of `sentence`."),
-        click.option("--transition", metavar="NAME", help="As of `sentence`."),
-        click.option("--free-hand", metavar="transition|natural", help="As of `sentence`."),
-        click.option("--avoid-collisions/--no-avoid-collisions", default=None, help="As of `sentence`."),
-        click.option("--no-spell", is_flag=True, help="Rows with words that the lexicon lacks fail; none is spelled."),
-    )
+    *(click.option(name, metavar=form, help=_AS_THERE) for name, form in _DIALS.items()),
+    click.option("--avoid-collisions/--no-avoid-collisions", default=None, help=_AS_THERE),
+    click.option("--no-spell", is_flag=True, help="Rows with words that the lexicon lacks fail; none is spelled."),
 )
 
 
 run_options = added(
-    (
-        OUT,
-        LEXICON,
-        click.option("--bundle", metavar="DIR", help="Folder of trained networks.  [default: those that ship]"),
-        click.option("--workers", type=int, metavar="N", help="Processes, or actors of Ray.  [default: one per core]"),
-        click.option("--ray", metavar="ADDRESS", help="Ray cluster to use instead: HOST:PORT, auto or local."),
-        click.option(
-            "--store",
-            default="frames",
-            show_default=True,
-            metavar="frames|recipes",
-            help="Clips and reports in tar files; or recipes and hashes alone, from which `bulk make` makes any row.",
-        ),
-        click.option("--format", default="npz", show_default=True, metavar="npz|bvh|glb", help="Of the clips."),
-        click.option(
-            "--poses/--no-poses",
-            default=True,
-            show_default=True,
-            help="Positions of joints and annotations beside each clip, for sign-language-data-loading.",
-        ),
-        click.option("--shard-size", type=int, default=1000, show_default=True, metavar="N", help="Rows of a shard."),
-        click.option(
-            "--keep-words",
-            type=int,
-            default=2048,
-            show_default=True,
-            metavar="N",
-            help="Words that a process keeps in memory, with what the networks read of them.",
-        ),
-    )
+    click.option("-o", "--output", required=True, metavar="OUT", help="Folder of shards; resumes one that ended."),
+    LEXICON,
+    BUNDLE,
+    click.option("--workers", type=int, metavar="N", help="Processes, or actors of Ray.  [default: one per core]"),
+    click.option("--ray", metavar="ADDRESS", help="Ray cluster to use instead: HOST:PORT, auto or local."),
+    click.option(
+        "--store",
+        default="frames",
+        show_default=True,
+        metavar="frames|recipes",
+        help="Clips and reports in tar files; or recipes and hashes alone, from which `bulk make` makes any row.",
+    ),
+    click.option("--format", default="npz", show_default=True, metavar="npz|bvh|glb", help="Of the clips."),
+    click.option(
+        "--poses/--no-poses",
+        default=True,
+        show_default=True,
+        help="Positions of joints and annotations beside each clip, for sign-language-data-loading.",
+    ),
+    click.option("--shard-size", type=int, default=1000, show_default=True, metavar="N", help="Rows of a shard."),
+    click.option(
+        "--keep-words",
+        type=int,
+        default=2048,
+        show_default=True,
+        metavar="N",
+        help="Words that a process keeps in memory, with what the networks read of them.",
+    ),
 )
 
 

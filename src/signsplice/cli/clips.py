@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from signsplice import formats
+from signsplice.cli.options import ROLES
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError, LimitError
 from signsplice.formats.atomic import check_writable
@@ -43,6 +44,11 @@ def reads_clips(command: Command) -> Command:
             raise InputError(f"{error}; --no-limits lifts the limits, for files that you trust") from error
 
     return with_limits  # type: ignore[return-value]
+
+
+def reads_rigs(command: Command) -> Command:
+    """Add the options of clips whose rig matters: ``reads_clips``, and roles for rigs not known by name."""
+    return ROLES(reads_clips(command))
 
 
 def limits() -> ReadLimits:

@@ -1,16 +1,20 @@
-"""The command ``evaluate``: every method measured on hidden frames, at seams, for collisions, on bodies, in tempo."""
+"""The command ``evaluate``: every method measured on hidden frames, at seams, for collisions, on bodies, in tempo; and
+the synthetic corpus beside real signing.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.aliases import former_names
+from signsplice.cli.aliases import FormerlyOptions
 from signsplice.cli.clips import limits, load, reads_clips
+from signsplice.cli.options import AS_JSON, BUNDLE
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError
 
@@ -21,95 +25,176 @@ if TYPE_CHECKING:
 Measured = tuple[str, Sequence[Any], list[str]]
 """Signature, rows, and the rows as lines of Markdown."""
 
-N_WORDS = 40
-"""Words that ``--bodies`` draws where no number follows it."""
+_FPS = click.option("--fps", type=float, metavar="N", help="Resample the clips to this rate first.")
 
 
-@click.command(context_settings=former_names({"joins": "seams"}))
-@click.argument("bundle", required=False, metavar="[BUNDLE]")
-@click.option("--clips", "files", multiple=True, metavar="FILE", help="Clip to hide frames of, or to bring to other "
-              "bodies with --bodies; may be repeated.")  # fmt: skip
-@click.option("--fps", type=float, metavar="N", help="With --clips: resample the clips to this rate first.")
-@click.option("--seams", "n_seams", type=int, metavar="N", help="Join N pairs of words that ship, measure the seams.")
-@click.option("--rest", metavar="NAME", help="With --seams: how the signer's arms rest: hanging [default], folded, "
-              "bent or low.")  # fmt: skip
-@click.option("--pairs", metavar="DIR", help="Corpus of pairs: measure how deep hands get into the body.")
-@click.option("--limit", type=int, metavar="N", help="With --pairs: only the first N pairs.")
-@click.option("--bodies", "n_bodies_words", type=int, is_flag=False, flag_value=N_WORDS, metavar="N_WORDS",
-              help="Bring N words that ship, or with --clips these clips, to other bodies.")  # fmt: skip
-@click.option(
-    "--picture", metavar="FILE.png", help="With --bodies: also draw eight words on five bodies; takes minutes."
-)
-@click.option("--tempo", "n_tempo_words", type=int, metavar="N_WORDS",
-              help="Bring N words that ship, and as many by three other signers, to running tempo.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+@click.group(cls=FormerlyOptions)
+def evaluate() -> None:
+    """Measure every method, and print tables of it."""
+
+
+def _measures(measure: Callable[..., Measured]) -> click.Command:
+    """A command of `evaluate` that prints what a function measures: as tables, or as one JSON document."""
+
+    @evaluate.command()
+    @AS_JSON
+    @wraps(measure)
+    def command(as_json: bool, **given: Any) -> None:
+        from signsplice.evaluation.tables import to_json
+
+        signature, rows, lines = measure(**given)
+        if as_json:
+            print(json.dumps({"signature": signature, "rows": [to_json(row) for row in rows]}, indent=2))
+        else:
+            print("\n".join(lines))
+
+    return command
+
+
+@_measures
+@click.argument("files", nargs=-1, required=True, metavar="FILE...")
+@_FPS
+@BUNDLE
 @reads_clips
-def evaluate(
-    bundle: str | None,
-    files: tuple[str, ...],
-    fps: float | None,
-    n_seams: int | None,
-    rest: str | None,
-    pairs: str | None,
-    limit: int | None,
-    n_bodies_words: int | None,
-    picture: str | None,
-    n_tempo_words: int | None,
-    as_json: bool,
-) -> None:
-    """Measure every method: on frames hidden from clips (--clips), at the seams of words that were recorded apart
-    (--seams), or for collisions of the hands with the body (--pairs); or what words keep on other bodies (--bodies)
-    or at the tempo of running signing (--tempo). BUNDLE: networks in place of those that ship.
-    """
-    from signsplice.evaluation.tables import to_json
-
-    on_bodies = n_bodies_words is not None
-    in_tempo = n_tempo_words is not None
-    if sum((bool(files) and not on_bodies, n_seams is not None, pairs is not None, on_bodies, in_tempo)) != 1:
-        raise InputError("expected exactly one of --clips FILE, --seams N, --pairs DIR, --bodies [N] and --tempo N")
-    if rest is not None and n_seams is None:
-        raise InputError("--rest sets how the signer of --seams rests; expected --seams N too")
-    if picture is not None:
-        _check_picture(picture, on_bodies)
-    if n_seams is not None:
-        signature, rows, lines = _seams(n_seams, rest or "hanging", bundle)
-    elif n_bodies_words is not None:
-        signature, rows, lines = _bodies(n_bodies_words, files, fps)
-    elif n_tempo_words is not None:
-        signature, rows, lines = _tempo(n_tempo_words, bundle)
-    elif pairs is not None:
-        signature, rows, lines = _collisions(pairs, limit, bundle)
-    else:
-        signature, rows, lines = _hidden_frames(files, fps, bundle)
-    if picture is not None:
-        _draw_bodies(picture)
-    if as_json:
-        print(json.dumps({"signature": signature, "rows": [to_json(row) for row in rows]}, indent=2))
-        return
-    print("\n".join(lines))
-
-
-def _hidden_frames(files: tuple[str, ...], fps: float | None, bundle: str | None) -> Measured:
+def clips(files: tuple[str, ...], fps: float | None, bundle: str | None) -> Measured:
+    """Transitions on frames hidden from clips."""
     from signsplice.evaluation.hidden_frames import SIGNATURE, hidden_frames, table
     from signsplice.splicing.methods.transition import TRANSITIONS
 
     transitions = [*TRANSITIONS.values(), *_learned_transition(bundle)]
-    clips = _loaded(files, fps)
+    loaded = _loaded(files, fps)
     with progress("evaluate") as advance:
-        rows = hidden_frames(clips, transitions, progress=advance)
-    return SIGNATURE, rows, table(rows, clips)
+        rows = hidden_frames(loaded, transitions, progress=advance)
+    return SIGNATURE, rows, table(rows, loaded)
+
+
+@_measures
+@click.argument("n_pairs", type=click.IntRange(1), default=100, metavar="[N]")
+@click.option("--rest", default="hanging", show_default=True, metavar="NAME",
+              help="How the signer's arms rest: hanging, folded, bent or low.")  # fmt: skip
+@BUNDLE
+def seams(n_pairs: int, rest: str, bundle: str | None) -> Measured:
+    """Methods at the seams of N pairs (100) of words recorded apart."""
+    from signsplice.evaluation import seams as measuring
+
+    with progress("seams") as advance:
+        pairs = measuring.word_pairs(n_pairs, rest=rest)
+        rows = measuring.compare(pairs, measuring.compared_methods(bundle), advance)
+    return measuring.signature(rest), rows, measuring.table(rows, rest)
+
+
+@_measures
+@click.argument("folder", metavar="DIR")
+@click.option("--limit", type=click.IntRange(1), metavar="N", help="Only the first N pairs.")
+@BUNDLE
+def pairs(folder: str, limit: int | None, bundle: str | None) -> Measured:
+    """How deep transitions lead hands into the body."""
+    from signsplice.evaluation import collisions
+    from signsplice.synth.corpus import Pairs
+
+    corpus = Pairs(folder)
+    methods = collisions.compared_transitions(*_learned_transition(bundle))
+    numbers = range(len(corpus.index))[:limit]
+    with progress("pairs") as advance:
+        rows = collisions.compare(corpus, numbers, methods, advance)
+    return collisions.SIGNATURE, rows, collisions.table(rows)
+
+
+@_measures
+@click.argument("n_words", type=int, required=False, metavar="[N_WORDS]")
+@click.option("--clips", "files", multiple=True, metavar="FILE", help="This clip, in place of words that ship; may be "
+              "repeated.")  # fmt: skip
+@click.option("--picture", metavar="FILE.png", help="Also draw eight words on five bodies; takes minutes.")
+@_FPS
+@reads_clips
+def bodies(n_words: int | None, files: tuple[str, ...], picture: str | None, fps: float | None) -> Measured:
+    """What words (40 that ship), or clips, keep on other bodies."""
+    from signsplice.evaluation import bodies as measuring
+
+    if files and n_words is not None:
+        raise InputError(f"{n_words} words and --clips, expected one of them")
+    if picture is not None and Path(picture).suffix.lower() != ".png":
+        raise InputError(f"--picture {picture}, expected a name that ends in .png")
+    if files:
+        drawn, words = None, _loaded(files, fps)
+        aside = words
+    else:
+        drawn = 40 if n_words is None else n_words
+        words, aside = measuring.draw_words(drawn)
+    with progress("bodies") as advance:
+        rows = measuring.compare(words, aside, progress=advance)
+    if picture is not None:
+        _draw_bodies(picture)
+    return measuring.signature(drawn), rows, measuring.table(rows, drawn)
+
+
+@_measures
+@click.argument("n_words", type=int, default=40, metavar="[N_WORDS]")
+@BUNDLE
+def tempo(n_words: int, bundle: str | None) -> Measured:
+    """What running tempo leaves of N words (40), and of others."""
+    from signsplice.evaluation import tempo as measuring
+
+    with progress("tempo") as advance:
+        rows = measuring.compare(measuring.lexicons(n_words), bundle=bundle, progress=advance)
+    return measuring.signature(n_words), rows, measuring.table(rows, n_words)
+
+
+@evaluate.command()
+@click.argument("corpus", metavar="DIR")
+@click.option("--page", metavar="FILE.md", help="Page between whose two marks the tables go; needs --images.")
+@click.option("--images", metavar="DIR", help="Folder for plots and contact sheets.")
+@click.option("--real", metavar="DIR", help="Folder of BVH files of real signing, to compare with.")
+@click.option("--real-frames", metavar="FIRST:STOP", help="With --real: only these frames of each file, half-open.")
+@AS_JSON
+def corpus(
+    corpus: str, page: str | None, images: str | None, real: str | None, real_frames: str | None, as_json: bool
+) -> None:
+    """A synthetic corpus beside real signing and simple rules."""
+    from signsplice.evaluation import corpus_page
+    from signsplice.evaluation.tables import tables_in
+    from signsplice.synth.corpus import Pairs
+
+    if page is not None and images is None:
+        raise InputError("--page shows pictures; expected --images DIR too")
+    if images is not None and not Path(images).is_dir():
+        raise InputError(f"{images}: no such folder; make it first")
+    if real is not None and not Path(real).is_dir():
+        raise InputError(f"{real}: no such folder, expected one with .bvh files")
+    if real_frames is not None and real is None:
+        raise InputError("--real-frames chooses frames of the files of --real; expected --real DIR too")
+    frames = None if real_frames is None else _frame_range(real_frames)
+    real_clips = corpus_page.read_real(None if real is None else Path(real), frames)
+    folder = None if images is None else Path(images)
+    if page is None:
+        lines = corpus_page.measured(Pairs(corpus), folder, real_clips, progress)
+    else:
+        lines = corpus_page.write(Pairs(corpus), Path(page), Path(str(images)), real_clips, progress)
+    if as_json:
+        print(json.dumps({"signature": lines[0], "tables": tables_in(lines)}, indent=2))
+    elif page is None:
+        print("\n".join(lines))
+    else:
+        print(f"{page}: tables; {images}: plots and contact sheets")
+
+
+def _frame_range(text: str) -> tuple[int, int]:
+    first, colon, stop = text.partition(":")
+    if not (colon and first.isdecimal() and stop.isdecimal() and int(first) < int(stop)):
+        raise InputError(f"--real-frames {text}, expected FIRST:STOP with FIRST below STOP, as in 0:315")
+    return int(first), int(stop)
 
 
 def _loaded(files: tuple[str, ...], fps: float | None) -> list[Clip]:
     """The clips, at another rate where one is given."""
     from signsplice.motion.clip import resample
 
-    clips = [load(file) for file in files]
+    loaded = [load(file) for file in files]
     if fps is None:
-        return clips
-    for clip in clips:
+        return loaded
+    for clip in loaded:
         limits().check_resampling(clip, fps)
-    return [resample(clip, fps) for clip in clips]
+    return [resample(clip, fps) for clip in loaded]
 
 
 def _learned_transition(bundle: str | None) -> list[Transition]:
@@ -121,50 +206,6 @@ def _learned_transition(bundle: str | None) -> list[Transition]:
     return [chosen.transition] if chosen.transition.learned else []
 
 
-def _collisions(folder: str, limit: int | None, bundle: str | None) -> Measured:
-    from signsplice.evaluation import collisions
-    from signsplice.synth.corpus import Pairs
-
-    pairs = Pairs(folder)
-    if limit is not None and limit < 1:
-        raise InputError(f"--limit {limit}, expected at least 1")
-    methods = collisions.compared_transitions(*_learned_transition(bundle))
-    numbers = range(len(pairs.index))[:limit]
-    with progress("pairs") as advance:
-        rows = collisions.compare(pairs, numbers, methods, advance)
-    return collisions.SIGNATURE, rows, collisions.table(rows)
-
-
-def _seams(n_pairs: int, rest: str, bundle: str | None) -> Measured:
-    from signsplice.evaluation import seams
-
-    if n_pairs < 1:
-        raise InputError(f"--seams {n_pairs}, expected at least 1")
-    with progress("seams") as advance:
-        rows = seams.compare(seams.word_pairs(n_pairs, rest=rest), seams.compared_methods(bundle), advance)
-    return seams.signature(rest), rows, seams.table(rows, rest)
-
-
-def _bodies(n_words: int, files: tuple[str, ...], fps: float | None) -> Measured:
-    from signsplice.evaluation import bodies
-
-    if files:
-        words = aside = _loaded(files, fps)
-    else:
-        words, aside = bodies.draw_words(n_words)
-    drawn = None if files else n_words
-    with progress("bodies") as advance:
-        rows = bodies.compare(words, aside, progress=advance)
-    return bodies.signature(drawn), rows, bodies.table(rows, drawn)
-
-
-def _check_picture(picture: str, on_bodies: bool) -> None:
-    if not on_bodies:
-        raise InputError("--picture draws what --bodies measures; expected --bodies too")
-    if Path(picture).suffix.lower() != ".png":
-        raise InputError(f"--picture {picture}, expected a name that ends in .png")
-
-
 def _draw_bodies(picture: str) -> None:
     from signsplice.evaluation.body_pictures import WORDS, write_pictures
     from signsplice.lexicon import shipped
@@ -172,14 +213,6 @@ def _draw_bodies(picture: str) -> None:
     words = shipped()
     with progress("picture") as advance:
         write_pictures([words.clip(word) for word in WORDS], Path(picture), advance)
-
-
-def _tempo(n_words: int, bundle: str | None) -> Measured:
-    from signsplice.evaluation import tempo
-
-    with progress("tempo") as advance:
-        rows = tempo.compare(tempo.lexicons(n_words), bundle=bundle, progress=advance)
-    return tempo.signature(n_words), rows, tempo.table(rows, n_words)
 
 
 COMMANDS = (evaluate,)

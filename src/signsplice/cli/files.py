@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import Spans, check_outputs, load, load_avatar, reads_clips, write
+from signsplice.cli.clips import Spans, check_outputs, load, load_avatar, reads_clips, reads_rigs, write
+from signsplice.cli.options import AS_JSON
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
@@ -20,9 +21,8 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("file", metavar="FILE")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-@click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
-@reads_clips
+@AS_JSON
+@reads_rigs
 def inspect(file: str, as_json: bool, roles: str | None) -> None:
     """Show a clip's rig, roles found, rate, frames, units, rest spans and warnings."""
     from signsplice.rig.inspection import inspect as inspect_clip
@@ -52,8 +52,7 @@ def inspect(file: str, as_json: bool, roles: str | None) -> None:
 @click.option(
     "--report", metavar="R.json", help="With --onto or --avatar: write what the hands touch, before and after."
 )
-@click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
-@reads_clips
+@reads_rigs
 def convert(
     source: str, output: str, onto: str | None, avatar: str | None, report: str | None, roles: str | None
 ) -> None:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import check_apart, limits, reads_clips
+from signsplice.cli.clips import check_apart, limits, reads_rigs
+from signsplice.cli.options import AS_JSON
 from signsplice.cli.terminal import progress, warn
 
 if TYPE_CHECKING:
@@ -26,9 +27,8 @@ def lexicon() -> None:
 @click.option("-o", "--output", required=True, metavar="LEX", help="Folder to make; a lexicon there is replaced.")
 @click.option("--compact", is_flag=True, help="Rotations in 16 bits: half the size, within 0.0001 rad.")
 @click.option("--signer", default="", metavar="NAME", help="Who signs, where glosses.csv does not say.")
-@click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
 @click.option("--skip-broken", is_flag=True, help="Leave broken clips out, with a warning each.")
-@reads_clips
+@reads_rigs
 def build(folder: str, output: str, compact: bool, signer: str, roles: str | None, skip_broken: bool) -> None:
     """Make a lexicon of every clip below a folder.
 
@@ -56,7 +56,7 @@ def build(folder: str, output: str, compact: bool, signer: str, roles: str | Non
 @lexicon.command("list")
 @click.argument("path", metavar="[LEX]", required=False)
 @click.option("--search", metavar="TEXT", help="Only words with TEXT in their gloss or a synonym, in any case.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+@AS_JSON
 def list_words(path: str | None, search: str | None, as_json: bool) -> None:
     """List the words of a lexicon; default the one that ships."""
     with open_words(path) as words:
@@ -102,8 +102,7 @@ def _count(n_words: int, n_letters: int) -> str:
 
 @lexicon.command()
 @click.argument("path", metavar="DIR")
-@click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
-@reads_clips
+@reads_rigs
 def check(path: str, roles: str | None) -> None:
     """Name every fault of a folder of clips, or of a lexicon.
 

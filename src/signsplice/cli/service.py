@@ -9,20 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import check_apart, load, reads_clips
+from signsplice.cli.clips import check_apart, load, reads_rigs
+from signsplice.cli.options import LEXICON
 from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
     from signsplice.service.settings import Settings
 
-_HOST = click.option("--host", default="127.0.0.1", show_default=True, metavar="H", help="Address to listen on.")
-_LEXICON = click.option("--lexicon", metavar="DIR", help="Folder of a lexicon.  [default: the one that ships]")
-
 
 @click.command()
-@_HOST
+@click.option("--host", default="127.0.0.1", show_default=True, metavar="H", help="Address to listen on.")
 @click.option("--port", type=int, default=8000, show_default=True, metavar="N", help="Port; 0: any free one.")
-@_LEXICON
+@LEXICON
 @click.option(
     "--workers",
     type=int,
@@ -85,12 +83,11 @@ def serve(
     metavar="R.json",
     help="Report of the splice, for each file in order.",
 )
-@click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
 @click.option("-o", "--output", metavar="PAGE.html", help="Write one self-contained page instead of opening a browser.")
 @click.option("--port", type=int, default=0, metavar="N", help="Port.  [default: any free one]")
-@_LEXICON
+@LEXICON
 @click.option("--browser/--no-browser", default=True, help="Open the page in a browser.  [default: yes]")
-@reads_clips
+@reads_rigs
 def view(
     files: tuple[str, ...],
     reports: tuple[str, ...],

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from signsplice.cli.aliases import former_names
-from signsplice.cli.clips import OUTPUT_SUFFIXES, check_outputs, limits, load, reads_clips, with_roles, write
+from signsplice.cli.clips import OUTPUT_SUFFIXES, check_outputs, limits, load, reads_rigs, with_roles, write
 from signsplice.cli.lexicon import open_words
+from signsplice.cli.options import AS_JSON, BUNDLE, LEXICON, added
 from signsplice.cli.terminal import note, warn
 from signsplice.errors import InputError
 
@@ -22,94 +23,71 @@ if TYPE_CHECKING:
     from signsplice.splicing.engine import SpliceOptions, SpliceResult
     from signsplice_paper.systems.clips import ClipSplicer
 
-Command = TypeVar("Command", bound=Callable[..., Any])
-
 _SETTINGS = former_names({"body-sense": "avoid-collisions", "no-body-sense": "no-avoid-collisions"})
 
-_BUNDLE = click.option(
-    "--bundle", metavar="DIR", help="Folder of trained networks.  [default: those that ship]", default=None
+_joining_options = added(
+    click.option("-o", "--output", required=True, metavar="OUT", help=f"File to write: {' '.join(OUTPUT_SUFFIXES)}"),
+    click.option(
+        "--transition",
+        metavar="NAME",
+        help="How the frames between signs are made: see `signsplice methods`, or a trained system's folder.",
+    ),
+    BUNDLE,
+    click.option(
+        "--avoid-collisions/--no-avoid-collisions",
+        default=None,
+        help="Keep hands out of head, trunk and each other in transitions.  [default: if the transition is learned]",
+    ),
+    click.option("--report", metavar="R.json", help="Write spans, seams and timing to this JSON file."),
+    reads_rigs,
 )
-_AVOID_COLLISIONS = click.option(
-    "--avoid-collisions/--no-avoid-collisions",
-    default=None,
-    help="Keep hands out of head, trunk and each other in transitions.  [default: only if the transition is learned]",
+_splicing_options = added(
+    click.option(
+        "--cutter",
+        metavar="NAME",
+        help="How splice points are found: see `signsplice methods`, or a trained system's folder.",
+    ),
+    click.option(
+        "--transition-time",
+        default="auto",
+        show_default=True,
+        metavar="auto|RULE|SECONDS",
+        help="Length of a transition: a rule of `signsplice methods`, or seconds; auto is learned.",
+    ),
+    click.option("--sign-speed", type=float, default=1.0, show_default=True, metavar="X", help="Speed of the signs."),
+    click.option(
+        "--tempo",
+        default="citation",
+        show_default=True,
+        metavar="citation|natural|SECONDS",
+        help="Signs as recorded, as fast as in running signing, or SECONDS a sign with its transition.",
+    ),
+    click.option("--fps", type=float, metavar="N", help="Output frame rate.  [default: that of the first clip]"),
+    click.option(
+        "--free-hand",
+        default="transition",
+        show_default=True,
+        metavar="transition|natural",
+        help="Time of a hand that only goes to rest or comes from it: the transition's, or frames of the sign too.",
+    ),
+    click.option(
+        "--system",
+        metavar="DIR",
+        help="A trained system of the paper, run whole: its positions, its number of frames, its frames.",
+    ),
+    click.option(
+        "--fill-misses",
+        is_flag=True,
+        help="Join words for which the system finds no positions by the defaults, instead of stopping.",
+    ),
+    _joining_options,
 )
-_FREE_HAND = click.option(
-    "--free-hand",
-    default="transition",
-    show_default=True,
-    metavar="transition|natural",
-    help="Time of a hand that only goes to rest or comes from it: the transition's, or frames of the sign too.",
-)
-_SYSTEM = click.option(
-    "--system",
-    metavar="DIR",
-    help="A trained system of the paper, run whole: its positions, its number of frames, its frames.",
-)
-_FILL_MISSES = click.option(
-    "--fill-misses",
-    is_flag=True,
-    help="Join words for which the system finds no positions by the defaults, instead of stopping.",
-)
-_ROLES = click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
-_REPORT = click.option("--report", metavar="R.json", help="Write spans, seams and timing to this JSON file.")
-_OUTPUT = click.option(
-    "-o", "--output", required=True, metavar="OUT", help=f"File to write: {' '.join(OUTPUT_SUFFIXES)}"
-)
-
-
-def splicing_options(command: Command) -> Command:
-    """Add the options that ``splice`` and ``sentence`` share."""
-    for option in reversed(
-        (
-            _OUTPUT,
-            click.option(
-                "--cutter",
-                metavar="NAME",
-                help="How splice points are found: see `signsplice methods`, or a trained system's folder.",
-            ),
-            click.option(
-                "--transition",
-                metavar="NAME",
-                help="How the frames between signs are made: see `signsplice methods`, or a trained system's folder.",
-            ),
-            click.option(
-                "--transition-time",
-                default="auto",
-                show_default=True,
-                metavar="auto|RULE|SECONDS",
-                help="Length of a transition: a rule of `signsplice methods`, or seconds; auto is learned.",
-            ),
-            click.option(
-                "--sign-speed", type=float, default=1.0, show_default=True, metavar="X", help="Speed of the signs."
-            ),
-            click.option(
-                "--tempo",
-                default="citation",
-                show_default=True,
-                metavar="citation|natural|SECONDS",
-                help="Signs as recorded, as fast as in running signing, or SECONDS a sign with its transition.",
-            ),
-            click.option(
-                "--fps", type=float, metavar="N", help="Output frame rate.  [default: that of the first clip]"
-            ),
-            _BUNDLE,
-            _AVOID_COLLISIONS,
-            _FREE_HAND,
-            _SYSTEM,
-            _FILL_MISSES,
-            _ROLES,
-            _REPORT,
-        )
-    ):
-        command = option(command)
-    return command
+"""Options that ``splice`` and ``sentence`` share."""
 
 
 @click.command(context_settings=_SETTINGS)
 @click.argument("clips", nargs=-1, required=True, metavar="A.bvh B.bvh [C.bvh ...]")
-@splicing_options
-@reads_clips
+@_splicing_options
 def splice(clips: tuple[str, ...], output: str, report: str | None, roles: str | None, **method_options: Any) -> None:
     """Join clips in order into one continuous animation."""
     from signsplice.splicing import engine
@@ -127,11 +105,10 @@ def splice(clips: tuple[str, ...], output: str, report: str | None, roles: str |
 
 @click.command(context_settings=_SETTINGS)
 @click.argument("glosses", nargs=-1, required=True, metavar='"GLOSS GLOSS ..."')
-@click.option("--lexicon", metavar="DIR", help="Lexicon of the words.  [default: the one that ships]")
+@LEXICON
 @click.option("--no-spell", is_flag=True, help="Refuse words that are not in the lexicon instead of spelling them.")
 @click.option("--no-compounds", is_flag=True, help="Read I LOVE YOU as three words where the lexicon has I-LOVE-YOU.")
-@splicing_options
-@reads_clips
+@_splicing_options
 def sentence(
     glosses: tuple[str, ...],
     lexicon: str | None,
@@ -246,13 +223,7 @@ def deliver(
 @click.option(
     "--gap", "gaps", multiple=True, required=True, metavar="A:B", help="Frames A..B-1 to make anew; may be repeated."
 )
-@_OUTPUT
-@click.option("--transition", metavar="NAME", help="How the frames are made; see `signsplice methods`.")
-@_BUNDLE
-@_AVOID_COLLISIONS
-@_ROLES
-@_REPORT
-@reads_clips
+@_joining_options
 def inbetween(
     clip: str,
     gaps: tuple[str, ...],
@@ -283,7 +254,7 @@ def _gap(text: str) -> tuple[int, int]:
 
 
 @click.command()
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+@AS_JSON
 def methods(as_json: bool) -> None:
     """List every cutter, transition and duration by name."""
     from signsplice.splicing.methods.choice import all_methods

@@ -7,23 +7,29 @@ from typing import TYPE_CHECKING
 
 import click
 
+from signsplice.cli.aliases import moved
 from signsplice.cli.clips import check_apart
+from signsplice.cli.evaluation import corpus
+from signsplice.cli.options import PROCESSES, added
 from signsplice.cli.terminal import progress, size
 from signsplice.errors import InputError
 
 if TYPE_CHECKING:
     from signsplice.synth.phonology import Sign
 
-_OUT = click.option("-o", "--output", required=True, metavar="DIR", help="Folder to make; replaces one made before.")
-_SIGNS = click.option("--signs", metavar="FILE", help="Signs in notation, instead of the package's.")
-_WORDS = click.option(
-    "--words", type=int, metavar="N", help="How many words, drawn by seed.  [default: see the command]"
-)
-_PSEUDO = click.option("--pseudo", type=int, default=0, metavar="N", help="How many random pseudo-signs to add.")
 _SEED = click.option(
     "--seed", type=int, default=0, show_default=True, metavar="N", help="Seed of signers, takes and random choices."
 )
 _FPS = click.option("--fps", type=float, default=30.0, show_default=True, metavar="N", help="Frame rate.")
+_DRAWN = added(
+    click.option("-o", "--output", required=True, metavar="DIR", help="Folder to make; replaces one made before."),
+    click.option("--signs", metavar="FILE", help="Signs in notation, instead of the package's."),
+    click.option("--words", type=int, metavar="N", help="Number of words, drawn by seed.  [default: all; pairs: 100]"),
+    click.option("--pseudo", type=int, default=0, metavar="N", help="Number of random pseudo-signs to add."),
+    _SEED,
+    _FPS,
+)
+"""Options of what is made of the package's words, or of a file's."""
 
 
 @click.group()
@@ -32,10 +38,7 @@ def synth() -> None:
 
 
 @synth.command()
-@_OUT
-@_SIGNS
-@click.option("--words", type=int, metavar="N", help="How many words, drawn by seed; letters come too.  [default: all]")
-@_PSEUDO
+@_DRAWN
 @click.option(
     "--letters/--no-letters", default=True, help="Add the manual alphabet and digits, unless --signs is given."
 )
@@ -46,8 +49,6 @@ def synth() -> None:
     metavar="GLOSS",
     help="Add a form of a word: 2-GIVE-1, LOOK-HABITUAL; may be given again.",
 )
-@_SEED
-@_FPS
 def lexicon(
     output: str,
     signs: str | None,
@@ -73,13 +74,8 @@ def lexicon(
 
 
 @synth.command()
-@_OUT
+@_DRAWN
 @click.option("--count", type=int, default=20, show_default=True, metavar="N", help="How many sentences.")
-@_SIGNS
-@_WORDS
-@_PSEUDO
-@_SEED
-@_FPS
 @click.option(
     "--exact",
     is_flag=True,
@@ -102,12 +98,7 @@ def sentences(
 
 
 @synth.command()
-@_OUT
-@_SIGNS
-@_WORDS
-@_PSEUDO
-@_SEED
-@_FPS
+@_DRAWN
 @click.option(
     "--other-signer",
     type=int,
@@ -123,7 +114,7 @@ def sentences(
     show_default=True,
     help="Where a word is left and entered: by both words, or at one frame of its own whoever its partner is.",
 )
-@click.option("--processes", type=int, default=2, show_default=True, metavar="N", help="Number of processes.")
+@PROCESSES
 def pairs(
     output: str,
     signs: str | None,
@@ -170,7 +161,7 @@ def pairs(
               help="How signers differ from plain motion: names of traits with commas between.")  # fmt: skip
 @_SEED
 @_FPS
-@click.option("--processes", type=int, default=2, show_default=True, metavar="N", help="Number of processes.")
+@PROCESSES
 def endless(
     output: str, signers: int, words: int, seams: int, traits: str, seed: int, fps: float, processes: int
 ) -> None:
@@ -187,39 +178,19 @@ def endless(
 
 
 @synth.command()
-@click.argument("corpus", metavar="PAIRS")
+@click.argument("folder", metavar="PAIRS")
 @click.option("--split", default="random", show_default=True, metavar="NAME", help="Split to write.")
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder to write into.")
-def signing(corpus: str, split: str, output: str) -> None:
+def signing(folder: str, split: str, output: str) -> None:
     """Write the training and validation parts of a corpus of pairs as signing to train networks on."""
     from signsplice.synth import corpus_training_data
     from signsplice.synth.corpus import Pairs
 
-    for path in corpus_training_data.write(Pairs(corpus), split, Path(output)):
+    for path in corpus_training_data.write(Pairs(folder), split, Path(output)):
         print(f"{path}: {size(path.stat().st_size)}")
 
 
-@synth.command()
-@click.argument("corpus", metavar="PAIRS")
-@click.option("--page", required=True, metavar="FILE.md", help="Page whose two marks enclose the tables.")
-@click.option("--images", required=True, metavar="DIR", help="Folder for plots and contact sheets.")
-@click.option("--real", metavar="DIR", help="Folder of BVH files of real signing, to compare with.")
-@click.option("--real-frames", metavar="FIRST:STOP", help="With --real: only these frames of each file, half-open.")
-def study(corpus: str, page: str, images: str, real: str | None, real_frames: str | None) -> None:
-    """Compare a corpus of pairs with real signing, simple rules and joint limits; write tables, plots and pictures."""
-    from signsplice.evaluation import corpus_page
-    from signsplice.synth.corpus import Pairs
-
-    if not Path(images).is_dir():
-        raise InputError(f"{images}: no such folder; make it first")
-    if real is not None and not Path(real).is_dir():
-        raise InputError(f"{real}: no such folder, expected one with .bvh files")
-    if real_frames is not None and real is None:
-        raise InputError("--real-frames chooses frames of the files of --real; expected --real DIR too")
-    frames = None if real_frames is None else _frame_range(real_frames)
-    real_clips = corpus_page.read_real(None if real is None else Path(real), frames)
-    corpus_page.write(Pairs(corpus), Path(page), Path(images), real_clips, progress)
-    print(f"{page}: tables; {images}: plots and contact sheets")
+synth.add_command(moved("synth study", corpus, "evaluate corpus"))
 
 
 def _chosen(path: str | None, n_words: int | None, n_pseudo: int, seed: int, least: int = 1) -> list[Sign]:
@@ -249,13 +220,6 @@ def _forms(path: str | None, glosses: tuple[str, ...], made: set[str]) -> list[S
     known = (notation.everyday() if path is None else notation.read(path)) if glosses else {}
     forms = {form.gloss: form for form in (inflection.form(known, gloss) for gloss in glosses)}
     return [form for gloss, form in forms.items() if gloss not in made]
-
-
-def _frame_range(text: str) -> tuple[int, int]:
-    first, colon, stop = text.partition(":")
-    if not (colon and first.isdecimal() and stop.isdecimal() and int(first) < int(stop)):
-        raise InputError(f"--real-frames {text}, expected FIRST:STOP with FIRST below STOP, as in 0:315")
-    return int(first), int(stop)
 
 
 def _traits(text: str) -> tuple[str, ...] | None:

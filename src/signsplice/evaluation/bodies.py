@@ -116,7 +116,7 @@ def draw_words(n_words: int) -> tuple[list[Clip], list[Clip]]:
     usual = [name for name in names if not is_kept_aside(name)]
     n_aside = n_words // 3
     if n_words < 3 or n_aside > len(aside) or n_words - n_aside > len(usual):
-        raise InputError(f"--bodies {n_words}, expected 3 to {min(3 * len(aside), 3 * len(usual) // 2)} words")
+        raise InputError(f"{n_words} words, expected 3 to {min(3 * len(aside), 3 * len(usual) // 2)}")
     rng = stream("bodies", n_words)
     usual = rng.choice(usual, n_words - n_aside, replace=False).tolist()
     aside = rng.choice(aside, n_aside, replace=False).tolist()

@@ -1,4 +1,4 @@
-"""The measurements of a corpus of pairs, written between the marks of a Markdown page, with pictures in a folder."""
+"""The measurements of a corpus of pairs as Markdown, also between the marks of a page, with pictures in a folder."""
 
 from __future__ import annotations
 
@@ -38,36 +38,51 @@ IDLE_EXTENT = 0.2
 """A clip in which no wrist moves farther than this fraction of the longest offset of its skeleton is no signing."""
 
 
-def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], progress: Progress) -> None:
+def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], progress: Progress) -> list[str]:
     """Measure a corpus and put the result into ``page`` between its marks; pictures go to the folder ``images``.
 
-    real: clips of real signing by name, for columns next to the corpus's. progress: makes a progress bar by name.
-    Raises ``InputError`` for a page without the marks and for a corpus of other clips than the synthetic signers',
-    ``MissingExtraError`` without matplotlib or Pillow.
+    Arguments and errors as of ``measured``, which makes the lines; raises ``InputError`` for a page without the marks
+    too.
     """
     pairs.check_synthetic()
     text = read_bytes(page).decode("utf-8")
     if BEGIN not in text or END not in text:
         raise InputError(f"{page}: has no lines {BEGIN} and {END}, expected both; the tables go between them")
-    corpus_pictures.check_matplotlib()
+    lines = measured(pairs, images, real, progress)
+    before, after = text.split(BEGIN)[0], text.split(END, 1)[1]
+    with replacing(page) as temporary:
+        temporary.write_text("\n".join([before + BEGIN, *lines, END + after]), encoding="utf-8")
+    return lines
+
+
+def measured(pairs: Pairs, images: Path | None, real: Mapping[str, Clip], progress: Progress) -> list[str]:
+    """What is measured of a corpus, as lines of Markdown; the first names the corpus.
+
+    images: folder for pictures; None draws none. real: clips of real signing by name, for columns next to the
+    corpus's. progress: makes a progress bar by name. Raises ``InputError`` for a corpus of other clips than the
+    synthetic signers', ``MissingExtraError`` where pictures are wanted without matplotlib or Pillow.
+    """
+    pairs.check_synthetic()
+    if images is not None:
+        corpus_pictures.check_matplotlib()
     signs = known_signs(pairs)
     lines = [
         f"Corpus `{pairs.head['hash']}`, version {pairs.version}: {len(pairs)} pairs, "
         f"truth by {'partner' if pairs.by_partner else 'word'}, seed {pairs.head['seed']}, {pairs.head['fps']:g} fps."
     ]
     with progress("realism") as advance:
-        lines += ["", *realism_tables.tables(pairs, signs, real, images / "corpus-realism.png")]
+        plot = None if images is None else images / "corpus-realism.png"
+        lines += ["", *realism_tables.tables(pairs, signs, real, plot)]
         if advance is not None:
             advance(1, 1)
     with progress("difficulty") as advance:
         lines += ["", *_difficulty(pairs, signs, advance)]
     with progress("validity") as advance:
         lines += ["", *_validity(pairs, signs, advance)]
-    with progress("pictures") as advance:
-        corpus_pictures.write_sheets(pairs, signs, images, advance)
-    before, after = text.split(BEGIN)[0], text.split(END, 1)[1]
-    with replacing(page) as temporary:
-        temporary.write_text("\n".join([before + BEGIN, *lines, END + after]), encoding="utf-8")
+    if images is not None:
+        with progress("pictures") as advance:
+            corpus_pictures.write_sheets(pairs, signs, images, advance)
+    return lines
 
 
 def known_signs(pairs: Pairs) -> dict[str, Sign]:

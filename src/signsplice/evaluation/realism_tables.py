@@ -37,8 +37,8 @@ the symmetric words of the corpus, and in a clip wherever both are faster than {
 move as in a mirror for {MIRRORED_FRAMES} frames or more. A reach lies between two minima of the wrist's speed."""
 
 
-def tables(pairs: Pairs, signs: Mapping[str, Sign], real: Mapping[str, Clip], plot: Path) -> list[str]:
-    """Lines of Markdown; ``real``: clips of real signing by name. The plot is written to ``plot``.
+def tables(pairs: Pairs, signs: Mapping[str, Sign], real: Mapping[str, Clip], plot: Path | None) -> list[str]:
+    """Lines of Markdown; ``real``: clips of real signing by name. The plot is written to ``plot``; None draws none.
 
     Clips that were drawn between keys (``rig.metrics.is_keyed``) are marked, and no figure is held against them.
     """
@@ -66,10 +66,14 @@ def tables(pairs: Pairs, signs: Mapping[str, Sign], real: Mapping[str, Clip], pl
     ]
     bends = {name: _bends(clips) for name, clips in columns.items()}
     joints = [(joint, *(_range(bends[name].get(joint)) for name in columns)) for joint in bends["corpus"]]
-    corpus_pictures.write_plot(durations, motion, bends, plot)
     forming = corpus_realism.forming(pairs)
     formed = " / ".join(map(number, agreement.percentiles(forming))) if len(forming) else "-"
     keyed = [name for name in real if name not in captured]
+    drawn_there = []
+    if plot is not None:
+        corpus_pictures.write_plot(durations, motion, bends, plot)
+        shown = f"{plot.parent.name}/{plot.name}"
+        drawn_there = ["", f"![Durations, speeds and finger ranges of the corpus]({shown})"]
     return [
         "### Realism",
         "",
@@ -88,8 +92,7 @@ def tables(pairs: Pairs, signs: Mapping[str, Sign], real: Mapping[str, Clip], pl
         "Bend of the finger joints, degrees, 5 to 95 % (1 is the joint nearest to the wrist):",
         "",
         *markdown(("joint", *columns), joints),
-        "",
-        f"![Durations, speeds and finger ranges of the corpus]({plot.parent.name}/{plot.name})",
+        *drawn_there,
     ]
 
 

@@ -25,3 +25,24 @@ def _line(cells: Sequence[object]) -> str:
 def to_json(row: DataclassInstance) -> dict[str, Any]:
     """A row with the keys that ``signsplice evaluate --json`` prints."""
     return {_STORED.get(name, name): value for name, value in asdict(row).items()}
+
+
+def tables_in(lines: Iterable[str]) -> list[dict[str, Any]]:
+    """The tables among lines of Markdown: each with its section, the text before it, and its rows as shown."""
+    found: list[dict[str, Any]] = []
+    section, text, head = "", "", list[str]()
+    for line in lines:
+        if line.startswith("#"):
+            section = line.strip("# ")
+        elif not line.startswith("|"):
+            text, head = (line or text), []
+        elif not head:
+            head = _cells(line)
+            found.append({"section": section, "table": text, "rows": []})
+        elif not line.startswith("| ---"):
+            found[-1]["rows"].append(dict(zip(head, _cells(line), strict=True)))
+    return found
+
+
+def _cells(line: str) -> list[str]:
+    return [cell.strip() for cell in line.strip("|").split("|")]

@@ -138,9 +138,7 @@ def _format(path: str | Path, done: str, suffixes: Sequence[str]) -> FileFormat:
         return FORMATS[suffix]
     expected = f"expected {listed(suffixes)}"
     if suffix == ".vrm":
-        raise InputError(
-            f"{path}: is an avatar, no clip, {expected}; convert CLIP OUT --avatar {path} puts a clip onto it"
-        )
+        raise InputError(f"{path}: is an avatar, no clip, {expected}; `signsplice convert` puts clips onto avatars")
     row = FORMATS.get(suffix)
     if row is not None and row.holds:
         raise InputError(f"{path}: {row.holds} files cannot be {done} yet, {expected}")

@@ -26,7 +26,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.roles import ROLES
 
-_AVATAR = "a figure to put signing on is no clip: signsplice convert CLIP OUT --avatar FIGURE"
+_AVATAR = "a figure to put signing on is no clip: `signsplice convert` puts clips onto avatars"
 _HELD = 1e-5
 """Translations that change by less than this fraction of the longest bone are constant."""
 

@@ -145,7 +145,7 @@ def build(
                 if not skip_broken:
                     raise InputError(
                         f"{error}; nothing was built: `signsplice lexicon check {quote(str(folder))}` shows every "
-                        "fault, --skip-broken leaves such clips out"
+                        "fault, skip_broken leaves such clips out"
                     ) from error
                 warnings.append(f"{error}; left out")
             if progress is not None:
@@ -153,9 +153,7 @@ def build(
         if not builder.n_words:
             raise InputError(f"{folder}: every clip is broken, the first one: {warnings[0]}")
     if n_without_arms:
-        warnings.append(
-            f"{n_without_arms} clips have arms that are not known by name: name them with a roles file (--roles)"
-        )
+        warnings.append(f"{n_without_arms} clips have arms that are not known by name: name them with a roles file")
     return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, tuple(warnings))
 
 

@@ -220,7 +220,7 @@ def open_lexicon(path: str | Path | None = None) -> Lexicon:
 def shipped() -> Lexicon:
     """Open the lexicon that ships with the package. Raises ``InputError`` where this build has none."""
     if not SHIPPED.is_dir():
-        raise InputError(f"no words ship with this build of signsplice; name a lexicon (--lexicon DIR), or {_HINT}")
+        raise InputError(f"no words ship with this build of signsplice; name a lexicon, or {_HINT}")
     return Lexicon(SHIPPED)
 
 

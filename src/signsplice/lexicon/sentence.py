@@ -157,7 +157,7 @@ def _spelled(token: str, lexicon: Lexicon) -> SentenceToken:
         letter = missing[0] if missing else _HYPHEN
         raise InputError(
             f"{lexicon.path}: {token!r} cannot be spelled, there is no letter {letter!r}; "
-            f"`signsplice lexicon list --search {LETTER_MARK}` shows the letters that there are"
+            f"its letters are the glosses that begin with {LETTER_MARK}"
         )
     others = _by_other_letters(word, letters)
     return SentenceToken(token, tuple(filter(None, letters)), True, f"{token!r} is spelled{others}" if others else "")

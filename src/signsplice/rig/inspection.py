@@ -71,7 +71,7 @@ def _motion_warnings(clip: Clip) -> list[str]:
 def _rig_warnings(clip: Clip, n_roles: int, unit: LengthUnit) -> list[str]:
     warnings = []
     if n_roles == 0:
-        warnings.append("no role was found by the joints' names; a roles file names them (--roles)")
+        warnings.append("no role was found by the joints' names; a roles file names them")
     if not 1.2 <= unit.stature_m <= 2.3:
         warnings.append(f"the body would be {unit.stature_m:.2f} m tall in {unit.name}: the unit may be another")
     if clip.translations is not None:

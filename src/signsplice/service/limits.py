@@ -68,11 +68,11 @@ class Limits:
         host = headers.get(b"host", "")
         if not self.settings.answers_to(_without_port(host)):
             names = ", ".join(self.settings.hosts)
-            return 421, f"called as {host!r}; this service answers to {names} (--allow-host adds a name)"
+            return 421, f"called as {host!r}; this service answers to {names} (its allowed_hosts add a name)"
         origin = headers.get(b"origin")
         is_unsafe = scope["type"] == "websocket" or scope["method"] not in _SAFE_METHODS
         if origin is not None and is_unsafe and not self._is_allowed(origin, host):
-            return 403, f"a page of {origin!r} may not call this service (--allow-origin allows it)"
+            return 403, f"a page of {origin!r} may not call this service (its allowed_origins allow one)"
         if headers.get(b"content-encoding", "identity") != "identity":
             return 415, "the body is compressed; send it uncompressed"
         length = headers.get(b"content-length", "0")

@@ -54,8 +54,6 @@ def _listen(settings: Settings) -> socket.socket:
         number = error.errno or 0
         if number < 0 or number == errno.EADDRNOTAVAIL:  # below zero: the name was not found
             advice = "name one, e.g. 127.0.0.1 or 0.0.0.0"
-            raise InputError(
-                f"cannot listen: --host {settings.host} is no address of this machine; {advice}"
-            ) from error
+            raise InputError(f"cannot listen: host {settings.host} is no address of this machine; {advice}") from error
         reason = os.strerror(number)  # the error's own repeats the address
-        raise InputError(f"cannot listen on {settings.host}:{settings.port} ({reason}); try another --port") from error
+        raise InputError(f"cannot listen on {settings.host}:{settings.port} ({reason}); try another port") from error

@@ -144,6 +144,6 @@ def _own_gpu(local_rank: int) -> torch.device:
     if local_rank >= (n_gpus := torch.cuda.device_count()):
         raise InputError(
             f"process {local_rank} of this machine has no GPU of its own, of {n_gpus}; start one process for each GPU, "
-            "or use --device cpu"
+            "or train on the device cpu"
         )
     return torch.device("cuda", local_rank)

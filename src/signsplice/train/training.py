@@ -163,7 +163,7 @@ def make(
     them does not hold this network, or where the scale needs one and there is none.
     """
     if not earlier and training.scale in _CONTINUED_SCALES:
-        raise InputError(f"scale {training.scale} continues an earlier training: name its folder with --from")
+        raise InputError(f"scale {training.scale} continues an earlier training: name its folder")
     train_paths, held_back = split(*signing)
     warm_starts = [warm_start.find_warm_start(one, training.network, FILES[training.network]) for one in earlier]
     if warm_starts:

@@ -263,7 +263,7 @@ def test_lexicons_share_no_word_and_have_enough() -> None:
 
 
 def test_evaluate_refuses_more_words_than_there_are() -> None:
-    run = CliRunner().invoke(app, ["evaluate", "--tempo", "500"])
+    run = CliRunner().invoke(app, ["evaluate", "tempo", "500"])
     assert isinstance(run.exception, InputError)
     assert "500 words of each signer, expected 7 to 55" in str(run.exception)
 
