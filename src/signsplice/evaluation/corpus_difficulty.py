@@ -25,6 +25,7 @@ from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream
 
 Progress = Callable[[int, int], None]
+BY_WORD = "words known: the most frequent cut of each word"
 Rule = Callable[[int, int], tuple[int, int]]
 """(word before, word after) -> (last frame kept of the first, first frame kept of the second)."""
 
@@ -102,7 +103,7 @@ def _fitted_rules(pairs: Pairs, train: Sequence[int], true: Sequence[Sequence[in
         leaves.setdefault(p, Counter())[pre] += 1
         enters.setdefault(q, Counter())[post] += 1
     if all(p in leaves and q in enters for p, q, _, _ in true):
-        rules["words known: the most frequent cut of each word"] = lambda p, q: (
+        rules[BY_WORD] = lambda p, q: (
             leaves[p].most_common(1)[0][0],
             enters[q].most_common(1)[0][0],
         )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -10,21 +12,25 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.evaluation import corpus_checks, corpus_difficulty, corpus_pictures, realism_tables
-from signsplice.evaluation.corpus_difficulty import RAD_PER_CM
+from signsplice.evaluation.agreement import HEAD
+from signsplice.evaluation.corpus_difficulty import BY_WORD, RAD_PER_CM
 from signsplice.evaluation.corpus_touches import score_touches
 from signsplice.evaluation.hidden_frames import CONTEXT
-from signsplice.evaluation.tables import markdown
+from signsplice.evaluation.tables import csv_text, markdown, tables_in
 from signsplice.evaluation.wrists import wrist_positions
 from signsplice.formats import load
 from signsplice.formats.atomic import replacing
 from signsplice.formats.reading import read_bytes
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
+from signsplice.splicing.methods.cut import CUTTERS
 from signsplice.synth import notation, pseudo
 from signsplice.synth.corpus import VERSION, Pairs
 from signsplice.synth.phonology import Sign
 
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
+_AGREES = HEAD[-1]
+_DEEP = "pairs with a hand deeper"
 Advance = Callable[[int, int], None] | None
 Progress = Callable[[str], AbstractContextManager[Advance]]
 
@@ -39,20 +45,90 @@ IDLE_EXTENT = 0.2
 
 
 def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], progress: Progress) -> list[str]:
-    """Measure a corpus and put the result into ``page`` between its marks; pictures go to the folder ``images``.
+    """Measure a corpus and put a short form of the result into ``page`` between its marks, and every cell of the tables
+    into a CSV file beside it; pictures go to the folder ``images``.
 
-    Arguments and errors as of ``measured``, which makes the lines; raises ``InputError`` for a page without the marks
-    too.
+    Arguments, result and errors as of ``measured``; raises ``InputError`` for a page without the marks too.
     """
     pairs.check_synthetic()
     text = read_bytes(page).decode("utf-8")
     if BEGIN not in text or END not in text:
         raise InputError(f"{page}: has no lines {BEGIN} and {END}, expected both; the tables go between them")
     lines = measured(pairs, images, real, progress)
+    here = os.path.relpath(images, page.parent).replace(os.sep, "/")
+    shown = [line.replace(f"]({images.name}/", f"]({here}/") for line in short(lines, page.with_suffix(".csv").name)]
     before, after = text.split(BEGIN)[0], text.split(END, 1)[1]
+    with replacing(page.with_suffix(".csv")) as temporary:
+        temporary.write_text(csv_text(_CSV, _cells(lines)), encoding="utf-8")
     with replacing(page) as temporary:
-        temporary.write_text("\n".join([before + BEGIN, *lines, END + after]), encoding="utf-8")
+        temporary.write_text("\n".join([before + BEGIN, *shown, END + after]), encoding="utf-8")
     return lines
+
+
+def short(lines: Sequence[str], csv_name: str) -> list[str]:
+    """Lines of ``measured`` as the page shows them: findings first, of realism what misses, no finger joints."""
+    tables = tables_in(lines)
+    realism, difficulty, validity = (
+        [table["rows"] for table in tables if table["section"] == section]
+        for section in ("Realism", "Difficulty", "Validity")
+    )
+    n_figures = len(realism[0])
+    missing = [
+        {**row, "corpus": _median(row["corpus"]), "real": _median(row["real"])}
+        for row in realism[0]
+        if "no" in row[_AGREES]
+    ]
+    exact = {row["rule"]: row["both exact"] for row in difficulty[0]}
+    best = max((name for name in exact if name in CUTTERS), key=lambda name: float(exact[name]))
+    findings = [
+        f"- {n_figures - len(missing)} of {n_figures} figures agree with real signing in all that can be compared.",
+        f"- The best classical cutter, `{best}`, finds both frames of a cut in {exact[best]} % of the pairs"
+        + (f", the most frequent cut of each word in {exact[BY_WORD]} %." if BY_WORD in exact else "."),
+        *(
+            f"- A reader who knows the rules and sees to 5 mm gets both frames right in {rows[0]['0.5']} %."
+            for rows in difficulty[1:-1]
+        ),
+        *(f"- {row['check'].capitalize()}: {row['worst']}." for row in validity[0] if row["check"].startswith(_DEEP)),
+    ]
+    first = next(n for n, line in enumerate(lines) if line.startswith("Shape of motion"))
+    bends = next(n for n, line in enumerate(lines) if line.startswith("Bend of the finger joints"))
+    rest = next(n for n, line in enumerate(lines) if n > bends and line and not line.startswith("|"))
+    how = " ".join(lines[4 : lines.index("", 4)])
+    head = ("quantity", "unit", "corpus", "real", "from", "ratio", _AGREES)
+    return [
+        lines[0],
+        "",
+        *findings,
+        "",
+        f"Every cell, with all percentiles and the bend of every finger joint: [{csv_name}]({csv_name}).",
+        *lines[1:4],
+        *textwrap.wrap(
+            "Figures that do not agree, as medians or one figure. " + how.partition(", or one figure. ")[2], 120
+        ),
+        "",
+        *markdown(head, [[row[name] for name in head] for row in missing]),
+        "",
+        *lines[first:bends],
+        *lines[rest:],
+    ]
+
+
+def _median(cell: str) -> str:
+    """The median of a cell of percentiles; any other cell as it is."""
+    parts = cell.split(" / ")
+    return parts[2] if len(parts) == 5 else cell
+
+
+_CSV = ("section", "line", "row", "column", "value")
+
+
+def _cells(lines: Sequence[str]) -> list[tuple[str, int, str, str, str]]:
+    return [
+        (table["section"], n, next(iter(row.values())), column, value)
+        for table in tables_in(lines)
+        for n, row in enumerate(table["rows"], 1)
+        for column, value in list(row.items())[1:]
+    ]
 
 
 def measured(pairs: Pairs, images: Path | None, real: Mapping[str, Clip], progress: Progress) -> list[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -28,20 +30,28 @@ def to_json(row: DataclassInstance) -> dict[str, Any]:
 
 
 def tables_in(lines: Iterable[str]) -> list[dict[str, Any]]:
-    """The tables among lines of Markdown: each with its section, the text before it, and its rows as shown."""
+    """The tables among lines of Markdown: each with its section, the paragraph before it, and its rows as shown."""
     found: list[dict[str, Any]] = []
-    section, text, head = "", "", list[str]()
+    section, paragraph, head = "", list[str](), list[str]()
     for line in lines:
         if line.startswith("#"):
             section = line.strip("# ")
         elif not line.startswith("|"):
-            text, head = (line or text), []
+            paragraph, head = ([] if head or (line and paragraph[-1:] == [""]) else paragraph) + [line], []
         elif not head:
             head = _cells(line)
-            found.append({"section": section, "table": text, "rows": []})
+            found.append({"section": section, "text": " ".join(paragraph).strip(), "rows": []})
         elif not line.startswith("| ---"):
             found[-1]["rows"].append(dict(zip(head, _cells(line), strict=True)))
     return found
+
+
+def csv_text(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Rows as the text of a CSV file."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerows([head, *rows])
+    return text.getvalue()
 
 
 def _cells(line: str) -> list[str]:
