@@ -13,7 +13,7 @@ ITSELF := $(PIP) --no-deps --no-build-isolation --editable .
 COMPILE := $(VENV)/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
 	--only-binary :all: --no-annotate --custom-compile-command "make lock" $(if $(UPGRADE),--upgrade)
 
-.PHONY: attacks demo test test-slow lint types unit viewer wheel try-wheel lock bench fuzz words corpus smoke paper traits weights clean
+.PHONY: attacks demo test test-slow lint types unit viewer wheel try-wheel lock bench fuzz words corpus measured smoke paper traits weights clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet and a report in out/demo
 	$(BIN)/signsplice demo --out out/demo
@@ -62,9 +62,15 @@ words: $(VENV)/.dev            ## sign the words that ship anew, from their nota
 	$(BIN)/signsplice synth lexicon -o out/words
 	$(BIN)/signsplice lexicon build out/words -o src/signsplice/lexicon/words --compact
 
-corpus: $(VENV)/.dev           ## 10,000 true splices, and docs/corpus.md's tables and pictures; REAL=DIR adds real clips, FRAMES=0:315 part of each
+corpus: $(VENV)/.dev           ## 10,000 true splices, and docs/measured/corpus.md and its pictures; REAL=DIR adds real clips, FRAMES=0:315 part of each
 	$(BIN)/signsplice synth pairs -o out/pairs
-	$(BIN)/signsplice synth study out/pairs --page docs/corpus.md --images docs/images $(if $(REAL),--real $(REAL)) $(if $(FRAMES),--real-frames $(FRAMES))
+	$(BIN)/signsplice evaluate corpus out/pairs --page docs/measured/corpus.md --images docs/images $(if $(REAL),--real $(REAL) --real-frames $(FRAMES))
+
+measured: $(VENV)/.dev         ## every page of docs/measured but scale, from committed sources; REAL=DIR: clips of real signing. It continues
+	nice $(BIN)/python runs/measured.py $(if $(REAL),--real $(REAL))
+
+measured-%: $(VENV)/.dev       ## one page of docs/measured: seams hidden-frames collisions bodies tempo bench corpus scale
+	nice $(BIN)/python runs/measured.py $* $(if $(REAL),--real $(REAL))
 
 smoke: $(VENV)/.dev            ## the paper's whole way in minutes, systems of a few thousand numbers: out/smoke
 	runs/smoke.sh

@@ -193,10 +193,18 @@ def core_hours(found: Mapping[str, Any]) -> dict[str, Any]:
 
 def page(found: Mapping[str, Any]) -> str:
     """The figures as tables in Markdown, with the arithmetic."""
-    seam = found["seams"]
+    seam, hours = found["seams"], found["core_hours"]
+    frames, hashes = hours["sentences_frames"], hours["sentences_recipes"]
+    made = found.get("made_with", {"commit": "not recorded", "words": "not recorded"})
     lines = [
+        f"- {frames['rows']:,} ten-word sentences take {frames['hours']:.1f} core-hours with clips, "
+        f"{hashes['hours']:.1f} as recipes and hashes.",
+        f"- A seam of such a sentence takes {seam['sentences']['new_together']:.2f} ms of processor time where words "
+        f"are new, {seam['sentences']['read_together']:.2f} ms where they are known.",
+        "",
         f"Processor: {found['processor']}, {found['cores']} cores, load {found['load']} when it began; "
-        f"{found['words']} signs; networks {str(found['bundle'])[:12]}. Written by `signsplice bench bulk`.",
+        f"{found['words']} signs (sha256 {made['words'][:12]}); networks {str(found['bundle'])[:12]}; commit "
+        f"{made['commit']}. Written by `signsplice bench bulk`.",
         "",
         f"| ms of processor time a seam | each alone | {seam['block']} together | together / alone |",
         "| --- | --- | --- | --- |",

@@ -46,7 +46,7 @@ def tables_in(lines: Iterable[str]) -> list[dict[str, Any]]:
     return found
 
 
-def csv_text(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+def csv_text(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
     """Rows as the text of a CSV file."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
