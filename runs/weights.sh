@@ -30,6 +30,6 @@ $run export "$OUT/bundle" -o "$OUT/int8" --int8
 
 cat <<END
 $OUT/int8: networks of the sizes of those that ship, made by today's commands. Their figures are not those in the docs.
-Measure them:          $run evaluate $OUT/int8 --seams 500     (and --clips, --pairs: docs/evaluation.md)
+Measure them:          $run evaluate seams 500 --bundle $OUT/int8     (and clips, pairs: docs/evaluation.md)
 Put them in place:     cp $OUT/int8/* $SHIPPED/
 END

@@ -1,6 +1,6 @@
 """Makes plain_words.npz: words of the first signer there was, before signers had a manner.
 
-Run at the tag ``corpus-v1`` as ``python tests/golden/make_plain_words.py``; the file shows whether a signer with a
+Run at commit c5abc78a as ``python tests/golden/make_plain_words.py``; the file shows whether a signer with a
 plain manner still moves in the same way. Arrays: the states (T, 63) of every word, and its events, by the word's gloss
 and the signer's seed.
 """

@@ -155,7 +155,7 @@ def check_made_here(pairs: Pairs) -> None:
     """Raise ``InputError`` for a corpus of another version than this code makes."""
     if pairs.version != VERSION:
         raise InputError(
-            f"{pairs.folder}: is a corpus of version {pairs.version}, which the tag corpus-v{pairs.version} makes; "
+            f"{pairs.folder}: is a corpus of version {pairs.version}, which an earlier commit makes (docs/corpus.md); "
             "only there can it be planned anew"
         )
 

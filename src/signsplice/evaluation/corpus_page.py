@@ -227,7 +227,7 @@ def _difficulty(pairs: Pairs, signs: Mapping[str, Sign], advance: Advance) -> li
     ]
 
 
-_OLDER = "Its words and cuts are not planned anew: the tag `corpus-v1` makes version 1."
+_OLDER = "Its words and cuts are not planned anew: commit c5abc78a609a948fbc99a3267faac73027bdb4d9 makes version 1."
 
 
 def _precision(pairs: Pairs, test: Sequence[int], signs: Mapping[str, Sign]) -> list[str]:

@@ -1,6 +1,6 @@
 """Corpora of ground-truth splices by two synthetic signers, as folders of ``pairs``.
 
-This is version 2. The tag ``corpus-v1`` of this project makes version 1, whose truth is of kind partner, whose events
+This is version 2. Commit c5abc78a of this project makes version 1, whose truth is of kind partner, whose events
 tell touches of the notation, and whose signers have no manner.
 """
 
