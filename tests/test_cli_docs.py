@@ -1,0 +1,48 @@
+"""docs/cli.md names every command and option that the help shows, and none that there is not."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+
+from signsplice.cli.commands import app
+
+PAGE = (Path(__file__).resolve().parents[1] / "docs" / "cli.md").read_text(encoding="utf-8")
+OF_THE_PAPER = ("paper", "pairs", "publish", "train paper", "train traits")
+
+
+def commands(group: click.Group = app, words: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:
+    for name, command in group.commands.items():
+        path = " ".join((*words, name))
+        if command.hidden or path in OF_THE_PAPER:
+            continue
+        yield path, command
+        if isinstance(command, click.Group):
+            yield from commands(command, (*words, name))
+
+
+COMMANDS = dict(commands())
+
+
+@pytest.mark.parametrize("path", COMMANDS)
+def test_the_page_names_a_command_and_its_options(path: str) -> None:
+    assert f"`{path}" in PAGE or re.search(rf"^### .*\b{path}\b", PAGE, re.MULTILINE)
+    for option in COMMANDS[path].params:
+        if isinstance(option, click.Option) and not option.hidden:
+            names = (*option.opts, *option.secondary_opts)
+            assert any(re.search(rf"(?<![\w-]){name}(?![\w-])", PAGE) for name in names if len(name) > 2), names
+
+
+def test_the_page_names_no_option_that_there_is_not() -> None:
+    known = {
+        name
+        for command in COMMANDS.values()
+        for option in command.params
+        for name in (*option.opts, *option.secondary_opts)
+    }
+    shown = set(re.findall(r"(?<![\w-])--[a-z][a-z0-9-]+", PAGE.partition("## Former names")[0]))
+    assert shown <= known | {"--help"}
