@@ -10,6 +10,7 @@ import argparse
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -485,6 +486,9 @@ def write_corpus_page(work: Path, real: Path, docs: Path) -> None:
     from signsplice.evaluation.corpus_page import BEGIN
 
     page, images = docs / "corpus.md", docs.parent / "images"
+    if docs != DOCS:
+        shutil.copy(DOCS / page.name, page)
+        images.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         take = TAKES["long-take-metres"]
         (Path(folder) / take).symlink_to((real / take).resolve())

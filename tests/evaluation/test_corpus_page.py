@@ -14,6 +14,7 @@ import pytest
 from signing import made, sign, word
 from signsplice.errors import InputError
 from signsplice.evaluation import corpus_checks, corpus_page, corpus_pictures, realism_tables, sign_kinds
+from signsplice.evaluation.corpus_difficulty import BY_WORD
 from signsplice.evaluation.tables import markdown, tables_in
 from signsplice.formats import save
 from signsplice.motion import rotation
@@ -116,7 +117,7 @@ def test_a_whole_page_of_a_small_corpus(pairs: Pairs, tmp_path: Path, monkeypatc
     assert "Thumb 1" not in text
     assert "Realism,1,Thumb 1,a-clip," in page.with_suffix(".csv").read_text()
     assert (images / "corpus-realism.png").stat().st_size > 10_000
-    assert labels(text) ^ labels(DOCS.read_text()) <= {f"| {corpus_page.BY_WORD} |"}, "the page is of another generator"
+    assert labels(text) ^ labels(DOCS.read_text()) <= {f"| {BY_WORD} |"}, "the page is of another generator"
     for line in text.splitlines():
         if line.startswith("!["):
             name = line.partition("](")[2].rstrip(")")
