@@ -483,8 +483,6 @@ def corpus(work: Path) -> Path:
 
 def write_corpus_page(work: Path, real: Path, docs: Path) -> None:
     """The page of the corpus: `evaluate corpus`, with the captured take alone, and a line that says what made it."""
-    from signsplice.evaluation.corpus_page import BEGIN
-
     page, images = docs / "corpus.md", docs.parent / "images"
     if docs != DOCS:
         shutil.copy(DOCS / page.name, page)
@@ -496,7 +494,7 @@ def write_corpus_page(work: Path, real: Path, docs: Path) -> None:
         run([*call, "--real", folder, "--real-frames", LEARNED_FRAMES], stdout=subprocess.DEVNULL)
     lines = made_with([{"made_with": stamp()}])
     text = page.read_text(encoding="utf-8")
-    page.write_text(text.replace(f"{BEGIN}\n", "\n".join([BEGIN, *lines, ""])), encoding="utf-8")
+    page.write_text(text.replace("\nCorpus `", "\n".join(["", *lines, "Corpus `"]), 1), encoding="utf-8")
 
 
 def write_bulk_page(work: Path, docs: Path) -> None:

@@ -96,9 +96,9 @@ def short(lines: Sequence[str], csv_name: str) -> list[str]:
     how = " ".join(lines[4 : lines.index("", 4)])
     head = ("quantity", "unit", "corpus", "real", "from", "ratio", _AGREES)
     return [
-        lines[0],
-        "",
         *findings,
+        "",
+        lines[0],
         "",
         f"Every cell, with all percentiles and the bend of every finger joint: [{csv_name}]({csv_name}).",
         *lines[1:4],
