@@ -240,7 +240,7 @@ def test_tables_need_only_results(tmp_path: Path) -> None:
 
 def test_the_command_refuses_bad_inputs(tmp_path: Path) -> None:
     out = ("--out", str(tmp_path / "out"))
-    assert run("table1", *out)[1].endswith("`signsplice paper evaluate` or `all` makes it")
+    assert run("table1", *out)[1].endswith("`signsplice-paper evaluate` or `all` makes it")
     assert (
         "has no corpus.json, expected a corpus of pairs" in run("evaluate", "--pairs", str(tmp_path / "none"), *out)[1]
     )

@@ -26,5 +26,5 @@ def test_committed_tables_and_claims_come_from_committed_results(name: str, tmp_
     assert written
     for path in written:
         committed = folder / path.name
-        assert committed.is_file(), f"{committed}: not there; `signsplice paper tables --out {folder}`"
-        assert committed.read_bytes() == path.read_bytes(), f"{committed}: `signsplice paper tables --out {folder}`"
+        assert committed.is_file(), f"{committed}: not there; `signsplice-paper tables --out {folder}`"
+        assert committed.read_bytes() == path.read_bytes(), f"{committed}: `signsplice-paper tables --out {folder}`"

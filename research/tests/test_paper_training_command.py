@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from signsplice_paper.cli.paper_training import TrainingOptions
 
 from signsplice.cli.train import deadline_in
 from signsplice.errors import InputError
 from signsplice_paper.cli import paper_training
-from signsplice_paper.cli.paper_training import TrainingOptions
 from signsplice_paper.plan import RIVALS, Choice, Run
 from toys import corpus
 

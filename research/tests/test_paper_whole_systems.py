@@ -256,7 +256,7 @@ def test_a_folder_without_a_system_is_named_in_a_line(tmp_path: Path) -> None:
     write_bundle(tmp_path / "bundles" / "lpt", CONFIG, {})
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("text")
-    for name, said in {"bundles": "name one of those in it: lpt", "empty": "`signsplice train paper` makes one",
+    for name, said in {"bundles": "name one of those in it: lpt", "empty": "`signsplice-paper train-system` makes one",
                        "file": "makes one", "nosuch": "makes one"}.items():  # fmt: skip
         call = ["sentence", "HELLO I", "-o", str(tmp_path / "out.bvh"), "--system", str(tmp_path / name)]
         result = CliRunner().invoke(app, call)

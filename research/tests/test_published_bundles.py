@@ -73,7 +73,7 @@ def test_the_page_lists_what_was_published_and_nothing_else(tmp_path: Path) -> N
         published_bundles.page(tmp_path)
     training = {"optimiser": "adamw", "split": "random", "seed": 0, "steps": 60, "command": ["signsplice", "train"]}
     write_bundle(tmp_path / "lpt-smoke", {**CONFIG, **training}, {"spsn.onnx": b"x"})
-    with pytest.raises(InputError, match=r"was not written by `signsplice publish`"):
+    with pytest.raises(InputError, match=r"was not written by `signsplice-paper publish`"):
         published_bundles.page(tmp_path)
     agrees = {"bundle": "0123456789abcdef", "pairs": 200, "positions": 199, "lengths": 198, "largest_difference": 2e-5}
     write_bundle(tmp_path / "lpt-smoke", {**CONFIG, **training, "halved": agrees}, {"spsn.onnx": b"x"})

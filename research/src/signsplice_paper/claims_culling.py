@@ -14,7 +14,7 @@ UNEQUAL = {
     "cpu": "; without Culling: equal training time, a fifth of the pairs, half the feed-forward width",
 }
 """By scale, how networks that make frames without Culling differ from TFGN in more than Culling: pairs and width are
-chosen for equal processor time (``train.paper.scales``).
+chosen for equal processor time (``train.scales``).
 """
 STEADY = 0.005
 """Change of validation Accuracy in the last quarter of a training, below which it has converged."""

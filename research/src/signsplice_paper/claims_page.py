@@ -30,7 +30,7 @@ UNEQUAL_TRAINING = {
         "  feed-forward width. Related work had less time.",
     )
 }
-"""By scale, how the trainings of compared systems differ (``train.paper.scales``)."""
+"""By scale, how the trainings of compared systems differ (``train.scales``)."""
 OTHER_TRUTH = "word"
 """Subfolder with the results of the other truth; one page serves both."""
 

@@ -24,7 +24,7 @@ Systems of the tables, ready to run:
 
     signsplice splice A.bvh B.bvh -o out.bvh --system {folder}/{name}
 
-`signsplice publish` wrote these folders and this page. Weights have 16 bits. The rows of
+`signsplice-paper publish` wrote these folders and this page. Weights have 16 bits. The rows of
 [../results.json](../results.json) were judged with the same weights in 32, and name that bundle by the start of its
 sha256 (*judged as*). *Agrees*: of so many test pairs, how many have the same two positions, and how many also the same
 number of frames; then the largest difference of a number of a frame among those.
@@ -95,7 +95,7 @@ def judged_as(config: BundleConfig) -> Mapping[str, Any]:
     """What a published bundle was made from, and how far they agree. Raises ``InputError`` for any other bundle."""
     made = config.stored.get("halved")
     if not isinstance(made, dict) or not isinstance(made.get("bundle"), str):
-        raise InputError(f"{config.path}: was not written by `signsplice publish`; write it by that")
+        raise InputError(f"{config.path}: was not written by `signsplice-paper publish`; write it by that")
     return made
 
 

@@ -8,13 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
+from signsplice.motion import html_renderers, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.euler_channels import Channels
 
@@ -198,11 +197,9 @@ class Clip:
         frames = f"{len(self)} frame{'s' * (len(self) != 1)}, {self.seconds:.2f} s at {self.fps:g} fps"
         return f"<Clip {self.name!r}: {frames}, {len(self.skeleton)} joints>"
 
-    def _repr_html_(self) -> str:
+    def _repr_html_(self) -> str | None:
         """The viewer with this clip, for notebooks."""
-        # By name: what shows clips lies above them, and needs an extra.
-        shown: str = import_module("signsplice.service.notebook").html(self)
-        return shown
+        return html_renderers[-1](self) if html_renderers else None
 
     def __len__(self) -> int:
         return len(self.local_rotations)
