@@ -9,7 +9,7 @@ PAGE := src/signsplice/service/page/index.html
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 LOCKED := $(PIP) --only-binary :all: --require-hashes --requirement
 ITSELF := $(PIP) --no-deps --no-build-isolation --editable .
-PLACES := src tests attacks research/src research/tests
+PLACES := src tests attacks research conftest.py
 COMPILE := $(VENV)/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
 	--only-binary :all: --no-annotate --custom-compile-command "make lock" $(if $(UPGRADE),--upgrade)
 

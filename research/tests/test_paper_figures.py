@@ -1,4 +1,4 @@
-"""Figures from results alone, the same bytes each time; and the command `paper` without training."""
+"""Figures from results alone, the same bytes each time; and the commands without training."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from signsplice.cli import commands
 from signsplice.errors import InputError, MissingExtraError
 from signsplice_paper import clip_methods, figures, judging, kept_frames, pictures, published, results, style
-from signsplice_paper.cli import paper as command
+from signsplice_paper.cli.commands import app
 from signsplice_paper.clip_methods import ClipMethod
 from signsplice_paper.curve import COLUMNS, Curve
 from signsplice_paper.kept_frames import KeptFrames
@@ -216,7 +215,7 @@ def test_lines_are_clipped_at_the_edge_of_their_picture() -> None:
 
 
 def run(*arguments: str) -> tuple[int, str]:
-    done = CliRunner().invoke(command.paper, arguments)
+    done = CliRunner().invoke(app, arguments)
     if isinstance(done.exception, (InputError, MissingExtraError)):
         return 2 if isinstance(done.exception, InputError) else 1, str(done.exception)
     assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
@@ -226,8 +225,8 @@ def run(*arguments: str) -> tuple[int, str]:
 def test_tables_need_only_results(tmp_path: Path) -> None:
     results.save(measured(), tmp_path / results.FILE)
     code = (
-        "import sys, signsplice.cli.commands as c\n"
-        f"c.app.main(['paper', 'table1', '--out', {str(tmp_path)!r}], standalone_mode=False)\n"
+        "import sys, signsplice_paper.cli.commands as c\n"
+        f"c.app.main(['table1', '--out', {str(tmp_path)!r}], standalone_mode=False)\n"
         "print(sorted({'torch', 'matplotlib', 'onnxruntime'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -246,7 +245,6 @@ def test_the_command_refuses_bad_inputs(tmp_path: Path) -> None:
     )
     assert "no system 'gpt'" in run("evaluate", "--system", "gpt", *out)[1]
     assert "--limit 0" in run("evaluate", "--limit", "0", *out)[1]
-    assert commands.app.commands["paper"] is command.paper
 
 
 def test_training_without_torch_names_the_missing_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

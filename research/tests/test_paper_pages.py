@@ -9,7 +9,7 @@ import pytest
 
 from signsplice_paper import claims_page, results, tables
 
-DOCS = Path(__file__).resolve().parents[2] / "docs" / "paper"
+DOCS = Path(__file__).resolve().parents[1] / "docs"
 
 
 @pytest.mark.parametrize("name", ["", "word"])

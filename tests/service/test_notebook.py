@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from conftest import random_clip
+
 from signsplice.motion.clip import Clip
 from signsplice.render import picture
 from signsplice.service import notebook, page, scene
@@ -57,4 +57,4 @@ def test_without_viewer_and_pillow_there_is_a_line(
 
 def test_a_clip_that_cannot_be_drawn_is_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(page, "_INDEX", tmp_path / "missing.html")
-    assert "<code>&lt;Clip" in (random_clip(0)._repr_html_() or "")
+    assert "<code>&lt;Clip" in random_clip(0)._repr_html_()

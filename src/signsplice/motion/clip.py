@@ -197,9 +197,9 @@ class Clip:
         frames = f"{len(self)} frame{'s' * (len(self) != 1)}, {self.seconds:.2f} s at {self.fps:g} fps"
         return f"<Clip {self.name!r}: {frames}, {len(self.skeleton)} joints>"
 
-    def _repr_html_(self) -> str | None:
+    def _repr_html_(self) -> str:
         """The viewer with this clip, for notebooks."""
-        return html_renderers[-1](self) if html_renderers else None
+        return html_renderers[-1](self)
 
     def __len__(self) -> int:
         return len(self.local_rotations)

@@ -60,7 +60,7 @@ def takes(*options: Callable[[Command], Command]) -> Callable[[Command], Command
 
 @dataclass(frozen=True)
 class Call:
-    """The values of a command's options. Raises ``InputError`` for an unknown system, and for numbers below their least.
+    """The values of a command's options. Raises ``InputError`` for an unknown system or a number below its least.
 
     - scale: smoke, cpu or paper
     - pairs, bundles, out: folders of the corpus, of the trained systems and of the results

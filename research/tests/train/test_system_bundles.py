@@ -16,12 +16,12 @@ torch = pytest.importorskip("torch")
 
 from click.testing import CliRunner  # noqa: E402
 
-from signsplice.cli.commands import app  # noqa: E402
 from signsplice.errors import InputError, SignspliceError  # noqa: E402
 from signsplice.splicing.networks.bundle import write_bundle  # noqa: E402
 from signsplice.train import export  # noqa: E402
 from signsplice.train.task import Task  # noqa: E402
 from signsplice_paper import speed  # noqa: E402
+from signsplice_paper.cli.commands import app  # noqa: E402
 from signsplice_paper.systems import DECODINGS, PaperSystem, TwoNetworkSystem, open_bundle  # noqa: E402
 from signsplice_paper.train import graphs, scales, training  # noqa: E402
 from signsplice_paper.train.networks.filling import Filler  # noqa: E402
@@ -29,7 +29,8 @@ from signsplice_paper.train.networks.generator import Generator, generate  # noq
 from signsplice_paper.train.pairs_data import Batch  # noqa: E402
 from signsplice_paper.train.scales import SystemPart  # noqa: E402
 from signsplice_paper.train.tasks import MOST_FRAMES, TokenTask, positions  # noqa: E402
-from training_toys import CONFIGS, corpus, data, toy  # noqa: E402
+from system_toys import CONFIGS, data, toy  # noqa: E402
+from training_toys import corpus  # noqa: E402
 
 SYSTEMS = {name: parts for name, parts in scales.SYSTEMS.items() if name not in ("lpt-wa", "lpt-wac")}
 
@@ -151,7 +152,7 @@ def test_a_graph_that_differs_is_refused() -> None:
 def test_the_command_trains_and_writes_a_bundle_once(tmp_path: Path) -> None:
     out = tmp_path / "b" / "lpt-smoke"
     out.parent.mkdir()
-    call = ["train", "paper", "--pairs", str(corpus().folder), "--system", "lpt", "--scale", "smoke"]
+    call = ["train-system", "--pairs", str(corpus().folder), "--system", "lpt", "--scale", "smoke"]
     call += ["--out", str(out), "--steps", "4", "--fr", "3", "--device", "cpu"]
     result = CliRunner().invoke(app, call, catch_exceptions=False)
     assert result.exit_code == 0
@@ -175,7 +176,7 @@ def test_the_command_trains_and_writes_a_bundle_once(tmp_path: Path) -> None:
 
 def test_a_folder_with_other_files_is_refused(tmp_path: Path) -> None:
     (tmp_path / "letter.txt").write_text("dear")
-    call = ["train", "paper", "--pairs", str(corpus().folder), "--system", "lpt", "--scale", "smoke"]
+    call = ["train-system", "--pairs", str(corpus().folder), "--system", "lpt", "--scale", "smoke"]
     call += ["--out", str(tmp_path)]
     with pytest.raises(InputError, match="is there already and is no bundle"):
         CliRunner().invoke(app, call, catch_exceptions=False, standalone_mode=False)
@@ -183,7 +184,7 @@ def test_a_folder_with_other_files_is_refused(tmp_path: Path) -> None:
 
 def test_untrained_systems_are_exported_and_timed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(speed, "SYSTEMS", ("lpt", "lstm"))
-    call = ["paper", "speed", "--scale", "smoke", "--limit", "2", "--pairs", str(corpus().folder)]
+    call = ["speed", "--scale", "smoke", "--limit", "2", "--pairs", str(corpus().folder)]
     result = CliRunner().invoke(app, [*call, "--out", str(tmp_path)], catch_exceptions=False)
     assert result.stdout.splitlines() == [str(tmp_path / f"speed-smoke.{kind}") for kind in ("json", "md", "tex")]
     stored = json.loads((tmp_path / "speed-smoke.json").read_text())

@@ -1,10 +1,10 @@
 """Makes paper_pairs.npz, a corpus of two words in one file, and paper_rows.json, what classical rows score on it.
 
-The splices come from the package; their scores do not: they are computed here by tests/paper/reference.py, loop by
+The splices come from the package; their scores do not: they are computed here by research/tests/reference.py, loop by
 loop from the paper's equations. Positions are those of 53 joints, (n, 159), scaled into [-0.5, 0.5];
 sigma^2 = lambda^2 / 159 = 0.002.
 
-    python tests/golden/make_paper_pairs.py
+    python research/tests/golden/make_paper_pairs.py
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent / "paper"))
+sys.path.insert(0, str(HERE.parent))
 
 import reference  # noqa: E402
 from signsplice.synth import notation  # noqa: E402

@@ -1,4 +1,6 @@
-"""Shared fixtures: generated motions, real clips where they are present, and running services."""
+"""Fixtures that the tests of both distributions share: generated motions, real clips where they are present, and
+running services.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,9 @@ from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 
-REAL = Path(__file__).resolve().parents[2] / "shared" / "data" / "bvh"
-GOLDEN = Path(__file__).parent / "golden"
+ROOT = Path(__file__).resolve().parent
+REAL = ROOT.parent / "shared" / "data" / "bvh"
+GOLDEN = ROOT / "tests" / "golden"
 
 settings.register_profile("signsplice", derandomize=True, deadline=None, max_examples=40)
 settings.load_profile("signsplice")
