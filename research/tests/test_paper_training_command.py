@@ -11,7 +11,7 @@ import pytest
 
 from signsplice.errors import InputError
 from signsplice_paper.cli import training
-from signsplice_paper.cli.options import Call, deadline_in
+from signsplice_paper.cli.options import PaperCall, deadline_in
 from signsplice_paper.plan import RIVALS, Run
 from toys import corpus
 
@@ -20,7 +20,7 @@ def fake_training(monkeypatch: pytest.MonkeyPatch, at_most: int = 1000) -> list[
     """Rounds of trainings, by name; each writes bundles for its first ``at_most`` runs."""
     rounds: list[list[str]] = []
 
-    def train(todo: Sequence[Run], call: Call) -> None:
+    def train(todo: Sequence[Run], call: PaperCall) -> None:
         rounds.append([run.name for run in todo])
         for number, run in enumerate(todo[:at_most]):
             (call.bundles / run.name).mkdir(parents=True)
@@ -34,7 +34,7 @@ def fake_training(monkeypatch: pytest.MonkeyPatch, at_most: int = 1000) -> list[
 
 def test_the_best_rival_is_trained_again_once_it_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rounds = fake_training(monkeypatch)
-    call = Call("cpu", corpus().folder, tmp_path)
+    call = PaperCall("cpu", corpus().folder, tmp_path)
     assert training.train_missing(call) == []
     assert len(rounds) == 2
     assert not any("seed1" in name for name in rounds[0])
@@ -50,7 +50,7 @@ def test_what_time_left_untrained_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rounds = fake_training(monkeypatch)
-    call = Call("cpu", corpus().folder, tmp_path, systems=("lstm",), splits=("random",), seeds=(0,), minutes=0.0)
+    call = PaperCall("cpu", corpus().folder, tmp_path, systems=("lstm",), splits=("random",), seeds=(0,), minutes=0.0)
     left = training.train_missing(call)
     assert ([run.name for run in left], rounds) == (["lstm-cpu-adamw-random"], [])
     assert "time is up; trainings are missing: 1 (lstm-cpu-adamw-random); the same call continues" in (
@@ -60,7 +60,7 @@ def test_what_time_left_untrained_is_named(
 
 def test_a_choice_that_fits_nothing_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rounds = fake_training(monkeypatch)
-    call = Call("cpu", corpus().folder, tmp_path, systems=("lstm",), seeds=(5,))
+    call = PaperCall("cpu", corpus().folder, tmp_path, systems=("lstm",), seeds=(5,))
     with pytest.raises(InputError, match="--system lstm --seed 5: nothing planned at scale cpu fits"):
         training.train_missing(call)
     assert rounds == []

@@ -20,7 +20,7 @@ from signsplice_paper.cli.options import (
     PAIRS,
     SCALE,
     TRAINING,
-    Call,
+    PaperCall,
     option,
     takes,
 )  # fmt: skip
@@ -40,7 +40,7 @@ _JUDGED = (SCALE, PAIRS, BUNDLES, OUT, *CHOICE, LIMIT, AGAIN)
 @takes(*_JUDGED, *TRAINING)
 def everything(**options: Any) -> None:
     """Train missing systems, judge them, write tables, claims and figures."""
-    call = Call(**options)
+    call = PaperCall(**options)
     train_missing(call)
     if not call.time_is_up:
         write_curves(call, required=False)
@@ -52,14 +52,14 @@ def everything(**options: Any) -> None:
 @takes(*_JUDGED)
 def judge(**options: Any) -> None:
     """Judge trained systems: rows of results.json."""
-    _judge(Call(**options))
+    _judge(PaperCall(**options))
 
 
 @click.command()
 @takes(*_JUDGED)
 def evaluate(**options: Any) -> None:
     """Judge trained systems and write tables, claims and figures."""
-    call = Call(**options)
+    call = PaperCall(**options)
     _judge(call)
     write_all(call)
 
@@ -68,7 +68,7 @@ def evaluate(**options: Any) -> None:
 @takes(SCALE, PAIRS, OUT, _TIMED)
 def speed(**options: Any) -> None:
     """Time untrained systems of the scale's sizes."""
-    call = Call(**options)
+    call = PaperCall(**options)
     check_extra()
     from signsplice.synth.corpus import Pairs
     from signsplice_paper import protocol, speed
@@ -93,7 +93,7 @@ def merge(sources: tuple[str, ...], **options: Any) -> None:
     """Add results that were judged elsewhere, and write tables, claims and figures."""
     from signsplice_paper import merging
 
-    call = Call(**options)
+    call = PaperCall(**options)
     if not sources:
         raise InputError("merge adds results to those in --out: name folders of results with --from")
     out = call.made_folder()
@@ -102,7 +102,7 @@ def merge(sources: tuple[str, ...], **options: Any) -> None:
     write_all(call)
 
 
-def _judge(call: Call) -> None:
+def _judge(call: PaperCall) -> None:
     from signsplice.synth.corpus import Pairs
     from signsplice_paper import judging, results
 

@@ -59,7 +59,7 @@ def takes(*options: Callable[[Command], Command]) -> Callable[[Command], Command
 
 
 @dataclass(frozen=True)
-class Call:
+class PaperCall:
     """The values of a command's options. Raises ``InputError`` for an unknown system or a number below its least.
 
     - scale: smoke, cpu or paper

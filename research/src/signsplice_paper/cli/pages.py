@@ -8,7 +8,7 @@ import click
 
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError, MissingExtraError
-from signsplice_paper.cli.options import OUT, SCALE, Call, takes
+from signsplice_paper.cli.options import OUT, SCALE, PaperCall, takes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,14 +22,14 @@ _PAGE_OPTIONS = takes(SCALE, OUT)
 @_PAGE_OPTIONS
 def tables(**options: Any) -> None:
     """Write all tables, claims and figures from results.json, without corpus or networks."""
-    write_all(Call(**options))
+    write_all(PaperCall(**options))
 
 
 @click.command()
 @_PAGE_OPTIONS
 def claims(**options: Any) -> None:
     """Write the page of claims alone."""
-    call = Call(**options)
+    call = PaperCall(**options)
     _write_pages(_results(call), call, pages=(), claimed=True)
 
 
@@ -37,7 +37,7 @@ def claims(**options: Any) -> None:
 @_PAGE_OPTIONS
 def figures(**options: Any) -> None:
     """Write the figures alone."""
-    call = Call(**options)
+    call = PaperCall(**options)
     _write_figures(_results(call), call, required=True)
 
 
@@ -47,13 +47,13 @@ def one_table(name: str) -> click.Command:
     @click.command(name, help=f"Write {name[:-1]} {name[-1]} alone.")
     @_PAGE_OPTIONS
     def command(**options: Any) -> None:
-        call = Call(**options)
+        call = PaperCall(**options)
         _write_pages(_results(call), call, pages=(name,), claimed=False)
 
     return command
 
 
-def write_all(call: Call) -> None:
+def write_all(call: PaperCall) -> None:
     """Write all tables, claims and figures; without matplotlib a warning takes the figures' place."""
     from signsplice_paper.tables import PAGES
 
@@ -62,7 +62,7 @@ def write_all(call: Call) -> None:
     _write_figures(known, call, required=False)
 
 
-def _results(call: Call) -> Results:
+def _results(call: PaperCall) -> Results:
     from signsplice_paper import results
 
     file = call.out / results.FILE
@@ -71,7 +71,7 @@ def _results(call: Call) -> Results:
     return results.load(file)
 
 
-def _write_pages(results: Results, call: Call, pages: Sequence[str], claimed: bool) -> None:
+def _write_pages(results: Results, call: PaperCall, pages: Sequence[str], claimed: bool) -> None:
     from signsplice_paper import claims_page, tables
 
     folder = call.out
@@ -84,7 +84,7 @@ def _write_pages(results: Results, call: Call, pages: Sequence[str], claimed: bo
         print(path)
 
 
-def _write_figures(results: Results, call: Call, required: bool) -> None:
+def _write_figures(results: Results, call: PaperCall, required: bool) -> None:
     from signsplice_paper import figures, kept_frames
 
     folder = call.out

@@ -23,7 +23,7 @@ from signsplice_paper.cli.options import (
     SPLITS,
     SYSTEM,
     TRAINING,
-    Call,
+    PaperCall,
     deadline_in,
     option,
     takes,
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 @takes(SCALE, PAIRS, BUNDLES, *CHOICE, *TRAINING, AGAIN)
 def train(**options: Any) -> None:
     """Train the systems of the tables that are missing."""
-    call = Call(**options)
+    call = PaperCall(**options)
     train_missing(call)
     if not call.time_is_up:
         write_curves(call, required=False)
@@ -47,14 +47,14 @@ def train(**options: Any) -> None:
 @takes(SCALE, PAIRS, BUNDLES, SYSTEM, AGAIN)
 def curves(**options: Any) -> None:
     """Judge systems after every part of their training, from the weights kept in it."""
-    write_curves(Call(**options), required=True)
+    write_curves(PaperCall(**options), required=True)
 
 
 @click.command()
 @takes(SCALE, PAIRS, BUNDLES, OUT, SYSTEM, *TRAINING)
 def search(**options: Any) -> None:
     """Try learning rates and widths."""
-    call = Call(**options)
+    call = PaperCall(**options)
     out = call.made_folder()
     check_extra()
     from signsplice_paper import plan
@@ -153,7 +153,7 @@ def publish(bundles: tuple[str, ...], output: str, pairs: str, limit: int) -> No
         print(line)
 
 
-def train_missing(call: Call) -> list[Run]:
+def train_missing(call: PaperCall) -> list[Run]:
     """Train what the plan has and the bundles lack, until time is up; returns what is still missing.
 
     The plan is asked again after every round, because the best rival is known only when all are trained. Raises
@@ -184,7 +184,7 @@ def train_missing(call: Call) -> list[Run]:
     return todo
 
 
-def _train(todo: Sequence[Run], call: Call) -> None:
+def _train(todo: Sequence[Run], call: PaperCall) -> None:
     """Train every run, one after another or side by side."""
     if importlib.util.find_spec("torch") is None:
         raise MissingExtraError(
@@ -208,7 +208,7 @@ def _train(todo: Sequence[Run], call: Call) -> None:
         schedule.train_one_by_one(planned, started, finished, progress_printer)
 
 
-def write_curves(call: Call, required: bool) -> None:
+def write_curves(call: PaperCall, required: bool) -> None:
     """Write the validation curves that bundles lack, of the named systems if there are any; none where torch is
     missing, unless they are ``required``.
     """
