@@ -17,7 +17,7 @@ import pytest
 from click.testing import CliRunner
 
 from signsplice.errors import InputError, MissingExtraError
-from signsplice_paper import clip_methods, figures, judging, kept_frames, pictures, published, results, style
+from signsplice_paper import clip_methods, figures, judging, kept_frames, pages, pictures, published, results, style
 from signsplice_paper.cli.commands import app
 from signsplice_paper.clip_methods import ClipMethod
 from signsplice_paper.curve import COLUMNS, Curve
@@ -67,9 +67,10 @@ def test_every_figure_is_drawn_with_the_same_bytes_each_time(tmp_path: Path) -> 
     written, left_out = figures.write(measured(), kept_pairs(), one, "cpu")
     names = ["figure4a", "figure4b", "figure4c", "figure4d", "figure5a", "figure5b", "figure6", "figure7"]
     names.append("frame-errors")
-    files = [*(f"{n}{s}" for n in names for s in (".png", ".svg")), "frame-errors.md", "frame-errors.tex"]
+    files = [*(f"{n}{s}" for n in names for s in (".png", ".svg"))]
     assert sorted(path.name for path in written) == sorted(files)
-    errors = (one / "frame-errors.md").read_text()
+    pages.write(measured(), tmp_path, "cpu", ("frame-errors",))
+    errors = (tmp_path / "frame-errors.md").read_text()
     assert f"| {published.name('lstm')} | AdamW, 100 steps | 1.0 | 1.0 | 2.0 |" in errors, "frames 1 to 2, 1, 2, ..."
     assert set(left_out) == {f"{name}-sgd" for name in (*names[:6], names[-1])}
     assert all(path.stat().st_size > 5000 for path in written if path.suffix in (".png", ".svg"))
@@ -276,7 +277,7 @@ def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monk
     assert "18 rows judged, 18 in all" in output, (
         "the mean and 3 methods on three splits; lpt-printed, in one pass too, and lstm on two"
     )
-    assert {"table1.md", "table1.tex", "classical.md", "figure6.png", "figure4d.svg"} <= {p.name for p in out.iterdir()}
+    assert {"table1.md", "table1.csv", "classical.md", "figure6.png", "figure4d.svg"} <= {p.name for p in out.iterdir()}
     assert "| LSTM | AdamW, 20 steps |" in (out / "table1.md").read_text()
     assert len(json.loads((out / "results.json").read_text())["curves"]) == 2
     monkeypatch.setattr(figures, "write", lambda *_: ([], []))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from signsplice_paper import claims_page, results, tables
+from signsplice_paper import claims_page, pages, results
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 
@@ -22,7 +22,7 @@ def test_committed_tables_and_claims_come_from_committed_results(name: str, tmp_
             (tmp_path / where).mkdir(exist_ok=True)
             shutil.copy(DOCS / where / results.FILE, tmp_path / where / results.FILE)
     found = results.load(folder / results.FILE)
-    written = tables.write(found, tmp_path / name, "cpu") + claims_page.write(found, tmp_path / name, "cpu")
+    written = pages.write(found, tmp_path / name, "cpu") + claims_page.write(found, tmp_path / name, "cpu")
     assert written
     for path in written:
         committed = folder / path.name

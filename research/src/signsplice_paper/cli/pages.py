@@ -8,33 +8,33 @@ import click
 
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError, MissingExtraError
-from signsplice_paper.cli.options import OUT, SCALE, PaperCall, takes
+from signsplice_paper.cli.options import OUT, SCALE, PaperCall, option, takes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from signsplice_paper.results import Results
 
-_PAGE_OPTIONS = takes(SCALE, OUT)
+_LATEX = option("--latex", is_flag=True, help="Write the tables as LaTeX too.")
 
 
 @click.command()
-@_PAGE_OPTIONS
-def tables(**options: Any) -> None:
+@takes(SCALE, OUT, _LATEX)
+def tables(latex: bool, **options: Any) -> None:
     """Write all tables, claims and figures from results.json, without corpus or networks."""
-    write_all(PaperCall(**options))
+    write_all(PaperCall(**options), latex)
 
 
 @click.command()
-@_PAGE_OPTIONS
+@takes(SCALE, OUT)
 def claims(**options: Any) -> None:
     """Write the page of claims alone."""
     call = PaperCall(**options)
-    _write_pages(_results(call), call, pages=(), claimed=True)
+    _write_pages(_results(call), call, (), claimed=True)
 
 
 @click.command()
-@_PAGE_OPTIONS
+@takes(SCALE, OUT)
 def figures(**options: Any) -> None:
     """Write the figures alone."""
     call = PaperCall(**options)
@@ -45,20 +45,20 @@ def one_table(name: str) -> click.Command:
     """The command that writes one table."""
 
     @click.command(name, help=f"Write {name[:-1]} {name[-1]} alone.")
-    @_PAGE_OPTIONS
-    def command(**options: Any) -> None:
+    @takes(SCALE, OUT, _LATEX)
+    def command(latex: bool, **options: Any) -> None:
         call = PaperCall(**options)
-        _write_pages(_results(call), call, pages=(name,), claimed=False)
+        _write_pages(_results(call), call, (name,), claimed=False, latex=latex)
 
     return command
 
 
-def write_all(call: PaperCall) -> None:
+def write_all(call: PaperCall, latex: bool = False) -> None:
     """Write all tables, claims and figures; without matplotlib a warning takes the figures' place."""
-    from signsplice_paper.tables import PAGES
+    from signsplice_paper.pages import PAGES
 
     known = _results(call)
-    _write_pages(known, call, PAGES, claimed=True)
+    _write_pages(known, call, PAGES, claimed=True, latex=latex)
     _write_figures(known, call, required=False)
 
 
@@ -71,15 +71,15 @@ def _results(call: PaperCall) -> Results:
     return results.load(file)
 
 
-def _write_pages(results: Results, call: PaperCall, pages: Sequence[str], claimed: bool) -> None:
-    from signsplice_paper import claims_page, tables
+def _write_pages(results: Results, call: PaperCall, names: Sequence[str], claimed: bool, latex: bool = False) -> None:
+    from signsplice_paper import claims_page, pages
 
     folder = call.out
-    written = tables.write(results, folder, call.scale, pages)
+    written = pages.write(results, folder, call.scale, names, latex)
     if claimed:
         written += claims_page.write(results, folder, call.scale)
     if not written:
-        raise InputError(f"{folder}: no row of scale {call.scale} for {' or '.join(pages) or 'claims'}")
+        raise InputError(f"{folder}: no row of scale {call.scale} for {' or '.join(names) or 'claims'}")
     for path in written:
         print(path)
 
