@@ -24,6 +24,7 @@ def test_committed_tables_and_claims_come_from_committed_results(name: str, tmp_
     found = results.load(folder / results.FILE)
     written = pages.write(found, tmp_path / name, "cpu") + claims_page.write(found, tmp_path / name, "cpu")
     assert written
+    assert {path.name for path in folder.glob("*.csv")} == {path.name for path in written if path.suffix == ".csv"}
     for path in written:
         committed = folder / path.name
         assert committed.is_file(), f"{committed}: not there; `signsplice-paper tables --out {folder}`"

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from signsplice.errors import InputError
-from signsplice_paper import layout, lines, pages, published, tables
+from signsplice_paper import layout, lines, pages, published, results, tables
 from signsplice_paper.curve import COLUMNS, Curve
 from signsplice_paper.layout import RULE, Table
 from signsplice_paper.results import CLASSICAL, MEAN, ResultRow, Results
@@ -312,3 +312,9 @@ def test_tables_with_two_values_of_one_column_make_no_csv() -> None:
     assert layout.as_csv([one, replace(one, head=("a", "b", "d"))]) == "a,b,c,d\n1,2,3,3\n"
     with pytest.raises(ValueError, match="has 3 and 4 under c"):
         layout.as_csv([one, replace(one, rows=(("1", "2", "4"),))])
+
+
+def test_the_folder_of_the_other_truth_has_the_csv_alone(tmp_path: Path) -> None:
+    results.save(of_rows(*paper_rows()), tmp_path / results.FILE)
+    (tmp_path / "word").mkdir()
+    assert {path.suffix for path in pages.write(of_rows(*paper_rows()), tmp_path / "word", "cpu")} == {".csv"}

@@ -28,7 +28,8 @@ _KEYS = {HOLDS: "holds", IN_PART: "in_part", FAILS: "fails", UNTESTED: "untested
 UNEQUAL_TRAINING = {
     "cpu": "**Equal time, not equal pairs**: a system has about 25 core-minutes. In them TFGN saw most pairs, LSTM "
     "three quarters as many, Transformer three eighths, ConvS2S and TFGN without Culling (LPT-WC, LPT-WAC) a fifth. "
-    "TFGN without Culling and Transformer have half of its feed-forward width. All networks are smaller than the paper's.",
+    "TFGN without Culling and Transformer have half of its feed-forward width. All networks are smaller than the "
+    "paper's.",
 }
 """By scale, how the trainings of compared systems differ (``train.scales``)."""
 

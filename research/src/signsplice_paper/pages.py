@@ -17,7 +17,7 @@ _COMPARED = tuple(published.name(system) for system in (*published.RIVALS, publi
 _ABLATIONS = (*published.ABLATIONS, published.PRINTED, *published.IMPROVED_ABLATIONS, published.IMPROVED)
 _MEAN = published.name("mean-transition")
 OTHER_TRUTH = "word"
-"""Subfolder with the results of the other truth; pages that serve both are not written there."""
+"""Subfolder with the results of the other truth: it has the CSV alone, beside the pages and claims of its parent."""
 
 
 @dataclass(frozen=True)
@@ -28,24 +28,20 @@ class _Page:
     - names: first cells of the lines that the short page shows, None for all
     - heads: its columns, None for all
     - n_tables: how many of the first split's tables it shows, one below the other
-    - for_both: whether one page serves both truths
     """
 
     tables: Callable[[Results, str, str], list[Table]]
     names: tuple[str, ...] | None = None
     heads: tuple[str, ...] | None = None
     n_tables: int = 1
-    for_both: bool = False
 
 
 _SPLICING = ("BLEU-1", "BLEU-4", "PTA", "PAA", "Accuracy", "MSE", "ms a pair")
 _PAGES = {
     "table1": _Page(tables.table_1, (*_COMPARED, _MEAN), _SPLICING),
-    "table2": _Page(
-        lambda results, scale, split: tables.table_2(results, scale) if split == SPLITS[0] else [], for_both=True
-    ),
+    "table2": _Page(lambda results, scale, split: tables.table_2(results, scale) if split == SPLITS[0] else []),
     "table3": _Page(tables.table_3, tuple(map(published.name, _ABLATIONS)), _SPLICING[1:]),
-    "fr": _Page(tables.table_fr),
+    "fr": _Page(tables.table_fr, heads=("BLEU-4", "PAA", "Accuracy", "MSE", "ms a pair", "length exact")),
     "classical": _Page(
         tables.table_classical,
         (*_COMPARED, "pose-velocity+hermite", "true-positions+hermite", *(name for name, _ in tables.OWN_IN_TABLE_1)),
@@ -79,11 +75,11 @@ def write(results: Results, folder: Path, scale: str, only: Sequence[str] = PAGE
     written = []
     for page in only:
         every = found[page]
-        if _PAGES[page].for_both and is_of_other_truth(folder):
-            continue
         if not every and not (page == "fr" and found["table1"]):  # fr is linked: it says that it has no rows
             continue
-        texts = {".md": f"{_short(page, every, scale)}\n\n{missing}\n"}
+        texts = {}
+        if not is_of_other_truth(folder):
+            texts[".md"] = _short(page, every, scale) + (f"\n\n{missing}\n" if page == PAGES[0] else "\n")
         if every and page != "table2":
             texts[".csv"] = layout.as_csv(every)
         if latex:
@@ -101,6 +97,9 @@ def _short(page: str, every: Sequence[Table], scale: str) -> str:
         return _nothing(scale)
     shown = [table for table in every if table.split == every[0].split][: _PAGES[page].n_tables]
     shown = [layout.selected(table, _PAGES[page].names, _PAGES[page].heads) for table in shown]
+    if _PAGES[page].n_tables > 1:  # systems that stand in several tables: with the seeds of the first
+        first = {row[0]: row for row in reversed(shown[0].rows)}
+        shown[0] = replace(shown[0], rows=tuple(row for row in shown[0].rows if first[row[0]] is row))
     texts = [layout.markdown(replace(table, notes=())).rstrip() for table in shown]
     if page != "table2":
         texts.append(
