@@ -6,10 +6,11 @@ FRAMES ?= 0:315
 BIN := $(VENV)/bin
 NODE := viewer/node_modules/.package-lock.json
 PAGE := src/signsplice/service/page/index.html
+PAGE_SOURCES := $(shell find viewer/src) $(wildcard viewer/*.json) viewer/build.mjs
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 LOCKED := $(PIP) --only-binary :all: --require-hashes --requirement
 ITSELF := $(PIP) --no-deps --no-build-isolation --editable .
-PLACES := src tests attacks research conftest.py
+PLACES := src tests attacks examples research conftest.py
 COMPILE := $(VENV)/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
 	--only-binary :all: --no-annotate --custom-compile-command "make lock" $(if $(UPGRADE),--upgrade)
 
@@ -86,7 +87,7 @@ $(NODE): viewer/package-lock.json
 	@if command -v npm >/dev/null; then cd viewer && npm ci --no-audit --no-fund --silent; \
 	else echo "no npm: what other programs make of our glTF files is not tested"; fi
 
-$(PAGE): $(NODE) $(wildcard viewer/src/*) viewer/build.mjs
+$(PAGE): $(NODE) $(PAGE_SOURCES)
 	@if command -v npm >/dev/null; then cd viewer && npm run --silent build; \
 	else echo "no npm: the viewer is not built, nor tested"; fi
 

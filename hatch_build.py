@@ -39,9 +39,7 @@ class ViewerHook(BuildHookInterface):  # type: ignore[misc]
 
     def _build_page(self) -> None:
         root = Path(self.root)
-        page, sources = root / PAGE / "index.html", [*(root / "viewer").glob("*.*"), *(root / "viewer/src").glob("*")]
-        built = page.stat().st_mtime if page.is_file() else 0.0
-        if built > max((source.stat().st_mtime for source in sources), default=0.0):
+        if is_built(root):
             return
         npm = shutil.which("npm")
         try:
@@ -93,6 +91,16 @@ class ViewerHook(BuildHookInterface):  # type: ignore[misc]
             "dependencies": [{"ref": purl, "dependsOn": [part["bom-ref"] for part in (*networks, *page, *required)]}],
             "compositions": [{"aggregate": "incomplete", "assemblies": unversioned}] if unversioned else [],
         }
+
+
+def is_built(root: Path) -> bool:
+    """Whether the page is newer than every file and folder that it is built from; a folder is as old as its last file
+    that came or went.
+    """
+    page = root / PAGE / "index.html"
+    sources = [*(root / "viewer").glob("*.*"), root / "viewer/src", *(root / "viewer/src").rglob("*")]
+    newest = max((source.stat().st_mtime for source in sources if source.exists()), default=0.0)
+    return page.is_file() and page.stat().st_mtime > newest
 
 
 def _external(requirement: str, scope: str) -> dict[str, Any]:

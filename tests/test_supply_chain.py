@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -92,6 +94,46 @@ def test_a_wheel_carries_its_bill_of_materials(tmp_path: Path) -> None:
     wanted = {requirement.name for requirement in asked(PROJECT["dependencies"])}
     assert {name for name, part in parts.items() if part.get("scope") == "required"} == wanted
     assert parts["uvicorn"]["versionRange"] == "vers:pypi/>=0.54"
+
+
+def test_a_change_of_any_source_makes_the_page_anew(tmp_path: Path) -> None:
+    """In the Makefile and in a wheel's build: sources in folders, one that came, and one that went."""
+    spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
+    assert spec is not None
+    assert spec.loader is not None
+    hatch_build = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(hatch_build)
+    shutil.copy(ROOT / "Makefile", tmp_path)
+    built = tmp_path / hatch_build.PAGE / "index.html"
+    sources = [tmp_path / "viewer" / name for name in ("build.mjs", "tsconfig.json", "src/main.ts", "src/fit/fit.ts")]
+    others = [tmp_path / "viewer" / name for name in ("package-lock.json", "node_modules/.package-lock.json")]
+    for path in (built, *sources, *others):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("")
+
+    def answers() -> tuple[bool, bool]:
+        made = subprocess.run(["make", "--question", hatch_build.PAGE + "/index.html"], cwd=tmp_path)
+        return made.returncode == 0, hatch_build.is_built(tmp_path)
+
+    def set_all() -> None:
+        for path in sorted(tmp_path.rglob("*")):
+            os.utime(path, (1e9, 1e9))
+        os.utime(built, (1.1e9, 1.1e9))
+
+    set_all()
+    assert answers() == (True, True)
+    for source in sources:
+        os.utime(source, (1.2e9, 1.2e9))
+        assert answers() == (False, False), source
+        set_all()
+    (tmp_path / "viewer/src/fit/new.ts").write_text("")
+    assert answers() == (False, False)
+    set_all()
+    (tmp_path / "viewer/src/fit/new.ts").unlink()
+    assert answers() == (False, False)
+    set_all()
+    built.unlink()
+    assert answers() == (False, False)
 
 
 @pytest.mark.skipif(not page.BUILT.is_dir(), reason="the viewer is not built (make viewer)")

@@ -407,6 +407,8 @@ def test_the_shipped_lexicon_may_be_missing_from_a_build(
 def test_the_package_exports_open_lexicon(path: Path) -> None:
     with signsplice.open_lexicon(path) as lex:
         assert isinstance(lex, signsplice.Lexicon)
+    with signsplice.open_lexicon() as words:
+        assert len(words) == len(lexicon.shipped())
 
 
 def test_a_search_reads_the_index_once(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,9 +1,13 @@
-"""The page's own fit of motion to avatars, run by Node: its hands are where Python's retargeting puts them."""
+"""The page's own fit of motion to avatars, run by Node: its hands are where Python's retargeting puts them.
+
+``test_hands_are_where_python_puts_them`` bounds the difference of the two; the other tests say where one would begin.
+"""
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 from collections.abc import Mapping
@@ -32,9 +36,12 @@ from signsplice.service.fitting import fit_source
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 VIEWER = Path(__file__).resolve().parents[2] / "viewer"
-CASES = [("NAME", "narrow"), ("MY", "broad"), ("MOTHER", "big head"), ("FAMILY", "narrow")]
-SENTENCE = ("HELLO MY NAME", "big head")
+CASES = [("NAME", "narrow"), ("MY", "broad"), ("MOTHER", "big head"), ("FAMILY", "narrow"), ("FAMILY", "broad")]
+SENTENCES = [("HELLO MY NAME", "narrow"), ("HELLO MY NAME", "big head")]
 FAR = ("HAT", "too short")
+MOST_M = 0.002
+"""Bound of the difference, m. On 22 lines and bodies, on one machine, it was 0.46 mm at most."""
+_NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+(?:e-?\d+)?|e-?\d+)")
 
 pytestmark = pytest.mark.skipif(
     shutil.which("node") is None or not (VIEWER / "node_modules").is_dir(),
@@ -103,7 +110,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def page(folder: Path) -> Mapping[tuple[str, str], dict[str, Any]]:
     """What the page makes of each line and body, in Node, and the avatars as Python reads them."""
-    cases = [*CASES, SENTENCE, FAR]
+    cases = [*CASES, *SENTENCES, FAR]
     found = run(folder, cases)
     return {case: {**one, "avatar": read_avatar(made(folder, case[1]))} for case, one in zip(cases, found, strict=True)}
 
@@ -119,14 +126,24 @@ def hands(clip: Clip, points: list[str]) -> FloatArray:
     return np.asarray(out - positions[:, [joints["leftUpperArm"], joints["rightUpperArm"]]].mean(axis=1, keepdims=True))
 
 
-@pytest.mark.parametrize(("line", "body"), [*CASES, SENTENCE])
-def test_hands_are_where_python_puts_them(page: Mapping[tuple[str, str], dict[str, Any]], line: str, body: str) -> None:
-    clip, seen = signed(line), page[line, body]
-    fitted = hands(retarget(clip, seen["avatar"]).clip, seen["points"])
-    away = np.linalg.norm(np.array(seen["hands"]) - fitted, axis=-1)
-    assert away.max() < 0.005, "5 mm"
-    copied = hands(copy_rotations(clip, reference(still(seen["avatar"])))[0], seen["points"])
-    assert np.linalg.norm(copied - fitted, axis=-1).max() > 0.02, "the fit moves hands by centimetres"
+def test_hands_are_where_python_puts_them(page: Mapping[tuple[str, str], dict[str, Any]]) -> None:
+    for (line, body), seen in page.items():
+        clip, points = signed(line), seen["points"]
+        fitted = hands(retarget(clip, seen["avatar"]).clip, points)
+        away = np.linalg.norm(np.array(seen["hands"]) - fitted, axis=-1)
+        assert away.max() < MOST_M, f"{line} on {body}: {1e3 * away.max():.2f} mm"
+        copied = hands(copy_rotations(clip, reference(still(seen["avatar"])))[0], points)
+        assert np.linalg.norm(copied - fitted, axis=-1).max() > 0.02, "the fit moves hands by centimetres"
+
+
+def test_numbers_of_the_fit_stand_in_python_alone() -> None:
+    """The page's fit has them from the generated ``constants.ts``, but for halves, guards against division by zero and
+    cm^2 in a m^2.
+    """
+    for path in (VIEWER / "src/fit").glob("*.ts"):
+        if path.name != "constants.ts":
+            code = re.sub(r"/\*.*?\*/|//[^\n]*", "", path.read_text(encoding="utf-8"), flags=re.S)
+            assert set(_NUMBER.findall(code)) <= {"0.5", "1e-9", "1e-12", "1e4"}, path.name
 
 
 def test_places_beyond_reach_are_told_as_python_tells_them(page: Mapping[tuple[str, str], dict[str, Any]]) -> None:

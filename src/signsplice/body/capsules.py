@@ -34,6 +34,26 @@ _LIMBS = (
 
 # Trunk: capsules side by side, how far to the left and how thick, as fractions of stature; together an oval.
 _COLUMNS = ((0.058, 0.053), (0.0, 0.060), (-0.058, 0.053))
+_BELOW_SHOULDERS, _WAIST = 0.045, (0.94, 0.92)
+"""How far below the shoulders columns begin; their place and thickness at the waist, as parts of those above."""
+HEM, _SEAT, _HIPS = 0.035, (1.08, 0.057), (0.95, 0.057)
+"""How far below the hips the trunk ends; place, as a part, and radius of a column there; part of the way to the legs'
+joints that the hips reach, and their radius."""
+_NECK, _BACK = (0.02, 0.030, 0.029), (0.02, 0.044, 0.050)
+"""How far the neck goes beyond its bone, and the back begins below it, and radii at both ends."""
+_COLLAR, _SHOULDER = (0.55, 0.45, 0.004, 0.034, 0.033), ((0.2, 0.93), (0.035, 0.0325))
+"""A collar's end: parts of the way to its shoulder and to the middle of both, how far below, and radii; between which
+parts of the collar bone the shoulder lies, and its radii.
+"""
+
+_PALM, _MITTEN = (0.12, 0.0095, 1.22, 1.35), (0.08, 0.02, 0.018)
+"""Where on the way to a knuckle its part of the palm begins, and the radius there; the radius at the knuckle, in those
+of the finger, and of the thumb. Length and radii of a hand without fingers.
+"""
+_TAPER, _TIP = (1.12, 0.09), (0.2, 2.0, 0.8)
+"""Radius of a first phalanx at its beginning, in those of the finger, and how much it falls with each. Least and
+largest length of a last phalanx, in those of the one before, and the length where no end is known.
+"""
 
 # The head about its joint in the T-pose: left, up, forward of both ends, radii; all fractions of stature.
 _HEAD = (
@@ -240,8 +260,8 @@ def _trunk(skeleton: Skeleton, height: float, shape: BodyShape) -> list[_Capsule
             add(f"head{n}", joints["head"], *ends, big * r0, big * r1, part)
     if "head" in joints and "neck" in joints:
         neck = joints["neck"]
-        nape = positions[joints["head"]] - positions[neck] + 0.02 * up
-        add("neck", neck, -0.02 * up, nape, 0.030 * big, 0.029 * big, "neck")
+        nape = positions[joints["head"]] - positions[neck] + _NECK[0] * up
+        add("neck", neck, -_NECK[0] * up, nape, _NECK[1] * big, _NECK[2] * big, "neck")
     rows += _shoulders(skeleton, height, shape)
     girdle = [
         positions[joints[s + "UpperArm"]] - positions[chest] for s in ("left", "right") if s + "UpperArm" in joints
@@ -249,22 +269,23 @@ def _trunk(skeleton: Skeleton, height: float, shape: BodyShape) -> list[_Capsule
     if len(girdle) == 2:
         middle, waist = np.mean(girdle, axis=0), positions[low] - positions[chest]
         for n, (x, r) in enumerate(_COLUMNS):
-            start, end = middle - 0.045 * up + wide * x * left, waist + 0.94 * wide * x * left
-            add(f"chest{n}", chest, start, end, r * deep, 0.92 * r * deep, "shirt")
+            start, end = middle - _BELOW_SHOULDERS * up + wide * x * left, waist + _WAIST[0] * wide * x * left
+            add(f"chest{n}", chest, start, end, r * deep, _WAIST[1] * r * deep, "shirt")
         if "neck" in joints:
             nape = positions[joints["neck"]] - positions[chest]
-            add("back", chest, nape - 0.02 * up, waist, 0.044 * deep, 0.050 * deep, "shirt")
+            add("back", chest, nape - _BACK[0] * up, waist, _BACK[1] * deep, _BACK[2] * deep, "shirt")
             for n, shoulder in enumerate(girdle):
-                end = 0.55 * shoulder + 0.45 * middle - 0.004 * up
-                add(f"collar{n}", chest, nape, end, 0.034, 0.033, "shirt")
-    hem = -0.035 * up
+                end = _COLLAR[0] * shoulder + _COLLAR[1] * middle - _COLLAR[2] * up
+                add(f"collar{n}", chest, nape, end, *_COLLAR[3:], "shirt")
+    hem = -HEM * up
     for n, (x, r) in enumerate(_COLUMNS):
-        start = positions[low] - positions[hips] + 0.94 * wide * x * left
-        end = hem + 1.08 * wide * x * left
-        add(f"belly{n}", hips, start, end, 0.92 * r * deep, 0.057 * deep, "shirt")
+        start = positions[low] - positions[hips] + _WAIST[0] * wide * x * left
+        end = hem + _SEAT[0] * wide * x * left
+        add(f"belly{n}", hips, start, end, _WAIST[1] * r * deep, _SEAT[1] * deep, "shirt")
     sides = [positions[joints[s + "UpperLeg"]] - positions[hips] for s in ("left", "right") if s + "UpperLeg" in joints]
     if len(sides) == 2:
-        add("hips", hips, hem + 0.95 * sides[0], hem + 0.95 * sides[1], 0.057 * deep, 0.057 * deep, "shirt")
+        start, end = (hem + _HIPS[0] * side for side in sides)
+        add("hips", hips, start, end, _HIPS[1] * deep, _HIPS[1] * deep, "shirt")
     return rows
 
 
@@ -278,9 +299,8 @@ def _shoulders(skeleton: Skeleton, height: float, shape: BodyShape) -> list[_Cap
         arm = joints[f"{side}UpperArm"]
         collar = joints.get(f"{side}Shoulder", int(skeleton.parents[arm]))
         bone, thick = rest[arm] - rest[collar], height * shape.limbs
-        rows.append(
-            _Capsule(f"{side}Shoulder", collar, 0.2 * bone, 0.93 * bone, 0.035 * thick, 0.0325 * thick, "shirt")
-        )
+        (low, high), (r0, r1) = _SHOULDER
+        rows.append(_Capsule(f"{side}Shoulder", collar, low * bone, high * bone, r0 * thick, r1 * thick, "shirt"))
     return rows
 
 
@@ -296,22 +316,23 @@ def _hand(
         chain = [(r, joints[r]) for s in _SEGMENTS if (r := f"{side}{finger}{s}") in joints]
         if not chain:
             continue
-        thick, palm = _THICKNESS[finger] * height * thickness, 0.0095 * height * thickness
-        knuckle, wider = rest[chain[0][1]] - rest[wrist], 1.35 if finger == "Thumb" else 1.22
-        rows.append(_Capsule(f"{side}{finger}Palm", wrist, 0.12 * knuckle, knuckle, palm, thick * wider, "palm", side))
+        thick, palm = _THICKNESS[finger] * height * thickness, _PALM[1] * height * thickness
+        knuckle, wider = rest[chain[0][1]] - rest[wrist], _PALM[3 if finger == "Thumb" else 2]
+        ends, radii = (_PALM[0] * knuckle, knuckle), (palm, thick * wider)
+        rows.append(_Capsule(f"{side}{finger}Palm", wrist, *ends, *radii, "palm", side))
         for n, (role, joint) in enumerate(chain):
-            is_last = n + 1 == len(chain)
-            bone = (
-                _tip(skeleton, joint, [j for _, j in chain], rest) if is_last else rest[chain[n + 1][1]] - rest[joint]
-            )
-            taper = 1.12 - 0.09 * n
+            is_last, taper = n + 1 == len(chain), _TAPER[0] - _TAPER[1] * n
+            after = chain[min(n + 1, len(chain) - 1)][1]
+            bone = _tip(skeleton, joint, [j for _, j in chain], rest) if is_last else rest[after] - rest[joint]
             part = finger + "Tip" if is_last else finger
-            rows.append(_Capsule(role, joint, np.zeros(3), bone, thick * taper, thick * (taper - 0.09), part, side))
+            radii = thick * taper, thick * (taper - _TAPER[1])
+            rows.append(_Capsule(role, joint, np.zeros(3), bone, *radii, part, side))
     if not rows:  # no fingers: a mitten as long as a hand
         elbow = joints.get(f"{side}LowerArm")
         bone = rest[wrist] - rest[elbow] if elbow is not None else np.array([0.0, -1.0, 0.0])
-        bone, thick = bone / np.linalg.norm(bone) * 0.08 * height, height * thickness
-        rows.append(_Capsule(f"{side}Mitten", wrist, np.zeros(3), bone, 0.02 * thick, 0.018 * thick, "palm", side))
+        (length, r0, r1), thick = _MITTEN, height * thickness
+        bone = bone / np.linalg.norm(bone) * length * height
+        rows.append(_Capsule(f"{side}Mitten", wrist, np.zeros(3), bone, r0 * thick, r1 * thick, "palm", side))
     return rows
 
 
@@ -324,6 +345,6 @@ def _tip(skeleton: Skeleton, joint: int, chain: list[int], rest: FloatArray) -> 
     before = rest[joint] - rest[chain[-2]] if len(chain) > 1 else rest[joint] - rest[skeleton.parents[joint]]
     usual = float(np.linalg.norm(before))
     for bone in sites:
-        if 0.2 * usual < np.linalg.norm(bone) < 2.0 * usual:
+        if _TIP[0] * usual < np.linalg.norm(bone) < _TIP[1] * usual:
             return bone
-    return np.asarray(0.8 * before)
+    return np.asarray(_TIP[2] * before)

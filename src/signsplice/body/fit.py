@@ -37,10 +37,9 @@ NEAR_M = 0.04
 _FREE_M, _FAR_M = 0.06, 0.25
 """Distances up to which a gap keeps its length, and from which on it is scaled as signing space is, m."""
 _SPACE_WEIGHT = 0.15
-_SMOOTHNESS = 100.0
-"""lambda at 30 frames a second."""
-_CONTACT_WEIGHT = 60.0
-_CONTACT_FADE_M = 0.006
+_SMOOTHNESS, _FPS = 100.0, 30.0
+"""lambda at this frame rate."""
+_CONTACT_WEIGHT, _CONTACT_FADE_M, _LEAST_WEIGHT = 60.0, 0.006, 1e-3
 _TOUCH_M = 0.012
 """Skin distance at the source up to which a pair is held at its distance, m."""
 _CLEAR_M = 0.010
@@ -52,7 +51,10 @@ _STEPS, _STEPS_AGAIN = 4, 2
 _DAMPING = 10.0
 """Weight that holds moves to those of the step before: contacts that come and go would make them swing."""
 _REACH, _REACH_WEIGHT = 0.985, 60.0
-
+SIGNS = 0.5
+"""An arm signs in the frames in which it is active by more than this."""
+_ARM_SHARES = {"sleeve": (0.0, 0.5), "cuff": (0.5, 1.0)}
+"""How far both ends of an arm's parts move with its wrist."""
 
 _ANCHORS = (
     ("ThumbDistal", 1.0),
@@ -118,7 +120,7 @@ class Fit:
     def _out_of_reach(self, m: FloatArray) -> FloatArray:
         """How far (2,) the places of each hand lie beyond its arm's reach where it signs, at most, m."""
         away = np.linalg.norm(self.carried.wrists + m - self.carried.shoulders, axis=-1) - self.carried.arm_lengths
-        return np.asarray((away * (self.active > 0.5)).max(axis=0, initial=0.0))
+        return np.asarray((away * (self.active > SIGNS)).max(axis=0, initial=0.0))
 
     def again(self, moved: PosedBody) -> FloatArray:
         """The moves once more, from ``moved``: the body with the arms as they lie after the moves so far."""
@@ -195,7 +197,7 @@ class Fit:
 
     @property
     def _smooth(self) -> float:
-        return _SMOOTHNESS * (self.fps / 30.0) ** 4
+        return _SMOOTHNESS * (self.fps / _FPS) ** 4
 
     def _solve_linear(self) -> FloatArray:
         n, (diagonal, off, right) = self.n_frames, self._linear
@@ -302,7 +304,7 @@ class _Contacts:
             *self._radii,
         )
         weight = np.where(now.distance < self._allowed, _CONTACT_WEIGHT, self._held)
-        rows = np.flatnonzero(weight > 1e-3)
+        rows = np.flatnonzero(weight > _LEAST_WEIGHT)
         if not len(rows):
             return
         share, at = np.zeros((len(rows), 2)), np.arange(len(rows))
@@ -322,7 +324,7 @@ def _shares(body: BodyCapsules) -> tuple[FloatArray, FloatArray, Index]:
     first, last = np.zeros(len(body.parts)), np.zeros(len(body.parts))
     for n, (part, side) in enumerate(zip(body.parts, body.sides, strict=True)):
         if side and part not in ("leg", "shoe"):
-            first[n], last[n] = {"sleeve": (0.0, 0.5), "cuff": (0.5, 1.0)}.get(part, (1.0, 1.0))
+            first[n], last[n] = _ARM_SHARES.get(part, (1.0, 1.0))
     return first, last, np.array([int(side == "right") for side in body.sides], np.intp)
 
 

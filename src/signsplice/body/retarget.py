@@ -14,7 +14,7 @@ import numpy as np
 from signsplice.body import arm_ik, swivel
 from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules
 from signsplice.body.contacts import PART_M, Contact, find_contacts
-from signsplice.body.fit import Fit
+from signsplice.body.fit import SIGNS, Fit
 from signsplice.body.posed import PosedBody, posed_body
 from signsplice.body.thumb_contacts import keep_thumb_contacts
 from signsplice.body.touch import Near, forearm_pairs, near_pairs, pair_gaps
@@ -27,6 +27,8 @@ from signsplice.rig.placement import placement
 
 ALIKE = 0.005
 """Bodies whose arms, shoulders and hands differ by a smaller fraction than this are one body: rotations are enough."""
+_SHORT = 0.1
+"""Lengths below this part of the longest are compared as if they were as long."""
 BEYOND_M = 0.02
 """A hand whose place lies farther than this, m, beyond its arm's reach is named in a warning."""
 _FADE_S = 0.15
@@ -145,7 +147,7 @@ def _is_alike(a: Skeleton, b: Skeleton) -> bool:
     one, two = sizes
     longest = max(one.values())
     return one.keys() == two.keys() and all(
-        abs(one[key] - two[key]) <= ALIKE * max(one[key], 0.1 * longest) for key in one
+        abs(one[key] - two[key]) <= ALIKE * max(one[key], _SHORT * longest) for key in one
     )
 
 
@@ -199,7 +201,7 @@ def _reach_warnings(beyond: FloatArray, name: str) -> tuple[str, ...]:
 def _contacts(fit: Fit, posed: PosedBody, start: int) -> list[Contact]:
     """The contacts of a window of the source while it signs, from frame ``start`` on, and what became of them."""
     (theirs, ours), near = fit.pairs, fit.near
-    shown = (near.distance < PART_M) & (fit.active[near.frames, theirs.own_side[near.k]] > 0.5)
+    shown = (near.distance < PART_M) & (fit.active[near.frames, theirs.own_side[near.k]] > SIGNS)
     near = Near(near.frames[shown], near.k[shown], near.distance[shown])
     after = pair_gaps(posed.starts, posed.ends, posed.radii, ours, near.frames, near.k).distance
     after -= posed.heights(ours, near)

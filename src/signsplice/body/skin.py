@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from signsplice.body.capsules import BodyCapsules, BodyShape, shaped_capsules
+from signsplice.body.capsules import HEM, BodyCapsules, BodyShape, shaped_capsules
 from signsplice.body.relief import Relief
 from signsplice.body.skin_head import fit_head
 from signsplice.body.skin_points import MIN_POINTS, SkinPoints, quantile, window
@@ -27,6 +27,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Skeleton
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.info import rig_info
+from signsplice.rig.roles import FINGERS
 
 _TRUNK = ("hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder")
 _HEAD = ("head", "jaw", "leftEye", "rightEye")
@@ -41,8 +42,25 @@ _ACROSS = 0.55
 """Where the depth of an outer column is measured, as a fraction of the trunk's half width."""
 _STEP = 0.004
 """Distance of the points of the surface, as a fraction of stature."""
-_HEM = 0.035
-"""How far below the hips the trunk ends, as a fraction of stature."""
+_BELOW_HEM, _LEVEL, _NEAR = 0.01, 0.015, 0.010
+"""Fractions of stature: how far below the hem skin of the legs counts as the trunk's, and the distances within which
+vertices are at a height, and at a place seen from in front.
+"""
+_TAPERS = (0.7, 1.2)
+"""A limb's radii at its ends lie between the least and the largest that were measured, times these."""
+_ALONG, _SHORTEST = (-0.1, 1.1), 0.3
+"""Where along a phalanx vertices count, and how long the last is at least, both in its usual length."""
+_SLICES = ((0.2, 0.6), 0.45, 0.6)
+"""Of a palm's capsule: where on the way to the knuckle its two slices begin, how long they are, and how wide on either
+side, in distances of neighbouring knuckles.
+"""
+_BETWEEN = (0.05, 0.95)
+"""Shares of vertices that lie below the one and the other surface of a palm or finger."""
+_WIDEST, _OUT = 0.98, (0.3, 0.75)
+"""Share of vertices that lie within the trunk's width; how far out the middle of its outer columns lies, in that."""
+_LEAST_HEIGHTS = 3
+_LOWER_CHEST = (0.55, 0.25)
+"""Heights of the chest from which on, downward, they count less, and how much."""
 
 
 def fit_skin(skeleton: Skeleton, points: SkinPoints) -> tuple[BodyCapsules, tuple[str, ...]]:
@@ -124,7 +142,7 @@ class _Fitting:
 
     def _finger(self, row: int) -> str:
         part = self.usual.parts[row].removesuffix("Tip")
-        return part if part in ("Thumb", "Index", "Middle", "Ring", "Little") else "-"
+        return part if part in FINGERS else "-"
 
     def _sleeve(self, row: int, halves: bool) -> bool:
         """Fit one capsule to the vertices around its bone; False where there are too few."""
@@ -149,7 +167,7 @@ class _Fitting:
         if not seen:
             return False
         table = np.array(seen)
-        low, high = 0.7 * table[:, 3].min(), 1.2 * table[:, 3].max()
+        low, high = _TAPERS[0] * table[:, 3].min(), _TAPERS[1] * table[:, 3].max()
         for ends, t, k in ((self.starts, 0.0, 0), (self.ends, 1.0, 1)):
             x, y, radius = (_line(table[:, 0], table[:, column], t) for column in (1, 2, 3))
             ends[row] += np.array([x, y]) @ frame
@@ -161,7 +179,7 @@ class _Fitting:
     ) -> bool:
         """One middle and one radius for a phalanx; the last one ends where its vertices do."""
         is_last = self.usual.parts[row].endswith("Tip")
-        inside = (along > -0.1) & ((along < 1.1) | is_last)
+        inside = (along > _ALONG[0]) & ((along < _ALONG[1]) | is_last)
         found = _ring(across[inside])
         if found is None:
             return False
@@ -170,7 +188,7 @@ class _Fitting:
         self.radii[row] = radius * usual / usual.mean()
         length = float(np.linalg.norm(self.ends[row] - start))
         if is_last:
-            length = max(float(along.max()) * length - self.radii[row, 1], 0.3 * length)
+            length = max(float(along.max()) * length - self.radii[row, 1], _SHORTEST * length)
         self.starts[row] = start + middle @ frame
         self.ends[row] = start + length * axis + middle @ frame
         return True
@@ -191,12 +209,12 @@ class _Fitting:
         up /= np.linalg.norm(up)
         since = self.points.of(self.roles[f"{side}Hand"]) - start
         along, height, beside = since @ axis / length, since @ up, np.abs(since @ np.cross(axis, up))
-        found = []
-        for low in (0.2, 0.6):
-            inside = height[(beside < 0.6 * spacing) & (along >= low) & (along < low + 0.45)]
+        (lows, long, wide), found = _SLICES, []
+        for low in lows:
+            inside = height[(beside < wide * spacing) & (along >= low) & (along < low + long)]
             if len(inside) < MIN_POINTS:
                 return False
-            found.append((quantile(inside, 0.05), quantile(inside, 0.95)))
+            found.append((quantile(inside, _BETWEEN[0]), quantile(inside, _BETWEEN[1])))
         (b0, t0), (b1, t1) = found
         self.radii[row] = 0.5 * (t0 - b0), 0.5 * (t1 - b1)
         self.starts[row] = start + 0.5 * (t0 + b0) * up
@@ -216,7 +234,7 @@ class _Fitting:
 
     def trunk(self) -> None:
         """Chest and belly as three columns each, hips, back and collar."""
-        low = self.rest[self.roles.get("hips", 0)][1] - (_HEM + 0.01) * self.height
+        low = self.rest[self.roles.get("hips", 0)][1] - (HEM + _BELOW_HEM) * self.height
         legs = [self.roles[role] for role in ("leftUpperLeg", "rightUpperLeg") if role in self.roles]
         trunk = [self.roles[role] for role in _TRUNK if role in self.roles]
         points = np.concatenate([self._surface(trunk), (p := self._surface(legs))[p[:, 1] > low]])
@@ -247,7 +265,7 @@ class _Fitting:
 
     def _depth(self, points: FloatArray, x: float, y: float) -> tuple[float, float] | None:
         """Back and front (z) of the skin at a place seen from in front; None where there is none."""
-        near = window(points, (x, y), 0.010 * self.height)
+        near = window(points, (x, y), _NEAR * self.height)
         return None if near is None else (float(near[:, 2].min()), float(near[:, 2].max()))
 
     def _column(self, name: str, row: int, n: int, points: FloatArray) -> bool:
@@ -257,21 +275,21 @@ class _Fitting:
         side = (1.0, 0.0, -1.0)[n]
         for t in np.linspace(0.0, 1.0, _HEIGHTS):
             y = start[1] + t * (end[1] - start[1])
-            level = points[np.abs(points[:, 1] - y) < 0.015 * self.height]
+            level = points[np.abs(points[:, 1] - y) < _LEVEL * self.height]
             if len(level) < MIN_POINTS:
                 continue
-            wide = quantile(np.abs(level[:, 0] - middle), 0.98)
+            wide = quantile(np.abs(level[:, 0] - middle), _WIDEST)
             depth = self._depth(points, middle + side * _ACROSS * wide, y)
             if depth is None:
                 continue
             back, front = depth
-            out = float(np.clip(wide - 0.5 * (front - back), 0.3 * wide, 0.75 * wide))
+            out = float(np.clip(wide - 0.5 * (front - back), _OUT[0] * wide, _OUT[1] * wide))
             seen.append((t, middle + side * out, back, front))
-        if len(seen) < 3:
+        if len(seen) < _LEAST_HEIGHTS:
             return False
         table = np.array(seen)
         for ends, t, k in ((self.starts, 0.0, 0), (self.ends, 1.0, 1)):
-            weight = np.where(table[:, 0] < 0.55, 1.0, 0.25) if name == "chest" else None
+            weight = np.where(table[:, 0] < _LOWER_CHEST[0], 1.0, _LOWER_CHEST[1]) if name == "chest" else None
             x, back, front = (_line(table[:, 0], table[:, column], t, weight) for column in (1, 2, 3))
             ends[row][0], ends[row][2] = x, 0.5 * (back + front)
             self.radii[row, k] = 0.5 * (front - back)
@@ -307,7 +325,7 @@ def _ring(across: FloatArray, is_centred: bool = False) -> tuple[FloatArray, flo
         return None
     if is_centred:
         return np.zeros(2), quantile(np.linalg.norm(across, axis=1), 0.5)
-    middle = np.array([0.5 * (quantile(across[:, k], 0.05) + quantile(across[:, k], 0.95)) for k in (0, 1)])
+    middle = np.array([0.5 * sum(quantile(across[:, k], share) for share in _BETWEEN) for k in (0, 1)])
     return middle, quantile(np.linalg.norm(across - middle, axis=1), 0.5)
 
 

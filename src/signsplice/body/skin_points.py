@@ -18,6 +18,8 @@ _MOST_SAMPLES = 300_000
 """Points on all triangles, from which on each has but one."""
 _OWN = 0.49
 """A vertex belongs to the joints that carry at least this much of it: half, and the rounding of bytes."""
+_WIDER = (1.0, 2.0, 4.0)
+"""By how much a window grows where it holds too few points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +74,7 @@ def window(points: FloatArray, at: tuple[float, float], half: float) -> FloatArr
     few; None where these are too few too.
     """
     away = np.abs(points[:, :2] - np.array(at)).max(axis=1)
-    for wider in (1.0, 2.0, 4.0):
+    for wider in _WIDER:
         near = points[away < wider * half]
         if len(near) >= MIN_POINTS:
             return np.asarray(near)

@@ -15,12 +15,14 @@ from signsplice.body.touch import gaps
 from signsplice.motion.arrays import FloatArray
 
 _GRID = np.deg2rad(np.arange(-60.0, 61.0, 15.0))
-_TURN_WEIGHT = 0.15
-"""Cost of a turn of 30 degrees, in squared centimetres of depth."""
+_TURN, _TURN_WEIGHT = float(np.deg2rad(30.0)), 0.15
+"""A turn, and its cost in squared centimetres of depth."""
 _CHANGE_WEIGHT = 0.5
 """Cost of a change by one step of the grid from frame to frame, likewise."""
-_WIDTH_S = 0.06
-"""Width of the bell that smooths the chosen turns."""
+_WIDTH_S, _LEAST_WIDTH = 0.06, 0.5
+"""Width of the bell that smooths the chosen turns, and how many frames it is at least."""
+_DEEP, _AROUND_S = 1e-4, 0.3
+"""Squared depth from which on an elbow turns, cm^2, and the time before and after in which it may."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +51,11 @@ class Solid:
 def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float) -> FloatArray:
     """Turns (T,) of the elbow, radians, that keep the forearm from lying deeper in a solid than ``allowed`` (T, S)."""
     cost = _depth_cost(arm.elbow[None], arm, solid, allowed, slice(None))[0]
-    rows = np.flatnonzero(cost > 1e-4)
+    rows = np.flatnonzero(cost > _DEEP)
     turns = np.zeros(len(arm.wrist))
     if not len(rows):
         return turns
-    reach = int(np.ceil(0.3 * fps))
+    reach = int(np.ceil(_AROUND_S * fps))
     span = slice(max(rows[0] - reach, 0), rows[-1] + reach + 1)
     s, e, w = arm.shoulder[span], arm.elbow[span], arm.wrist[span]
     axis = (w - s) / (np.linalg.norm(w - s, axis=-1, keepdims=True) + 1e-9)
@@ -62,9 +64,9 @@ def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float) -> Float
     cos, sin = np.cos(_GRID)[:, None, None], np.sin(_GRID)[:, None, None]
     turned = s + along + cos * out + sin * np.cross(axis, out)  # (K, T, 3)
     costs = _depth_cost(turned, arm, solid, allowed, span).T
-    costs += _TURN_WEIGHT * (_GRID / np.deg2rad(30.0)) ** 2
+    costs += _TURN_WEIGHT * (_GRID / _TURN) ** 2
     chosen = _GRID[_smoothest(costs)]
-    width = max(_WIDTH_S * fps, 0.5)
+    width = max(_WIDTH_S * fps, _LEAST_WIDTH)
     side = int(np.ceil(3.0 * width))
     bell = np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2)
     padded = np.pad(chosen, side, mode="edge")

@@ -210,11 +210,11 @@ class Lexicon:
             return self._skeletons[number]
 
 
-def open_lexicon(path: str | Path) -> Lexicon:
-    """Open the lexicon in a folder. Raises ``InputError`` where there is none, or it is damaged or newer than this
-    version of signsplice.
+def open_lexicon(path: str | Path | None = None) -> Lexicon:
+    """Open the lexicon in a folder; without one, the words that ship. Raises ``InputError`` where there is none, or it
+    is damaged or newer than this version of signsplice.
     """
-    return Lexicon(path)
+    return shipped() if path is None else Lexicon(path)
 
 
 def shipped() -> Lexicon:

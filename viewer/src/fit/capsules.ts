@@ -80,7 +80,8 @@ class Usual {
       if (region) this.add(`head${n}`, 'head', region, this.scaled(start), this.scaled(end), [r0, r1]);
     });
     if (!this.joints.has('neck')) return;
-    this.add('neck', 'neck', 'head', this.point(0, -0.02), this.bone('neck', 'head').add(this.point(0, 0.02)), [0.03, 0.029]);
+    const [beyond, ...radii] = USUAL.NECK;
+    this.add('neck', 'neck', 'head', this.point(0, -beyond), this.bone('neck', 'head').add(this.point(0, beyond)), radii);
   }
 
   private addTrunk(): void {
@@ -90,32 +91,37 @@ class Usual {
     for (const side of SIDES) {
       const collar = has(`${side}Shoulder`) ? `${side}Shoulder` : chest;
       const bone = this.bone(collar, `${side}UpperArm`);
-      const ends = [bone.clone().multiplyScalar(0.2), bone.clone().multiplyScalar(0.93)] as const;
-      this.add(`${side}Shoulder`, collar, 'trunk', ...ends, [0.035, 0.0325]);
+      const [[low, high], radii] = USUAL.SHOULDER;
+      this.add(`${side}Shoulder`, collar, 'trunk', bone.clone().multiplyScalar(low), bone.clone().multiplyScalar(high), radii);
     }
     const girdle = SIDES.map((side) => this.bone(chest, `${side}UpperArm`));
     const middle = girdle[0]!.clone().add(girdle[1]!).divideScalar(2);
     const waist = this.bone(chest, low);
+    const [inward, thinner] = USUAL.WAIST;
     USUAL.COLUMNS.forEach(([x, r], n) => {
-      const start = middle.clone().add(this.point(x, -0.045));
-      this.add(`chest${n}`, chest, 'trunk', start, waist.clone().add(this.point(0.94 * x, 0)), [r, 0.92 * r]);
+      const start = middle.clone().add(this.point(x, -USUAL.BELOW_SHOULDERS));
+      this.add(`chest${n}`, chest, 'trunk', start, waist.clone().add(this.point(inward * x, 0)), [r, thinner * r]);
     });
     if (has('neck')) {
       const nape = this.bone(chest, 'neck');
-      this.add('back', chest, 'trunk', nape.clone().add(this.point(0, -0.02)), waist, [0.044, 0.05]);
+      const [below, ...radii] = USUAL.BACK;
+      this.add('back', chest, 'trunk', nape.clone().add(this.point(0, -below)), waist, radii);
+      const [outward, toMiddle, drop, ...thick] = USUAL.COLLAR;
       girdle.forEach((shoulder, n) => {
-        const end = shoulder.clone().multiplyScalar(0.55).addScaledVector(middle, 0.45).add(this.point(0, -0.004));
-        this.add(`collar${n}`, chest, 'trunk', nape, end, [0.034, 0.033]);
+        const end = shoulder.clone().multiplyScalar(outward).addScaledVector(middle, toMiddle).add(this.point(0, -drop));
+        this.add(`collar${n}`, chest, 'trunk', nape, end, thick);
       });
     }
-    const hem = this.point(0, -0.035);
+    const hem = this.point(0, -USUAL.HEM);
+    const [spread, seat] = USUAL.SEAT;
     USUAL.COLUMNS.forEach(([x, r], n) => {
-      const start = this.bone('hips', low).add(this.point(0.94 * x, 0));
-      this.add(`belly${n}`, 'hips', 'trunk', start, this.point(1.08 * x, -0.035), [0.92 * r, 0.057]);
+      const start = this.bone('hips', low).add(this.point(inward * x, 0));
+      this.add(`belly${n}`, 'hips', 'trunk', start, this.point(spread * x, -USUAL.HEM), [thinner * r, seat]);
     });
     if (!has('leftUpperLeg') || !has('rightUpperLeg')) return;
-    const [left, right] = SIDES.map((side) => this.bone('hips', `${side}UpperLeg`).multiplyScalar(0.95).add(hem));
-    this.add('hips', 'hips', 'trunk', left!, right!, [0.057, 0.057]);
+    const [reach, radius] = USUAL.HIPS;
+    const [left, right] = SIDES.map((side) => this.bone('hips', `${side}UpperLeg`).multiplyScalar(reach).add(hem));
+    this.add('hips', 'hips', 'trunk', left!, right!, [radius, radius]);
   }
 
   private addArm(side: 'left' | 'right'): void {
@@ -134,24 +140,28 @@ class Usual {
       if (!chain.length) continue;
       const thick = USUAL.THICKNESS[finger];
       const knuckle = this.bone(wrist, chain[0]!);
-      const palm = [0.0095, thick * (finger === 'Thumb' ? 1.35 : 1.22)];
-      this.add(`${side}${finger}Palm`, wrist, 'hand', knuckle.clone().multiplyScalar(0.12), knuckle, palm, side);
+      const [from, narrow, wide, thumbWide] = USUAL.PALM;
+      const palm = [narrow, thick * (finger === 'Thumb' ? thumbWide : wide)];
+      this.add(`${side}${finger}Palm`, wrist, 'hand', knuckle.clone().multiplyScalar(from), knuckle, palm, side);
       chain.forEach((name, n) => {
         const isTip = n + 1 === chain.length;
         const bone = isTip ? this.tip(name, this.bone(n ? chain[n - 1]! : wrist, name)) : this.bone(name, chain[n + 1]!);
-        const taper = 1.12 - 0.09 * n;
-        this.add(name, name, 'hand', new Vector3(), bone, [thick * taper, thick * (taper - 0.09)], side, isTip);
+        const [first, fall] = USUAL.TAPER;
+        const taper = first - fall * n;
+        this.add(name, name, 'hand', new Vector3(), bone, [thick * taper, thick * (taper - fall)], side, isTip);
       });
     }
     if (this.capsules.length > before) return;
-    const mitten = this.bone(`${side}LowerArm`, wrist).normalize().multiplyScalar(0.08 * this.height);
-    this.add(`${side}Mitten`, wrist, 'hand', new Vector3(), mitten, [0.02, 0.018], side);
+    const [length, ...radii] = USUAL.MITTEN;
+    const mitten = this.bone(`${side}LowerArm`, wrist).normalize().multiplyScalar(length * this.height);
+    this.add(`${side}Mitten`, wrist, 'hand', new Vector3(), mitten, radii, side);
   }
 
-  /** Where a finger ends beyond its last joint: at a node there, else 0.8 of the phalanx before, straight on. */
+  /** Where a finger ends beyond its last joint: at a node there, else a part of the phalanx before, straight on. */
   private tip(name: string, before: Vector3): Vector3 {
+    const [least, most, otherwise] = USUAL.TIP;
     const usual = before.length();
-    const found = this.tips.get(name)?.find((bone) => bone.length() > 0.2 * usual && bone.length() < 2 * usual);
-    return found?.clone() ?? before.clone().multiplyScalar(0.8);
+    const found = this.tips.get(name)?.find((bone) => bone.length() > least * usual && bone.length() < most * usual);
+    return found?.clone() ?? before.clone().multiplyScalar(otherwise);
   }
 }

@@ -21,6 +21,19 @@ export const capsules = {
   THICKNESS: {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049},
   LIMBS: [["UpperArm", "LowerArm", 0.031, 0.024, "sleeve"], ["LowerArm", "Hand", 0.024, 0.0165, "cuff"], ["UpperLeg", "LowerLeg", 0.052, 0.036, "leg"], ["LowerLeg", "Foot", 0.036, 0.024, "leg"], ["Foot", "Toes", 0.024, 0.02, "shoe"]],
   COLUMNS: [[0.058, 0.053], [0.0, 0.06], [-0.058, 0.053]],
+  BELOW_SHOULDERS: 0.045,
+  WAIST: [0.94, 0.92],
+  HEM: 0.035,
+  SEAT: [1.08, 0.057],
+  HIPS: [0.95, 0.057],
+  NECK: [0.02, 0.03, 0.029],
+  BACK: [0.02, 0.044, 0.05],
+  COLLAR: [0.55, 0.45, 0.004, 0.034, 0.033],
+  SHOULDER: [[0.2, 0.93], [0.035, 0.0325]],
+  PALM: [0.12, 0.0095, 1.22, 1.35],
+  MITTEN: [0.08, 0.02, 0.018],
+  TAPER: [1.12, 0.09],
+  TIP: [0.2, 2.0, 0.8],
   HEAD: [["face", [0.0, 0.03, 0.018], [0.0, 0.07, 0.016], 0.04, 0.051], ["face", [0.0, 0.006, 0.032], [0.0, 0.03, 0.026], 0.024, 0.04], ["nose", [0.0, 0.052, 0.068], [0.0, 0.038, 0.073], 0.0055, 0.0085], ["hair", [0.0, 0.08, -0.004], [0.0, 0.048, -0.016], 0.054, 0.051], ["eye", [0.0195, 0.061, 0.0585], [0.0195, 0.061, 0.0585], 0.0065, 0.0065], ["eye", [-0.0195, 0.061, 0.0585], [-0.0195, 0.061, 0.0585], 0.0065, 0.0065], ["mouth", [0.0125, 0.0178, 0.057], [0.0, 0.017, 0.06], 0.0036, 0.0046], ["mouth", [-0.0125, 0.0178, 0.057], [0.0, 0.017, 0.06], 0.0036, 0.0046]],
 } as const;
 
@@ -42,10 +55,13 @@ export const skin_points = {
   MOST_ROWS: 8,
   MOST_SAMPLES: 300000,
   OWN: 0.49,
+  WIDER: [1.0, 2.0, 4.0],
 } as const;
 
 export const skin = {
+  HEM: 0.035,
   MIN_POINTS: 6,
+  FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
   TRUNK: ["hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder"],
   HEAD: ["head", "jaw", "leftEye", "rightEye"],
   SIDES: ["left", "right"],
@@ -54,7 +70,18 @@ export const skin = {
   HEIGHTS: 7,
   ACROSS: 0.55,
   STEP: 0.004,
-  HEM: 0.035,
+  BELOW_HEM: 0.01,
+  LEVEL: 0.015,
+  NEAR: 0.01,
+  TAPERS: [0.7, 1.2],
+  ALONG: [-0.1, 1.1],
+  SHORTEST: 0.3,
+  SLICES: [[0.2, 0.6], 0.45, 0.6],
+  BETWEEN: [0.05, 0.95],
+  WIDEST: 0.98,
+  OUT: [0.3, 0.75],
+  LEAST_HEIGHTS: 3,
+  LOWER_CHEST: [0.55, 0.25],
 } as const;
 
 export const skin_head = {
@@ -64,6 +91,18 @@ export const skin_head = {
   WIDTH: 0.045,
   BALLS: {"face": 0, "chin": 1, "nose": 2, "skull": 3},
   CELL: 0.006,
+  LEAST: 10,
+  FRONT: 0.4,
+  JAW: [0.6, 0.4],
+  WIDEST: 0.98,
+  TALL: [0.8, 1.3],
+  PROFILE: [["chin", 0, 0.012], ["chin", 1, 0.012], ["face", 0, 0.012], ["face", 1, 0.02]],
+  BELOW: 0.25,
+  BESIDE: 0.6,
+  OPEN: 0.25,
+  NOSE: [0.15, 0.2, 0.6, 0.5],
+  N_BALLS: 5,
+  GRAZING: 0.3,
 } as const;
 
 export const relief = {
@@ -83,8 +122,10 @@ export const fit = {
   FAR_M: 0.25,
   SPACE_WEIGHT: 0.15,
   SMOOTHNESS: 100.0,
+  FPS: 30.0,
   CONTACT_WEIGHT: 60.0,
   CONTACT_FADE_M: 0.006,
+  LEAST_WEIGHT: 0.001,
   TOUCH_M: 0.012,
   CLEAR_M: 0.01,
   PRESS_M: 0.002,
@@ -94,14 +135,20 @@ export const fit = {
   DAMPING: 10.0,
   REACH: 0.985,
   REACH_WEIGHT: 60.0,
+  SIGNS: 0.5,
+  ARM_SHARES: {"sleeve": [0.0, 0.5], "cuff": [0.5, 1.0]},
   ANCHORS: [["ThumbDistal", 1.0], ["IndexDistal", 1.0], ["MiddleDistal", 1.0], ["RingDistal", 1.0], ["LittleDistal", 1.0], ["IndexPalm", 1.0], ["LittlePalm", 1.0], ["MiddlePalm", 0.6], ["Mitten", 0.3], ["Mitten", 1.0]],
 } as const;
 
 export const swivel = {
   GRID: [-1.0471975511965976, -0.7853981633974483, -0.5235987755982988, -0.2617993877991494, 0.0, 0.2617993877991494, 0.5235987755982988, 0.7853981633974483, 1.0471975511965976],
+  TURN: 0.5235987755982988,
   TURN_WEIGHT: 0.15,
   CHANGE_WEIGHT: 0.5,
   WIDTH_S: 0.06,
+  LEAST_WIDTH: 0.5,
+  DEEP: 0.0001,
+  AROUND_S: 0.3,
 } as const;
 
 export const arm_ik = {
@@ -129,7 +176,9 @@ export const thumb_contacts = {
 
 export const retarget = {
   PART_M: 0.012,
+  SIGNS: 0.5,
   ALIKE: 0.005,
+  SHORT: 0.1,
   BEYOND_M: 0.02,
   FADE_S: 0.15,
   HANGING: 0.95,

@@ -10,7 +10,7 @@ import { retarget as MARGINS, swivel as SWIVEL } from './constants.js';
 import { forearmPairs, gap, gapBetween, markNear, skinGap } from './gaps.js';
 import type { Moves } from './solver.js';
 
-const { GRID, TURN_WEIGHT, CHANGE_WEIGHT, WIDTH_S } = SWIVEL;
+const { GRID, TURN, TURN_WEIGHT, CHANGE_WEIGHT, WIDTH_S, LEAST_WIDTH, DEEP, AROUND_S } = SWIVEL;
 
 /** Angles of left and right elbow, frame by frame, radians. */
 export function* chooseSwivels(source: Posed, carried: Posed, moves: Moves, fps: number): Generator<void, Float64Array> {
@@ -61,10 +61,10 @@ class Forearm {
     const elbow = new Vector3();
     const deep: number[] = [];
     for (let t = 0; t < frames; t++) {
-      if (this.depthCost(t, elbow.fromArray(this.arms, Posed.at(t, this.side, 1))) > 1e-4) deep.push(t);
+      if (this.depthCost(t, elbow.fromArray(this.arms, Posed.at(t, this.side, 1))) > DEEP) deep.push(t);
     }
     if (!deep.length) return turns;
-    const reach = Math.ceil(0.3 * fps);
+    const reach = Math.ceil(AROUND_S * fps);
     const from = Math.max(deep[0]! - reach, 0);
     const to = Math.min(deep.at(-1)! + reach + 1, frames);
     const costs: number[][] = [];
@@ -79,11 +79,11 @@ class Forearm {
       costs.push(
         GRID.map((angle) => {
           elbow.copy(middle).addScaledVector(out, Math.cos(angle)).addScaledVector(across, Math.sin(angle));
-          return this.depthCost(t, elbow) + TURN_WEIGHT * (angle / (Math.PI / 6)) ** 2;
+          return this.depthCost(t, elbow) + TURN_WEIGHT * (angle / TURN) ** 2;
         }),
       );
     }
-    turns.set(smoothed(smoothest(costs).map((k) => GRID[k]!), Math.max(WIDTH_S * fps, 0.5)), from);
+    turns.set(smoothed(smoothest(costs).map((k) => GRID[k]!), Math.max(WIDTH_S * fps, LEAST_WIDTH)), from);
     return turns;
   }
 

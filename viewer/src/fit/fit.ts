@@ -10,7 +10,7 @@ import { chooseSwivels } from './elbows.js';
 import { Fit } from './solver.js';
 import { keepThumbContacts } from './thumbs.js';
 
-const { WINDOW, OVERLAP, ALIKE, BEYOND_M } = RETARGET;
+const { WINDOW, OVERLAP, ALIKE, SHORT, BEYOND_M } = RETARGET;
 const SLICE_MS = 10; // of work between two frames of the page
 
 /** A motion as it was signed. */
@@ -99,6 +99,6 @@ function isAlike(one: Body, other: Body): boolean {
   const longest = Math.max(...a.values());
   return (
     a.size === b.size &&
-    [...a].every(([key, length]) => Math.abs(length - (b.get(key) ?? Infinity)) <= ALIKE * Math.max(length, 0.1 * longest))
+    [...a].every(([key, length]) => Math.abs(length - (b.get(key) ?? Infinity)) <= ALIKE * Math.max(length, SHORT * longest))
   );
 }

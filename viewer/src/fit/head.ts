@@ -5,7 +5,7 @@ import { skin_head as HEAD } from './constants.js';
 import { clip } from './gaps.js';
 import { MIN_POINTS, quantile } from './points.js';
 
-const { CHIN, TOP, WIDTH, CELL, BALLS } = HEAD;
+const { CHIN, TOP, WIDTH, CELL, BALLS, LEAST, FRONT, JAW, WIDEST, TALL, PROFILE, BELOW, BESIDE, OPEN, NOSE, N_BALLS, GRAZING } = HEAD;
 
 /** A capsule while it is fitted: ends in the rest pose (left +X, up +Y, forward +Z) and radii, m. */
 export interface Shape {
@@ -23,18 +23,18 @@ interface Ball {
 
 /** Fit the head's capsules of the usual proportions in place, all about its joint; false where there are too few vertices. */
 export function fitHead(shapes: Shape[], points: Vector3[], height: number): boolean {
-  if (points.length < 10 * MIN_POINTS) return false;
+  if (points.length < LEAST * MIN_POINTS) return false;
   const [foremost, hindmost] = [1, -1].map((sign) => outermost(points, sign, CELL * height)) as [Vector3[], Vector3[]];
   const depth = Math.max(...foremost.map(({ z }) => z));
-  const front = foremost.filter(({ z }) => z > 0.4 * depth);
-  const wide = front.length ? quantile(front.map(({ x }) => Math.abs(x)), 0.98) : 0;
-  const jaw = front.filter(({ x, z }) => z > 0.6 * depth && Math.abs(x) < 0.4 * wide);
+  const front = foremost.filter(({ z }) => z > FRONT * depth);
+  const wide = front.length ? quantile(front.map(({ x }) => Math.abs(x)), WIDEST) : 0;
+  const jaw = front.filter(({ x, z }) => z > JAW[0] * depth && Math.abs(x) < JAW[1] * wide);
   if (jaw.length < MIN_POINTS) return false;
   const low = Math.min(...jaw.map(({ y }) => y));
   const xScale = wide / (WIDTH * height);
   const span = (TOP - CHIN) * height;
   const highest = points.reduce((most, { y }) => Math.max(most, y), -Infinity);
-  const yScale = clip((highest - low) / span, 0.8 * xScale, 1.3 * xScale);
+  const yScale = clip((highest - low) / span, TALL[0] * xScale, TALL[1] * xScale);
   const top = low + yScale * span;
   for (const { start, end, radii } of shapes) {
     for (const point of [start, end]) point.set(point.x * xScale, low + yScale * (point.y - CHIN * height), point.z * xScale);
@@ -46,16 +46,17 @@ export function fitHead(shapes: Shape[], points: Vector3[], height: number): boo
   const template = [...between(face), ...between(chin)];
   const usualMiddle = 0.5 * (face.start.z + face.end.z);
   const tall = yScale * height;
-  for (const [point, half] of [[chin.start, 0.012], [chin.end, 0.012], [face.start, 0.012], [face.end, 0.02]] as const) {
+  for (const [name, end, half] of PROFILE) {
+    const point = shapes[BALLS[name]]![end ? 'end' : 'start'];
     // Less is wanted from below, where the surface of a chin recedes.
-    const isNear = (above: number) => above > -0.25 * half * tall && above < half * tall;
-    const near = foremost.filter(({ x, y }) => isNear(y - point.y) && Math.abs(x) < 0.6 * wide);
+    const isNear = (above: number) => above > -BELOW * half * tall && above < half * tall;
+    const near = foremost.filter(({ x, y }) => isNear(y - point.y) && Math.abs(x) < BESIDE * wide);
     point.z += offset(near, template, 1) ?? 0;
   }
   const shift = 0.5 * (face.start.z + face.end.z) - usualMiddle;
-  const found = offset(hindmost.filter(({ x }) => Math.abs(x) < 0.6 * wide), between(skull), -1);
+  const found = offset(hindmost.filter(({ x }) => Math.abs(x) < BESIDE * wide), between(skull), -1);
   // A head that is open behind, under hair that does not count, has only the inside of its face there.
-  const by = found === null || found > shift + 0.25 * skull.radii[0] ? shift : found;
+  const by = found === null || found > shift + OPEN * skull.radii[0] ? shift : found;
   skull.start.z += by;
   skull.end.z += by;
   placeNose(nose, foremost, low, top, wide);
@@ -64,15 +65,16 @@ export function fitHead(shapes: Shape[], points: Vector3[], height: number): boo
 
 /** Put the nose's capsule below the foremost point of the middle of the face. */
 function placeNose(nose: Shape, front: Vector3[], chin: number, top: number, wide: number): void {
+  const [beside, low, high, near] = NOSE;
   const middle = front.filter(({ x, y }) => {
     const share = (y - chin) / (top - chin);
-    return Math.abs(x) < 0.15 * wide && share > 0.2 && share < 0.6;
+    return Math.abs(x) < beside * wide && share > low && share < high;
   });
   if (!middle.length) return;
   const tip = middle.reduce((best, point) => (point.z > best.z ? point : best));
   const rise = nose.start.y - nose.end.y;
   nose.end.set(0, tip.y, tip.z - nose.radii[1]);
-  const bridge = middle.filter(({ y }) => Math.abs(y - tip.y - rise) < 0.5 * rise);
+  const bridge = middle.filter(({ y }) => Math.abs(y - tip.y - rise) < near * rise);
   const z = bridge.length ? Math.max(...bridge.map((point) => point.z)) : tip.z;
   nose.start.set(0, tip.y + rise, z - nose.radii[0]);
 }
@@ -90,7 +92,7 @@ function outermost(points: Vector3[], sign: number, cell: number): Vector3[] {
 
 /** Balls along a capsule. */
 function between({ start, end, radii }: Shape): Ball[] {
-  return [0, 0.25, 0.5, 0.75, 1].map((t) => ({ ...start.clone().lerp(end, t), radius: radii[0] + t * (radii[1] - radii[0]) }));
+  return Array.from({ length: N_BALLS }, (_, k) => k / (N_BALLS - 1)).map((t) => ({ ...start.clone().lerp(end, t), radius: radii[0] + t * (radii[1] - radii[0]) }));
 }
 
 /**
@@ -103,7 +105,7 @@ function offset(surface: Vector3[], balls: Ball[], sign: number): number | null 
     let outer = -Infinity;
     for (const { x, y, z, radius } of balls) {
       const squared = radius * radius - (point.x - x) ** 2 - (point.y - y) ** 2;
-      if (squared > 0.3 * radius * radius) outer = Math.max(outer, sign * z + Math.sqrt(squared));
+      if (squared > GRAZING * radius * radius) outer = Math.max(outer, sign * z + Math.sqrt(squared));
     }
     if (outer > -Infinity) beyond.push(sign * point.z - outer);
   }

@@ -92,7 +92,7 @@ export function quantile(values: number[], share: number): number {
 
 /** Points whose x and y lie within ``half`` of a place, or within two or four times that; null where these are too few too. */
 export function around(points: Vector3[], x: number, y: number, half: number): Vector3[] | null {
-  for (const wider of [1, 2, 4]) {
+  for (const wider of POINTS.WIDER) {
     const near = points.filter((point) => Math.max(Math.abs(point.x - x), Math.abs(point.y - y)) < wider * half);
     if (near.length >= MIN_POINTS) return near;
   }

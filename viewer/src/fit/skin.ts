@@ -7,14 +7,15 @@ import { type Quaternion, Vector3 } from 'three';
 import type { FitCapsule } from '../wire.js';
 import { type Bone, restPositions, SIDES } from './body.js';
 import { type UsualCapsule, statureOf } from './capsules.js';
-import { skin as SKIN } from './constants.js';
+import { capsules as USUAL, skin as SKIN } from './constants.js';
 import { clip } from './gaps.js';
 import { fitHead, type Shape } from './head.js';
 import { around, line, MIN_POINTS, quantile, type SkinPoints, type SurfacePoint, thinned } from './points.js';
 import { Relief } from './relief.js';
 
-const { TRUNK, HEAD, BINS, HEIGHTS, ACROSS, HEM, STEP } = SKIN;
-const FINGER = /(Thumb|Index|Middle|Ring|Little)(Metacarpal|Proximal|Intermediate|Distal)$/;
+const { TRUNK, HEAD, BINS, HEIGHTS, ACROSS, HEM, STEP, BELOW_HEM, LEVEL, NEAR, TAPERS, ALONG, SHORTEST } = SKIN;
+const { SLICES, BETWEEN, WIDEST, OUT, LEAST_HEIGHTS, LOWER_CHEST } = SKIN;
+const FINGER = new RegExp(`(${USUAL.FINGERS.join('|')})(${USUAL.SEGMENTS.join('|')})$`);
 
 interface Piece extends Shape {
   usual: UsualCapsule;
@@ -151,7 +152,7 @@ class Fitting {
     const at = (values: number[], t: number) => line(rings.map((one) => one.t), values, t);
     [piece.start, piece.end].forEach((end, t) => {
       end.addScaledVector(u, at(rings.map(({ x }) => x), t)).addScaledVector(v, at(rings.map(({ y }) => y), t));
-      piece.radii[t as 0 | 1] = clip(at(radii, t), 0.7 * Math.min(...radii), 1.2 * Math.max(...radii));
+      piece.radii[t as 0 | 1] = clip(at(radii, t), TAPERS[0] * Math.min(...radii), TAPERS[1] * Math.max(...radii));
     });
     return true;
   }
@@ -162,12 +163,12 @@ class Fitting {
     if (!measured) return false;
     const { axis, u, v, seen } = measured;
     const isLast = piece.usual.isTip;
-    const found = ring(seen.filter(({ along }) => along > -0.1 && (along < 1.1 || isLast)));
+    const found = ring(seen.filter(({ along }) => along > ALONG[0] && (along < ALONG[1] || isLast)));
     if (!found) return false;
     const mean = 0.5 * (piece.usual.radii[0] + piece.usual.radii[1]);
     piece.radii = [(found.radius * piece.usual.radii[0]) / mean, (found.radius * piece.usual.radii[1]) / mean];
     let { length } = measured;
-    if (isLast) length = Math.max(Math.max(...seen.map(({ along }) => along)) * length - piece.radii[1], 0.3 * length);
+    if (isLast) length = Math.max(Math.max(...seen.map(({ along }) => along)) * length - piece.radii[1], SHORTEST * length);
     piece.start.addScaledVector(u, found.x).addScaledVector(v, found.y);
     piece.end.copy(piece.start).addScaledVector(axis, length);
     return true;
@@ -190,10 +191,11 @@ class Fitting {
       return { along: since.dot(axis) / length, height: since.dot(up), beside: Math.abs(since.dot(beside)) };
     });
     const found: [number, number][] = [];
-    for (const low of [0.2, 0.6]) {
-      const inside = seen.filter((one) => one.beside < 0.6 * spacing && one.along >= low && one.along < low + 0.45).map(({ height }) => height);
+    const [lows, long, wide] = SLICES;
+    for (const low of lows) {
+      const inside = seen.filter((one) => one.beside < wide * spacing && one.along >= low && one.along < low + long).map(({ height }) => height);
       if (inside.length < MIN_POINTS) return false;
-      found.push([quantile(inside, 0.05), quantile(inside, 0.95)]);
+      found.push([quantile(inside, BETWEEN[0]), quantile(inside, BETWEEN[1])]);
     }
     [piece.start, piece.end].forEach((end, k) => {
       const [bottom, top] = found[k]!;
@@ -207,7 +209,7 @@ class Fitting {
 
   /** Chest and belly as three columns each, hips, back and collar. */
   trunk(): void {
-    const low = this.rest[0]!.y - (HEM + 0.01) * this.height;
+    const low = this.rest[0]!.y - (HEM + BELOW_HEM) * this.height;
     const legs = this.surface('leftUpperLeg', 'rightUpperLeg').filter(({ at }) => at.y > low);
     const points = [...this.surface(...TRUNK), ...legs].map(({ at }) => at);
     if (points.length < MIN_POINTS) return;
@@ -234,7 +236,7 @@ class Fitting {
 
   /** Back and front of the skin at a place seen from in front; null where there is none. */
   private depth(points: Vector3[], x: number, y: number): { back: number; front: number } | null {
-    const near = around(points, x, y, 0.01 * this.height)?.map(({ z }) => z);
+    const near = around(points, x, y, NEAR * this.height)?.map(({ z }) => z);
     return near ? { back: Math.min(...near), front: Math.max(...near) } : null;
   }
 
@@ -246,16 +248,16 @@ class Fitting {
     for (let k = 0; k < HEIGHTS; k++) {
       const t = k / (HEIGHTS - 1);
       const y = piece.start.y + t * (piece.end.y - piece.start.y);
-      const level = points.filter((point) => Math.abs(point.y - y) < 0.015 * this.height);
+      const level = points.filter((point) => Math.abs(point.y - y) < LEVEL * this.height);
       if (level.length < MIN_POINTS) continue;
-      const wide = quantile(level.map(({ x }) => Math.abs(x - middle)), 0.98);
+      const wide = quantile(level.map(({ x }) => Math.abs(x - middle)), WIDEST);
       const depth = this.depth(points, middle + (1 - n) * ACROSS * wide, y);
       if (!depth) continue;
-      const out = clip(wide - 0.5 * (depth.front - depth.back), 0.3 * wide, 0.75 * wide);
+      const out = clip(wide - 0.5 * (depth.front - depth.back), OUT[0] * wide, OUT[1] * wide);
       rows.push({ t, x: middle + (1 - n) * out, ...depth });
     }
-    if (rows.length < 3) return false;
-    const weights = rows.map(({ t }) => (name === 'belly' || t < 0.55 ? 1 : 0.25));
+    if (rows.length < LEAST_HEIGHTS) return false;
+    const weights = rows.map(({ t }) => (name === 'belly' || t < LOWER_CHEST[0] ? 1 : LOWER_CHEST[1]));
     [piece.start, piece.end].forEach((end, at) => {
       const [x, back, front] = (['x', 'back', 'front'] as const).map((what) => line(rows.map(({ t }) => t), rows.map((row) => row[what]), at, weights));
       end.x = x!;
@@ -285,7 +287,7 @@ class Fitting {
 function ring(points: { x: number; y: number }[], isCentred = false): { x: number; y: number; radius: number } | null {
   const quarters = new Set(points.map(({ x, y }) => `${x > 0} ${y > 0}`));
   if (points.length < MIN_POINTS || quarters.size < 4) return null;
-  const middle = (values: number[]) => isCentred ? 0 : 0.5 * (quantile(values, 0.05) + quantile(values, 0.95));
+  const middle = (values: number[]) => (isCentred ? 0 : 0.5 * (quantile(values, BETWEEN[0]) + quantile(values, BETWEEN[1])));
   const [x, y] = [middle(points.map((point) => point.x)), middle(points.map((point) => point.y))];
   return { x, y, radius: quantile(points.map((point) => Math.hypot(point.x - x, point.y - y)), 0.5) };
 }

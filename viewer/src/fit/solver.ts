@@ -10,7 +10,7 @@ import { fit as FIT } from './constants.js';
 import { gap, gapBetween, markNear, type Pairs, sidesOf, skinGap, skinPairs } from './gaps.js';
 import { Places } from './places.js';
 
-const { SMOOTHNESS, CONTACT_WEIGHT, CONTACT_FADE_M, TOUCH_M, CLEAR_M, PRESS_M } = FIT;
+const { SMOOTHNESS, FPS, CONTACT_WEIGHT, CONTACT_FADE_M, LEAST_WEIGHT, TOUCH_M, CLEAR_M, PRESS_M, SIGNS, ARM_SHARES } = FIT;
 const { MARGIN_M, STEPS, STEPS_AGAIN, DAMPING, REACH, REACH_WEIGHT } = FIT;
 const FRAMES_A_SLICE = 32;
 
@@ -44,13 +44,14 @@ export class Fit {
   /** ``signing``: how much each arm signs, left and right, frame by frame. */
   constructor(readonly source: Posed, readonly carried: Posed, fps: number, private readonly signing: Float64Array) {
     this.frames = source.frames;
-    this.smooth = SMOOTHNESS * (fps / 30) ** 4;
+    this.smooth = SMOOTHNESS * (fps / FPS) ** 4;
     const { body } = source;
     this.places = new Places(source, carried, signing);
     this.pairs = skinPairs(body);
     this.sides = sidesOf(body);
     // How far both ends of a capsule move with a wrist: hands wholly, an elbow half-way.
-    const shares = body.capsules.map(({ region }) => ({ head: [0, 0], trunk: [0, 0], upperArm: [0, 0.5], lowerArm: [0.5, 1], hand: [1, 1] })[region]);
+    const { sleeve: upperArm, cuff: lowerArm } = ARM_SHARES;
+    const shares = body.capsules.map(({ region }) => ({ head: [0, 0], trunk: [0, 0], upperArm, lowerArm, hand: [1, 1] })[region]);
     this.first = shares.map(([start]) => start!);
     this.last = shares.map(([, end]) => end!);
   }
@@ -115,7 +116,7 @@ export class Fit {
   private measureReach(moves: Moves): void {
     for (let t = 0; t < this.frames; t++) {
       for (const side of [0, 1]) {
-        if (this.signing[2 * t + side]! <= 0.5) continue;
+        if (this.signing[2 * t + side]! <= SIGNS) continue;
         const { length } = this.arm(t, side, moves);
         this.outOfReach[side] = Math.max(this.outOfReach[side]!, length - this.carried.armLengths[side]!);
       }
@@ -218,7 +219,7 @@ export class Fit {
       const off = Math.max(Math.abs(then + 0.5 * PRESS_M) - 0.5 * PRESS_M, 0);
       const held = then < TOUCH_M ? CONTACT_WEIGHT * Math.exp(-off / CONTACT_FADE_M) : 0;
       const weight = gap.distance < wanted ? CONTACT_WEIGHT : held;
-      if (weight <= 1e-3) continue;
+      if (weight <= LEAST_WEIGHT) continue;
       jacobian.fill(0);
       const [ownSide, otherSide] = [sides[own]!, sides[other]!];
       const ownShare = first[own]! + gap.ownAt * (last[own]! - first[own]!);
