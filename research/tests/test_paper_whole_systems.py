@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from numpy.typing import NDArray
 
 import signsplice as ss
+from registration import registered  # noqa: F401
 from signing import word
 from signsplice.cli.commands import app
 from signsplice.errors import InputError, SignspliceError
@@ -66,6 +67,16 @@ def test_spans_rebuild_the_output_from_the_words_as_recorded() -> None:
     assert described["system"]["name"] == described["cutter"] == described["transition"] == "lpt"
     assert (described["system"]["corpus"], described["system"]["token_bias"]) == ("c0ffee", 0.0)
     assert "system" not in report.describe(ss.splice([BEFORE, AFTER]))
+
+
+def test_a_splice_is_equation_17() -> None:
+    system = splicer(40, 20)
+    made = system.splice_words(BEFORE, AFTER).frames
+    assert made is not None
+    y = spliced([BEFORE, AFTER], system).clip
+    for name in ("local_rotations", "root_positions"):
+        p, o, q = (getattr(clip, name) for clip in (BEFORE, made, AFTER))
+        np.testing.assert_array_equal(getattr(y, name), np.concatenate([p[: 40 + 1], o, q[20:]]))
 
 
 def test_a_stream_gives_the_same_pieces() -> None:
@@ -256,7 +267,7 @@ def test_a_folder_without_a_system_is_named_in_a_line(tmp_path: Path) -> None:
     write_bundle(tmp_path / "bundles" / "lpt", CONFIG, {})
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("text")
-    for name, said in {"bundles": "name one of those in it: lpt", "empty": "`signsplice train paper` makes one",
+    for name, said in {"bundles": "name one of those in it: lpt", "empty": "`signsplice-paper train-system` makes one",
                        "file": "makes one", "nosuch": "makes one"}.items():  # fmt: skip
         call = ["sentence", "HELLO I", "-o", str(tmp_path / "out.bvh"), "--system", str(tmp_path / name)]
         result = CliRunner().invoke(app, call)

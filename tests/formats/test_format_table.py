@@ -10,8 +10,8 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-
 from conftest import random_clip
+
 from signsplice import formats
 from signsplice.errors import FormatError, InputError
 from signsplice.formats import (

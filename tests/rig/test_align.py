@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-
 from conftest import rooted
+
 from known_rigs import reverse_depth_first, with_joints
 from other_rigs import on_other_rig, with_rest_pose, without
 from signsplice.errors import RigMismatchError

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import random_clip, rooted
 
 import signsplice as ss
-from conftest import random_clip, rooted
 from other_rigs import without
 from reference_poses import arms_out, with_pose
 from signsplice.errors import InputError

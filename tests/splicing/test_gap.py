@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from conftest import random_clip
+
 from signsplice.motion.clip import Clip, resample
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.gap import CONTEXT, Gap, gap_at

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import GOLDEN
 
 import signsplice as ss
-from conftest import GOLDEN
 from signing import word
 from signsplice.motion.clip import Clip, EndSite, unchecked_copy
 from signsplice.splicing.bulk_splice import splice_many

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from conftest import GOLDEN
+
 from signing import sign
 from signsplice.errors import InputError
 from signsplice.formats import atomic

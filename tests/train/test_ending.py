@@ -19,7 +19,7 @@ from torch import Tensor  # noqa: E402
 from signsplice.train import checkpoint, ending, log, loop  # noqa: E402
 from signsplice.train.ending import DeadlineError  # noqa: E402
 from signsplice.train.loop import LoopConfig, train  # noqa: E402
-from training_toys import ALONE, data, toy  # noqa: E402
+from training_toys import ALONE, product_toy  # noqa: E402
 
 
 def losses(folder: Path) -> dict[int, float]:
@@ -36,17 +36,17 @@ def clocks(**changed: Callable[[], float]) -> SimpleNamespace:
 def stopping(folder: Path, **limits: Any) -> tuple[int, dict[str, Tensor]]:
     """Steps and weights after one call of a training of at most sixty steps."""
     folder.mkdir(exist_ok=True)
-    task = toy("spsn")
-    config = LoopConfig(60, 8, "sgd", 1e-2, 1, every=2, n_judged=4, **limits)
-    return train(task, config, data(), data("valid"), folder, "toy", ALONE), task.state_dict()
+    task, data, valid = product_toy()
+    config = LoopConfig(60, 4, "sgd", 1e-2, 1, every=2, n_judged=4, **limits)
+    return train(task, config, data, valid, folder, "toy", ALONE), task.state_dict()
 
 
 def deadline_call(folder: Path, deadline: float) -> dict[str, Tensor]:
     """Weights after one call of a training of six steps."""
     folder.mkdir(exist_ok=True)
-    task = toy("spsn")
-    config = LoopConfig(6, 8, "adamw", 1e-2, seed=1, every=4, deadline=deadline)
-    train(task, config, data(), data("valid"), folder, "toy", ALONE)
+    task, data, valid = product_toy()
+    config = LoopConfig(6, 4, "adamw", 1e-2, seed=1, every=4, deadline=deadline)
+    train(task, config, data, valid, folder, "toy", ALONE)
     return task.state_dict()
 
 
@@ -80,7 +80,7 @@ def test_checkpoints_are_written_between_rare_validations(tmp_path: Path, monkey
 
 def test_a_training_ends_on_a_plateau_and_stays_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     falling = iter([5.0, 4.0, 3.999, 4.2, 3.9, 3.8999, 3.8998, 2.0])
-    monkeypatch.setattr(loop, "judge", lambda *_: {ending.LOSS: next(falling), "paa": 0.5})
+    monkeypatch.setattr(loop, "judge", lambda *_: {ending.LOSS: next(falling), "both": 0.5})
     steps, weights = stopping(tmp_path / "a", patience=2)
     assert steps == 8, "3.999 and 4.2 are no improvement on 4.0"
     assert ending.reason(tmp_path / "a", 60, 2) == (8, ending.PLATEAU)
@@ -96,7 +96,7 @@ def test_a_training_ends_when_its_processor_time_is_spent(tmp_path: Path, monkey
     assert steps < 60
     assert ending.reason(tmp_path / "a", 60, 4) == (steps, ending.TIME)
     assert checkpoint.read(tmp_path / "a")["step"] == steps, "validated and kept"
-    assert any("paa" in line for line in log.lines(tmp_path / "a" / log.NAME) if line["step"] == steps)
+    assert any("both" in line for line in log.lines(tmp_path / "a" / log.NAME) if line["step"] == steps)
     assert stopping(tmp_path / "a", most_cpu_s=7.0)[0] == steps
     assert stopping(tmp_path / "a")[0] == 60
     assert ending.reason(tmp_path / "a", 60, 4) == (60, ending.STEPS)

@@ -1,4 +1,4 @@
-"""Corpora of pairs from clips of one rig, for ``train paper`` and ``paper`` like those of the synthetic signer."""
+"""Corpora of pairs from clips of one rig, for `signsplice-paper`, like those of the synthetic signer."""
 
 from __future__ import annotations
 

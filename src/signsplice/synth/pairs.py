@@ -11,9 +11,10 @@ A corpus of pairs is a folder:
 
 The utterance of a pair is, in each of the three, before[: pre + 1], new[first : first + n], after[post:] (eq. 17).
 
-Every signer has as many words as any other, one signer's after another's. Corpora of clips (``paper.own_words``) tell
-the "skeletons" and "spaces" of their signers, and whether words were "moved" to the origin; those of synthetic signers
-(``corpus``) tell the "signers", from which skeletons and spaces follow, with all 53 joints in the numbers.
+Every signer has as many words as any other, one signer's after another's. Corpora of clips (`signsplice-paper pairs
+build`) tell the "skeletons" and "spaces" of their signers, and whether words were "moved" to the origin; those of
+synthetic signers (``corpus``) tell the "signers", from which skeletons and spaces follow, with all 53 joints in the
+numbers.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ class Pairs:
         if not head.exists():
             raise InputError(
                 f"{self.folder}: has no {HEAD}, expected a corpus of pairs (`signsplice synth pairs`), or one of "
-                "clips (`signsplice pairs build`)"
+                "clips (`signsplice-paper pairs build`)"
             )
         try:
             self.head: dict[str, Any] = parse_json(read_bytes(head), str(head), "a corpus of pairs")
@@ -78,7 +79,7 @@ class Pairs:
             self.skeletons, self.spaces = _bodies(self.head, self.signers)
             self._check_shapes()
         except (KeyError, OSError, TypeError, ValueError, InputError) as error:
-            hint = "make one with `signsplice synth pairs` or `signsplice pairs build`"
+            hint = "make one with `signsplice synth pairs` or `signsplice-paper pairs build`"
             raise InputError(f"{self.folder}: is no corpus of pairs ({error}); {hint}") from error
         if self.head.get("version") not in READABLE:
             expected = " or ".join(map(str, READABLE))

@@ -89,7 +89,7 @@ SCHEDULES: dict[tuple[str, str], TrainingSchedule] = {
     ("transition", "more"): TrainingSchedule(BridgeConfig(192, 6, 4, 768), 4_000, 32, 4e-4, 512),
     ("transition", "corpus"): TrainingSchedule(BridgeConfig(192, 6, 4, 768), 4_000, 32, 4e-4, 512, clean=True),
 }
-"""Each network at each scale. ``small`` compares data (``trait_ablation``). ``more`` continues an earlier training, on
+"""Each network at each scale. ``small`` compares data. ``more`` continues an earlier training, on
 other data; ``corpus`` continues one on a corpus of pairs, whose words and transitions it uses without augmentation.
 """
 

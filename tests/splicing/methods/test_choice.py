@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import GOLDEN
 
 import signsplice as ss
-from conftest import GOLDEN
 from signing import word
 from signsplice.errors import InputError
 from signsplice.rig.arms import arms

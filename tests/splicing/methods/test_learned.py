@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import GOLDEN
 
 import signsplice as ss
-from conftest import GOLDEN
 from other_rigs import mirror, on_other_rig
 from signing import sign, word
 from signsplice.errors import InputError

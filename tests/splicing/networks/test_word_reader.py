@@ -6,8 +6,8 @@ import gc
 import weakref
 
 import numpy as np
-
 from conftest import GOLDEN
+
 from signing import word
 from signsplice.rig.align import align, reference
 from signsplice.splicing.methods.learned import open_sessions

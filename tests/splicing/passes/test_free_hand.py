@@ -9,9 +9,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from conftest import random_clip
 
 import signsplice as ss
-from conftest import random_clip
 from other_rigs import mirror
 from signing import sign, word
 from signsplice.body import collision

@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from click.testing import CliRunner
-
 from conftest import random_clip
+
 from reference_poses import arms_out, with_pose
 from signing import word
 from signsplice.cli.commands import app

@@ -187,7 +187,7 @@ def _provenance(training: Training, pairs: Pairs, folders: list[Path]) -> dict[s
     }  # fmt: skip
     data = [provenance.corpus_data(pairs.folder, folder) for folder in folders]
     return {
-        "command": provenance.command(["train", "paper"], options),
+        "command": provenance.command(["train-system"], options, "signsplice-paper"),
         "data": None if None in data else data[0],
         "signsplice": provenance.software(),
     }
