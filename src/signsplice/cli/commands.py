@@ -8,6 +8,7 @@ import sys
 import click
 
 from signsplice.cli import bulk, evaluation, files, lexicon, service, showing, splicing, synth, train
+from signsplice.cli.terminal import with_option_names
 from signsplice.errors import InputError, SignspliceError
 from signsplice_paper.cli import pairs, paper
 
@@ -37,9 +38,9 @@ def run() -> tuple[str, int]:
     except click.ClickException as error:
         return " ".join(error.format_message().split()), 2
     except InputError as error:
-        return str(error), 2
+        return with_option_names(str(error)), 2
     except SignspliceError as error:
-        return str(error), 1
+        return with_option_names(str(error)), 1
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return "", 1

@@ -16,9 +16,9 @@ from signsplice.motion.clip import Clip, concatenate
 from signsplice.splicing.arguments import check_clips
 from signsplice.splicing.methods.duration import MAX_TRANSITION_S
 from signsplice.splicing.options import SpliceOptions
-from signsplice.splicing.passes.tempo import reached
 from signsplice.splicing.result import Piece, Span, SpliceResult
 from signsplice.splicing.sentence import SentenceBuilder
+from signsplice.splicing.tempo import measured_tempo
 
 __all__ = ["MAX_TRANSITION_S", "Piece", "Span", "SpliceOptions", "SpliceResult", "Stream", "splice", "stream"]
 
@@ -40,12 +40,12 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None, starts: 
 
 def joined_sentence(sentence: SentenceBuilder, pieces: Sequence[Piece]) -> SpliceResult:
     """All pieces of a sentence joined. Raises ``InputError`` where there is none."""
-    tempo = sentence.options.tempo
+    tempo, system = sentence.options.tempo, sentence.options.system
     if not pieces:
         raise InputError("nothing to splice, expected at least one clip")
-    with sentence.timed("join"):
-        names = [piece.span.name for piece in pieces if piece.span.name]
-        clip = concatenate([piece.clip for piece in pieces], name=" ".join(names))
+    with sentence.timing.of("join"):
+        signs = [(piece.span.name or "", piece.span.output) for piece in pieces if piece.span.kind == "sign"]
+        clip = concatenate([piece.clip for piece in pieces], name=" ".join(name for name, _ in signs if name))
     cutter, transition, bundle = sentence.names
     return SpliceResult(
         clip=clip,
@@ -54,11 +54,11 @@ def joined_sentence(sentence: SentenceBuilder, pieces: Sequence[Piece]) -> Splic
         warnings=tuple(dict.fromkeys(line for piece in pieces for line in piece.warnings)),
         cutter=cutter,
         transition=transition,
-        timing_ms={part: 1e3 * sentence.seconds[part] for part in ("harmonize", "cut", "transition", "join")},
+        timing_ms=sentence.timing.milliseconds,
         bundle=bundle,
         contacts=sentence.contacts,
-        tempo=reached([(p.span.name or "", p.span.output) for p in pieces if p.span.kind == "sign"], clip.fps, tempo),
-        system=None if sentence.system is None else sentence.system.described(),
+        tempo=measured_tempo(signs, clip.fps, tempo),
+        system=None if system is None else system.described(),
     )
 
 
@@ -96,8 +96,8 @@ class Stream:
         """The pieces that are final now that one more word is known: none for the first. ``starts``: whether a letter
         begins another spelled word. Raises as ``splice`` does; a word that raises is not part of the sentence.
         """
-        return list(self._sentence.add([clip], (0,) if starts else ()))
+        return self._sentence.add([clip], (0,) if starts else ())
 
     def end(self) -> list[Piece]:
         """The rest of the last word; nothing where there was none, or where it was taken already."""
-        return list(self._sentence.end())
+        return self._sentence.end()

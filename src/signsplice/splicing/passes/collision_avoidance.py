@@ -26,6 +26,8 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.motion.joined import joined
 from signsplice.rig.info import rig_info
+from signsplice.splicing.gap import FilledGap, Gap
+from signsplice.splicing.passes.seam_pass import GapPass
 
 SIDES = ("left", "right")
 TOLERANCE_M = 0.003
@@ -95,6 +97,19 @@ def avoid_all_collisions(
             else:
                 out[known[k]] = _lead_around(filled, before, after, posed[frames], fixed)
     return out
+
+
+@dataclass(frozen=True)
+class AvoidCollisions(GapPass):
+    """Hands are led around head, trunk and each other (see above)."""
+
+    def change_all(self, gaps: Sequence[Gap], filled: Sequence[FilledGap]) -> list[FilledGap]:
+        """The frames with hands led around the body, and how deep a hand still is in it."""
+        asked = [(one.clip, gap.before, gap.after) for one, gap in zip(filled, gaps, strict=True)]
+        return [
+            replace(one, clip=new.clip, depth=new.depth, peak_m_s=None)
+            for one, new in zip(filled, avoid_all_collisions(asked), strict=True)
+        ]
 
 
 def depths(filled: Clip, before: Clip, after: Clip) -> FloatArray:
