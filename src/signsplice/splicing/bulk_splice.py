@@ -92,7 +92,7 @@ def _spliced(block: Sequence[_Asked], transitions: TransitionCache | None) -> li
     seen = {row: [next(positions) for _ in seams] for row, seams in finished.items()}
 
     def joined(row: int) -> SpliceResult:
-        builders[row].timing.add("join", seconds)
+        builders[row].seconds["join"] += seconds
         return joined_sentence(builders[row], [*builders[row].pieces(finished[row], seen[row]), *builders[row].end()])
 
     done |= each(joined, finished)
@@ -118,5 +118,5 @@ def _filled(
     filled = iter(passes.fill(asked) if transitions is None else transitions.fill(passes, asked))
     seconds = (time.perf_counter() - began) / max(1, sum(map(len, gaps.values())))
     for row, (one, _) in sentences.items():
-        one.timing.add("transition", seconds * len(gaps[row]))
+        one.seconds["transition"] += seconds * len(gaps[row])
     return {row: [next(filled) for _ in some] for row, some in gaps.items()}

@@ -10,6 +10,7 @@ arm of a hand that is idle, where it is given more time (``free_hand``).
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from time import perf_counter
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
@@ -43,9 +44,10 @@ def joined_sentence(sentence: SentenceBuilder, pieces: Sequence[Piece]) -> Splic
     tempo, system = sentence.options.tempo, sentence.options.system
     if not pieces:
         raise InputError("nothing to splice, expected at least one clip")
-    with sentence.timing.of("join"):
-        signs = [(piece.span.name or "", piece.span.output) for piece in pieces if piece.span.kind == "sign"]
-        clip = concatenate([piece.clip for piece in pieces], name=" ".join(name for name, _ in signs if name))
+    began = perf_counter()
+    signs = [(piece.span.name or "", piece.span.output) for piece in pieces if piece.span.kind == "sign"]
+    clip = concatenate([piece.clip for piece in pieces], name=" ".join(name for name, _ in signs if name))
+    seconds = sentence.seconds | {"join": sentence.seconds["join"] + perf_counter() - began}
     cutter, transition, bundle = sentence.names
     return SpliceResult(
         clip=clip,
@@ -54,7 +56,7 @@ def joined_sentence(sentence: SentenceBuilder, pieces: Sequence[Piece]) -> Splic
         warnings=tuple(dict.fromkeys(line for piece in pieces for line in piece.warnings)),
         cutter=cutter,
         transition=transition,
-        timing_ms=sentence.timing.milliseconds,
+        timing_ms={part: 1e3 * spent for part, spent in seconds.items()},
         bundle=bundle,
         contacts=sentence.contacts,
         tempo=measured_tempo(signs, clip.fps, tempo),

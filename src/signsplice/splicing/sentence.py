@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from time import perf_counter
 
 from signsplice.body.contacts import Contact
 from signsplice.motion.arrays import FloatArray
@@ -22,7 +23,6 @@ from signsplice.splicing.pieces import OpenWord, scored, sign_piece, transition_
 from signsplice.splicing.result import Piece
 from signsplice.splicing.seam import seam_positions
 from signsplice.splicing.tempo import seconds_a_sign
-from signsplice.splicing.timing import Timing
 from signsplice.splicing.words.retiming import retimed
 from signsplice.splicing.words.word import SentenceWord
 
@@ -47,7 +47,7 @@ class PlannedWords:
 class SentenceBuilder:
     """A sentence while words are added to it; it holds the last word alone, however long the sentence.
 
-    timing: time spent so far by part.
+    seconds: time spent so far by part: "harmonize" (align), "cut", "transition", "join".
     contacts: of each word that was brought to another body, by its index.
     gap_passes, seam_passes: what happens to planned seams, in order.
     """
@@ -55,12 +55,13 @@ class SentenceBuilder:
     def __init__(self, options: SpliceOptions, seam_passes: Sequence[SeamPass] | None = None) -> None:
         """``seam_passes``: in place of those of ``stages``."""
         check_options(options, SpliceOptions)
-        self.options, self.timing = options, Timing()
+        self.options, self.seconds = options, dict.fromkeys(("harmonize", "cut", "transition", "join"), 0.0)
         self.methods = options.chosen_methods()
         self.gap_passes = stages.gap_passes(options, self.methods)
         self.seam_passes = stages.seam_passes(options, self.methods) if seam_passes is None else tuple(seam_passes)
         self.contacts: dict[int, tuple[Contact, ...]] = {}
         self._aligner, self._planner = stages.word_aligner(options), stages.planner(options, self.methods)
+        self._seconds_a_sign = seconds_a_sign(options.tempo)
         self._n_words = self._n_out = 0
         self._reference: Reference | None = None
         self._last: OpenWord | None = None
@@ -77,27 +78,35 @@ class SentenceBuilder:
     def add(self, clips: Iterable[Clip], starts: Collection[int] = ()) -> list[Piece]:
         """The pieces that are final once these words are known too; their seams are chosen together."""
         planned = self.plan(clips, starts)
-        with self.timing.of("transition"):
-            filled = self.gap_passes.fill(planned.gaps)
+        began = perf_counter()
+        filled = self.gap_passes.fill(planned.gaps)
+        began = self._count("transition", began)
         seams = self.finish(planned, filled)
-        with self.timing.of("join"):
-            return self.pieces(seams, seam_positions([(seam.gap, seam.filled) for seam in seams]))
+        began = perf_counter()
+        positions = seam_positions([(seam.gap, seam.filled) for seam in seams])
+        self._count("join", began)
+        return self.pieces(seams, positions)
 
     def plan(self, clips: Iterable[Clip], starts: Collection[int] = ()) -> PlannedWords:
         """Further words with their seams, before any frame is made. They are no part of the sentence yet."""
         check_clips(clips)
         new = [self._word(clip, self._n_words + k, k in starts) for k, clip in enumerate(clips)]
         words = new if self._last is None else [self._last.word, *new]
-        return PlannedWords(new, self._planner.plan(words, self.timing))
+        began = perf_counter()
+        cuts = self._planner.cuts(words)
+        began = self._count("cut", began)
+        seams = self._planner.plan(words, cuts)
+        self._count("transition", began)
+        return PlannedWords(new, seams)
 
     def finish(self, planned: PlannedWords, filled: Sequence[FilledGap]) -> list[PlannedSeam]:
         """The seams of planned words after all passes, from the frames that ``gap_passes`` made for their gaps. From
         here on the words are part of the sentence.
         """
-        new_frames = iter(filled)
+        began, new_frames = perf_counter(), iter(filled)
         seams = [_with_frames(seam, next(new_frames)) if seam.is_open else seam for seam in planned.seams]
-        with self.timing.of("transition"):
-            seams, self._entering = run(self.seam_passes, seams, self._entering)
+        seams, self._entering = run(self.seam_passes, seams, self._entering)
+        self._count("transition", began)
         self._n_words += len(planned.words)
         self.contacts |= {word.index: word.contacts for word in planned.words if word.contacts}
         if self._last is None and planned.words:
@@ -106,7 +115,7 @@ class SentenceBuilder:
 
     def pieces(self, seams: Sequence[PlannedSeam], positions: Sequence[FloatArray]) -> list[Piece]:
         """The pieces of finished words but the last; ``positions`` are ``seam_positions`` of their seams."""
-        out: list[Piece] = []
+        began, out = perf_counter(), list[Piece]()
         for seam, seen in zip(seams, positions, strict=True):
             assert self._last is not None, "set by ``finish``"
             stop = seam.retimed_cut.pre + 1
@@ -114,6 +123,7 @@ class SentenceBuilder:
             if seam.filled is not None:
                 out.append(self._put_out(transition_piece(seam.filled, self._n_out)))
             self._last = OpenWord(seam.after, scored(seam, seen), seam.entering)
+        self._count("join", began)
         return out
 
     def end(self) -> list[Piece]:
@@ -121,19 +131,28 @@ class SentenceBuilder:
         last, self._last = self._last, None
         if last is None:
             return []
-        with self.timing.of("join"):
-            return [self._put_out(sign_piece(last, last.edits, len(last.word.retimed), self._n_out))]
+        began = perf_counter()
+        piece = self._put_out(sign_piece(last, last.edits, len(last.word.retimed), self._n_out))
+        self._count("join", began)
+        return [piece]
 
     def _word(self, clip: Clip, index: int, starts: bool) -> SentenceWord:
         """A clip as a word: aligned to the first one, and at the tempo asked for."""
         check_clip(clip, index)
-        with self.timing.of("harmonize"):
-            word, first = self._aligner.word(clip, index, self._reference)
-        with self.timing.of("cut"):
-            word = retimed(word, self.methods.cutter, seconds_a_sign(self.options.tempo))
+        began = perf_counter()
+        word, first = self._aligner.word(clip, index, self._reference)
+        began = self._count("harmonize", began)
+        word = retimed(word, self.methods.cutter, self._seconds_a_sign)
+        self._count("cut", began)
         self._reference = first  # only now: a word that was refused sets nothing
         warnings = word.warnings if index else (*self.methods.warnings, *word.warnings)
         return replace(word, starts=starts, warnings=warnings)
+
+    def _count(self, part: str, began: float) -> float:
+        """Count the time since ``began`` to a part of the work; the time now."""
+        now = perf_counter()
+        self.seconds[part] += now - began
+        return now
 
     def _put_out(self, piece: Piece) -> Piece:
         self._n_out = piece.span.output[1]

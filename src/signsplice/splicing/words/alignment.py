@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from signsplice.body.retarget import align
 from signsplice.formats.limits import ReadLimits
+from signsplice.lexicon.entry import is_letter
 from signsplice.motion.clip import Clip, left_out_warnings
 from signsplice.rig.align import Reference, reference
 from signsplice.rig.stray_frames import stray_frames, with_ends_held
@@ -46,7 +47,8 @@ class WordAligner:
         if self.system is not None:
             warnings = (*warnings, *rate_warnings(self.system, clip))
         frames = FrameMap(n_left_out=kept.start)
-        return SentenceWord(index, recorded, recorded, frames, warnings, aligned.contacts), first or to
+        spelled = is_letter(recorded.name)
+        return SentenceWord(index, recorded, recorded, frames, warnings, aligned.contacts, spelled), first or to
 
     def _output_fps(self, clip: Clip) -> float:
         """The output rate of a sentence that begins with this clip."""

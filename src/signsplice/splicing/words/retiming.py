@@ -12,7 +12,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from signsplice.lexicon.entry import is_letter
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, sampled
 from signsplice.rig.arms import active_span, arms
@@ -36,7 +35,7 @@ def retimed(word: SentenceWord, cutter: Cutter, seconds: float | None) -> Senten
 
     What counts as the sign is what the cutter keeps of it between two signs like itself.
     """
-    if seconds is None or is_letter(word.clip.name):
+    if seconds is None or word.is_letter:
         return word
     clip, n_left_out = word.clip, word.frames.n_left_out
     if not rig_info(clip.skeleton).has_arms:

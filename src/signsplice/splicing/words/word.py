@@ -106,6 +106,7 @@ class SentenceWord:
     frames: which recorded frame each retimed frame shows.
     warnings: about the clip, one line each.
     contacts: what its hands touch, where it was brought to another body.
+    is_letter: whether it is a letter by its name (fs-A), in any case.
     starts: whether it is no letter that goes on with the spelled word before it.
     entry: the recorded frame at which the seam before enters it; 0 for a first word.
     arrival_s: seconds from the letter before to this one; 0 where there is none.
@@ -118,6 +119,7 @@ class SentenceWord:
     frames: FrameMap
     warnings: tuple[str, ...] = ()
     contacts: tuple[Contact, ...] = ()
+    is_letter: bool = False
     starts: bool = False
     entry: int = 0
     arrival_s: float = 0.0
