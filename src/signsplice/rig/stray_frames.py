@@ -102,9 +102,9 @@ def _stray_frames(clip: Clip) -> StrayFrames:
         translations=None if clip.translations is None else clip.translations[::-1],
         channels=None,
     )
-    (before, shown_before), (after, shown_after) = (
-        _stray_at_start(*end) for end in ((clip, jumps), (reversed_clip, jumps[::-1]))
-    )
+    first, last = _reference_poses(clip)
+    before, shown_before = _stray_at_start(clip, jumps, *first)
+    after, shown_after = _stray_at_start(reversed_clip, jumps[::-1], *last)
     start, stop = before, len(clip) - after
     if before + after and stop - start < 2:
         shown = shown_before or shown_after
@@ -142,9 +142,10 @@ def _jumps(steps: FloatArray, least: float) -> Mask:
     return np.asarray((steps > least) & (steps > _ABOVE_NEIGHBOURS * np.median(windows[:, [0, 1, 3, 4]], axis=1)))
 
 
-def _stray_at_start(clip: Clip, jumps: Mask) -> tuple[int, str]:
-    """How many frames at the beginning do not belong, and what they show; 0 and nothing where all belong."""
-    shown, is_exact = _reference_pose(clip)
+def _stray_at_start(clip: Clip, jumps: Mask, shown: str, is_exact: bool) -> tuple[int, str]:
+    """How many frames at the beginning do not belong, and what they show; 0 and nothing where all belong. The first
+    frame shows the reference pose ``shown``, empty for none.
+    """
     n_stray = _n_until_out(clip) if shown else 0
     if not is_exact and not jumps[:n_stray].any():
         n_stray, shown = 0, ""
@@ -174,26 +175,38 @@ def _is_spike(clip: Clip, jumps: Mask, step: int) -> bool:
 # --- reference poses ---
 
 
-def _reference_pose(clip: Clip) -> tuple[str, bool]:
-    """Which reference pose the first frame shows, and whether exactly; empty where it shows none or the rig's arms are
-    not known.
+def _reference_poses(clip: Clip) -> list[tuple[str, bool]]:
+    """Which reference poses the first and the last frame show, and whether exactly; empty where one shows none or the
+    rig's arms are not known.
     """
     if not rig_info(clip.skeleton).has_arms:
-        return "", False
-    bones = _bone_directions(clip[:1])[0]
+        return [("", False)] * 2
+    ends = unchecked_copy(
+        clip,
+        local_rotations=clip.local_rotations[[0, -1]],
+        root_positions=clip.root_positions[[0, -1]],
+        translations=None if clip.translations is None else clip.translations[[0, -1]],
+        channels=None,
+    )
+    frames = zip(_bone_directions(ends), ends.local_rotations, strict=True)
+    return [_reference_pose(clip.skeleton, bones, local) for bones, local in frames]
+
+
+def _reference_pose(skeleton: Skeleton, bones: FloatArray, local_rotations: FloatArray) -> tuple[str, bool]:
+    """The reference pose of one frame with these bones (2, 15, 3) and local rotations (J, 4), and whether exactly."""
     lowered = _lowered_deg(bones)
     if not -_T_DEG <= lowered <= _A_DEG:
         return "", False
     if _is_straight(bones, *_NEAR_DEG):
         return "a T-pose" if lowered <= _T_DEG else "an A-pose", _is_straight(bones, *_EXACT_DEG)
-    return ("the file's rest pose", True) if _shows_rest_pose(clip) else ("", False)
+    return ("the file's rest pose", True) if _is_rest_pose(skeleton, local_rotations) else ("", False)
 
 
-def _shows_rest_pose(clip: Clip) -> bool:
-    """Whether all arm joints of the first frame are as in the file's rest pose."""
-    canonical = rig_info(clip.skeleton).canonical
+def _is_rest_pose(skeleton: Skeleton, local_rotations: FloatArray) -> bool:
+    """Whether all arm joints are as in the file's rest pose, by their local rotations (J, 4)."""
+    canonical = rig_info(skeleton).canonical
     sides = np.r_[canonical.joints[LEFT], canonical.joints[RIGHT]]
-    local = clip.local_rotations[0, sides[sides >= 0]]
+    local = local_rotations[sides[sides >= 0]]
     return bool(np.rad2deg(rotation.angle_between(local, rotation.IDENTITY)).max() <= _REST_DEG)
 
 

@@ -14,7 +14,7 @@ from time import perf_counter
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.splicing.arguments import check_clips
+from signsplice.splicing.arguments import not_clips
 from signsplice.splicing.methods.duration import MAX_TRANSITION_S
 from signsplice.splicing.options import SpliceOptions
 from signsplice.splicing.result import Piece, Span, SpliceResult
@@ -34,7 +34,8 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None, starts: 
     nothing in common, ``LimitError`` where a clip has too many frames at the output rate, ``TypeError`` for what is no
     clip.
     """
-    check_clips(clips)
+    if isinstance(clips, (Clip, str)):
+        raise not_clips(clips)
     sentence = SentenceBuilder(options or SpliceOptions())
     return joined_sentence(sentence, [*sentence.add(clips, starts), *sentence.end()])
 
@@ -75,7 +76,8 @@ def stream(
     the clip that is wrong.
     """
     growing = Stream(options)
-    check_clips(clips)
+    if isinstance(clips, (Clip, str)):
+        raise not_clips(clips)
     for index, clip in enumerate(clips):
         yield from growing.push(clip, index in starts)
     yield from growing.end()

@@ -14,7 +14,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.align import Reference
 from signsplice.splicing import stages
-from signsplice.splicing.arguments import check_clip, check_clips, check_options
+from signsplice.splicing.arguments import not_a_clip, not_clips, not_options
 from signsplice.splicing.gap import FilledGap, Gap
 from signsplice.splicing.joins.join import PlannedSeam
 from signsplice.splicing.options import SpliceOptions
@@ -54,7 +54,8 @@ class SentenceBuilder:
 
     def __init__(self, options: SpliceOptions, seam_passes: Sequence[SeamPass] | None = None) -> None:
         """``seam_passes``: in place of those of ``stages``."""
-        check_options(options, SpliceOptions)
+        if not isinstance(options, SpliceOptions):
+            raise not_options(options, SpliceOptions)
         self.options, self.seconds = options, dict.fromkeys(("harmonize", "cut", "transition", "join"), 0.0)
         self.methods = options.chosen_methods()
         self.gap_passes = stages.gap_passes(options, self.methods)
@@ -89,7 +90,8 @@ class SentenceBuilder:
 
     def plan(self, clips: Iterable[Clip], starts: Collection[int] = ()) -> PlannedWords:
         """Further words with their seams, before any frame is made. They are no part of the sentence yet."""
-        check_clips(clips)
+        if isinstance(clips, (Clip, str)):
+            raise not_clips(clips)
         new = [self._word(clip, self._n_words + k, k in starts) for k, clip in enumerate(clips)]
         words = new if self._last is None else [self._last.word, *new]
         began = perf_counter()
@@ -138,11 +140,13 @@ class SentenceBuilder:
 
     def _word(self, clip: Clip, index: int, starts: bool) -> SentenceWord:
         """A clip as a word: aligned to the first one, and at the tempo asked for."""
-        check_clip(clip, index)
+        if not isinstance(clip, Clip):
+            raise not_a_clip(clip, index)
         began = perf_counter()
         word, first = self._aligner.word(clip, index, self._reference)
         began = self._count("harmonize", began)
-        word = retimed(word, self.methods.cutter, self._seconds_a_sign)
+        if self._seconds_a_sign is not None:
+            word = retimed(word, self.methods.cutter, self._seconds_a_sign)
         self._count("cut", began)
         self._reference = first  # only now: a word that was refused sets nothing
         warnings = word.warnings if index else (*self.methods.warnings, *word.warnings)

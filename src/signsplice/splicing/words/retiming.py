@@ -28,14 +28,14 @@ words kept apart, so that all together take the time that was asked for.
 _DECIMALS = 4
 
 
-def retimed(word: SentenceWord, cutter: Cutter, seconds: float | None) -> SentenceWord:
+def retimed(word: SentenceWord, cutter: Cutter, seconds: float) -> SentenceWord:
     """A word brought to a tempo of ``seconds`` a sign, as far as human peaks allow; the word itself where the sign is
-    no longer than that, where ``seconds`` is None, where it is a letter, whose tempo the seams between letters decide,
-    or, with a warning, where the rig's arms are not known by name.
+    no longer than that, where it is a letter, whose tempo the seams between letters decide, or, with a warning, where
+    the rig's arms are not known by name.
 
     What counts as the sign is what the cutter keeps of it between two signs like itself.
     """
-    if seconds is None or word.is_letter:
+    if word.is_letter:
         return word
     clip, n_left_out = word.clip, word.frames.n_left_out
     if not rig_info(clip.skeleton).has_arms:
