@@ -142,7 +142,9 @@ def measure_splices() -> dict[str, object]:
 def measured(root: Path) -> dict[str, object]:
     """The whole column of one checkout."""
     env = {**os.environ, "PYTHONPATH": str(root / "src"), "OMP_NUM_THREADS": "1"}
-    run = subprocess.run([sys.executable, __file__, "--splices"], env=env, stdout=subprocess.PIPE, text=True, check=True)
+    run = subprocess.run(
+        [sys.executable, __file__, "--splices"], env=env, stdout=subprocess.PIPE, text=True, check=True
+    )
     return {**measure_tree(root / "src" / "signsplice"), **json.loads(run.stdout)}
 
 

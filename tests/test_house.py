@@ -35,6 +35,19 @@ FLOORS = {
 }
 """Imports run down only. What is not named here (the command line, the demo) lies on top."""
 
+SPLICING_FLOORS = {
+    "arguments": 0,
+    "gap": 0,
+    "tempo": 0,
+    "networks": 1,
+    "methods": 2,
+    "whole_system": 3,
+    "words": 4,
+    "joins": 5,
+    "passes": 6,
+}
+"""The same within splicing. What is not named here (stages, sentence, engine, report) lies on top of these."""
+
 TOP = 9
 MODULES = sorted(SOURCE.rglob("*.py"))
 
@@ -89,6 +102,30 @@ def test_imports_run_down(path: Path) -> None:
             assert below < floor or same or (floor == below == TOP and room(own) in ("cli", "__main__")), (
                 f"{own} imports {target}"
             )
+
+
+@pytest.mark.parametrize(
+    "path", [path for path in MODULES if path.is_relative_to(SOURCE / "splicing")], ids=lambda path: path.stem
+)
+def test_imports_within_splicing_run_down(path: Path) -> None:
+    own = module_name(path).split(".")[2:3]
+    floor = SPLICING_FLOORS.get("".join(own), TOP)
+    for target in imports(path):
+        parts = target.split(".")
+        if parts[:2] == ["signsplice", "splicing"] and floor < TOP:
+            below = SPLICING_FLOORS.get("".join(parts[2:3]), TOP)
+            assert below < floor or parts[2:3] == own, f"{module_name(path)} imports {target}"
+
+
+def test_splicing_writes_to_no_other_objects_attributes() -> None:
+    """But to objects of libraries that are made to be written to: a graph of protobuf, onnxruntime's options."""
+    found = set()
+    for path in MODULES:
+        if path.is_relative_to(SOURCE / "splicing"):
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+                    found.add((path.stem, ast.unparse(node.value)))
+    assert {row for row in found if row[1] != "self"} == {("external_data", "field"), ("sessions", "options")}
 
 
 def test_no_import_runs_in_a_circle() -> None:

@@ -133,7 +133,10 @@ def test_misses_are_filled_by_the_defaults_and_told() -> None:
     [
         ({"cutter": "ends", "tempo": "natural"}, "leave out SpliceOptions.cutter, SpliceOptions.tempo"),
         ({"transition": "slerp", "duration": "fixed"}, "leave out SpliceOptions.transition, SpliceOptions.duration"),
-        ({"transition_time": 0.3, "avoid_collisions": False}, "leave out SpliceOptions.transition_time, SpliceOptions.avoid"),
+        (
+            {"transition_time": 0.3, "avoid_collisions": False},
+            "leave out SpliceOptions.transition_time, SpliceOptions.avoid_collisions",
+        ),
         ({"free_hand": "natural", "bundle": "x"}, "leave out SpliceOptions.bundle, SpliceOptions.free_hand"),
         ({"fps": 60.0}, "SpliceOptions.fps 60, but lpt knows only 30; leave out SpliceOptions.fps"),
     ],

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip, unchecked_copy
+from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
 from signsplice.rig.canonical import canonical_motion
 from signsplice.rig.canonical_map import LEFT, RIGHT
 from signsplice.rig.info import rig_info
