@@ -4,7 +4,7 @@
 
 A piece that has been put out never changes: a word is settled as soon as the next word is known. Frames of a sign are
 those of its aligned clip, bit for bit, and under a tempo slerps between them; only transition frames are new, and the
-arm of a hand that is idle, where it is given more time (``free_hand``).
+arm of a hand that is idle, where it is given more time (``passes.free_hand``).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = ["MAX_TRANSITION_S", "Piece", "Span", "SpliceOptions", "SpliceResult",
 def splice(clips: Iterable[Clip], options: SpliceOptions | None = None, starts: Collection[int] = ()) -> SpliceResult:
     """Clips in order joined into one continuous clip.
 
-    Neighbouring letters (clips named fs-A) are one spelled word (``fingerspelling``); ``starts``: indices of letters
+    Neighbouring letters (clips named fs-A) are one spelled word (``joins.letters``); ``starts``: indices of letters
     with which another one begins.
 
     Raises ``InputError`` where there is no clip or an option is out of range, ``RigMismatchError`` where rigs have

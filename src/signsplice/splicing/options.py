@@ -27,7 +27,7 @@ class SpliceOptions:
     """What one call wants.
 
     cutter, transition, duration: a name, or an object of that class; None: the learned one, or the classical default
-        where the networks cannot be read (``methods.choose``).
+        where the networks cannot be read (``choice.choose``).
     bundle: folder of the networks; None: those that ship.
     transition_time: length of every transition, seconds, in place of the duration.
     sign_speed: how many times as fast signs play.

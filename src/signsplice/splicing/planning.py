@@ -12,7 +12,7 @@ from signsplice.splicing.joins.letters import LetterJoin
 from signsplice.splicing.joins.signs import SignJoin
 from signsplice.splicing.joins.systems import NoSpliceError, SystemJoin
 from signsplice.splicing.methods.cut import Cutter, cut_clips
-from signsplice.splicing.whole_system import missing
+from signsplice.splicing.whole_system import misses_message
 from signsplice.splicing.words.word import SentenceWord
 
 
@@ -67,7 +67,7 @@ class Planner:
                 seam = self._joined(before, word, chosen)
                 seams.append(replace(seam, warnings=(f"{error}: joined by {self.fallback}", *seam.warnings)))
         if misses:
-            raise SignspliceError(missing(misses, len(words) - 1))
+            raise SignspliceError(misses_message(misses, len(words) - 1))
         return seams
 
     def _joined(self, before: SentenceWord, after: SentenceWord, chosen: Cut) -> PlannedSeam:

@@ -106,7 +106,7 @@ def rate_warnings(system: WholeSystem, clip: Clip) -> tuple[str, ...]:
     return (f"{clip.name}: {clip.fps:g} fps, brought to the {system.fps:g} that {system.name} knows",)
 
 
-def standing(system: WholeSystem, clip: Clip, to: Reference, is_first: bool) -> Reference:
+def placed_reference(system: WholeSystem, clip: Clip, to: Reference, is_first: bool) -> Reference:
     """What a clip is aligned to: the place of all words that the system learned from; where there is none, the first
     clip's, or where a clip was recorded if that is the same body and place (``NEAR_M``, ``NEAR_DEG``).
     """
@@ -129,7 +129,7 @@ def is_near(clip: Clip, place: Placement) -> bool:
     return away <= NEAR_M and own.up @ place.up >= least and own.forward @ place.forward >= least
 
 
-def missing(misses: Sequence[str], n_seams: int) -> str:
+def misses_message(misses: Sequence[str], n_seams: int) -> str:
     """The message about seams for which a system has no splice."""
     of = f"{len(misses)} of {n_seams} seams: " if n_seams > 1 else ""
     remedy = "SpliceOptions.fill_misses joins such words by the default methods, with a warning"

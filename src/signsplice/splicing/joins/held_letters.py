@@ -63,12 +63,12 @@ def still_frames(clip: Clip, own: Arms, speed: float) -> NDArray[np.intp]:
     start, stop = active_span(own)
     spelling = spelling_sides(own.lift[start:stop])
     joints = hand_joints(clip, spelling)
-    turns = rotation.angle_between(clip.local_rotations[1:, joints], clip.local_rotations[:-1, joints]).max(
+    angles = rotation.angle_between(clip.local_rotations[1:, joints], clip.local_rotations[:-1, joints]).max(
         axis=1, initial=0.0
     )
     steps = np.linalg.norm(np.diff(seen_from_trunk(own)[0][:, spelling], axis=0), axis=-1).max(axis=1) * own.metres
     rate = clip.fps / speed  # of frames in the time of the recording
-    moves = (turns * rate > _STILL_RAD_S) | (steps * rate > _STILL_M_S)  # (T - 1,)
+    moves = (angles * rate > _STILL_RAD_S) | (steps * rate > _STILL_M_S)  # (T - 1,)
     still = ~(np.append(moves, False) | np.append(False, moves))
     if not still[start:stop].any() and 2.0 / rate > LEAST_HOLD_S:
         still = ~(np.append(moves, True) & np.append(True, moves))

@@ -33,15 +33,15 @@ from signsplice.splicing.joins.join import LETTERS, REFORMED, SLID, Join, Planne
 from signsplice.splicing.joins.signs import SignJoin
 from signsplice.splicing.words.word import SentenceWord
 
-TURN_RAD_S = 11.0
+ROTATION_RAD_S = 11.0
 """Mean speed of the joint of hand or fingers that turns farthest, 630 degrees a second."""
 TRAVEL_M_S = 0.6
-"""Mean speed of the wrist on its way to the next letter."""
-LEAST_WAY_S = 0.1
+"""Mean speed of the wrist from one letter to the next."""
+LEAST_TRANSITION_S = 0.1
 DOUBLED_S = 0.2
 """Time from a letter to the same letter again."""
 _SAME_RAD, _SAME_M = 0.25, 0.03
-"""Largest turn of a joint, and travel of a wrist, between two letters that look the same."""
+"""Largest rotation of a joint, and travel of a wrist, between two letters that look the same."""
 SLIDE_M = 0.045
 """How far a doubled letter slides to the side."""
 SLID_LETTERS = frozenset("BCDFGHIKLPQRUVWXY123456789")
@@ -118,31 +118,31 @@ def letter_seam(before: Clip, after: Clip, entry: int, transition_s: float, spee
     held = max(transition_s, LEAST_HOLD_S / speed) if transition_s else END_HOLD_S / speed
     pre = min(max(last_held_frame(first, entry, held, before.fps), entry), len(before) - 1)
     post = int(second[0])
-    turn, travel = _turn_and_travel(before, p, pre, after, q, post)
-    is_doubled = turn < _SAME_RAD and travel < _SAME_M
-    needed = DOUBLED_S if is_doubled else max(turn / TURN_RAD_S, travel / TRAVEL_M_S, LEAST_WAY_S)
+    angle, travel = _rotation_and_travel(before, p, pre, after, q, post)
+    is_doubled = angle < _SAME_RAD and travel < _SAME_M
+    needed = DOUBLED_S if is_doubled else max(angle / ROTATION_RAD_S, travel / TRAVEL_M_S, LEAST_TRANSITION_S)
     can_hold = (last_held_frame(second, post, np.inf, after.fps) - post) / after.fps
     warnings: tuple[str, ...] = ()
-    if can_hold < LEAST_WAY_S / speed:
+    if can_hold < LEAST_TRANSITION_S / speed:
         warnings = (f"{after.name} is still for {can_hold:.2f} s only, less than the way to it takes",)
     slides = (
         is_doubled and letter(before) == letter(after) in SLID_LETTERS and spelling_side(p, pre, q, post) is not None
     )
-    seconds = max(min(needed / speed, can_hold), LEAST_WAY_S / speed)
+    seconds = max(min(needed / speed, can_hold), LEAST_TRANSITION_S / speed)
     return LetterSeam(Cut(pre, post), seconds, is_doubled, slides, warnings)
 
 
-def _turn_and_travel(before: Clip, p: Arms, pre: int, after: Clip, q: Arms, post: int) -> tuple[float, float]:
-    """The farthest turn of a joint of spelling hands and their fingers, radians, and travel of a wrist, m, between two
-    frames.
+def _rotation_and_travel(before: Clip, p: Arms, pre: int, after: Clip, q: Arms, post: int) -> tuple[float, float]:
+    """The largest rotation of a joint of spelling hands and their fingers, radians, and the travel of a wrist, m, between
+    two frames.
     """
     spelling = spelling_sides(np.array([p.lift[pre], q.lift[post]]))
     joints = hand_joints(before, spelling)
-    turns = rotation.angle_between(before.local_rotations[pre, joints], after.local_rotations[post, joints])
+    angles = rotation.angle_between(before.local_rotations[pre, joints], after.local_rotations[post, joints])
     (start, start_axes), (end, end_axes) = (
         [seen[frame, spelling] for seen in seen_from_trunk(own)] for own, frame in ((p, pre), (q, post))
     )
     cosine = np.einsum("hab,hab->h", start_axes, end_axes)
     hands = np.arccos(np.clip(0.5 * (cosine - 1.0), -1.0, 1.0))
     travel = np.linalg.norm(end - start, axis=-1) * p.metres
-    return float(max(turns.max(initial=0.0), hands.max())), float(travel.max())
+    return float(max(angles.max(initial=0.0), hands.max())), float(travel.max())

@@ -138,7 +138,7 @@ CUTTERS: dict[str, PairCutter] = {
     )
 }
 CLASSICAL_CUTTER = "pose-velocity"
-"""Used where no network can be read; the default is learned (``methods.choose``)."""
+"""Used where no network can be read; the default is learned (``choice.choose``)."""
 
 
 def find_cutter(name: str) -> PairCutter:

@@ -138,7 +138,7 @@ DURATIONS: dict[str, Duration] = {
 
 
 CLASSICAL_DURATION = "tempo"
-"""Used where no network can be read; the default is learned (``methods.choose``)."""
+"""Used where no network can be read; the default is learned (``choice.choose``)."""
 
 
 def find_duration(name: str) -> Duration:

@@ -338,7 +338,7 @@ TRANSITIONS: dict[str, GapTransition] = {
     )
 }
 CLASSICAL_TRANSITION = "hermite"
-"""Used where no network can be read; the default is learned (``methods.choose``)."""
+"""Used where no network can be read; the default is learned (``choice.choose``)."""
 
 
 def find_transition(name: str) -> GapTransition:

@@ -295,14 +295,14 @@ def _pushes(excess: FloatArray, exits: FloatArray, forward: FloatArray) -> Float
     """
     push = np.zeros_like(exits)
     meeting = (exits[:, 0] == -exits[:, 1]).all(axis=-1) & (excess > 0.0).all(axis=-1)
-    forward, way = np.where(meeting[:, None], 0.0, _FORWARD_WEIGHT * forward), np.where(meeting[:, None], 0.5, 1.0)
+    forward, fraction = np.where(meeting[:, None], 0.0, _FORWARD_WEIGHT * forward), np.where(meeting[:, None], 0.5, 1.0)
     for side in (0, 1):
         for stretch in _stretches(excess[:, side] > 0.0):
             deep = excess[stretch, side, None]
             along = (deep * (exits[stretch, side] + forward[stretch])).sum(axis=0)
             along /= np.linalg.norm(along) + 1e-12
             cosine = np.maximum(exits[stretch, side] @ along, _LEAST_COSINE)
-            push[stretch, side] = way[stretch] * deep / cosine[:, None] * along
+            push[stretch, side] = fraction[stretch] * deep / cosine[:, None] * along
     return push
 
 

@@ -82,9 +82,9 @@ def reform_letter(new: Clip, before: Clip) -> Clip:
     bump = np.sin(np.pi * np.arange(1, len(new) + 1) / (len(new) + 1)) ** 2  # (T,)
     left = spelling.shoulders[:, 0] - spelling.shoulders[:, 1]
     back = -np.cross(left, spelling.up)
-    way = spelling.up + back / np.linalg.norm(back, axis=-1, keepdims=True)
+    direction = spelling.up + back / np.linalg.norm(back, axis=-1, keepdims=True)
     moves = np.zeros((len(new), 2, 3))
-    moves[:, side] = bump[:, None] * way * (_BOUNCE_M / spelling.metres / np.sqrt(2.0))
+    moves[:, side] = bump[:, None] * direction * (_BOUNCE_M / spelling.metres / np.sqrt(2.0))
     moved = move_wrists(new, moves)
     if active_span(arms(before))[0] == 0:  # no rest is known
         return moved

@@ -38,12 +38,12 @@ FREE = {
 EARLY_S = 0.07
 """How long a free finger moves while its letter is held, at most."""
 _LEAST_RAD = 0.15
-"""Turn of a joint from which a finger has a way to go."""
+"""Rotation of a joint from which a finger has to move."""
 
 
 @dataclass(frozen=True)
 class MoveFingers(SeamPass):
-    """Free fingers of two letters are on their way for longer: from ``EARLY_S`` before the first letter is left, to as
+    """Free fingers of two letters have more time to move: from ``EARLY_S`` before the first letter is left, to as
     long after the second is entered.
 
     sign_speed: how many times as fast the letters play.
@@ -54,7 +54,7 @@ class MoveFingers(SeamPass):
 
     def change(self, seam: PlannedSeam) -> PlannedSeam:
         """The seam with its free fingers moved in the new frames and, by edits, in both letters; the seam itself where
-        no free finger has a way to go, where a name is no letter of the American alphabet, or where both hands are
+        no free finger has to move, where a name is no letter of the American alphabet, or where both hands are
         raised.
         """
         cut, before, after = seam.retimed_cut, seam.before_clip, seam.after_clip
@@ -80,8 +80,8 @@ class MoveFingers(SeamPass):
         return moved.with_gap(len(new))
 
     def _path(self, seam: PlannedSeam, finger: str, joints: list[int]) -> tuple[int, FloatArray]:
-        """How many frames of the first letter a finger is on its way, and its rotations (n, K, 4) there, in the new
-        frames and in the second letter; none at all where it has no way to go, or is free in neither.
+        """How many frames of the first letter a finger moves in, and its rotations (n, K, 4) there, in the new
+        frames and in the second letter; none at all where it does not have to move, or is free in neither.
         """
         cut, before, after = seam.retimed_cut, seam.before_clip, seam.after_clip
         fps, n_new = before.fps / self.sign_speed, len(seam.made.clip)

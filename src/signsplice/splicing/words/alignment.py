@@ -10,7 +10,7 @@ from signsplice.lexicon.entry import is_letter
 from signsplice.motion.clip import Clip, left_out_warnings
 from signsplice.rig.align import Reference, reference
 from signsplice.rig.stray_frames import stray_frames, with_ends_held
-from signsplice.splicing.whole_system import WholeSystem, output_fps, rate_warnings, standing
+from signsplice.splicing.whole_system import WholeSystem, output_fps, placed_reference, rate_warnings
 from signsplice.splicing.words.word import FrameMap, SentenceWord
 
 
@@ -39,7 +39,7 @@ class WordAligner:
         stray, held = stray_frames(clip), with_ends_held(clip)
         to = first or reference(held, fps)
         if self.system is not None:
-            to = standing(self.system, held, to, is_first=first is None)
+            to = placed_reference(self.system, held, to, is_first=first is None)
         aligned = align(held, to, self.sign_speed)
         kept = stray.resampled(clip.fps * self.sign_speed / fps, len(aligned.clip))
         recorded = aligned.clip if held is clip else aligned.clip[kept]
