@@ -25,7 +25,7 @@ from signsplice.splicing.engine import joined_sentence, splice
 from signsplice.splicing.joins.join import LETTERS, REFORMED, SIGNS, SLID, PlannedSeam, SeamKind
 from signsplice.splicing.methods.cut import find_cutter
 from signsplice.splicing.options import SpliceOptions
-from signsplice.splicing.passes.seam_pass import SeamPass, run
+from signsplice.splicing.passes.seam_pass import Pass, SeamPass, run
 from signsplice.splicing.pieces import edited_part
 from signsplice.splicing.result import Piece, SpliceResult
 from signsplice.splicing.sentence import SentenceBuilder
@@ -42,18 +42,18 @@ def spelled(text: str) -> list[Clip]:
         return [lexicon.clip(f"fs-{letter}") for letter in text]
 
 
-def spliced(clips: Sequence[Clip], passes: Sequence[SeamPass], options: SpliceOptions = OPTIONS) -> SpliceResult:
+def spliced(clips: Sequence[Clip], passes: Sequence[Pass], options: SpliceOptions = OPTIONS) -> SpliceResult:
     sentence = SentenceBuilder(options, passes)
     return joined_sentence(sentence, [*sentence.add(clips), *sentence.end()])
 
 
-def streamed(clips: Sequence[Clip], passes: Sequence[SeamPass], options: SpliceOptions = OPTIONS) -> list[Piece]:
+def streamed(clips: Sequence[Clip], passes: Sequence[Pass], options: SpliceOptions = OPTIONS) -> list[Piece]:
     sentence = SentenceBuilder(options, passes)
     return [piece for clip in clips for piece in sentence.add([clip])] + sentence.end()
 
 
-def listed(options: SpliceOptions = OPTIONS) -> tuple[SeamPass, ...]:
-    return stages.seam_passes(options, options.chosen_methods())
+def listed(options: SpliceOptions = OPTIONS) -> tuple[Pass, ...]:
+    return stages.passes(options, stages.chosen_methods(options))
 
 
 # --- frozen ---
@@ -61,12 +61,11 @@ def listed(options: SpliceOptions = OPTIONS) -> tuple[SeamPass, ...]:
 
 def test_no_attribute_of_a_stage_can_be_set() -> None:
     options = SpliceOptions(tempo="natural", free_hand="natural")
-    methods, sentence = options.chosen_methods(), SentenceBuilder(options)
+    sentence = SentenceBuilder(options)
     planned = sentence.plan(CLIPS)
     seams = sentence.finish(planned, sentence.gap_passes.fill(planned.gaps))
-    gaps = stages.gap_passes(options, methods)
     values: list[Any] = [planned, *planned.words, *planned.seams, *seams, *seams[0].edits, planned.words[0].frames]
-    values += [gaps, *gaps.passes, *stages.seam_passes(options, methods), stages.planner(options, methods)]
+    values += [sentence.gap_passes, *listed(options), stages.planner(options, sentence.methods)]
     values += [stages.word_aligner(options), *splice(CLIPS).spans, *splice(CLIPS).seams]
     for value in values:
         for one in fields(value):
@@ -128,6 +127,21 @@ def test_a_pass_is_shown_the_kinds_of_seams_that_it_names() -> None:
     assert [seam.kind for seam in slid.seen] == [SLID, LETTERS]
 
 
+def test_gap_passes_come_before_seam_passes() -> None:
+    fill, *others = listed()
+    with pytest.raises(ValueError, match="a pass of gaps comes after one of seams"):
+        SentenceBuilder(OPTIONS, [*others, fill])
+
+
+def test_a_sentence_that_ended_begins_anew() -> None:
+    sentence = SentenceBuilder(OPTIONS, [*listed(), TurnHead()])
+    for _ in range(2):
+        pieces = [*sentence.add(CLIPS), *sentence.end()]
+        assert pieces[0].span.remade is not None
+        assert len(pieces[0].span.remade.joints) == 1
+        assert pieces[0].span.remade.frames[0] == pieces[0].span.output[1] - 3, "of the end alone"
+
+
 def test_seams_without_new_frames_are_shown_to_no_pass() -> None:
     watch = Watch()
     options = replace(OPTIONS, transition_time=0.0)
@@ -170,7 +184,7 @@ def test_edits_come_out_and_the_report_names_them() -> None:
 
 def test_a_pass_sees_what_it_did_at_the_seam_before_and_not_what_later_passes_did() -> None:
     early, late = Watch(), Watch()
-    spliced(CLIPS, [early, TurnHead(), late])
+    spliced(CLIPS, [*listed(), early, TurnHead(), late])
     assert [len(seam.earlier) for seam in early.seen] == [0, 0]
     assert [len(seam.earlier) for seam in late.seen] == [0, 1]
     assert late.seen[1].earlier == late.seen[0].entering

@@ -18,7 +18,7 @@ from signsplice.splicing.gap import FilledGap, Gap
 from signsplice.splicing.methods.transition import CurveTransition, GapTransition, find_transition
 from signsplice.splicing.options import SpliceOptions
 from signsplice.splicing.passes.seam_pass import GapPasses
-from signsplice.splicing.stages import gap_passes
+from signsplice.splicing.sentence import SentenceBuilder
 from signsplice.splicing.transition_cache import TransitionCache, gap_key
 
 GAP = Gap(word("BOOK").clip[30:38], word("MOTHER").clip[20:28], 6)
@@ -28,7 +28,7 @@ def passes(**options: Any) -> GapPasses:
     """The gap passes of a call: by default hermite, with collision avoidance."""
     named: dict[str, Any] = {"transition": "hermite", "avoid_collisions": True, **options}
     wanted = SpliceOptions(**named)
-    return gap_passes(wanted, wanted.chosen_methods())
+    return SentenceBuilder(wanted).gap_passes
 
 
 PASSES = passes(free_hand="natural")

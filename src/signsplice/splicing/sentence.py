@@ -18,7 +18,7 @@ from signsplice.splicing.arguments import not_a_clip, not_clips, not_options
 from signsplice.splicing.gap import FilledGap, Gap
 from signsplice.splicing.joins.join import PlannedSeam
 from signsplice.splicing.options import SpliceOptions
-from signsplice.splicing.passes.seam_pass import Entering, SeamPass, run
+from signsplice.splicing.passes.seam_pass import Entering, Pass, run, split
 from signsplice.splicing.pieces import OpenWord, scored, sign_piece, transition_piece
 from signsplice.splicing.result import Piece
 from signsplice.splicing.seam import seam_positions
@@ -52,14 +52,13 @@ class SentenceBuilder:
     gap_passes, seam_passes: what happens to planned seams, in order.
     """
 
-    def __init__(self, options: SpliceOptions, seam_passes: Sequence[SeamPass] | None = None) -> None:
-        """``seam_passes``: in place of those of ``stages``."""
+    def __init__(self, options: SpliceOptions, passes: Sequence[Pass] | None = None) -> None:
+        """``passes``: in place of ``stages.passes``."""
         if not isinstance(options, SpliceOptions):
             raise not_options(options, SpliceOptions)
         self.options, self.seconds = options, dict.fromkeys(("harmonize", "cut", "transition", "join"), 0.0)
-        self.methods = options.chosen_methods()
-        self.gap_passes = stages.gap_passes(options, self.methods)
-        self.seam_passes = stages.seam_passes(options, self.methods) if seam_passes is None else tuple(seam_passes)
+        self.methods = stages.chosen_methods(options)
+        self.gap_passes, self.seam_passes = split(stages.passes(options, self.methods) if passes is None else passes)
         self.contacts: dict[int, tuple[Contact, ...]] = {}
         self._aligner, self._planner = stages.word_aligner(options), stages.planner(options, self.methods)
         self._seconds_a_sign = seconds_a_sign(options.tempo)
@@ -130,7 +129,7 @@ class SentenceBuilder:
 
     def end(self) -> list[Piece]:
         """The rest of the last word."""
-        last, self._last = self._last, None
+        last, self._last, self._entering = self._last, None, ()
         if last is None:
             return []
         began = perf_counter()

@@ -11,22 +11,34 @@ Every value in between is frozen: a stage takes one and gives another. A new beh
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from signsplice.splicing.joins.letters import LetterJoin
 from signsplice.splicing.joins.signs import SignJoin
 from signsplice.splicing.joins.systems import SystemJoin
 from signsplice.splicing.methods.choice import ChosenMethods
-from signsplice.splicing.methods.duration import Duration, RunningDuration
+from signsplice.splicing.methods.duration import RunningDuration
 from signsplice.splicing.options import SpliceOptions
 from signsplice.splicing.passes.collision_avoidance import AvoidCollisions
 from signsplice.splicing.passes.doubled_letters import ReformLetters, SlideLetters
 from signsplice.splicing.passes.filling import FillGaps, Refill
 from signsplice.splicing.passes.free_hand import NATURAL, FreeHands, WristSpeeds
 from signsplice.splicing.passes.letter_blending import MoveFingers
-from signsplice.splicing.passes.seam_pass import GapPass, GapPasses, SeamPass
+from signsplice.splicing.passes.seam_pass import Pass
 from signsplice.splicing.passes.unhurried import LengthenGaps
 from signsplice.splicing.planning import Planner
 from signsplice.splicing.tempo import seconds_a_sign
 from signsplice.splicing.words.alignment import WordAligner
+
+
+def chosen_methods(options: SpliceOptions) -> ChosenMethods:
+    """The cutter, transition and duration of a call; under a tempo transitions take as long as it says, unless the call
+    names a duration.
+    """
+    methods, seconds = options.chosen_methods(), seconds_a_sign(options.tempo)
+    if seconds is None or options.has_own_duration:
+        return methods
+    return replace(methods, duration=RunningDuration(seconds))
 
 
 def word_aligner(options: SpliceOptions) -> WordAligner:
@@ -36,7 +48,7 @@ def word_aligner(options: SpliceOptions) -> WordAligner:
 
 def planner(options: SpliceOptions, methods: ChosenMethods) -> Planner:
     """What plans the seams of words: one of three joins for every two neighbours."""
-    signs = SignJoin(_duration(options, methods), options.transition_time, options.sign_speed)
+    signs = SignJoin(methods.duration, options.transition_time, options.sign_speed)
     fallback = f"cutter {methods.cutter.name}, transition {methods.transition.name}"
     return Planner(
         cutter=methods.cutter,
@@ -48,41 +60,22 @@ def planner(options: SpliceOptions, methods: ChosenMethods) -> Planner:
     )
 
 
-def gap_passes(options: SpliceOptions, methods: ChosenMethods) -> GapPasses:
-    """The first passes, which see gaps alone: those of many sentences at once."""
-    transition, avoids = methods.transition, _avoids_collisions(options, methods)
-    passes: list[GapPass] = [FillGaps(transition)]
-    if avoids:
-        passes.append(AvoidCollisions())
-    if isinstance(_duration(options, methods), RunningDuration) and options.transition_time is None:
-        passes.append(LengthenGaps(transition, avoids))
-    if _frees_hands(options):
-        passes.append(WristSpeeds())
-    return GapPasses(tuple(passes))
-
-
-def seam_passes(options: SpliceOptions, methods: ChosenMethods) -> tuple[SeamPass, ...]:
-    """The passes after them, which see seams one after another, and may edit words."""
-    refill = Refill(methods.transition, _avoids_collisions(options, methods))
-    passes: list[SeamPass] = [SlideLetters(refill)]
-    if _frees_hands(options):
-        takes_frames, avoids = options.free_hand == NATURAL, options.avoid_collisions is not False
-        passes.append(FreeHands(refill, takes_frames, options.lengthens, avoids))
-    passes += [ReformLetters(), MoveFingers(options.sign_speed)]
-    return tuple(passes)
-
-
-def _duration(options: SpliceOptions, methods: ChosenMethods) -> Duration:
-    """How long transitions between signs take: as at the tempo asked for, unless the call names a duration."""
-    seconds = seconds_a_sign(options.tempo)
-    return methods.duration if seconds is None or options.has_own_duration else RunningDuration(seconds)
-
-
-def _avoids_collisions(options: SpliceOptions, methods: ChosenMethods) -> bool:
-    """Whether hands are led around the body in transitions."""
-    return methods.transition.learned if options.avoid_collisions is None else options.avoid_collisions
-
-
-def _frees_hands(options: SpliceOptions) -> bool:
-    """Whether idle hands may get more time."""
-    return options.lengthens or options.free_hand == NATURAL
+def passes(options: SpliceOptions, methods: ChosenMethods) -> tuple[Pass, ...]:
+    """What happens to planned seams, in order. Gap passes come first: they see gaps alone."""
+    transition, is_running = methods.transition, isinstance(methods.duration, RunningDuration)
+    avoids = transition.learned if options.avoid_collisions is None else options.avoid_collisions
+    natural, refill = options.free_hand == NATURAL, Refill(transition, avoids)
+    frees_hands = natural or options.lengthens
+    listed: tuple[tuple[Pass, bool], ...] = (
+        # gaps, of many sentences at once
+        (FillGaps(transition), True),
+        (AvoidCollisions(), avoids),
+        (LengthenGaps(transition, avoids), is_running and options.transition_time is None),
+        (WristSpeeds(), frees_hands),
+        # seams, one after another
+        (SlideLetters(refill), True),
+        (FreeHands(refill, natural, options.lengthens, options.avoid_collisions is not False), frees_hands),
+        (ReformLetters(), True),
+        (MoveFingers(options.sign_speed), True),
+    )
+    return tuple(one for one, is_wanted in listed if is_wanted)

@@ -133,7 +133,7 @@ def letter_seam(before: Clip, after: Clip, entry: int, transition_s: float, spee
 
 
 def _rotation_and_travel(before: Clip, p: Arms, pre: int, after: Clip, q: Arms, post: int) -> tuple[float, float]:
-    """The largest rotation of a joint of the hands that spell, radians, and the travel of a wrist, m, between two frames."""
+    """The largest rotation of a joint of spelling hands, radians, and the travel of a wrist, m, between two frames."""
     spelling = spelling_sides(np.array([p.lift[pre], q.lift[post]]))
     joints = hand_joints(before, spelling)
     angles = rotation.angle_between(before.local_rotations[pre, joints], after.local_rotations[post, joints])

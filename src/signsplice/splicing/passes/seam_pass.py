@@ -73,6 +73,19 @@ class SeamPass(ABC):
         return seam.is_open and (seam.kind in self.kinds or (self.follows_edits and bool(seam.earlier)))
 
 
+Pass = GapPass | SeamPass
+
+
+def split(passes: Sequence[Pass]) -> tuple[GapPasses, tuple[SeamPass, ...]]:
+    """The gap passes and the seam passes of a list. Raises ``ValueError`` where a gap pass comes after a seam pass."""
+    n_gap = sum(isinstance(one, GapPass) for one in passes)
+    gap = tuple(one for one in passes[:n_gap] if isinstance(one, GapPass))
+    seam = tuple(one for one in passes[n_gap:] if isinstance(one, SeamPass))
+    if len(gap) + len(seam) != len(passes):
+        raise ValueError("a pass of gaps comes after one of seams, expected all of them before")
+    return GapPasses(gap), seam
+
+
 Entering = tuple[tuple[Edit, ...], ...]
 """For each pass the edits that it and those before it made at the beginning of the last word, as far as the sentence is
 known."""
