@@ -32,9 +32,10 @@ DEEP_M = 0.005
 
 @dataclass(frozen=True)
 class Seam:
-    """The row of a seam in the public result: how two signs are joined, and how well.
+    """The join of two signs.
 
-    While a sentence is made, a seam is a ``joins.join.PlannedSeam``.
+    This is its row in the public result, with what it scores. While a sentence is made, a seam is a
+    ``joins.join.PlannedSeam``.
 
     before, after: names of the two signs.
     pre_frame: last frame kept of ``before``, counted at the output rate.
