@@ -105,13 +105,14 @@ def _stray_frames(clip: Clip) -> StrayFrames:
     first, last = _reference_poses(clip)
     before, shown_before = _stray_at_start(clip, jumps, *first)
     after, shown_after = _stray_at_start(reversed_clip, jumps[::-1], *last)
-    start, stop = before, len(clip) - after
+    n_frames = len(clip)
+    start, stop = before, n_frames - after
     if before + after and stop - start < 2:
         shown = shown_before or shown_after
-        return StrayFrames(0, len(clip), (f"hardly a frame is left without {shown}: none is left out of splices",))
+        return StrayFrames(0, n_frames, (f"hardly a frame is left without {shown}: none is left out of splices",))
     lines = [
         f"{_numbers(*frames)}: {shown} that does not belong to the motion; left out of splices"
-        for frames, shown in (((0, start), shown_before), ((stop, len(clip)), shown_after))
+        for frames, shown in (((0, start), shown_before), ((stop, n_frames), shown_after))
         if shown
     ]
     return StrayFrames(start, stop, (*lines, *_jump_warnings(clip, jumps, angles, speeds, start, stop)))

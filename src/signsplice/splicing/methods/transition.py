@@ -145,7 +145,7 @@ class CurveTransition(GapTransition):
 
 
 def _moves_bones(gap: Gap) -> bool:
-    return gap.before[-3:].translations is not None or gap.after[:3].translations is not None
+    return gap.before.translations is not None or gap.after.translations is not None
 
 
 def _alike(gaps: Sequence[Gap]) -> list[list[int]]:
