@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from signsplice.errors import SignspliceError
 from signsplice.splicing.gap import Cut, FilledGap, gap_at
-from signsplice.splicing.joins.join import SYSTEM, PlannedSeam
+from signsplice.splicing.joins.join import SYSTEM, Join, PlannedSeam
 from signsplice.splicing.whole_system import SystemSplice, WholeSystem
 from signsplice.splicing.words.word import SentenceWord
 
@@ -16,13 +16,15 @@ class NoSpliceError(SignspliceError):
 
 
 @dataclass(frozen=True)
-class SystemJoin:
+class SystemJoin(Join):
     """Plans seams as a system makes them: it chooses the cut, and makes the frames with it."""
 
     system: WholeSystem
 
-    def plan(self, before: SentenceWord, after: SentenceWord) -> PlannedSeam:
-        """The seam of two words, with its frames. Raises ``NoSpliceError`` where the system has none."""
+    def plan(self, before: SentenceWord, after: SentenceWord, chosen: Cut | None = None) -> PlannedSeam:
+        """The seam of two words, with its frames, whatever a cutter has ``chosen``. Raises ``NoSpliceError`` where the
+        system has none.
+        """
         found = self.system.splice_words(before.clip, after.clip)
         reason = failure_reason(self.system, found, before)
         if found.pre is None or found.post is None or reason:
