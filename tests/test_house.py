@@ -38,6 +38,19 @@ FLOORS = {
 }
 """Imports run down only. What is not named here (the command line, the demo) lies on top of the product."""
 
+SPLICING_FLOORS = {
+    "arguments": 0,
+    "gap": 0,
+    "tempo": 0,
+    "networks": 1,
+    "methods": 2,
+    "whole_system": 3,
+    "words": 4,
+    "joins": 5,
+    "passes": 6,
+}
+"""The same within splicing. What is not named here (stages, sentence, engine, report) lies on top of these."""
+
 TOP = 9
 PAPER = "signsplice_paper"
 MODULES = sorted(path for source in SOURCES for path in source.rglob("*.py"))
@@ -117,6 +130,30 @@ def test_strings_that_name_modules_are_found(tmp_path: Path) -> None:
     file = tmp_path / "a.py"
     file.write_text('"""signsplice.cli"""\nimport_module("signsplice.service.notebook")\nx = f"{y} splicing.engine"\n')
     assert modules_in_strings(file) == {"signsplice.service.notebook", "signsplice.splicing.engine"}
+
+
+@pytest.mark.parametrize(
+    "path", [path for path in MODULES if path.is_relative_to(SOURCE / "splicing")], ids=lambda path: path.stem
+)
+def test_imports_within_splicing_run_down(path: Path) -> None:
+    own = module_name(path).split(".")[2:3]
+    floor = SPLICING_FLOORS.get("".join(own), TOP)
+    for target in imports(path):
+        parts = target.split(".")
+        if parts[:2] == ["signsplice", "splicing"] and floor < TOP:
+            below = SPLICING_FLOORS.get("".join(parts[2:3]), TOP)
+            assert below < floor or parts[2:3] == own, f"{module_name(path)} imports {target}"
+
+
+def test_splicing_writes_to_no_other_objects_attributes() -> None:
+    """But to objects of libraries that are made to be written to: a graph of protobuf, onnxruntime's options."""
+    found = set()
+    for path in MODULES:
+        if path.is_relative_to(SOURCE / "splicing"):
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+                    found.add((path.stem, ast.unparse(node.value)))
+    assert {row for row in found if row[1] != "self"} == {("external_data", "field"), ("sessions", "options")}
 
 
 def test_no_import_runs_in_a_circle() -> None:

@@ -22,8 +22,9 @@ from signsplice.motion.euler_channels import Channels
 from signsplice.rig.align import align, reference
 from signsplice.rig.arms import active_span, arms
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
+from signsplice.splicing.gap import Cut
 from signsplice.splicing.inbetween import inbetween
-from signsplice.splicing.methods.cut import CUTTERS, Cut, PairCutter
+from signsplice.splicing.methods.cut import CUTTERS, PairCutter
 from signsplice.splicing.methods.transition import TRANSITIONS
 
 CLASSICAL = SpliceOptions("pose-velocity", "hermite", "tempo")

@@ -8,6 +8,7 @@ import sys
 import click
 
 from signsplice.cli import bulk, evaluation, files, lexicon, moved, service, showing, splicing, synth, train
+from signsplice.cli.terminal import with_option_names
 from signsplice.errors import InputError, SignspliceError
 
 
@@ -36,9 +37,9 @@ def run(commands: click.Group) -> tuple[str, int]:
     except click.ClickException as error:
         return " ".join(error.format_message().split()), 2
     except InputError as error:
-        return str(error), 2
+        return with_option_names(str(error)), 2
     except SignspliceError as error:
-        return str(error), 1
+        return with_option_names(str(error)), 1
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return "", 1

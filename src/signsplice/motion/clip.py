@@ -276,7 +276,7 @@ def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
         root_positions=np.concatenate([clip.root_positions for clip in clips]),
         name=name or first.name,
         translations=translations,
-        channels=Channels.concatenate([(clip.channels, len(clip)) for clip in clips]),
+        channels=first.channels and Channels.concatenate([(clip.channels, len(clip)) for clip in clips]),
     )
 
 

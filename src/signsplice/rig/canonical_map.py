@@ -12,6 +12,7 @@ after A, in canonical axes, A -> A exp(d), is q -> q exp(C_j^-1 d) for the local
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,10 +74,15 @@ class CanonicalMap:
     origin: int
     arm_length: float
 
-    @property
+    @cached_property
     def has_role(self) -> NDArray[np.bool_]:
         """Which roles the rig has (R,)."""
         return self.joints >= 0
+
+    @cached_property
+    def from_chest(self) -> FloatArray:
+        """The matrix (3, 3) that undoes the chest's global rotation in the T-pose."""
+        return rotation.to_matrix(rotation.inverse(self.t_pose_rotations[self.chest]))
 
 
 def map_roles(skeleton: Skeleton, humanoid: Humanoid, t_pose: TPose, arm_length: float) -> CanonicalMap:

@@ -23,7 +23,7 @@ from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig.align import align, reference
 from signsplice.rig.canonical_map import TRUNK
 from signsplice.rig.info import rig_info
-from signsplice.splicing.methods.cut import Cut
+from signsplice.splicing.gap import Cut
 from signsplice.splicing.passes.collision_avoidance import TOLERANCE_M
 from signsplice.splicing.passes.free_hand import FASTEST_M_S, NATURAL
 from signsplice.splicing.passes.idle_hand import idle_hands, is_approached

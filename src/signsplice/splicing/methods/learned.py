@@ -23,8 +23,8 @@ from signsplice.motion.joined import JoinedClips, joined
 from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motion
 from signsplice.rig.canonical_map import ARM, ROLES
 from signsplice.rig.info import rig_info
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.cut import Cut, Cutter
+from signsplice.splicing.gap import Cut, Gap
+from signsplice.splicing.methods.cut import Cutter
 from signsplice.splicing.methods.duration import HUMAN_MEDIAN_S, Duration, travel_law
 from signsplice.splicing.methods.transition import GapTransition, find_transition
 from signsplice.splicing.methods.viterbi import SeamScores, best_path

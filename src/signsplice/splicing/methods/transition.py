@@ -145,7 +145,7 @@ class CurveTransition(GapTransition):
 
 
 def _moves_bones(gap: Gap) -> bool:
-    return gap.before[-3:].translations is not None or gap.after[:3].translations is not None
+    return gap.before.translations is not None or gap.after.translations is not None
 
 
 def _alike(gaps: Sequence[Gap]) -> list[list[int]]:
@@ -338,7 +338,7 @@ TRANSITIONS: dict[str, GapTransition] = {
     )
 }
 CLASSICAL_TRANSITION = "hermite"
-"""Used where no network can be read; the default is learned (``methods.choose``)."""
+"""Used where no network can be read; the default is learned (``choice.choose``)."""
 
 
 def find_transition(name: str) -> GapTransition:

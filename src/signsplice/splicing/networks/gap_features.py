@@ -49,15 +49,15 @@ class GapMoments:
     n_gap: frames of the gap at ``FEATURE_FPS``.
     seconds: from the last frame before to the first after.
     frames: of the motion that is looked at.
-    places: (S, 8) one-hot before, in or after the gap; real (a frame of the clips and not a repeated edge) or not; time
-        t in the gap from 0 to 1, t (1 - t), the gap's length and its logarithm.
+    position_codes: (S, 8) one-hot before, in or after the gap; real (a frame of the clips and not a repeated edge) or
+        not; time t in the gap from 0 to 1, t (1 - t), the gap's length and its logarithm.
     spacing: (S,) seconds from every moment to the next.
     """
 
     n_gap: int
     seconds: float
     frames: MomentFrames
-    places: NDArray[np.float32]
+    position_codes: NDArray[np.float32]
     spacing: FloatArray
 
 
@@ -75,8 +75,8 @@ def gap_moments(n_frames: int, n_before: int, n_between: int, fps: float) -> Gap
     part = np.zeros((len(times), 3))
     part[:CONTEXT, 0] = part[CONTEXT : CONTEXT + n_gap, 1] = part[CONTEXT + n_gap :, 2] = 1.0
     length = np.full(len(times), seconds)
-    places = np.column_stack([part, is_real, t, t * (1.0 - t), length, np.log(np.maximum(length, 0.02))])
-    return GapMoments(n_gap, seconds, frames_at(times, fps, n_frames), places.astype(np.float32), spacing)
+    codes = np.column_stack([part, is_real, t, t * (1.0 - t), length, np.log(np.maximum(length, 0.02))])
+    return GapMoments(n_gap, seconds, frames_at(times, fps, n_frames), codes.astype(np.float32), spacing)
 
 
 def gap_tokens(whole: CanonicalTrajectory, gaps: Sequence[GapMoments], starts: NDArray[np.intp]) -> NDArray[np.float32]:
@@ -90,7 +90,7 @@ def gap_tokens(whole: CanonicalTrajectory, gaps: Sequence[GapMoments], starts: N
     own = frame_features(whole, spacing, starts, out[:, :N_FRAME])
     last = np.repeat(starts + CONTEXT - 1, [len(gap.spacing) for gap in gaps])
     np.subtract(own, own[last], out=out[:, N_FRAME : 2 * N_FRAME])
-    out[:, 2 * N_FRAME :] = np.concatenate([gap.places for gap in gaps])
+    out[:, 2 * N_FRAME :] = np.concatenate([gap.position_codes for gap in gaps])
     return out
 
 

@@ -26,6 +26,8 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.motion.joined import joined
 from signsplice.rig.info import rig_info
+from signsplice.splicing.gap import FilledGap, Gap
+from signsplice.splicing.passes.seam_pass import GapPass
 
 SIDES = ("left", "right")
 TOLERANCE_M = 0.003
@@ -95,6 +97,19 @@ def avoid_all_collisions(
             else:
                 out[known[k]] = _lead_around(filled, before, after, posed[frames], fixed)
     return out
+
+
+@dataclass(frozen=True)
+class AvoidCollisions(GapPass):
+    """Hands are led around head, trunk and each other (see above)."""
+
+    def change_all(self, gaps: Sequence[Gap], filled: Sequence[FilledGap]) -> list[FilledGap]:
+        """The frames with hands led around the body, and how deep a hand still is in it."""
+        asked = [(one.clip, gap.before, gap.after) for one, gap in zip(filled, gaps, strict=True)]
+        return [
+            replace(one, clip=new.clip, depth=new.depth, peak_m_s=None)
+            for one, new in zip(filled, avoid_all_collisions(asked), strict=True)
+        ]
 
 
 def depths(filled: Clip, before: Clip, after: Clip) -> FloatArray:
@@ -280,14 +295,14 @@ def _pushes(excess: FloatArray, exits: FloatArray, forward: FloatArray) -> Float
     """
     push = np.zeros_like(exits)
     meeting = (exits[:, 0] == -exits[:, 1]).all(axis=-1) & (excess > 0.0).all(axis=-1)
-    forward, way = np.where(meeting[:, None], 0.0, _FORWARD_WEIGHT * forward), np.where(meeting[:, None], 0.5, 1.0)
+    forward, fraction = np.where(meeting[:, None], 0.0, _FORWARD_WEIGHT * forward), np.where(meeting[:, None], 0.5, 1.0)
     for side in (0, 1):
         for stretch in _stretches(excess[:, side] > 0.0):
             deep = excess[stretch, side, None]
             along = (deep * (exits[stretch, side] + forward[stretch])).sum(axis=0)
             along /= np.linalg.norm(along) + 1e-12
             cosine = np.maximum(exits[stretch, side] @ along, _LEAST_COSINE)
-            push[stretch, side] = way[stretch] * deep / cosine[:, None] * along
+            push[stretch, side] = fraction[stretch] * deep / cosine[:, None] * along
     return push
 
 

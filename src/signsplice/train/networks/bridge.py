@@ -2,7 +2,7 @@
 
 It is a Transformer encoder with pre-layer normalisation and rotary positions (Su et al. 2021), because what matters is
 how far apart two frames are. Its answer is a rotation vector for every joint at every frame of the gap, weighted by a
-window that is flat at both ends (``splicing.gap_features.delta_rotvecs``) and added to the classical transition. The
+window that is flat at both ends (``gap_features.delta_rotvecs``) and added to the classical transition. The
 last layer is initialised with zeros, so that an untrained network is the classical method.
 
 Names of attributes that hold weights are stored in checkpoints and in ONNX graphs, from which training can continue:

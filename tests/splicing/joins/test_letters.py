@@ -17,9 +17,9 @@ from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate, resample
 from signsplice.rig.arms import arms, seen_from_trunk
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
-from signsplice.splicing.passes import fingerspelling
+from signsplice.splicing.joins.letters import letter_seam
+from signsplice.splicing.passes import doubled_letters
 from signsplice.splicing.passes.collision_avoidance import depths
-from signsplice.splicing.passes.fingerspelling import letter_seam
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +155,7 @@ def test_a_letter_formed_anew_is_led_around_the_body(lexicon: Lexicon, monkeypat
         moves[:, 1] = own.shoulders.mean(axis=1) - own.wrists[:, 1] - 0.2 / own.metres * own.up  # into the chest
         return move_wrists(new, moves)
 
-    monkeypatch.setattr(fingerspelling, "formed_anew", deep)
+    monkeypatch.setattr(doubled_letters, "reform_letter", deep)
     clips = letters("NN", lexicon)
     result = splice(clips)
     start, stop = result.spans[1].output

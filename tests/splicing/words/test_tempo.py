@@ -23,13 +23,21 @@ from signsplice.rig.align import align, reference
 from signsplice.rig.stray_frames import with_ends_held
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.cut import Cut, Cutter, find_cutter
+from signsplice.splicing.gap import Cut, Gap
+from signsplice.splicing.methods.cut import Cutter, find_cutter
 from signsplice.splicing.methods.transition import GapTransition
-from signsplice.splicing.passes.pace import CONTACT_S, MOST, PEAKS, contact_frames, pace
-from signsplice.splicing.passes.tempo import RUNNING_S, fill_unhurried, play, reached, seconds_a_sign
+from signsplice.splicing.passes.filling import fill
+from signsplice.splicing.passes.unhurried import LengthenGaps
+from signsplice.splicing.tempo import RUNNING_S, measured_tempo, seconds_a_sign
+from signsplice.splicing.words.pace import CONTACT_S, MOST, PEAKS, contact_frames, pace
+from signsplice.splicing.words.retiming import retimed
+from signsplice.splicing.words.word import FrameMap, SentenceWord
 
 CUTTER = find_cutter("pose-velocity")
+
+
+def at_tempo(clip: Clip, seconds: float) -> SentenceWord:
+    return retimed(SentenceWord(0, clip, clip, FrameMap()), CUTTER, seconds)
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +122,8 @@ class Flicker(GapTransition):
 
 def test_no_transition_is_lengthened_past_the_longest(sentence: list[Clip]) -> None:
     rest, raised = sentence[0][:9], sentence[0][len(sentence[0]) // 2 :]
-    (made,) = fill_unhurried(Flicker(), [Gap(rest, raised, 200)], False)
+    gaps, flicker = [Gap(rest, raised, 200)], Flicker()
+    (made,) = LengthenGaps(flicker, avoids=False).change_all(gaps, fill(flicker, gaps, False))
     assert len(made.clip) == 300
 
 
@@ -165,18 +174,18 @@ def test_hands_stay_below_human_peaks(natural: SpliceResult, sentence: list[Clip
 
 def test_even_the_fastest_tempo_stops_at_human_peaks() -> None:
     clip = word("TOILET").clip
-    played = play(clip, CUTTER, 0.4)
-    assert _peak(played.clip) < 1.05 * PEAKS["Hand"][0]
-    assert played.clip.seconds > clip.seconds - 1.2
+    played = at_tempo(clip, 0.4)
+    assert _peak(played.retimed) < 1.05 * PEAKS["Hand"][0]
+    assert played.retimed.seconds > clip.seconds - 1.2
 
 
 def test_a_contact_is_seen_in_two_frames_at_least() -> None:
     for gloss in ("FATHER", "HAT", "PRIVATE", "APPLE"):
         clip = word(gloss).clip
-        played = play(clip, CUTTER, 0.4)
-        assert played.sources is not None
+        played = at_tempo(clip, 0.4)
+        assert played.frames.sources is not None
         for start, stop in contact_frames(clip):
-            shown = (played.sources >= start) & (played.sources <= stop - 1)
+            shown = (played.frames.sources >= start) & (played.frames.sources <= stop - 1)
             if stop - 1 - start >= CONTACT_S * clip.fps:
                 assert shown.sum() >= 2, gloss
 
@@ -196,8 +205,8 @@ def test_speed_does_not_step_where_a_transition_begins_and_ends(natural: SpliceR
 
 def test_a_sign_that_is_short_enough_is_played_as_recorded() -> None:
     clip = word("fs-A").clip
-    assert play(clip, CUTTER, 3.0).sources is None
-    assert play(clip, CUTTER, 3.0).clip is clip
+    assert at_tempo(clip, 3.0).frames.sources is None
+    assert at_tempo(clip, 3.0).retimed is clip
 
 
 def test_seconds_a_sign_are_a_tempo_between(sentence: list[Clip]) -> None:
@@ -281,6 +290,6 @@ def test_the_tempo_reached_is_that_of_signs_not_of_letters() -> None:
         ("C", (85, 99)),
         ("D", (110, 150)),
     ]
-    assert reached(signs, 30.0, "citation").seconds == pytest.approx((30 + 21) / 2 / 30.0, abs=1e-3)
-    assert reached(signs[:2], 30.0, "natural").seconds is None
-    assert reached([signs[0], *signs[2:4], signs[5]], 30.0, "natural").seconds is None
+    assert measured_tempo(signs, 30.0, "citation").seconds == pytest.approx((30 + 21) / 2 / 30.0, abs=1e-3)
+    assert measured_tempo(signs[:2], 30.0, "natural").seconds is None
+    assert measured_tempo([signs[0], *signs[2:4], signs[5]], 30.0, "natural").seconds is None
