@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from signsplice.motion.arrays import FloatArray
+from signsplice.motion.curves import minimum_jerk
 
 
 def spread_in_time(push: FloatArray, kernel: FloatArray) -> FloatArray:
@@ -26,4 +27,4 @@ def fade_window(n_frames: int) -> FloatArray:
     """0 just outside both ends, 1 well inside, with slope and curvature 0 at the ends (n_frames,)."""
     edge = np.minimum(np.arange(1, n_frames + 1), np.arange(n_frames, 0, -1)) / max(1.6, 0.25 * (n_frames + 1))
     near = np.clip(edge, 0.0, 1.0)
-    return np.asarray(near**3 * (10.0 + near * (-15.0 + 6.0 * near)))
+    return minimum_jerk(near)

@@ -19,6 +19,7 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
+from signsplice.motion.curves import minimum_jerk_by_powers
 from signsplice.synth import pose, trajectory
 from signsplice.synth.avoidance import clear_collisions, penetration
 from signsplice.synth.planner import IsolatedWord
@@ -252,7 +253,7 @@ def undershoot(path_cm: float, chord_cm: float) -> float:
     jerk has it; of circles and zigzags, which keep their speed to the end, that fraction itself.
     """
     times = np.linspace(0.0, UNDERSHOOT, 201)
-    left = times**3 * (10.0 - 15.0 * times + 6.0 * times**2)
+    left = minimum_jerk_by_powers(times)
     most = min(UNDERSHOOT_PATH, UNDERSHOOT_CM / max(path_cm, UNDERSHOOT_CM))
     straight = min(1.0, chord_cm / (path_cm + UNDERSHOOT_CM))
     return straight * float(np.interp(most, left, times)) + (1.0 - straight) * most

@@ -19,6 +19,7 @@ import numpy as np
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, unchecked_copy
+from signsplice.motion.curves import minimum_jerk_by_powers
 from signsplice.rig.arms import arms
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS, finger_roles
@@ -102,7 +103,7 @@ def blend(seam: SeamFrames, speed: float = 1.0) -> BlendedSeam:
         if last - first == n_new + 1 or rotation.angle_between(start, end).max(initial=0.0) < _LEAST_RAD:
             continue
         u = np.arange(1, last - first) / (last - first)
-        way = rotation.slerp(start[None], end[None], (u**3 * (10.0 - 15.0 * u + 6.0 * u * u))[:, None])  # (n, K, 4)
+        way = rotation.slerp(start[None], end[None], minimum_jerk_by_powers(u)[:, None])  # (n, K, 4)
         left, new, entered = np.split(way, [-first, n_new - first])
         local[:, joints] = new
         if len(left):
