@@ -29,6 +29,7 @@ from signsplice.body.capsules import BodyCapsules
 from signsplice.body.posed import PosedBody
 from signsplice.body.touch import Near, SkinPairs, gaps, near_pairs, pair_gaps, skin_pairs
 from signsplice.motion.arrays import FloatArray
+from signsplice.rig.naming import SIDES
 
 Index = NDArray[np.intp]
 
@@ -96,7 +97,7 @@ class Fit:
         self._hand_scale = carried.hand_length / source.hand_length
         self.shared = frozenset(source.body.keys) & frozenset(carried.body.keys)
         self.pairs = skin_pairs(source.body, self.shared), skin_pairs(carried.body, self.shared)
-        self._anchors = [self._rows([(side + key, at) for key, at in _ANCHORS]) for side in ("left", "right")]
+        self._anchors = [self._rows([(side + key, at) for key, at in _ANCHORS]) for side in SIDES]
         solid = [source.body.keys[n] for n in (*source.body.groups.head, *source.body.groups.trunk)]
         self._solid = [
             self._rows([*((key, 0.0) for key in solid), (f"{o}UpperArm", 0.0), (f"{o}LowerArm", 0.0)])

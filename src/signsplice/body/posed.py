@@ -12,8 +12,9 @@ from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 
-_LEG, _SIDES = ("leg", "shoe"), ("left", "right")
+_LEG = ("leg", "shoe")
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ class PosedBody:
         for n, (part, side) in enumerate(zip(self.body.parts, self.body.sides, strict=True)):
             if not side or part in _LEG:
                 continue
-            arm = _SIDES.index(side)
+            arm = SIDES.index(side)
             if part == "sleeve":
                 ends[:, n] = elbows[:, arm]
             elif part == "cuff":

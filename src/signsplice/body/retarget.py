@@ -23,6 +23,7 @@ from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.align import Reference, copy_rotations, is_same_skeleton, settle
 from signsplice.rig.arms import active_span, arms
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 from signsplice.rig.placement import placement
 
 ALIKE = 0.005
@@ -191,7 +192,7 @@ def _reach_warnings(beyond: FloatArray, name: str) -> tuple[str, ...]:
     """A line for each hand whose places lie beyond its arm's reach."""
     return tuple(
         f"{name}: places of the {hand} hand lie up to {100.0 * most:.0f} cm beyond the reach of this body's arm"
-        for hand, most in zip(("left", "right"), beyond.tolist(), strict=True)
+        for hand, most in zip(SIDES, beyond.tolist(), strict=True)
         if most > BEYOND_M
     )
 

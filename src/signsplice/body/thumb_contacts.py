@@ -25,6 +25,7 @@ from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS
 
 Index = NDArray[np.intp]
@@ -52,7 +53,7 @@ def keep_thumb_contacts(source: Clip, source_body: BodyCapsules, carried: Clip, 
     """``carried``, the rotations of ``source`` on another skeleton, with thumbs and fingers turned at their first
     joints so that thumbs touch what they touched; the same clip where hands have the same proportions.
     """
-    hands = [hand for side in ("left", "right") if (hand := _hand(side, source_body, body, carried))]
+    hands = [hand for side in SIDES if (hand := _hand(side, source_body, body, carried))]
     if not hands:
         return carried
     then, now = posed_body(source, source_body), posed_body(carried, body)

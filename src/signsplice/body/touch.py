@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules
 from signsplice.motion.arrays import FloatArray
+from signsplice.rig.naming import SIDES
 
 Index = NDArray[np.intp]
 
@@ -77,17 +78,16 @@ def _parts(body: BodyCapsules, keys: frozenset[str]) -> tuple[list[list[int]], l
     solid = [n for n in (*groups.head, *groups.trunk) if body.keys[n] in keys]
     arms = [
         [n for n, key in enumerate(body.keys) if key in keys and body.sides[n] == side and body.parts[n] in _ARM]
-        for side in _SIDES
+        for side in SIDES
     ]
     return hands, arms, solid
 
 
 _ARM = ("sleeve", "cuff")
-_SIDES = ("left", "right")
 
 
 def _paired(body: BodyCapsules, blocks: list[tuple[list[int], list[int]]]) -> SkinPairs:
-    side = np.array([_SIDES.index(side) if side else -1 for side in body.sides], np.intp)
+    side = np.array([SIDES.index(side) if side else -1 for side in body.sides], np.intp)
     rows = [_Block(np.array(own, np.intp), np.array(other, np.intp)) for own, other in blocks]
     own = np.concatenate([np.repeat(block.own, len(block.other)) for block in rows])
     other = np.concatenate([np.tile(block.other, len(block.own)) for block in rows])

@@ -16,6 +16,7 @@ from signsplice.body.touch import SkinPairs, forearm_pairs, near_pairs, pair_gap
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -163,7 +164,7 @@ class SourceClip:
         """
         body, found = self.body, [np.empty(0)]
         solid = np.array([*body.groups.head, *body.groups.trunk], np.intp)
-        for side, name in enumerate(("left", "right")):
+        for side, name in enumerate(SIDES):
             rows = [
                 n for n, key in enumerate(body.keys) if key.removeprefix(name) in _ANCHORS and body.sides[n] == name
             ]
@@ -191,7 +192,7 @@ class SourceClip:
     def _turned(self, posed: PosedBody, direction: Callable[[PosedBody, str], FloatArray | None]) -> FloatArray:
         """Degrees (D,) between a direction of the hands at the source and after, where they sign."""
         found = [np.empty(0)]
-        for side, name in enumerate(("left", "right")):
+        for side, name in enumerate(SIDES):
             before, after = direction(self.posed, name), direction(posed, name)
             if before is None or after is None:
                 continue
@@ -235,7 +236,7 @@ def _palm_normals(posed: PosedBody, side: str) -> FloatArray | None:
     keys = posed.body.keys
     if f"{side}IndexPalm" not in keys or f"{side}LittlePalm" not in keys:
         return None
-    wrist = posed.wrists[:, ("left", "right").index(side)]
+    wrist = posed.wrists[:, SIDES.index(side)]
     index, little = (posed.ends[:, keys.index(f"{side}{finger}Palm")] - wrist for finger in ("Index", "Little"))
     return np.cross(index, little)
 

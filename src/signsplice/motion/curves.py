@@ -10,8 +10,8 @@ Number = TypeVar("Number", float, FloatArray)
 
 
 def minimum_jerk(u: Number, height: float = 1.0) -> Number:
-    """Progress 10 u^3 - 15 u^4 + 6 u^5 at times ``u``, 0 to 1: from rest to rest (Flash and Hogan 1985), also the smooth
-    step of degree 5. ``height`` is multiplied first.
+    """Progress 10 u^3 - 15 u^4 + 6 u^5 at times ``u``, 0 to 1: from rest to rest (Flash and Hogan 1985), also the
+    smooth step of degree 5. ``height`` is multiplied first.
     """
     return height * u**3 * (10.0 + u * (-15.0 + 6.0 * u))
 

@@ -12,6 +12,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.canonical_map import TRUNK
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS
 
 POSITION_ERROR = "position-error|joints:arms+fingers|frame:root|unit:arm/1000|mean"
@@ -64,7 +65,7 @@ def group_errors(predicted: Clip, true: Clip) -> GroupErrors:
     """The errors of a clip by group of joints: what one group gains does not hide what another loses."""
     info = rig_info(true.skeleton)
     joints = info.roles.joints
-    wrists = {side: joints[f"{side}Hand"] for side in ("left", "right") if f"{side}Hand" in joints}
+    wrists = {side: joints[f"{side}Hand"] for side in SIDES if f"{side}Hand" in joints}
     groups: dict[str, list[tuple[int, list[int]]]] = {
         "hands": [(0, list(wrists.values()))],
         "fingers": [

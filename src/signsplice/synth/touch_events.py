@@ -12,8 +12,9 @@ from signsplice.body.touch import SkinPairs, pair_gaps, skin_pairs
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
+from signsplice.rig.naming import SIDES
 from signsplice.synth.phonology import Sign
-from signsplice.synth.signer import SIDES, Signer
+from signsplice.synth.signer import Signer
 
 MIRRORED_HANDS = ("symmetric", "alternating")
 """Kinds of hands of which either may touch; of others the strong one."""
@@ -23,7 +24,7 @@ def touching_sides(sign: Sign, signer: Signer) -> tuple[str, ...]:
     """The hands of a sign whose touches count, of ``SIDES``: the strong one, and both where they mirror one another."""
     if sign.hands in MIRRORED_HANDS:
         return SIDES
-    return ("Left",) if signer.left_handed else ("Right",)
+    return ("left",) if signer.left_handed else ("right",)
 
 
 def skin_gaps(clip: Clip, frames: Sequence[int], sides: Sequence[str]) -> FloatArray:

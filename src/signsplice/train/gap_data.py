@@ -26,6 +26,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.rig.canonical import FEATURE_FPS, canonical_motion
 from signsplice.rig.canonical_map import MIRROR, ROLES
+from signsplice.rig.naming import SIDES
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.transition import find_transition
 from signsplice.splicing.networks import gap_features
@@ -113,7 +114,7 @@ def signer_motion(
 def _role_parents() -> NDArray[np.intp]:
     """The row above each role of a complete canonical humanoid (R,), -1 for the hips."""
     parents = {"spine": "", "chest": "spine", "upperChest": "chest", "neck": "upperChest", "head": "neck"}
-    for side in ("left", "right"):
+    for side in SIDES:
         arm = [f"{side}{part}" for part in ("Shoulder", "UpperArm", "LowerArm", "Hand")]
         parents |= dict(zip(arm, ["upperChest", *arm[:-1]], strict=True))
         fingers = [role for role in ROLES if role.startswith(side) and role not in arm]

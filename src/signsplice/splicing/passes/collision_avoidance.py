@@ -26,8 +26,8 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.motion.joined import joined
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 
-SIDES = ("left", "right")
 TOLERANCE_M = 0.003
 """A touch may press this deep, m."""
 _FRAMES_AT_ONCE = 250
