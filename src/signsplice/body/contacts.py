@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice.body.capsules import BodyCapsules
-from signsplice.body.touch import Near, SkinPairs
+from signsplice.body.clearance import Near, SkinPairs
 from signsplice.motion.arrays import FloatArray
 from signsplice.rig.naming import SIDES
 

@@ -8,11 +8,11 @@ distances; both are banded, since frames are tied to their neighbours alone:
          + sum w |(a_l + m_l) - (a_r + m_r) - D|^2   one hand's anchors at their places on the other hand
          + w_0 |wrist + m - N|^2                the wrist at its place in signing space
          + lambda sum_t |m_(t-1) - 2 m_t + m_(t+1)|^2
-         + sum w (gap(m) - gap*)^2              skin distances: what touches, and what must not
+         + sum w (c(m) - c*)^2                  skin distances: what touches, and what must not
          + sum w (reach(m))^2                   wrists within reach of their arms
 
 Places are relative to capsules: the share t along the axis, the direction from it, and the skin distance. Weights fall
-with that distance, w = 1 / (1 + gap / rho)^4, so that what is near decides (Ho, Komura and Tai 2010; Molla, Debarba and
+with that distance, w = 1 / (1 + c / rho)^4, so that what is near decides (Ho, Komura and Tai 2010; Molla, Debarba and
 Boulic 2018).
 """
 
@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from signsplice.body.capsules import BodyCapsules
+from signsplice.body.clearance import Near, SkinPairs, clearances, near_pairs, pair_clearances, skin_pairs
 from signsplice.body.posed import PosedBody
-from signsplice.body.touch import Near, SkinPairs, gaps, near_pairs, pair_gaps, skin_pairs
 from signsplice.motion.arrays import FloatArray
 from signsplice.rig.naming import SIDES
 
@@ -36,7 +36,7 @@ Index = NDArray[np.intp]
 NEAR_M = 0.04
 """rho: skin distance over which weights fall, m."""
 _FREE_M, _FAR_M = 0.06, 0.25
-"""Distances up to which a gap keeps its length, and from which on it is scaled as signing space is, m."""
+"""Distances up to which a clearance keeps its length, and from which on it is scaled as signing space is, m."""
 _SPACE_WEIGHT = 0.15
 _SMOOTHNESS = 100.0
 """lambda at 30 frames a second."""
@@ -166,12 +166,12 @@ class Fit:
         out = since - t[..., None] * axis
         away = np.sqrt(np.einsum("tasx,tasx->tas", out, out)) + 1e-9
         radius = s.radii[solid.source]
-        gap = away - (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) - ra[:, None]
-        weight = _weight(gap) * self.active[:, side, None, None]
+        clearance = away - (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) - ra[:, None]
+        weight = _weight(clearance) * self.active[:, side, None, None]
         b, rb = _points(c, anchors.target, anchors.at)
         start, axis = c.starts[:, None, solid.target], (c.ends - c.starts)[:, None, solid.target]
         radius = c.radii[solid.target]
-        wanted = (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) + rb[:, None] + self._scaled(gap)
+        wanted = (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) + rb[:, None] + self._scaled(clearance)
         way = start + t[..., None] * axis + out * (wanted / away)[..., None] - b[:, :, None]
         return weight.sum(axis=(1, 2)), np.einsum("tas,tasx->tx", weight, way)
 
@@ -181,18 +181,18 @@ class Fit:
         (a, ra), (b, rb) = (_points(self.source, rows.source, rows.at) for rows in (left, right))
         d = a[:, :, None] - b[:, None]
         away = np.sqrt(np.einsum("tabx,tabx->tab", d, d)) + 1e-9
-        gap = away - ra[:, None] - rb
-        weight = _weight(gap) * self.active.min(axis=1)[:, None, None]
+        clearance = away - ra[:, None] - rb
+        weight = _weight(clearance) * self.active.min(axis=1)[:, None, None]
         (a, ra), (b, rb) = (_points(self.carried, rows.target, rows.at) for rows in (left, right))
-        wanted = d * ((ra[:, None] + rb + self._scaled(gap)) / away)[..., None]
+        wanted = d * ((ra[:, None] + rb + self._scaled(clearance)) / away)[..., None]
         way = wanted - (a[:, :, None] - b[:, None])
         return weight.sum(axis=(1, 2)), np.einsum("tab,tabx->tx", weight, way)
 
-    def _scaled(self, gap: FloatArray) -> FloatArray:
+    def _scaled(self, clearance: FloatArray) -> FloatArray:
         """A skin distance on the other body: as it is where it is small, scaled as signing space where it is large."""
-        share = np.clip((gap - _FREE_M) / (_FAR_M - _FREE_M), 0.0, 1.0)
+        share = np.clip((clearance - _FREE_M) / (_FAR_M - _FREE_M), 0.0, 1.0)
         share = share * share * (3.0 - 2.0 * share)
-        return gap * (self._hand_scale + (self._arm_scale - self._hand_scale) * share)
+        return clearance * (self._hand_scale + (self._arm_scale - self._hand_scale) * share)
 
     @property
     def _smooth(self) -> float:
@@ -257,8 +257,8 @@ def _near_contacts(fit: Fit, m: FloatArray) -> Near:
     near = near_pairs(starts, ends, posed.radii, ours, _MARGIN_M)
     n = len(ours.own)
     frames, k = np.divmod(np.union1d(touching[0] * n + touching[1], near[0] * n + near[1]), n)
-    then = pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance
-    now = pair_gaps(starts, ends, posed.radii, ours, frames, k).distance
+    then = pair_clearances(source.starts, source.ends, source.radii, theirs, frames, k).distance
+    now = pair_clearances(starts, ends, posed.radii, ours, frames, k).distance
     kept = (then < _TOUCH_M) | (now < _MARGIN_M)
     return Near(frames[kept], k[kept], then[kept])
 
@@ -295,10 +295,9 @@ class _Contacts:
             return
         rows, since = np.arange(len(self.frames)), m[self.frames] - self._base
         own, other = since[rows, self._sides[0]], since[rows, self._sides[1]]
-        now = gaps(
-            self._p + self._first[0][:, None] * own,
+        now = clearances(
+            (self._p + self._first[0][:, None] * own) - (self._q + self._first[1][:, None] * other),
             self._u + self._more[0][:, None] * own,
-            self._q + self._first[1][:, None] * other,
             self._v + self._more[1][:, None] * other,
             *self._radii,
         )
@@ -334,8 +333,8 @@ def _points(body: PosedBody, rows: Index, at: FloatArray) -> tuple[FloatArray, F
     return start + at[:, None] * (body.ends[:, rows] - start), radius[:, 0] + at * (radius[:, 1] - radius[:, 0])
 
 
-def _weight(gap: FloatArray) -> FloatArray:
-    near = 1.0 + np.maximum(gap, 0.0) / NEAR_M
+def _weight(clearance: FloatArray) -> FloatArray:
+    near = 1.0 + np.maximum(clearance, 0.0) / NEAR_M
     return 1.0 / (near * near * near * near)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signsplice.body.capsules import BodyCapsules, capsule_ends
-from signsplice.body.touch import Near, SkinPairs, pair_gaps
+from signsplice.body.clearance import Near, SkinPairs, pair_clearances
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
@@ -53,7 +53,7 @@ class PosedBody:
             return out
         own = np.flatnonzero(np.isin(pairs.other[near.k], relief.rows))
         frames, k = near.frames[own], near.k[own]
-        rows, now = pairs.other[k], pair_gaps(self.starts, self.ends, self.radii, pairs, frames, k)
+        rows, now = pairs.other[k], pair_clearances(self.starts, self.ends, self.radii, pairs, frames, k)
         outward = np.einsum("nba,nb->na", self.turns[frames, np.searchsorted(relief.rows, rows)], now.normals)
         radius = body.radii[rows, 0] + now.other_at * (body.radii[rows, 1] - body.radii[rows, 0])
         along = now.other_at[:, None] * (body.ends - body.starts)[rows]

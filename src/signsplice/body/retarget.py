@@ -13,11 +13,11 @@ import numpy as np
 
 from signsplice.body import arm_ik, swivel
 from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules
+from signsplice.body.clearance import Near, forearm_pairs, near_pairs, pair_clearances
 from signsplice.body.contacts import PART_M, Contact, find_contacts
 from signsplice.body.fit import Fit
 from signsplice.body.posed import PosedBody, posed_body
 from signsplice.body.thumb_contacts import keep_thumb_contacts
-from signsplice.body.touch import Near, forearm_pairs, near_pairs, pair_gaps
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.align import Reference, copy_rotations, is_same_skeleton, settle
@@ -180,7 +180,7 @@ def _swivels(fit: Fit, shoulders: FloatArray, elbows: FloatArray, wrists: FloatA
         if not len(solids):
             continue
         frames, k = np.repeat(np.arange(n), len(solids)), np.tile(solids, n)
-        then = pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance
+        then = pair_clearances(source.starts, source.ends, source.radii, theirs, frames, k).distance
         rows = ours.other[solids]
         solid = swivel.Solid(target.starts[:, rows], target.ends[:, rows], target.radii[rows])
         arm = swivel.BentArm(shoulders[:, side], elbows[:, side], wrists[:, side], target.radii[own])
@@ -202,7 +202,7 @@ def _contacts(fit: Fit, posed: PosedBody, start: int) -> list[Contact]:
     (theirs, ours), near = fit.pairs, fit.near
     shown = (near.distance < PART_M) & (fit.active[near.frames, theirs.own_side[near.k]] > 0.5)
     near = Near(near.frames[shown], near.k[shown], near.distance[shown])
-    after = pair_gaps(posed.starts, posed.ends, posed.radii, ours, near.frames, near.k).distance
+    after = pair_clearances(posed.starts, posed.ends, posed.radii, ours, near.frames, near.k).distance
     after -= posed.heights(ours, near)
     found = find_contacts(fit.source.body, theirs, near, after, fit.n_frames)
     first = _OVERLAP if start else 0  # those before were found in the window before

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.touch import gaps
+from signsplice.body.clearance import clearances
 from signsplice.motion.arrays import FloatArray
 
 _GRID = np.deg2rad(np.arange(-60.0, 61.0, 15.0))
@@ -81,7 +81,7 @@ def _depth_cost(elbow: FloatArray, arm: BentArm, solid: Solid, allowed: FloatArr
     p, u = (np.broadcast_to(x[:, :, None], (*shape, 3)).reshape(-1, 3) for x in (elbow, arm.wrist[span] - elbow))
     q, v = (np.broadcast_to(x, (*shape, 3)).reshape(-1, 3) for x in (starts, ends - starts))
     own, other = (np.broadcast_to(x, (*shape, 2)).reshape(-1, 2) for x in (arm.radii, solid.radii))
-    depth = np.maximum(-gaps(p, u, q, v, own, other).distance.reshape(shape) - allowed, 0.0)
+    depth = np.maximum(-clearances(p - q, u, v, own, other).distance.reshape(shape) - allowed, 0.0)
     return np.asarray((1e4 * depth * depth).sum(axis=-1))
 
 

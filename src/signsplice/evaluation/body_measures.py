@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules, BodyShape, shaped_capsules
+from signsplice.body.clearance import SkinPairs, forearm_pairs, near_pairs, pair_clearances, skin_pairs
 from signsplice.body.fit import NEAR_M
 from signsplice.body.posed import PosedBody, posed_body
 from signsplice.body.retarget import signing
-from signsplice.body.touch import SkinPairs, forearm_pairs, near_pairs, pair_gaps, skin_pairs
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
@@ -121,7 +121,7 @@ class SourceClip:
         signs = self._signs[frames, own] | ((other >= 0) & self._signs[frames, np.maximum(other, 0)])
         frames, k = frames[signs], k[signs]
         before, after = (
-            pair_gaps(b.starts, b.ends, b.radii, self._pairs, frames, k).distance for b in (self.posed, posed)
+            pair_clearances(b.starts, b.ends, b.radii, self._pairs, frames, k).distance for b in (self.posed, posed)
         )
         is_hand = np.array([part != "cuff" for part in self.body.parts])[self._pairs.own[k]]
         deeper = np.maximum(np.maximum(-after, 0.0) - np.maximum(-before, 0.0), 0.0)
@@ -176,15 +176,15 @@ class SourceClip:
             t = np.clip(((a - start) * axis).sum(-1) / ((axis * axis).sum(-1) + 1e-12), 0.0, 1.0)[..., None]
             out = a - start - t * axis
             away = np.linalg.norm(out, axis=-1) + 1e-9
-            gap = away - _radius(self.posed, solid, t) - self.posed.radii[anchors, 1, None]
-            at = gap.reshape(len(gap), -1).argmin(axis=1)
-            near = np.flatnonzero((gap.reshape(len(gap), -1).min(axis=1) < NEAR_M) & self._signs[:, side])
+            clearance = away - _radius(self.posed, solid, t) - self.posed.radii[anchors, 1, None]
+            at = clearance.reshape(len(clearance), -1).argmin(axis=1)
+            near = np.flatnonzero((clearance.reshape(len(clearance), -1).min(axis=1) < NEAR_M) & self._signs[:, side])
             i, c = np.divmod(at[near], len(solid))
             share = t[near, i, c]
             start, end = posed.starts[near, solid[c]], posed.ends[near, solid[c]]
             radii = posed.radii[solid[c]]
             wanted = radii[:, 0] + share[:, 0] * (radii[:, 1] - radii[:, 0]) + posed.radii[anchors[i], 1]
-            wanted = wanted + gap[near, i, c] * posed.hand_length / self.posed.hand_length
+            wanted = wanted + clearance[near, i, c] * posed.hand_length / self.posed.hand_length
             place = start + share * (end - start) + out[near, i, c] * (wanted / away[near, i, c])[:, None]
             found.append(np.linalg.norm(posed.ends[near, anchors[i]] - place, axis=-1))
         return np.concatenate(found)

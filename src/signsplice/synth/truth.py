@@ -259,15 +259,15 @@ def undershoot(path_cm: float, chord_cm: float) -> float:
     return straight * float(np.interp(most, left, times)) + (1.0 - straight) * most
 
 
-def _undershoot(word: IsolatedWord, begin: int, stop: int, alignment: float, gap_cm: float | None) -> float:
+def _undershoot(word: IsolatedWord, begin: int, stop: int, alignment: float, clearance_cm: float | None) -> float:
     """Fraction of the time of a movement that is left out at a posture with a skin distance."""
-    if gap_cm is None:
+    if clearance_cm is None:
         raise ValueError("events without skin distances")
     # Few points, each the mean of three frames: so a reader's errors hardly lengthen the path.
     frames = np.linspace(begin, stop, _PATH_POINTS).round().astype(int)[:, None] + [-1, 0, 1]
     path = word.states[np.clip(frames, begin, stop), pose.WRIST].mean(axis=1) / word.signer.scale
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=-1).sum())
-    free = min(1.0, max(0.0, (gap_cm - TOUCHING_CM) / (FREE_CM - TOUCHING_CM)))
+    free = min(1.0, max(0.0, (clearance_cm - TOUCHING_CM) / (FREE_CM - TOUCHING_CM)))
     share = undershoot(length, float(np.linalg.norm(path[-1] - path[0])))
     return share * free * (1.0 - 0.5 * ALONG_MORE * (1.0 - alignment))
 
