@@ -238,7 +238,7 @@ class GapDataset:
             quats = augmentation.augmented_take(lambda: signer.draw_take(rng), rng, self.idle)
             n_gap = min(n_gap, len(quats) - 4)
             start = int(rng.integers(2, len(quats) - n_gap - 1))
-        low, high = max(0, start - gap_features.CONTEXT), min(len(quats), start + n_gap + gap_features.CONTEXT)
+        low, high = max(0, start - gap_features.N_CONTEXT), min(len(quats), start + n_gap + gap_features.N_CONTEXT)
         quats, start = quats[low:high], start - low
         if self.n_fixed is None and not self.clean:
             quats = augmentation.with_offsets_and_sway(quats, rng)

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from signsplice.errors import FormatError, InputError
-from signsplice.evaluation.hidden_frames import CONTEXT, HiddenFrames, hidden_frames
+from signsplice.evaluation.hidden_frames import SHOWN, HiddenFrames, hidden_frames
 from signsplice.evaluation.tables import markdown
 from signsplice.formats.atomic import replacing
 from signsplice.formats.json_files import check_type, read_json
@@ -91,7 +91,7 @@ class Ablation:
         """What the numbers depend on."""
         plan, (first, end) = PLANS[self.scale], self.frames
         return (
-            f"trait-ablation|{self.name}|frames:{first}:{end}|context:{CONTEXT}|stride:{STRIDE}|scale:{self.scale}|"
+            f"trait-ablation|{self.name}|frames:{first}:{end}|context:{SHOWN}|stride:{STRIDE}|scale:{self.scale}|"
             f"signers:{plan.n_signers}x{plan.n_words}x{plan.n_seams}|signing:{training_data.VERSION}|"
             f"{metrics.POSITION_ERROR}|{metrics.GROUP_ERRORS}"
         )
