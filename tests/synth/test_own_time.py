@@ -57,7 +57,7 @@ def test_a_plain_manner_changes_nothing(gloss: str) -> None:
     one = made(gloss)
     e = one.events
     span = (e.up, e.start, e.end, e.down)
-    assert two_hands.in_their_own_time(one.states, one.sign, one.signer, 0, 30.0, span) is one.states
+    assert two_hands.with_separate_timing(one.states, one.sign, one.signer, 0, 30.0, span) is one.states
     pairs = [(one.states[0, :27], one.states[0, 27:54])]
     assert undershoot.undershot(pairs, one.sign, [False], one.states[0], 1.0, one.signer) is pairs
 

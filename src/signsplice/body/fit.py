@@ -110,7 +110,7 @@ class Fit:
         return _Rows(np.array(source, np.intp), np.array(target, np.intp), np.array([at for _, at in found]))
 
     def moves(self) -> FloatArray:
-        """The moves (T, 2, 3) of the wrists, m, with arms that follow as ``_shares`` says."""
+        """The moves (T, 2, 3) of the wrists, m, with arms that follow as ``_wrist_weights`` says."""
         m = self._solve_linear()
         self.out_of_reach = self._out_of_reach(m)
         self.near = _near_contacts(self, m)
@@ -121,7 +121,7 @@ class Fit:
         away = np.linalg.norm(self.carried.wrists + m - self.carried.shoulders, axis=-1) - self.carried.arm_lengths
         return np.asarray((away * (self.active > 0.5)).max(axis=0, initial=0.0))
 
-    def again(self, moved: PosedBody) -> FloatArray:
+    def refine(self, moved: PosedBody) -> FloatArray:
         """The moves once more, from ``moved``: the body with the arms as they lie after the moves so far."""
         base = moved.wrists - self.carried.wrists
         heights = moved.heights(self.pairs[1], self.near)
@@ -145,17 +145,17 @@ class Fit:
         space = middle + self._arm_scale * (wrists - self.source.shoulders.mean(axis=1, keepdims=True))
         right = _SPACE_WEIGHT * (space - self.carried.wrists)
         for side in (0, 1):
-            weight, pull = self._body_places(side)
+            weight, pull = self._body_pull(side)
             diagonal[:, side] += weight
             right[:, side] += pull
-        weight, pull = self._hand_places()
+        weight, pull = self._hand_pull()
         diagonal += weight[:, None]
         right[:, 0] += pull
         right[:, 1] -= pull
         return diagonal, -weight, right
 
-    def _body_places(self, side: int) -> tuple[FloatArray, FloatArray]:
-        """Sums over anchors and capsules of weights (T,), and of weights times the way to the place (T, 3)."""
+    def _body_pull(self, side: int) -> tuple[FloatArray, FloatArray]:
+        """Sums over anchors and capsules of weights (T,), and of weighted displacements to the places (T, 3)."""
         anchors, solid = self._anchors[side], self._solid[side]
         s, c = self.source, self.carried
         a, ra = _points(s, anchors.source, anchors.at)
@@ -172,11 +172,11 @@ class Fit:
         start, axis = c.starts[:, None, solid.target], (c.ends - c.starts)[:, None, solid.target]
         radius = c.radii[solid.target]
         wanted = (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) + rb[:, None] + self._scaled(clearance)
-        way = start + t[..., None] * axis + out * (wanted / away)[..., None] - b[:, :, None]
-        return weight.sum(axis=(1, 2)), np.einsum("tas,tasx->tx", weight, way)
+        displacement = start + t[..., None] * axis + out * (wanted / away)[..., None] - b[:, :, None]
+        return weight.sum(axis=(1, 2)), np.einsum("tas,tasx->tx", weight, displacement)
 
-    def _hand_places(self) -> tuple[FloatArray, FloatArray]:
-        """Sum over pairs of anchors of weights (T,), and of weights times the way of the left to its place (T, 3)."""
+    def _hand_pull(self) -> tuple[FloatArray, FloatArray]:
+        """Sums over pairs of anchors of weights (T,), and of weighted displacements of the left to its place (T, 3)."""
         left, right = self._anchors
         (a, ra), (b, rb) = (_points(self.source, rows.source, rows.at) for rows in (left, right))
         d = a[:, :, None] - b[:, None]
@@ -185,8 +185,8 @@ class Fit:
         weight = _weight(clearance) * self.active.min(axis=1)[:, None, None]
         (a, ra), (b, rb) = (_points(self.carried, rows.target, rows.at) for rows in (left, right))
         wanted = d * ((ra[:, None] + rb + self._scaled(clearance)) / away)[..., None]
-        way = wanted - (a[:, :, None] - b[:, None])
-        return weight.sum(axis=(1, 2)), np.einsum("tab,tabx->tx", weight, way)
+        displacement = wanted - (a[:, :, None] - b[:, None])
+        return weight.sum(axis=(1, 2)), np.einsum("tab,tabx->tx", weight, displacement)
 
     def _scaled(self, clearance: FloatArray) -> FloatArray:
         """A skin distance on the other body: as it is where it is small, scaled as signing space where it is large."""
@@ -249,16 +249,16 @@ class Fit:
 
 def _near_contacts(fit: Fit, m: FloatArray) -> Near:
     """The pairs that are near at the source, or on the other body with its wrists moved by ``m``."""
-    source, posed, (theirs, ours) = fit.source, fit.carried, fit.pairs
-    first, last, sides = _shares(posed.body)
+    source, posed, (source_pairs, target_pairs) = fit.source, fit.carried, fit.pairs
+    first, last, sides = _wrist_weights(posed.body)
     shift = m[:, sides]  # (T, C, 3)
     starts, ends = posed.starts + first[:, None] * shift, posed.ends + last[:, None] * shift
-    touching = near_pairs(source.starts, source.ends, source.radii, theirs, _TOUCH_M)
-    near = near_pairs(starts, ends, posed.radii, ours, _MARGIN_M)
-    n = len(ours.own)
+    touching = near_pairs(source.starts, source.ends, source.radii, source_pairs, _TOUCH_M)
+    near = near_pairs(starts, ends, posed.radii, target_pairs, _MARGIN_M)
+    n = len(target_pairs.own)
     frames, k = np.divmod(np.union1d(touching[0] * n + touching[1], near[0] * n + near[1]), n)
-    then = pair_clearances(source.starts, source.ends, source.radii, theirs, frames, k).distance
-    now = pair_clearances(starts, ends, posed.radii, ours, frames, k).distance
+    then = pair_clearances(source.starts, source.ends, source.radii, source_pairs, frames, k).distance
+    now = pair_clearances(starts, ends, posed.radii, target_pairs, frames, k).distance
     kept = (then < _TOUCH_M) | (now < _MARGIN_M)
     return Near(frames[kept], k[kept], then[kept])
 
@@ -270,16 +270,16 @@ class _Contacts:
     """
 
     def __init__(
-        self, ours: SkinPairs, near: Near, posed: PosedBody, base: FloatArray, heights: FloatArray | float
+        self, target_pairs: SkinPairs, near: Near, posed: PosedBody, base: FloatArray, heights: FloatArray | float
     ) -> None:
         self.frames, k, self.then = near.frames, near.k, near.distance
-        first, last, _ = _shares(posed.body)
-        own, other = ours.own[k], ours.other[k]
+        first, last, _ = _wrist_weights(posed.body)
+        own, other = target_pairs.own[k], target_pairs.other[k]
         self._p, self._q = posed.starts[self.frames, own], posed.starts[self.frames, other]
         self._u, self._v = posed.ends[self.frames, own] - self._p, posed.ends[self.frames, other] - self._q
         self._radii = posed.radii[own], posed.radii[other]
-        self._sides = ours.own_side[k], np.maximum(ours.other_side[k], 0)
-        moves = ours.other_side[k] >= 0
+        self._sides = target_pairs.own_side[k], np.maximum(target_pairs.other_side[k], 0)
+        moves = target_pairs.other_side[k] >= 0
         self._first = first[own], np.where(moves, first[other], 0.0)
         self._more = (last - first)[own], np.where(moves, (last - first)[other], 0.0)
         self._base = base[self.frames]
@@ -317,7 +317,7 @@ class _Contacts:
         rhs[frames[starts]] += np.add.reduceat(weighted * goal[:, None], starts)
 
 
-def _shares(body: BodyCapsules) -> tuple[FloatArray, FloatArray, Index]:
+def _wrist_weights(body: BodyCapsules) -> tuple[FloatArray, FloatArray, Index]:
     """How far both ends of each capsule (C,) move with a wrist, and whose (C,): hands wholly, an elbow half-way."""
     first, last = np.zeros(len(body.parts)), np.zeros(len(body.parts))
     for n, (part, side) in enumerate(zip(body.parts, body.sides, strict=True)):

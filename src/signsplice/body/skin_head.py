@@ -74,8 +74,8 @@ def _place_nose(
 ) -> None:
     """Put the nose's capsule below the foremost point of the middle of the face."""
     chin, top, wide = sizes
-    share = (front[:, 1] - chin) / (top - chin)
-    middle = front[(np.abs(front[:, 0]) < 0.15 * wide) & (share > 0.2) & (share < 0.6)]
+    height_fraction = (front[:, 1] - chin) / (top - chin)
+    middle = front[(np.abs(front[:, 0]) < 0.15 * wide) & (height_fraction > 0.2) & (height_fraction < 0.6)]
     row = _BALLS["nose"]
     if not len(middle):
         return

@@ -1,6 +1,6 @@
 """Where elbows go: turned about the line from shoulder to wrist, so that forearms keep out of the trunk.
 
-For each arm the turns of all frames are chosen together (Viterbi 1967): as little depth beyond the source's as
+For each arm the swivels of all frames are chosen together (Viterbi 1967): as little depth beyond the source's as
 possible, as little turning, and smoothly.
 """
 
@@ -20,7 +20,7 @@ _TURN_WEIGHT = 0.15
 _CHANGE_WEIGHT = 0.5
 """Cost of a change by one step of the grid from frame to frame, likewise."""
 _WIDTH_S = 0.06
-"""Width of the bell that smooths the chosen turns."""
+"""Width of the bell that smooths the chosen swivels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +50,9 @@ def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float) -> Float
     """Turns (T,) of the elbow, radians, that keep the forearm from lying deeper in a solid than ``allowed`` (T, S)."""
     cost = _depth_cost(arm.elbow[None], arm, solid, allowed, slice(None))[0]
     rows = np.flatnonzero(cost > 1e-4)
-    turns = np.zeros(len(arm.wrist))
+    swivels = np.zeros(len(arm.wrist))
     if not len(rows):
-        return turns
+        return swivels
     reach = int(np.ceil(0.3 * fps))
     span = slice(max(rows[0] - reach, 0), rows[-1] + reach + 1)
     s, e, w = arm.shoulder[span], arm.elbow[span], arm.wrist[span]
@@ -68,8 +68,8 @@ def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float) -> Float
     side = int(np.ceil(3.0 * width))
     bell = np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2)
     padded = np.pad(chosen, side, mode="edge")
-    turns[span] = np.convolve(padded, bell / bell.sum(), mode="valid")
-    return turns
+    swivels[span] = np.convolve(padded, bell / bell.sum(), mode="valid")
+    return swivels
 
 
 def _depth_cost(elbow: FloatArray, arm: BentArm, solid: Solid, allowed: FloatArray, span: slice) -> FloatArray:

@@ -136,15 +136,15 @@ def _turn(
         for joint in hand.firsts[1:]
     ], axis=1)  # fmt: skip
     pivots = carried.starts[frames][:, hand.pivots]
-    turns = np.zeros((n_frames, len(hand.firsts), 3))
+    rotvecs = np.zeros((n_frames, len(hand.firsts), 3))
     coupled = _coupling(source.ends[frames][:, hand.neighbours] - source.starts[frames][:, hand.neighbours])
-    turns[frames] = _solve(p, q, wanted, weight[of], hand.fingers[pairs], pivots, axes, coupled)
+    rotvecs[frames] = _solve(p, q, wanted, weight[of], hand.fingers[pairs], pivots, axes, coupled)
     width = _WIDTH_S * clip.fps
     side = int(np.ceil(3.0 * width))
-    turns = spread_in_time(turns, np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2))
+    rotvecs = spread_in_time(rotvecs, np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2))
     for n, joint in enumerate(hand.firsts):
         above = rotation.from_matrix(rotations[:, clip.skeleton.parents[joint]])
-        own = rotation.multiply(rotation.multiply(rotation.inverse(above), rotation.exp(turns[:, n])), above)
+        own = rotation.multiply(rotation.multiply(rotation.inverse(above), rotation.exp(rotvecs[:, n])), above)
         local[:, joint] = rotation.multiply(own, local[:, joint])
 
 

@@ -160,7 +160,7 @@ class SourceClip:
 
     def _place_errors(self, posed: PosedBody) -> FloatArray:
         """Distance (P,), m, of each hand's anchor that is nearest to head or trunk from the same place there: the same
-        share along the capsule's axis, direction from it, and skin distance by the ratio of the hands.
+        fraction along the capsule's axis, direction from it, and skin distance by the ratio of the hands.
         """
         body, found = self.body, [np.empty(0)]
         solid = np.array([*body.groups.head, *body.groups.trunk], np.intp)
@@ -180,12 +180,12 @@ class SourceClip:
             at = clearance.reshape(len(clearance), -1).argmin(axis=1)
             near = np.flatnonzero((clearance.reshape(len(clearance), -1).min(axis=1) < NEAR_M) & self._signs[:, side])
             i, c = np.divmod(at[near], len(solid))
-            share = t[near, i, c]
+            fraction = t[near, i, c]
             start, end = posed.starts[near, solid[c]], posed.ends[near, solid[c]]
             radii = posed.radii[solid[c]]
-            wanted = radii[:, 0] + share[:, 0] * (radii[:, 1] - radii[:, 0]) + posed.radii[anchors[i], 1]
+            wanted = radii[:, 0] + fraction[:, 0] * (radii[:, 1] - radii[:, 0]) + posed.radii[anchors[i], 1]
             wanted = wanted + clearance[near, i, c] * posed.hand_length / self.posed.hand_length
-            place = start + share * (end - start) + out[near, i, c] * (wanted / away[near, i, c])[:, None]
+            place = start + fraction * (end - start) + out[near, i, c] * (wanted / away[near, i, c])[:, None]
             found.append(np.linalg.norm(posed.ends[near, anchors[i]] - place, axis=-1))
         return np.concatenate(found)
 

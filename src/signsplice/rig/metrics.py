@@ -120,7 +120,7 @@ def even_rotation_frames(clip: Clip) -> FloatArray:
     return np.where(speed > _MOVING_RAD, change < EVEN_FRACTION * speed, np.nan)
 
 
-def keyed_share(clip: Clip) -> float:
+def keyed_fraction(clip: Clip) -> float:
     """Share of the moving frames in which every arm and finger joint repeats its last rotation step
     (``even_rotation_frames``): 0 of captured motion, and where nothing moves.
     """
@@ -130,13 +130,13 @@ def keyed_share(clip: Clip) -> float:
 
 
 def is_keyed(clip: Clip) -> bool:
-    """Whether more than half of the moving frames repeat the step before (``keyed_share``): drawn between keys."""
-    return keyed_share(clip) > 0.5
+    """Whether more than half of the moving frames repeat the step before (``keyed_fraction``): drawn between keys."""
+    return keyed_fraction(clip) > 0.5
 
 
 def keyed_mark(clip: Clip) -> str:
     """How tables mark a clip that ``is_keyed``."""
-    return f"keyed: {100.0 * keyed_share(clip):.0f} % of its moving frames repeat the step before"
+    return f"keyed: {100.0 * keyed_fraction(clip):.0f} % of its moving frames repeat the step before"
 
 
 def motion_ratio(predicted: Clip, true: Clip) -> float:

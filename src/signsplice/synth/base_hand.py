@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 _LAG_S = 0.15
 """How much earlier or later than the strong hand a base hand comes and goes, at most."""
-_WAYS = ((1.0, 0.0), (1.0, 3.0), (1.0, 6.0), (0.5, 0.0), (0.5, 3.0), (0.5, 6.0))
-"""What is tried in turn until hands do not go through one another: a share of the lag, a detour, cm."""
+_ATTEMPTS = ((1.0, 0.0), (1.0, 3.0), (1.0, 6.0), (0.5, 0.0), (0.5, 3.0), (0.5, 6.0))
+"""What is tried in turn until hands do not go through one another: a fraction of the lag, a detour, cm."""
 _DEEPER_CM = 0.1
 """How much deeper than in plain motion hands may go into one another on their way."""
 _GIVE_CM = (0.15, 0.4)
@@ -40,7 +40,7 @@ def base_motion(
     place while it is touched; and the displacements (T, 63), cm, of both hands for that.
 
     clearances: ``hand_clearances`` of the states
-    span: as of ``in_their_own_time``
+    span: as of ``with_separate_timing``
     """
     up, start, end, down = span
     rng = stream("base_lag", signer.name, sign.gloss, take)
@@ -50,13 +50,13 @@ def base_motion(
     first, last = (int(touched[0]), int(touched[-1])) if len(touched) else (middle, middle)
     back = len(states) - 1
     times, shift = np.arange(len(states), dtype=np.float64), _give(states, clearances[:, 3], rng, signer, fps)
-    own, way = _coming(states[: first + 1], clearances[: first + 1, 3], up, start, float(lags[0]), signer)
+    own, displacement = _coming(states[: first + 1], clearances[: first + 1, 3], up, start, float(lags[0]), signer)
     times[: first + 1] = own
-    shift[: first + 1, :3] += way
+    shift[: first + 1, :3] += displacement
     ends = back - down, back - end
-    own, way = _coming(states[last:][::-1], clearances[last:, 3][::-1], *ends, -float(lags[1]), signer)
+    own, displacement = _coming(states[last:][::-1], clearances[last:, 3][::-1], *ends, -float(lags[1]), signer)
     times[last:] = back - own[::-1]
-    shift[last:, :3] += way[::-1]
+    shift[last:, :3] += displacement[::-1]
     return times, shift
 
 
@@ -73,13 +73,13 @@ def _coming(
     u = np.clip((frames - up) / max(1, start - up), 0.0, 1.0)
     hill = trajectory.bump(u**2)[:, None]  # highest near to the touch, where the base hand is in the way
     out = penetration(states[-1:], replace(signer, left_handed=False))[1][0, 0]
-    for share, detour in _WAYS:
-        times = _own_times(frames, states[:, 27:30], up, start, share * lag)
-        way = detour * signer.scale * hill * out
+    for fraction, detour in _ATTEMPTS:
+        times = _own_times(frames, states[:, 27:30], up, start, fraction * lag)
+        displacement = detour * signer.scale * hill * out
         tried = trajectory.taken_at(states, np.column_stack([*[frames] * 27, *[times] * 27, *[frames] * 9]))
-        tried[:, :3] += way
+        tried[:, :3] += displacement
         if (between_hands(tried, signer) >= np.minimum(clearance, 0.0) - _DEEPER_CM).all():
-            return times, way
+            return times, displacement
     return frames, np.zeros((len(states), 3))
 
 

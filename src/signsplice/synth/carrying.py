@@ -25,7 +25,7 @@ _CARRIERS = ("Head", "Neck", "Spine2", "Hips")
 _HEAD, _CHEST, _HIPS = 0, 2, 3
 _FREE_CM, _HELD_CM = 14.0, 0.5
 """Distances from the skin at which a hand is free, and from which on it is carried wholly."""
-_SHARE_CM = 1.0
+_WEIGHT_CM = 1.0
 """How much farther a part of the body is that carries less by the factor e."""
 _TOGETHER_CM = 8.0
 """Distance of two hands up to which they are carried alike."""
@@ -43,12 +43,12 @@ _MIRRORED_QUAT = np.array([1.0, -1.0, -1.0, 1.0])
 class Nearness:
     """Where the hands (strong, weak) of an upright right-handed signer are.
 
-    shares: (T, 2, 4) how far head, neck, chest and hips carry each hand; the rest is free
+    weights: (T, 2, 4) how far head, neck, chest and hips carry each hand; the rest is free
     clearances: (T, 2, 4) distance of each hand's skin from that of each of these, cm, negative inside
     head_side: (T, 2) where at the head each hand is, from -1 (strong side) over 0 (front) to 1 (weak side)
     """
 
-    shares: FloatArray
+    weights: FloatArray
     clearances: FloatArray
     head_side: FloatArray
 
@@ -63,11 +63,11 @@ def nearness(states: FloatArray, signer: Signer) -> Nearness:
     upright = states.copy()
     upright[:, 54:] = 0.0
     clearances, out, apart = _clearances(upright, signer)
-    shares = _shares(clearances / signer.scale, apart / signer.scale)
+    weights = _weights(clearances / signer.scale, apart / signer.scale)
     begins, hangs = _HANGING_CM
     height = pose.hands(states)[..., 1] / signer.scale
     hanging = pose.smooth_step((-height - begins) / (hangs - begins))[..., None]
-    return Nearness(hanging * np.eye(len(_CARRIERS))[_HIPS] + (1.0 - hanging) * shares, clearances, out[..., _HEAD, 0])
+    return Nearness(hanging * np.eye(len(_CARRIERS))[_HIPS] + (1.0 - hanging) * weights, clearances, out[..., _HEAD, 0])
 
 
 def _clearances(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -102,14 +102,14 @@ def _clearances(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatAr
     return clearances, np.einsum("tba,tnkb->tnka", rotations[:, JOINTS["Spine2"]], out), -np.maximum(*depths)
 
 
-def _shares(clearances: FloatArray, apart: FloatArray) -> FloatArray:
+def _weights(clearances: FloatArray, apart: FloatArray) -> FloatArray:
     """Shares (T, 2, 4) from the distances of hands to the parts of the body (T, 2, 4) and to one another (T,), cm."""
     nearest = clearances.min(axis=-1, keepdims=True)
-    shares = np.exp((nearest - clearances) / _SHARE_CM)
-    shares /= shares.sum(axis=-1, keepdims=True)
-    shares = shares * pose.smooth_step((_FREE_CM - nearest) / (_FREE_CM - _HELD_CM))
+    weights = np.exp((nearest - clearances) / _WEIGHT_CM)
+    weights /= weights.sum(axis=-1, keepdims=True)
+    weights = weights * pose.smooth_step((_FREE_CM - nearest) / (_FREE_CM - _HELD_CM))
     alike = 0.5 * pose.smooth_step((_TOGETHER_CM - apart) / (_TOGETHER_CM - _HELD_CM))[:, None, None]
-    return np.asarray((1.0 - alike) * shares + alike * shares[:, ::-1])
+    return np.asarray((1.0 - alike) * weights + alike * weights[:, ::-1])
 
 
 def carried(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
@@ -122,8 +122,8 @@ def carried(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
     for n, (mirror, mirror_quat) in enumerate(((np.ones(3), np.ones(4)), (_MIRRORED, _MIRRORED_QUAT))):
         wrist = pose.hands(states)[:, n, pose.WRIST] * mirror
         moves = rotation.rotate(turns, wrist[:, None] - rest) + places - wrist[:, None]  # (T, 4, 3)
-        wrist = (wrist + np.einsum("tk,tkc->tc", near.shares[:, n], moves)) * mirror
-        turn = rotation.exp(np.einsum("tk,tkc->tc", near.shares[:, n], rotation.log(turns)))
+        wrist = (wrist + np.einsum("tk,tkc->tc", near.weights[:, n], moves)) * mirror
+        turn = rotation.exp(np.einsum("tk,tkc->tc", near.weights[:, n], rotation.log(turns)))
         quat = rotation.multiply(turn, quats[:, n] * mirror_quat) * mirror_quat
         hand = pose.hands(moved)[:, n]
         hand[:, pose.WRIST], hand[:, pose.ROTVEC] = wrist, pose.hand_rotvecs(wrist, quat, signer)

@@ -75,7 +75,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     offset = before + up
     events = segments.events(before - 1, offset, down)
     span = events.up, events.start, events.end, events.down
-    states = two_hands.in_their_own_time(states, sign, signer, take, fps, span)
+    states = two_hands.with_separate_timing(states, sign, signer, take, fps, span)
     states = segments.low_passed(states, offset)
     if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
         trajectory.clip_fingers(states)

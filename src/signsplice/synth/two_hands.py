@@ -28,7 +28,7 @@ _LAG_FRAMES = (0.5, 1.7)
 """Least and greatest lag of one hand, frames of 30 a second."""
 
 
-def in_their_own_time(
+def with_separate_timing(
     states: FloatArray, sign: Sign, signer: Signer, take: int, fps: float, span: tuple[int, int, int, int]
 ) -> FloatArray:
     """States (T, 63) of a whole word in which hands and fingers differ in place and time as the signer's manner has it;
