@@ -69,7 +69,9 @@ def retarget(clip: Clip, onto: Clip | Skeleton) -> Retargeted:
 
 
 def align(clip: Clip, to: Reference, speed: float = 1.0) -> Retargeted:
-    """As ``rig.align.align``, with places and contacts kept where the bodies differ; else the same bit for bit."""
+    """``clip`` on the skeleton, frame rate, position and facing of a reference, played ``speed`` times as fast, with
+    places and contacts kept where the bodies differ. Raises as ``rig.align.copy_rotations`` does.
+    """
     fitted = _fitted(clip, to)
     return Retargeted(settle(fitted.clip, to, speed), fitted.warnings, fitted.contacts)
 
