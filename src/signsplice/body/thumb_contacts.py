@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from signsplice.body.capsules import BodyCapsules
 from signsplice.body.clearance import Clearances, clearances
 from signsplice.body.posed import PosedBody, posed_body
-from signsplice.body.smoothing import spread_in_time
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
+from signsplice.motion.curves import spread_in_time
 from signsplice.rig.info import rig_info
 from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS
