@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from broken_bvh import VALID
 from signsplice.errors import InputError
 from signsplice.formats import bvh, load, save
-from signsplice.formats.numbers import format_rows
+from signsplice.formats.bvh import format_rows
 from signsplice.motion import euler_channels, rotation
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.euler_channels import ROTATIONS

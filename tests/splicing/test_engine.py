@@ -13,13 +13,14 @@ from conftest import random_clip, rooted
 import signsplice as ss
 from other_rigs import without
 from reference_poses import arms_out, with_pose
+from signsplice.body.retarget import align
 from signsplice.errors import InputError
 from signsplice.formats import bvh
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, resample
 from signsplice.motion.euler_channels import Channels
-from signsplice.rig.align import align, reference
+from signsplice.rig.align import reference
 from signsplice.rig.arms import active_span, arms
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
 from signsplice.splicing.gap import Cut

@@ -11,11 +11,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from conftest import random_clip
 from hypothesis import given
 from hypothesis import strategies as st
 
 import signsplice as ss
-from conftest import random_clip
 from signing import word
 from signsplice.lexicon import shipped
 from signsplice.motion import rotation

@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("torch")
 
 from signsplice.errors import InputError, SignspliceError
-from signsplice.train.ending import DeadlineError
+from signsplice.train.stopping import DeadlineError
 from signsplice_paper import plan
 from signsplice_paper.plan import Choice, Run
 from signsplice_paper.train import schedule, training

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Skeleton
+from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS, Humanoid, arm_joints, finger_roles
 from signsplice.rig.t_pose import TPose
 
@@ -37,7 +38,7 @@ N_SIDE = len(_side("left"))
 LEFT = slice(len(TRUNK), len(TRUNK) + N_SIDE)
 RIGHT = slice(LEFT.stop, LEFT.stop + N_SIDE)
 TIPS: tuple[str, ...] = tuple(
-    f"{side}{part}" for side in ("left", "right") for part in ("Hand", *(f"{finger}Distal" for finger in FINGERS))
+    f"{side}{part}" for side in SIDES for part in ("Hand", *(f"{finger}Distal" for finger in FINGERS))
 )
 """The 12 joints whose positions count: wrist and last joint of every finger, left then right."""
 MIRROR = np.concatenate([np.arange(len(TRUNK)), np.arange(RIGHT.start, RIGHT.stop), np.arange(LEFT.start, LEFT.stop)])

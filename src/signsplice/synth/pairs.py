@@ -33,11 +33,10 @@ from signsplice.formats.json_files import check_type, parse_json
 from signsplice.formats.npz import mapped_array
 from signsplice.formats.reading import read_bytes
 from signsplice.motion.clip import Clip, Skeleton
-from signsplice.motion.number_space import NumberSpace, read_space
+from signsplice.motion.number_space import NumberSpace, read_space, space_of
 from signsplice.synth import truth
 from signsplice.synth.events import Events
 from signsplice.synth.signer import Signer, read_signer, skeleton
-from signsplice.synth.signer_space import signer_space
 
 Array = NDArray[Any]
 
@@ -240,3 +239,14 @@ def write_transitions(made: Path, rows: Sequence[StoredRow]) -> None:
             for row in rows:
                 with np.load(row.path) as arrays:
                     out.write(arrays[kind].tobytes())
+
+
+EXTENT = 1.3
+"""Side of the cube, in statures, that is scaled to [-0.5, 0.5]^3: wide enough for every reach."""
+
+
+def signer_space(bones: Skeleton, stature_cm: float) -> NumberSpace:
+    """The numbers of all joints of a synthetic signer: cm from the middle of the body's height, over ``EXTENT``
+    statures.
+    """
+    return space_of(bones, (0.0, 0.5 * stature_cm, 0.0), EXTENT * stature_cm)

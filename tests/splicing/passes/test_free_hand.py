@@ -16,11 +16,12 @@ from other_rigs import mirror
 from signing import sign, word
 from signsplice.body import collision
 from signsplice.body.arm_ik import move_wrists
+from signsplice.body.retarget import align
 from signsplice.errors import InputError
 from signsplice.evaluation.wrists import wrist_positions
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.rig.align import align, reference
+from signsplice.rig.align import reference
 from signsplice.rig.canonical_map import TRUNK
 from signsplice.rig.info import rig_info
 from signsplice.splicing.gap import Cut

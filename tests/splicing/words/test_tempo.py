@@ -14,12 +14,13 @@ from conftest import random_clip
 
 from reference_poses import arms_out, with_pose
 from signing import word
+from signsplice.body.retarget import align
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.evaluation.tempo import compare, draw_words, table
 from signsplice.evaluation.wrists import wrist_positions
 from signsplice.motion.clip import Clip, concatenate, resample, sampled
-from signsplice.rig.align import align, reference
+from signsplice.rig.align import reference
 from signsplice.rig.stray_frames import with_ends_held
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream

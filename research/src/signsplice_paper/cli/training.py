@@ -107,7 +107,7 @@ def train_system(
     check_extra()
     from signsplice.synth.corpus import Pairs
     from signsplice.train import processes
-    from signsplice.train.ending import DeadlineError
+    from signsplice.train.stopping import DeadlineError
     from signsplice_paper.train import scales, training
 
     systems = list(scales.SYSTEMS) if system == "all" else [system]

@@ -16,8 +16,8 @@ from signsplice.children import killed_with_parent
 from signsplice.errors import SignspliceError
 from signsplice.synth.corpus import Pairs
 from signsplice.train import processes
-from signsplice.train.ending import DeadlineError
 from signsplice.train.loop import ProgressCallback
+from signsplice.train.stopping import DeadlineError
 from signsplice_paper.plan import Run
 from signsplice_paper.train import training
 

@@ -24,7 +24,7 @@ from signsplice.synth.corpus import Pairs
 from signsplice.synth.pool import Pool
 from signsplice.train import checkpoint, processes
 from signsplice.train import log as logs
-from signsplice.train.ending import DeadlineError
+from signsplice.train.stopping import DeadlineError
 from signsplice_paper.layout import Table, markdown
 from signsplice_paper.train import training
 from signsplice_paper.train.scales import SYSTEMS, Config, SystemPart, parts

@@ -30,7 +30,7 @@ from signsplice.splicing.methods.transition import GapTransition, find_transitio
 from signsplice.splicing.methods.viterbi import SeamScores, best_path
 from signsplice.splicing.networks import features, gap_features
 from signsplice.splicing.networks.bundle import read_config
-from signsplice.splicing.networks.gap_features import CONTEXT, MAX_GAP_FRAMES, MIN_GAP_FRAMES
+from signsplice.splicing.networks.gap_features import MAX_GAP_FRAMES, MIN_GAP_FRAMES, N_CONTEXT
 from signsplice.splicing.networks.sessions import Sessions
 from signsplice.splicing.networks.word_reader import WordReader, WordReading
 
@@ -270,5 +270,5 @@ def _within_limits(gap: Gap) -> bool:
 
 def _window(gap: Gap, base: Clip) -> tuple[Clip, Clip, Clip]:
     """What the network sees of a gap that a classical transition bridges: frames before, between and after."""
-    n_context = int(np.ceil((CONTEXT + 1) / FEATURE_FPS * base.fps)) + 1
+    n_context = int(np.ceil((N_CONTEXT + 1) / FEATURE_FPS * base.fps)) + 1
     return gap.before[-n_context:], base, gap.after[:n_context]

@@ -19,17 +19,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body import arm_ik, collision, smoothing, swivel
+from signsplice.body import arm_ik, collision, swivel
 from signsplice.body.capsules import BodyCapsules
-from signsplice.motion import kinematics, rotation
+from signsplice.motion import curves, kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.motion.joined import joined
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 from signsplice.splicing.gap import FilledGap, Gap
 from signsplice.splicing.passes.seam_pass import GapPass
 
-SIDES = ("left", "right")
 TOLERANCE_M = 0.003
 """A touch may press this deep, m."""
 _FRAMES_AT_ONCE = 250
@@ -188,7 +188,7 @@ def turn_elbow(filled: Clip, before: Clip, after: Clip, side: int) -> Clip:
         filled.fps,
     )
     swivels = np.zeros((len(filled), 2))
-    swivels[:, side] = turns[1:-1] * smoothing.fade_window(len(filled))
+    swivels[:, side] = turns[1:-1] * curves.fade_window(len(filled))
     return arm_ik.move_wrists(filled, np.zeros((len(filled), 2, 3)), swivels)
 
 
@@ -252,7 +252,7 @@ def _avoiding_moves(
     ``held``: how much hands are held together.
     """
     n_between, forward = len(posed.positions) - 2, posed.forward
-    fade, kernel = smoothing.fade_window(n_between)[:, None, None], _kernel(n_between)
+    fade, kernel = curves.fade_window(n_between)[:, None, None], _kernel(n_between)
     moves, slack = moves.copy(), _SLACK_M / metres
     for _ in range(_MAX_ROUNDS):
         farthest = 2.0 * float(np.linalg.norm(moves, axis=-1).max())  # two hands may move apart
@@ -264,7 +264,7 @@ def _avoiding_moves(
         if excess.max() <= 0.0:
             break
         push = _pushes(excess + 0.3 * TOLERANCE_M / metres, exits[1:-1], forward[1:-1])
-        moves[1:-1] += smoothing.spread_in_time(push, kernel) * fade
+        moves[1:-1] += curves.spread_in_time(push, kernel) * fade
     return moves[1:-1]
 
 

@@ -12,8 +12,8 @@ from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import Arms, arms
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 from signsplice.splicing.gap import Cut
-from signsplice.splicing.passes.collision_avoidance import SIDES
 
 _NEAR_REST, _TURNED_RAD = 0.13, np.deg2rad(20.0)
 """A hand is at rest where it is this near to where it rests from the hips, in arm lengths, and turned by no more than

@@ -19,6 +19,7 @@ import numpy as np
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, unchecked_copy
+from signsplice.motion.curves import minimum_jerk_by_powers
 from signsplice.rig.arms import arms
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS, finger_roles
@@ -97,7 +98,7 @@ class MoveFingers(SeamPass):
             return 0, np.empty((0, len(joints), 4))
         n_steps = early + n_new + 1 + late
         u = np.arange(1, n_steps) / n_steps
-        path = rotation.slerp(start[None], end[None], (u**3 * (10.0 - 15.0 * u + 6.0 * u * u))[:, None])
+        path = rotation.slerp(start[None], end[None], minimum_jerk_by_powers(u)[:, None])
         return early, path
 
 

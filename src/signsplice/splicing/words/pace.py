@@ -16,9 +16,9 @@ from scipy.ndimage import convolve1d, gaussian_filter1d, minimum_filter1d
 from scipy.signal import find_peaks
 
 from signsplice.body.capsules import body_capsules
+from signsplice.body.clearance import Near, near_pairs, pair_clearances, skin_pairs
 from signsplice.body.contacts import PART_M, find_contacts
 from signsplice.body.posed import posed_body
-from signsplice.body.touch import Near, near_pairs, pair_gaps, skin_pairs
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
@@ -175,6 +175,6 @@ def contact_frames(clip: Clip) -> list[tuple[int, int]]:
     body = body_capsules(clip.skeleton)
     posed, pairs = posed_body(clip, body), skin_pairs(body, frozenset(body.keys))
     frames, k = near_pairs(posed.starts, posed.ends, posed.radii, pairs, PART_M)
-    distance = pair_gaps(posed.starts, posed.ends, posed.radii, pairs, frames, k).distance
+    distance = pair_clearances(posed.starts, posed.ends, posed.radii, pairs, frames, k).distance
     near = Near(frames, k, distance)
     return [contact.frames for contact in find_contacts(body, pairs, near, distance, len(clip))]

@@ -16,9 +16,9 @@ torch = pytest.importorskip("torch")
 
 from torch import Tensor  # noqa: E402
 
-from signsplice.train import checkpoint, ending, log, loop  # noqa: E402
-from signsplice.train.ending import DeadlineError  # noqa: E402
+from signsplice.train import checkpoint, log, loop, stopping  # noqa: E402
 from signsplice.train.loop import LoopConfig, train  # noqa: E402
+from signsplice.train.stopping import DeadlineError  # noqa: E402
 from training_toys import ALONE, product_toy  # noqa: E402
 
 
@@ -33,7 +33,7 @@ def clocks(**changed: Callable[[], float]) -> SimpleNamespace:
     return SimpleNamespace(**{name: getattr(time, name) for name in names} | changed)
 
 
-def stopping(folder: Path, **limits: Any) -> tuple[int, dict[str, Tensor]]:
+def stopping_training(folder: Path, **limits: Any) -> tuple[int, dict[str, Tensor]]:
     """Steps and weights after one call of a training of at most sixty steps."""
     folder.mkdir(exist_ok=True)
     task, data, valid = product_toy()
@@ -80,11 +80,11 @@ def test_checkpoints_are_written_between_rare_validations(tmp_path: Path, monkey
 
 def test_a_training_ends_on_a_plateau_and_stays_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     falling = iter([5.0, 4.0, 3.999, 4.2, 3.9, 3.8999, 3.8998, 2.0])
-    monkeypatch.setattr(loop, "judge", lambda *_: {ending.LOSS: next(falling), "both": 0.5})
-    steps, weights = stopping(tmp_path / "a", patience=2)
+    monkeypatch.setattr(loop, "judge", lambda *_: {stopping.LOSS: next(falling), "both": 0.5})
+    steps, weights = stopping_training(tmp_path / "a", patience=2)
     assert steps == 8, "3.999 and 4.2 are no improvement on 4.0"
-    assert ending.reason(tmp_path / "a", 60, 2) == (8, ending.PLATEAU)
-    again = stopping(tmp_path / "a", patience=2)
+    assert stopping.reason(tmp_path / "a", 60, 2) == (8, stopping.PLATEAU)
+    again = stopping_training(tmp_path / "a", patience=2)
     assert again[0] == 8
     assert all(torch.equal(value, again[1][key]) for key, value in weights.items())
 
@@ -92,30 +92,30 @@ def test_a_training_ends_on_a_plateau_and_stays_ended(tmp_path: Path, monkeypatc
 def test_a_training_ends_when_its_processor_time_is_spent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = itertools.count(100)
     monkeypatch.setattr(loop, "time", clocks(process_time=lambda: float(next(clock))))
-    steps, _ = stopping(tmp_path / "a", most_cpu_s=7.0)
+    steps, _ = stopping_training(tmp_path / "a", most_cpu_s=7.0)
     assert steps < 60
-    assert ending.reason(tmp_path / "a", 60, 4) == (steps, ending.TIME)
+    assert stopping.reason(tmp_path / "a", 60, 4) == (steps, stopping.TIME)
     assert checkpoint.read(tmp_path / "a")["step"] == steps, "validated and kept"
     assert any("both" in line for line in log.lines(tmp_path / "a" / log.NAME) if line["step"] == steps)
-    assert stopping(tmp_path / "a", most_cpu_s=7.0)[0] == steps
-    assert stopping(tmp_path / "a")[0] == 60
-    assert ending.reason(tmp_path / "a", 60, 4) == (60, ending.STEPS)
+    assert stopping_training(tmp_path / "a", most_cpu_s=7.0)[0] == steps
+    assert stopping_training(tmp_path / "a")[0] == 60
+    assert stopping.reason(tmp_path / "a", 60, 4) == (60, stopping.STEPS)
 
 
 def test_the_validation_loss_is_judged_where_it_decides(tmp_path: Path) -> None:
-    stopping(tmp_path / "a", patience=30)
-    found = [line[ending.LOSS] for line in log.lines(tmp_path / "a" / log.NAME) if ending.LOSS in line]
+    stopping_training(tmp_path / "a", patience=30)
+    found = [line[stopping.LOSS] for line in log.lines(tmp_path / "a" / log.NAME) if stopping.LOSS in line]
     assert len(found) == 30
     assert all(math.isfinite(loss) and loss > 0.0 for loss in found)
-    assert ending.losses(tmp_path / "a", 20) == found[:10]
+    assert stopping.losses(tmp_path / "a", 20) == found[:10]
 
 
 def test_a_plateau_needs_more_than_its_patience() -> None:
-    assert not ending.on_plateau([1.0, 1.0], 2)
-    assert ending.on_plateau([1.0, 1.0, 1.0], 2)
-    assert not ending.on_plateau([1.0, 1.0, 0.99], 2)
-    assert ending.on_plateau([-1.0, -1.0005, -1.0], 2), "a likelihood's loss may be negative"
-    assert not ending.on_plateau([-1.0, -1.01, -1.0], 2)
-    assert [ending.of_parts(of) for of in (["plateau", "steps"], ["time", "steps"], ["plateau"])] == [
+    assert not stopping.on_plateau([1.0, 1.0], 2)
+    assert stopping.on_plateau([1.0, 1.0, 1.0], 2)
+    assert not stopping.on_plateau([1.0, 1.0, 0.99], 2)
+    assert stopping.on_plateau([-1.0, -1.0005, -1.0], 2), "a likelihood's loss may be negative"
+    assert not stopping.on_plateau([-1.0, -1.01, -1.0], 2)
+    assert [stopping.of_parts(of) for of in (["plateau", "steps"], ["time", "steps"], ["plateau"])] == [
         *("steps", "time", "plateau")
     ]

@@ -6,19 +6,18 @@ import pytest
 
 from signing import made, word
 from signsplice.evaluation.corpus_touches import skin_distance
-from signsplice.synth.gaps import TOUCH_CM
+from signsplice.rig.naming import SIDES
+from signsplice.synth.clearance import TOUCH_CM, skin_clearances, touching_sides
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.segment_plan import touches
 from signsplice.synth.signer import STANDARD, draw_signer
-from signsplice.synth.touch_events import skin_gaps, touching_sides
 
 LEFT_HANDED = next(seed for seed in range(100) if draw_signer(seed).left_handed)
 
 
 def measured(one: IsolatedWord, frame: int) -> float:
-    sides = tuple(side.lower() for side in touching_sides(one.sign, one.signer))
-    return skin_distance(one.clip, frame, sides)
+    return skin_distance(one.clip, frame, touching_sides(one.sign, one.signer))
 
 
 @pytest.mark.parametrize("seed", [None, LEFT_HANDED])
@@ -48,7 +47,7 @@ def test_arms_of_the_other_side_count() -> None:
     weak = "w.shape=B w.at=space-low-mid w.palm=down w.fingers=in-in-fwd"
     one = made(f"H shape=1 at=forearm-weak by=index palm=down fingers=in-fwd {weak}", hands="base")
     assert one.events.touches_first
-    (hand_alone,) = skin_gaps(one.clip, [one.events.start], ("Right",))
+    (hand_alone,) = skin_clearances(one.clip, [one.events.start], ("right",))
     assert hand_alone == pytest.approx(one.events.gap_first_cm)
 
 
@@ -57,6 +56,6 @@ def test_whose_touches_count() -> None:
         signer = STANDARD if seed is None else draw_signer(seed)
         return touching_sides(Sign("WORD", hands, ()), signer)
 
-    assert sides("one") == sides("base") == ("Right",)
-    assert sides("one", LEFT_HANDED) == ("Left",)
-    assert sides("symmetric") == sides("alternating", LEFT_HANDED) == ("Left", "Right")
+    assert sides("one") == sides("base") == ("right",)
+    assert sides("one", LEFT_HANDED) == ("left",)
+    assert sides("symmetric") == sides("alternating", LEFT_HANDED) == SIDES

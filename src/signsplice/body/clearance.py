@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules
 from signsplice.motion.arrays import FloatArray
+from signsplice.rig.naming import SIDES
 
 Index = NDArray[np.intp]
 
-_TINY = 1e-12
+TINY = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,17 +78,16 @@ def _parts(body: BodyCapsules, keys: frozenset[str]) -> tuple[list[list[int]], l
     solid = [n for n in (*groups.head, *groups.trunk) if body.keys[n] in keys]
     arms = [
         [n for n, key in enumerate(body.keys) if key in keys and body.sides[n] == side and body.parts[n] in _ARM]
-        for side in _SIDES
+        for side in SIDES
     ]
     return hands, arms, solid
 
 
 _ARM = ("sleeve", "cuff")
-_SIDES = ("left", "right")
 
 
 def _paired(body: BodyCapsules, blocks: list[tuple[list[int], list[int]]]) -> SkinPairs:
-    side = np.array([_SIDES.index(side) if side else -1 for side in body.sides], np.intp)
+    side = np.array([SIDES.index(side) if side else -1 for side in body.sides], np.intp)
     rows = [_Block(np.array(own, np.intp), np.array(other, np.intp)) for own, other in blocks]
     own = np.concatenate([np.repeat(block.own, len(block.other)) for block in rows])
     other = np.concatenate([np.tile(block.other, len(block.own)) for block in rows])
@@ -101,7 +101,7 @@ def near_pairs(
     radii (C, 2): first by a ball around each whole hand or forearm, then by one around each of its capsules.
     """
     axes = ends - starts
-    lengths, thick, middles = _dot(axes, axes), radii.max(axis=1), starts + 0.5 * axes
+    lengths, thick, middles = dot(axes, axes), radii.max(axis=1), starts + 0.5 * axes
     reach = 0.5 * np.sqrt(lengths.max(axis=0)) + thick
     found, offset = [], 0
     for block in pairs.blocks:
@@ -109,7 +109,7 @@ def near_pairs(
         if n_own and n_other:
             ball = middles[:, block.own].mean(axis=1, keepdims=True)
             out = middles[:, block.own] - ball
-            radius = (np.sqrt(_dot(out, out)) + reach[block.own]).max(axis=1, keepdims=True)
+            radius = (np.sqrt(dot(out, out)) + reach[block.own]).max(axis=1, keepdims=True)
             b = block.other
             away = _squared_distance(ball, starts[:, b], axes[:, b], lengths[:, b])
             frames, columns = np.nonzero(away < (radius + thick[b] + margin) ** 2)
@@ -135,18 +135,18 @@ def _take(points: FloatArray, at: Index) -> FloatArray:
 def _squared_distance(point: FloatArray, start: FloatArray, axis: FloatArray, length: FloatArray) -> FloatArray:
     """Squared distance of points from line segments (..., 3) with axes of squared ``length`` (...)."""
     away = point - start
-    along = np.clip(_dot(away, axis) / (length + _TINY), 0.0, 1.0)
+    along = np.clip(dot(away, axis) / (length + TINY), 0.0, 1.0)
     away = away - along[..., None] * axis
-    return _dot(away, away)
+    return dot(away, away)
 
 
 @dataclass(frozen=True, eq=False)
-class Gaps:
-    """Skin distances of N pairs at some frames.
+class Clearances:
+    """Skin distances of pairs of capsules.
 
-    distance: (N,) from skin to skin; negative inside.
-    normals: (N, 3) unit vectors from the other capsule to the own one.
-    own_at, other_at: (N,) where along each axis the nearest points lie, 0 to 1.
+    distance: (...) from skin to skin; negative inside.
+    normals: (..., 3) unit vectors from the other capsule to the own one.
+    own_at, other_at: (...) where along each axis the nearest points lie, 0 to 1.
     """
 
     distance: FloatArray
@@ -155,31 +155,35 @@ class Gaps:
     other_at: FloatArray
 
 
-def gaps(
-    p: FloatArray, u: FloatArray, q: FloatArray, v: FloatArray, own_radii: FloatArray, other_radii: FloatArray
-) -> Gaps:
-    """Skin distances of capsules: starts p, q and axes u, v (N, 3), radii (N, 2) (Ericson 2005, 5.1.9)."""
-    r = p - q
-    uu, vv, uv = _dot(u, u) + _TINY, _dot(v, v) + _TINY, _dot(u, v)
-    ur, vr = _dot(u, r), _dot(v, r)
-    s = np.clip((uv * vr - ur * vv) / np.maximum(uu * vv - uv * uv, _TINY), 0.0, 1.0)
+def clearances(
+    r: FloatArray, u: FloatArray, v: FloatArray, own_radii: FloatArray, other_radii: FloatArray
+) -> Clearances:
+    """Skin distances of capsules with axes u from those with axes v (..., 3), which start r (..., 3) from one another;
+    radii (..., 2). From the nearest points of the two axes (Ericson 2005, 5.1.9) with the radii there: exact for
+    capsules of one thickness, within the taper's slope for others.
+    """
+    uu, vv, uv = dot(u, u) + TINY, dot(v, v) + TINY, dot(u, v)
+    ur, vr = dot(u, r), dot(v, r)
+    s = np.clip((uv * vr - ur * vv) / np.maximum(uu * vv - uv * uv, TINY), 0.0, 1.0)
     t = np.clip((uv * s + vr) / vv, 0.0, 1.0)
     s = np.clip((uv * t - ur) / uu, 0.0, 1.0)
-    line = r + s[:, None] * u - t[:, None] * v
-    away = np.sqrt(_dot(line, line)) + _TINY
-    thick = own_radii[:, 0] + s * (own_radii[:, 1] - own_radii[:, 0])
-    thick = thick + other_radii[:, 0] + t * (other_radii[:, 1] - other_radii[:, 0])
-    return Gaps(away - thick, line / away[:, None], s, t)
+    line = r + s[..., None] * u - t[..., None] * v
+    away = np.sqrt(dot(line, line)) + TINY
+    thick = own_radii[..., 0] + s * (own_radii[..., 1] - own_radii[..., 0])
+    thick = thick + other_radii[..., 0] + t * (other_radii[..., 1] - other_radii[..., 0])
+    return Clearances(away - thick, line / away[..., None], s, t)
 
 
-def pair_gaps(
+def pair_clearances(
     starts: FloatArray, ends: FloatArray, radii: FloatArray, pairs: SkinPairs, frames: Index, k: Index
-) -> Gaps:
+) -> Clearances:
     """Skin distances of the pairs ``k`` (N,) at ``frames`` (N,), from capsule ends (T, C, 3) and radii (C, 2)."""
     own, other, rows = pairs.own[k], pairs.other[k], frames * len(radii)
     p, q = _take(starts, rows + own), _take(starts, rows + other)
-    return gaps(p, _take(ends, rows + own) - p, q, _take(ends, rows + other) - q, radii[own], radii[other])
+    u, v = _take(ends, rows + own) - p, _take(ends, rows + other) - q
+    return clearances(p - q, u, v, radii[own], radii[other])
 
 
-def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+def dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Dot products (...) of vectors (..., 3)."""
     return np.asarray(np.einsum("...c,...c->...", a, b))

@@ -1,10 +1,28 @@
-"""Corrections of a path over time: how a push at one frame spreads to its neighbours, and fades at fixed ends."""
+"""Curves over time: the minimum-jerk step, and corrections that spread to their neighbours and fade at fixed ends."""
 
 from __future__ import annotations
+
+from typing import TypeVar
 
 import numpy as np
 
 from signsplice.motion.arrays import FloatArray
+
+Number = TypeVar("Number", float, FloatArray)
+
+
+def minimum_jerk(u: Number, height: float = 1.0) -> Number:
+    """Progress 10 u^3 - 15 u^4 + 6 u^5 at times ``u``, 0 to 1: from rest to rest (Flash and Hogan 1985), also the
+    smooth step of degree 5. ``height`` is multiplied first.
+    """
+    return height * u**3 * (10.0 + u * (-15.0 + 6.0 * u))
+
+
+def minimum_jerk_by_powers(u: FloatArray) -> FloatArray:
+    """``minimum_jerk`` as a sum of powers. It differs in the last bit: the fingers between letters and the true cuts of
+    stored corpora were made with it.
+    """
+    return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
 
 
 def spread_in_time(push: FloatArray, kernel: FloatArray) -> FloatArray:
@@ -26,4 +44,4 @@ def fade_window(n_frames: int) -> FloatArray:
     """0 just outside both ends, 1 well inside, with slope and curvature 0 at the ends (n_frames,)."""
     edge = np.minimum(np.arange(1, n_frames + 1), np.arange(n_frames, 0, -1)) / max(1.6, 0.25 * (n_frames + 1))
     near = np.clip(edge, 0.0, 1.0)
-    return np.asarray(near**3 * (10.0 + near * (-15.0 + 6.0 * near)))
+    return minimum_jerk(near)
