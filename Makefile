@@ -10,10 +10,11 @@ PAGE_SOURCES := $(shell find viewer/src) $(wildcard viewer/*.json) viewer/build.
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 LOCKED := $(PIP) --only-binary :all: --require-hashes --requirement
 ITSELF := $(PIP) --no-deps --no-build-isolation --editable .
+PLACES := src tests attacks examples research conftest.py
 COMPILE := $(VENV)/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
 	--only-binary :all: --no-annotate --custom-compile-command "make lock" $(if $(UPGRADE),--upgrade)
 
-.PHONY: attacks demo test test-slow lint types unit viewer wheel try-wheel lock bench fuzz words corpus measured smoke paper traits weights clean
+.PHONY: attacks demo test test-slow lint types unit viewer wheel try-wheel lock bench fuzz words corpus measured smoke paper weights clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet and a report in out/demo
 	$(BIN)/signsplice demo --out out/demo
@@ -24,8 +25,8 @@ test-slow: $(VENV)/.dev $(PAGE) ## the tests that take long; CI runs them too
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile -m slow
 
 lint: $(VENV)/.dev             ## style
-	$(BIN)/ruff check src tests attacks examples
-	$(BIN)/ruff format --check src tests attacks examples
+	$(BIN)/ruff check $(PLACES)
+	$(BIN)/ruff format --check $(PLACES)
 
 types: $(VENV)/.dev            ## mypy --strict
 	$(BIN)/mypy
@@ -73,13 +74,10 @@ measured-%: $(VENV)/.dev       ## one page of docs/measured: seams hidden-frames
 	nice $(BIN)/python runs/measured.py $* $(if $(REAL),--real $(REAL))
 
 smoke: $(VENV)/.dev            ## the paper's whole way in minutes, systems of a few thousand numbers: out/smoke
-	runs/smoke.sh
+	research/runs/smoke.sh
 
 paper: $(VENV)/.dev            ## the paper whole at cpu scale: hours; SCALE=paper for its sizes, on a GPU
-	runs/paper.sh
-
-traits: $(VENV)/.dev           ## what each trait of the signer is worth on frames FRAMES=0:315 of a capture, CLIP=FILE: about an hour
-	OMP_NUM_THREADS=1 $(BIN)/signsplice train traits $(CLIP) --frames $(FRAMES) -o docs/measured/signer-ablation.json
+	research/runs/paper.sh
 
 weights: $(VENV)/.dev          ## train networks of the shipped sizes into out/weights, not the shipped bytes: three hours
 	runs/weights.sh
@@ -106,10 +104,10 @@ $(VENV)/.demo: pyproject.toml requirements/demo.lock | $(VENV)/bin/python
 
 # torch has a build for CPUs and builds for each CUDA, and which one comes depends on the index that pip is set to. So its
 # version is fixed, in pyproject.toml, and its hash is not. What it needs besides CUDA libraries is in the lock.
-$(VENV)/.dev: pyproject.toml requirements/dev.lock | $(VENV)/bin/python
+$(VENV)/.dev: pyproject.toml research/pyproject.toml requirements/dev.lock | $(VENV)/bin/python
 	$(LOCKED) requirements/dev.lock
 	$(PIP) $$(sed -n 's/.*"\(torch==[^"]*\)".*/\1/p' pyproject.toml)
-	$(ITSELF)
+	$(ITSELF) --editable ./research
 	touch $@ $(VENV)/.demo
 
 $(VENV)/.fuzz: $(VENV)/.dev

@@ -8,7 +8,7 @@ import numpy as np
 from onnx import TensorProto, helper, numpy_helper
 
 from signsplice.splicing.networks.features import N_FRAME
-from signsplice.splicing.networks.gap_features import CONTEXT, N_TOKEN
+from signsplice.splicing.networks.gap_features import N_CONTEXT, N_TOKEN
 
 _OPSET, _IR = 17, 8
 _WIDTH, _N_PHASES, _N_ROLES = 4, 5, 43
@@ -90,8 +90,8 @@ _GRAPHS: dict[
         {
             "w": (N_TOKEN, 2),
             "v": (2, 3 * _N_ROLES),
-            "first": [CONTEXT],
-            "last": [-CONTEXT],
+            "first": [N_CONTEXT],
+            "last": [-N_CONTEXT],
             "axis": [1],
             "shape": [0, 0, _N_ROLES, 3],
         },

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 import signsplice as ss
 from signsplice.lexicon import shipped
-from signsplice.splicing.methods.cut import Cut, PairCutter
+from signsplice.splicing.gap import Cut
+from signsplice.splicing.methods.cut import PairCutter
 from signsplice.splicing.methods.transition import CurveProblem, CurveTransition
 
 

@@ -70,8 +70,12 @@ def prose(text: str) -> list[str]:
     """Lines of a paragraph, or of a list, each of whose items begins a line with a hyphen."""
     items = [" ".join(item.split()) for item in re.split(r"^\s*- ", text, flags=re.MULTILINE)]
     if len(items) == 1:
-        return textwrap.wrap(items[0], 118)
-    return [line for item in items[1:] for line in textwrap.wrap(f"- {item}", 118, subsequent_indent="  ")]
+        return textwrap.wrap(items[0], 118, break_on_hyphens=False)
+    return [
+        line
+        for item in items[1:]
+        for line in textwrap.wrap(f"- {item}", 118, subsequent_indent="  ", break_on_hyphens=False)
+    ]
 
 
 def percent(fraction: float, digits: int = 1) -> str:

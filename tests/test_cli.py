@@ -392,7 +392,7 @@ main()
 
 
 @pytest.mark.parametrize(
-    "module", ["signsplice.cli.commands", "click", "signsplice_paper.cli.paper", "signsplice.motion.clip"]
+    "module", ["signsplice.cli.commands", "click", "signsplice.cli.train", "signsplice.motion.clip"]
 )
 def test_an_interrupt_while_the_program_starts_shows_no_traceback(folder: Path, module: str) -> None:
     run = run_program("-c", INTERRUPTED_AT_START, "inspect", "SIGN.bvh", "--roles", module, cwd=folder)

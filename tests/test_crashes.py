@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from conftest import random_clip
+
 from faults import DONE_DESPITE, KILLED, REFUSED, every_operation
 from signing import sign
 from signsplice import SpliceOptions, lexicon, splice

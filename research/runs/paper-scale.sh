@@ -2,16 +2,17 @@
 # Trains the paper's systems at the paper's sizes on one GPU, by AdamW and by SGD, judges them there, and leaves rows
 # and bundles: OUT/paper (results.json, frames.npz, tables) and OUT/bundles.
 #
-#   OUT=out/paper-scale runs/paper-scale.sh                      a piece of ten minutes; call it again until it says "done"
-#   FROM=out/first OUT=out/second runs/paper-scale.sh            the next piece elsewhere, from what an earlier one left
-#   SCALE=smoke PIECE=20 runs/paper-scale.sh                     the same in minutes, on a processor
+#   OUT=out/paper-scale research/runs/paper-scale.sh             a piece of ten minutes; call it until it says "done"
+#   FROM=out/first OUT=out/second research/runs/paper-scale.sh   the next piece elsewhere, from what an earlier one left
+#   SCALE=smoke PIECE=20 research/runs/paper-scale.sh            the same in minutes, on a processor
 #
 # Every call stops by itself before PIECE seconds are over. A call that is killed loses at most two minutes of training,
 # or one row of judging. It needs a Python with torch, onnx, onnxscript, onnxruntime, filelock, scipy and click; the
-# package itself is taken from src, so that a copy of these files is enough. A copy without its repository can say which
-# commit it is of: SIGNSPLICE_COMMIT. Afterwards `signsplice paper merge --from OUT/paper --out docs/paper` adds the rows.
+# packages themselves are taken from src and research/src, so that a copy of these files is enough. A copy without its
+# repository can say which commit it is of: SIGNSPLICE_COMMIT. Afterwards `signsplice-paper merge --from OUT/paper` adds
+# the rows.
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 
 SCALE=${SCALE:-paper}
 OUT=${OUT:-out/paper-scale}
@@ -26,9 +27,9 @@ SPLITS=${SPLITS:-"random unseen-signer"}  # those that bundles of the random spl
 LIMIT=${LIMIT:-}              # pairs of a split that are judged, all by default
 STEPS=${STEPS:-}              # steps of every part, in place of the scale's
 PYTHON=${PYTHON:-$([ -x .venv/bin/python ] && echo .venv/bin/python || echo python3)}
-export PYTHONPATH="$PWD/src${PYTHONPATH:+:$PYTHONPATH}"
+export PYTHONPATH="$PWD/src:$PWD/research/src${PYTHONPATH:+:$PYTHONPATH}"
 
-signsplice() { "$PYTHON" -m signsplice "$@"; }
+paper() { "$PYTHON" -m signsplice_paper "$@"; }
 left() { echo $(( PIECE - SECONDS )); }
 again() { echo "$1; call again to continue"; exit 0; }
 
@@ -51,7 +52,7 @@ chosen+=(--scale "$SCALE" --pairs "$PAIRS" --bundles "$OUT/bundles" --split rand
 
 # Training: the last piece may have ended between a training and its bundle, which this call then writes first.
 minutes=$(awk "BEGIN { print ($(left) - $MARGIN > 0 ? $(left) - $MARGIN : 0) / 60 }")
-signsplice paper train "${chosen[@]}" --workers "$WORKERS" --minutes "$minutes" ${STEPS:+--steps "$STEPS"} || exit
+paper train "${chosen[@]}" --workers "$WORKERS" --minutes "$minutes" ${STEPS:+--steps "$STEPS"} || exit
 missing=0
 for system in $SYSTEMS; do
     for optimiser in $OPTIMISERS; do
@@ -64,8 +65,8 @@ done
 judge() {
     [ "$(( PIECE - SECONDS ))" -gt 5 ] || exit 1
     mkdir -p "$OUT/judged/$1-$2"
-    [ ! -f docs/paper/margins.json ] || cp -n docs/paper/margins.json "$OUT/judged/$1-$2/" || true  # minutes to make
-    OMP_NUM_THREADS=1 timeout "$(( PIECE - SECONDS ))" "$PYTHON" -m signsplice paper judge \
+    [ ! -f research/docs/margins.json ] || cp -n research/docs/margins.json "$OUT/judged/$1-$2/" || true  # minutes to make
+    OMP_NUM_THREADS=1 timeout "$(( PIECE - SECONDS ))" "$PYTHON" -m signsplice_paper judge \
         --scale "$SCALE" --pairs "$PAIRS" --bundles "$OUT/bundles" --out "$OUT/judged/$1-$2" --system "$1" --seed 0 --fr 8 --split "$2" \
         ${LIMIT:+--limit "$LIMIT"} > "$OUT/judged/$1-$2/log.txt" 2>&1 && touch "$OUT/judged/$1-$2/done"
 }
@@ -87,6 +88,6 @@ done
 
 from=()
 for folder in "$OUT"/judged/*/; do from+=(--from "$folder"); done
-signsplice paper merge "${from[@]}" --scale "$SCALE" --out "$OUT/paper"
+paper merge "${from[@]}" --scale "$SCALE" --out "$OUT/paper"
 du -sh "$OUT"/bundles/*/ | sort -k2
 echo "done: rows and tables in $OUT/paper, bundles in $OUT/bundles"

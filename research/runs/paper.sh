@@ -1,19 +1,19 @@
 #!/usr/bin/env bash
 # Reproduces the paper from nothing: environment, corpus, trainings, evaluation, tables, figures.
 #
-#   runs/paper.sh                  scale cpu: small systems, hours on two cores
-#   runs/paper.sh --minutes 60     train for an hour; tables of what is there
-#   TRUTH=word runs/paper.sh       on the corpus whose cuts do not depend on the partner, into docs/paper/word
-#   SCALE=paper runs/paper.sh      the paper's sizes; needs a GPU (runs/paper-scale.sh: in pieces)
+#   research/runs/paper.sh                  scale cpu: small systems, hours on two cores
+#   research/runs/paper.sh --minutes 60     train for an hour; tables of what is there
+#   TRUTH=word research/runs/paper.sh       on the corpus whose cuts do not depend on the partner, into research/docs/word
+#   SCALE=paper research/runs/paper.sh      the paper's sizes; needs a GPU (research/runs/paper-scale.sh: in pieces)
 #
 # The same call continues after an interruption: what is generated, trained or evaluated already is kept.
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 
 SCALE=${SCALE:-cpu}
 PYTHON=${PYTHON:-python3}
 TRUTH=${TRUTH:-partner}
-if [ "$TRUTH" = partner ]; then OF='' PAGES=docs/paper; else OF=-$TRUTH PAGES=docs/paper/$TRUTH; fi
+if [ "$TRUTH" = partner ]; then OF='' PAGES=research/docs; else OF=-$TRUTH PAGES=research/docs/$TRUTH; fi
 PAIRS=${PAIRS:-out/pairs$OF}
 BUNDLES=${BUNDLES:-out/bundles$OF}
 OUT=${OUT:-$PAGES}
@@ -21,8 +21,8 @@ if [ "$SCALE" = paper ]; then WORKERS=${WORKERS:-1}; else WORKERS=${WORKERS:-$(n
 BIN=.venv/bin
 
 [ -x "$BIN/python" ] || "$PYTHON" -m venv .venv
-"$BIN/python" -c 'import torch, matplotlib, signsplice' 2>/dev/null ||
-    "$BIN/python" -m pip install --quiet --disable-pip-version-check --editable '.[train,paper]'
+"$BIN/python" -c 'import torch, signsplice_paper' 2>/dev/null ||
+    "$BIN/python" -m pip install --quiet --disable-pip-version-check --editable '.[train]' --editable ./research
 
 [ -f "$PAIRS/corpus.json" ] || "$BIN/signsplice" synth pairs -o "$PAIRS" --truth "$TRUTH"
-"$BIN/signsplice" paper all --scale "$SCALE" --workers "$WORKERS" --pairs "$PAIRS" --bundles "$BUNDLES" --out "$OUT" "$@"
+"$BIN/signsplice-paper" all --scale "$SCALE" --workers "$WORKERS" --pairs "$PAIRS" --bundles "$BUNDLES" --out "$OUT" "$@"

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # Trains this project's networks further on the training part of a split of the corpus of pairs, as every system of the
-# paper is trained, so that `signsplice paper evaluate` can compare them. Half of the data is other synthetic signing,
-# so that the networks do not forget it. Needs what runs/weights.sh and runs/paper.sh made. About two hours on two
+# paper is trained, so that `signsplice-paper evaluate` can compare them. Half of the data is other synthetic signing,
+# so that the networks do not forget it. Needs what runs/weights.sh and research/runs/paper.sh made. About two hours on two
 # cores. The same call continues after an interruption. Arguments go to every `signsplice train`.
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 
 PAIRS=${PAIRS:-out/pairs}
 SIGNING=${SIGNING:-out/signing}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import tomllib
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ from typing import Any
 import pytest
 
 from signsplice.errors import InputError
-from signsplice_paper import claims_page, metrics, published, results
+from signsplice_paper import claims_page, layout, metrics, published, results
 from signsplice_paper.claims import JUDGES
 from signsplice_paper.curve import COLUMNS, Curve
 from signsplice_paper.results import CLASSICAL, MEAN, ResultRow, Results
@@ -239,12 +240,11 @@ def test_two_truths_that_disagree_make_a_claim_hold_in_part() -> None:
     both = verdicts(of_rows(*printed_rows()), of_rows(*worse))
     one = by_judge(both, "accuracy")
     assert (one.verdict, one.figures) == (IN_PART, ("0.9900", "0.9700"))
-    assert one.why.startswith("the truths disagree: partner holds, word does not hold; ")
+    assert one.why.startswith("partner: holds, word: does not hold; ")
     assert "of the lengths are right" in one.why
     alike = by_judge(both, "best_accuracy")
     assert alike.why == (
-        "the truths disagree: partner holds (no rival is better at three digits); word does not hold (LSTM has the "
-        "highest of the rivals)"
+        "partner: holds (no rival is better at three digits); word: does not hold (LSTM has the highest of the rivals)"
     )
     other = by_judge(both, "mse")
     assert other.verdict == HOLDS
@@ -286,7 +286,7 @@ def test_what_the_page_says_of_unequal_trainings_is_what_the_schedule_has() -> N
     assert {2 * part.facts()["config"]["inner"] for part in (whole, rival)} == {tfgn.facts()["config"]["inner"]}
 
 
-def test_the_page_is_two_screens_of_both_truths_and_the_same_bytes(tmp_path: Path) -> None:
+def test_the_page_is_short_of_both_truths_and_the_same_bytes(tmp_path: Path) -> None:
     (tmp_path / "word").mkdir()
     found = as_printed()
     (own,) = [r for r in found.rows if (r.system, r.fr) == (published.PRINTED, 8)]
@@ -294,17 +294,27 @@ def test_the_page_is_two_screens_of_both_truths_and_the_same_bytes(tmp_path: Pat
     other = of_rows(*(replace(r, truth="word") for r in printed_rows()))
     results.save(found, tmp_path / results.FILE)
     results.save(other, tmp_path / "word" / results.FILE)
-    (path,) = claims_page.write(found, tmp_path, "cpu")
-    text = path.read_text()
+    page, full = claims_page.write(found, tmp_path, "cpu")
+    text = page.read_text()
     assert len(text.splitlines()) <= 70
     table = cells(text)
-    assert len(text) <= 14_000, "two screens of a wide table"
+    assert len(text.split()) <= 1_800
     assert max(len(line[-2]) for line in table) <= 170, "each reason is one sentence"
-    assert table[0][3:5] == ["here, partner truth", "here, word truth"]
+    assert table[0][2:4] == ["here, partner truth", "here, word truth"]
     assert len(table) == len(claims_page.all_claims()) + 2
     assert "nan" not in text
+    with full.open(newline="") as file:
+        lines = list(csv.DictReader(file))
+    assert [line["verdict"] for line in lines] == [line[-3] for line in table[2:]]
+    assert [line["claim of the paper"] for line in lines] == [line[0] for line in table[2:]]
     claims_page.write(found, tmp_path, "cpu")
-    assert path.read_text() == text
+    assert page.read_text() == text
     assert claims_page.write(other, tmp_path / "word", "cpu") == [], "every claim has one verdict"
     assert claims_page.write(Results(), tmp_path, "cpu") == []
     assert json.loads((tmp_path / results.FILE).read_text())["rows"]
+
+
+def test_the_page_leaves_ranges_and_asides_to_the_csv() -> None:
+    row = ("1", "a (b) claim", "yes", "LPT 0.9 [0.8, 1.0]", "fails", "so (it (PTA) is); end", "holds: 0.9 [0.8, 1]")
+    whole = layout.Table("", "claims", ("where", "claim", "printed", "here", "verdict", "why", "LPT+"), (row,))
+    assert "| a (b) claim | yes | LPT 0.9 | fails | so; end | holds |" in claims_page.page(whole, "cpu")

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from numpy.typing import NDArray
 
 import signsplice as ss
+from registration import registered  # noqa: F401
 from signing import word
 from signsplice.cli.commands import app
 from signsplice.errors import InputError

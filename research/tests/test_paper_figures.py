@@ -1,4 +1,4 @@
-"""Figures from results alone, the same bytes each time; and the command `paper` without training."""
+"""Figures from results alone, the same bytes each time; and the commands without training."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from signsplice.cli import commands
 from signsplice.errors import InputError, MissingExtraError
-from signsplice_paper import clip_methods, figures, judging, kept_frames, pictures, published, results, style
-from signsplice_paper.cli import paper as command
+from signsplice_paper import clip_methods, figures, judging, kept_frames, pages, pictures, published, results, style
+from signsplice_paper.cli.commands import app
 from signsplice_paper.clip_methods import ClipMethod
 from signsplice_paper.curve import COLUMNS, Curve
 from signsplice_paper.kept_frames import KeptFrames
@@ -68,9 +67,10 @@ def test_every_figure_is_drawn_with_the_same_bytes_each_time(tmp_path: Path) -> 
     written, left_out = figures.write(measured(), kept_pairs(), one, "cpu")
     names = ["figure4a", "figure4b", "figure4c", "figure4d", "figure5a", "figure5b", "figure6", "figure7"]
     names.append("frame-errors")
-    files = [*(f"{n}{s}" for n in names for s in (".png", ".svg")), "frame-errors.md", "frame-errors.tex"]
+    files = [*(f"{n}{s}" for n in names for s in (".png", ".svg"))]
     assert sorted(path.name for path in written) == sorted(files)
-    errors = (one / "frame-errors.md").read_text()
+    pages.write(measured(), tmp_path, "cpu", ("frame-errors",))
+    errors = (tmp_path / "frame-errors.md").read_text()
     assert f"| {published.name('lstm')} | AdamW, 100 steps | 1.0 | 1.0 | 2.0 |" in errors, "frames 1 to 2, 1, 2, ..."
     assert set(left_out) == {f"{name}-sgd" for name in (*names[:6], names[-1])}
     assert all(path.stat().st_size > 5000 for path in written if path.suffix in (".png", ".svg"))
@@ -216,7 +216,7 @@ def test_lines_are_clipped_at_the_edge_of_their_picture() -> None:
 
 
 def run(*arguments: str) -> tuple[int, str]:
-    done = CliRunner().invoke(command.paper, arguments)
+    done = CliRunner().invoke(app, arguments)
     if isinstance(done.exception, (InputError, MissingExtraError)):
         return 2 if isinstance(done.exception, InputError) else 1, str(done.exception)
     assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
@@ -226,8 +226,8 @@ def run(*arguments: str) -> tuple[int, str]:
 def test_tables_need_only_results(tmp_path: Path) -> None:
     results.save(measured(), tmp_path / results.FILE)
     code = (
-        "import sys, signsplice.cli.commands as c\n"
-        f"c.app.main(['paper', 'table1', '--out', {str(tmp_path)!r}], standalone_mode=False)\n"
+        "import sys, signsplice_paper.cli.commands as c\n"
+        f"c.app.main(['table1', '--out', {str(tmp_path)!r}], standalone_mode=False)\n"
         "print(sorted({'torch', 'matplotlib', 'onnxruntime'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -240,13 +240,12 @@ def test_tables_need_only_results(tmp_path: Path) -> None:
 
 def test_the_command_refuses_bad_inputs(tmp_path: Path) -> None:
     out = ("--out", str(tmp_path / "out"))
-    assert run("table1", *out)[1].endswith("`signsplice paper evaluate` or `all` makes it")
+    assert run("table1", *out)[1].endswith("`signsplice-paper evaluate` or `all` makes it")
     assert (
         "has no corpus.json, expected a corpus of pairs" in run("evaluate", "--pairs", str(tmp_path / "none"), *out)[1]
     )
     assert "no system 'gpt'" in run("evaluate", "--system", "gpt", *out)[1]
     assert "--limit 0" in run("evaluate", "--limit", "0", *out)[1]
-    assert commands.app.commands["paper"] is command.paper
 
 
 def test_training_without_torch_names_the_missing_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -278,7 +277,7 @@ def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monk
     assert "18 rows judged, 18 in all" in output, (
         "the mean and 3 methods on three splits; lpt-printed, in one pass too, and lstm on two"
     )
-    assert {"table1.md", "table1.tex", "classical.md", "figure6.png", "figure4d.svg"} <= {p.name for p in out.iterdir()}
+    assert {"table1.md", "table1.csv", "classical.md", "figure6.png", "figure4d.svg"} <= {p.name for p in out.iterdir()}
     assert "| LSTM | AdamW, 20 steps |" in (out / "table1.md").read_text()
     assert len(json.loads((out / "results.json").read_text())["curves"]) == 2
     monkeypatch.setattr(figures, "write", lambda *_: ([], []))

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from signsplice_paper import claims_page, results, tables
+from signsplice_paper import claims_page, pages, results
 
-DOCS = Path(__file__).resolve().parents[2] / "docs" / "paper"
+DOCS = Path(__file__).resolve().parents[1] / "docs"
 
 
 @pytest.mark.parametrize("name", ["", "word"])
@@ -22,9 +22,10 @@ def test_committed_tables_and_claims_come_from_committed_results(name: str, tmp_
             (tmp_path / where).mkdir(exist_ok=True)
             shutil.copy(DOCS / where / results.FILE, tmp_path / where / results.FILE)
     found = results.load(folder / results.FILE)
-    written = tables.write(found, tmp_path / name, "cpu") + claims_page.write(found, tmp_path / name, "cpu")
+    written = pages.write(found, tmp_path / name, "cpu") + claims_page.write(found, tmp_path / name, "cpu")
     assert written
+    assert {path.name for path in folder.glob("*.csv")} == {path.name for path in written if path.suffix == ".csv"}
     for path in written:
         committed = folder / path.name
-        assert committed.is_file(), f"{committed}: not there; `signsplice paper tables --out {folder}`"
-        assert committed.read_bytes() == path.read_bytes(), f"{committed}: `signsplice paper tables --out {folder}`"
+        assert committed.is_file(), f"{committed}: not there; `signsplice-paper tables --out {folder}`"
+        assert committed.read_bytes() == path.read_bytes(), f"{committed}: `signsplice-paper tables --out {folder}`"

@@ -1,7 +1,8 @@
-"""Tables: the paper's printed numbers, seeds, what is missing or not trained, refusals, and Markdown and LaTeX."""
+"""Tables: the paper's printed numbers, seeds, what is missing or not trained, refusals, Markdown, CSV and LaTeX."""
 
 from __future__ import annotations
 
+import csv
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from signsplice.errors import InputError
-from signsplice_paper import layout, lines, published, tables
+from signsplice_paper import layout, lines, pages, published, results, tables
 from signsplice_paper.curve import COLUMNS, Curve
 from signsplice_paper.layout import RULE, Table
 from signsplice_paper.results import CLASSICAL, MEAN, ResultRow, Results
@@ -120,7 +121,7 @@ def test_what_is_missing_is_named() -> None:
     for name in ("LSTM", "LPT+", "LPT+, no summary", "NAT", "CAM-STITCH LSTM"):
         (line,) = [c for c in cells(text) if c[:2] == [name, "AdamW, not trained yet"]]
         assert set(line[2:]) == {"-"}
-    missing = tables.missing_rows(found, "cpu")
+    missing = pages.missing_rows(found, "cpu")
     assert missing == "Without any row yet: split unseen-words, split unseen-signer, scale paper."
 
 
@@ -209,11 +210,11 @@ def test_the_sweep_of_fr_and_every_split_have_tables() -> None:
     assert [r[0] for r in table.rows if r] == ["2", "8", "10"]
     assert tables.table_fr(of_rows(sweep[0]), "cpu") == []
     found = of_rows(*paper_rows(), *paper_rows(split="unseen-words", protocol="w"), *classical_rows("unseen-signer"))
-    pages = tables.pages(found, "cpu")
-    assert [t.label for t in pages["table1"] if t.label.startswith("table1")] == [
+    found_pages = pages.made(found, "cpu")
+    assert [t.label for t in found_pages["table1"] if t.label.startswith("table1")] == [
         *("table1-cpu-random", "table1-cpu-unseen-words", "table1-cpu-unseen-signer")
     ]
-    assert all(len(page) == 0 for page in tables.pages(Results(), "cpu").values())
+    assert all(len(page) == 0 for page in pages.made(Results(), "cpu").values())
 
 
 def test_times_of_two_machines_get_a_note() -> None:
@@ -232,7 +233,7 @@ def balanced(text: str) -> bool:
 
 def test_latex_is_well_formed(tmp_path: Path) -> None:
     found = of_rows(*paper_rows(), *paper_rows("sgd"), *classical_rows(), row("lpt", fr=6))
-    for page in tables.pages(found, "cpu").values():
+    for page in pages.made(found, "cpu").values():
         for table in page:
             text = layout.latex(table)
             assert balanced(text)
@@ -267,13 +268,53 @@ def test_special_characters_are_escaped() -> None:
 
 def test_pages_are_written_with_the_same_bytes(tmp_path: Path) -> None:
     found = of_rows(*paper_rows(), *classical_rows())
-    pages = ("table1", "table2", "table3", "fr", "classical")
-    assert {path.name for path in tables.write(found, tmp_path, "cpu")} == {
-        f"{p}{s}" for p in pages for s in (".md", ".tex")
-    }
+    with_csv = ("table1", "table3", "classical")
+    names = {*(f"{page}.csv" for page in with_csv), *(f"{page}.md" for page in (*with_csv, "table2", "fr"))}
+    assert {path.name for path in pages.write(found, tmp_path, "cpu")} == names
     first = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     assert first["fr.md"].startswith(b"No two rows to compare at scale cpu yet.")
     assert first["table1.md"].startswith(b"**Table 1 of the paper, scale cpu, random**")
-    tables.write(found, tmp_path, "cpu")
+    pages.write(found, tmp_path, "cpu")
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == first
-    assert tables.write(Results(), tmp_path / "none", "cpu") == []
+    assert pages.write(Results(), tmp_path / "none", "cpu") == []
+    latex = {path.name for path in pages.write(found, tmp_path, "cpu", latex=True)} - names
+    assert latex == {f"{page}.tex" for page in (*with_csv, "table2", "fr")}
+
+
+def test_the_csv_of_a_page_has_every_cell_of_its_tables(tmp_path: Path) -> None:
+    found = of_rows(*paper_rows(), *paper_rows(split="unseen-words", protocol="w"), *classical_rows())
+    pages.write(found, tmp_path, "cpu")
+    with (tmp_path / "table1.csv").open(newline="") as file:
+        lines = {(line["split"], line["system"], line["from"]): line for line in csv.DictReader(file)}
+    for table in pages.made(found, "cpu")["table1"]:
+        for cells_of in (one for one in table.rows if one and any(one[1:])):
+            line = lines[table.split, cells_of[0], cells_of[1]]
+            assert [line[head] for head in table.head[2:]] == list(cells_of[2:])
+    assert lines["random", "LSTM", "AdamW, 100 steps"]["block"] == "the paper's systems"
+
+
+def test_the_short_page_shows_the_main_lines_and_means(tmp_path: Path) -> None:
+    seeds = [row("lpt", seed=seed, scores={"paa": paa}) for seed, paa in enumerate((0.7, 0.9))]
+    pages.write(of_rows(*paper_rows(), *seeds, row("nat", fr=None)), tmp_path, "cpu", ("table1",))
+    text = (tmp_path / "table1.md").read_text()
+    shown = cells(text)
+    assert shown[0] == ["system", "from", "BLEU-1", "BLEU-4", "PTA", "PAA", "Accuracy", "MSE", "ms a pair"]
+    (line,) = [c for c in shown if c[0] == "LPT+"]
+    assert line[1:6] == ["AdamW, 100 steps, 2 seeds", *line[2:5], "0.800"]
+    assert not [c for c in shown if c[0] == "NAT"]
+    assert "NAT" in (tmp_path / "table1.csv").read_text()
+    assert "[table1.csv](table1.csv)" in text
+    assert len(text.split()) <= 320
+
+
+def test_tables_with_two_values_of_one_column_make_no_csv() -> None:
+    one = Table("", "x", ("a", "b", "c"), (("1", "2", "3"),))
+    assert layout.as_csv([one, replace(one, head=("a", "b", "d"))]) == "a,b,c,d\n1,2,3,3\n"
+    with pytest.raises(ValueError, match="has 3 and 4 under c"):
+        layout.as_csv([one, replace(one, rows=(("1", "2", "4"),))])
+
+
+def test_the_folder_of_the_other_truth_has_the_csv_alone(tmp_path: Path) -> None:
+    results.save(of_rows(*paper_rows()), tmp_path / results.FILE)
+    (tmp_path / "word").mkdir()
+    assert {path.suffix for path in pages.write(of_rows(*paper_rows()), tmp_path / "word", "cpu")} == {".csv"}

@@ -1,4 +1,4 @@
-"""What `paper` trains: in rounds, in limited time, and only what is wanted."""
+"""What `train` and `all` train: in rounds, in limited time, and only what is wanted."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from signsplice.cli.train import deadline_in
 from signsplice.errors import InputError
-from signsplice_paper.cli import paper_training
-from signsplice_paper.cli.paper_training import TrainingOptions
-from signsplice_paper.plan import RIVALS, Choice, Run
+from signsplice_paper.cli import training
+from signsplice_paper.cli.options import PaperCall, deadline_in
+from signsplice_paper.plan import RIVALS, Run
 from toys import corpus
 
 
@@ -21,29 +20,29 @@ def fake_training(monkeypatch: pytest.MonkeyPatch, at_most: int = 1000) -> list[
     """Rounds of trainings, by name; each writes bundles for its first ``at_most`` runs."""
     rounds: list[list[str]] = []
 
-    def train(todo: Sequence[Run], options: TrainingOptions) -> None:
+    def train(todo: Sequence[Run], call: PaperCall) -> None:
         rounds.append([run.name for run in todo])
         for number, run in enumerate(todo[:at_most]):
-            (options.bundles / run.name).mkdir(parents=True)
+            (call.bundles / run.name).mkdir(parents=True)
             parts = {"frames": {"scores": {"accuracy": 0.9 - 0.01 * number}}}
             stored = {"corpus": corpus().head["hash"], "parts": parts}
-            (options.bundles / run.name / "bundle.json").write_text(json.dumps(stored))
+            (call.bundles / run.name / "bundle.json").write_text(json.dumps(stored))
 
-    monkeypatch.setattr(paper_training, "_train", train)
+    monkeypatch.setattr(training, "_train", train)
     return rounds
 
 
 def test_the_best_rival_is_trained_again_once_it_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rounds = fake_training(monkeypatch)
-    options = TrainingOptions("cpu", corpus().folder, tmp_path)
-    assert paper_training.train_missing(options, Choice()) == []
+    call = PaperCall("cpu", corpus().folder, tmp_path)
+    assert training.train_missing(call) == []
     assert len(rounds) == 2
     assert not any("seed1" in name for name in rounds[0])
     assert [name for name in rounds[1] if name.startswith(RIVALS)] == [
         f"{RIVALS[0]}-cpu-adamw-random-seed{seed}" for seed in (1, 2)
     ]
     rounds.clear()
-    assert paper_training.train_missing(options, Choice()) == []
+    assert training.train_missing(call) == []
     assert rounds == []
 
 
@@ -51,8 +50,8 @@ def test_what_time_left_untrained_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rounds = fake_training(monkeypatch)
-    options = TrainingOptions("cpu", corpus().folder, tmp_path, deadline=time.monotonic() - 1.0)
-    left = paper_training.train_missing(options, Choice(("lstm",), splits=("random",), seeds=(0,)))
+    call = PaperCall("cpu", corpus().folder, tmp_path, systems=("lstm",), splits=("random",), seeds=(0,), minutes=0.0)
+    left = training.train_missing(call)
     assert ([run.name for run in left], rounds) == (["lstm-cpu-adamw-random"], [])
     assert "time is up; trainings are missing: 1 (lstm-cpu-adamw-random); the same call continues" in (
         capsys.readouterr().err
@@ -61,9 +60,9 @@ def test_what_time_left_untrained_is_named(
 
 def test_a_choice_that_fits_nothing_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rounds = fake_training(monkeypatch)
-    options = TrainingOptions("cpu", corpus().folder, tmp_path)
+    call = PaperCall("cpu", corpus().folder, tmp_path, systems=("lstm",), seeds=(5,))
     with pytest.raises(InputError, match="--system lstm --seed 5: nothing planned at scale cpu fits"):
-        paper_training.train_missing(options, Choice(("lstm",), seeds=(5,)))
+        training.train_missing(call)
     assert rounds == []
 
 

@@ -16,33 +16,28 @@ from signsplice_paper.systems import open_bundle
 from test_paper_clips import CONFIG
 from toys import corpus
 
-DOCS = Path(__file__).resolve().parents[2] / "docs/paper"
-FOLDERS = [DOCS / "bundles", DOCS / "word/bundles"]
+RESEARCH = Path(__file__).resolve().parents[1]
+BUNDLES, DOCS = RESEARCH / "bundles", RESEARCH / "docs"
 MOST_BYTES = 25_000_000
 
 
 def test_published_bundles_open_and_stand_in_the_results() -> None:
-    """Without bundles there is nothing to open; then no page may promise any."""
-    text = (DOCS / "README.md").read_text(encoding="utf-8")
-    for folder in FOLDERS:
-        link = f"({folder.relative_to(DOCS).as_posix()}/README.md)"
-        assert folder.is_dir() == (link in text), f"{link} in docs/paper/README.md, where there is such a folder"
-        if not folder.is_dir():
-            continue
-        assert (folder / published_bundles.PAGE).read_text(encoding="utf-8") == published_bundles.page(folder)
-        rows = results.load(folder.parent / results.FILE).rows
-        for config in bundles.read_all(folder):
-            system = open_bundle(config.path.parent)
-            system.graphs.check()
-            still = np.zeros((20, system.n_numbers))
-            assert system.predict(still, still).frames.shape[1] == system.n_numbers
-            judged = published_bundles.judged_as(config)["bundle"][:12]
-            found = [row for row in rows if row.bundle == judged]
-            assert found, f"{config.path}: no row of results.json was judged as {judged}"
-            for name in ("scale", "optimiser", "seed", "corpus"):
-                assert {getattr(row, name) for row in found} == {getattr(config, name)}
-    files = [path for folder in FOLDERS for path in folder.rglob("*") if path.is_file()]
-    assert sum(path.stat().st_size for path in files) < MOST_BYTES
+    assert "(../bundles/README.md)" in (DOCS / "README.md").read_text(encoding="utf-8")
+    assert (BUNDLES / published_bundles.PAGE).read_text(encoding="utf-8") == published_bundles.page(BUNDLES)
+    rows = results.load(DOCS / results.FILE).rows
+    configs = bundles.read_all(BUNDLES)
+    assert len(configs) == 5
+    for config in configs:
+        system = open_bundle(config.path.parent)
+        system.graphs.check()
+        still = np.zeros((20, system.n_numbers))
+        assert system.predict(still, still).frames.shape[1] == system.n_numbers
+        judged = published_bundles.judged_as(config)["bundle"][:12]
+        found = [row for row in rows if row.bundle == judged]
+        assert found, f"{config.path}: no row of results.json was judged as {judged}"
+        for name in ("scale", "optimiser", "seed", "corpus"):
+            assert {getattr(row, name) for row in found} == {getattr(config, name)}
+    assert sum(path.stat().st_size for path in BUNDLES.rglob("*") if path.is_file()) < MOST_BYTES
 
 
 class Chooser:
@@ -73,7 +68,7 @@ def test_the_page_lists_what_was_published_and_nothing_else(tmp_path: Path) -> N
         published_bundles.page(tmp_path)
     training = {"optimiser": "adamw", "split": "random", "seed": 0, "steps": 60, "command": ["signsplice", "train"]}
     write_bundle(tmp_path / "lpt-smoke", {**CONFIG, **training}, {"spsn.onnx": b"x"})
-    with pytest.raises(InputError, match=r"was not written by `signsplice publish`"):
+    with pytest.raises(InputError, match=r"was not written by `signsplice-paper publish`"):
         published_bundles.page(tmp_path)
     agrees = {"bundle": "0123456789abcdef", "pairs": 200, "positions": 199, "lengths": 198, "largest_difference": 2e-5}
     write_bundle(tmp_path / "lpt-smoke", {**CONFIG, **training, "halved": agrees}, {"spsn.onnx": b"x"})

@@ -22,7 +22,7 @@ from signsplice_paper.curve import Curve
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.results import ResultRow
 
-GOLDEN = Path(__file__).resolve().parents[1] / "golden"
+GOLDEN = Path(__file__).parent / "golden"
 GLOSSES = ("HELLO", "DEAF", "SIGN", "YOU", "SEE")
 
 

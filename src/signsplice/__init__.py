@@ -4,6 +4,8 @@ The names below are all that most users need; each is imported when first used, 
 nothing.
 """
 
+from signsplice.motion import html_renderers
+
 TYPE_CHECKING = False  # typing's own costs an import, in which an interrupt would show a traceback
 if TYPE_CHECKING:
     from signsplice.body.retarget import retarget
@@ -70,3 +72,12 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+def _notebook_html(clip: "Clip") -> str:
+    from signsplice.service.notebook import html
+
+    return html(clip)
+
+
+html_renderers.append(_notebook_html)

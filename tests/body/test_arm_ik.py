@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-
 from conftest import random_clip
+
 from other_rigs import on_other_rig, with_rest_pose
 from signing import word
 from signsplice.body.arm_ik import move_wrists

@@ -16,11 +16,11 @@ from other_rigs import on_other_rig
 from signsplice.body import arm_ik
 from signsplice.body import retarget as module
 from signsplice.body.capsules import body_capsules
+from signsplice.body.clearance import near_pairs, pair_clearances, skin_pairs
 from signsplice.body.collision import overlap
 from signsplice.body.contacts import Contact
 from signsplice.body.posed import posed_body
 from signsplice.body.retarget import retarget, signing
-from signsplice.body.touch import near_pairs, pair_gaps, skin_pairs
 from signsplice.cli.commands import app
 from signsplice.formats import load, save
 from signsplice.lexicon import shipped
@@ -84,9 +84,9 @@ def distances(clip: Clip, other: Clip) -> FloatArray:
     frames, k = near_pairs(one.starts, one.ends, one.radii, pairs, 0.005)
     signs = signing(clip)[frames, pairs.own_side[k]] == 1.0
     frames, k = frames[signs], k[signs]
-    before = pair_gaps(one.starts, one.ends, one.radii, pairs, frames, k).distance
+    before = pair_clearances(one.starts, one.ends, one.radii, pairs, frames, k).distance
     touching = before < 0.005
-    after = pair_gaps(two.starts, two.ends, two.radii, pairs, frames, k).distance
+    after = pair_clearances(two.starts, two.ends, two.radii, pairs, frames, k).distance
     return np.abs(after - np.maximum(before, -0.002))[touching]
 
 
@@ -96,7 +96,7 @@ def deepest(clip: Clip) -> float:
     pairs = skin_pairs(posed.body, frozenset(posed.body.keys))
     frames, k = near_pairs(posed.starts, posed.ends, posed.radii, pairs, 0.0)
     signs = signing(clip)[frames, pairs.own_side[k]] == 1.0
-    gap = pair_gaps(posed.starts, posed.ends, posed.radii, pairs, frames[signs], k[signs]).distance
+    gap = pair_clearances(posed.starts, posed.ends, posed.radii, pairs, frames[signs], k[signs]).distance
     return float(max(-gap.min(initial=0.0), 0.0))
 
 
@@ -109,7 +109,7 @@ def test_skin_distances_are_those_of_collisions() -> None:
     depth = overlap(starts, ends, posed.radii, rows, rows)[0][0][pairs.own, pairs.other]
     _, k = near_pairs(starts, ends, posed.radii, pairs, 0.01)
     assert set(np.flatnonzero(-depth < 0.01)) <= set(k), "no near pair is passed over"
-    found = pair_gaps(starts, ends, posed.radii, pairs, np.zeros_like(k), k).distance
+    found = pair_clearances(starts, ends, posed.radii, pairs, np.zeros_like(k), k).distance
     np.testing.assert_allclose(found, -depth[k], atol=1e-9)
     assert (found < 0.005).any()
 

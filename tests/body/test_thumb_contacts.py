@@ -9,8 +9,8 @@ import pytest
 
 from signsplice.body import thumb_contacts
 from signsplice.body.capsules import BodyShape, shaped_capsules
+from signsplice.body.clearance import clearances
 from signsplice.body.posed import PosedBody, posed_body
-from signsplice.body.touch import gaps
 from signsplice.lexicon import shipped
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton
@@ -29,7 +29,7 @@ def with_hands(skeleton: Skeleton, thumb: float, fingers: float) -> Skeleton:
     return Skeleton(skeleton.names, skeleton.parents, offsets, skeleton.end_sites, skeleton.roles)
 
 
-def thumb_gaps(posed: PosedBody) -> np.ndarray:
+def thumb_clearances(posed: PosedBody) -> np.ndarray:
     """Skin distances (T, K), m, of the right thumb's last two bones and all other bones of its hand."""
     keys = posed.body.keys
     own = [keys.index(f"rightThumb{part}") for part in ("Proximal", "Distal")]
@@ -37,7 +37,8 @@ def thumb_gaps(posed: PosedBody) -> np.ndarray:
     a, b = np.repeat(own, len(other)), np.tile(other, len(own))
     n = len(posed.starts)
     p, u, q, v = (x.reshape(-1, 3) for r in (a, b) for x in (posed.starts[:, r], (posed.ends - posed.starts)[:, r]))
-    return gaps(p, u, q, v, np.tile(posed.radii[a], (n, 1)), np.tile(posed.radii[b], (n, 1))).distance.reshape(n, -1)
+    radii = (np.tile(posed.radii[rows], (n, 1)) for rows in (a, b))
+    return clearances(p - q, u, v, *radii).distance.reshape(n, -1)
 
 
 def carried(clip: Clip, skeleton: Skeleton) -> Clip:
@@ -53,11 +54,11 @@ def test_a_thumb_touches_on_other_hands_what_it_touched(thumb: float, fingers: f
         body, its = (shaped_capsules(skeleton, BodyShape()) for skeleton in (clip.skeleton, other))
         copied = carried(clip, other)
         made = thumb_contacts.keep_thumb_contacts(clip, body, copied, its)
-        before = thumb_gaps(posed_body(clip, body))
+        before = thumb_clearances(posed_body(clip, body))
         touching = before < 0.005
         assert touching.any(axis=1).sum() > 10
         for found, c in zip(errors, (copied, made), strict=True):
-            found.append(np.abs(thumb_gaps(posed_body(c, its)) - before)[touching])
+            found.append(np.abs(thumb_clearances(posed_body(c, its)) - before)[touching])
     without, kept = (float(np.mean(np.concatenate(found) < 0.003)) for found in errors)
     assert without < 0.7
     assert kept > 0.97

@@ -18,7 +18,8 @@ from signsplice.motion.clip import Clip
 from signsplice.rig.arms import arms
 from signsplice.rig.info import rig_info
 from signsplice.splicing.engine import SpliceOptions
-from signsplice.splicing.methods.cut import Cut, PairCutter
+from signsplice.splicing.gap import Cut
+from signsplice.splicing.methods.cut import PairCutter
 from signsplice.synth.signer import RESTS
 
 SIGNS = [sign(gloss) for gloss in ("HELLO", "DEAF", "MOTHER", "BOOK", "SEE", "THANK-YOU")]

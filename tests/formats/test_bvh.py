@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pybvh
 import pytest
+from conftest import GOLDEN, random_clip
 from hypothesis import given
 from hypothesis import strategies as st
 
 from broken_bvh import VALID
-from conftest import GOLDEN, random_clip
 from signsplice.errors import InputError
 from signsplice.formats import bvh, load, save
-from signsplice.formats.numbers import format_rows
+from signsplice.formats.bvh import format_rows
 from signsplice.motion import euler_channels, rotation
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.euler_channels import ROTATIONS

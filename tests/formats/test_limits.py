@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from conftest import random_clip
 
 from broken_bvh import VALID, deep, wide
-from conftest import random_clip
 from signsplice.cli.commands import app
 from signsplice.errors import FormatError, InputError, LimitError
 from signsplice.formats import encode, load, parse, save

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import random_clip
 
 from broken_bvh import VALID
-from conftest import random_clip
 from signsplice.errors import FormatError, InputError
 from signsplice.formats import atomic, bvh, encode, load, save
 from signsplice.splicing.engine import SpliceOptions, splice

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import random_clip
 
 import signsplice
-from conftest import random_clip
 from signsplice import lexicon
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon import Lexicon, reader

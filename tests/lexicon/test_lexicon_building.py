@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from conftest import random_clip
+
 from signsplice import lexicon
 from signsplice.errors import InputError
 from signsplice.formats import save

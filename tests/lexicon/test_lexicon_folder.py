@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from conftest import random_clip
+
 from signsplice import lexicon
 from signsplice.errors import InputError
 from signsplice.formats import load, save

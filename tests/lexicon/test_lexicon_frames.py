@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import random_clip
 from hypothesis import given
 from hypothesis import strategies as st
 
-from conftest import random_clip
 from signsplice.errors import InputError
 from signsplice.lexicon.frames import FORMS, Shape, decode, encode
 from signsplice.motion import rotation

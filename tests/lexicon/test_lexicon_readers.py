@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from conftest import random_clip
+
 from signsplice import lexicon
 from signsplice.lexicon import Lexicon, reader
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-
 from conftest import random_clip
+
 from signsplice import lexicon
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon import Lexicon

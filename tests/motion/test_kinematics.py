@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pybvh
 import pytest
-
 from conftest import random_clip
+
 from signsplice.errors import InputError
 from signsplice.formats import save
 from signsplice.motion import kinematics, rotation

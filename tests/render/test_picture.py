@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from conftest import random_clip
+
 from signsplice.body.capsules import body_capsules, capsule_ends
 from signsplice.body.mesh import CLOTHES, bind_pose, body_mesh
 from signsplice.errors import InputError

@@ -85,9 +85,9 @@ def test_a_clip_is_keyed_where_most_moving_frames_repeat_the_step_before() -> No
     signed = word("MOTHER").clip
     still = concatenate([signed[:1]] * 200)
     interpolated = find_transition("slerp").between(Gap(signed[:1], signed[30:31], 30))
-    assert metrics.keyed_share(interpolated) == 1.0
-    assert metrics.keyed_share(concatenate([interpolated, still])) > 0.9, "still frames do not count"
-    assert metrics.keyed_share(still) == 0.0
+    assert metrics.keyed_fraction(interpolated) == 1.0
+    assert metrics.keyed_fraction(concatenate([interpolated, still])) > 0.9, "still frames do not count"
+    assert metrics.keyed_fraction(still) == 0.0
     assert [metrics.is_keyed(clip) for clip in (interpolated, signed, still)] == [True, False, False]
     assert metrics.keyed_mark(interpolated) == "keyed: 100 % of its moving frames repeat the step before"
 

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from conftest import random_clip
+
+from signsplice.body.retarget import align
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate, resample
-from signsplice.rig.align import align, reference
+from signsplice.rig.align import reference
 from signsplice.rig.placement import Placement, place, placement
 
 

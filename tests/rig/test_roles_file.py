@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 import pytest
-
 from conftest import random_clip
+
 from signsplice.errors import FormatError, InputError
 from signsplice.formats import roles
 from signsplice.motion.clip import Clip

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from conftest import random_clip
+
 from signsplice.motion.clip import Clip
 from signsplice.render import picture
 from signsplice.service import notebook, page, scene

@@ -81,14 +81,14 @@ def without_timing(report: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_sentence_equals_the_engines_splice(service: httpx.Client) -> None:
-    answer = service.post("/v1/sentence", json={"glosses": GLOSSES, "formats": ["bvh", "glb", "vrma"]}).json()
+    answer = service.post("/v1/sentence", json={"glosses": GLOSSES, "formats": list(wire.FORMAT_NAMES)}).json()
     result = splice(clips(GLOSSES))
     assert without_timing(answer["report"]) == without_timing(json.loads(json.dumps(reports.describe(result))))
     files = {form: base64.b64decode(content) for form, content in answer["files"].items()}
     assert files["bvh"] == bvh.encode(result.clip)
     from_glb = glb.parse(files["glb"], "a.glb")
     np.testing.assert_allclose(np.sum(from_glb.local_rotations[:, -1] ** 2, axis=-1), 1.0)
-    assert len(from_glb) == len(parse(files["vrma"], "a.vrma")) == len(result.clip)
+    assert {len(parse(content, f"a.{form}")) for form, content in files.items()} == {len(result.clip)}
 
 
 @pytest.mark.parametrize(
@@ -130,7 +130,7 @@ def test_units_list_letters_and_warnings(service: httpx.Client) -> None:
     answer = service.post("/v1/sentence", json={"glosses": ["fs-AB", "Xyx"], "formats": []}).json()
     assert [unit["glosses"] for unit in answer["units"]] == [["fs-A", "fs-B"], ["fs-X", "fs-Y", "fs-X"]]
     assert "spelled" in answer["units"][1]["warning"]
-    assert answer["files"] == {"bvh": None, "glb": None, "vrma": None}
+    assert answer["files"] == dict.fromkeys(wire.FORMAT_NAMES)
 
 
 def test_compounds_and_suggestions_are_in_the_units(service: httpx.Client) -> None:
@@ -309,7 +309,8 @@ def test_the_viewers_generated_files_are_up_to_date() -> None:
 def test_typescript_has_a_counterpart_for_every_type() -> None:
     text = typescript.render()
     assert '  transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;' in text
-    assert '  formats?: ("bvh" | "glb" | "vrma")[];' in text
+    names = " | ".join(f'"{name}"' for name in wire.FORMAT_NAMES)
+    assert f"  formats?: ({names})[];" in text
     assert "  body_sense?: boolean | null;" in text
     assert "export type ClientMessage = OpenMessage | WordMessage | EndMessage;" in text
     with pytest.raises(TypeError, match="no counterpart"):

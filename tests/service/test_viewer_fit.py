@@ -32,7 +32,7 @@ from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.align import copy_rotations, reference
 from signsplice.rig.info import rig_info
 from signsplice.service import scene
-from signsplice.service.fitting import fit_source
+from signsplice.service.scene import fit_source
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 VIEWER = Path(__file__).resolve().parents[2] / "viewer"

@@ -8,22 +8,24 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import random_clip, rooted
 
 import signsplice as ss
-from conftest import random_clip, rooted
 from other_rigs import without
 from reference_poses import arms_out, with_pose
+from signsplice.body.retarget import align
 from signsplice.errors import InputError
 from signsplice.formats import bvh
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, resample
 from signsplice.motion.euler_channels import Channels
-from signsplice.rig.align import align, reference
+from signsplice.rig.align import reference
 from signsplice.rig.arms import active_span, arms
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
+from signsplice.splicing.gap import Cut
 from signsplice.splicing.inbetween import inbetween
-from signsplice.splicing.methods.cut import CUTTERS, Cut, PairCutter
+from signsplice.splicing.methods.cut import CUTTERS, PairCutter
 from signsplice.splicing.methods.transition import TRANSITIONS
 
 CLASSICAL = SpliceOptions("pose-velocity", "hermite", "tempo")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from conftest import random_clip
+
 from signsplice.motion.clip import Clip, resample
 from signsplice.splicing.engine import SpliceOptions, splice
-from signsplice.splicing.gap import CONTEXT, Gap, gap_at
+from signsplice.splicing.gap import CONTEXT, Cut, Gap, gap_at
 from signsplice.splicing.inbetween import inbetween
-from signsplice.splicing.methods.cut import Cut, PairCutter
+from signsplice.splicing.methods.cut import PairCutter
 from signsplice.splicing.methods.transition import GapTransition, find_transition
 
 BEFORE = random_clip(0, n_frames=40)

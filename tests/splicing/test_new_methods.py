@@ -12,9 +12,9 @@ from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.splicing.engine import SpliceOptions, Stream, splice, stream
-from signsplice.splicing.gap import Gap
+from signsplice.splicing.gap import Cut, Gap
 from signsplice.splicing.inbetween import inbetween
-from signsplice.splicing.methods.cut import Cut, Cutter, PairCutter
+from signsplice.splicing.methods.cut import Cutter, PairCutter
 from signsplice.splicing.methods.duration import Duration
 from signsplice.splicing.methods.method import Method, find
 from signsplice.splicing.methods.transition import CurveProblem, CurveTransition, GapTransition, Transition

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
 from conftest import random_clip
+
 from signing import word
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip

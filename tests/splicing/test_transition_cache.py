@@ -8,21 +8,30 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import GOLDEN
 
 import signsplice as ss
-from conftest import GOLDEN
 from signing import word
 from signsplice.motion.clip import Clip, EndSite, unchecked_copy
 from signsplice.splicing.bulk_splice import splice_many
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.choice import choose
+from signsplice.splicing.gap import FilledGap, Gap
 from signsplice.splicing.methods.transition import CurveTransition, GapTransition, find_transition
-from signsplice.splicing.passes.filling import FilledGap
-from signsplice.splicing.passes.tempo import GapFiller
+from signsplice.splicing.options import SpliceOptions
+from signsplice.splicing.passes.seam_pass import GapPasses
+from signsplice.splicing.sentence import SentenceBuilder
 from signsplice.splicing.transition_cache import TransitionCache, gap_key
 
 GAP = Gap(word("BOOK").clip[30:38], word("MOTHER").clip[20:28], 6)
-FILLER = GapFiller(find_transition("hermite"), avoid_collisions=True, is_running=False, measures=True)
+
+
+def passes(**options: Any) -> GapPasses:
+    """The gap passes of a call: by default hermite, with collision avoidance."""
+    named: dict[str, Any] = {"transition": "hermite", "avoid_collisions": True, **options}
+    wanted = SpliceOptions(**named)
+    return SentenceBuilder(wanted).gap_passes
+
+
+PASSES = passes(free_hand="natural")
 
 
 def nudged(values: np.ndarray) -> np.ndarray:
@@ -61,32 +70,32 @@ OTHER_GAPS = {
     "tips": on_skeleton(end_sites=(EndSite(1, np.ones(3)),)),
     "roles": on_skeleton(roles={"head": SKELETON.names[1]}),
 }
-OTHER_FILLERS = {
-    "transition": replace(FILLER, transition=find_transition("quintic")),
-    "a network": replace(FILLER, transition=choose().transition),
-    "another network": replace(FILLER, transition=choose(bundle=GOLDEN / "tiny_bundle").transition),
-    "collision avoidance": replace(FILLER, avoid_collisions=None),
-    "tempo": replace(FILLER, is_running=True),
-    "measured speed": replace(FILLER, measures=False),
+OTHER_PASSES = {
+    "transition": passes(free_hand="natural", transition="quintic"),
+    "a network": passes(transition="learned"),
+    "another network": passes(transition="learned", bundle=GOLDEN / "tiny_bundle"),
+    "collision avoidance": passes(free_hand="natural", avoid_collisions=None),
+    "tempo": passes(free_hand="natural", tempo="natural"),
+    "measured speed": passes(),
 }
-CHANGES = [(name, FILLER, gap) for name, gap in OTHER_GAPS.items()]
-CHANGES += [(name, filler, GAP) for name, filler in OTHER_FILLERS.items()]
+CHANGES = [(name, PASSES, gap) for name, gap in OTHER_GAPS.items()]
+CHANGES += [(name, others, GAP) for name, others in OTHER_PASSES.items()]
 
 
-@pytest.mark.parametrize(("filler", "gap"), [row[1:] for row in CHANGES], ids=[name for name, *_ in CHANGES])
-def test_what_differs_in_anything_is_a_miss(filler: GapFiller, gap: Gap) -> None:
+@pytest.mark.parametrize(("others", "gap"), [row[1:] for row in CHANGES], ids=[name for name, *_ in CHANGES])
+def test_what_differs_in_anything_is_a_miss(others: GapPasses, gap: Gap) -> None:
     transitions = TransitionCache()
-    transitions.fill(FILLER, [GAP])
+    transitions.fill(PASSES, [GAP])
     same_numbers = Gap(GAP.before[:], GAP.after[:], GAP.n_frames)
-    transitions.fill(FILLER, [same_numbers])
+    transitions.fill(PASSES, [same_numbers])
     assert (transitions.hits, transitions.misses) == (1, 1)
-    found = {gap_key(FILLER, GAP), gap_key(filler, gap)}
+    found = {gap_key(PASSES, GAP), gap_key(others, gap)}
     assert len(found) == 2
     assert None not in found
 
 
 def test_keys_of_all_changes_differ() -> None:
-    assert len({gap_key(filler, gap) for _, filler, gap in CHANGES}) == len(CHANGES)
+    assert len({gap_key(others, gap) for _, others, gap in CHANGES}) == len(CHANGES)
 
 
 def assert_same(found: Sequence[FilledGap], expected: Sequence[FilledGap]) -> None:
@@ -97,12 +106,12 @@ def assert_same(found: Sequence[FilledGap], expected: Sequence[FilledGap]) -> No
 
 
 def test_gaps_are_filled_alike_with_and_without_and_once_where_they_come_twice() -> None:
-    filler = OTHER_FILLERS["a network"]
+    network = OTHER_PASSES["a network"]
     gaps = [GAP, OTHER_GAPS["sides"], GAP, OTHER_GAPS["number of frames"]]
     transitions = TransitionCache()
-    expected = filler.fill(gaps)
+    expected = network.fill(gaps)
     for hits in (1, 5):
-        found = transitions.fill(filler, gaps)
+        found = transitions.fill(network, gaps)
         assert_same(found, expected)
         assert all(one.clip.skeleton is gap.before.skeleton for one, gap in zip(found, gaps, strict=True))
         assert (transitions.hits, transitions.misses) == (hits, 3)
@@ -112,11 +121,11 @@ def test_memory_is_bounded_and_what_was_used_last_stays() -> None:
     transitions = TransitionCache(most_bytes=50_000)
     gaps = [replace(GAP, n_frames=n) for n in (5, 6, 7, 8, 9)]
     for gap in gaps:
-        transitions.fill(FILLER, [gap])
+        transitions.fill(PASSES, [gap])
         assert 0 < transitions.nbytes <= 50_000
-    transitions.fill(FILLER, [gaps[-1]])
+    transitions.fill(PASSES, [gaps[-1]])
     assert transitions.hits == 1
-    transitions.fill(FILLER, [gaps[0]])
+    transitions.fill(PASSES, [gaps[0]])
     assert transitions.hits == 1
 
 
@@ -133,10 +142,10 @@ class Stepwise(GapTransition):
     "transition", [Stepwise(), CurveTransition("hermite", "not it", lambda problem: problem.times)]
 )
 def test_a_transition_of_the_users_is_never_kept(transition: GapTransition) -> None:
-    filler, transitions = replace(FILLER, transition=transition), TransitionCache()
-    assert gap_key(filler, GAP) is None
+    own, transitions = passes(transition=transition), TransitionCache()
+    assert gap_key(own, GAP) is None
     if isinstance(transition, Stepwise):
-        assert len(transitions.fill(filler, [GAP, GAP])) == 2
+        assert len(transitions.fill(own, [GAP, GAP])) == 2
         assert (transitions.hits, transitions.misses) == (0, 2)
 
 

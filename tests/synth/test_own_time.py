@@ -12,7 +12,7 @@ from signing import sign, signer_of
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import notation, planner, pose, trajectory, truth, two_hands, undershoot
 from signsplice.synth.avoidance import penetration
-from signsplice.synth.gaps import TOUCH_CM, hand_gaps
+from signsplice.synth.clearance import TOUCH_CM, hand_clearances
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.manner import PLAIN, USUAL, only
 from signsplice.synth.planner import IsolatedWord
@@ -57,7 +57,7 @@ def test_a_plain_manner_changes_nothing(gloss: str) -> None:
     one = made(gloss)
     e = one.events
     span = (e.up, e.start, e.end, e.down)
-    assert two_hands.in_their_own_time(one.states, one.sign, one.signer, 0, 30.0, span) is one.states
+    assert two_hands.with_separate_timing(one.states, one.sign, one.signer, 0, 30.0, span) is one.states
     pairs = [(one.states[0, :27], one.states[0, 27:54])]
     assert undershoot.undershot(pairs, one.sign, [False], one.states[0], 1.0, one.signer) is pairs
 
@@ -117,7 +117,7 @@ def test_the_difference_varies_slowly() -> None:
 def test_mirrored_hands_touch_as_before(gloss: str, take: int) -> None:
     plain, real = made(gloss, take=take), made(gloss, *MINE, take=take)
     inside = slice(plain.events.start, plain.events.end + 1)
-    before, after = (hand_gaps(one.states[inside], one.signer)[:, [0, 1, 3]] for one in (plain, real))
+    before, after = (hand_clearances(one.states[inside], one.signer)[:, [0, 1, 3]] for one in (plain, real))
     touching = before < 0.2
     assert touching.any()
     assert after[touching].max() < TOUCH_CM
@@ -254,7 +254,7 @@ def test_haste_does_not_undo_a_touch(gloss: str) -> None:
         planner.isolated(sign(gloss), one) for one in (signer, replace(signer, manner=only(USUAL, ("undershoot",))))
     )
     for one, other in ((plain.events.start, real.events.start), (plain.events.end, real.events.end)):
-        before, after = (hand_gaps(x.states[[k]], x.signer)[0] for x, k in ((plain, one), (real, other)))
+        before, after = (hand_clearances(x.states[[k]], x.signer)[0] for x, k in ((plain, one), (real, other)))
         assert (after[before < TOUCH_CM] < TOUCH_CM).all()
 
 
@@ -280,7 +280,7 @@ def test_a_base_hand_comes_in_its_own_time() -> None:
 def test_a_base_hand_is_there_when_it_is_touched(gloss: str) -> None:
     plain, real = made(gloss), made(gloss, *MINE)
     inside = slice(plain.events.start, plain.events.end + 1)
-    before, after = (hand_gaps(one.states[inside], one.signer)[:, 3] for one in (plain, real))
+    before, after = (hand_clearances(one.states[inside], one.signer)[:, 3] for one in (plain, real))
     assert after[before < 0.3].max() < TOUCH_CM
     assert penetration(real.states, real.signer)[0].max() < 0.25
 

@@ -15,10 +15,9 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.synth import notation, planner, pose, pseudo, running, timing, trajectory, truth
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.events import Events
-from signsplice.synth.low_pass import low_passed
 from signsplice.synth.manner import PLAIN, Manner
 from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.segment_plan import SegmentPlan
+from signsplice.synth.segment_plan import SegmentPlan, low_passed
 from signsplice.synth.signer import STANDARD, draw_signer
 from signsplice.synth.trajectory import Knot
 

@@ -1,12 +1,10 @@
-"""The training loop and its data: resuming, several processes, splits, batches, learning rates, refusals."""
+"""The training loop: resuming, snapshots, checkpoints, learning rates, refusals."""
 
 from __future__ import annotations
 
-import json
 import threading
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
@@ -14,26 +12,20 @@ torch = pytest.importorskip("torch")
 from torch import Tensor  # noqa: E402
 
 from signsplice.errors import InputError  # noqa: E402
-from signsplice.synth.corpus import Pairs  # noqa: E402
 from signsplice.train import checkpoint, log, loop, processes  # noqa: E402
 from signsplice.train.loop import LoopConfig, train  # noqa: E402
-from signsplice_paper import plan  # noqa: E402
-from signsplice_paper.culling import cull  # noqa: E402
-from signsplice_paper.train import scales  # noqa: E402
-from signsplice_paper.train.networks.convs2s import ConvS2SConfig  # noqa: E402
-from signsplice_paper.train.networks.tfgn import TransformerConfig  # noqa: E402
-from signsplice_paper.train.pairs_data import PairsData  # noqa: E402
-from training_toys import ALONE, CONFIGS, FR, corpus, data, toy  # noqa: E402
+from training_toys import ALONE, product_toy  # noqa: E402
 
 
-def trained(name: str, folder: Path, untils: tuple[int | None, ...], optimiser: str = "adamw") -> dict[str, Tensor]:
+def trained(
+    folder: Path, untils: tuple[int | None, ...], name: str = "cutter", optimiser: str = "adamw"
+) -> dict[str, Tensor]:
     """Weights after a training of six steps in several calls, each of which stops at one of ``untils``."""
     folder.mkdir()
-    fr = CONFIGS[name][1]
     for until in untils:
-        task = toy(name)
-        config = LoopConfig(6, 8, optimiser, 1e-2, seed=1, every=4, until=until)
-        train(task, config, data("train", fr), data("valid", fr), folder, "toy", ALONE)
+        task, data, valid = product_toy(name)
+        config = LoopConfig(6, 4, optimiser, 1e-3, seed=1, every=4, until=until)
+        train(task, config, data, valid, folder, "toy", ALONE)
     return task.state_dict()
 
 
@@ -42,10 +34,10 @@ def losses(folder: Path) -> dict[int, float]:
     return {line["step"]: line["loss"] for line in log.lines(folder / log.NAME) if "loss" in line}
 
 
-@pytest.mark.parametrize(("name", "optimiser"), [("spsn", "adamw"), ("tfgn", "sgd"), ("lstm", "adamw")])
+@pytest.mark.parametrize(("name", "optimiser"), [("cutter", "adamw"), ("transition", "sgd")])
 def test_a_resumed_training_ends_in_the_same_weights(tmp_path: Path, name: str, optimiser: str) -> None:
-    whole = trained(name, tmp_path / "a", (None,), optimiser)
-    parts = trained(name, tmp_path / "b", (2, 3, None), optimiser)
+    whole = trained(tmp_path / "a", (None,), name, optimiser)
+    parts = trained(tmp_path / "b", (2, 3, None), name, optimiser)
     for key, value in whole.items():
         assert torch.equal(value, parts[key]), key
     assert list(losses(tmp_path / "b")) == [1, 2, 3, 4, 5, 6]
@@ -55,9 +47,9 @@ def test_a_resumed_training_ends_in_the_same_weights(tmp_path: Path, name: str, 
 def test_snapshots_are_the_weights_at_every_validation(tmp_path: Path) -> None:
     seconds = []
     for until in (3, None):
-        task = toy("spsn")
-        config = LoopConfig(6, 8, "adamw", 1e-2, seed=1, every=2, until=until, snapshots=True)
-        train(task, config, data(), data("valid"), tmp_path, "toy", ALONE)
+        task, data, valid = product_toy()
+        config = LoopConfig(6, 4, "adamw", 1e-3, seed=1, every=2, until=until, snapshots=True)
+        train(task, config, data, valid, tmp_path, "toy", ALONE)
         seconds.append(max(line["cpu_s"] for line in log.lines(tmp_path / log.NAME)))
     files = sorted((tmp_path / checkpoint.SNAPSHOTS).iterdir())
     assert files == [checkpoint.snapshot_path(tmp_path, step) for step in (2, 3, 4, 6)]
@@ -67,26 +59,26 @@ def test_snapshots_are_the_weights_at_every_validation(tmp_path: Path) -> None:
 
 
 def test_steps_that_are_repeated_are_logged_once(tmp_path: Path) -> None:
-    trained("spsn", tmp_path / "a", (2,))
+    trained(tmp_path / "a", (2,))
     path = tmp_path / "a" / log.NAME
     with path.open("a") as file:
         file.write('{"step": 3, "loss": 9.0}\n{"step": 4, "lo')
-    config = LoopConfig(6, 8, "adamw", 1e-2, 1, every=4)
-    train(toy("spsn"), config, data(), data("valid"), tmp_path / "a", "toy", ALONE)
+    task, data, valid = product_toy()
+    train(task, LoopConfig(6, 4, "adamw", 1e-3, 1, every=4), data, valid, tmp_path / "a", "toy", ALONE)
     assert [line["step"] for line in log.lines(path) if "loss" in line] == [1, 2, 3, 4, 5, 6]
 
 
 def test_a_checkpoint_of_another_training_or_broken_is_refused(tmp_path: Path) -> None:
-    trained("spsn", tmp_path / "a", (1,))
+    trained(tmp_path / "a", (1,))
     with pytest.raises(InputError, match="of another training \\(toy, not other\\)"):
-        checkpoint.load(tmp_path / "a", toy("spsn"), None, "other")
+        checkpoint.load(tmp_path / "a", product_toy()[0], None, "other")
     (tmp_path / "a" / checkpoint.NAME).write_bytes(b"no")
     with pytest.raises(InputError, match="cannot be read"):
-        checkpoint.load(tmp_path / "a", toy("spsn"), None, "toy")
+        checkpoint.load(tmp_path / "a", product_toy()[0], None, "toy")
 
 
 def test_a_checkpoint_that_is_cut_off_is_refused_with_one_line(tmp_path: Path) -> None:
-    trained("spsn", tmp_path / "a", (1,))
+    trained(tmp_path / "a", (1,))
     path = tmp_path / "a" / checkpoint.NAME
     content = path.read_bytes()
     for length in range(0, len(content), len(content) // 23):
@@ -94,79 +86,8 @@ def test_a_checkpoint_that_is_cut_off_is_refused_with_one_line(tmp_path: Path) -
         with pytest.raises(
             InputError, match=r"checkpoint\.pt: cannot be read \(.+\); remove it to start again"
         ) as caught:
-            checkpoint.load(tmp_path / "a", toy("spsn"), None, "toy")
+            checkpoint.load(tmp_path / "a", product_toy()[0], None, "toy")
         assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("split", ["random", "unseen-words", "unseen-signer"])
-def test_parts_of_a_split_share_no_pair(split: str) -> None:
-    train_part, valid, test = (set(corpus().split(split, part)) for part in ("train", "valid", "test"))
-    assert not train_part & valid
-    assert not train_part & test
-    assert not valid & test
-
-
-@pytest.mark.parametrize("fr", [None, FR])
-def test_training_reads_no_test_pair(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, fr: int | None) -> None:
-    pairs = corpus()
-    read: set[int] = set()
-    words: set[int] = set()
-    truth, word = Pairs.truth, Pairs.word
-
-    def spied_truth(self: Pairs, number: int, kind: str = "positions") -> object:
-        read.add(number)
-        return truth(self, number, kind)
-
-    def spied_word(self: Pairs, number: int, kind: str = "positions") -> object:
-        words.add(number)
-        return word(self, number, kind)
-
-    monkeypatch.setattr(Pairs, "truth", spied_truth)
-    monkeypatch.setattr(Pairs, "word", spied_word)
-    for split in ("random", "unseen-words"):
-        read.clear()
-        words.clear()
-        dataset = PairsData(pairs, split, "train", fr)
-        train_pairs = set(pairs.split(split, "train"))
-        for step in range(5):
-            assert set(dataset.batch(dataset.rows(step, 8, 0), step).numbers.tolist()) <= train_pairs
-        assert read == train_pairs
-        assert words == set(np.asarray(pairs.index)[sorted(train_pairs), :2].ravel().tolist())
-
-
-def test_a_pass_over_the_data_holds_every_pair_once() -> None:
-    dataset = data()
-    assert len(dataset) == 20
-    first = [dataset.rows(step, 4, 0).tolist() for step in range(5)]
-    assert sorted(row for rows in first for row in rows) == list(range(20))
-    assert [dataset.rows(step, 4, 0).tolist() for step in range(5)] == first
-    assert [dataset.rows(step + 5, 4, 0).tolist() for step in range(5)] != first
-    assert [dataset.rows(step, 4, 1).tolist() for step in range(5)] != first
-
-
-def test_a_batch_holds_the_pairs_of_the_corpus() -> None:
-    dataset, pairs = data(), corpus()
-    batch = dataset.batch([0, 5, 11])
-    for k, number in enumerate(batch.numbers.tolist()):
-        p, q = pairs.index[number, :2].tolist()
-        pre, post, new = pairs.truth(number)
-        x = np.concatenate([pairs.word(p), pairs.word(q)])
-        np.testing.assert_array_equal(batch.x[k, : len(x)], x)
-        assert batch.mask[k].sum() == len(x)
-        assert (int(batch.pre[k]), int(batch.post[k])) == (pre, len(pairs.word(p)) + post)
-        np.testing.assert_array_equal(batch.new[k, : len(new)], new)
-        assert batch.real[k].sum() == len(new)
-
-
-def test_a_culled_batch_follows_equation_11() -> None:
-    batch, pairs = data(fr=FR).batch([0, 7]), corpus()
-    for k, number in enumerate(batch.numbers.tolist()):
-        p, q = pairs.index[number, :2].tolist()
-        pre, post, _ = pairs.truth(number)
-        rows, real = cull(pairs.word(p), pairs.word(q), pre, post, FR)
-        np.testing.assert_array_equal(batch.x[k], rows)
-        np.testing.assert_array_equal(batch.mask[k], real)
-        assert (int(batch.n_before[k]), int(batch.pre[k]), int(batch.post[k])) == (FR, FR - 1, FR)
 
 
 def test_the_rate_rises_and_falls() -> None:
@@ -176,32 +97,7 @@ def test_the_rate_rises_and_falls() -> None:
     assert max(rates) == pytest.approx(2e-3, rel=0.01)
     assert {loop.rate(sgd, step) for step in range(100)} == {1e-3}, "the paper's, to the plateau"
     with pytest.raises(InputError, match="optimiser 'lion', expected one of adamw, sgd"):
-        loop.make_optimiser(toy("spsn"), LoopConfig(1, 1, "lion", 1.0, 0))
-
-
-def test_the_paper_scale_has_the_paper_sizes() -> None:
-    spsn, tfgn = scales.parts("lpt", "paper")
-    assert spsn.config == scales.parts("lpt-wc", "paper")[0].config
-    config = tfgn.config
-    assert isinstance(config, TransformerConfig)
-    assert (config.width, config.n_heads, config.n_encoder_layers, config.n_decoder_layers) == (512, 8, 6, 6)
-    assert tfgn.fr == 8
-    convolutions = scales.parts("conv-s2s", "paper")[0].config
-    assert isinstance(convolutions, ConvS2SConfig)
-    assert (convolutions.width, convolutions.n_encoder_layers, convolutions.n_decoder_layers) == (512, 20, 20)
-    for system in scales.SYSTEMS:
-        for scale in plan.SCALES:
-            for part in scales.parts(system, scale):
-                json.dumps(part.facts())
-
-
-def test_unknown_systems_and_scales_are_refused() -> None:
-    with pytest.raises(InputError, match="no system 'gpt', expected all or one of lpt"):
-        scales.parts("gpt", "cpu")
-    with pytest.raises(InputError, match="--fr 4, but lstm has no Culling layer"):
-        scales.parts("lstm", "cpu", 4)
-    with pytest.raises(InputError, match="no scale 'huge'"):
-        scales.parts("lpt", "huge")
+        loop.make_optimiser(product_toy()[0], LoopConfig(1, 1, "lion", 1.0, 0))
 
 
 def test_a_folder_is_trained_by_one_call_at_a_time(tmp_path: Path) -> None:
@@ -218,12 +114,3 @@ def test_a_folder_is_trained_by_one_call_at_a_time(tmp_path: Path) -> None:
         order.append("first")
     other.join(30.0)
     assert order == ["first", "second"]
-
-
-def test_unseen_words_get_fewer_steps_at_cpu_scale_and_sgd_more() -> None:
-    whole, sgd, unseen = (
-        scales.parts("lpt", "cpu", optimiser=optimiser, split=split)[1].steps
-        for optimiser, split in (("adamw", "random"), ("sgd", "random"), ("adamw", "unseen-words"))
-    )
-    assert (sgd, unseen) == (5 * whole, round(0.3 * whole))
-    assert scales.parts("lpt", "cpu", steps=7, optimiser="sgd")[1].steps == 7

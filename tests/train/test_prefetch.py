@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,11 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from torch import Tensor  # noqa: E402
+
 from signsplice.errors import SignspliceError  # noqa: E402
 from signsplice.train.prefetch import Dataset, Rows, prefetched  # noqa: E402
-from training_toys import data  # noqa: E402
+from training_toys import product_toy  # noqa: E402
 
 PARENT = """
 import os, sys
@@ -68,17 +71,18 @@ def ends(pid: int) -> bool:
     return False
 
 
-def test_batches_made_in_advance_are_the_same() -> None:
-    plain = data()
+@pytest.mark.parametrize("network", ["cutter", "transition"])
+def test_batches_made_in_advance_are_the_same(network: str) -> None:
+    plain = product_toy(network)[1]
     with prefetched(plain) as dataset:
         assert len(dataset) == len(plain)
         for step in (0, 1, 2, 5):
             rows = dataset.rows(step, 4, 0)
             one, other = dataset.batch(rows, step), plain.batch(plain.rows(step, 4, 0), step)
-            assert one.step == other.step == step
-            assert torch.equal(one.x, other.x)
-            assert torch.equal(one.new, other.new)
-            assert one.numbers.tolist() == other.numbers.tolist()
+            for field in fields(one):
+                value, expected = getattr(one, field.name), getattr(other, field.name)
+                same = torch.equal(value, expected) if isinstance(value, Tensor) else value == expected
+                assert same, (step, field.name)
 
 
 def test_each_of_two_ranks_gets_its_rows_from_the_worker() -> None:

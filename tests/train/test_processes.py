@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import json
-import os
 import signal
-import socket
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -20,97 +16,43 @@ from click.testing import CliRunner  # noqa: E402
 
 from signsplice.cli.commands import app  # noqa: E402
 from signsplice.errors import InputError  # noqa: E402
-from signsplice.train import checkpoint, log, processes  # noqa: E402
+from signsplice.train import checkpoint, processes  # noqa: E402
 from signsplice.train.loop import LoopConfig, train  # noqa: E402
 from signsplice.train.processes import Processes  # noqa: E402
-from training_toys import corpus, data, signing, toy, train_example  # noqa: E402
+from training_toys import product_toy, signing  # noqa: E402
+from two_processes import WAIT_S, check_losses, check_writers, environment, free_port, losses, started, train_by_two  # noqa: E402
 
-EXAMPLES = ("cutter", "transition", "tfgn")
-SCRIPT = Path(__file__).parents[1] / "training_process.py"
-WAIT_S = 400.0
-"""Starting a process that imports torch takes seconds, and minutes on a busy machine."""
-
-
-def losses(folder: Path) -> dict[int, float]:
-    """The losses in a training's log by step."""
-    return {line["step"]: line["loss"] for line in log.lines(folder / log.NAME) if "loss" in line}
-
-
-def free_port() -> str:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return str(free.getsockname()[1])
-
-
-def environment(**more: str) -> Mapping[str, str]:
-    return os.environ | {"OMP_NUM_THREADS": "1", "GLOO_SOCKET_IFNAME": "lo"} | more
-
-
-def started(command: list[str], output: Path) -> list[subprocess.Popen[bytes]]:
-    """Two processes of a command with what `torchrun` tells them; standard error goes to ``output``/0 and 1."""
-    told = {"WORLD_SIZE": "2", "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": free_port()}
-    running = []
-    for rank in "01":
-        with (output / rank).open("wb") as errors:
-            running.append(
-                subprocess.Popen(
-                    command, env=environment(**told, RANK=rank, LOCAL_RANK=rank), stdout=errors, stderr=errors
-                )
-            )
-    return running
+EXAMPLES = ("cutter", "transition")
 
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder for each process: every example trained by two processes to the end, and by one process to step 7 and
-    then by two to step 14.
-    """
-    root = tmp_path_factory.mktemp("processes")
-    jobs = []
-    for name in EXAMPLES:
-        train_example(name, root / "process0" / name / "resumed", 7)
-        jobs += [f"{name}/whole/20", f"{name}/resumed/14"]
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setenv("TOY_CORPUS", str(corpus().folder))
-        patched.setenv("TOY_SIGNING", str(signing(2, 3, 3, 8)))
-        running = started([sys.executable, str(SCRIPT), str(root), *jobs], root)
-    assert [process.wait(WAIT_S) for process in running] == [0, 0], (root / "0").read_text() + (root / "1").read_text()
-    return root
+    """A folder for each process; every example was trained in them."""
+    return train_by_two(tmp_path_factory.mktemp("processes"), EXAMPLES, product_toy)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_two_processes_have_the_losses_of_one(trained: Path, tmp_path: Path, name: str) -> None:
-    rows = train_example(name, tmp_path, 20)
-    alone = losses(tmp_path)
-    assert list(alone) == list(range(1, 21))
-    assert losses(trained / "process0" / name / "whole") == pytest.approx(alone, rel=1e-5, abs=0.0)
-    train_example(name, trained / "process0" / name / "resumed", 20)
-    assert losses(trained / "process0" / name / "resumed") == pytest.approx(alone, rel=1e-5, abs=0.0)
-    parts = [json.loads((trained / f"process{rank}" / name / "whole" / "seen.json").read_text()) for rank in (0, 1)]
-    for step, batch in rows.items():
-        first, second = (part[str(step)] for part in parts)
-        assert sorted(first + second) == sorted(batch), "every row once, by one of them"
-        assert len(first) == len(second)
+    check_losses(trained, tmp_path, name, product_toy)
 
 
 def test_only_the_first_process_writes(trained: Path) -> None:
-    for name in EXAMPLES:
-        for call in ("whole", "resumed"):
-            assert (trained / "process0" / name / call / checkpoint.NAME).exists()
-            assert [path.name for path in (trained / "process1" / name / call).iterdir()] == ["seen.json"]
+    check_writers(trained, EXAMPLES)
 
 
 def test_batches_that_cannot_be_divided_are_refused(tmp_path: Path) -> None:
     three = Processes(0, 3, torch.device("cpu"))
+    task, data, _ = product_toy()
     with pytest.raises(InputError, match="batches of 8 examples cannot be divided among 3 processes"):
-        train(toy("spsn"), LoopConfig(6, 8, "adamw", 1e-2, 1), data(), data(), tmp_path, "toy", three)
+        train(task, LoopConfig(6, 8, "adamw", 1e-2, 1), data, data, tmp_path, "toy", three)
 
 
 def test_processes_with_other_data_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Processes, "shared", lambda *_: "of-the-first")
     second = Processes(1, 2, torch.device("cpu"))
+    task, data, _ = product_toy()
     with pytest.raises(InputError, match=r"process 1 has other data or options than process 0 \(mine, not of-the-fir"):
-        train(toy("spsn"), LoopConfig(6, 8, "adamw", 1e-2, 1), data(), data(), tmp_path, "mine", second)
+        train(task, LoopConfig(6, 8, "adamw", 1e-2, 1), data, data, tmp_path, "mine", second)
 
 
 def test_more_processes_than_gpus_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -135,7 +135,7 @@ def test_changed_data_held_back_are_another_training(signing_folder: Path, first
 @pytest.mark.usefixtures("no_export")
 def test_training_continues_from_a_checkpoint(signing_folder: Path, first_part: Path, tmp_path: Path) -> None:
     second = tmp_path / "second"
-    training.make(ONE_STEP, [signing_folder], second, ALONE, earlier=[first_part])
+    training.make(ONE_STEP, [signing_folder], second, ALONE, start_from=[first_part])
     (later,) = (tmp_path / "parts").iterdir()
     before, after = checkpoint.read(first_part), checkpoint.read(later)
     assert (before["step"], after["step"]) == (2, 1)
@@ -161,7 +161,7 @@ def test_training_continues_from_a_bundle(signing_folder: Path, first: Path, fir
     for name, values in network.state_dict().items():
         assert values.equal(weights["network"][f"network.{name}"]), name
     second = tmp_path / "second"
-    training.make(ONE_STEP, [signing_folder], second, ALONE, earlier=[first])
+    training.make(ONE_STEP, [signing_folder], second, ALONE, start_from=[first])
     facts = read_config(second).networks["cutter"].stored
     assert facts["begins_with"] == found.recipe
     (start,) = facts["started_from"]
@@ -184,7 +184,7 @@ def test_what_training_cannot_continue_from_is_refused(
         (ONE_STEP, tmp_path / "nowhere", r"nowhere/checkpoint.pt: cannot be read"),
     ):
         with pytest.raises(InputError, match=message):
-            training.make(config, [signing_folder], tmp_path / "b", ALONE, earlier=[earlier])
+            training.make(config, [signing_folder], tmp_path / "b", ALONE, start_from=[earlier])
     wide = training.build(ProductTraining("cutter", "ship"), dataset(signing_folder)).network
     with pytest.raises(InputError, match=r"bundle: holds no weights .* of shape"):
         warm_start.load_graphs(wide, [(first / name).read_bytes() for name in CUTTER_FILES], first)
@@ -235,7 +235,7 @@ def test_an_earlier_checkpoint_is_another_start(signing_folder: Path, first_part
     state = torch.load(early / checkpoint.NAME, weights_only=True)
     torch.save(state | {"step": 1}, early / checkpoint.NAME)
     for start in (first_part, early):
-        training.make(ONE_STEP, [signing_folder], tmp_path / "bundle", ALONE, earlier=[start])
+        training.make(ONE_STEP, [signing_folder], tmp_path / "bundle", ALONE, start_from=[start])
     assert len(list((tmp_path / "parts").iterdir())) == 2
 
 

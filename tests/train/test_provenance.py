@@ -12,10 +12,8 @@ import pytest
 pytest.importorskip("torch")
 
 from signsplice.errors import InputError
-from signsplice.splicing.networks.bundle import read_config
 from signsplice.train import checkpoint, provenance
-from signsplice_paper.train import training
-from training_toys import ALONE, corpus
+from training_toys import corpus
 
 
 def test_a_command_has_no_folders_of_this_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -43,20 +41,6 @@ def test_hashes_are_those_of_sha256sum(tmp_path: Path) -> None:
     assert provenance.folder_sha256(tmp_path, "*.npy") == expected
     with pytest.raises(InputError, match="none: cannot be read"):
         provenance.sha256(tmp_path / "none")
-
-
-def test_a_paper_bundle_names_its_command_and_its_arrays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(training, "paper_graphs", lambda *_: {})
-    pairs = corpus()
-    config = training.Training("lpt-wa", "smoke", steps=0)
-    training.make(config, pairs, tmp_path / "bundle", tmp_path / "parts", ALONE)
-    stored = read_config(tmp_path / "bundle").stored
-    assert stored["command"] == [
-        *("signsplice", "train", "paper", "--pairs", pairs.folder.name, "--system", "lpt-wa", "--scale", "smoke"),
-        *("--optimiser", "adamw", "--split", "random", "--steps", "0", "--seed", "0"),
-    ]
-    assert set(stored["data"]) == {path.name for path in pairs.folder.iterdir()}
-    assert stored["data"]["pairs.npy"] == provenance.sha256(pairs.folder / "pairs.npy")
 
 
 def test_a_corpus_of_equal_recipe_and_other_bytes_is_refused(tmp_path: Path) -> None:

@@ -1,10 +1,8 @@
-"""Training the product's networks on a split of a corpus of pairs, and judging them on what they never saw of it."""
+"""Training the product's networks on a split of a corpus of pairs, and what is refused."""
 
 from __future__ import annotations
 
-import json
 import shutil
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,8 +18,6 @@ from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.rig.canonical import canonical_motion
-from signsplice.splicing.methods.choice import WEIGHTS
-from signsplice.splicing.networks import features
 from signsplice.splicing.networks.bundle import read_config
 from signsplice.synth import corpus_training_data, notation, training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
@@ -29,9 +25,6 @@ from signsplice.train import training
 from signsplice.train.cut_data import CutDataset
 from signsplice.train.cut_task import CuttingTask
 from signsplice.train.gap_data import GapDataset
-from signsplice_paper.bundles import read_all
-from signsplice_paper.judging import Judge, corpus_trained_methods
-from signsplice_paper.results import CORPUS_TRAINED, Results
 from training_toys import ALONE, GLOSSES, empty_graphs, signing
 from training_toys import corpus as slow_corpus
 
@@ -164,50 +157,18 @@ def test_every_folder_is_drawn_from_equally_often(corpus_signing: Path, paths: l
     assert 18 <= sum(from_corpus) <= 42
 
 
-def test_networks_are_judged_on_pairs_they_never_saw(pairs: Pairs, bundles: Path) -> None:
+def test_a_bundle_says_which_split_its_networks_saw(pairs: Pairs, bundles: Path) -> None:
     networks = read_config(bundles / "own").networks
     assert [network.trained_on for network in networks.values()] == [
         {"corpus": pairs.head["hash"], "split": "random"}
     ] * 2
-    warnings: list[str] = []
-    methods = corpus_trained_methods(read_all(bundles), warnings.append)
-    assert (methods[0].name, methods[0].given) == ("learned-fluent+learned", "nothing")
-    assert warnings == []
-    _, judged = Judge(pairs, Results(), lambda _: nullcontext()).judgements(
-        methods[:1], [], []
-    )  # mean transition first
-    assert [(row.split, row.scale) for row in judged.rows] == [
-        ("random", CORPUS_TRAINED),
-        ("unseen-signer", CORPUS_TRAINED),
-    ]
-    assert judged.rows[0].score("pta") == 1.0
-
-
-def test_bundles_that_cannot_be_judged_are_skipped(bundles: Path, tmp_path: Path) -> None:
-    for name in ("own", "twice", "old", "half"):
-        shutil.copytree(bundles / "own", tmp_path / name)
-    shutil.copytree(WEIGHTS, tmp_path / "never-trained-on-it")
-    head = tmp_path / "old" / "bundle.json"
-    head.write_text(head.read_text().replace(f'"features": {features.VERSION}', '"features": 1'))
-    head = tmp_path / "half" / "bundle.json"
-    half = json.loads(head.read_text())
-    del half["networks"]["transition"], half["files"]["bridge.onnx"]
-    head.write_text(json.dumps(half))
-    (tmp_path / "bare").mkdir()
-    (tmp_path / "bare" / "bundle.json").write_text('{"system": "signsplice"}')
-    warnings: list[str] = []
-    methods = corpus_trained_methods(read_all(tmp_path), warnings.append)
-    assert {Path(str(method.bundle)).name for method in methods} == {"own"}
-    assert [line.split(": ")[1].rsplit("/", 1)[1] for line in warnings] == ["half", "old", "twice"]
-    assert "trained on" in warnings[2]
-    assert "move one away" in warnings[2]
 
 
 @pytest.mark.usefixtures("no_export")
 def test_training_further_keeps_the_earlier_corpus(bundles: Path, signing_folder: Path, tmp_path: Path) -> None:
     (earlier,) = (bundles / "parts").glob("cutter-*")
     config = training.ProductTraining("cutter", "smoke", steps=1)
-    training.make(config, [signing_folder], tmp_path / "second", ALONE, earlier=[earlier])
+    training.make(config, [signing_folder], tmp_path / "second", ALONE, start_from=[earlier])
     assert (read_config(tmp_path / "second").networks["cutter"].trained_on or {})["split"] == "random"
 
 

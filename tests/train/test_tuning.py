@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("torch")
 
 from click.testing import CliRunner
-
 from conftest import GOLDEN
+
 from other_rigs import without
 from signing import word
 from signsplice import lexicon

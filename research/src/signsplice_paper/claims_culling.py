@@ -10,12 +10,6 @@ from signsplice_paper.layout import short
 from signsplice_paper.plan import SWEEP
 from signsplice_paper.verdicts import Evidence, Finding, Judge, NotTestedError, graded, known, together
 
-UNEQUAL = {
-    "cpu": "; without Culling: equal training time, a fifth of the pairs, half the feed-forward width",
-}
-"""By scale, how networks that make frames without Culling differ from TFGN in more than Culling: pairs and width are
-chosen for equal processor time (``train.paper.scales``).
-"""
 STEADY = 0.005
 """Change of validation Accuracy in the last quarter of a training, below which it has converged."""
 FALL = 0.01
@@ -62,8 +56,7 @@ def ablations_converge(e: Evidence, lpt: str) -> Finding:
 
 def best_ablation(e: Evidence, lpt: str) -> Finding:
     """Holds if no ablation has a higher Accuracy."""
-    found = best(e, _ablations(lpt, "wa", "wc", "wac"), "accuracy", alike=True)
-    return Finding(found.verdict, found.figure, {**found.facts, **_unequal(e)})
+    return best(e, _ablations(lpt, "wa", "wc", "wac"), "accuracy", alike=True)
 
 
 def attention_error(e: Evidence, lpt: str) -> Finding:
@@ -91,11 +84,7 @@ def _lower(e: Evidence, systems: Sequence[str], name: str) -> Finding:
     """Whether the others have a lower score than the first."""
     whole, *others = found = e.of(*systems, alike=True)
     verdicts = [above(whole, other, name) for other in others]
-    return Finding(together(verdicts), each(found, name), _unequal(e))
-
-
-def _unequal(e: Evidence) -> dict[str, str]:
-    return {"unequal": UNEQUAL.get(e.scale, "")}
+    return Finding(together(verdicts), each(found, name))
 
 
 JUDGES: dict[str, Judge] = {

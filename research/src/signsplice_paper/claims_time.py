@@ -16,7 +16,7 @@ def times_faster(e: Evidence, lpt: str) -> Finding:
     """Holds from 4.5 times on, which rounds to the printed 5; in part if it is faster."""
     own, other = milliseconds(e.of(lpt, "transformer"))
     times = other / own
-    return Finding(graded(times >= published.TIMES_FASTER - 0.5, longer(times) == HOLDS), f"{times:.1f} times", _at(e))
+    return Finding(graded(times >= published.TIMES_FASTER - 0.5, longer(times) == HOLDS), f"{times:.1f} times")
 
 
 def real_time(e: Evidence, lpt: str) -> Finding:
@@ -25,28 +25,28 @@ def real_time(e: Evidence, lpt: str) -> Finding:
     (ms,), seen = milliseconds(found), known(one, "frames_ms")
     if ms >= seen:
         raise NotTestedError(f"needs a GPU: {ms:.0f} ms on one thread of a CPU")
-    return Finding(HOLDS, f"{ms:.1f} ms for {seen:.0f} ms of motion", _at(e))
+    return Finding(HOLDS, f"{ms:.1f} ms for {seen:.0f} ms of motion")
 
 
 def transformer_late(e: Evidence, lpt: str) -> Finding:
     """Holds if Transformer takes longer than the transition lasts."""
     (one,) = found = e.of("transformer")
     (ms,), seen = milliseconds(found), known(one, "frames_ms")
-    return Finding(longer(ms / seen), f"{ms:.1f} ms for {seen:.0f} ms of motion", _at(e))
+    return Finding(longer(ms / seen), f"{ms:.1f} ms for {seen:.0f} ms of motion")
 
 
 def fastest(e: Evidence, lpt: str) -> Finding:
     """Holds if ConvS2S has the shortest time."""
     found = e.of("conv-s2s", lpt, "lstm", "transformer")
     own, *others = milliseconds(found)
-    return Finding(longer(min(others) / own), _times(found), _at(e, found[1:][others.index(min(others))]))
+    return Finding(longer(min(others) / own), _times(found), {"other": found[1:][others.index(min(others))].name})
 
 
 def slowest(e: Evidence, lpt: str) -> Finding:
     """Holds if Transformer has the longest time."""
     found = e.of("transformer", lpt, "lstm", "conv-s2s")
     own, *others = milliseconds(found)
-    return Finding(longer(own / max(others)), _times(found), _at(e, found[1:][others.index(max(others))]))
+    return Finding(longer(own / max(others)), _times(found), {"other": found[1:][others.index(max(others))].name})
 
 
 def error_and_speed(e: Evidence, lpt: str) -> Finding:
@@ -57,7 +57,7 @@ def error_and_speed(e: Evidence, lpt: str) -> Finding:
     verdicts = [best(e, systems, "mse", lower=True).verdict, longer(min(others) / own)]
     least = min(found, key=lambda one: known(one, "mse"))
     figure = f"least MSE {least.name}, fastest {found[times.index(min(times))].name}"
-    return Finding(together(verdicts), figure, _at(e))
+    return Finding(together(verdicts), figure)
 
 
 def fr_takes_time(e: Evidence, lpt: str) -> Finding:
@@ -74,7 +74,7 @@ def fr_takes_time(e: Evidence, lpt: str) -> Finding:
     need_not = graded(min(errors[:-1]) <= errors[-1])
     falls = sum(b < a for a, b in pairwise(times))
     figure = f"{times[0]:.1f} ms at {frs[0]}, {times[-1]:.1f} at {frs[-1]}"
-    facts = {"falls": f"{falls} of {len(times) - 1}", **_at(e)}
+    facts = {"falls": f"{falls} of {len(times) - 1}"}
     return Finding(together([longer(times[-1] / times[0]), need_not]), figure, facts)
 
 
@@ -83,7 +83,7 @@ def culling_time(e: Evidence, lpt: str) -> Finding:
     own, *others = milliseconds(e.of(lpt, f"{lpt}-wc", f"{lpt}-wac", alike=True))
     times = [other / own for other in others]
     verdict = graded(min(times) >= 2.0, max(times) >= TIME_BAND)
-    return Finding(verdict, f"{times[0]:.1f} and {times[1]:.1f} times", _at(e))
+    return Finding(verdict, f"{times[0]:.1f} and {times[1]:.1f} times")
 
 
 def classical_time(e: Evidence, lpt: str) -> Finding:
@@ -92,18 +92,11 @@ def classical_time(e: Evidence, lpt: str) -> Finding:
     own, *others = milliseconds([one, *e.classical("nothing", one)])
     verdicts = [longer(other / own) for other in others]
     verdict = worst(verdicts) if HOLDS not in verdicts else together(verdicts)
-    return Finding(verdict, f"{min(others):.1f} to {max(others):.1f} ms, {one.name} {own:.1f}", _at(e))
+    return Finding(verdict, f"{min(others):.1f} to {max(others):.1f} ms, {one.name} {own:.1f}")
 
 
 def _times(found: Sequence[TableLine]) -> str:
     return "; ".join(f"{one.name} {one.cell('ms_mean', 1)}" for one in found) + " ms"
-
-
-def _at(e: Evidence, other: TableLine | None = None) -> dict[str, str]:
-    """Where times were measured, for the reason, and the system that stands against the claim."""
-    sizes = {"smoke": "tiny networks", "cpu": "networks smaller than the paper's", "paper": "the paper's sizes"}
-    at = {"at": f"one CPU thread, scale {e.scale}: {sizes[e.scale]}"}
-    return at if other is None else at | {"other": other.name}
 
 
 JUDGES: dict[str, Judge] = {

@@ -19,9 +19,9 @@ from pathlib import Path
 from signsplice.errors import InputError
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
-from signsplice.splicing.gap import gap_at
+from signsplice.splicing.gap import Cut, gap_at
 from signsplice.splicing.methods.choice import ChosenMethods, choose, open_learned
-from signsplice.splicing.methods.cut import CUTTERS, Cut
+from signsplice.splicing.methods.cut import CUTTERS
 from signsplice.splicing.methods.duration import CLASSICAL_DURATION
 from signsplice.splicing.methods.learned import FLUENT, LearnedDuration
 from signsplice.splicing.methods.learned import NAME as LEARNED

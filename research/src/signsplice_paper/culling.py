@@ -1,6 +1,7 @@
-"""The two layers of the paper without weights: Culling (eq. 11) before the network, Filter (eq. 17) after it.
+"""Culling (eq. 11), the layer without weights before the network; training and running share it.
 
-Training and running share them. Frames are rows, usually of positions (N, 159).
+Frames are rows, usually of positions (N, 159). The layer after the network, Filter (eq. 17), is the splice itself:
+``signsplice.splicing.engine``, with a ``WholeSystem``.
 """
 
 from __future__ import annotations
@@ -27,12 +28,6 @@ def cull(before: Array, after: Array, pre: int, post: int, fr: int) -> tuple[Arr
     left, right = np.arange(pre - fr + 1, pre + 1), np.arange(post, post + fr)
     rows = np.concatenate([before[np.maximum(left, 0)], after[np.minimum(right, len(after) - 1)]])
     return rows, np.concatenate([left >= 0, right < len(after)])
-
-
-def filter_layer(before: Array, after: Array, pre: int, post: int, new: Array) -> Array:
-    """Y: the frames of ``before`` up to ``pre``, the new ones, and those of ``after`` from ``post`` on (eq. 17)."""
-    check(before, after, pre, post)
-    return np.concatenate([before[: pre + 1], new, after[post:]])
 
 
 def check(before: Array, after: Array, pre: int, post: int) -> None:

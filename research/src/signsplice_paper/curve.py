@@ -1,6 +1,6 @@
 """Validation curves: how good a whole system was after each part of its training, through its own positions.
 
-A curve is made from snapshots of the weights (``train.paper.curves``) and stored as curve.json in the bundle's folder.
+A curve is made from snapshots of the weights (``train.curves``) and stored as curve.json in the bundle's folder.
 results.json holds a copy, with which figures are drawn.
 """
 
@@ -98,5 +98,5 @@ def load(folder: Path, bundle: str) -> Curve | None:
             raise KeyError("version")
         curve = from_json(stored)
     except (AttributeError, KeyError, TypeError) as error:
-        raise InputError(f"{path}: is no validation curve ({error}); remove it, `signsplice paper curves`") from error
+        raise InputError(f"{path}: is no validation curve ({error}); remove it, `signsplice-paper curves`") from error
     return curve if curve.bundle == bundle else None

@@ -17,10 +17,8 @@ from signsplice.motion.clip import Clip
 from signsplice.motion.number_space import NumberSpace
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
+from signsplice.splicing.gap import CONTEXT
 from signsplice_paper.prediction import Prediction
-
-CONTEXT = 8
-"""Frames on each side of a transition over which its seams are judged."""
 
 REQUIRED = ("hips", "leftHand", "rightHand")
 """Roles of the joints without which nothing is measured."""

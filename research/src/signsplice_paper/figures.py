@@ -64,7 +64,6 @@ def write(results: Results, kept: Sequence[KeptFrames], folder: Path, scale: str
         left_out += plots.refused
     for name, chosen in (("figure6", kept[:1]), ("figure7", kept[1:])):
         written += _written(pyplot, draw_pairs(pyplot, chosen, scale), folder / name, left_out)
-    written += frame_errors.write(results, folder, scale)
     return written, list(dict.fromkeys(left_out))
 
 
@@ -85,7 +84,7 @@ def plotting() -> Any:
     try:
         import matplotlib
     except ImportError as error:
-        raise MissingExtraError("figures need matplotlib: pip install 'signsplice[paper]'") from error
+        raise MissingExtraError("figures need matplotlib: pip install matplotlib") from error
     matplotlib.use("Agg")
     matplotlib.rcParams["svg.hashsalt"] = "signsplice"
     from matplotlib import pyplot

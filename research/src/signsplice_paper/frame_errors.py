@@ -6,16 +6,12 @@ Transformer are distorted from there on.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
-from signsplice.formats.atomic import replacing
-from signsplice_paper import layout
 from signsplice_paper.extra_metrics import FIRST, FRAMES
 from signsplice_paper.kept_frames import HERMITE
 from signsplice_paper.layout import Table, number
 from signsplice_paper.lines import OPTIMISERS, TableLine, clip_lines, line
-from signsplice_paper.protocol import SPLITS
 from signsplice_paper.results import Results
 from signsplice_paper.style import COMPARED, plot_options
 
@@ -41,25 +37,13 @@ def table(results: Results, scale: str, split: str = SPLIT) -> list[Table]:
         return []
     caption = f"Error of each frame, cm: mean distance of elbows, wrists and finger joints, scale {scale}, {split}"
     head = ("system", "from", f"frames 1 to {FIRST}", *(f"frame {n}" for n in _COUNTED))
-    return [Table(caption, f"frame-errors-{scale}-{split}", head, tuple(cells))]
+    return [Table(caption, f"frame-errors-{scale}-{split}", head, tuple(cells), split=split)]
 
 
 def _measured(results: Results, scale: str, split: str, optimiser: str) -> dict[str, TableLine]:
     """The lines of the compared systems that are trained and have these errors, of several seeds their means."""
     found = {system: line(results, system, scale, split, optimiser) for system in COMPARED}
     return {s: one for s, one in found.items() if one.is_known and one.values("first_frames_error")}
-
-
-def write(results: Results, folder: Path, scale: str) -> list[Path]:
-    """Write the tables of all splits as frame-errors.md and frame-errors.tex; the paths written."""
-    made = [found for split in SPLITS for found in table(results, scale, split)]
-    written = []
-    for suffix, form in ((".md", layout.markdown), (".tex", layout.latex)) if made else ():
-        path = folder / f"{PAGE}{suffix}"
-        with replacing(path) as temporary:
-            temporary.write_text("\n".join(map(form, made)).rstrip() + "\n", encoding="utf-8")
-        written.append(path)
-    return written
 
 
 def plot(results: Results, scale: str, optimiser: str, pyplot: Any) -> Any:

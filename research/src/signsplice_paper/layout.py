@@ -1,11 +1,13 @@
-"""Tables as data, and their two written forms: Markdown and LaTeX."""
+"""Tables as data, and their written forms: Markdown, LaTeX, and CSV of several at once."""
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 _TEX = {
     "\\": r"\textbackslash{}",
@@ -37,6 +39,7 @@ class Table:
     - head: column heads
     - rows: as many cells as heads in each row, or ``RULE``
     - notes: paragraphs below the table; text between backquotes is set as code
+    - split: of the corpus, empty where the table is of none
     """
 
     caption: str
@@ -44,6 +47,7 @@ class Table:
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     notes: tuple[str, ...] = ()
+    split: str = ""
 
     def __post_init__(self) -> None:
         for row in self.rows:
@@ -55,9 +59,13 @@ def markdown(table: Table) -> str:
     """A table as Markdown, with its caption and notes."""
     rows = [row for row in table.rows if row]
     lines = [f"**{table.caption}**", "", _line(table.head), _line(["---"] * len(table.head)), *map(_line, rows), ""]
-    for note in table.notes:
-        lines += [*textwrap.wrap(note, _WIDTH, break_long_words=False, break_on_hyphens=False), ""]
-    return "\n".join(lines)
+    return "\n".join([*lines, *(f"{text}\n" for text in paragraphs(table.notes))])
+
+
+def paragraphs(notes: Sequence[str]) -> list[str]:
+    """Notes as wrapped paragraphs."""
+    wrapped = (textwrap.wrap(note, _WIDTH, break_long_words=False, break_on_hyphens=False) for note in notes)
+    return ["\n".join(lines) for lines in wrapped]
 
 
 def latex(table: Table) -> str:
@@ -82,6 +90,40 @@ def latex(table: Table) -> str:
             "",
         ]
     )
+
+
+def selected(table: Table, names: Sequence[str] | None, heads: Sequence[str] | None) -> Table:
+    """The lines of a table that have a score and whose first cell is one of ``names``, and the columns under ``heads``,
+    beside the first two; None: all. Of scores over several seeds the mean alone.
+    """
+    columns = [n for n, head in enumerate(table.head) if n < 2 or heads is None or head in heads]
+    rows = [row for row in table.rows if set(row[2:]) - {"", "-"} and (names is None or row[0] in names)]
+    kept = tuple(tuple(row[n].split(" [")[0] for n in columns) for row in rows)
+    return replace(table, head=tuple(table.head[n] for n in columns), rows=kept)
+
+
+def as_csv(tables: Sequence[Table]) -> str:
+    """Tables as one CSV: a line for each split, block and pair of first cells, a column for each head of any table."""
+    heads = list(dict.fromkeys(head for table in tables for head in table.head[2:]))
+    lines: dict[tuple[str, ...], dict[str, str]] = {}
+    for table in tables:
+        block = ""
+        for row in filter(None, table.rows):
+            if not any(row[1:]):
+                block = row[0].removesuffix(":")
+                continue
+            known = lines.setdefault((table.split, block, *row[:2]), {})
+            for head, cell in zip(table.head[2:], row[2:], strict=True):
+                if known.setdefault(head, cell) != cell:
+                    raise ValueError(f"{row[:2]} has {known[head]} and {cell} under {head}")
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    used = [n for n in range(4) if n > 1 or any(key[n] for key in lines)]
+    names = ("split", "block", *tables[0].head[:2])
+    writer.writerow([*(names[n] for n in used), *heads])
+    for key, cells in lines.items():
+        writer.writerow([*(key[n] for n in used), *(cells.get(head, "-") for head in heads)])
+    return out.getvalue()
 
 
 def escape(text: str) -> str:

@@ -22,8 +22,8 @@ from signsplice.motion.clip import Clip, EndSite, Skeleton, left_out_warnings, r
 from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import ORIGIN, place
+from signsplice.synth.pairs import EXTENT
 from signsplice.synth.rng import stream
-from signsplice.synth.signer_space import EXTENT
 
 Progress = Callable[[int, int], None]
 

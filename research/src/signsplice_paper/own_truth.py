@@ -32,8 +32,7 @@ from signsplice.formats.reading import read_bytes
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate, same_fps, sampled
 from signsplice.motion.number_space import NumberSpace, read_space
-from signsplice.splicing.gap import gap_at
-from signsplice.splicing.methods.cut import Cut
+from signsplice.splicing.gap import Cut, gap_at
 from signsplice.splicing.methods.learned import NAME as LEARNED
 from signsplice.splicing.passes.filling import fill
 from signsplice_paper.clip_methods import TRUE_POSITIONS, ClipMethod

@@ -1,4 +1,4 @@
-"""Corpora of pairs from clips of one rig, for ``train paper`` and ``paper`` like those of the synthetic signer."""
+"""Corpora of pairs from clips of one rig, for `signsplice-paper`, like those of the synthetic signer."""
 
 from __future__ import annotations
 
@@ -19,10 +19,9 @@ from signsplice.formats.atomic import check_folder, replacing_folder, resumable_
 from signsplice.motion.number_space import NumberSpace
 from signsplice.splicing.methods.learned import FLUENT
 from signsplice.splicing.methods.learned import NAME as LEARNED
-from signsplice.synth.corpus import VERSION
+from signsplice.synth.corpus import VERSION, draw_splits
 from signsplice.synth.pairs import FILES, HEAD, KINDS, StoredRow, save_row, write_transitions, write_words
-from signsplice.synth.parts import is_whole
-from signsplice.synth.splits import draw_splits
+from signsplice.synth.pool import is_whole
 from signsplice_paper import extra_metrics
 from signsplice_paper.clip_methods import ClipMethod
 from signsplice_paper.own_clips import (

@@ -24,8 +24,8 @@ Systems of the tables, ready to run:
 
     signsplice splice A.bvh B.bvh -o out.bvh --system {folder}/{name}
 
-`signsplice publish` wrote these folders and this page. Weights have 16 bits. The rows of
-[../results.json](../results.json) were judged with the same weights in 32, and name that bundle by the start of its
+`signsplice-paper publish` wrote these folders and this page. Weights have 16 bits. The rows of
+[results.json](../docs/results.json) were judged with the same weights in 32, and name that bundle by the start of its
 sha256 (*judged as*). *Agrees*: of so many test pairs, how many have the same two positions, and how many also the same
 number of frames; then the largest difference of a number of a frame among those.
 
@@ -87,15 +87,22 @@ def page(folder: Path) -> str:
         raise InputError(f"{folder}: holds no bundle")
     shown = next((config for config in configs if config.system == "lpt"), configs[0])
     head = _HEAD.format(folder=_shown(folder), name=shown.path.parent.name)
-    commands = "".join(f"    {' '.join(config.stored.get('command', []))}\n" for config in configs)
+    commands = "".join(f"    {' '.join(_command(config))}\n" for config in configs)
     return head + "".join(_line(config) for config in configs) + _TAIL + commands
+
+
+def _command(config: BundleConfig) -> list[str]:
+    """The words that train a system now; bundles of version 0.4 name `signsplice train paper`."""
+    words: list[str] = config.stored.get("command", [])
+    former = ["signsplice", "train", "paper"]
+    return ["signsplice-paper", "train-system", *words[3:]] if words[:3] == former else words
 
 
 def judged_as(config: BundleConfig) -> Mapping[str, Any]:
     """What a published bundle was made from, and how far they agree. Raises ``InputError`` for any other bundle."""
     made = config.stored.get("halved")
     if not isinstance(made, dict) or not isinstance(made.get("bundle"), str):
-        raise InputError(f"{config.path}: was not written by `signsplice publish`; write it by that")
+        raise InputError(f"{config.path}: was not written by `signsplice-paper publish`; write it by that")
     return made
 
 
@@ -113,4 +120,4 @@ def _line(config: BundleConfig) -> str:
 def _shown(folder: Path) -> str:
     """The folder as a reader at the root of the project names it."""
     parts = folder.resolve().parts
-    return "/".join(parts[parts.index("docs") :]) if "docs" in parts else folder.name
+    return "/".join(parts[-2:]) if parts[-2] == "research" else folder.name

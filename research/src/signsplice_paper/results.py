@@ -138,7 +138,7 @@ def check_comparable(rows: Sequence[ResultRow]) -> None:
             (a, first), (b, second) = list(by_value.items())[:2]
             raise InputError(
                 f"{first.system} and {second.system} cannot be compared in one table: {field_name} {a!r} and {b!r}; "
-                "judge both again with `signsplice paper all`"
+                "judge both again with `signsplice-paper all`"
             )
 
 

@@ -162,14 +162,13 @@ def table(timed: Sequence[Timed], scale: str, judged: Protocol) -> Table:
 
 
 def write(timed: Sequence[Timed], folder: Path, scale: str, judged: Protocol) -> list[Path]:
-    """Write the times as JSON, Markdown and LaTeX, named by scale; the paths written."""
+    """Write the times as JSON and Markdown, named by scale; the paths written."""
     rows = [{k: v for k, v in {**asdict(row), **asdict(row.run)}.items() if k != "run"} for row in timed]
     stored = {"scale": scale, "protocol": judged.signature, **environment(), "rows": rows}
     as_table = table(timed, scale, judged)
     texts = {
         ".json": json.dumps(stored, indent=1),
         ".md": layout.markdown(as_table).rstrip(),
-        ".tex": layout.latex(as_table).rstrip(),
     }
     paths = []
     for suffix, text in texts.items():

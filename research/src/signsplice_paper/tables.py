@@ -8,13 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 
-from signsplice.formats.atomic import replacing
-from signsplice_paper import bleu, layout, metrics, pair_samples, published
+from signsplice_paper import bleu, metrics, pair_samples, published
 from signsplice_paper.layout import RULE, Table, number
 from signsplice_paper.lines import SHORT, TableLine, clip_lines, line, lines, mean_lines, pairs_seen, shared_seeds
-from signsplice_paper.protocol import SPLITS
 from signsplice_paper.results import Results, check_comparable
 
 Columns = Sequence[tuple[str, int | str, str]]
@@ -82,7 +79,6 @@ CLASSICAL_IN_TABLE_1 = (
 )
 OWN_IN_TABLE_1 = (("true-positions+learned", "positions and length"), ("learned-fluent+learned", "nothing"))
 """This project's networks as they are; nothing is claimed of them."""
-PAGES = ("table1", "table2", "table3", "fr", "classical")
 
 
 def blocks_1(results: Results, scale: str, split: str) -> list[Block]:
@@ -310,47 +306,3 @@ def _notes(results: Results, blocks: Sequence[Block]) -> tuple[str, ...]:
     else:
         notes.append(f"Times: {machines[0]}.")
     return tuple(notes)
-
-
-def pages(results: Results, scale: str) -> dict[str, list[Table]]:
-    """The tables by page, each for every split that was judged; none if no row of the scale exists."""
-    out: dict[str, list[Table]] = {page: [] for page in PAGES}
-    if not results.rows:
-        return out
-    out["table2"] = table_2(results, scale)
-    for split in SPLITS:
-        out["table1"] += table_1(results, scale, split)
-        out["table3"] += table_3(results, scale, split)
-        out["fr"] += table_fr(results, scale, split)
-        out["classical"] += table_classical(results, scale, split)
-    return out
-
-
-def write(results: Results, folder: Path, scale: str, only: Sequence[str] = PAGES) -> list[Path]:
-    """Write pages of tables as .md and .tex; the paths written."""
-    made = pages(results, scale)
-    missing = missing_rows(results, scale)
-    written = []
-    for page in only:
-        if not made[page] and not (page == "fr" and made["table1"]):  # fr is linked: it says that it has no rows
-            continue
-        for suffix, form in ((".md", layout.markdown), (".tex", layout.latex)):
-            path = folder / f"{page}{suffix}"
-            text = "\n".join(map(form, made[page])).rstrip() or f"No two rows to compare at scale {scale} yet."
-            put(path, f"{text}\n" + (f"\n{missing}\n" if suffix == ".md" else f"\n\\par {layout.escape(missing)}\n"))
-            written.append(path)
-    return written
-
-
-def missing_rows(results: Results, scale: str) -> str:
-    """What has no row at all, in a sentence."""
-    judged = {row.split for row in results.rows}
-    missing = [f"split {split}" for split in SPLITS if split not in judged]
-    missing += [f"scale {other}" for other in ("cpu", "paper") if not results.find(scale=other)]
-    return f"Without any row yet: {', '.join(missing)}." if missing else "Every split and scale has rows."
-
-
-def put(path: Path, text: str) -> None:
-    """Write a text atomically."""
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")

@@ -139,7 +139,7 @@ def judge(claim: Claim, corpora: Sequence[Evidence]) -> ClaimVerdict:
     truths = [e.truth for e, one in zip(corpora, found, strict=True) if one.verdict != UNTESTED]
     verdict = together([one.verdict for one in tested])
     if len({one.verdict for one in tested}) > 1:
-        why = f"the truths disagree: {_disagreement(claim, truths, tested)}"
+        why = _disagreement(claim, truths, tested)
     elif tested or claim.judge is None:
         why = claim.why[verdict].format(**_facts(tested))
     else:
@@ -151,7 +151,7 @@ def judge(claim: Claim, corpora: Sequence[Evidence]) -> ClaimVerdict:
 
 def _disagreement(claim: Claim, truths: Sequence[str], found: Sequence[Finding]) -> str:
     """The verdict of each truth that was tested, and its reason: in brackets, or at the end where all have the same."""
-    verdicts = [f"{truth} {one.verdict}" for truth, one in zip(truths, found, strict=True)]
+    verdicts = [f"{truth}: {one.verdict}" for truth, one in zip(truths, found, strict=True)]
     reasons = [claim.why[one.verdict].format(**one.facts) for one in found]
     if len(set(reasons)) == 1:
         return f"{', '.join(verdicts)}; {reasons[0]}"

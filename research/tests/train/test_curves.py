@@ -26,7 +26,8 @@ from signsplice_paper.train.batch_prediction import BatchPredictor
 from signsplice_paper.train.networks.generator import Generator
 from signsplice_paper.train.scales import SYSTEMS, SystemPart
 from signsplice_paper.train.tasks import MOST_FRAMES
-from training_toys import ALONE, CONFIGS, corpus, data, toy
+from system_toys import CONFIGS, data, toy
+from training_toys import ALONE, corpus
 
 BIASES = {"lpt": 0.5, "lpt-printed": 0.0}
 

@@ -7,7 +7,7 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from signsplice_paper.train.networks import spsn  # noqa: E402
-from training_toys import CONFIGS, data, toy  # noqa: E402
+from system_toys import CONFIGS, data, toy  # noqa: E402
 
 
 @pytest.mark.parametrize("name", CONFIGS)

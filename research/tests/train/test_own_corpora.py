@@ -12,12 +12,12 @@ import torch
 from click.testing import CliRunner
 
 from signing import word
-from signsplice.cli.commands import app
 from signsplice.formats import save
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.synth.pairs import Pairs
 from signsplice.train.processes import Processes
 from signsplice_paper import own_words
+from signsplice_paper.cli.commands import app
 from signsplice_paper.own_clips import ClipChoice
 from signsplice_paper.train import scales, training
 from signsplice_paper.train.tasks import MOST_FRAMES
@@ -69,8 +69,8 @@ def test_from_ten_clips_to_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     folders = ["--scale", "smoke", "--pairs", "pairs", "--bundles", "bundles", "--out", "out", "--limit", "3"]
     for call in (
         ["pairs", "build", "clips", "-o", "pairs"],
-        ["paper", "all", *folders, "--system", "lpt", "--system", "transformer", "--steps", "2"],
-        ["paper", "evaluate", *folders],
+        ["all", *folders, "--system", "lpt", "--system", "transformer", "--steps", "2"],
+        ["evaluate", *folders],
     ):
         result = CliRunner().invoke(app, call, catch_exceptions=False)
         assert result.exit_code == 0, result.output

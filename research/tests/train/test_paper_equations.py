@@ -12,7 +12,7 @@ torch = pytest.importorskip("torch")
 from torch import Tensor, nn  # noqa: E402
 
 from signsplice.errors import InputError  # noqa: E402
-from signsplice_paper.culling import cull, filter_layer  # noqa: E402
+from signsplice_paper.culling import cull  # noqa: E402
 from signsplice_paper.train.networks import layers, recurrent, spsn  # noqa: E402
 
 RNG = np.random.default_rng(5)
@@ -129,12 +129,6 @@ def test_culling_refuses_positions_outside_the_clips() -> None:
         cull(p, p, 5, 0, 2)
     with pytest.raises(InputError, match="fr 0, expected at least 1"):
         cull(p, p, 1, 1, 0)
-
-
-def test_filter_is_equation_17() -> None:
-    p, q, new = RNG.normal(size=(6, 2)), RNG.normal(size=(7, 2)), RNG.normal(size=(3, 2))
-    y = filter_layer(p, q, 3, 2, new)
-    np.testing.assert_array_equal(y, [*p[:4], *new, *q[2:]])
 
 
 def test_positional_code_is_equation_12_with_cosines() -> None:

@@ -21,7 +21,7 @@ from signsplice_paper.train.networks.layers import with_deltas  # noqa: E402
 from signsplice_paper.train.networks.spsn import POST, PRE, Spsn  # noqa: E402
 from signsplice_paper.train.pairs_data import Batch, splice_marks  # noqa: E402
 from signsplice_paper.train.tasks import MOST_FRAMES, decoder_input, own_frames, positions, token_bias  # noqa: E402
-from training_toys import CONFIGS, FR, GENERATORS, data, parents, toy  # noqa: E402
+from system_toys import CONFIGS, FR, GENERATORS, data, parents, toy  # noqa: E402
 
 
 def batch(name: str, n: int = 4) -> Batch:

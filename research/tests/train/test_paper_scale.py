@@ -1,4 +1,4 @@
-"""runs/paper-scale.sh: trainings in pieces, killed in between, end as one that ran through."""
+"""research/runs/paper-scale.sh: trainings in pieces, killed in between, end as one that ran through."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def piece(out: Path, seconds: int, **more: str) -> subprocess.Popen[str]:
         **{"JUDGES": "1", "LIMIT": "2", "PYTHON": sys.executable, "OMP_NUM_THREADS": "1", **more},
     }
     return subprocess.Popen(
-        [str(ROOT / "runs" / "paper-scale.sh")], env=os.environ | settings, stdout=subprocess.PIPE,
+        [str(ROOT / "research" / "runs" / "paper-scale.sh")], env=os.environ | settings, stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT, text=True, start_new_session=True,
     )  # fmt: skip
 

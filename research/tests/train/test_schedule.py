@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("torch")
 
 from signsplice.errors import InputError, SignspliceError
-from signsplice.train.ending import DeadlineError
+from signsplice.train.stopping import DeadlineError
 from signsplice_paper import plan
 from signsplice_paper.plan import Choice, Run
 from signsplice_paper.train import schedule, training
@@ -77,8 +77,8 @@ def test_no_training_goes_on_after_the_deadline(tmp_path: Path, monkeypatch: pyt
 def test_a_process_gets_the_options_of_its_run() -> None:
     (run,) = (run for run in plan.runs("cpu", rival="lstm") if run.fr == 6 and run.system == "lpt")
     call = schedule.arguments(Schedule([run], Path("p"), Path("b"), steps=5), run)
-    assert call[:2] == ["train", "paper"]
-    assert dict(zip(call[2::2], call[3::2], strict=True)) == {
+    assert call[0] == "train-system"
+    assert dict(zip(call[1::2], call[2::2], strict=True)) == {
         **{"--pairs": "p", "--out": "b/lpt-fr6-cpu-adamw-random", "--seed": "0", "--system": "lpt", "--scale": "cpu"},
         **{"--optimiser": "adamw", "--split": "random", "--fr": "6", "--steps": "5"},
     }

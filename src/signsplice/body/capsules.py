@@ -17,6 +17,7 @@ from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Skeleton
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS
 
 _SEGMENTS = ("Metacarpal", "Proximal", "Intermediate", "Distal")
@@ -129,7 +130,7 @@ class BodyCapsules:
         parts = list(enumerate(zip(self.parts, self.sides, strict=True)))
         left, right = (
             tuple(n for n, (part, s) in parts if s == side and part not in ("sleeve", "cuff", "leg", "shoe"))
-            for side in ("left", "right")
+            for side in SIDES
         )
         return CapsuleGroups(
             left,
@@ -182,7 +183,7 @@ def shaped_capsules(skeleton: Skeleton, shape: BodyShape) -> BodyCapsules:
     info = rig_info(skeleton)
     joints, rest, height = info.roles.joints, rest_positions(skeleton), info.sizes.stature
     rows = _trunk(skeleton, height, shape)
-    for side in ("left", "right"):
+    for side in SIDES:
         for start, end, r0, r1, part in _LIMBS:
             if side + start in joints and side + end in joints:
                 a, b = joints[side + start], joints[side + end]
@@ -263,9 +264,7 @@ def _trunk(skeleton: Skeleton, height: float, shape: BodyShape) -> list[_Capsule
         nape = positions[joints["head"]] - positions[neck] + _NECK[0] * up
         add("neck", neck, -_NECK[0] * up, nape, _NECK[1] * big, _NECK[2] * big, "neck")
     rows += _shoulders(skeleton, height, shape)
-    girdle = [
-        positions[joints[s + "UpperArm"]] - positions[chest] for s in ("left", "right") if s + "UpperArm" in joints
-    ]
+    girdle = [positions[joints[s + "UpperArm"]] - positions[chest] for s in SIDES if s + "UpperArm" in joints]
     if len(girdle) == 2:
         middle, waist = np.mean(girdle, axis=0), positions[low] - positions[chest]
         for n, (x, r) in enumerate(_COLUMNS):
@@ -282,7 +281,7 @@ def _trunk(skeleton: Skeleton, height: float, shape: BodyShape) -> list[_Capsule
         start = positions[low] - positions[hips] + _WAIST[0] * wide * x * left
         end = hem + _SEAT[0] * wide * x * left
         add(f"belly{n}", hips, start, end, _WAIST[1] * r * deep, _SEAT[1] * deep, "shirt")
-    sides = [positions[joints[s + "UpperLeg"]] - positions[hips] for s in ("left", "right") if s + "UpperLeg" in joints]
+    sides = [positions[joints[s + "UpperLeg"]] - positions[hips] for s in SIDES if s + "UpperLeg" in joints]
     if len(sides) == 2:
         start, end = (hem + _HIPS[0] * side for side in sides)
         add("hips", hips, start, end, _HIPS[1] * deep, _HIPS[1] * deep, "shirt")
@@ -293,7 +292,7 @@ def _shoulders(skeleton: Skeleton, height: float, shape: BodyShape) -> list[_Cap
     """What joins chest and arms: along the collar bones, which move, or straight across where a rig has none."""
     joints, rest = rig_info(skeleton).roles.joints, rest_positions(skeleton)
     rows: list[_Capsule] = []
-    for side in ("left", "right"):
+    for side in SIDES:
         if f"{side}UpperArm" not in joints:
             continue
         arm = joints[f"{side}UpperArm"]

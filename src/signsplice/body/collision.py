@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
+from signsplice.body.clearance import TINY, clearances, dot
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Skeleton
 
-_TINY = 1e-12
 _WHOLE_HAND_WEIGHT = 1.2
 """How much the direction from hand to hand counts beside the exit direction of two capsules of the hands."""
 
@@ -39,9 +39,9 @@ def hand_penetration(
     if meeting:
         between, across = overlap(starts, ends, body.radii, groups.left, groups.right)
         apart = starts[:, groups.left].mean(axis=1) - starts[:, groups.right].mean(axis=1)
-        apart = apart / (np.linalg.norm(apart, axis=-1, keepdims=True) + _TINY)
+        apart = apart / (np.linalg.norm(apart, axis=-1, keepdims=True) + TINY)
         across = across + _WHOLE_HAND_WEIGHT * apart[:, None, None]
-        across /= np.linalg.norm(across, axis=-1, keepdims=True) + _TINY
+        across /= np.linalg.norm(across, axis=-1, keepdims=True) + TINY
     rows = np.arange(n_frames)
     for side, own in enumerate((groups.left, groups.right)):
         deep, out = overlap(starts, ends, body.radii, own, solid)  # (T, A, B), (T, A, B, 3)
@@ -87,7 +87,7 @@ class PosedCapsules:
         origins = np.repeat([self.starts[first].mean(axis=0) for first in firsts], lengths, axis=0)
         starts, axes = self.starts - origins[:, None], self.ends - self.starts
         middles, thick = starts + 0.5 * axes, radii.max(axis=1)
-        reach = 0.5 * np.sqrt(_dot(axes, axes)) + thick
+        reach = 0.5 * np.sqrt(dot(axes, axes)) + thick
         whole = [_ball(middles[:, hand], reach[:, hand]) for hand in hands]
         balls, radius = (np.hstack([ball[k] for ball in whole]) for k in (0, 1))
         met = _meet(balls, radius, starts[:, others], axes[:, others], thick[others] + slack)
@@ -109,7 +109,7 @@ class PosedCapsules:
             pairs=i * len(radii) + j,
             hands=np.column_stack([left, np.where(meeting, -1.0, ~left)]),
             meeting=meeting,
-            gaps=starts[frames, i] - starts[frames, j],
+            offsets=starts[frames, i] - starts[frames, j],
             axes=(axes[frames, i], axes[frames, j]),
             radii=(radii[i], radii[j]),
             apart=apart,
@@ -128,7 +128,7 @@ def _ball(middles: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArra
         return np.zeros((len(middles), 1, 3)), np.full((len(middles), 1), -np.inf)
     whole = middles.mean(axis=1, keepdims=True)
     away = middles - whole
-    return whole, (np.sqrt(_dot(away, away)) + reach).max(axis=1, keepdims=True)
+    return whole, (np.sqrt(dot(away, away)) + reach).max(axis=1, keepdims=True)
 
 
 def _meet(
@@ -139,12 +139,10 @@ def _meet(
     """
     # Squared distances by matrix products: few temporary arrays.
     transposed = axes.transpose(0, 2, 1)  # (T, 3, B)
-    squares = _dot(axes, axes)[:, None] + _TINY
-    along = middles @ transposed - _dot(starts, axes)[:, None]  # (T, A, B)
+    squares = dot(axes, axes)[:, None] + TINY
+    along = middles @ transposed - dot(starts, axes)[:, None]  # (T, A, B)
     fraction = np.clip(along / squares, 0.0, 1.0)
-    away = (
-        _dot(middles, middles)[:, :, None] + _dot(starts, starts)[:, None] - 2.0 * middles @ starts.transpose(0, 2, 1)
-    )
+    away = dot(middles, middles)[:, :, None] + dot(starts, starts)[:, None] - 2.0 * middles @ starts.transpose(0, 2, 1)
     distances = away - fraction * (2.0 * along - fraction * squares)
     return np.asarray(distances < np.maximum(reach[:, :, None] + thick, 0.0) ** 2)
 
@@ -156,9 +154,9 @@ class NearPairs:
     n_frames: T, of the clip.
     frames: (K,) the frame of each pair.
     pairs: (K,) a number for the two capsules of each.
-    hands: (K, 2) how a pair's gap follows the left and the right hand; 1 and -1 where both hands meet.
+    hands: (K, 2) how a pair's offset follows the left and the right hand; 1 and -1 where both hands meet.
     meeting: (K,) whether it is a pair of two hands.
-    gaps: (K, 3) from the start of the other capsule to that of the hand's.
+    offsets: (K, 3) from the start of the other capsule to that of the hand's.
     axes: (K, 3) of the hand's capsule and of the other.
     radii: (K, 2) of both, likewise.
     apart: (K, 3) from the right to the left hand, where both meet.
@@ -169,7 +167,7 @@ class NearPairs:
     pairs: NDArray[np.intp]
     hands: FloatArray
     meeting: NDArray[np.bool_]
-    gaps: FloatArray
+    offsets: FloatArray
     axes: tuple[FloatArray, FloatArray]
     radii: tuple[FloatArray, FloatArray]
     apart: FloatArray
@@ -181,18 +179,18 @@ class NearPairs:
         depth, exits = np.full((self.n_frames, 2), -np.inf), np.zeros((self.n_frames, 2, 3))
         if not len(self.frames):
             return depth, exits
-        gaps = self.gaps
+        offsets = self.offsets
         moved = None if moves is None else _weighted_rows(self.hands, moves[self.frames])
         if moved is not None:
-            gaps = gaps + moved
-        depths, directions = _penetration(gaps, *self.axes, *self.radii)
+            offsets = offsets + moved
+        depths, directions = _penetration(offsets, *self.axes, *self.radii)
         both = self.meeting
         if both.any():
             apart = self.apart[both] if moved is None else self.apart[both] + moved[both]
             across = directions[both] + _WHOLE_HAND_WEIGHT * apart / (
-                np.linalg.norm(apart, axis=-1, keepdims=True) + _TINY
+                np.linalg.norm(apart, axis=-1, keepdims=True) + TINY
             )
-            directions[both] = across / (np.linalg.norm(across, axis=-1, keepdims=True) + _TINY)
+            directions[both] = across / (np.linalg.norm(across, axis=-1, keepdims=True) + TINY)
         deeper = np.argsort(depths, kind="stable")
         for side in (0, 1):
             own = deeper[self.hands[deeper, side] != 0.0]  # of a frame's pairs the last one, the deepest, stays
@@ -210,7 +208,7 @@ class NearPairs:
         for end, both in zip(ends, found, strict=True):
             at = end[both]
             axes, radii = ([part[at] for part in parts] for parts in (self.axes, self.radii))
-            depths.append(_penetration(self.gaps[at], *axes, *radii)[0])
+            depths.append(_penetration(self.offsets[at], *axes, *radii)[0])
         return float(-np.minimum(*depths).max(initial=-np.inf))
 
 
@@ -246,16 +244,5 @@ def _penetration(
     """Depth (...) of capsules with axes u in those with axes v (..., 3), which start r (..., 3) from one another, and
     the exit directions (..., 3); radii (..., 2).
     """
-    uu, vv, uv = _dot(u, u) + _TINY, _dot(v, v) + _TINY, _dot(u, v)
-    ur, vr = _dot(u, r), _dot(v, r)
-    s = np.clip((uv * vr - ur * vv) / np.maximum(uu * vv - uv * uv, _TINY), 0.0, 1.0)
-    t = np.clip((uv * s + vr) / vv, 0.0, 1.0)
-    s = np.clip((uv * t - ur) / uu, 0.0, 1.0)
-    line = r + s[..., None] * u - t[..., None] * v
-    distance = np.sqrt(_dot(line, line)) + _TINY
-    thick = one[..., 0] + s * (one[..., 1] - one[..., 0]) + two[..., 0] + t * (two[..., 1] - two[..., 0])
-    return thick - distance, line / distance[..., None]
-
-
-def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.asarray(np.einsum("...c,...c->...", a, b))
+    found = clearances(r, u, v, one, two)
+    return -found.distance, found.normals

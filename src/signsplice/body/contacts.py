@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice.body.capsules import BodyCapsules
-from signsplice.body.touch import Near, SkinPairs
+from signsplice.body.clearance import Near, SkinPairs
 from signsplice.motion.arrays import FloatArray
+from signsplice.rig.naming import SIDES
 
 TOUCH_M, PART_M = 0.005, 0.012
 """A contact begins where skins are nearer than the first and ends where they are farther apart than the second, m."""
@@ -57,7 +58,7 @@ def find_contacts(
     for table, distance in zip(tables, (before, after), strict=True):
         np.minimum.at(table, (frames, side, region), distance)
     found = []
-    for n_hand, hand in enumerate(("left", "right")):
+    for n_hand, hand in enumerate(SIDES):
         for n, name in enumerate(REGIONS):
             for start, stop in _events(tables[0, :, n_hand, n]):
                 then, now = (_median(table[start:stop, n_hand, n]) for table in tables)

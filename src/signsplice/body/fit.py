@@ -8,11 +8,11 @@ distances; both are banded, since frames are tied to their neighbours alone:
          + sum w |(a_l + m_l) - (a_r + m_r) - D|^2   one hand's anchors at their places on the other hand
          + w_0 |wrist + m - N|^2                the wrist at its place in signing space
          + lambda sum_t |m_(t-1) - 2 m_t + m_(t+1)|^2
-         + sum w (gap(m) - gap*)^2              skin distances: what touches, and what must not
+         + sum w (c(m) - c*)^2                  skin distances: what touches, and what must not
          + sum w (reach(m))^2                   wrists within reach of their arms
 
 Places are relative to capsules: the share t along the axis, the direction from it, and the skin distance. Weights fall
-with that distance, w = 1 / (1 + gap / rho)^4, so that what is near decides (Ho, Komura and Tai 2010; Molla, Debarba and
+with that distance, w = 1 / (1 + c / rho)^4, so that what is near decides (Ho, Komura and Tai 2010; Molla, Debarba and
 Boulic 2018).
 """
 
@@ -26,16 +26,17 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from signsplice.body.capsules import BodyCapsules
+from signsplice.body.clearance import Near, SkinPairs, clearances, near_pairs, pair_clearances, skin_pairs
 from signsplice.body.posed import PosedBody
-from signsplice.body.touch import Near, SkinPairs, gaps, near_pairs, pair_gaps, skin_pairs
 from signsplice.motion.arrays import FloatArray
+from signsplice.rig.naming import SIDES
 
 Index = NDArray[np.intp]
 
 NEAR_M = 0.04
 """rho: skin distance over which weights fall, m."""
 _FREE_M, _FAR_M = 0.06, 0.25
-"""Distances up to which a gap keeps its length, and from which on it is scaled as signing space is, m."""
+"""Distances up to which a clearance keeps its length, and from which on it is scaled as signing space is, m."""
 _SPACE_WEIGHT = 0.15
 _SMOOTHNESS, _FPS = 100.0, 30.0
 """lambda at this frame rate."""
@@ -98,7 +99,7 @@ class Fit:
         self._hand_scale = carried.hand_length / source.hand_length
         self.shared = frozenset(source.body.keys) & frozenset(carried.body.keys)
         self.pairs = skin_pairs(source.body, self.shared), skin_pairs(carried.body, self.shared)
-        self._anchors = [self._rows([(side + key, at) for key, at in _ANCHORS]) for side in ("left", "right")]
+        self._anchors = [self._rows([(side + key, at) for key, at in _ANCHORS]) for side in SIDES]
         solid = [source.body.keys[n] for n in (*source.body.groups.head, *source.body.groups.trunk)]
         self._solid = [
             self._rows([*((key, 0.0) for key in solid), (f"{o}UpperArm", 0.0), (f"{o}LowerArm", 0.0)])
@@ -111,7 +112,7 @@ class Fit:
         return _Rows(np.array(source, np.intp), np.array(target, np.intp), np.array([at for _, at in found]))
 
     def moves(self) -> FloatArray:
-        """The moves (T, 2, 3) of the wrists, m, with arms that follow as ``_shares`` says."""
+        """The moves (T, 2, 3) of the wrists, m, with arms that follow as ``_wrist_weights`` says."""
         m = self._solve_linear()
         self.out_of_reach = self._out_of_reach(m)
         self.near = _near_contacts(self, m)
@@ -122,7 +123,7 @@ class Fit:
         away = np.linalg.norm(self.carried.wrists + m - self.carried.shoulders, axis=-1) - self.carried.arm_lengths
         return np.asarray((away * (self.active > SIGNS)).max(axis=0, initial=0.0))
 
-    def again(self, moved: PosedBody) -> FloatArray:
+    def refine(self, moved: PosedBody) -> FloatArray:
         """The moves once more, from ``moved``: the body with the arms as they lie after the moves so far."""
         base = moved.wrists - self.carried.wrists
         heights = moved.heights(self.pairs[1], self.near)
@@ -146,17 +147,17 @@ class Fit:
         space = middle + self._arm_scale * (wrists - self.source.shoulders.mean(axis=1, keepdims=True))
         right = _SPACE_WEIGHT * (space - self.carried.wrists)
         for side in (0, 1):
-            weight, pull = self._body_places(side)
+            weight, pull = self._body_pull(side)
             diagonal[:, side] += weight
             right[:, side] += pull
-        weight, pull = self._hand_places()
+        weight, pull = self._hand_pull()
         diagonal += weight[:, None]
         right[:, 0] += pull
         right[:, 1] -= pull
         return diagonal, -weight, right
 
-    def _body_places(self, side: int) -> tuple[FloatArray, FloatArray]:
-        """Sums over anchors and capsules of weights (T,), and of weights times the way to the place (T, 3)."""
+    def _body_pull(self, side: int) -> tuple[FloatArray, FloatArray]:
+        """Sums over anchors and capsules of weights (T,), and of weighted displacements to the places (T, 3)."""
         anchors, solid = self._anchors[side], self._solid[side]
         s, c = self.source, self.carried
         a, ra = _points(s, anchors.source, anchors.at)
@@ -167,33 +168,33 @@ class Fit:
         out = since - t[..., None] * axis
         away = np.sqrt(np.einsum("tasx,tasx->tas", out, out)) + 1e-9
         radius = s.radii[solid.source]
-        gap = away - (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) - ra[:, None]
-        weight = _weight(gap) * self.active[:, side, None, None]
+        clearance = away - (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) - ra[:, None]
+        weight = _weight(clearance) * self.active[:, side, None, None]
         b, rb = _points(c, anchors.target, anchors.at)
         start, axis = c.starts[:, None, solid.target], (c.ends - c.starts)[:, None, solid.target]
         radius = c.radii[solid.target]
-        wanted = (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) + rb[:, None] + self._scaled(gap)
-        way = start + t[..., None] * axis + out * (wanted / away)[..., None] - b[:, :, None]
-        return weight.sum(axis=(1, 2)), np.einsum("tas,tasx->tx", weight, way)
+        wanted = (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) + rb[:, None] + self._scaled(clearance)
+        displacement = start + t[..., None] * axis + out * (wanted / away)[..., None] - b[:, :, None]
+        return weight.sum(axis=(1, 2)), np.einsum("tas,tasx->tx", weight, displacement)
 
-    def _hand_places(self) -> tuple[FloatArray, FloatArray]:
-        """Sum over pairs of anchors of weights (T,), and of weights times the way of the left to its place (T, 3)."""
+    def _hand_pull(self) -> tuple[FloatArray, FloatArray]:
+        """Sums over pairs of anchors of weights (T,), and of weighted displacements of the left to its place (T, 3)."""
         left, right = self._anchors
         (a, ra), (b, rb) = (_points(self.source, rows.source, rows.at) for rows in (left, right))
         d = a[:, :, None] - b[:, None]
         away = np.sqrt(np.einsum("tabx,tabx->tab", d, d)) + 1e-9
-        gap = away - ra[:, None] - rb
-        weight = _weight(gap) * self.active.min(axis=1)[:, None, None]
+        clearance = away - ra[:, None] - rb
+        weight = _weight(clearance) * self.active.min(axis=1)[:, None, None]
         (a, ra), (b, rb) = (_points(self.carried, rows.target, rows.at) for rows in (left, right))
-        wanted = d * ((ra[:, None] + rb + self._scaled(gap)) / away)[..., None]
-        way = wanted - (a[:, :, None] - b[:, None])
-        return weight.sum(axis=(1, 2)), np.einsum("tab,tabx->tx", weight, way)
+        wanted = d * ((ra[:, None] + rb + self._scaled(clearance)) / away)[..., None]
+        displacement = wanted - (a[:, :, None] - b[:, None])
+        return weight.sum(axis=(1, 2)), np.einsum("tab,tabx->tx", weight, displacement)
 
-    def _scaled(self, gap: FloatArray) -> FloatArray:
+    def _scaled(self, clearance: FloatArray) -> FloatArray:
         """A skin distance on the other body: as it is where it is small, scaled as signing space where it is large."""
-        share = np.clip((gap - _FREE_M) / (_FAR_M - _FREE_M), 0.0, 1.0)
+        share = np.clip((clearance - _FREE_M) / (_FAR_M - _FREE_M), 0.0, 1.0)
         share = share * share * (3.0 - 2.0 * share)
-        return gap * (self._hand_scale + (self._arm_scale - self._hand_scale) * share)
+        return clearance * (self._hand_scale + (self._arm_scale - self._hand_scale) * share)
 
     @property
     def _smooth(self) -> float:
@@ -250,16 +251,16 @@ class Fit:
 
 def _near_contacts(fit: Fit, m: FloatArray) -> Near:
     """The pairs that are near at the source, or on the other body with its wrists moved by ``m``."""
-    source, posed, (theirs, ours) = fit.source, fit.carried, fit.pairs
-    first, last, sides = _shares(posed.body)
+    source, posed, (source_pairs, target_pairs) = fit.source, fit.carried, fit.pairs
+    first, last, sides = _wrist_weights(posed.body)
     shift = m[:, sides]  # (T, C, 3)
     starts, ends = posed.starts + first[:, None] * shift, posed.ends + last[:, None] * shift
-    touching = near_pairs(source.starts, source.ends, source.radii, theirs, _TOUCH_M)
-    near = near_pairs(starts, ends, posed.radii, ours, _MARGIN_M)
-    n = len(ours.own)
+    touching = near_pairs(source.starts, source.ends, source.radii, source_pairs, _TOUCH_M)
+    near = near_pairs(starts, ends, posed.radii, target_pairs, _MARGIN_M)
+    n = len(target_pairs.own)
     frames, k = np.divmod(np.union1d(touching[0] * n + touching[1], near[0] * n + near[1]), n)
-    then = pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance
-    now = pair_gaps(starts, ends, posed.radii, ours, frames, k).distance
+    then = pair_clearances(source.starts, source.ends, source.radii, source_pairs, frames, k).distance
+    now = pair_clearances(starts, ends, posed.radii, target_pairs, frames, k).distance
     kept = (then < _TOUCH_M) | (now < _MARGIN_M)
     return Near(frames[kept], k[kept], then[kept])
 
@@ -271,16 +272,16 @@ class _Contacts:
     """
 
     def __init__(
-        self, ours: SkinPairs, near: Near, posed: PosedBody, base: FloatArray, heights: FloatArray | float
+        self, target_pairs: SkinPairs, near: Near, posed: PosedBody, base: FloatArray, heights: FloatArray | float
     ) -> None:
         self.frames, k, self.then = near.frames, near.k, near.distance
-        first, last, _ = _shares(posed.body)
-        own, other = ours.own[k], ours.other[k]
+        first, last, _ = _wrist_weights(posed.body)
+        own, other = target_pairs.own[k], target_pairs.other[k]
         self._p, self._q = posed.starts[self.frames, own], posed.starts[self.frames, other]
         self._u, self._v = posed.ends[self.frames, own] - self._p, posed.ends[self.frames, other] - self._q
         self._radii = posed.radii[own], posed.radii[other]
-        self._sides = ours.own_side[k], np.maximum(ours.other_side[k], 0)
-        moves = ours.other_side[k] >= 0
+        self._sides = target_pairs.own_side[k], np.maximum(target_pairs.other_side[k], 0)
+        moves = target_pairs.other_side[k] >= 0
         self._first = first[own], np.where(moves, first[other], 0.0)
         self._more = (last - first)[own], np.where(moves, (last - first)[other], 0.0)
         self._base = base[self.frames]
@@ -296,10 +297,9 @@ class _Contacts:
             return
         rows, since = np.arange(len(self.frames)), m[self.frames] - self._base
         own, other = since[rows, self._sides[0]], since[rows, self._sides[1]]
-        now = gaps(
-            self._p + self._first[0][:, None] * own,
+        now = clearances(
+            (self._p + self._first[0][:, None] * own) - (self._q + self._first[1][:, None] * other),
             self._u + self._more[0][:, None] * own,
-            self._q + self._first[1][:, None] * other,
             self._v + self._more[1][:, None] * other,
             *self._radii,
         )
@@ -319,7 +319,7 @@ class _Contacts:
         rhs[frames[starts]] += np.add.reduceat(weighted * goal[:, None], starts)
 
 
-def _shares(body: BodyCapsules) -> tuple[FloatArray, FloatArray, Index]:
+def _wrist_weights(body: BodyCapsules) -> tuple[FloatArray, FloatArray, Index]:
     """How far both ends of each capsule (C,) move with a wrist, and whose (C,): hands wholly, an elbow half-way."""
     first, last = np.zeros(len(body.parts)), np.zeros(len(body.parts))
     for n, (part, side) in enumerate(zip(body.parts, body.sides, strict=True)):
@@ -335,8 +335,8 @@ def _points(body: PosedBody, rows: Index, at: FloatArray) -> tuple[FloatArray, F
     return start + at[:, None] * (body.ends[:, rows] - start), radius[:, 0] + at * (radius[:, 1] - radius[:, 0])
 
 
-def _weight(gap: FloatArray) -> FloatArray:
-    near = 1.0 + np.maximum(gap, 0.0) / NEAR_M
+def _weight(clearance: FloatArray) -> FloatArray:
+    near = 1.0 + np.maximum(clearance, 0.0) / NEAR_M
     return 1.0 / (near * near * near * near)
 
 

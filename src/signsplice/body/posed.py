@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signsplice.body.capsules import BodyCapsules, capsule_ends
-from signsplice.body.touch import Near, SkinPairs, pair_gaps
+from signsplice.body.clearance import Near, SkinPairs, pair_clearances
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 
-_LEG, _SIDES = ("leg", "shoe"), ("left", "right")
+_LEG = ("leg", "shoe")
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +26,7 @@ class PosedBody:
     radii: (C, 2).
     shoulders, wrists: (T, 2, 3) left and right.
     arm_lengths: (2,) upper arm and forearm together.
-    turns: (T, K, 3, 3) rotations of the K capsules under the body's relief; None where it has none.
+    relief_rotations: (T, K, 3, 3) rotations of the K capsules under the body's relief; None where it has none.
     """
 
     body: BodyCapsules
@@ -35,7 +36,7 @@ class PosedBody:
     shoulders: FloatArray
     wrists: FloatArray
     arm_lengths: FloatArray
-    turns: FloatArray | None = None
+    relief_rotations: FloatArray | None = None
 
     @property
     def hand_length(self) -> float:
@@ -48,16 +49,18 @@ class PosedBody:
         0 where the capsules are the skin.
         """
         relief, body, out = self.body.relief, self.body, np.zeros(len(near.k))
-        if relief is None or self.turns is None:
+        if relief is None or self.relief_rotations is None:
             return out
         own = np.flatnonzero(np.isin(pairs.other[near.k], relief.rows))
         frames, k = near.frames[own], near.k[own]
-        rows, now = pairs.other[k], pair_gaps(self.starts, self.ends, self.radii, pairs, frames, k)
-        outward = np.einsum("nba,nb->na", self.turns[frames, np.searchsorted(relief.rows, rows)], now.normals)
+        rows, now = pairs.other[k], pair_clearances(self.starts, self.ends, self.radii, pairs, frames, k)
+        outward = np.einsum(
+            "nba,nb->na", self.relief_rotations[frames, np.searchsorted(relief.rows, rows)], now.normals
+        )
         radius = body.radii[rows, 0] + now.other_at * (body.radii[rows, 1] - body.radii[rows, 0])
         along = now.other_at[:, None] * (body.ends - body.starts)[rows]
-        places = body.starts[rows] + along + radius[:, None] * outward
-        out[own] = relief.heights(rows, places, outward) * (self.radii[0, 0] / body.radii[0, 0])
+        points = body.starts[rows] + along + radius[:, None] * outward
+        out[own] = relief.heights(rows, points, outward) * (self.radii[0, 0] / body.radii[0, 0])
         return out
 
     def with_arms(self, elbows: FloatArray, wrists: FloatArray) -> PosedBody:
@@ -66,7 +69,7 @@ class PosedBody:
         for n, (part, side) in enumerate(zip(self.body.parts, self.body.sides, strict=True)):
             if not side or part in _LEG:
                 continue
-            arm = _SIDES.index(side)
+            arm = SIDES.index(side)
             if part == "sleeve":
                 ends[:, n] = elbows[:, arm]
             elif part == "cuff":
@@ -86,5 +89,7 @@ def posed_body(clip: Clip, body: BodyCapsules) -> PosedBody:
     joints = info.arm_joints
     shoulders, elbows, wrists = (metres * positions[:, [joints[k], joints[3 + k]]] for k in range(3))
     lengths = np.linalg.norm(elbows[0] - shoulders[0], axis=-1) + np.linalg.norm(wrists[0] - elbows[0], axis=-1)
-    turns = None if body.relief is None else rotations[:, body.joints[body.relief.rows]]
-    return PosedBody(body, metres * starts, metres * ends, metres * body.radii, shoulders, wrists, lengths, turns)
+    relief_rotations = None if body.relief is None else rotations[:, body.joints[body.relief.rows]]
+    return PosedBody(
+        body, metres * starts, metres * ends, metres * body.radii, shoulders, wrists, lengths, relief_rotations
+    )

@@ -57,24 +57,24 @@ class Relief:
     def _tree(self) -> cKDTree:
         return cKDTree(self.points)
 
-    def heights(self, rows: Index, places: FloatArray, directions: FloatArray) -> FloatArray:
-        """Heights (N,) of the skin above capsules ``rows`` (N,) at places (N, 3) on them with outward directions
+    def heights(self, rows: Index, points: FloatArray, directions: FloatArray) -> FloatArray:
+        """Heights (N,) of the skin above capsules ``rows`` (N,) at points (N, 3) on them with outward directions
         (N, 3), in the axes of their joints and from them, m; 0 for capsules that are not under the surface.
         """
         out = np.zeros(len(rows))
         own = np.flatnonzero(np.isin(rows, self.rows))
         for start in range(0, len(own), _CHUNK):
             part = own[start : start + _CHUNK]
-            places_at_rest = places[part] + self.origins[rows[part]]
-            shown = self._shown(rows[part], places_at_rest)
-            out[part] = shown * self._above(places_at_rest, directions[part])
+            rest_points = points[part] + self.origins[rows[part]]
+            visible = self._visible(rows[part], rest_points)
+            out[part] = visible * self._above(rest_points, directions[part])
         return out
 
-    def _above(self, places: FloatArray, directions: FloatArray) -> FloatArray:
-        apart, near = self._tree.query(places, _NEAREST, distance_upper_bound=_FARTHEST_M)
+    def _above(self, points: FloatArray, directions: FloatArray) -> FloatArray:
+        apart, near = self._tree.query(points, _NEAREST, distance_upper_bound=_FARTHEST_M)
         met = np.isfinite(apart)
         near = np.where(met, near, 0)
-        away = self.points[near] - places[:, None]
+        away = self.points[near] - points[:, None]
         height = np.einsum("nkx,nx->nk", away, directions)
         beside = np.maximum(np.einsum("nkx,nkx->nk", away, away) - height**2, 0.0) / _AROUND_M**2
         faces = met & (np.einsum("nkx,nx->nk", self.normals[near], directions) > _FACING)
@@ -82,10 +82,10 @@ class Relief:
         total = weight.sum(axis=1)
         return np.asarray((weight * height).sum(axis=1) / np.where(total > 0.0, total, 1.0))
 
-    def _shown(self, rows: Index, places: FloatArray) -> FloatArray:
+    def _visible(self, rows: Index, points: FloatArray) -> FloatArray:
         """How much of each place is skin (N,): 1 on the outside of all capsules, 0 within another."""
         axis = self.ends - self.starts
-        since = places[:, None] - self.starts
+        since = points[:, None] - self.starts
         t = np.einsum("nkx,kx->nk", since, axis) / (np.einsum("kx,kx->k", axis, axis) + 1e-12)
         t = np.clip(t, 0.0, 1.0)
         away = np.linalg.norm(since - t[..., None] * axis, axis=-1)

@@ -13,16 +13,17 @@ import numpy as np
 
 from signsplice.body import arm_ik, swivel
 from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules
+from signsplice.body.clearance import Near, forearm_pairs, near_pairs, pair_clearances
 from signsplice.body.contacts import PART_M, Contact, find_contacts
 from signsplice.body.fit import SIGNS, Fit
 from signsplice.body.posed import PosedBody, posed_body
 from signsplice.body.thumb_contacts import keep_thumb_contacts
-from signsplice.body.touch import Near, forearm_pairs, near_pairs, pair_gaps
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.align import Reference, copy_rotations, is_same_skeleton, settle
 from signsplice.rig.arms import active_span, arms
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 from signsplice.rig.placement import placement
 
 ALIKE = 0.005
@@ -70,7 +71,9 @@ def retarget(clip: Clip, onto: Clip | Skeleton) -> Retargeted:
 
 
 def align(clip: Clip, to: Reference, speed: float = 1.0) -> Retargeted:
-    """As ``rig.align.align``, with places and contacts kept where the bodies differ; else the same bit for bit."""
+    """``clip`` on the skeleton, frame rate, position and facing of a reference, played ``speed`` times as fast, with
+    places and contacts kept where the bodies differ. Raises as ``rig.align.copy_rotations`` does.
+    """
     fitted = _fitted(clip, to)
     return Retargeted(settle(fitted.clip, to, speed), fitted.warnings, fitted.contacts)
 
@@ -89,9 +92,9 @@ def fit_body(source: Clip, source_body: BodyCapsules, carried: Clip, body: BodyC
         moved, turned, after = _solved(fit, carried[part], metres)
         beyond = np.maximum(beyond, fit.out_of_reach)
         contacts += _contacts(fit, after, start)
-        share = _fade_in(len(moved), start > 0)
-        moves[part] += share[:, None, None] * (moved - moves[part])
-        swivels[part] += share[:, None] * (turned - swivels[part])
+        weight = _fade_in(len(moved), start > 0)
+        moves[part] += weight[:, None, None] * (moved - moves[part])
+        swivels[part] += weight[:, None] * (turned - swivels[part])
     out = arm_ik.move_wrists(carried, moves / metres, swivels)
     return Retargeted(out, _reach_warnings(beyond, source.name), tuple(contacts))
 
@@ -101,7 +104,7 @@ def _solved(fit: Fit, carried: Clip, metres: float) -> tuple[FloatArray, FloatAr
     moves = fit.moves()
     shoulders, elbows, wrists = _moved_arms(carried, moves, metres)
     swivels = _swivels(fit, shoulders, elbows, wrists)
-    moves = fit.again(fit.carried.with_arms(arm_ik.swivelled(shoulders, elbows, wrists, swivels), wrists))
+    moves = fit.refine(fit.carried.with_arms(arm_ik.swivelled(shoulders, elbows, wrists, swivels), wrists))
     shoulders, elbows, wrists = _moved_arms(carried, moves, metres)
     return moves, swivels, fit.carried.with_arms(arm_ik.swivelled(shoulders, elbows, wrists, swivels), wrists)
 
@@ -112,11 +115,11 @@ def _moved_arms(carried: Clip, moves: FloatArray, metres: float) -> tuple[FloatA
 
 
 def _fade_in(n_frames: int, is_later: bool) -> FloatArray:
-    """The share (T,) of a window in what it gives together with the one before."""
-    share = np.ones(n_frames)
+    """The weight (T,) of a window in what it gives together with the one before."""
+    weight = np.ones(n_frames)
     if is_later:
-        share[:_OVERLAP] = np.linspace(0.0, 1.0, _OVERLAP + 2)[1 : 1 + min(_OVERLAP, n_frames)]
-    return share
+        weight[:_OVERLAP] = np.linspace(0.0, 1.0, _OVERLAP + 2)[1 : 1 + min(_OVERLAP, n_frames)]
+    return weight
 
 
 def _fitted(clip: Clip, to: Reference) -> Retargeted:
@@ -167,22 +170,22 @@ def _swivels(fit: Fit, shoulders: FloatArray, elbows: FloatArray, wrists: FloatA
     shoulders, elbows, wrists: (T, 2, 3) m.
     """
     source, target = fit.source, fit.carried
-    theirs, ours = (forearm_pairs(body, fit.shared) for body in (source.body, target.body))
+    source_pairs, target_pairs = (forearm_pairs(body, fit.shared) for body in (source.body, target.body))
     n, out = len(wrists), np.zeros((len(wrists), 2))
     for side in (0, 1):
-        (columns,) = np.nonzero(ours.own_side == side)
+        (columns,) = np.nonzero(target_pairs.own_side == side)
         if not len(columns):
             continue
-        own = ours.own[columns[0]]
+        own = target_pairs.own[columns[0]]
         starts, ends = target.starts.copy(), target.ends.copy()
         starts[:, own], ends[:, own] = elbows[:, side], wrists[:, side]
-        _, k = near_pairs(starts, ends, target.radii, ours, _FOREARM_MARGIN_M)
+        _, k = near_pairs(starts, ends, target.radii, target_pairs, _FOREARM_MARGIN_M)
         solids = np.intersect1d(k, columns)
         if not len(solids):
             continue
         frames, k = np.repeat(np.arange(n), len(solids)), np.tile(solids, n)
-        then = pair_gaps(source.starts, source.ends, source.radii, theirs, frames, k).distance
-        rows = ours.other[solids]
+        then = pair_clearances(source.starts, source.ends, source.radii, source_pairs, frames, k).distance
+        rows = target_pairs.other[solids]
         solid = swivel.Solid(target.starts[:, rows], target.ends[:, rows], target.radii[rows])
         arm = swivel.BentArm(shoulders[:, side], elbows[:, side], wrists[:, side], target.radii[own])
         out[:, side] = swivel.choose(arm, solid, np.maximum(-then.reshape(n, -1), 0.0), fit.fps)
@@ -193,19 +196,19 @@ def _reach_warnings(beyond: FloatArray, name: str) -> tuple[str, ...]:
     """A line for each hand whose places lie beyond its arm's reach."""
     return tuple(
         f"{name}: places of the {hand} hand lie up to {100.0 * most:.0f} cm beyond the reach of this body's arm"
-        for hand, most in zip(("left", "right"), beyond.tolist(), strict=True)
+        for hand, most in zip(SIDES, beyond.tolist(), strict=True)
         if most > BEYOND_M
     )
 
 
 def _contacts(fit: Fit, posed: PosedBody, start: int) -> list[Contact]:
     """The contacts of a window of the source while it signs, from frame ``start`` on, and what became of them."""
-    (theirs, ours), near = fit.pairs, fit.near
-    shown = (near.distance < PART_M) & (fit.active[near.frames, theirs.own_side[near.k]] > SIGNS)
+    (source_pairs, target_pairs), near = fit.pairs, fit.near
+    shown = (near.distance < PART_M) & (fit.active[near.frames, source_pairs.own_side[near.k]] > SIGNS)
     near = Near(near.frames[shown], near.k[shown], near.distance[shown])
-    after = pair_gaps(posed.starts, posed.ends, posed.radii, ours, near.frames, near.k).distance
-    after -= posed.heights(ours, near)
-    found = find_contacts(fit.source.body, theirs, near, after, fit.n_frames)
+    after = pair_clearances(posed.starts, posed.ends, posed.radii, target_pairs, near.frames, near.k).distance
+    after -= posed.heights(target_pairs, near)
+    found = find_contacts(fit.source.body, source_pairs, near, after, fit.n_frames)
     first = _OVERLAP if start else 0  # those before were found in the window before
     return [
         replace(one, frames=(one.frames[0] + start, one.frames[1] + start)) for one in found if one.frames[0] >= first

@@ -27,11 +27,11 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Skeleton
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS
 
 _TRUNK = ("hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder")
 _HEAD = ("head", "jaw", "leftEye", "rightEye")
-_SIDES = ("left", "right")
 _ARM = ("sleeve", "cuff")
 """Parts whose capsules lie along their bones, from joint to joint, as the fit of clips has them."""
 _BINS = 6
@@ -88,7 +88,7 @@ class _Fitting:
         self.points = replace(points, positions=points.positions @ self._turn.T)
         self.hand_up = {
             side: self._turn @ rotation.rotate(rotation.inverse(info.t_pose.rotations[self.roles[f"{side}Hand"]]), up)
-            for side in _SIDES
+            for side in SIDES
             for up in [np.array([0.0, 1.0, 0.0])]
             if f"{side}Hand" in self.roles
         }
@@ -124,14 +124,14 @@ class _Fitting:
         for what, parts in (("arms", ("sleeve", "cuff")), ("legs", ("leg",)), ("neck", ("neck",))):
             rows = [n for n, part in enumerate(self.usual.parts) if part in parts]
             self._scale_others(what, rows, [n for n in rows if self._sleeve(n, halves=True)])
-        for side in _SIDES:
+        for side in SIDES:
             shoulder, arm = self.row.get(f"{side}Shoulder"), self.row.get(f"{side}UpperArm")
             if shoulder is not None and arm is not None:
                 self.radii[shoulder] *= self.radii[arm, 0] / self.usual.radii[arm, 0]
 
     def hands(self) -> None:
         """Palms and phalanges; those with too few vertices get the median factor of the others."""
-        for side in _SIDES:
+        for side in SIDES:
             rows = [n for n, s in enumerate(self.usual.sides) if s == side]
             palms = [n for n in rows if self.usual.parts[n] == "palm"]
             fingers = [n for n in rows if n not in palms and self.usual.keys[n].startswith(side + self._finger(n))]

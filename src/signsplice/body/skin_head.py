@@ -92,9 +92,9 @@ def _place_nose(
 ) -> None:
     """Put the nose's capsule below the foremost point of the middle of the face."""
     chin, top, wide = sizes
-    share = (front[:, 1] - chin) / (top - chin)
+    height_fraction = (front[:, 1] - chin) / (top - chin)
     beside, low, high, near = _NOSE
-    middle = front[(np.abs(front[:, 0]) < beside * wide) & (share > low) & (share < high)]
+    middle = front[(np.abs(front[:, 0]) < beside * wide) & (height_fraction > low) & (height_fraction < high)]
     row = _BALLS["nose"]
     if not len(middle):
         return

@@ -64,9 +64,9 @@ class SkinPoints:
         return np.concatenate(points), np.concatenate(normals)
 
 
-def quantile(values: FloatArray, share: float) -> float:
-    """The value (one of them) below which a share of values (N,) lies."""
-    return float(np.sort(values)[int(share * (len(values) - 1) + 0.5)])
+def quantile(values: FloatArray, fraction: float) -> float:
+    """The value (one of them) below which a fraction of values (N,) lies."""
+    return float(np.sort(values)[int(fraction * (len(values) - 1) + 0.5)])
 
 
 def window(points: FloatArray, at: tuple[float, float], half: float) -> FloatArray | None:

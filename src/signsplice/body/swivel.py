@@ -1,6 +1,6 @@
 """Where elbows go: turned about the line from shoulder to wrist, so that forearms keep out of the trunk.
 
-For each arm the turns of all frames are chosen together (Viterbi 1967): as little depth beyond the source's as
+For each arm the swivels of all frames are chosen together (Viterbi 1967): as little depth beyond the source's as
 possible, as little turning, and smoothly.
 """
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.touch import gaps
+from signsplice.body.clearance import clearances
 from signsplice.motion.arrays import FloatArray
 
 _GRID = np.deg2rad(np.arange(-60.0, 61.0, 15.0))
@@ -20,7 +20,7 @@ _TURN, _TURN_WEIGHT = float(np.deg2rad(30.0)), 0.15
 _CHANGE_WEIGHT = 0.5
 """Cost of a change by one step of the grid from frame to frame, likewise."""
 _WIDTH_S, _LEAST_WIDTH = 0.06, 0.5
-"""Width of the bell that smooths the chosen turns, and how many frames it is at least."""
+"""Width of the bell that smooths the chosen swivels, and how many frames it is at least."""
 _DEEP, _AROUND_S = 1e-4, 0.3
 """Squared depth from which on an elbow turns, cm^2, and the time before and after in which it may."""
 
@@ -52,9 +52,9 @@ def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float) -> Float
     """Turns (T,) of the elbow, radians, that keep the forearm from lying deeper in a solid than ``allowed`` (T, S)."""
     cost = _depth_cost(arm.elbow[None], arm, solid, allowed, slice(None))[0]
     rows = np.flatnonzero(cost > _DEEP)
-    turns = np.zeros(len(arm.wrist))
+    swivels = np.zeros(len(arm.wrist))
     if not len(rows):
-        return turns
+        return swivels
     reach = int(np.ceil(_AROUND_S * fps))
     span = slice(max(rows[0] - reach, 0), rows[-1] + reach + 1)
     s, e, w = arm.shoulder[span], arm.elbow[span], arm.wrist[span]
@@ -70,8 +70,8 @@ def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float) -> Float
     side = int(np.ceil(3.0 * width))
     bell = np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2)
     padded = np.pad(chosen, side, mode="edge")
-    turns[span] = np.convolve(padded, bell / bell.sum(), mode="valid")
-    return turns
+    swivels[span] = np.convolve(padded, bell / bell.sum(), mode="valid")
+    return swivels
 
 
 def _depth_cost(elbow: FloatArray, arm: BentArm, solid: Solid, allowed: FloatArray, span: slice) -> FloatArray:
@@ -83,7 +83,7 @@ def _depth_cost(elbow: FloatArray, arm: BentArm, solid: Solid, allowed: FloatArr
     p, u = (np.broadcast_to(x[:, :, None], (*shape, 3)).reshape(-1, 3) for x in (elbow, arm.wrist[span] - elbow))
     q, v = (np.broadcast_to(x, (*shape, 3)).reshape(-1, 3) for x in (starts, ends - starts))
     own, other = (np.broadcast_to(x, (*shape, 2)).reshape(-1, 2) for x in (arm.radii, solid.radii))
-    depth = np.maximum(-gaps(p, u, q, v, own, other).distance.reshape(shape) - allowed, 0.0)
+    depth = np.maximum(-clearances(p - q, u, v, own, other).distance.reshape(shape) - allowed, 0.0)
     return np.asarray((1e4 * depth * depth).sum(axis=-1))
 
 

@@ -4,10 +4,10 @@ A handshape lives from where the thumb touches (F, O and S are told apart by it)
 fingers that are longer or shorter than the source's. So thumb and finger turn a little at their first joints: a damped
 least-squares problem (Gauss-Newton, Wampler 1986) of a few unknowns, for each hand and frame,
 
-    E(x) = sum w |(p - q)(x) - n (r + gap)|^2 + mu |x|^2 + sum c (x_f - x_g)^2
+    E(x) = sum w |(p - q)(x) - n (r + d)|^2 + mu |x|^2 + sum c (x_f - x_g)^2
 
-over pairs of a thumb's and a finger's or the palm's capsules, with nearest points p, q, direction n and gap as at the
-source, and w that falls with the gap. The last sum holds neighbouring fingers f, g together that lie together.
+over pairs of a thumb's and a finger's or the palm's capsules, with nearest points p, q, direction n and clearance d as
+at the source, and w that falls with d. The last sum holds neighbouring fingers f, g together that lie together.
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules
+from signsplice.body.clearance import Clearances, clearances
 from signsplice.body.posed import PosedBody, posed_body
-from signsplice.body.smoothing import spread_in_time
-from signsplice.body.touch import Gaps, gaps
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
+from signsplice.motion.curves import spread_in_time
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS
 
 Index = NDArray[np.intp]
@@ -34,7 +35,7 @@ ALIKE = 0.03
 MOST_RADIANS = float(np.deg2rad(15.0))
 """The most that a first joint is turned."""
 _NEAR_M, _FADE_M = 0.012, 0.004
-"""Gap at the source up to which a pair counts, and the one over which its weight falls, m."""
+"""Clearance at the source up to which a pair counts, and the one over which its weight falls, m."""
 _DAMPING = 2e-4
 """mu, m^2: a fingertip is 6 to 8 cm from its first joint, so that a touch outweighs it twenty times."""
 _TOGETHER, _APART_RADIANS = 2e-3, float(np.deg2rad(15.0))
@@ -52,7 +53,7 @@ def keep_thumb_contacts(source: Clip, source_body: BodyCapsules, carried: Clip, 
     """``carried``, the rotations of ``source`` on another skeleton, with thumbs and fingers turned at their first
     joints so that thumbs touch what they touched; the same clip where hands have the same proportions.
     """
-    hands = [hand for side in ("left", "right") if (hand := _hand(side, source_body, body, carried))]
+    hands = [hand for side in SIDES if (hand := _hand(side, source_body, body, carried))]
     if not hands:
         return carried
     then, now = posed_body(source, source_body), posed_body(carried, body)
@@ -117,7 +118,7 @@ def _turn(
 ) -> None:
     """Turn the first joints of a hand in the local rotations (T, J, 4) of a clip."""
     n_frames, n_pairs = len(local), len(hand.fingers)
-    then = _gaps(source, hand.source)
+    then = _clearances(source, hand.source)
     fade = np.exp(-np.maximum(then.distance, 0.0) / _FADE_M) - np.exp(-_NEAR_M / _FADE_M)
     weight = np.maximum(fade, 0.0).reshape(n_frames, n_pairs)
     frames, pairs = np.flatnonzero(weight.any(axis=1)), np.flatnonzero(weight.any(axis=0))
@@ -127,23 +128,23 @@ def _turn(
     parts = zip(hand.target, (then.own_at, then.other_at), strict=True)
     points = [_points(carried, frames, rows[pairs], at.reshape(weight.shape)[of]) for rows, at in parts]
     (p, thick), (q, other_thick) = points
-    gap, normals = then.distance.reshape(weight.shape)[of], then.normals.reshape(*weight.shape, 3)[of]
-    wanted = normals * (gap + thick + other_thick)[..., None]
+    clearance, normals = then.distance.reshape(weight.shape)[of], then.normals.reshape(*weight.shape, 3)[of]
+    wanted = normals * (clearance + thick + other_thick)[..., None]
     info = rig_info(clip.skeleton)
     axes = np.stack([
         rotations[frames, joint] @ rotation.rotate(rotation.inverse(info.t_pose.rotations[joint]), _FLEXION)
         for joint in hand.firsts[1:]
     ], axis=1)  # fmt: skip
     pivots = carried.starts[frames][:, hand.pivots]
-    turns = np.zeros((n_frames, len(hand.firsts), 3))
+    rotvecs = np.zeros((n_frames, len(hand.firsts), 3))
     coupled = _coupling(source.ends[frames][:, hand.neighbours] - source.starts[frames][:, hand.neighbours])
-    turns[frames] = _solve(p, q, wanted, weight[of], hand.fingers[pairs], pivots, axes, coupled)
+    rotvecs[frames] = _solve(p, q, wanted, weight[of], hand.fingers[pairs], pivots, axes, coupled)
     width = _WIDTH_S * clip.fps
     side = int(np.ceil(3.0 * width))
-    turns = spread_in_time(turns, np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2))
+    rotvecs = spread_in_time(rotvecs, np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2))
     for n, joint in enumerate(hand.firsts):
         above = rotation.from_matrix(rotations[:, clip.skeleton.parents[joint]])
-        own = rotation.multiply(rotation.multiply(rotation.inverse(above), rotation.exp(turns[:, n])), above)
+        own = rotation.multiply(rotation.multiply(rotation.inverse(above), rotation.exp(rotvecs[:, n])), above)
         local[:, joint] = rotation.multiply(own, local[:, joint])
 
 
@@ -200,7 +201,7 @@ def _solve(
     return np.concatenate([x[:, None, :3], x[:, 3:, None] * axes], axis=1)
 
 
-def _gaps(posed: PosedBody, rows: tuple[Index, Index]) -> Gaps:
+def _clearances(posed: PosedBody, rows: tuple[Index, Index]) -> Clearances:
     """Skin distances of all pairs at all frames, frame by frame (T K)."""
     p, u, q, v = (
         part.reshape(-1, 3)
@@ -208,7 +209,7 @@ def _gaps(posed: PosedBody, rows: tuple[Index, Index]) -> Gaps:
         for part in (posed.starts[:, row], posed.ends[:, row] - posed.starts[:, row])
     )
     own, other = (np.tile(posed.radii[row], (len(posed.starts), 1)) for row in rows)
-    return gaps(p, u, q, v, own, other)
+    return clearances(p - q, u, v, own, other)
 
 
 def _points(posed: PosedBody, frames: Index, rows: Index, at: FloatArray) -> tuple[FloatArray, FloatArray]:

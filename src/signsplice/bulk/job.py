@@ -25,7 +25,8 @@ JOB, RECIPES, SUMMARY, INDEX, UNFINISHED = "job.json", "recipes.parquet", "summa
 """Names in a folder of shards; ``UNFINISHED`` is there while a run is, or was when it was ended."""
 _NEW_RECIPES = ".new-recipes.parquet"
 """The recipes until the job is written: a file of that name is nobody else's."""
-FRAMES, RECIPES_ONLY = STORES = ("frames", "recipes")
+FRAMES = "frames"
+STORES = (FRAMES, "recipes")
 FORMATS = ("npz", "bvh", "glb")
 VERSION = 1
 _LIBRARIES = ("numpy", "scipy", "onnxruntime")

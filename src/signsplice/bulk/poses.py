@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, tip_positions
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS, finger_roles
 from signsplice.splicing.result import Span
 
 Float32 = NDArray[np.float32]
 
-UPPER_POSE = ("head", "neck", *(side + part for side in ("left", "right") for part in ("UpperArm", "LowerArm", "Hand")))
+UPPER_POSE = ("head", "neck", *(side + part for side in SIDES for part in ("UpperArm", "LowerArm", "Hand")))
 """Joints of ``upper_pose``, in order: the arms' are shoulder, elbow and wrist."""
 
 
@@ -39,7 +40,7 @@ def poses(clip: Clip) -> dict[str, Float32]:
         return positions[:, next((joints[role] for role in roles if role in joints), 0)]
 
     found = {"upper_pose": [place(role, "head", "neck") for role in UPPER_POSE]}
-    for side in ("left", "right"):
+    for side in SIDES:
         points = [place(f"{side}Hand")]
         for finger in FINGERS:
             line = [f"{side}Hand"]

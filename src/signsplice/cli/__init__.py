@@ -5,16 +5,26 @@ without a traceback.
 """
 
 import sys
+from collections.abc import Callable
 
 
 def main() -> None:
     """Run the command line and exit with its status."""
-    try:
-        from signsplice.cli.commands import run  # here, since an interrupt may come while this is imported
+    exit_after(_run)
 
+
+def exit_after(run: Callable[[], tuple[str, int]]) -> None:
+    """Exit with the status that a command line returns, after printing its error message if there is one."""
+    try:
         message, status = run()
     except KeyboardInterrupt:
         message, status = "interrupted; no file was left half-written", 130
     if message:
         print("error: " + " ".join(message.splitlines()), file=sys.stderr)
     sys.exit(status)
+
+
+def _run() -> tuple[str, int]:
+    from signsplice.cli.commands import app, run  # here, since an interrupt may come while this is imported
+
+    return run(app)

@@ -7,9 +7,9 @@ import sys
 
 import click
 
-from signsplice.cli import bulk, evaluation, files, lexicon, service, showing, splicing, synth, train
+from signsplice.cli import bulk, evaluation, files, lexicon, moved, service, showing, splicing, synth, train
+from signsplice.cli.terminal import with_option_names
 from signsplice.errors import InputError, SignspliceError
-from signsplice_paper.cli import pairs, paper
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -18,15 +18,15 @@ def app() -> None:
     """Splice mocap clips of sign-language words into one fluent animation."""
 
 
-for _room in (splicing, evaluation, files, lexicon, synth, pairs, bulk, paper, train, service, showing):
+for _room in (splicing, evaluation, files, lexicon, synth, bulk, train, service, showing, moved):
     for _command in _room.COMMANDS:
         app.add_command(_command)
 
 
-def run() -> tuple[str, int]:
+def run(commands: click.Group) -> tuple[str, int]:
     """Run the command of this process: its error message, empty where there is none, and its exit status."""
     try:
-        app.main(standalone_mode=False)
+        commands.main(standalone_mode=False)
     except click.exceptions.Exit as stop:
         return "", stop.exit_code
     except click.Abort:
@@ -37,9 +37,9 @@ def run() -> tuple[str, int]:
     except click.ClickException as error:
         return " ".join(error.format_message().split()), 2
     except InputError as error:
-        return str(error), 2
+        return with_option_names(str(error)), 2
     except SignspliceError as error:
-        return str(error), 1
+        return with_option_names(str(error)), 1
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return "", 1

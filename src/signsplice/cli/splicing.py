@@ -21,7 +21,7 @@ from signsplice.errors import InputError
 
 if TYPE_CHECKING:
     from signsplice.splicing.engine import SpliceOptions, SpliceResult
-    from signsplice_paper.systems.clips import ClipSplicer
+    from signsplice.splicing.whole_system import WholeSystem
 
 _SETTINGS = former_names({"body-sense": "avoid-collisions", "no-body-sense": "no-avoid-collisions"})
 
@@ -174,27 +174,28 @@ def _networks(
 
 
 def _method(name: str | None) -> Any:
-    """A method's name, or the paper's trained system in the folder of that name."""
+    """A method's name, or the trained system in the folder of that name."""
     if name is None or not (Path(name) / "bundle.json").is_file():
         return name
     return _opened(name)
 
 
-def _opened(folder: str) -> ClipSplicer:
-    """The paper's trained system in a folder. Raises ``InputError``, which names those in its folders, for another."""
+def _opened(folder: str) -> WholeSystem:
+    """The trained system in a folder. Raises ``InputError``, which names those in its folders, for another."""
+    from signsplice.splicing.installed_systems import open_system
     from signsplice.splicing.methods.learned import SYSTEM
     from signsplice.splicing.networks.bundle import BUNDLE_FILE, read_config
 
     if not (Path(folder) / BUNDLE_FILE).is_file():
         within = sorted(path.parent.name for path in Path(folder).glob(f"*/{BUNDLE_FILE}"))
-        made = f"name one of those in it: {', '.join(within)}" if within else "`signsplice train paper` makes one"
+        made = (
+            f"name one of those in it: {', '.join(within)}" if within else "`signsplice-paper train-system` makes one"
+        )
         raise InputError(f"{folder}: is no trained system; {made}")
 
     if read_config(Path(folder)).system == SYSTEM:
         raise InputError(f"{folder}: is a bundle of this project; give it as --bundle {quote(folder)}")
-    from signsplice_paper.systems.clips import open_clip_splicer
-
-    return open_clip_splicer(folder)
+    return open_system(folder)
 
 
 def deliver(

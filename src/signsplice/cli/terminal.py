@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -36,3 +37,13 @@ def progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def with_option_names(message: str) -> str:
+    """A message of the library with the command line's options in place of the fields of ``SpliceOptions``."""
+
+    def option(field: re.Match[str]) -> str:
+        name = {"duration": "transition_time"}.get(field[1], field[1])
+        return "--" + name.replace("_", "-")
+
+    return re.sub(r"SpliceOptions\.(\w+)", option, message)

@@ -1,18 +1,16 @@
-"""The commands `train paper`, `train cutter`, `train transition`, `train traits` and `export`."""
+"""The commands `train cutter`, `train transition` and `export`."""
 
 from __future__ import annotations
 
 import importlib.util
 import sys
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from signsplice.cli.clips import load, reads_clips
-from signsplice.cli.terminal import warn
+from signsplice.cli.moved import TRAIN_PAPER
 from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -26,79 +24,7 @@ def train() -> None:
     """Train networks; needs the extra `train`."""
 
 
-@train.command()
-@click.option("--pairs", required=True, metavar="DIR", help="Corpus of pairs, of `pairs build` or `synth pairs`.")
-@click.option("--system", required=True, metavar="NAME|all", help="lpt, lpt-wa, ..., or all: a folder in --out each.")
-@click.option("--scale", type=click.Choice(("smoke", "cpu", "paper")), default="cpu", show_default=True,
-              help="How large the networks are and how long they are trained.")  # fmt: skip
-@click.option("--optimiser", type=click.Choice(("adamw", "sgd")), default="adamw", show_default=True,
-              help="sgd: as in the paper, rate 1e-3.")  # fmt: skip
-@click.option("--split", type=click.Choice(("random", "unseen-words", "unseen-signer")), default="random",
-              show_default=True, help="Which pairs are trained on.")  # fmt: skip
-@click.option("--out", required=True, metavar="DIR", help="Folder for the bundle.")
-@click.option(
-    "--parts", metavar="DIR", help="Checkpoints, shared by systems of the same parts.  [default: beside --out]"
-)
-@click.option("--steps", type=int, metavar="N", help="Steps of every part, in place of the scale's.")
-@click.option("--fr", type=int, metavar="N", help="Frames that Culling keeps on each side.  [default: 8]")
-@click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of weights, batches and noise.")
-@click.option("--device", default="auto", show_default=True, metavar="NAME", help="auto, cpu or cuda.")
-@click.option("--bf16/--no-bf16", default=None, help="Half precision; by default on GPUs alone.")
-@click.option("--minutes", type=float, metavar="M", help="Stop after M minutes; the same command continues.")
-def paper(
-    pairs: str,
-    system: str,
-    scale: str,
-    optimiser: str,
-    split: str,
-    out: str,
-    parts: str | None,
-    steps: int | None,
-    fr: int | None,
-    seed: int,
-    device: str,
-    bf16: bool | None,
-    minutes: float | None,
-) -> None:
-    """Train a system of the paper and export it. The same command continues after an interruption.
-
-    Several processes can divide the work: torchrun --nproc-per-node 2 -m signsplice train paper ...
-    """
-    check_extra()
-    from signsplice.synth.corpus import Pairs
-    from signsplice.train import processes
-    from signsplice.train.ending import DeadlineError
-    from signsplice_paper.train import scales, training
-
-    systems = list(scales.SYSTEMS) if system == "all" else [system]
-    with processes.joined(device) as process:
-        deadline = deadline_in(minutes)
-        corpus = Pairs(pairs)
-        if system == "all" and fr is not None:
-            raise InputError(f"--fr {fr} with --system all; name one system with a Culling layer")
-        for name in systems:
-            scales.parts(name, scale, fr, steps, optimiser, split)
-        for name in systems:
-            folder = Path(out) / name if system == "all" else Path(out)
-            shared = Path(parts) if parts is not None else Path(out).parent / "parts"
-            config = training.Training(name, scale, optimiser, split, seed, fr, steps, bf16, deadline=deadline)
-            try:
-                training.make(config, corpus, folder, shared, process, progress_printer if process.first else None)
-            except DeadlineError as error:
-                if process.first:
-                    warn([f"{folder}: {error}"])
-                return
-            if process.first:
-                print(f"{folder}: {name}, scale {scale}, {optimiser}, {split}")
-
-
-def deadline_in(minutes: float | None) -> float | None:
-    """The value of ``time.monotonic`` in so many minutes. Raises ``InputError`` for a negative number."""
-    if minutes is None:
-        return None
-    if not minutes >= 0.0:
-        raise InputError(f"--minutes {minutes:g}, expected at least 0")
-    return time.monotonic() + 60.0 * minutes
+train.add_command(TRAIN_PAPER)
 
 
 def _product_options(command: Command) -> Command:
@@ -212,49 +138,6 @@ def transition(
     print(f"{out}: written" if result.better else f"{out}: not written, because the tuned network is no better")
 
 
-@train.command()
-@click.argument("clip", metavar="CLIP")
-@click.option("--frames", required=True, metavar="A:B", help="Frames A..B-1 of the clip are used, no others.")
-@click.option(
-    "-o", "--output", required=True, metavar="OUT.json", help="File of the results; the table goes to OUT.md."
-)
-@click.option("--same-as", metavar="FILE.json", help="Measure the networks of these results, for a last look.")
-@click.option("--work", default="out/traits", show_default=True, metavar="DIR", help="Folder for signing and networks.")
-@click.option("--scale", type=click.Choice(("smoke", "small")), default="small", show_default=True,
-              help="How much signing, how large the networks are and how long they are trained.")  # fmt: skip
-@click.option("--processes", type=int, default=2, show_default=True, metavar="N", help="Networks trained at once.")
-@reads_clips
-def traits(clip: str, frames: str, output: str, same_as: str | None, work: str, scale: str, processes: int) -> None:
-    """Train small transition networks on signing with each trait of the signer's manner alone, and measure them on
-    frames hidden from a captured clip. The same command continues after an interruption.
-    """
-    check_extra()
-    if processes < 1:
-        raise InputError(f"--processes {processes}, expected at least 1")
-    if Path(output).suffix != ".json":
-        raise InputError(f"-o {output}, expected a name that ends in .json")
-    from signsplice.motion.clip import resample
-    from signsplice.rig.canonical import FEATURE_FPS
-    from signsplice.train import trait_ablation
-
-    loaded = load(clip)
-    first, end = _frames(frames, len(loaded))
-    seen = resample(loaded[first:end], FEATURE_FPS)
-    ablation = trait_ablation.Ablation(Path(clip).name, seen, (first, end), Path(work), scale)
-    earlier = None if same_as is None else Path(same_as)
-    rows = trait_ablation.run(ablation, Path(output), processes, lambda line: print(line, file=sys.stderr), earlier)
-    trait_ablation.write_page(Path(output).with_suffix(".md"), ablation, rows)
-    print(f"{output}, {Path(output).with_suffix('.md')}: {len(rows)} networks")
-
-
-def _frames(text: str, n_frames: int) -> tuple[int, int]:
-    """The first frame and the end of A:B."""
-    first, colon, end = text.partition(":")
-    if not (colon and first.isdecimal() and end.isdecimal() and int(first) < int(end) <= n_frames):
-        raise InputError(f"--frames {text!r}, expected A:B with A < B <= {n_frames}, B not included")
-    return int(first), int(end)
-
-
 @click.command()
 @click.argument("bundle", metavar="BUNDLE")
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder for the bundle to write.")
@@ -268,26 +151,6 @@ def export(bundle: str, output: str, int8: bool) -> None:
 
     before, after = quantization.quantize_bundle(Path(bundle), Path(output))
     print(f"{output}: {before / 1e6:.1f} MB in {after / 1e6:.1f} MB")
-
-
-@click.command()
-@click.argument("bundles", nargs=-1, required=True, metavar="BUNDLE ...")
-@click.option("-o", "--output", required=True, metavar="DIR", help="Folder of the published bundles, and their page.")
-@click.option("--pairs", required=True, metavar="DIR", help="Corpus of pairs that they learned from.")
-@click.option("--limit", type=int, default=200, show_default=True, metavar="N",
-              help="Test pairs on which both forms are compared.")  # fmt: skip
-def publish(bundles: tuple[str, ...], output: str, pairs: str, limit: int) -> None:
-    """Write trained systems of the paper with 16-bit weights, each into a folder of its name, and a page that lists
-    them; needs the extra `train`. The page tells how far they choose as before.
-    """
-    if limit < 1:
-        raise InputError(f"--limit {limit}, expected at least 1")
-    check_extra()
-    from signsplice.synth.corpus import Pairs
-    from signsplice_paper.train import publishing
-
-    for line in publishing.publish([Path(name) for name in bundles], Path(output), Pairs(pairs), limit):
-        print(line)
 
 
 def check_extra() -> None:
@@ -314,4 +177,4 @@ def progress_printer(part: str) -> ProgressCallback:
     return report
 
 
-COMMANDS = (train, export, publish)
+COMMANDS = (train, export)

@@ -242,8 +242,8 @@ def _mean(values: NDArray[np.bool_]) -> float | None:
     return float(np.mean(values)) if len(values) else None
 
 
-def _quantile(values: FloatArray, share: float) -> float | None:
-    return float(np.quantile(values, share)) if len(values) else None
+def _quantile(values: FloatArray, fraction: float) -> float | None:
+    return float(np.quantile(values, fraction)) if len(values) else None
 
 
 _HEAD = (

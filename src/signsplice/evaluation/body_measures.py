@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules, BodyShape, shaped_capsules
+from signsplice.body.clearance import SkinPairs, forearm_pairs, near_pairs, pair_clearances, skin_pairs
 from signsplice.body.fit import NEAR_M
 from signsplice.body.posed import PosedBody, posed_body
 from signsplice.body.retarget import signing
-from signsplice.body.touch import SkinPairs, forearm_pairs, near_pairs, pair_gaps, skin_pairs
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -120,7 +121,7 @@ class SourceClip:
         signs = self._signs[frames, own] | ((other >= 0) & self._signs[frames, np.maximum(other, 0)])
         frames, k = frames[signs], k[signs]
         before, after = (
-            pair_gaps(b.starts, b.ends, b.radii, self._pairs, frames, k).distance for b in (self.posed, posed)
+            pair_clearances(b.starts, b.ends, b.radii, self._pairs, frames, k).distance for b in (self.posed, posed)
         )
         is_hand = np.array([part != "cuff" for part in self.body.parts])[self._pairs.own[k]]
         deeper = np.maximum(np.maximum(-after, 0.0) - np.maximum(-before, 0.0), 0.0)
@@ -159,11 +160,11 @@ class SourceClip:
 
     def _place_errors(self, posed: PosedBody) -> FloatArray:
         """Distance (P,), m, of each hand's anchor that is nearest to head or trunk from the same place there: the same
-        share along the capsule's axis, direction from it, and skin distance by the ratio of the hands.
+        fraction along the capsule's axis, direction from it, and skin distance by the ratio of the hands.
         """
         body, found = self.body, [np.empty(0)]
         solid = np.array([*body.groups.head, *body.groups.trunk], np.intp)
-        for side, name in enumerate(("left", "right")):
+        for side, name in enumerate(SIDES):
             rows = [
                 n for n, key in enumerate(body.keys) if key.removeprefix(name) in _ANCHORS and body.sides[n] == name
             ]
@@ -175,23 +176,23 @@ class SourceClip:
             t = np.clip(((a - start) * axis).sum(-1) / ((axis * axis).sum(-1) + 1e-12), 0.0, 1.0)[..., None]
             out = a - start - t * axis
             away = np.linalg.norm(out, axis=-1) + 1e-9
-            gap = away - _radius(self.posed, solid, t) - self.posed.radii[anchors, 1, None]
-            at = gap.reshape(len(gap), -1).argmin(axis=1)
-            near = np.flatnonzero((gap.reshape(len(gap), -1).min(axis=1) < NEAR_M) & self._signs[:, side])
+            clearance = away - _radius(self.posed, solid, t) - self.posed.radii[anchors, 1, None]
+            at = clearance.reshape(len(clearance), -1).argmin(axis=1)
+            near = np.flatnonzero((clearance.reshape(len(clearance), -1).min(axis=1) < NEAR_M) & self._signs[:, side])
             i, c = np.divmod(at[near], len(solid))
-            share = t[near, i, c]
+            fraction = t[near, i, c]
             start, end = posed.starts[near, solid[c]], posed.ends[near, solid[c]]
             radii = posed.radii[solid[c]]
-            wanted = radii[:, 0] + share[:, 0] * (radii[:, 1] - radii[:, 0]) + posed.radii[anchors[i], 1]
-            wanted = wanted + gap[near, i, c] * posed.hand_length / self.posed.hand_length
-            place = start + share * (end - start) + out[near, i, c] * (wanted / away[near, i, c])[:, None]
+            wanted = radii[:, 0] + fraction[:, 0] * (radii[:, 1] - radii[:, 0]) + posed.radii[anchors[i], 1]
+            wanted = wanted + clearance[near, i, c] * posed.hand_length / self.posed.hand_length
+            place = start + fraction * (end - start) + out[near, i, c] * (wanted / away[near, i, c])[:, None]
             found.append(np.linalg.norm(posed.ends[near, anchors[i]] - place, axis=-1))
         return np.concatenate(found)
 
     def _turned(self, posed: PosedBody, direction: Callable[[PosedBody, str], FloatArray | None]) -> FloatArray:
         """Degrees (D,) between a direction of the hands at the source and after, where they sign."""
         found = [np.empty(0)]
-        for side, name in enumerate(("left", "right")):
+        for side, name in enumerate(SIDES):
             before, after = direction(self.posed, name), direction(posed, name)
             if before is None or after is None:
                 continue
@@ -235,7 +236,7 @@ def _palm_normals(posed: PosedBody, side: str) -> FloatArray | None:
     keys = posed.body.keys
     if f"{side}IndexPalm" not in keys or f"{side}LittlePalm" not in keys:
         return None
-    wrist = posed.wrists[:, ("left", "right").index(side)]
+    wrist = posed.wrists[:, SIDES.index(side)]
     index, little = (posed.ends[:, keys.index(f"{side}{finger}Palm")] - wrist for finger in ("Index", "Little"))
     return np.cross(index, little)
 

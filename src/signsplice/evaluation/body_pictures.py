@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from signsplice.body.capsules import BodyCapsules, BodyShape, shaped_capsules
+from signsplice.body.clearance import near_pairs, pair_clearances, skin_pairs
 from signsplice.body.posed import posed_body
 from signsplice.body.retarget import fit_body, signing
-from signsplice.body.touch import near_pairs, pair_gaps, skin_pairs
 from signsplice.evaluation.body_measures import TOUCH_M
 from signsplice.evaluation.stretched_bodies import BODIES, stretched
 from signsplice.formats.atomic import replacing
@@ -69,9 +69,9 @@ def _touching_frame(clip: Clip, body: BodyCapsules) -> int:
     """The frame in which most pairs of skins touch while the clip signs."""
     posed, pairs = posed_body(clip, body), skin_pairs(body, frozenset(body.keys))
     frames, k = near_pairs(posed.starts, posed.ends, posed.radii, pairs, TOUCH_M)
-    gap = pair_gaps(posed.starts, posed.ends, posed.radii, pairs, frames, k).distance
+    clearance = pair_clearances(posed.starts, posed.ends, posed.radii, pairs, frames, k).distance
     signs = signing(clip)[frames, pairs.own_side[k]] > 0.5
-    return int(np.bincount(frames[signs & (gap < TOUCH_M)], minlength=len(clip)).argmax())
+    return int(np.bincount(frames[signs & (clearance < TOUCH_M)], minlength=len(clip)).argmax())
 
 
 def _both_views(clip: Clip, body: BodyCapsules, frame: int) -> Image:

@@ -14,8 +14,7 @@ import numpy as np
 from signsplice.evaluation.tables import markdown
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.splicing.gap import Gap, gap_at
-from signsplice.splicing.methods.cut import Cut
+from signsplice.splicing.gap import Cut, Gap, gap_at
 from signsplice.splicing.methods.transition import TRANSITIONS, Transition
 from signsplice.splicing.passes.collision_avoidance import TOLERANCE_M, depths
 from signsplice.splicing.passes.filling import fill

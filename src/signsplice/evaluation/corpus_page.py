@@ -15,7 +15,7 @@ from signsplice.evaluation import corpus_checks, corpus_difficulty, corpus_pictu
 from signsplice.evaluation.agreement import HEAD
 from signsplice.evaluation.corpus_difficulty import BY_WORD, RAD_PER_CM
 from signsplice.evaluation.corpus_touches import score_touches
-from signsplice.evaluation.hidden_frames import CONTEXT
+from signsplice.evaluation.hidden_frames import SHOWN
 from signsplice.evaluation.tables import csv_text, markdown, tables_in
 from signsplice.evaluation.wrists import wrist_positions
 from signsplice.formats import load
@@ -38,7 +38,7 @@ N_TEST = 1000
 """Test pairs whose cuts are scored."""
 N_TRANSITIONS = 300
 """Test pairs whose transitions are scored."""
-FEWEST_FRAMES = 18 + 2 * CONTEXT
+FEWEST_FRAMES = 18 + 2 * SHOWN
 """Frames that a real clip needs: the longest gap that is measured, and what a transition is shown around it."""
 IDLE_EXTENT = 0.2
 """A clip in which no wrist moves farther than this fraction of the longest offset of its skeleton is no signing."""

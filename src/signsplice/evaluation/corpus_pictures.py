@@ -134,7 +134,7 @@ def check_matplotlib() -> None:
     try:
         import matplotlib
     except ImportError as error:
-        raise MissingExtraError("plots need matplotlib: pip install 'signsplice[paper]'") from error
+        raise MissingExtraError("plots need matplotlib: pip install 'signsplice[plots]'") from error
     matplotlib.use("Agg")
 
 

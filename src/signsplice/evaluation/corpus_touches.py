@@ -10,6 +10,7 @@ from signsplice.body import collision
 from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
+from signsplice.rig.naming import SIDES
 from signsplice.synth.corpus import Pairs
 
 TOUCH_CM = 0.5
@@ -48,7 +49,7 @@ def score_touches(pairs: Pairs) -> TouchAgreement:
     for k, row in enumerate(pairs.head["words"]):
         events = pairs.events(k)
         signer = pairs.signers[0 if k < len(pairs.head["words"]) // 2 else 1]
-        sides = ("left", "right") if row.get("hands") in _MIRRORED else ("left" if signer.left_handed else "right",)
+        sides = SIDES if row.get("hands") in _MIRRORED else ("left" if signer.left_handed else "right",)
         flags += [events.touches_first, events.touches_last]
         distances += [skin_distance(pairs.word_clip(k), frame, sides) for frame in (events.start, events.end)]
     flagged, seen = np.array(flags, bool), np.array(distances) <= TOUCH_CM

@@ -8,6 +8,7 @@ from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS, finger_roles
 
 
@@ -22,7 +23,7 @@ def flexions(clip: Clip) -> dict[str, FloatArray]:
     tip_positions = np.swapaxes(kinematics.tip_positions(clip, rotations, positions), 0, 1)
     tips = dict(zip((site.joint for site in clip.skeleton.end_sites), tip_positions, strict=True))
     out: dict[str, list[FloatArray]] = {}
-    for side in ("left", "right"):
+    for side in SIDES:
         for finger in FINGERS:
             chain = [f"{side}Hand", *(side + role for role in finger_roles(finger))]
             if not all(role in roles for role in chain):

@@ -20,7 +20,7 @@ from signsplice.splicing.passes.collision_avoidance import depths
 from signsplice.splicing.passes.filling import fill
 from signsplice.splicing.seam import DEEP_M
 
-CONTEXT = 8
+SHOWN = 8
 """Frames shown to a transition on either side of the gap."""
 
 LENGTHS = (5, 8, 12, 18, 24)
@@ -29,7 +29,7 @@ LENGTHS = (5, 8, 12, 18, 24)
 STRIDE = 6
 """Frames from the start of one gap to the start of the next."""
 
-SIGNATURE = f"hidden-frames|context:{CONTEXT}|stride:{STRIDE}|{metrics.POSITION_ERROR}|{metrics.GROUP_ERRORS}"
+SIGNATURE = f"hidden-frames|context:{SHOWN}|stride:{STRIDE}|{metrics.POSITION_ERROR}|{metrics.GROUP_ERRORS}"
 
 
 @dataclass(frozen=True)
@@ -75,24 +75,24 @@ def hidden_frames(
 ) -> list[HiddenFrames]:
     """One row for each length and transition, over a gap every ``stride`` frames of each clip.
 
-    Each transition sees ``CONTEXT`` frames on either side. Collision avoidance is at its default: on for learned
+    Each transition sees ``SHOWN`` frames on either side. Collision avoidance is at its default: on for learned
     transitions. Raises ``InputError`` where no clip is long enough for a length.
     """
     rows: list[HiddenFrames] = []
     total = len(lengths) * len(transitions)
     for n_frames in lengths:
         windows = [
-            clip[start : start + n_frames + 2 * CONTEXT]
+            clip[start : start + n_frames + 2 * SHOWN]
             for clip in clips
-            for start in range(0, len(clip) - n_frames - 2 * CONTEXT + 1, stride)
+            for start in range(0, len(clip) - n_frames - 2 * SHOWN + 1, stride)
         ]
         if not windows:
             raise InputError(
-                f"no clip has {n_frames + 2 * CONTEXT} frames, as a gap of {n_frames} frames with {CONTEXT} frames of "
+                f"no clip has {n_frames + 2 * SHOWN} frames, as a gap of {n_frames} frames with {SHOWN} frames of "
                 "context on either side needs; give longer clips"
             )
         true_jump = float(np.median([_velocity_jump(window, n_frames) for window in windows]))
-        keyframed = float(np.mean([metrics.is_keyed(window[CONTEXT - 1 : 1 - CONTEXT]) for window in windows]))
+        keyframed = float(np.mean([metrics.is_keyed(window[SHOWN - 1 : 1 - SHOWN]) for window in windows]))
         for transition in transitions:
             scores = np.array([_score(window, transition, n_frames) for window in windows])  # (n_gaps, 7)
             error, hands, fingers, trunk, ratio = _means(scores[:, :5])
@@ -161,11 +161,11 @@ def _score(window: Clip, transition: Transition, n_frames: int) -> tuple[float, 
     """Position error, those of hands, fingers and trunk, motion ratio, velocity jump (m/s) and depth (m) of a
     transition on one gap.
     """
-    before, true, after = window[:CONTEXT], window[CONTEXT:-CONTEXT], window[-CONTEXT:]
+    before, true, after = window[:SHOWN], window[SHOWN:-SHOWN], window[-SHOWN:]
     filled = fill(transition, [Gap(before, after, n_frames)], None)[0].clip
     whole = concatenate([before, filled, after])
     # Motion is counted from the last frame before to the first after, so that a held pose counts its jumps too.
-    ratio = metrics.motion_ratio(whole[CONTEXT - 1 : 1 - CONTEXT], window[CONTEXT - 1 : 1 - CONTEXT])
+    ratio = metrics.motion_ratio(whole[SHOWN - 1 : 1 - SHOWN], window[SHOWN - 1 : 1 - SHOWN])
     depth = float(depths(filled, before, after).max()) if rig_info(window.skeleton).has_arms else float("nan")
     groups = astuple(metrics.group_errors(filled, true))
     return metrics.position_error(filled, true), *groups, ratio, _velocity_jump(whole, n_frames), depth
@@ -173,4 +173,4 @@ def _score(window: Clip, transition: Transition, n_frames: int) -> tuple[float, 
 
 def _velocity_jump(window: Clip, n_frames: int) -> float:
     """Largest change of wrist velocity at the ends of the gap, m/s."""
-    return metrics.velocity_jump(wrist_positions(window), CONTEXT, CONTEXT + n_frames, window.fps)
+    return metrics.velocity_jump(wrist_positions(window), SHOWN, SHOWN + n_frames, window.fps)

@@ -26,8 +26,9 @@ from signsplice.rig import metrics
 from signsplice.rig.arms import Arms, arms
 from signsplice.rig.info import rig_info
 from signsplice.splicing.engine import SpliceOptions, splice
+from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods.choice import choose
-from signsplice.splicing.methods.cut import CLASSICAL_CUTTER, CUTTERS, Cut
+from signsplice.splicing.methods.cut import CLASSICAL_CUTTER, CUTTERS
 from signsplice.splicing.methods.duration import CLASSICAL_DURATION
 from signsplice.splicing.methods.learned import FLUENT, NAME
 from signsplice.splicing.methods.transition import CLASSICAL_TRANSITION, TRANSITIONS

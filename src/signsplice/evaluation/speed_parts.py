@@ -28,8 +28,8 @@ from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, concatenate, resample
 from signsplice.rig.arms import active_span, arms
 from signsplice.splicing.engine import SpliceOptions, splice
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.cut import CUTTERS, Cut, PairCutter, search_window
+from signsplice.splicing.gap import Cut, Gap
+from signsplice.splicing.methods.cut import CUTTERS, PairCutter, search_window
 from signsplice.splicing.methods.transition import TRANSITIONS
 
 Progress = Callable[[int, int], None]

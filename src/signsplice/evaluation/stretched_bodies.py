@@ -11,8 +11,7 @@ from signsplice.body.capsules import BodyShape
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import EndSite, Skeleton
 from signsplice.rig.info import rig_info
-
-_SIDES = ("left", "right")
+from signsplice.rig.naming import SIDES
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ def stretched(skeleton: Skeleton, body: BodyProportions) -> Skeleton:
     neck = joints.get("neck", joints.get("head", chest))
     factors[_path(skeleton, joints.get("hips", 0), neck), 1] *= body.trunk
     fingers: set[int] = set()
-    for side in _SIDES:
+    for side in SIDES:
         arm, wrist = joints[f"{side}UpperArm"], joints[f"{side}Hand"]
         factors[_path(skeleton, chest, arm), 0] *= body.shoulders
         factors[_path(skeleton, arm, wrist)] *= body.arms

@@ -17,9 +17,9 @@ from signsplice.evaluation.wrists import wrist_positions
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.splicing.engine import Span, SpliceOptions, SpliceResult, splice
-from signsplice.splicing.passes.pace import contact_frames
-from signsplice.splicing.passes.tempo import CITATION, NATURAL, RUNNING_S
 from signsplice.splicing.seam import Seam
+from signsplice.splicing.tempo import CITATION, NATURAL, RUNNING_S
+from signsplice.splicing.words.pace import contact_frames
 from signsplice.synth import notation, planner
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord

@@ -63,9 +63,9 @@ class ReadLimits:
 
     def check_resampling(self, clip: Clip, fps: float, speed: float = 1.0) -> None:
         """Raise ``LimitError`` where ``resample`` would make more frames than allowed, or far more than there are."""
-        n_frames, n_joints = clip.seconds / speed * fps, len(clip.skeleton)
-        frame_bytes = n_joints * FRAME_BYTES
-        self.check_clip(n_frames, n_joints, fps, n_frames * frame_bytes, len(clip) * frame_bytes, clip.name)
+        n_given, n_joints, _ = clip.local_rotations.shape
+        n_frames, frame_bytes = n_given / clip.fps / speed * fps, n_joints * FRAME_BYTES
+        self.check_clip(n_frames, n_joints, fps, n_frames * frame_bytes, n_given * frame_bytes, clip.name)
 
     def check_memory(self, what: str, n_bytes: float, given_bytes: float, file: str = "") -> None:
         """Raise ``LimitError`` where ``what`` takes ``n_bytes`` of memory, far more than the ``given_bytes`` that it

@@ -73,14 +73,20 @@ def format_errors(file: str, kind: str) -> Iterator[None]:
         yield
     except FormatError:
         raise
-    except InputError as error:
-        raise FormatError(f"is no valid {kind} ({error})", file=file) from error
-    except MemoryError as error:
-        raise FormatError("needs more memory than there is", file=file) from error
     except Exception as error:
-        reason = (str(error).splitlines() or [""])[0][:200]
-        error_type = type(error).__name__
-        raise FormatError(f"is no valid {kind} ({error_type}{': ' if reason else ''}{reason})", file=file) from error
+        raise as_format_error(error, file, kind) from error
+
+
+def as_format_error(error: Exception, file: str, kind: str) -> FormatError:
+    """What ``format_errors`` makes of an error; a ``FormatError`` itself."""
+    if isinstance(error, FormatError):
+        return error
+    if isinstance(error, InputError):
+        return FormatError(f"is no valid {kind} ({error})", file=file)
+    if isinstance(error, MemoryError):
+        return FormatError("needs more memory than there is", file=file)
+    reason = (str(error).splitlines() or [""])[0][:200]
+    return FormatError(f"is no valid {kind} ({type(error).__name__}{': ' if reason else ''}{reason})", file=file)
 
 
 def stem(file: str) -> str:

@@ -7,6 +7,7 @@ import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import check_nothing_else, check_place, replacing_folder
@@ -22,8 +23,7 @@ from signsplice.lexicon.index import (
     describe,
     sha256,
 )
-from signsplice.lexicon.shared_skeletons import SharedSkeletons
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
 from signsplice.rig.arms import active_span, arms
 from signsplice.rig.stray_frames import stray_frames
 
@@ -175,3 +175,21 @@ def rest_frames(clip: Clip) -> tuple[int | None, int | None]:
     except InputError:
         return None, None
     return stray.start + start, len(clip) - stray.start - stop
+
+
+class SharedSkeletons:
+    """The first of equal skeletons, of which each file has a copy of its own: finding roles and sizes of a rig takes
+    longer than reading a clip.
+    """
+
+    def __init__(self) -> None:
+        self._by_description: dict[str, Skeleton] = {}
+        self._first: WeakKeyDictionary[Skeleton, Skeleton] = WeakKeyDictionary()
+
+    def of(self, clip: Clip) -> Clip:
+        """The clip on the first skeleton that equals its own. Raises ``InputError`` for more joints than are read."""
+        first = self._first.get(clip.skeleton)
+        if first is None:
+            first = self._by_description.setdefault(describe(clip.skeleton), clip.skeleton)
+            self._first[clip.skeleton] = first
+        return clip if first is clip.skeleton else unchecked_copy(clip, skeleton=first)

@@ -15,11 +15,10 @@ from signsplice.formats import READ_SUFFIXES, load
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.formats.roles import with_roles
 from signsplice.lexicon import glosses
-from signsplice.lexicon.builder import Builder, building, check_target
+from signsplice.lexicon.builder import Builder, SharedSkeletons, building, check_target
 from signsplice.lexicon.entry import Entry, fold, gloss_of
 from signsplice.lexicon.frames import encode
 from signsplice.lexicon.glosses import TABLE, GlossRow
-from signsplice.lexicon.shared_skeletons import SharedSkeletons
 from signsplice.motion.clip import Clip, left_out_warnings
 from signsplice.rig.stray_frames import stray_frames
 

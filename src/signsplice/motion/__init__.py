@@ -1,1 +1,15 @@
-"""What a motion is: numpy and scipy only; knows no file, no gloss, no network."""
+"""What a motion is: numpy and scipy only; knows no file, no gloss, no network.
+
+How a notebook shows a clip is registered here by the public face, since pages and pictures lie above clips.
+"""
+
+from __future__ import annotations
+
+TYPE_CHECKING = False  # the public face imports this: typing's own costs an import
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from signsplice.motion.clip import Clip
+
+html_renderers: list[Callable[[Clip], str]] = []
+"""What shows a clip as HTML; the last one is used."""

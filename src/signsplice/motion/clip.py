@@ -8,13 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
+from signsplice.motion import html_renderers, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.euler_channels import Channels
 
@@ -200,9 +199,7 @@ class Clip:
 
     def _repr_html_(self) -> str:
         """The viewer with this clip, for notebooks."""
-        # By name: what shows clips lies above them, and needs an extra.
-        shown: str = import_module("signsplice.service.notebook").html(self)
-        return shown
+        return html_renderers[-1](self)
 
     def __len__(self) -> int:
         return len(self.local_rotations)
@@ -279,7 +276,7 @@ def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
         root_positions=np.concatenate([clip.root_positions for clip in clips]),
         name=name or first.name,
         translations=translations,
-        channels=Channels.concatenate([(clip.channels, len(clip)) for clip in clips]),
+        channels=first.channels and Channels.concatenate([(clip.channels, len(clip)) for clip in clips]),
     )
 
 

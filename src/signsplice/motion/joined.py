@@ -46,7 +46,7 @@ def joined(clips: Sequence[Sequence[Clip]], most: int = MOST_FRAMES) -> Iterator
         moving = any(part.translations is not None for part in parts)
         groups.setdefault((id(parts[0].skeleton), parts[0].fps, moving), []).append(row)
     for (_, _, moving), rows in groups.items():
-        lengths = [sum(map(len, clips[row])) for row in rows]
+        lengths = [sum(len(part.local_rotations) for part in clips[row]) for row in rows]
         first = n_frames = 0
         for k, length in enumerate(lengths):
             if n_frames and n_frames + length > most:

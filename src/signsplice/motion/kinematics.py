@@ -31,7 +31,7 @@ def forward(
     path = _joint_path(skeleton, None if joints is None else tuple(int(joint) for joint in joints), origin or 0)
     # Components first, frames last, all joints of one depth together: few operations on long rows. Rotation and
     # position are computed together, as the three columns of a matrix and a fourth: (3, 4, K, T).
-    local = np.empty((3, 4, len(path.order), len(clip)))
+    local = np.empty((3, 4, len(path.order), len(clip.local_rotations)))
     _components_first(clip.local_rotations[:, path.order], out=local[:, :3])
     if clip.translations is None:
         local[:, 3] = skeleton.offsets[path.order].T[..., None]

@@ -310,15 +310,10 @@ def matrix_to_6d(m: ArrayLike) -> FloatArray:
     return np.concatenate([m[..., :, 0], m[..., :, 1]], axis=-1)
 
 
-def from_6d(r: ArrayLike) -> FloatArray:
-    """Rotations (..., 4) from 6D (..., 6) by Gram-Schmidt (Zhou et al. 2019, eq. 14). Raises ``ValueError`` if
-    degenerate.
-    """
-    return from_matrix(matrix_from_6d(r))
-
-
 def matrix_from_6d(r: ArrayLike) -> FloatArray:
-    """The same as matrices (..., 3, 3)."""
+    """Rotation matrices (..., 3, 3) from 6D (..., 6) by Gram-Schmidt (Zhou et al. 2019, eq. 14). Raises ``ValueError``
+    if degenerate.
+    """
     r = np.asarray(r, np.float64)
     a, b = r[..., :3], r[..., 3:]
     na = np.linalg.norm(a, axis=-1, keepdims=True)

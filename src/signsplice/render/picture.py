@@ -19,6 +19,7 @@ from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.render.raster import Canvas, Pixels, lit
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 from signsplice.rig.placement import placement
 from signsplice.rig.roles import FINGERS
 
@@ -188,7 +189,7 @@ def _window(
 def _hand_centres(body: BodyCapsules, starts: FloatArray, ends: FloatArray) -> FloatArray:
     """Centres (T, 2, 3) of the left and right hand: mean of the far ends of the palm's capsules; 0 without a hand."""
     centres = np.zeros((len(starts), 2, 3))
-    for n, side in enumerate(("left", "right")):
+    for n, side in enumerate(SIDES):
         palm = [
             c for c, (part, s) in enumerate(zip(body.parts, body.sides, strict=True)) if part == "palm" and s == side
         ]

@@ -46,32 +46,9 @@ class Reference:
     name: str
 
 
-@dataclass(frozen=True, eq=False)
-class AlignedClip:
-    """A clip brought to a reference.
-
-    clip: the clip on the reference's skeleton, rate and placement.
-    warnings: what a user should know about it, one line each.
-    """
-
-    clip: Clip
-    warnings: tuple[str, ...]
-
-
 def reference(first: Clip, fps: float | None = None) -> Reference:
     """The reference that the first clip of a sentence sets; ``fps`` where another rate than its own is wanted."""
     return Reference(first.skeleton, fps or first.fps, placement(first), first.local_rotations[0], first.name)
-
-
-def align(clip: Clip, to: Reference, speed: float = 1.0) -> AlignedClip:
-    """``clip`` on the skeleton, frame rate, position and facing of a reference, played ``speed`` times as fast, with
-    its rotations copied: on another body, hands lose places and contacts (``body.retarget`` keeps them).
-
-    What needs no change keeps its exact numbers. Joints of the reference without a counterpart hold their pose; one
-    warning names them. Raises ``RigMismatchError`` where the two rigs have nothing in common.
-    """
-    carried, warnings = copy_rotations(clip, to)
-    return AlignedClip(settle(carried, to, speed), warnings)
 
 
 def settle(carried: Clip, to: Reference, speed: float = 1.0) -> Clip:
@@ -80,8 +57,10 @@ def settle(carried: Clip, to: Reference, speed: float = 1.0) -> Clip:
 
 
 def copy_rotations(clip: Clip, to: Reference, by_role: bool = False) -> tuple[Clip, tuple[str, ...]]:
-    """The clip on the reference's skeleton, and the warning about joints that hold their pose. Every bone points where
-    it pointed; the clip stays where it is. Raises as ``align`` does.
+    """The clip on the reference's skeleton, and the warning about joints that hold their pose, those of the reference
+    without a counterpart. Every bone points where it pointed; the clip stays where it is, and what needs no change
+    keeps its exact numbers. On another body hands lose places and contacts, which ``body.retarget`` keeps. Raises
+    ``RigMismatchError`` where the two rigs have nothing in common.
 
     by_role: whether joints of the same names are still taken for joints of two rigs: rest poses of one rig that differ
         by some degrees are else taken for the same.

@@ -74,7 +74,7 @@ def canonical_motion(clip: Clip) -> CanonicalMotion:
         quats = whole
     rotations, positions = kinematics.forward(clip, [canonical.chest, *canonical.arms], canonical.origin)
     middle = positions[:, -2:].mean(axis=1)  # (T, 3), between the shoulders
-    trunk = rotations[:, 0] @ rotation.to_matrix(rotation.inverse(canonical.t_pose_rotations[canonical.chest]))
+    trunk = rotations[:, 0] @ canonical.from_chest
     seen = (positions[:, 1:-2] - middle[:, None]) @ trunk / canonical.arm_length
     return CanonicalMotion(
         quats.transpose(2, 0, 1), seen[:, : len(TIPS)], seen[:, len(TIPS) :], canonical.has_role, clip.fps

@@ -12,6 +12,7 @@ after A, in canonical axes, A -> A exp(d), is q -> q exp(C_j^-1 d) for the local
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Skeleton
+from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS, Humanoid, arm_joints, finger_roles
 from signsplice.rig.t_pose import TPose
 
@@ -36,7 +38,7 @@ N_SIDE = len(_side("left"))
 LEFT = slice(len(TRUNK), len(TRUNK) + N_SIDE)
 RIGHT = slice(LEFT.stop, LEFT.stop + N_SIDE)
 TIPS: tuple[str, ...] = tuple(
-    f"{side}{part}" for side in ("left", "right") for part in ("Hand", *(f"{finger}Distal" for finger in FINGERS))
+    f"{side}{part}" for side in SIDES for part in ("Hand", *(f"{finger}Distal" for finger in FINGERS))
 )
 """The 12 joints whose positions count: wrist and last joint of every finger, left then right."""
 MIRROR = np.concatenate([np.arange(len(TRUNK)), np.arange(RIGHT.start, RIGHT.stop), np.arange(LEFT.start, LEFT.stop)])
@@ -73,10 +75,15 @@ class CanonicalMap:
     origin: int
     arm_length: float
 
-    @property
+    @cached_property
     def has_role(self) -> NDArray[np.bool_]:
         """Which roles the rig has (R,)."""
         return self.joints >= 0
+
+    @cached_property
+    def from_chest(self) -> FloatArray:
+        """The matrix (3, 3) that undoes the chest's global rotation in the T-pose."""
+        return rotation.to_matrix(rotation.inverse(self.t_pose_rotations[self.chest]))
 
 
 def map_roles(skeleton: Skeleton, humanoid: Humanoid, t_pose: TPose, arm_length: float) -> CanonicalMap:

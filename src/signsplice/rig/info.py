@@ -51,7 +51,7 @@ class RigInfo:
         """
         return arm_joints(self.skeleton, self.roles)
 
-    @property
+    @cached_property
     def has_arms(self) -> bool:
         """Whether both arms are known by name."""
         try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from signsplice.rig.fingers import starts_with_finger
-from signsplice.rig.naming import CONVENTIONS, EYE
+from signsplice.rig.naming import CONVENTIONS, EYE, SIDES
 
 # What may follow a side's letter without a gap, as in "lshldr"; fingers may too, as in "rthumb1".
 _LIMB_WORDS = frozenset(
@@ -36,7 +36,7 @@ def side_and_words(name: str) -> tuple[str, str]:
     if at is not None and len(tokens) > 1:
         return _SIDE_OF[tokens.pop(at)], " ".join(tokens)
     words = " ".join(tokens)
-    for side, letter in ((side, side[0]) for side in ("left", "right")):
+    for side, letter in ((side, side[0]) for side in SIDES):
         if words.startswith(side) and words != side:
             return side, words.removeprefix(side)
         rest = words.removeprefix(letter)

@@ -12,6 +12,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.canonical_map import TRUNK
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS
 
 POSITION_ERROR = "position-error|joints:arms+fingers|frame:root|unit:arm/1000|mean"
@@ -64,7 +65,7 @@ def group_errors(predicted: Clip, true: Clip) -> GroupErrors:
     """The errors of a clip by group of joints: what one group gains does not hide what another loses."""
     info = rig_info(true.skeleton)
     joints = info.roles.joints
-    wrists = {side: joints[f"{side}Hand"] for side in ("left", "right") if f"{side}Hand" in joints}
+    wrists = {side: joints[f"{side}Hand"] for side in SIDES if f"{side}Hand" in joints}
     groups: dict[str, list[tuple[int, list[int]]]] = {
         "hands": [(0, list(wrists.values()))],
         "fingers": [
@@ -119,7 +120,7 @@ def even_rotation_frames(clip: Clip) -> FloatArray:
     return np.where(speed > _MOVING_RAD, change < EVEN_FRACTION * speed, np.nan)
 
 
-def keyed_share(clip: Clip) -> float:
+def keyed_fraction(clip: Clip) -> float:
     """Share of the moving frames in which every arm and finger joint repeats its last rotation step
     (``even_rotation_frames``): 0 of captured motion, and where nothing moves.
     """
@@ -129,13 +130,13 @@ def keyed_share(clip: Clip) -> float:
 
 
 def is_keyed(clip: Clip) -> bool:
-    """Whether more than half of the moving frames repeat the step before (``keyed_share``): drawn between keys."""
-    return keyed_share(clip) > 0.5
+    """Whether more than half of the moving frames repeat the step before (``keyed_fraction``): drawn between keys."""
+    return keyed_fraction(clip) > 0.5
 
 
 def keyed_mark(clip: Clip) -> str:
     """How tables mark a clip that ``is_keyed``."""
-    return f"keyed: {100.0 * keyed_share(clip):.0f} % of its moving frames repeat the step before"
+    return f"keyed: {100.0 * keyed_fraction(clip):.0f} % of its moving frames repeat the step before"
 
 
 def motion_ratio(predicted: Clip, true: Clip) -> float:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 HIPS, NECK, HEAD = "hips/hip/pelvis", "neck/neck1/neck01/necklower/lowerneck", "head"
 EYE, JAW = "eye/faceeye/eyesmplhf", "jaw/jawroot"
 """Words that most rigs use, tried after a rig's own."""
+SIDES = ("left", "right")
+"""Left and right, as role names begin; arrays of both hands have them in this order."""
 
 
 @dataclass(frozen=True)

@@ -89,8 +89,9 @@ def place(clip: Clip, target: Placement) -> Clip:
 def _placement(clip: Clip) -> Placement:
     joints = rig_info(clip.skeleton).roles.joints
     wanted = [role for role in _BODY if role in joints]
-    n = min(_SAMPLES, len(clip))
-    frames = np.round(np.arange(n) * ((len(clip) - 1) / max(n - 1, 1))).astype(np.intp)
+    n_frames = len(clip)
+    n = min(_SAMPLES, n_frames)
+    frames = np.round(np.arange(n) * ((n_frames - 1) / max(n - 1, 1))).astype(np.intp)
     sample = unchecked_copy(
         clip,
         local_rotations=clip.local_rotations[frames],

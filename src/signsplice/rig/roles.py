@@ -22,9 +22,8 @@ from signsplice.motion.clip import Skeleton
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.fingers import find_fingers
 from signsplice.rig.joint_names import side_and_words, simplify, without_shared
-from signsplice.rig.naming import CONVENTIONS, EYE, HEAD, HIPS, JAW, NECK, NamingConvention
+from signsplice.rig.naming import CONVENTIONS, EYE, HEAD, HIPS, JAW, NECK, SIDES, NamingConvention
 
-_SIDES = ("left", "right")
 _SPINE = ("spine", "chest", "upperChest")
 _ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand")
 _LEG = ("UpperLeg", "LowerLeg", "Foot", "Toes")
@@ -53,7 +52,7 @@ def _lines() -> dict[str, tuple[str, ...]]:
     for chain in _TRUNK:
         for over, role in pairwise(chain):
             lines[role] = (over, *lines[over])
-    for side in _SIDES:
+    for side in SIDES:
         for chain in _LIMBS:
             for over, role in pairwise(part if part in lines else side + part for part in chain):
                 lines[role] = (over, *lines[over])
@@ -118,7 +117,7 @@ def _names(convention: NamingConvention) -> dict[str, tuple[str, ...]]:
     words |= zip(_LEG, convention.leg.split(), strict=True)
     names = {}
     for role in ROLES:
-        side = next((side for side in _SIDES if role.startswith(side)), "")
+        side = next((side for side in SIDES if role.startswith(side)), "")
         spellings = words.get(role.removeprefix(side), "").split("/")
         names[role] = tuple(side + word for word in spellings if word)
     return names
@@ -126,7 +125,7 @@ def _names(convention: NamingConvention) -> dict[str, tuple[str, ...]]:
 
 _NAMES = {convention.name: _names(convention) for convention in CONVENTIONS}
 _MARKS = {
-    convention.name: [side + mark for mark in convention.marks.split() for side in ("", *_SIDES)]
+    convention.name: [side + mark for mark in convention.marks.split() for side in ("", *SIDES)]
     for convention in CONVENTIONS
 }
 
@@ -166,7 +165,7 @@ def arm_joints(skeleton: Skeleton, humanoid: Humanoid) -> list[int]:
     """Joints of left then right upper arm, lower arm and hand, then the hips. Raises ``InputError`` where one of an
     arm's is missing, or lies where the one before it does.
     """
-    names = [side + part for side in _SIDES for part in _ARM[1:]]
+    names = [side + part for side in SIDES for part in _ARM[1:]]
     missing = [name for name in names if name not in humanoid.joints]
     if missing:
         raise InputError(
@@ -267,7 +266,7 @@ def _with_fingers(
     """``joints`` and the fingers below the hands."""
     joints = dict(joints)
     parents, parts = skeleton.parents.tolist(), [side_and_words(name) for name in names]
-    for side in _SIDES:
+    for side in SIDES:
         fingers = find_fingers(parents, parts, side, joints.get(side + "Hand"), convention.first_of_thumb)
         for (finger, segment), joint in fingers.items():
             role = side + finger_roles(FINGERS[finger])[segment]
@@ -292,7 +291,7 @@ def _with_spine(joints: _Joints, ancestors: _Ancestors) -> _Joints:
     One joint is the spine, two are spine and chest. Of more, the first is the spine, the last that carries the
     shoulders is the upper chest, and the chest is the middle one.
     """
-    arms = (joints.get(f"{side}Shoulder", joints.get(f"{side}UpperArm")) for side in _SIDES)
+    arms = (joints.get(f"{side}Shoulder", joints.get(f"{side}UpperArm")) for side in SIDES)
     shoulders = [joint for joint in arms if joint is not None]
     ends = next(([joints[role]] for role in ("neck", "head") if role in joints), shoulders)
     if "hips" not in joints or not ends:

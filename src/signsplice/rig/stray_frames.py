@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip, unchecked_copy
+from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
 from signsplice.rig.canonical import canonical_motion
 from signsplice.rig.canonical_map import LEFT, RIGHT
 from signsplice.rig.info import rig_info
@@ -102,16 +102,17 @@ def _stray_frames(clip: Clip) -> StrayFrames:
         translations=None if clip.translations is None else clip.translations[::-1],
         channels=None,
     )
-    (before, shown_before), (after, shown_after) = (
-        _stray_at_start(*end) for end in ((clip, jumps), (reversed_clip, jumps[::-1]))
-    )
-    start, stop = before, len(clip) - after
+    first, last = _reference_poses(clip)
+    before, shown_before = _stray_at_start(clip, jumps, *first)
+    after, shown_after = _stray_at_start(reversed_clip, jumps[::-1], *last)
+    n_frames = len(clip)
+    start, stop = before, n_frames - after
     if before + after and stop - start < 2:
         shown = shown_before or shown_after
-        return StrayFrames(0, len(clip), (f"hardly a frame is left without {shown}: none is left out of splices",))
+        return StrayFrames(0, n_frames, (f"hardly a frame is left without {shown}: none is left out of splices",))
     lines = [
         f"{_numbers(*frames)}: {shown} that does not belong to the motion; left out of splices"
-        for frames, shown in (((0, start), shown_before), ((stop, len(clip)), shown_after))
+        for frames, shown in (((0, start), shown_before), ((stop, n_frames), shown_after))
         if shown
     ]
     return StrayFrames(start, stop, (*lines, *_jump_warnings(clip, jumps, angles, speeds, start, stop)))
@@ -142,9 +143,10 @@ def _jumps(steps: FloatArray, least: float) -> Mask:
     return np.asarray((steps > least) & (steps > _ABOVE_NEIGHBOURS * np.median(windows[:, [0, 1, 3, 4]], axis=1)))
 
 
-def _stray_at_start(clip: Clip, jumps: Mask) -> tuple[int, str]:
-    """How many frames at the beginning do not belong, and what they show; 0 and nothing where all belong."""
-    shown, is_exact = _reference_pose(clip)
+def _stray_at_start(clip: Clip, jumps: Mask, shown: str, is_exact: bool) -> tuple[int, str]:
+    """How many frames at the beginning do not belong, and what they show; 0 and nothing where all belong. The first
+    frame shows the reference pose ``shown``, empty for none.
+    """
     n_stray = _n_until_out(clip) if shown else 0
     if not is_exact and not jumps[:n_stray].any():
         n_stray, shown = 0, ""
@@ -174,26 +176,38 @@ def _is_spike(clip: Clip, jumps: Mask, step: int) -> bool:
 # --- reference poses ---
 
 
-def _reference_pose(clip: Clip) -> tuple[str, bool]:
-    """Which reference pose the first frame shows, and whether exactly; empty where it shows none or the rig's arms are
-    not known.
+def _reference_poses(clip: Clip) -> list[tuple[str, bool]]:
+    """Which reference poses the first and the last frame show, and whether exactly; empty where one shows none or the
+    rig's arms are not known.
     """
     if not rig_info(clip.skeleton).has_arms:
-        return "", False
-    bones = _bone_directions(clip[:1])[0]
+        return [("", False)] * 2
+    ends = unchecked_copy(
+        clip,
+        local_rotations=clip.local_rotations[[0, -1]],
+        root_positions=clip.root_positions[[0, -1]],
+        translations=None if clip.translations is None else clip.translations[[0, -1]],
+        channels=None,
+    )
+    frames = zip(_bone_directions(ends), ends.local_rotations, strict=True)
+    return [_reference_pose(clip.skeleton, bones, local) for bones, local in frames]
+
+
+def _reference_pose(skeleton: Skeleton, bones: FloatArray, local_rotations: FloatArray) -> tuple[str, bool]:
+    """The reference pose of one frame with these bones (2, 15, 3) and local rotations (J, 4), and whether exactly."""
     lowered = _lowered_deg(bones)
     if not -_T_DEG <= lowered <= _A_DEG:
         return "", False
     if _is_straight(bones, *_NEAR_DEG):
         return "a T-pose" if lowered <= _T_DEG else "an A-pose", _is_straight(bones, *_EXACT_DEG)
-    return ("the file's rest pose", True) if _shows_rest_pose(clip) else ("", False)
+    return ("the file's rest pose", True) if _is_rest_pose(skeleton, local_rotations) else ("", False)
 
 
-def _shows_rest_pose(clip: Clip) -> bool:
-    """Whether all arm joints of the first frame are as in the file's rest pose."""
-    canonical = rig_info(clip.skeleton).canonical
+def _is_rest_pose(skeleton: Skeleton, local_rotations: FloatArray) -> bool:
+    """Whether all arm joints are as in the file's rest pose, by their local rotations (J, 4)."""
+    canonical = rig_info(skeleton).canonical
     sides = np.r_[canonical.joints[LEFT], canonical.joints[RIGHT]]
-    local = clip.local_rotations[0, sides[sides >= 0]]
+    local = local_rotations[sides[sides >= 0]]
     return bool(np.rad2deg(rotation.angle_between(local, rotation.IDENTITY)).max() <= _REST_DEG)
 
 

@@ -13,12 +13,11 @@ from pydantic import ConfigDict, Field
 from signsplice.formats import WIRE_SUFFIXES
 from signsplice.lexicon import sentence
 from signsplice.service.json_types import json_type
-from signsplice.splicing import engine, seam
+from signsplice.splicing import engine, result, seam, tempo
 from signsplice.splicing.methods.choice import AUTO
 from signsplice.splicing.methods.duration import DURATIONS
-from signsplice.splicing.passes import free_hand, tempo
 from signsplice.splicing.passes.free_hand import FREE_HANDS, TRANSITION
-from signsplice.splicing.passes.tempo import FASTEST_S, SLOWEST_S
+from signsplice.splicing.tempo import FASTEST_S, SLOWEST_S
 
 FORMAT_NAMES = tuple(suffix.removeprefix(".") for suffix in WIRE_SUFFIXES)
 """Names of the file formats that the service accepts and sends."""
@@ -26,9 +25,9 @@ FORMAT_NAMES = tuple(suffix.removeprefix(".") for suffix in WIRE_SUFFIXES)
 if TYPE_CHECKING:
     from signsplice.lexicon.sentence import SentenceToken
     from signsplice.splicing.engine import Span
-    from signsplice.splicing.passes.free_hand import Remade
-    from signsplice.splicing.passes.tempo import ReachedTempo
+    from signsplice.splicing.result import Remade
     from signsplice.splicing.seam import Seam
+    from signsplice.splicing.tempo import ReachedTempo
 
     Format = str
     DurationRule = str
@@ -36,7 +35,7 @@ if TYPE_CHECKING:
     Files = dict[str, str | None]
 else:
     SentenceToken = json_type(sentence.SentenceToken)
-    Remade = json_type(free_hand.Remade)
+    Remade = json_type(result.Remade)
     Span = json_type(engine.Span)
     Seam = json_type(seam.Seam)
     ReachedTempo = json_type(tempo.ReachedTempo)

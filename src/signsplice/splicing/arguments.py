@@ -1,30 +1,26 @@
-"""What callers give by mistake for clips and options, said in one line."""
+"""Mistakes of callers with clips and options, each as an error that says what was given and what is expected."""
 
 from __future__ import annotations
 
 from signsplice.motion.clip import Clip
 
-
-def check_clips(clips: object) -> None:
-    """Raise ``TypeError`` where one clip or a text stands for the clips of a sentence."""
-    if isinstance(clips, Clip):
-        raise TypeError("clips is one Clip, expected a list of them: splice([a, b])")
-    if isinstance(clips, str):
-        raise TypeError(f"clips is the text {clips[:60]!r}, expected a list of Clips; {_SOURCES}")
-
-
-def check_clip(clip: object, index: int) -> None:
-    """Raise ``TypeError`` where something else stands among the clips of a sentence."""
-    if not isinstance(clip, Clip):
-        what = repr(clip)[:60] if isinstance(clip, str) else f"a {type(clip).__name__}"
-        raise TypeError(f"clip {index} is {what}, expected a Clip; {_SOURCES}")
-
-
-def check_options(options: object, expected: type) -> None:
-    """Raise ``TypeError`` where options are something else: often the second of two clips."""
-    if not isinstance(options, expected):
-        hint = "; clips go into one list: splice([a, b])" if isinstance(options, Clip) else ""
-        raise TypeError(f"options is a {type(options).__name__}, expected {expected.__name__}{hint}")
-
-
 _SOURCES = "a file's is load(path), a gloss's open_lexicon(path).clip(gloss)"
+
+
+def not_clips(clips: Clip | str) -> TypeError:
+    """The error for one clip, or a text, in place of the clips of a sentence."""
+    if isinstance(clips, Clip):
+        return TypeError("clips is one Clip, expected a list of them: splice([a, b])")
+    return TypeError(f"clips is the text {clips[:60]!r}, expected a list of Clips; {_SOURCES}")
+
+
+def not_a_clip(clip: object, index: int) -> TypeError:
+    """The error for something else among the clips of a sentence."""
+    what = repr(clip)[:60] if isinstance(clip, str) else f"a {type(clip).__name__}"
+    return TypeError(f"clip {index} is {what}, expected a Clip; {_SOURCES}")
+
+
+def not_options(options: object, expected: type) -> TypeError:
+    """The error for something else in place of options: often the second of two clips."""
+    hint = "; clips go into one list: splice([a, b])" if isinstance(options, Clip) else ""
+    return TypeError(f"options is a {type(options).__name__}, expected {expected.__name__}{hint}")

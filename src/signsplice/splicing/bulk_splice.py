@@ -14,12 +14,11 @@ from typing import NamedTuple, TypeVar
 from signsplice.errors import SignspliceError
 from signsplice.motion.clip import Clip
 from signsplice.splicing.engine import joined_sentence
+from signsplice.splicing.gap import FilledGap
 from signsplice.splicing.options import SpliceOptions
-from signsplice.splicing.passes.filling import FilledGap
-from signsplice.splicing.planned import PlannedWords
 from signsplice.splicing.result import SpliceResult
 from signsplice.splicing.seam import seam_positions
-from signsplice.splicing.sentence import SentenceBuilder
+from signsplice.splicing.sentence import PlannedWords, SentenceBuilder
 from signsplice.splicing.transition_cache import TransitionCache
 
 _WORDS_AT_ONCE = 256
@@ -80,19 +79,17 @@ def _spliced(block: Sequence[_Asked], transitions: TransitionCache | None) -> li
     builders = each(lambda row: SentenceBuilder(block[row].options), range(len(block)))
     planned = each(lambda row: builders[row].plan(block[row].clips, block[row].starts), builders)
     filled: dict[int, list[FilledGap]] = {}
-    for rows in _with_one_filler(builders, planned):
+    for rows in _with_same_passes(builders, planned):
         try:
             filled |= _filled({row: (builders[row], planned[row]) for row in rows}, transitions)
         except SignspliceError:  # of some of them
             filled |= each(lambda row: _filled({row: (builders[row], planned[row])}, transitions)[row], rows)
     finished = each(lambda row: builders[row].finish(planned[row], filled[row]), filled)
-    windows = [one.windows for one in finished.values()]
+    windows = [(seam.gap, seam.filled) for seams in finished.values() for seam in seams]
     began = time.perf_counter()
-    positions = iter(
-        seam_positions([gap for gaps, _ in windows for gap in gaps], [new for _, news in windows for new in news])
-    )
+    positions = iter(seam_positions(windows))
     seconds = (time.perf_counter() - began) / max(1, len(finished))
-    seen = {row: [next(positions) for _ in one.seams] for row, one in finished.items()}
+    seen = {row: [next(positions) for _ in seams] for row, seams in finished.items()}
 
     def joined(row: int) -> SpliceResult:
         builders[row].seconds["join"] += seconds
@@ -102,13 +99,11 @@ def _spliced(block: Sequence[_Asked], transitions: TransitionCache | None) -> li
     return [done[row] for row in range(len(block))]
 
 
-def _with_one_filler(builders: dict[int, SentenceBuilder], rows: Iterable[int]) -> list[list[int]]:
+def _with_same_passes(builders: dict[int, SentenceBuilder], rows: Iterable[int]) -> list[list[int]]:
     """Sentences whose gaps are filled in the same way."""
     groups: dict[tuple[object, ...], list[int]] = {}
     for row in rows:
-        filler = builders[row].filler
-        key = (id(filler.transition), filler.avoid_collisions, filler.is_running, filler.measures)
-        groups.setdefault(key, []).append(row)
+        groups.setdefault(builders[row].gap_passes.signature(id), []).append(row)
     return list(groups.values())
 
 
@@ -117,10 +112,10 @@ def _filled(
 ) -> dict[int, list[FilledGap]]:
     """The new frames of sentences that are filled in the same way; each takes its gaps' part of the time."""
     gaps = {row: planned.gaps for row, (_, planned) in sentences.items()}
-    filler = next(builder.filler for builder, _ in sentences.values())
+    passes = next(builder.gap_passes for builder, _ in sentences.values())
     asked = [gap for some in gaps.values() for gap in some]
     began = time.perf_counter()
-    filled = iter(filler.fill(asked) if transitions is None else transitions.fill(filler, asked))
+    filled = iter(passes.fill(asked) if transitions is None else transitions.fill(passes, asked))
     seconds = (time.perf_counter() - began) / max(1, sum(map(len, gaps.values())))
     for row, (one, _) in sentences.items():
         one.seconds["transition"] += seconds * len(gaps[row])

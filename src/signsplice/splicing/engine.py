@@ -4,21 +4,22 @@
 
 A piece that has been put out never changes: a word is settled as soon as the next word is known. Frames of a sign are
 those of its aligned clip, bit for bit, and under a tempo slerps between them; only transition frames are new, and the
-arm of a hand that is idle, where it is given more time (``free_hand``).
+arm of a hand that is idle, where it is given more time (``passes.free_hand``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from time import perf_counter
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.splicing.arguments import check_clips
+from signsplice.splicing.arguments import not_clips
 from signsplice.splicing.methods.duration import MAX_TRANSITION_S
 from signsplice.splicing.options import SpliceOptions
-from signsplice.splicing.passes.tempo import reached
 from signsplice.splicing.result import Piece, Span, SpliceResult
 from signsplice.splicing.sentence import SentenceBuilder
+from signsplice.splicing.tempo import measured_tempo
 
 __all__ = ["MAX_TRANSITION_S", "Piece", "Span", "SpliceOptions", "SpliceResult", "Stream", "splice", "stream"]
 
@@ -26,26 +27,28 @@ __all__ = ["MAX_TRANSITION_S", "Piece", "Span", "SpliceOptions", "SpliceResult",
 def splice(clips: Iterable[Clip], options: SpliceOptions | None = None, starts: Collection[int] = ()) -> SpliceResult:
     """Clips in order joined into one continuous clip.
 
-    Neighbouring letters (clips named fs-A) are one spelled word (``fingerspelling``); ``starts``: indices of letters
+    Neighbouring letters (clips named fs-A) are one spelled word (``joins.letters``); ``starts``: indices of letters
     with which another one begins.
 
     Raises ``InputError`` where there is no clip or an option is out of range, ``RigMismatchError`` where rigs have
     nothing in common, ``LimitError`` where a clip has too many frames at the output rate, ``TypeError`` for what is no
     clip.
     """
-    check_clips(clips)
+    if isinstance(clips, (Clip, str)):
+        raise not_clips(clips)
     sentence = SentenceBuilder(options or SpliceOptions())
     return joined_sentence(sentence, [*sentence.add(clips, starts), *sentence.end()])
 
 
 def joined_sentence(sentence: SentenceBuilder, pieces: Sequence[Piece]) -> SpliceResult:
     """All pieces of a sentence joined. Raises ``InputError`` where there is none."""
-    tempo = sentence.options.tempo
+    tempo, system = sentence.options.tempo, sentence.options.system
     if not pieces:
         raise InputError("nothing to splice, expected at least one clip")
-    with sentence.timed("join"):
-        names = [piece.span.name for piece in pieces if piece.span.name]
-        clip = concatenate([piece.clip for piece in pieces], name=" ".join(names))
+    began = perf_counter()
+    signs = [(piece.span.name or "", piece.span.output) for piece in pieces if piece.span.kind == "sign"]
+    clip = concatenate([piece.clip for piece in pieces], name=" ".join(name for name, _ in signs if name))
+    seconds = sentence.seconds | {"join": sentence.seconds["join"] + perf_counter() - began}
     cutter, transition, bundle = sentence.names
     return SpliceResult(
         clip=clip,
@@ -54,11 +57,11 @@ def joined_sentence(sentence: SentenceBuilder, pieces: Sequence[Piece]) -> Splic
         warnings=tuple(dict.fromkeys(line for piece in pieces for line in piece.warnings)),
         cutter=cutter,
         transition=transition,
-        timing_ms={part: 1e3 * sentence.seconds[part] for part in ("harmonize", "cut", "transition", "join")},
+        timing_ms={part: 1e3 * spent for part, spent in seconds.items()},
         bundle=bundle,
         contacts=sentence.contacts,
-        tempo=reached([(p.span.name or "", p.span.output) for p in pieces if p.span.kind == "sign"], clip.fps, tempo),
-        system=None if sentence.system is None else sentence.system.described(),
+        tempo=measured_tempo(signs, clip.fps, tempo),
+        system=None if system is None else system.described(),
     )
 
 
@@ -73,7 +76,8 @@ def stream(
     the clip that is wrong.
     """
     growing = Stream(options)
-    check_clips(clips)
+    if isinstance(clips, (Clip, str)):
+        raise not_clips(clips)
     for index, clip in enumerate(clips):
         yield from growing.push(clip, index in starts)
     yield from growing.end()
@@ -96,8 +100,8 @@ class Stream:
         """The pieces that are final now that one more word is known: none for the first. ``starts``: whether a letter
         begins another spelled word. Raises as ``splice`` does; a word that raises is not part of the sentence.
         """
-        return list(self._sentence.add([clip], (0,) if starts else ()))
+        return self._sentence.add([clip], (0,) if starts else ())
 
     def end(self) -> list[Piece]:
         """The rest of the last word; nothing where there was none, or where it was taken already."""
-        return list(self._sentence.end())
+        return self._sentence.end()

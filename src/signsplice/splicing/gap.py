@@ -6,12 +6,23 @@ import math
 from dataclasses import dataclass
 
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.splicing.methods.cut import Cut
 
 CONTEXT = 8
 """Frames of each sign that a seam's scores see, and the least that a transition is shown."""
 _SHOWN_S = 7.0 / 30.0
 """Time of each sign that a transition is shown: eight frames at 30 a second span seven intervals."""
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A splice position, in frames of the two clips.
+
+    pre: the last frame kept of the clip before.
+    post: the first frame kept of the clip after.
+    """
+
+    pre: int
+    post: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +50,22 @@ class Gap:
         before = self.before[-CONTEXT:]
         parts = [before, self.after[:CONTEXT]] if new is None else [before, new, self.after[:CONTEXT]]
         return concatenate(parts), len(before)
+
+
+@dataclass(frozen=True, eq=False)
+class FilledGap:
+    """The new frames of a gap.
+
+    clip: the new frames.
+    depth: how deep a hand is in the body in them, m; None where that was not measured.
+    warnings: what a user should know, one line each.
+    peak_m_s: highest speed of a wrist in and beside them, m/s; None where that was not measured.
+    """
+
+    clip: Clip
+    depth: float | None = None
+    warnings: tuple[str, ...] = ()
+    peak_m_s: float | None = None
 
 
 def gap_at(before: Clip, after: Clip, cut: Cut, n_frames: int, entry: int = 0) -> Gap:

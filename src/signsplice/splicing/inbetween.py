@@ -8,12 +8,11 @@ from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate, left_out_warnings
-from signsplice.splicing.engine import Span, SpliceResult
-from signsplice.splicing.gap import gap_at
+from signsplice.splicing.gap import Cut, gap_at
 from signsplice.splicing.methods import choice as methods
-from signsplice.splicing.methods.cut import Cut
 from signsplice.splicing.methods.transition import Transition
 from signsplice.splicing.passes.filling import fill
+from signsplice.splicing.result import Span, SpliceResult
 from signsplice.splicing.seam import Seam, score
 
 

@@ -14,7 +14,7 @@ from signsplice.splicing.methods.duration import CLASSICAL_DURATION, MAX_TRANSIT
 from signsplice.splicing.methods.learned import NAME
 from signsplice.splicing.methods.transition import CLASSICAL_TRANSITION, Transition
 from signsplice.splicing.passes import free_hand
-from signsplice.splicing.passes.tempo import CITATION, seconds_a_sign
+from signsplice.splicing.tempo import CITATION, seconds_a_sign
 from signsplice.splicing.whole_system import WholeSystem, check_alone
 
 _DECIDED_BY_SYSTEM = (
@@ -27,7 +27,7 @@ class SpliceOptions:
     """What one call wants.
 
     cutter, transition, duration: a name, or an object of that class; None: the learned one, or the classical default
-        where the networks cannot be read (``methods.choose``).
+        where the networks cannot be read (``choice.choose``).
     bundle: folder of the networks; None: those that ship.
     transition_time: length of every transition, seconds, in place of the duration.
     sign_speed: how many times as fast signs play.
@@ -78,7 +78,8 @@ class SpliceOptions:
             check_alone(self.system, named, self.fps)
         elif self.fill_misses:
             raise InputError(
-                "--fill-misses goes with --system: it says what becomes of words for which that has no splice"
+                "SpliceOptions.fill_misses goes with SpliceOptions.system: it says what becomes of words for which "
+                "that has no splice"
             )
 
     def chosen_methods(self) -> ChosenMethods:

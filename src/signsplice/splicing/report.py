@@ -13,9 +13,9 @@ from signsplice.body.retarget import Retargeted
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.atomic import replacing
 from signsplice.formats.json_files import check_type, read_json
-from signsplice.splicing.engine import Span, SpliceResult
-from signsplice.splicing.passes.tempo import ReachedTempo
+from signsplice.splicing.result import Span, SpliceResult
 from signsplice.splicing.seam import Seam
+from signsplice.splicing.tempo import ReachedTempo
 
 VERSION = 1
 _KINDS = {

@@ -8,9 +8,21 @@ from typing import Any, Literal
 
 from signsplice.body.contacts import Contact
 from signsplice.motion.clip import Clip
-from signsplice.splicing.passes.free_hand import Remade
-from signsplice.splicing.passes.tempo import ReachedTempo
 from signsplice.splicing.seam import Seam
+from signsplice.splicing.tempo import ReachedTempo
+
+
+@dataclass(frozen=True)
+class Remade:
+    """Joints of a sign's span that do not show its clip: an idle arm that was given more time, the fingers of a spelled
+    letter that are on their way, the arm of one that slides.
+
+    joints: their names.
+    frames: of the output, half-open; outside them these joints too are the clip's.
+    """
+
+    joints: tuple[str, ...]
+    frames: tuple[int, int]
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,10 @@ from signsplice.motion.joined import joined
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
 from signsplice.rig.stray_frames import JUMP_DEG, JUMP_M_S
-from signsplice.splicing.gap import CONTEXT, Gap
-from signsplice.splicing.methods.cut import Cut
-from signsplice.splicing.passes.filling import FilledGap
+from signsplice.splicing.gap import CONTEXT, Cut, FilledGap, Gap
+from signsplice.splicing.tempo import FAST_M_S
 
 Score = Annotated[float, "NaN where unknown, null in JSON"]
-FAST_M_S = 2.5
-"""Peaks of isolated words reach 1.7 to 2.5 m/s; a transition beyond that is faster than any sign."""
 LEAST_JERK_M_S3 = 10.0
 """Jerk that the frames around a transition are taken to have at least: below that of any seam of the words that ship
 (13 m/s3 and more), above that of people who stand idle (1 to 2 m/s3). After a dead hold any motion would count as
@@ -36,6 +33,9 @@ DEEP_M = 0.005
 @dataclass(frozen=True)
 class Seam:
     """The join of two signs.
+
+    This is its row in the public result, with what it scores. While a sentence is made, a seam is a
+    ``joins.join.PlannedSeam``.
 
     before, after: names of the two signs.
     pre_frame: last frame kept of ``before``, counted at the output rate.
@@ -88,7 +88,7 @@ def score(
     jump = speed = jerk = float("nan")
     stop = first + gap.n_frames
     if positions is None:
-        (positions,) = seam_positions([gap], [filled])
+        (positions,) = seam_positions([(gap, filled)])
     if hands:
         wrists = positions[:, : len(hands)]
         jump = metrics.velocity_jump(wrists, first, stop, fps)
@@ -124,15 +124,12 @@ def score(
     )
 
 
-def seam_positions(gaps: Sequence[Gap], filled: Sequence[FilledGap | None]) -> list[FloatArray]:
-    """Positions (T, K, 3) of the hands and feet that a rig has, m, in the new frames of each gap and up to ``CONTEXT``
-    frames on either side.
+def seam_positions(gaps: Sequence[tuple[Gap, FilledGap | None]]) -> list[FloatArray]:
+    """Positions (T, K, 3) of the hands and feet that a rig has, m, in the new frames of each gap, None where it has
+    none, and up to ``CONTEXT`` frames on either side.
     """
     out: dict[int, FloatArray] = {}
-    windows = [
-        (gap.before[-CONTEXT:], *(() if new is None else (new.clip,)), gap.after[:CONTEXT])
-        for gap, new in zip(gaps, filled, strict=True)
-    ]
+    windows = [(gap.before[-CONTEXT:], *(() if new is None else (new.clip,)), gap.after[:CONTEXT]) for gap, new in gaps]
     for block in joined(windows):
         info = rig_info(block.clip.skeleton)
         seen = [info.roles.joints[role] for role in (*_HANDS, *_FEET) if role in info.roles.joints]

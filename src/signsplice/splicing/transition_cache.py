@@ -1,8 +1,8 @@
 """New frames of gaps, kept by everything that decides them: a pair of words that comes again is not filled again.
 
 The key of a gap is a digest of what a transition sees: every number of the frames that the gap shows on either side,
-the skeleton, the rate, the number of new frames, the transition with its network's file, and how hands are led around
-the body. Which words, cuts and options led to these frames does not matter, since they act through them alone. Whatever
+the skeleton, the rate, the number of new frames, and the passes that fill it, with the file of the transition's
+network. Which words, cuts and options led to these frames does not matter, since they act through them alone. Whatever
 differs in one bit has another key.
 """
 
@@ -18,9 +18,8 @@ import numpy as np
 
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.passes.filling import FilledGap
-from signsplice.splicing.passes.tempo import GapFiller
+from signsplice.splicing.gap import FilledGap, Gap
+from signsplice.splicing.passes.seam_pass import GapPasses
 
 MOST_BYTES = 64_000_000
 """Memory of the frames that are kept by default: about 3,500 transitions of a rig with fingers."""
@@ -39,11 +38,11 @@ class TransitionCache:
         self.hits = self.misses = self.nbytes = 0
         self._kept: OrderedDict[bytes, FilledGap] = OrderedDict()
 
-    def fill(self, filler: GapFiller, gaps: Sequence[Gap]) -> list[FilledGap]:
-        """The new frames of every gap, bit for bit those of ``filler.fill``. Those of transitions whose frames do not
+    def fill(self, passes: GapPasses, gaps: Sequence[Gap]) -> list[FilledGap]:
+        """The new frames of every gap, bit for bit those of ``passes.fill``. Those of transitions whose frames do not
         follow from what is known of them (``Transition.identity``), and on avatars, are always made anew.
         """
-        keys = [gap_key(filler, gap) for gap in gaps]
+        keys = [gap_key(passes, gap) for gap in gaps]
         known: dict[bytes, FilledGap] = {}
         asked: dict[bytes | int, int] = {}  # the row of each gap that has to be filled
         for row, key in enumerate(keys):
@@ -52,7 +51,7 @@ class TransitionCache:
                 known[key] = self._kept[key]
             else:
                 asked.setdefault(row if key is None else key, row)
-        made = filler.fill([gaps[row] for row in asked.values()])
+        made = passes.fill([gaps[row] for row in asked.values()])
         self.misses += len(made)
         self.hits += len(gaps) - len(made)
         out = dict(zip(asked.values(), made, strict=True))
@@ -92,13 +91,12 @@ def _given(kept: FilledGap, gap: Gap) -> FilledGap:
     return replace(kept, clip=clip)
 
 
-def gap_key(filler: GapFiller, gap: Gap) -> bytes | None:
+def gap_key(passes: GapPasses, gap: Gap) -> bytes | None:
     """A digest of all that decides the frames of a gap; None where that is not known."""
-    identity, skeleton = filler.transition.identity, gap.before.skeleton
-    if identity is None or type(skeleton) is not Skeleton:
+    signature, skeleton = passes.signature(lambda transition: transition.identity), gap.before.skeleton
+    if any(None in one for one in signature) or type(skeleton) is not Skeleton:
         return None
-    how = (identity, filler.avoid_collisions, filler.is_running, filler.measures)
-    digest = hashlib.blake2b(repr(how).encode(), digest_size=32)
+    digest = hashlib.blake2b(repr(signature).encode(), digest_size=32)
     digest.update(CACHE.of(skeleton, _skeleton_key))
     digest.update(struct.pack("<qdqq", gap.n_frames, gap.before.fps, len(gap.before), len(gap.after)))
     for clip in (gap.before, gap.after):

@@ -20,10 +20,7 @@ from signsplice.motion.clip import Clip
 from signsplice.rig.align import Reference, is_same_skeleton
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import Placement, placement
-from signsplice.splicing.gap import gap_at
-from signsplice.splicing.methods.cut import Cut
 from signsplice.splicing.methods.method import Method
-from signsplice.splicing.planned import PlannedSeam, SentenceWord
 
 FPS_TOLERANCE = 1e-3
 """Rates that differ by a smaller fraction are one: frame times in files are rounded."""
@@ -82,13 +79,14 @@ def check_alone(system: WholeSystem, named: Sequence[str], fps: float | None) ->
     if not isinstance(system, WholeSystem):
         raise TypeError(f"system is a {type(system).__name__}, expected what open_clip_splicer(folder) gives")
     if named:
-        options = [{"duration": "transition_time"}.get(name, name) for name in named]
-        some = ", ".join(f"--{name.replace('_', '-')}" for name in dict.fromkeys(options))
+        some = ", ".join(f"SpliceOptions.{name}" for name in named)
         raise InputError(
             f"{system.name} runs whole: it chooses positions, number of frames and frames itself; leave out {some}"
         )
     if fps is not None and not knows_rate(system, fps):
-        raise InputError(f"--fps {fps:g}, but {system.name} knows only {system.fps:g}; leave out --fps")
+        raise InputError(
+            f"SpliceOptions.fps {fps:g}, but {system.name} knows only {system.fps:g}; leave out SpliceOptions.fps"
+        )
 
 
 def knows_rate(system: WholeSystem, fps: float) -> bool:
@@ -108,7 +106,7 @@ def rate_warnings(system: WholeSystem, clip: Clip) -> tuple[str, ...]:
     return (f"{clip.name}: {clip.fps:g} fps, brought to the {system.fps:g} that {system.name} knows",)
 
 
-def standing(system: WholeSystem, clip: Clip, to: Reference, is_first: bool) -> Reference:
+def placed_reference(system: WholeSystem, clip: Clip, to: Reference, is_first: bool) -> Reference:
     """What a clip is aligned to: the place of all words that the system learned from; where there is none, the first
     clip's, or where a clip was recorded if that is the same body and place (``NEAR_M``, ``NEAR_DEG``).
     """
@@ -131,29 +129,8 @@ def is_near(clip: Clip, place: Placement) -> bool:
     return away <= NEAR_M and own.up @ place.up >= least and own.forward @ place.forward >= least
 
 
-def miss(system: WholeSystem, found: SystemSplice, before: SentenceWord) -> str:
-    """Why there is no splice of two words, ``before`` the first, empty where there is one."""
-    if found.pre is None or found.post is None:
-        lacks = {(True, True): "neither position", (True, False): "no prePosition", (False, True): "no postPosition"}
-        return f"{system.name} finds {lacks[found.pre is None, found.post is None]}"
-    if found.pre < before.entry:
-        left, entered = found.pre + before.n_left_out, before.entry + before.n_left_out
-        return f"{system.name} leaves the first word at frame {left}, before its entry at frame {entered}"
-    return ""
-
-
-def missing(misses: Sequence[str], n_seams: int) -> str:
+def misses_message(misses: Sequence[str], n_seams: int) -> str:
     """The message about seams for which a system has no splice."""
     of = f"{len(misses)} of {n_seams} seams: " if n_seams > 1 else ""
-    return f"{of}{'; '.join(misses)}; --fill-misses joins such words by the default methods, with a warning"
-
-
-def found_seam(found: SystemSplice, before: SentenceWord, after: SentenceWord) -> PlannedSeam:
-    """The seam that a system made of two words; sets the frame at which the second is entered."""
-    if found.pre is None or found.post is None:
-        raise ValueError("a splice without positions")
-    cut = Cut(found.pre, found.post)
-    after.entry = cut.post
-    n_frames = 0 if found.frames is None else len(found.frames)
-    gap = gap_at(before.clip, after.clip, cut, n_frames, before.entry)
-    return PlannedSeam(before, after, cut, gap, found.warnings, made=found.frames)
+    remedy = "SpliceOptions.fill_misses joins such words by the default methods, with a warning"
+    return f"{of}{'; '.join(misses)}; {remedy}"

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body import collision, smoothing
-from signsplice.motion import kinematics
+from signsplice.body import collision
+from signsplice.motion import curves, kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import pose
@@ -31,7 +31,7 @@ def clear_collisions(states: FloatArray, signer: Signer, ends: bool = False) -> 
     both ends, so that their neighbours fit.
     """
     signer = replace(signer, left_handed=False)
-    level = smoothing.fade_window(len(states)) if ends else np.ones(len(states))
+    level = curves.fade_window(len(states)) if ends else np.ones(len(states))
     mean = np.zeros((len(states), 2, 3))
     for n in range(2 * _ROUNDS):
         depth, out = penetration(states, signer)
@@ -45,7 +45,7 @@ def clear_collisions(states: FloatArray, signer: Signer, ends: bool = False) -> 
         push = gain * np.maximum(depth - 0.7 * TOLERANCE_CM, 0.0) * (depth > TOLERANCE_CM)
         if not push.any():
             break
-        displacements = smoothing.spread_in_time(push[..., None] * out, _KERNEL) * level[:, None, None]  # (T, 2, 3)
+        displacements = curves.spread_in_time(push[..., None] * out, _KERNEL) * level[:, None, None]  # (T, 2, 3)
         moved = states.copy()
         for which in (0, 1):
             moved[:, 27 * which : 27 * which + 3] += displacements[:, which]

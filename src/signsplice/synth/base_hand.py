@@ -10,7 +10,7 @@ import numpy as np
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import trajectory
 from signsplice.synth.avoidance import penetration
-from signsplice.synth.gaps import TOUCH_CM, between_hands
+from signsplice.synth.clearance import TOUCH_CM, between_hands
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import Signer
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 _LAG_S = 0.15
 """How much earlier or later than the strong hand a base hand comes and goes, at most."""
-_WAYS = ((1.0, 0.0), (1.0, 3.0), (1.0, 6.0), (0.5, 0.0), (0.5, 3.0), (0.5, 6.0))
-"""What is tried in turn until hands do not go through one another: a share of the lag, a detour, cm."""
+_ATTEMPTS = ((1.0, 0.0), (1.0, 3.0), (1.0, 6.0), (0.5, 0.0), (0.5, 3.0), (0.5, 6.0))
+"""What is tried in turn until hands do not go through one another: a fraction of the lag, a detour, cm."""
 _DEEPER_CM = 0.1
 """How much deeper than in plain motion hands may go into one another on their way."""
 _GIVE_CM = (0.15, 0.4)
@@ -29,7 +29,7 @@ _GIVE_CM = (0.15, 0.4)
 
 def base_motion(
     states: FloatArray,
-    gaps: FloatArray,
+    clearances: FloatArray,
     sign: Sign,
     signer: Signer,
     take: int,
@@ -39,47 +39,47 @@ def base_motion(
     """At which time (T,), frames, a base hand's motion is taken, so that it comes and goes in its own time and is in
     place while it is touched; and the displacements (T, 63), cm, of both hands for that.
 
-    gaps: ``hand_gaps`` of the states
-    span: as of ``in_their_own_time``
+    clearances: ``hand_clearances`` of the states
+    span: as of ``with_separate_timing``
     """
     up, start, end, down = span
     rng = stream("base_lag", signer.name, sign.gloss, take)
     lags = signer.manner.base_lag * _LAG_S * fps * rng.uniform(-1.0, 1.0, 2)
-    touched = np.flatnonzero(gaps[start : end + 1, 2] < TOUCH_CM) + start
+    touched = np.flatnonzero(clearances[start : end + 1, 2] < TOUCH_CM) + start
     middle = (start + end) // 2
     first, last = (int(touched[0]), int(touched[-1])) if len(touched) else (middle, middle)
     back = len(states) - 1
-    times, shift = np.arange(len(states), dtype=np.float64), _give(states, gaps[:, 3], rng, signer, fps)
-    own, way = _coming(states[: first + 1], gaps[: first + 1, 3], up, start, float(lags[0]), signer)
+    times, shift = np.arange(len(states), dtype=np.float64), _give(states, clearances[:, 3], rng, signer, fps)
+    own, displacement = _coming(states[: first + 1], clearances[: first + 1, 3], up, start, float(lags[0]), signer)
     times[: first + 1] = own
-    shift[: first + 1, :3] += way
+    shift[: first + 1, :3] += displacement
     ends = back - down, back - end
-    own, way = _coming(states[last:][::-1], gaps[last:, 3][::-1], *ends, -float(lags[1]), signer)
+    own, displacement = _coming(states[last:][::-1], clearances[last:, 3][::-1], *ends, -float(lags[1]), signer)
     times[last:] = back - own[::-1]
-    shift[last:, :3] += way[::-1]
+    shift[last:, :3] += displacement[::-1]
     return times, shift
 
 
 def _coming(
-    states: FloatArray, gap: FloatArray, up: int, start: int, lag: float, signer: Signer
+    states: FloatArray, clearance: FloatArray, up: int, start: int, lag: float, signer: Signer
 ) -> tuple[FloatArray, FloatArray]:
     """At which time (n,) a base hand's motion is taken that ends in a touch at the last of the states (n, 63), and the
     strong wrist's displacement (n, 3), cm: it goes round the base hand where that is in its way. Where there is no
     way, the base hand comes with the strong one.
 
-    gap: distance of the hands' skins in plain motion, (n,)
+    clearance: distance of the hands' skins in plain motion, (n,)
     """
     frames = np.arange(len(states), dtype=np.float64)
     u = np.clip((frames - up) / max(1, start - up), 0.0, 1.0)
     hill = trajectory.bump(u**2)[:, None]  # highest near to the touch, where the base hand is in the way
     out = penetration(states[-1:], replace(signer, left_handed=False))[1][0, 0]
-    for share, detour in _WAYS:
-        times = _own_times(frames, states[:, 27:30], up, start, share * lag)
-        way = detour * signer.scale * hill * out
+    for fraction, detour in _ATTEMPTS:
+        times = _own_times(frames, states[:, 27:30], up, start, fraction * lag)
+        displacement = detour * signer.scale * hill * out
         tried = trajectory.taken_at(states, np.column_stack([*[frames] * 27, *[times] * 27, *[frames] * 9]))
-        tried[:, :3] += way
-        if (between_hands(tried, signer) >= np.minimum(gap, 0.0) - _DEEPER_CM).all():
-            return times, way
+        tried[:, :3] += displacement
+        if (between_hands(tried, signer) >= np.minimum(clearance, 0.0) - _DEEPER_CM).all():
+            return times, displacement
     return frames, np.zeros((len(states), 3))
 
 
@@ -98,12 +98,14 @@ def _own_times(frames: FloatArray, wrist: FloatArray, up: int, start: int, lag: 
     return own
 
 
-def _give(states: FloatArray, gap: FloatArray, rng: np.random.Generator, signer: Signer, fps: float) -> FloatArray:
+def _give(
+    states: FloatArray, clearance: FloatArray, rng: np.random.Generator, signer: Signer, fps: float
+) -> FloatArray:
     """Displacements (T, 63) of both hands together, cm, where the strong one touches the base hand: that gives way in
     the direction of the touch and comes back.
     """
     shift = np.zeros_like(states)
-    touching = gap < TOUCH_CM
+    touching = clearance < TOUCH_CM
     frames = np.arange(len(states))
     for onset in (np.flatnonzero(touching[1:] & ~touching[:-1]) + 1).tolist():
         strong = states[max(0, onset - 3) : onset + 1, :3]

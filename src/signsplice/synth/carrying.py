@@ -25,7 +25,7 @@ _CARRIERS = ("Head", "Neck", "Spine2", "Hips")
 _HEAD, _CHEST, _HIPS = 0, 2, 3
 _FREE_CM, _HELD_CM = 14.0, 0.5
 """Distances from the skin at which a hand is free, and from which on it is carried wholly."""
-_SHARE_CM = 1.0
+_WEIGHT_CM = 1.0
 """How much farther a part of the body is that carries less by the factor e."""
 _TOGETHER_CM = 8.0
 """Distance of two hands up to which they are carried alike."""
@@ -43,34 +43,34 @@ _MIRRORED_QUAT = np.array([1.0, -1.0, -1.0, 1.0])
 class Nearness:
     """Where the hands (strong, weak) of an upright right-handed signer are.
 
-    shares: (T, 2, 4) how far head, neck, chest and hips carry each hand; the rest is free
-    gaps: (T, 2, 4) distance of each hand's skin from that of each of these, cm, negative inside
+    weights: (T, 2, 4) how far head, neck, chest and hips carry each hand; the rest is free
+    clearances: (T, 2, 4) distance of each hand's skin from that of each of these, cm, negative inside
     head_side: (T, 2) where at the head each hand is, from -1 (strong side) over 0 (front) to 1 (weak side)
     """
 
-    shares: FloatArray
-    gaps: FloatArray
+    weights: FloatArray
+    clearances: FloatArray
     head_side: FloatArray
 
     @property
     def head(self) -> FloatArray:
         """Distance (T, 2) of each hand's skin from the head's, cm."""
-        return self.gaps[..., _HEAD]
+        return self.clearances[..., _HEAD]
 
 
 def nearness(states: FloatArray, signer: Signer) -> Nearness:
     """Where the hands of states (T, 63) are, were head and trunk upright."""
     upright = states.copy()
     upright[:, 54:] = 0.0
-    gaps, out, apart = _gaps(upright, signer)
-    shares = _shares(gaps / signer.scale, apart / signer.scale)
+    clearances, out, apart = _clearances(upright, signer)
+    weights = _weights(clearances / signer.scale, apart / signer.scale)
     begins, hangs = _HANGING_CM
     height = pose.hands(states)[..., 1] / signer.scale
     hanging = pose.smooth_step((-height - begins) / (hangs - begins))[..., None]
-    return Nearness(hanging * np.eye(len(_CARRIERS))[_HIPS] + (1.0 - hanging) * shares, gaps, out[..., _HEAD, 0])
+    return Nearness(hanging * np.eye(len(_CARRIERS))[_HIPS] + (1.0 - hanging) * weights, clearances, out[..., _HEAD, 0])
 
 
-def _gaps(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _clearances(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Distances (T, 2, 4) of both hands' skin from that of the carriers, cm; the directions (T, 2, 4, 3) away from it
     in the chest's axes; and distances (T,) of the hands from one another or a forearm.
     """
@@ -82,14 +82,14 @@ def _gaps(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray, F
     names = list(JOINTS)
     carriers = [_CARRIERS.index(n) if (n := names[j]) in _CARRIERS else _CHEST for j in body.joints[solid]]
     hands = (body.groups.right, body.groups.left)
-    gaps, out = np.empty((len(states), 2, len(_CARRIERS))), np.empty((len(states), 2, len(_CARRIERS), 3))
+    clearances, out = np.empty((len(states), 2, len(_CARRIERS))), np.empty((len(states), 2, len(_CARRIERS), 3))
     for n, own in enumerate(hands):
         for k in range(len(_CARRIERS)):
             part = solid[np.array(carriers) == k].tolist()
             depth, away = collision.overlap(*ends, body.radii, own, part)  # (T, A, B), (T, A, B, 3)
             depth = depth.reshape(len(states), -1)
             deepest = depth.argmax(axis=1)[:, None]
-            gaps[:, n, k] = -np.take_along_axis(depth, deepest, axis=1)[:, 0]
+            clearances[:, n, k] = -np.take_along_axis(depth, deepest, axis=1)[:, 0]
             out[:, n, k] = np.take_along_axis(away.reshape(*depth.shape, 3), deepest[..., None], axis=1)[:, 0]
     arms = [
         [n for n, part in enumerate(body.parts) if part == "cuff" and body.sides[n] == side]
@@ -99,17 +99,17 @@ def _gaps(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray, F
         collision.overlap(*ends, body.radii, hands[n], (*hands[1 - n], *arms[1 - n]))[0].max(axis=(1, 2))
         for n in (0, 1)
     ]
-    return gaps, np.einsum("tba,tnkb->tnka", rotations[:, JOINTS["Spine2"]], out), -np.maximum(*depths)
+    return clearances, np.einsum("tba,tnkb->tnka", rotations[:, JOINTS["Spine2"]], out), -np.maximum(*depths)
 
 
-def _shares(gaps: FloatArray, apart: FloatArray) -> FloatArray:
+def _weights(clearances: FloatArray, apart: FloatArray) -> FloatArray:
     """Shares (T, 2, 4) from the distances of hands to the parts of the body (T, 2, 4) and to one another (T,), cm."""
-    nearest = gaps.min(axis=-1, keepdims=True)
-    shares = np.exp((nearest - gaps) / _SHARE_CM)
-    shares /= shares.sum(axis=-1, keepdims=True)
-    shares = shares * pose.smooth_step((_FREE_CM - nearest) / (_FREE_CM - _HELD_CM))
+    nearest = clearances.min(axis=-1, keepdims=True)
+    weights = np.exp((nearest - clearances) / _WEIGHT_CM)
+    weights /= weights.sum(axis=-1, keepdims=True)
+    weights = weights * pose.smooth_step((_FREE_CM - nearest) / (_FREE_CM - _HELD_CM))
     alike = 0.5 * pose.smooth_step((_TOGETHER_CM - apart) / (_TOGETHER_CM - _HELD_CM))[:, None, None]
-    return np.asarray((1.0 - alike) * shares + alike * shares[:, ::-1])
+    return np.asarray((1.0 - alike) * weights + alike * weights[:, ::-1])
 
 
 def carried(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
@@ -122,8 +122,8 @@ def carried(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
     for n, (mirror, mirror_quat) in enumerate(((np.ones(3), np.ones(4)), (_MIRRORED, _MIRRORED_QUAT))):
         wrist = pose.hands(states)[:, n, pose.WRIST] * mirror
         moves = rotation.rotate(turns, wrist[:, None] - rest) + places - wrist[:, None]  # (T, 4, 3)
-        wrist = (wrist + np.einsum("tk,tkc->tc", near.shares[:, n], moves)) * mirror
-        turn = rotation.exp(np.einsum("tk,tkc->tc", near.shares[:, n], rotation.log(turns)))
+        wrist = (wrist + np.einsum("tk,tkc->tc", near.weights[:, n], moves)) * mirror
+        turn = rotation.exp(np.einsum("tk,tkc->tc", near.weights[:, n], rotation.log(turns)))
         quat = rotation.multiply(turn, quats[:, n] * mirror_quat) * mirror_quat
         hand = pose.hands(moved)[:, n]
         hand[:, pose.WRIST], hand[:, pose.ROTVEC] = wrist, pose.hand_rotvecs(wrist, quat, signer)
@@ -145,12 +145,12 @@ def _touching(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
     limits does not follow wholly.
     """
     states = states.copy()
-    nearest = near.gaps.argmin(axis=-1)[..., None]  # (T, 2, 1)
-    wanted = np.take_along_axis(near.gaps, nearest, axis=-1)
+    nearest = near.clearances.argmin(axis=-1)[..., None]  # (T, 2, 1)
+    wanted = np.take_along_axis(near.clearances, nearest, axis=-1)
     weight = pose.smooth_step((_TOUCH_CM - wanted / signer.scale) / (_TOUCH_CM - _HELD_CM))
     for _ in range(_ROUNDS):
-        gaps, out, _ = _gaps(states, signer)
-        missing = weight * (wanted - np.take_along_axis(gaps, nearest, axis=-1))  # (T, 2, 1)
+        clearances, out, _ = _clearances(states, signer)
+        missing = weight * (wanted - np.take_along_axis(clearances, nearest, axis=-1))  # (T, 2, 1)
         push = missing * np.take_along_axis(out, nearest[..., None], axis=2)[:, :, 0]
         push = gaussian_filter1d(push, _SMOOTHED_FRAMES, axis=0, mode="nearest")
         pose.hands(states)[..., pose.WRIST] += push * [np.ones(3), _MIRRORED]

@@ -20,15 +20,22 @@ from signsplice.formats.atomic import check_folder, replacing_folder, resumable_
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import planner, pose, truth
-from signsplice.synth.pairs import FILES, HEAD, Pairs, StoredRow, save_row, write_transitions, write_words
-from signsplice.synth.parts import is_whole
+from signsplice.synth.pairs import (
+    EXTENT,
+    FILES,
+    HEAD,
+    Pairs,
+    StoredRow,
+    save_row,
+    signer_space,
+    write_transitions,
+    write_words,
+)
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.pool import Pool
+from signsplice.synth.pool import Pool, is_whole
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, Signer, draw_signer, skeleton
-from signsplice.synth.signer_space import EXTENT, signer_space
-from signsplice.synth.splits import draw_splits
 
 Progress = Callable[[int, int], None]
 
@@ -195,4 +202,30 @@ def _head(
         "signers": [asdict(signer) for signer in recipe.signers()],
         "words": rows,
         "splits": splits,
+    }
+
+
+def draw_splits(seed: int, n_words: int, pairs: Sequence[tuple[int, int, int]]) -> dict[str, dict[str, list[int]]]:
+    """Numbers of the pairs (signer, word before, word after) for training, validation and test, by seed.
+
+    random: pairs drawn 80 : 10 : 10 (the paper's protocol; the paper does not print its ratio). unseen-words: words
+    drawn 70 : 10 : 20; a pair belongs where both of its words do, and other pairs are left out. unseen-signer: training
+    and validation of random, tested on the second signer.
+    """
+    rng = stream("splits", seed, n_words)
+    first = [k for k, (signer, _, _) in enumerate(pairs) if signer == 0]
+    order = rng.permutation(first).tolist()
+    a, b = round(0.8 * len(order)), round(0.9 * len(order))
+    random = {"train": sorted(order[:a]), "valid": sorted(order[a:b]), "test": sorted(order[b:])}
+    words = rng.permutation(n_words).tolist()
+    a, b = round(0.7 * n_words), round(0.8 * n_words)
+    groups = {"train": set(words[:a]), "valid": set(words[a:b]), "test": set(words[b:])}
+    unseen = {
+        name: [k for k in first if pairs[k][1] in group and pairs[k][2] in group] for name, group in groups.items()
+    }
+    others = [k for k, (signer, _, _) in enumerate(pairs) if signer == 1]
+    return {
+        "random": random,
+        "unseen-words": unseen,
+        "unseen-signer": {"train": random["train"], "valid": random["valid"], "test": others},
     }

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 class Events:
     """Frames of an isolated word, and how near its hands are to the skin in its first and last postures.
 
-    Skin distances are those of ``touch_events``: of the strong hand, or of either where the hands mirror one another,
+    Skin distances are those of ``clearance``: of the strong hand, or of either where the hands mirror one another,
     to head, trunk, the other hand and the other arm.
 
     up: the last frame of rest

@@ -118,15 +118,15 @@ def inflect(sign: Sign, kind: str) -> Sign:
     elif kind == "plural":
         segments[at:] = [_sidewards(s, sign) for s in segments[at:]]
     elif kind == "habitual":
-        segments[at] = replace(_again(segment, goes, 2), tempo=_HABITUAL_TEMPO, seconds=None)
+        segments[at] = replace(_repeated(segment, goes, 2), tempo=_HABITUAL_TEMPO, seconds=None)
     else:
         lift = _ARCH_CM if goes else 0.0
-        segments[at] = replace(_again(segment, goes, 2), tempo=_CONTINUATIVE_TEMPO, lift=lift, seconds=None)
+        segments[at] = replace(_repeated(segment, goes, 2), tempo=_CONTINUATIVE_TEMPO, lift=lift, seconds=None)
     gloss = f"{sign.gloss}-{kind.upper()}"
     return _checked(replace(sign, gloss=gloss, segments=tuple(segments), synonyms=()))
 
 
-def _again(segment: Segment, goes: bool, more: int) -> Segment:
+def _repeated(segment: Segment, goes: bool, more: int) -> Segment:
     """A movement made ``more`` times more often; one that stays in its place goes on for as much longer."""
     times = min(segment.times + more, 8)
     if goes:
@@ -149,7 +149,7 @@ def _sidewards(segment: Segment, sign: Sign) -> Segment:
         strong = replace(strong, shift=_plus(strong.shift, 2.0 * _STEP_CM))
     weak = weak and replace(weak, shift=_plus(weak.shift, -2.0 * _STEP_CM))
     moved = replace(segment, strong=strong, weak=weak)
-    return replace(_again(moved, False, 1), seconds=None) if segment.kind == "M" else moved
+    return replace(_repeated(moved, False, 1), seconds=None) if segment.kind == "M" else moved
 
 
 def _plus(shift: Vector, out: float) -> Vector:

@@ -192,8 +192,8 @@ def _skin(origins: FloatArray, directions: FloatArray, signer: Signer) -> FloatA
         t = np.einsum("nkc,kc->nk", from_start, spans) / (np.einsum("kc,kc->k", spans, spans) + 1e-12)
         t = np.clip(t, 0.0, 1.0)
         radius = radii[:, 0] + t * (radii[:, 1] - radii[:, 0])
-        gap = np.linalg.norm(from_start - t[..., None] * spans, axis=-1) - radius
-        points = points - gap.min(axis=1)[:, None] * directions
+        clearance = np.linalg.norm(from_start - t[..., None] * spans, axis=-1) - radius
+        points = points - clearance.min(axis=1)[:, None] * directions
     return np.asarray(points)
 
 

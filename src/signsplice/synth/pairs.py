@@ -11,9 +11,10 @@ A corpus of pairs is a folder:
 
 The utterance of a pair is, in each of the three, before[: pre + 1], new[first : first + n], after[post:] (eq. 17).
 
-Every signer has as many words as any other, one signer's after another's. Corpora of clips (``paper.own_words``) tell
-the "skeletons" and "spaces" of their signers, and whether words were "moved" to the origin; those of synthetic signers
-(``corpus``) tell the "signers", from which skeletons and spaces follow, with all 53 joints in the numbers.
+Every signer has as many words as any other, one signer's after another's. Corpora of clips (`signsplice-paper pairs
+build`) tell the "skeletons" and "spaces" of their signers, and whether words were "moved" to the origin; those of
+synthetic signers (``corpus``) tell the "signers", from which skeletons and spaces follow, with all 53 joints in the
+numbers.
 """
 
 from __future__ import annotations
@@ -32,11 +33,10 @@ from signsplice.formats.json_files import check_type, parse_json
 from signsplice.formats.npz import mapped_array
 from signsplice.formats.reading import read_bytes
 from signsplice.motion.clip import Clip, Skeleton
-from signsplice.motion.number_space import NumberSpace, read_space
+from signsplice.motion.number_space import NumberSpace, read_space, space_of
 from signsplice.synth import truth
 from signsplice.synth.events import Events
 from signsplice.synth.signer import Signer, read_signer, skeleton
-from signsplice.synth.signer_space import signer_space
 
 Array = NDArray[Any]
 
@@ -64,7 +64,7 @@ class Pairs:
         if not head.exists():
             raise InputError(
                 f"{self.folder}: has no {HEAD}, expected a corpus of pairs (`signsplice synth pairs`), or one of "
-                "clips (`signsplice pairs build`)"
+                "clips (`signsplice-paper pairs build`)"
             )
         try:
             self.head: dict[str, Any] = parse_json(read_bytes(head), str(head), "a corpus of pairs")
@@ -78,7 +78,7 @@ class Pairs:
             self.skeletons, self.spaces = _bodies(self.head, self.signers)
             self._check_shapes()
         except (KeyError, OSError, TypeError, ValueError, InputError) as error:
-            hint = "make one with `signsplice synth pairs` or `signsplice pairs build`"
+            hint = "make one with `signsplice synth pairs` or `signsplice-paper pairs build`"
             raise InputError(f"{self.folder}: is no corpus of pairs ({error}); {hint}") from error
         if self.head.get("version") not in READABLE:
             expected = " or ".join(map(str, READABLE))
@@ -239,3 +239,14 @@ def write_transitions(made: Path, rows: Sequence[StoredRow]) -> None:
             for row in rows:
                 with np.load(row.path) as arrays:
                     out.write(arrays[kind].tobytes())
+
+
+EXTENT = 1.3
+"""Side of the cube, in statures, that is scaled to [-0.5, 0.5]^3: wide enough for every reach."""
+
+
+def signer_space(bones: Skeleton, stature_cm: float) -> NumberSpace:
+    """The numbers of all joints of a synthetic signer: cm from the middle of the body's height, over ``EXTENT``
+    statures.
+    """
+    return space_of(bones, (0.0, 0.5 * stature_cm, 0.0), EXTENT * stature_cm)

@@ -8,6 +8,7 @@ import numpy as np
 
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
+from signsplice.motion.curves import minimum_jerk
 from signsplice.synth import locations, pose, trajectory
 from signsplice.synth.phonology import Path, Segment
 from signsplice.synth.signer import Signer
@@ -166,7 +167,7 @@ class PathMotion:
             return [(k / n, k / n) for k in range(1, n + 1)]
         if "arc" in kinds or self.lift is not None:
             times = [0.25, 0.5, 0.75, 1.0] if n_frames >= 8 else [0.5, 1.0]
-            return [(float(_minimum_jerk(u)), u) for u in times]
+            return [(float(minimum_jerk(u)), u) for u in times]
         return [(1.0, 1.0)]
 
     def seconds(self) -> float:
@@ -196,11 +197,6 @@ def _n_knots(path: Path) -> int:
     """Number of knots that a path takes."""
     per_revolution = {"circle": 6, "zigzag": 4}.get(path.kind, 0)
     return max(2, round(per_revolution * abs(path.revolutions)))
-
-
-def _minimum_jerk(u: float) -> float:
-    """Progress of a minimum-jerk movement from rest to rest at time ``u`` (both 0 to 1)."""
-    return u**3 * (10.0 + u * (-15.0 + 6.0 * u))
 
 
 _PLANES = {"frontal": ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)), "sagittal": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0))}

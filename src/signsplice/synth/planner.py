@@ -17,8 +17,8 @@ from signsplice.motion.clip import Clip
 from signsplice.synth import pose, trajectory, two_hands
 from signsplice.synth.avoidance import clear_collisions
 from signsplice.synth.body_motion import add_body_motion
+from signsplice.synth.clearance import TOUCH_CM, skin_clearances, touching_sides
 from signsplice.synth.events import Events
-from signsplice.synth.gaps import TOUCH_CM
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import Sign
 from signsplice.synth.rest import resting
@@ -26,7 +26,6 @@ from signsplice.synth.rng import stream
 from signsplice.synth.segment_plan import FPS, SegmentPlan
 from signsplice.synth.signer import STANDARD, Signer
 from signsplice.synth.timing import between_frames
-from signsplice.synth.touch_events import skin_gaps, touching_sides
 
 PREPARATION_PACE, RETRACTION_PACE = 1.06, 1.25
 """Duration of the reaches from and to rest, over what the travel law gives."""
@@ -76,7 +75,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     offset = before + up
     events = segments.events(before - 1, offset, down)
     span = events.up, events.start, events.end, events.down
-    states = two_hands.in_their_own_time(states, sign, signer, take, fps, span)
+    states = two_hands.with_separate_timing(states, sign, signer, take, fps, span)
     states = segments.low_passed(states, offset)
     if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
         trajectory.clip_fingers(states)
@@ -95,7 +94,7 @@ def _reach_frames(start: FloatArray, end: FloatArray, signer: Signer, fps: float
 
 def _with_touches(events: Events, clip: Clip, sign: Sign, signer: Signer) -> Events:
     """A word's events with how near its hands come to the skin in its first and last postures."""
-    first, last = skin_gaps(clip, (events.start, events.end), touching_sides(sign, signer))
+    first, last = skin_clearances(clip, (events.start, events.end), touching_sides(sign, signer))
     return replace(
         events,
         touches_first=bool(first <= TOUCH_CM),

@@ -1,11 +1,14 @@
-"""Runs many jobs in a few processes."""
+"""Runs many jobs in a few processes, and tells which of their files an interrupted call left whole."""
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile, ZipFile
 
 from signsplice.children import end_with_parent
 from signsplice.errors import SignspliceError
@@ -41,3 +44,12 @@ class Pool:
                 yield future.result()
         except BrokenProcessPool as error:
             raise SignspliceError("a worker process was ended from outside; the same call continues") from error
+
+
+def is_whole(path: Path) -> bool:
+    """Whether a .npz file is there, and every byte in it agrees with its checksum."""
+    try:
+        with ZipFile(path) as archive:
+            return bool(archive.namelist()) and archive.testzip() is None
+    except (OSError, BadZipFile, EOFError, NotImplementedError, RuntimeError, ValueError, zlib.error):
+        return False  # missing, cut off, or damaged in its directory

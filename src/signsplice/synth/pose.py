@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
+from signsplice.motion.curves import minimum_jerk
 from signsplice.synth import hand
 from signsplice.synth.signer import COLLAR, FOREARM, JOINTS, SHOULDER, UPPER_ARM, Signer, skeleton
 
@@ -283,8 +284,7 @@ def _lean_legs(local_quats: FloatArray, displacement: FloatArray) -> None:
 
 def smooth_step(x: FloatArray) -> FloatArray:
     """0 up to 0, 1 from 1 on, between them the smooth step of degree 5."""
-    x = np.clip(x, 0.0, 1.0)
-    return np.asarray(x**3 * (10.0 + x * (-15.0 + 6.0 * x)))
+    return np.asarray(minimum_jerk(np.clip(x, 0.0, 1.0)))
 
 
 def _soft_clip(x: ArrayLike, low: ArrayLike, high: ArrayLike, margin: float) -> FloatArray:

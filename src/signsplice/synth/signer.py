@@ -141,7 +141,7 @@ _LEG = (
     ("Foot", "Leg", (0.0, -40.0, -1.5)),
     ("ToeBase", "Foot", (1.0, -6.0, 12.0)),
 )
-SIDES = ("Left", "Right")
+_JOINT_SIDES = ("Left", "Right")
 
 
 def skeleton(signer: Signer = STANDARD) -> Skeleton:
@@ -156,7 +156,7 @@ def _skeleton(signer: Signer) -> Skeleton:
     rows: list[tuple[str, str, FloatArray]] = [("Hips", "", np.array([0.0, HIPS_CM, 0.0]) * scale)]
     tips: list[tuple[str, FloatArray]] = []
     rows += [(name, parent, np.array(offset) * scale) for name, parent, offset in (*_TRUNK, *_NECK)]
-    for side in SIDES:
+    for side in _JOINT_SIDES:
         mirror = np.array([1.0 if side == "Left" else -1.0, 1.0, 1.0]) * scale
         broad = np.array([signer.shoulders, 1.0, 1.0])
         rows += [
@@ -175,7 +175,7 @@ def _skeleton(signer: Signer) -> Skeleton:
                 (f"{side}Hand{finger}3", f"{side}Hand{finger}2", second),
             ]
             tips.append((f"{side}Hand{finger}3", last))
-    for side in SIDES:
+    for side in _JOINT_SIDES:
         mirror = np.array([1.0 if side == "Left" else -1.0, 1.0, 1.0]) * scale
         rows += [
             (side + name, side + parent if parent != "Hips" else parent, np.array(o) * mirror)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signsplice.motion.arrays import FloatArray
+from signsplice.motion.curves import minimum_jerk
 from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import Signer
@@ -110,7 +111,7 @@ def slowed(n_frames: int, pause_frames: int) -> FloatArray:
     pause = min(pause_frames, int(_MOST_PAUSE * steps))
     t = np.arange(1, n_frames + pause + 1, dtype=np.float64)
     u = t / (steps + pause)
-    return np.asarray((t - pause * u**3 * (10.0 + u * (-15.0 + 6.0 * u))) / steps)
+    return np.asarray((t - minimum_jerk(u, pause)) / steps)
 
 
 def between_frames(knots: Sequence[Knot], stops: Iterable[int], signer: Signer, gloss: str, take: int) -> list[Knot]:

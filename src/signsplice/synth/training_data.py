@@ -23,9 +23,8 @@ from signsplice.rig.canonical import canonical_bones, canonical_motion
 from signsplice.synth import planner, pseudo, running, truth
 from signsplice.synth.events import Events
 from signsplice.synth.manner import PLAIN, TRAITS, only
-from signsplice.synth.parts import is_whole
 from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.pool import Pool
+from signsplice.synth.pool import Pool, is_whole
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, RESTS, Signer, draw_signer
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
+from signsplice.motion.curves import minimum_jerk_by_powers
 from signsplice.synth import pose, trajectory
 from signsplice.synth.avoidance import clear_collisions, penetration
 from signsplice.synth.planner import IsolatedWord
@@ -51,7 +52,7 @@ KEEP_DOWN, DOWN_ALONG = 0.22, 0.12
 KEEP_UP, UP_ALONG = 0.24, 0.11
 """The same of the preparation."""
 FAR_CM = 3.0
-"""Travel at which half of that stays, since a hand that is there already has no way to share."""
+"""Travel at which half of that stays, since a hand that is there already has no path to share."""
 KEEP_HOLD, KEEP_OTHER = 0.6, 0.17
 """Fraction of its only hold that a sign without movement keeps, and how much more before another handshape."""
 OTHER_SHAPE = 0.6
@@ -203,8 +204,8 @@ def leaving(p: IsolatedWord, relation: Relation) -> CutTime:
     """Where the word before is left, before it is rounded to a frame."""
     events = p.events
     if not events.passes:
-        share = KEEP_HOLD + KEEP_OTHER * min(1.0, relation.shape_change / OTHER_SHAPE)
-        return CutTime(events.start, max(1.0, (events.end - events.start) * share))
+        fraction = KEEP_HOLD + KEEP_OTHER * min(1.0, relation.shape_change / OTHER_SHAPE)
+        return CutTime(events.start, max(1.0, (events.end - events.start) * fraction))
     begin, stop = kept_pass(p)
     left_out = _undershoot(p, begin, stop, relation.leaving, events.gap_last_cm) * (stop - begin)
     if stop < events.passes[-1][1]:  # a pass is dropped, and the hand turns
@@ -252,23 +253,23 @@ def undershoot(path_cm: float, chord_cm: float) -> float:
     jerk has it; of circles and zigzags, which keep their speed to the end, that fraction itself.
     """
     times = np.linspace(0.0, UNDERSHOOT, 201)
-    left = times**3 * (10.0 - 15.0 * times + 6.0 * times**2)
+    left = minimum_jerk_by_powers(times)
     most = min(UNDERSHOOT_PATH, UNDERSHOOT_CM / max(path_cm, UNDERSHOOT_CM))
     straight = min(1.0, chord_cm / (path_cm + UNDERSHOOT_CM))
     return straight * float(np.interp(most, left, times)) + (1.0 - straight) * most
 
 
-def _undershoot(word: IsolatedWord, begin: int, stop: int, alignment: float, gap_cm: float | None) -> float:
+def _undershoot(word: IsolatedWord, begin: int, stop: int, alignment: float, clearance_cm: float | None) -> float:
     """Fraction of the time of a movement that is left out at a posture with a skin distance."""
-    if gap_cm is None:
+    if clearance_cm is None:
         raise ValueError("events without skin distances")
     # Few points, each the mean of three frames: so a reader's errors hardly lengthen the path.
     frames = np.linspace(begin, stop, _PATH_POINTS).round().astype(int)[:, None] + [-1, 0, 1]
     path = word.states[np.clip(frames, begin, stop), pose.WRIST].mean(axis=1) / word.signer.scale
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=-1).sum())
-    free = min(1.0, max(0.0, (gap_cm - TOUCHING_CM) / (FREE_CM - TOUCHING_CM)))
-    share = undershoot(length, float(np.linalg.norm(path[-1] - path[0])))
-    return share * free * (1.0 - 0.5 * ALONG_MORE * (1.0 - alignment))
+    free = min(1.0, max(0.0, (clearance_cm - TOUCHING_CM) / (FREE_CM - TOUCHING_CM)))
+    fraction = undershoot(length, float(np.linalg.norm(path[-1] - path[0])))
+    return fraction * free * (1.0 - 0.5 * ALONG_MORE * (1.0 - alignment))
 
 
 def _far(relation: Relation) -> float:

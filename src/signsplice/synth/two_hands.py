@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import finger_timing, hand, pose, trajectory
 from signsplice.synth.base_hand import base_motion
-from signsplice.synth.gaps import TOUCH_CM, hand_gaps
+from signsplice.synth.clearance import TOUCH_CM, hand_clearances
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import Signer
 
@@ -28,7 +28,7 @@ _LAG_FRAMES = (0.5, 1.7)
 """Least and greatest lag of one hand, frames of 30 a second."""
 
 
-def in_their_own_time(
+def with_separate_timing(
     states: FloatArray, sign: Sign, signer: Signer, take: int, fps: float, span: tuple[int, int, int, int]
 ) -> FloatArray:
     """States (T, 63) of a whole word in which hands and fingers differ in place and time as the signer's manner has it;
@@ -43,8 +43,8 @@ def in_their_own_time(
     formed = manner.finger_stagger > 0.0 and float(np.ptp(inner, axis=0).max()) > 0.05
     if not (formed or (mirrored and manner.hand_difference) or (base and manner.base_lag)):
         return states
-    gaps = hand_gaps(states, signer)
-    free = _freedom(gaps, fps)  # (T, 2)
+    clearances = hand_clearances(states, signer)
+    free = _freedom(clearances, fps)  # (T, 2)
     frames = np.arange(len(states), dtype=np.float64)
     times = np.repeat(frames[:, None], pose.SIZE, axis=1)  # at which time each number is taken, (T, 63)
     shift = np.zeros_like(states)
@@ -54,7 +54,7 @@ def in_their_own_time(
         times[:, 27:54] -= (lag * fps / 30.0 * level)[:, None]
         shift[:, 27:30] = place * level[:, None]
     if base and manner.base_lag:
-        own, shift = base_motion(states, gaps, sign, signer, take, fps, span)
+        own, shift = base_motion(states, clearances, sign, signer, take, fps, span)
         times[:, 27:54] = own[:, None]
     if formed:
         late = finger_timing.delays(signer, sign.gloss, take) * fps / 30.0
@@ -69,11 +69,11 @@ def in_their_own_time(
     return states
 
 
-def _freedom(gaps: FloatArray, fps: float) -> FloatArray:
+def _freedom(clearances: FloatArray, fps: float) -> FloatArray:
     """How free the strong and the weak hand are, (T, 2): 0 around touches, 1 in the open; it changes over some frames,
     so that time never runs backwards.
     """
-    nearest = np.minimum(gaps[:, :2], gaps[:, 2:3])
+    nearest = np.minimum(clearances[:, :2], clearances[:, 2:3])
     level = _smooth_step((nearest - TOUCH_CM) / _FREE_CM)
     side = max(1, round(4 * fps / 30.0))
     least = minimum_filter1d(level, 2 * side + 1, axis=0)

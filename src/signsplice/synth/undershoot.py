@@ -10,7 +10,7 @@ import numpy as np
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import pose
-from signsplice.synth.gaps import TOUCH_CM, hand_gaps
+from signsplice.synth.clearance import TOUCH_CM, hand_clearances
 from signsplice.synth.locations import ON_HEAD
 from signsplice.synth.paths import translated
 from signsplice.synth.phonology import Sign
@@ -45,7 +45,7 @@ def undershot(
     if amount == 0.0:
         return pairs
     states = np.array([np.concatenate([*pair, np.zeros(9)]) for pair in pairs])
-    near = hand_gaps(states, signer)[:, [0, 2]].min(axis=1) < TOUCH_CM
+    near = hand_clearances(states, signer)[:, [0, 2]].min(axis=1) < TOUCH_CM
     moved: list[tuple[FloatArray, FloatArray]] = []
     for n, (strong, weak) in enumerate(pairs):
         if n and np.array_equal(strong, pairs[n - 1][0]):

@@ -45,7 +45,7 @@ NOISE_PROBABILITY = 0.3
 NOISE_RAD = (0.001, 0.008)
 """Range of the standard deviation of noise."""
 OTHER_ARM_PROBABILITY = 0.3
-_MIN_FRAMES = gap_features.MIN_GAP_FRAMES + 2 * gap_features.CONTEXT
+_MIN_FRAMES = gap_features.MIN_GAP_FRAMES + 2 * gap_features.N_CONTEXT
 """The shortest gap with all the frames that the network sees on either side."""
 
 

@@ -26,6 +26,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.rig.canonical import FEATURE_FPS, canonical_motion
 from signsplice.rig.canonical_map import MIRROR, ROLES
+from signsplice.rig.naming import SIDES
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.transition import find_transition
 from signsplice.splicing.networks import gap_features
@@ -113,7 +114,7 @@ def signer_motion(
 def _role_parents() -> NDArray[np.intp]:
     """The row above each role of a complete canonical humanoid (R,), -1 for the hips."""
     parents = {"spine": "", "chest": "spine", "upperChest": "chest", "neck": "upperChest", "head": "neck"}
-    for side in ("left", "right"):
+    for side in SIDES:
         arm = [f"{side}{part}" for part in ("Shoulder", "UpperArm", "LowerArm", "Hand")]
         parents |= dict(zip(arm, ["upperChest", *arm[:-1]], strict=True))
         fingers = [role for role in ROLES if role.startswith(side) and role not in arm]
@@ -237,7 +238,7 @@ class GapDataset:
             quats = augmentation.augmented_take(lambda: signer.draw_take(rng), rng, self.idle)
             n_gap = min(n_gap, len(quats) - 4)
             start = int(rng.integers(2, len(quats) - n_gap - 1))
-        low, high = max(0, start - gap_features.CONTEXT), min(len(quats), start + n_gap + gap_features.CONTEXT)
+        low, high = max(0, start - gap_features.N_CONTEXT), min(len(quats), start + n_gap + gap_features.N_CONTEXT)
         quats, start = quats[low:high], start - low
         if self.n_fixed is None and not self.clean:
             quats = augmentation.with_offsets_and_sway(quats, rng)

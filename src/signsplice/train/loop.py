@@ -19,11 +19,11 @@ from torch.nn.parallel import DistributedDataParallel
 
 from signsplice.errors import InputError, SignspliceError
 from signsplice.synth.rng import stream
-from signsplice.train import checkpoint, ending
-from signsplice.train.ending import DeadlineError
+from signsplice.train import checkpoint, stopping
 from signsplice.train.log import Log
 from signsplice.train.prefetch import Dataset
 from signsplice.train.processes import Processes
+from signsplice.train.stopping import DeadlineError
 from signsplice.train.task import Task
 
 OPTIMISERS = ("adamw", "sgd")
@@ -128,7 +128,7 @@ def train(
     report = report_progress or (lambda *_: None)
     with Log(folder, step, processes.first) as log:
         call = _Call(task, optimiser, loop, valid, folder, recipe, processes, log, report, step)
-        if loop.may_end_early and processes.decided(ending.has_ended(folder, step, loop.patience, loop.most_cpu_s)):
+        if loop.may_end_early and processes.decided(stopping.has_ended(folder, step, loop.patience, loop.most_cpu_s)):
             end = step
         while step < end:
             call.stop_at_deadline(step)
@@ -141,7 +141,7 @@ def train(
             if step % loop.every == 0 or step == end:
                 call.validate(step)
                 if loop.patience is not None and processes.decided(
-                    ending.on_plateau(ending.losses(folder, step), loop.patience)
+                    stopping.on_plateau(stopping.losses(folder, step), loop.patience)
                 ):
                     end = step
         if end == 0 and processes.first:
@@ -160,7 +160,7 @@ class _Call:
         self.folder, self.recipe, self.processes = folder, recipe, processes
         self.log, self.report, self.first = log, report, first
         self.started = self.saved = time.perf_counter()
-        self.cpu_before = ending.cpu_seconds(folder, first) - time.process_time()
+        self.cpu_before = stopping.cpu_seconds(folder, first) - time.process_time()
 
     @property
     def cpu_s(self) -> float:
@@ -260,7 +260,7 @@ def judge(task: Task, valid: Dataset, loop: LoopConfig, processes: Processes) ->
     scored = []
     for k in range(0, len(rows), 64):
         batch = valid.batch(rows[k : k + 64]).to(processes.device)
-        loss = {} if loop.patience is None else {ending.LOSS: task(batch).item()}
+        loss = {} if loop.patience is None else {stopping.LOSS: task(batch).item()}
         scored.append((task.judge(batch) | loss, len(rows[k : k + 64])))
     names = sorted({name for scores, _ in scored for name in scores})
     return {

@@ -26,12 +26,12 @@ DATA_FILE = "data.json"
 Option = str | int | Path | bool | Sequence[Path] | None
 
 
-def command(words: Sequence[str], options: Mapping[str, Option]) -> list[str]:
-    """The words of a `signsplice` command: ``words``, then every option with its value.
+def command(words: Sequence[str], options: Mapping[str, Option], program: str = "signsplice") -> list[str]:
+    """The words of a command of a program: ``words``, then every option with its value.
 
     An option that is None is left out, a flag stands alone, and an option with several values is repeated.
     """
-    words = ["signsplice", *words]
+    words = [program, *words]
     for option, value in options.items():
         if isinstance(value, bool):
             words.append(f"--{option}" if value else f"--no-{option}")

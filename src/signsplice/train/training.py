@@ -89,7 +89,7 @@ SCHEDULES: dict[tuple[str, str], TrainingSchedule] = {
     ("transition", "more"): TrainingSchedule(BridgeConfig(192, 6, 4, 768), 4_000, 32, 4e-4, 512),
     ("transition", "corpus"): TrainingSchedule(BridgeConfig(192, 6, 4, 768), 4_000, 32, 4e-4, 512, clean=True),
 }
-"""Each network at each scale. ``small`` compares data (``trait_ablation``). ``more`` continues an earlier training, on
+"""Each network at each scale. ``small`` compares data. ``more`` continues an earlier training, on
 other data; ``corpus`` continues one on a corpus of pairs, whose words and transitions it uses without augmentation.
 """
 
@@ -154,18 +154,18 @@ def make(
     out: Path,
     processes: Processes,
     report_progress: ProgressCallback | None = None,
-    earlier: Sequence[Path] = (),
+    start_from: Sequence[Path] = (),
 ) -> None:
     """Train a network on folders of synthetic signing and write it into the bundle ``out``.
 
-    The same call after an interruption continues from the last checkpoint. ``earlier``: folders of trainings with
+    The same call after an interruption continues from the last checkpoint. ``start_from``: folders of trainings with
     checkpoints, or bundles, to start from; from several, the mean of their weights. Raises ``InputError`` where one of
     them does not hold this network, or where the scale needs one and there is none.
     """
-    if not earlier and training.scale in _CONTINUED_SCALES:
+    if not start_from and training.scale in _CONTINUED_SCALES:
         raise InputError(f"scale {training.scale} continues an earlier training: name its folder")
     train_paths, held_back = split(*signing)
-    warm_starts = [warm_start.find_warm_start(one, training.network, FILES[training.network]) for one in earlier]
+    warm_starts = [warm_start.find_warm_start(one, training.network, FILES[training.network]) for one in start_from]
     if warm_starts:
         training = replace(training, begins_with="+".join(one.recipe for one in warm_starts))
     hashes = {path: provenance.sha256(path) for path in (*train_paths, *held_back)}
@@ -175,7 +175,7 @@ def make(
     recipe = _recipe(training, data_hashes, warm_starts)
     folder = out.parent / "parts" / f"{training.network}-{training.scale}-seed{training.seed}-{recipe}"
     trained_on = _trained_on(train_paths, warm_starts)
-    made_of = _provenance(training, signing, hashes, processes, earlier, warm_starts)
+    made_of = _provenance(training, signing, hashes, processes, start_from, warm_starts)
     folder.mkdir(parents=True, exist_ok=True)
     if processes.first:
         provenance.write_json(folder / warm_start.PROVENANCE_FILE, made_of)
@@ -302,7 +302,7 @@ def _provenance(
     signing: Sequence[Path],
     hashes: dict[Path, str],
     processes: Processes,
-    earlier: Sequence[Path],
+    start_from: Sequence[Path],
     warm_starts: Sequence[WarmStart],
 ) -> dict[str, Any]:
     """The command, the seed, the sha256 of the data, and what the training starts from.
@@ -310,7 +310,7 @@ def _provenance(
     Data are named by file; with several folders of signing, by the folder's number in the command, from 1, and file.
     """
     options: dict[str, provenance.Option] = {
-        "signing": signing, "from": earlier, "scale": training.scale, "steps": training.steps,
+        "signing": signing, "from": start_from, "scale": training.scale, "steps": training.steps,
         "batch": training.batch, "seed": training.seed, "device": processes.device.type,
     }  # fmt: skip
     several = len(signing) > 1

@@ -18,7 +18,7 @@ import numpy as np
 import torch
 
 from signsplice.errors import InputError
-from signsplice.evaluation.hidden_frames import CONTEXT, LENGTHS, HiddenFrames, hidden_frames
+from signsplice.evaluation.hidden_frames import LENGTHS, SHOWN, HiddenFrames, hidden_frames
 from signsplice.lexicon.reader import open_lexicon
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, resample
@@ -42,7 +42,7 @@ from signsplice.train.warm_start import load_graphs
 
 HELD_BACK_EVERY = 5
 """One word of this many is held back."""
-_MIN_FRAMES = LENGTHS[0] + 2 * CONTEXT
+_MIN_FRAMES = LENGTHS[0] + 2 * SHOWN
 (_FILE,) = FILES["transition"]
 
 
@@ -226,7 +226,7 @@ def network_from_bundle(facts: Mapping[str, Any], content: bytes, folder: Path) 
 
 def compare(held: Sequence[Clip], before: Path, after: Path, n_train: int) -> TuningResult:
     """Errors of two bundles' transitions and of the classical one on hidden frames of words held back."""
-    lengths = [n for n in LENGTHS if any(len(clip) >= n + 2 * CONTEXT for clip in held)]
+    lengths = [n for n in LENGTHS if any(len(clip) >= n + 2 * SHOWN for clip in held)]
     methods = (find_transition("hermite"), *(LearnedTransition(open_sessions(folder)) for folder in (before, after)))
     classical, was, now = (_mean_error(hidden_frames(held, [method], lengths)) for method in methods)
     return TuningResult(classical, was, now, n_train, len(held))

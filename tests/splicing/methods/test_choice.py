@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import GOLDEN
 
 import signsplice as ss
-from conftest import GOLDEN
 from signing import word
 from signsplice.errors import InputError
 from signsplice.rig.arms import arms
 from signsplice.splicing import report
+from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods import choice as methods
-from signsplice.splicing.methods.cut import Cut
 from signsplice.splicing.methods.duration import travel_widths
 from signsplice.splicing.methods.learned import LearnedCutter, LearnedDuration, LearnedTransition
 from signsplice.splicing.networks.bundle import BUNDLE_FILE, bundle_sha256

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from conftest import random_clip
+
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip

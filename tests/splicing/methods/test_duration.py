@@ -8,7 +8,7 @@ import pytest
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import arms
-from signsplice.splicing.methods.cut import Cut
+from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods.duration import find_duration, travel_widths
 
 PRE, POST = 43, 12

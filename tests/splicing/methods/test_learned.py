@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import GOLDEN
 
 import signsplice as ss
-from conftest import GOLDEN
 from other_rigs import mirror, on_other_rig
 from signing import sign, word
 from signsplice.errors import InputError
@@ -27,9 +27,8 @@ from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
 from signsplice.rig.canonical import canonical_motion
 from signsplice.rig.canonical_map import ARM
 from signsplice.rig.info import rig_info
-from signsplice.splicing.gap import Gap
+from signsplice.splicing.gap import Cut, Gap
 from signsplice.splicing.methods.choice import WEIGHTS
-from signsplice.splicing.methods.cut import Cut
 from signsplice.splicing.methods.learned import LearnedCutter, LearnedDuration, LearnedTransition, open_sessions
 from signsplice.splicing.methods.transition import find_transition
 from signsplice.splicing.networks.sessions import Array, Sessions

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import random_clip
 from scipy.interpolate import CubicHermiteSpline
 
-from conftest import random_clip
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
 from conftest import GOLDEN
+
 from signsplice.errors import InputError
 from signsplice.splicing.networks.bundle import (
     BUNDLE_FILE,

@@ -101,7 +101,8 @@ def filled(before: Clip, after: Clip, n_frames: int) -> Clip:
     """A transition by a network that is one fixed matrix from tokens to rotation vectors."""
     base = find_transition("hermite").between(Gap(before, after, n_frames))
     seen = gap_features.gap_features(canonical_motion(concatenate([before, base, after])), len(before), n_frames)
-    answer = (seen.tokens[gap_features.CONTEXT : gap_features.CONTEXT + seen.n_gap] @ MATRIX).reshape(-1, len(ROLES), 3)
+    new = slice(gap_features.N_CONTEXT, gap_features.N_CONTEXT + seen.n_gap)
+    answer = (seen.tokens[new] @ MATRIX).reshape(-1, len(ROLES), 3)
     deltas = gap_features.delta_rotvecs(answer, seen, n_frames)
     return replace(base, local_rotations=apply_deltas(base.skeleton, base.local_rotations, deltas))
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import onnx
 import pytest
-
 from conftest import GOLDEN
+
 from signsplice.errors import FormatError
 from signsplice.lexicon import shipped
 from signsplice.splicing.engine import SpliceOptions, splice

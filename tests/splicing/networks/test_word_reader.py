@@ -6,10 +6,11 @@ import gc
 import weakref
 
 import numpy as np
-
 from conftest import GOLDEN
+
 from signing import word
-from signsplice.rig.align import align, reference
+from signsplice.body.retarget import align
+from signsplice.rig.align import reference
 from signsplice.splicing.methods.learned import open_sessions
 from signsplice.splicing.networks.word_reader import WordReader, stroke_span
 

@@ -7,9 +7,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from conftest import random_clip
 
 import signsplice as ss
-from conftest import random_clip
 from other_rigs import mirror, on_other_rig, with_rest_pose, without
 from signing import word
 from signsplice.body import collision

@@ -9,21 +9,22 @@ from functools import cache
 
 import numpy as np
 import pytest
+from conftest import random_clip
 
 import signsplice as ss
-from conftest import random_clip
 from other_rigs import mirror
 from signing import sign, word
 from signsplice.body import collision
 from signsplice.body.arm_ik import move_wrists
+from signsplice.body.retarget import align
 from signsplice.errors import InputError
 from signsplice.evaluation.wrists import wrist_positions
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.rig.align import align, reference
+from signsplice.rig.align import reference
 from signsplice.rig.canonical_map import TRUNK
 from signsplice.rig.info import rig_info
-from signsplice.splicing.methods.cut import Cut
+from signsplice.splicing.gap import Cut
 from signsplice.splicing.passes.collision_avoidance import TOLERANCE_M
 from signsplice.splicing.passes.free_hand import FASTEST_M_S, NATURAL
 from signsplice.splicing.passes.idle_hand import idle_hands, is_approached

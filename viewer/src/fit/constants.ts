@@ -16,6 +16,7 @@ export const t_pose = {
 } as const;
 
 export const capsules = {
+  SIDES: ["left", "right"],
   FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
   SEGMENTS: ["Metacarpal", "Proximal", "Intermediate", "Distal"],
   THICKNESS: {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049},
@@ -61,10 +62,10 @@ export const skin_points = {
 export const skin = {
   HEM: 0.035,
   MIN_POINTS: 6,
+  SIDES: ["left", "right"],
   FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
   TRUNK: ["hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder"],
   HEAD: ["head", "jaw", "leftEye", "rightEye"],
-  SIDES: ["left", "right"],
   ARM: ["sleeve", "cuff"],
   BINS: 6,
   HEIGHTS: 7,
@@ -117,6 +118,7 @@ export const relief = {
 } as const;
 
 export const fit = {
+  SIDES: ["left", "right"],
   NEAR_M: 0.04,
   FREE_M: 0.06,
   FAR_M: 0.25,
@@ -159,6 +161,7 @@ export const arm_ik = {
 } as const;
 
 export const thumb_contacts = {
+  SIDES: ["left", "right"],
   FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
   ALIKE: 0.03,
   MOST_RADIANS: 0.2617993877991494,
@@ -177,6 +180,7 @@ export const thumb_contacts = {
 export const retarget = {
   PART_M: 0.012,
   SIGNS: 0.5,
+  SIDES: ["left", "right"],
   ALIKE: 0.005,
   SHORT: 0.1,
   BEYOND_M: 0.02,

@@ -15,7 +15,7 @@ _OUT = click.option("-o", "--output", required=True, metavar="DIR", help="Folder
 
 @click.group()
 def pairs() -> None:
-    """Make corpora of pairs of your own words, for `train paper` and `paper`."""
+    """Make corpora of pairs of your own words, for `train-system` and the tables."""
 
 
 @pairs.command()

@@ -20,8 +20,8 @@ from signsplice.motion.clip import Clip, bone_translations
 from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import ORIGIN, Placement
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.cut import Cut, PairCutter
+from signsplice.splicing.gap import Cut, Gap
+from signsplice.splicing.methods.cut import PairCutter
 from signsplice.splicing.methods.transition import GapTransition
 from signsplice.splicing.networks.bundle import bundle_sha256
 from signsplice.splicing.whole_system import SystemSplice, WholeSystem, is_near

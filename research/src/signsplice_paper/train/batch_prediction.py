@@ -1,6 +1,6 @@
 """Predictions of a whole system for many pairs at once, by torch: positions, Culling there, frames one by one.
 
-They are those of the exported system (``paper.systems``), which is made for one pair at a time.
+They are those of the exported system (``systems``), which is made for one pair at a time.
 """
 
 from __future__ import annotations

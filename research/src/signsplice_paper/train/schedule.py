@@ -16,8 +16,8 @@ from signsplice.children import killed_with_parent
 from signsplice.errors import SignspliceError
 from signsplice.synth.corpus import Pairs
 from signsplice.train import processes
-from signsplice.train.ending import DeadlineError
 from signsplice.train.loop import ProgressCallback
+from signsplice.train.stopping import DeadlineError
 from signsplice_paper.plan import Run
 from signsplice_paper.train import training
 
@@ -78,7 +78,8 @@ def train_one_by_one(
 
 
 def train_side_by_side(schedule: Schedule, workers: int, started: Started) -> None:
-    """Train every run by `signsplice train paper` in its own process, ``workers`` at once, with equal numbers of cores.
+    """Train every run by `signsplice-paper train-system` in a process of its own, ``workers`` at once, with
+    equal numbers of cores.
 
     They end when this process is killed, and at the deadline. The first failure interrupts the others, which continue
     from their checkpoints on the next call, and raises ``SignspliceError``.
@@ -94,7 +95,7 @@ def train_side_by_side(schedule: Schedule, workers: int, started: Started) -> No
             while waiting and len(running) < workers:
                 number, run = waiting.pop(0)
                 started(number, run)
-                call = [sys.executable, "-m", "signsplice", *arguments(schedule, run)]
+                call = [sys.executable, "-m", "signsplice_paper", *arguments(schedule, run)]
                 running[run.name] = subprocess.Popen(call, env=environment, preexec_fn=bind)
             time.sleep(_POLL_S)
             for name, process in list(running.items()):
@@ -111,8 +112,8 @@ def train_side_by_side(schedule: Schedule, workers: int, started: Started) -> No
 
 
 def arguments(schedule: Schedule, run: Run) -> list[str]:
-    """The arguments of `signsplice` that train a run."""
-    call = ["train", "paper", "--pairs", str(schedule.pairs), "--out", str(schedule.bundles / run.name)]
+    """The arguments of `signsplice-paper` that train a run."""
+    call = ["train-system", "--pairs", str(schedule.pairs), "--out", str(schedule.bundles / run.name)]
     options = {
         "seed": run.seed,
         "system": run.system,

@@ -24,7 +24,7 @@ from signsplice.synth.corpus import Pairs
 from signsplice.synth.pool import Pool
 from signsplice.train import checkpoint, processes
 from signsplice.train import log as logs
-from signsplice.train.ending import DeadlineError
+from signsplice.train.stopping import DeadlineError
 from signsplice_paper.layout import Table, markdown
 from signsplice_paper.train import training
 from signsplice_paper.train.scales import SYSTEMS, Config, SystemPart, parts
@@ -235,7 +235,7 @@ def page(signature: dict[str, Any], rows: Sequence[SearchRow]) -> str:
             "the scale had when they were tried; the last column is the best score less that with the rate and width "
             "that it has now. One seed: differences of a few hundredths mean nothing. -: not trained; no best is named "
             "before all are.",
-            f"Corpus {signature['corpus']}. `signsplice paper search`",
+            f"Corpus {signature['corpus']}. `signsplice-paper search`",
         ),
     )
     return "# Learning rates and widths\n\n" + markdown(table)

@@ -19,7 +19,7 @@ from signsplice.formats.atomic import replacing_folder
 from signsplice.formats.reading import read_bytes
 from signsplice.splicing.networks.bundle import write_bundle
 from signsplice.synth.corpus import Pairs
-from signsplice.train import checkpoint, ending, provenance
+from signsplice.train import checkpoint, provenance, stopping
 from signsplice.train import log as logs
 from signsplice.train.export import check_bundle_folder
 from signsplice.train.loop import SGD_RATE, LoopConfig, ProgressCallback, train
@@ -187,7 +187,7 @@ def _provenance(training: Training, pairs: Pairs, folders: list[Path]) -> dict[s
     }  # fmt: skip
     data = [provenance.corpus_data(pairs.folder, folder) for folder in folders]
     return {
-        "command": provenance.command(["train", "paper"], options),
+        "command": provenance.command(["train-system"], options, "signsplice-paper"),
         "data": None if None in data else data[0],
         "signsplice": provenance.software(),
     }
@@ -212,7 +212,9 @@ def facts(
     frames = tasks[-1].network
     normaliser: Any = frames.normaliser
     generator = frames if isinstance(frames, Generator) else None
-    ends = [ending.reason(folder, part.steps, training.patience) for part, folder in zip(chosen, folders, strict=True)]
+    ends = [
+        stopping.reason(folder, part.steps, training.patience) for part, folder in zip(chosen, folders, strict=True)
+    ]
     return {
         "system": training.system,
         "config": {part.name: part.facts()["config"] for part in chosen},
@@ -223,7 +225,7 @@ def facts(
         "fps": pairs.head["fps"],
         "seed": training.seed,
         "steps": sum(step for step, _ in ends),
-        "stopped": ending.of_parts([why for _, why in ends]),
+        "stopped": stopping.of_parts([why for _, why in ends]),
         "fr": chosen[-1].fr,
         "parts": {
             part.name: {

@@ -18,24 +18,13 @@ from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import Arms, active_span, arms
+from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods.method import Method, find
 
 WINDOW_S = 0.3
 WINDOW_FRACTION = 0.3
 VELOCITY_TIME_S = 0.15
 """Velocities are weighed against positions by the distance covered in this time, half of a usual transition."""
-
-
-@dataclass(frozen=True)
-class Cut:
-    """A splice position, in frames of the two clips.
-
-    pre: the last frame kept of the clip before.
-    post: the first frame kept of the clip after.
-    """
-
-    pre: int
-    post: int
 
 
 class Cutter(Method, ABC):
@@ -149,7 +138,7 @@ CUTTERS: dict[str, PairCutter] = {
     )
 }
 CLASSICAL_CUTTER = "pose-velocity"
-"""Used where no network can be read; the default is learned (``methods.choose``)."""
+"""Used where no network can be read; the default is learned (``choice.choose``)."""
 
 
 def find_cutter(name: str) -> PairCutter:

@@ -10,8 +10,9 @@ import numpy as np
 
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import Arms, active_span, arms
-from signsplice.splicing.methods.cut import Cut
+from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods.method import Method, find
+from signsplice.splicing.tempo import FAST_M_S, RUNNING_S
 
 HUMAN_MEDIAN_S = 0.25
 """Median of 621 transitions between two signs, annotated in motion capture of Czech Sign Language (5 and 95 %: 0.16 and
@@ -24,6 +25,8 @@ USUAL_SPEED_M_S = 0.45
 MAX_TRANSITION_S = 10.0
 """The longest transition, whatever asks for it."""
 _SLOWEST_S = 1.5
+_PEAK_OVER_MEAN = 1.875
+"""Of a minimum-jerk movement from rest to rest."""
 
 
 def most_frames(fps: float) -> int:
@@ -105,6 +108,24 @@ def _wrist_speed(arms: Arms) -> float:
     return float(steps.mean(axis=0).max() * arms.fps * arms.metres) if len(steps) else USUAL_SPEED_M_S
 
 
+class RunningDuration(Duration):
+    """How long a transition takes at a tempo: the human median of 0.25 s, in proportion where the tempo is slower than
+    running signing, and longer where a hand would pass ``FAST_M_S``.
+    """
+
+    name = "running"
+    summary = "0.25 s, longer where a hand has far to go"
+
+    def __init__(self, seconds: float) -> None:
+        self.least = HUMAN_MEDIAN_S * max(1.0, seconds / RUNNING_S)
+
+    def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
+        """Seconds that the new frames take."""
+        p, q = arms(before), arms(after)
+        travel = float(np.linalg.norm(q.wrists[cut.post] - p.wrists[cut.pre], axis=-1).max()) * p.metres
+        return max(self.least, _PEAK_OVER_MEAN * travel / FAST_M_S - 1.0 / before.fps)
+
+
 DURATIONS: dict[str, Duration] = {
     duration.name: duration
     for duration in (
@@ -117,7 +138,7 @@ DURATIONS: dict[str, Duration] = {
 
 
 CLASSICAL_DURATION = "tempo"
-"""Used where no network can be read; the default is learned (``methods.choose``)."""
+"""Used where no network can be read; the default is learned (``choice.choose``)."""
 
 
 def find_duration(name: str) -> Duration:

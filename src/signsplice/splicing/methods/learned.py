@@ -23,14 +23,14 @@ from signsplice.motion.joined import JoinedClips, joined
 from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motion
 from signsplice.rig.canonical_map import ARM, ROLES
 from signsplice.rig.info import rig_info
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.cut import Cut, Cutter
+from signsplice.splicing.gap import Cut, Gap
+from signsplice.splicing.methods.cut import Cutter
 from signsplice.splicing.methods.duration import HUMAN_MEDIAN_S, Duration, travel_law
 from signsplice.splicing.methods.transition import GapTransition, find_transition
 from signsplice.splicing.methods.viterbi import SeamScores, best_path
 from signsplice.splicing.networks import features, gap_features
 from signsplice.splicing.networks.bundle import read_config
-from signsplice.splicing.networks.gap_features import CONTEXT, MAX_GAP_FRAMES, MIN_GAP_FRAMES
+from signsplice.splicing.networks.gap_features import MAX_GAP_FRAMES, MIN_GAP_FRAMES, N_CONTEXT
 from signsplice.splicing.networks.sessions import Sessions
 from signsplice.splicing.networks.word_reader import WordReader, WordReading
 
@@ -270,5 +270,5 @@ def _within_limits(gap: Gap) -> bool:
 
 def _window(gap: Gap, base: Clip) -> tuple[Clip, Clip, Clip]:
     """What the network sees of a gap that a classical transition bridges: frames before, between and after."""
-    n_context = int(np.ceil((CONTEXT + 1) / FEATURE_FPS * base.fps)) + 1
+    n_context = int(np.ceil((N_CONTEXT + 1) / FEATURE_FPS * base.fps)) + 1
     return gap.before[-n_context:], base, gap.after[:n_context]

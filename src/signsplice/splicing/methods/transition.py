@@ -28,6 +28,7 @@ from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, bone_translations, unchecked_copy
+from signsplice.motion.curves import minimum_jerk
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.method import Method, find
 
@@ -145,7 +146,7 @@ class CurveTransition(GapTransition):
 
 
 def _moves_bones(gap: Gap) -> bool:
-    return gap.before[-3:].translations is not None or gap.after[:3].translations is not None
+    return gap.before.translations is not None or gap.after.translations is not None
 
 
 def _alike(gaps: Sequence[Gap]) -> list[list[int]]:
@@ -230,7 +231,7 @@ def _straight(problem: CurveProblem) -> FloatArray:
 def _minimum_jerk(problem: CurveProblem) -> FloatArray:
     """10 u^3 - 15 u^4 + 6 u^5 (Flash and Hogan 1985): from rest to rest."""
     u = _fraction(problem)
-    return np.asarray(u**3 * (10.0 + u * (-15.0 + 6.0 * u)) * problem.displacement)
+    return np.asarray(minimum_jerk(u) * problem.displacement)
 
 
 def _hermite(problem: CurveProblem) -> FloatArray:
@@ -245,7 +246,7 @@ def _hermite(problem: CurveProblem) -> FloatArray:
 
 def _quintic(problem: CurveProblem) -> FloatArray:
     u = _fraction(problem)
-    curve = u**3 * (10.0 + u * (-15.0 + 6.0 * u)) * problem.displacement
+    curve = minimum_jerk(u) * problem.displacement
     for (times, displacement, velocity), acceleration in zip(
         _from_both_ends(problem), problem.accelerations, strict=True
     ):
@@ -338,7 +339,7 @@ TRANSITIONS: dict[str, GapTransition] = {
     )
 }
 CLASSICAL_TRANSITION = "hermite"
-"""Used where no network can be read; the default is learned (``methods.choose``)."""
+"""Used where no network can be read; the default is learned (``choice.choose``)."""
 
 
 def find_transition(name: str) -> GapTransition:

@@ -1,6 +1,6 @@
 """The features of gaps, for the network that makes transitions, and what its answer becomes on the clip.
 
-A gap is seen at ``FEATURE_FPS`` frames a second with ``CONTEXT`` frames of the signs on either side (``features``).
+A gap is seen at ``FEATURE_FPS`` frames a second with ``N_CONTEXT`` frames of the signs on either side (``features``).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from signsplice.splicing.networks.features import (
     sampled,
 )
 
-CONTEXT = 8
+N_CONTEXT = 8
 """Frames of each sign that the network which makes transitions sees."""
 MIN_GAP_FRAMES, MAX_GAP_FRAMES = 2, 45
 """Fewest and most frames, at ``FEATURE_FPS``, of the transitions that it makes."""
@@ -43,21 +43,21 @@ def gap_frames(seconds: float) -> int:
 
 @dataclass(frozen=True, eq=False)
 class GapMoments:
-    """The moments at which the network looks at a gap, S = CONTEXT + n_gap + CONTEXT; they follow from numbers of
+    """The moments at which the network looks at a gap, S = N_CONTEXT + n_gap + N_CONTEXT; they follow from numbers of
     frames alone.
 
     n_gap: frames of the gap at ``FEATURE_FPS``.
     seconds: from the last frame before to the first after.
     frames: of the motion that is looked at.
-    places: (S, 8) one-hot before, in or after the gap; real (a frame of the clips and not a repeated edge) or not; time
-        t in the gap from 0 to 1, t (1 - t), the gap's length and its logarithm.
+    position_codes: (S, 8) one-hot before, in or after the gap; real (a frame of the clips and not a repeated edge) or
+        not; time t in the gap from 0 to 1, t (1 - t), the gap's length and its logarithm.
     spacing: (S,) seconds from every moment to the next.
     """
 
     n_gap: int
     seconds: float
     frames: MomentFrames
-    places: NDArray[np.float32]
+    position_codes: NDArray[np.float32]
     spacing: FloatArray
 
 
@@ -66,17 +66,17 @@ def gap_moments(n_frames: int, n_before: int, n_between: int, fps: float) -> Gap
     seconds = (n_between + 1) / fps
     n_gap = gap_frames(seconds)
     last, first = (n_before - 1) / fps, (n_before + n_between) / fps
-    steps = np.arange(CONTEXT) / FEATURE_FPS
+    steps = np.arange(N_CONTEXT) / FEATURE_FPS
     times = np.concatenate([last - steps[::-1], last + seconds * np.arange(1, n_gap + 1) / (n_gap + 1), first + steps])
     is_real = (times > -1e-6) & (times < (n_frames - 1) / fps + 1e-6)
     spacing = np.full(len(times), 1.0 / FEATURE_FPS)
-    spacing[CONTEXT - 1 : CONTEXT + n_gap] = seconds / (n_gap + 1)
-    t = np.clip((np.arange(len(times)) - CONTEXT + 1) / (n_gap + 1.0), 0.0, 1.0)
+    spacing[N_CONTEXT - 1 : N_CONTEXT + n_gap] = seconds / (n_gap + 1)
+    t = np.clip((np.arange(len(times)) - N_CONTEXT + 1) / (n_gap + 1.0), 0.0, 1.0)
     part = np.zeros((len(times), 3))
-    part[:CONTEXT, 0] = part[CONTEXT : CONTEXT + n_gap, 1] = part[CONTEXT + n_gap :, 2] = 1.0
+    part[:N_CONTEXT, 0] = part[N_CONTEXT : N_CONTEXT + n_gap, 1] = part[N_CONTEXT + n_gap :, 2] = 1.0
     length = np.full(len(times), seconds)
-    places = np.column_stack([part, is_real, t, t * (1.0 - t), length, np.log(np.maximum(length, 0.02))])
-    return GapMoments(n_gap, seconds, frames_at(times, fps, n_frames), places.astype(np.float32), spacing)
+    codes = np.column_stack([part, is_real, t, t * (1.0 - t), length, np.log(np.maximum(length, 0.02))])
+    return GapMoments(n_gap, seconds, frames_at(times, fps, n_frames), codes.astype(np.float32), spacing)
 
 
 def gap_tokens(whole: CanonicalTrajectory, gaps: Sequence[GapMoments], starts: NDArray[np.intp]) -> NDArray[np.float32]:
@@ -88,9 +88,9 @@ def gap_tokens(whole: CanonicalTrajectory, gaps: Sequence[GapMoments], starts: N
     out = np.empty((len(whole), N_TOKEN), np.float32)
     spacing = np.concatenate([gap.spacing for gap in gaps])[:-1]
     own = frame_features(whole, spacing, starts, out[:, :N_FRAME])
-    last = np.repeat(starts + CONTEXT - 1, [len(gap.spacing) for gap in gaps])
+    last = np.repeat(starts + N_CONTEXT - 1, [len(gap.spacing) for gap in gaps])
     np.subtract(own, own[last], out=out[:, N_FRAME : 2 * N_FRAME])
-    out[:, 2 * N_FRAME :] = np.concatenate([gap.places for gap in gaps])
+    out[:, 2 * N_FRAME :] = np.concatenate([gap.position_codes for gap in gaps])
     return out
 
 
@@ -98,7 +98,7 @@ def gap_tokens(whole: CanonicalTrajectory, gaps: Sequence[GapMoments], starts: N
 class GapFeatures:
     """A gap as the network sees it, and what its answer needs on the return to the clip.
 
-    tokens: (CONTEXT + n_gap + CONTEXT, N_TOKEN), see ``gap_tokens``.
+    tokens: (N_CONTEXT + n_gap + N_CONTEXT, N_TOKEN), see ``gap_tokens``.
     n_gap: frames of the gap at ``FEATURE_FPS``.
     seconds: from the last frame before to the first after.
     mirrored: whether the network sees the gap in the mirror.
@@ -148,7 +148,7 @@ def all_gap_features(motion: CanonicalMotion, gaps: Sequence[tuple[slice, int, i
     ]
 
 
-_CONTEXT_S = 2.0 * (CONTEXT - 1) / FEATURE_FPS
+_CONTEXT_S = 2.0 * (N_CONTEXT - 1) / FEATURE_FPS
 _MOMENTS_KEPT = 512
 _FULL_SPEED = 0.4
 """Mean speed of a hand, arm lengths a second, from which on it counts as moving in full: half of continuous signing."""

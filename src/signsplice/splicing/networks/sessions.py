@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import FormatError
-from signsplice.formats.reading import format_errors
+from signsplice.formats.reading import as_format_error, format_errors
 from signsplice.splicing.networks.bundle import BundleConfig, read_file
 from signsplice.splicing.networks.external_data import names_other_files
 
@@ -44,10 +44,12 @@ class Sessions:
         """
         session, takes, gives = self._session(name)
         began = time.perf_counter()
-        with format_errors(str(self.folder / f"{name}.onnx"), "network"):
+        try:
             outputs = dict(zip(gives, session.run(gives, {key: inputs[key] for key in takes}), strict=True))
             for key, shape in shapes.items():
                 _check_output(key, outputs[key], shape)
+        except Exception as error:
+            raise as_format_error(error, str(self.folder / f"{name}.onnx"), "network") from error
         self.seconds += time.perf_counter() - began
         return outputs
 

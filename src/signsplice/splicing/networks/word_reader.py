@@ -104,7 +104,7 @@ class WordReader:
 
     def prepare(self, clips: Sequence[Clip]) -> list[_Word]:
         """The words of aligned clips; those that are new are brought into canonical form."""
-        sources = [clip.source_clip or clip for clip in clips]
+        sources = [clip if clip.source_clip is None else clip.source_clip for clip in clips]
         for clip in sources:
             if clip not in self._words:
                 self._words[clip] = _without_long_rests(canonical_motion(clip))

@@ -19,15 +19,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body import arm_ik, collision, smoothing, swivel
+from signsplice.body import arm_ik, collision, swivel
 from signsplice.body.capsules import BodyCapsules
-from signsplice.motion import kinematics, rotation
+from signsplice.motion import curves, kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.motion.joined import joined
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
+from signsplice.splicing.gap import FilledGap, Gap
+from signsplice.splicing.passes.seam_pass import GapPass
 
-SIDES = ("left", "right")
 TOLERANCE_M = 0.003
 """A touch may press this deep, m."""
 _FRAMES_AT_ONCE = 250
@@ -95,6 +97,19 @@ def avoid_all_collisions(
             else:
                 out[known[k]] = _lead_around(filled, before, after, posed[frames], fixed)
     return out
+
+
+@dataclass(frozen=True)
+class AvoidCollisions(GapPass):
+    """Hands are led around head, trunk and each other (see above)."""
+
+    def change_all(self, gaps: Sequence[Gap], filled: Sequence[FilledGap]) -> list[FilledGap]:
+        """The frames with hands led around the body, and how deep a hand still is in it."""
+        asked = [(one.clip, gap.before, gap.after) for one, gap in zip(filled, gaps, strict=True)]
+        return [
+            replace(one, clip=new.clip, depth=new.depth, peak_m_s=None)
+            for one, new in zip(filled, avoid_all_collisions(asked), strict=True)
+        ]
 
 
 def depths(filled: Clip, before: Clip, after: Clip) -> FloatArray:
@@ -173,7 +188,7 @@ def turn_elbow(filled: Clip, before: Clip, after: Clip, side: int) -> Clip:
         filled.fps,
     )
     swivels = np.zeros((len(filled), 2))
-    swivels[:, side] = turns[1:-1] * smoothing.fade_window(len(filled))
+    swivels[:, side] = turns[1:-1] * curves.fade_window(len(filled))
     return arm_ik.move_wrists(filled, np.zeros((len(filled), 2, 3)), swivels)
 
 
@@ -237,7 +252,7 @@ def _avoiding_moves(
     ``held``: how much hands are held together.
     """
     n_between, forward = len(posed.positions) - 2, posed.forward
-    fade, kernel = smoothing.fade_window(n_between)[:, None, None], _kernel(n_between)
+    fade, kernel = curves.fade_window(n_between)[:, None, None], _kernel(n_between)
     moves, slack = moves.copy(), _SLACK_M / metres
     for _ in range(_MAX_ROUNDS):
         farthest = 2.0 * float(np.linalg.norm(moves, axis=-1).max())  # two hands may move apart
@@ -249,7 +264,7 @@ def _avoiding_moves(
         if excess.max() <= 0.0:
             break
         push = _pushes(excess + 0.3 * TOLERANCE_M / metres, exits[1:-1], forward[1:-1])
-        moves[1:-1] += smoothing.spread_in_time(push, kernel) * fade
+        moves[1:-1] += curves.spread_in_time(push, kernel) * fade
     return moves[1:-1]
 
 
@@ -280,14 +295,14 @@ def _pushes(excess: FloatArray, exits: FloatArray, forward: FloatArray) -> Float
     """
     push = np.zeros_like(exits)
     meeting = (exits[:, 0] == -exits[:, 1]).all(axis=-1) & (excess > 0.0).all(axis=-1)
-    forward, way = np.where(meeting[:, None], 0.0, _FORWARD_WEIGHT * forward), np.where(meeting[:, None], 0.5, 1.0)
+    forward, fraction = np.where(meeting[:, None], 0.0, _FORWARD_WEIGHT * forward), np.where(meeting[:, None], 0.5, 1.0)
     for side in (0, 1):
         for stretch in _stretches(excess[:, side] > 0.0):
             deep = excess[stretch, side, None]
             along = (deep * (exits[stretch, side] + forward[stretch])).sum(axis=0)
             along /= np.linalg.norm(along) + 1e-12
             cosine = np.maximum(exits[stretch, side] @ along, _LEAST_COSINE)
-            push[stretch, side] = way[stretch] * deep / cosine[:, None] * along
+            push[stretch, side] = fraction[stretch] * deep / cosine[:, None] * along
     return push
 
 

@@ -13,22 +13,25 @@ people are. All other joints keep the frames of the sign.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import kinematics
-from signsplice.motion.clip import Clip, bone_translations, concatenate, unchecked_copy
+from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.joined import joined
 from signsplice.rig.info import rig_info
-from signsplice.splicing.gap import Gap, gap_at
-from signsplice.splicing.methods.cut import Cut
+from signsplice.splicing.gap import Cut, FilledGap, Gap, gap_at
+from signsplice.splicing.joins.join import PlannedSeam
+from signsplice.splicing.methods.duration import most_frames
 from signsplice.splicing.methods.transition import find_transition
 from signsplice.splicing.passes.collision_avoidance import TOLERANCE_M, avoid_collisions, depths, turn_elbow
-from signsplice.splicing.passes.filling import FilledGap
+from signsplice.splicing.passes.filling import Refill
 from signsplice.splicing.passes.idle_hand import IdleHand, arm_joints, idle_hands, is_approached
+from signsplice.splicing.passes.seam_pass import GapPass, SeamPass
+from signsplice.splicing.words.word import edit_of, edited
 
 TRANSITION, NATURAL = FREE_HANDS = ("transition", "natural")
 """What the idle hand's time may be."""
@@ -42,120 +45,81 @@ _ROUNDS = 8
 
 
 @dataclass(frozen=True)
-class Remade:
-    """Joints of a sign's span that do not show its clip: an idle arm that was given more time, the fingers of a spelled
-    letter that are on their way, the arm of one that slides.
+class WristSpeeds(GapPass):
+    """Measures how fast wrists are in new frames, for ``FreeHands``; on rigs whose arms are known."""
 
-    joints: their names.
-    frames: of the output, half-open; outside them these joints too are the clip's.
-    """
-
-    joints: tuple[str, ...]
-    frames: tuple[int, int]
+    def change_all(self, gaps: Sequence[Gap], filled: Sequence[FilledGap]) -> list[FilledGap]:
+        """The same frames with the highest speed of their wrists."""
+        return with_peaks(filled, gaps)
 
 
 @dataclass(frozen=True)
-class ArmStretch:
-    """Frames of a word in which an arm, or a finger, was made anew.
+class FreeHands(SeamPass):
+    """Idle hands get the time that they need.
 
-    joints: of the arm or the finger.
-    start, stop: frames of the word's clip, half-open.
-    """
-
-    joints: tuple[int, ...]
-    start: int
-    stop: int
-
-
-@dataclass(frozen=True)
-class Rules:
-    """What may be done for idle hands.
-
+    refill: makes the frames of a gap that is lengthened, or whose words were edited.
     natural: they take frames of the signs.
-    lengthens: the transition is lengthened where they would be too fast, up to ``longest`` frames.
-    avoids: they are led around the body.
+    lengthens: the transition is lengthened where they would be too fast.
+    avoids: their arms are led around the body in frames of the signs.
     """
 
+    refill: Refill
     natural: bool
     lengthens: bool
     avoids: bool
-    longest: int
 
-
-@dataclass(frozen=True, eq=False)
-class SeamFrames:
-    """A seam with all its frames.
-
-    before, after: both words' clips as they are put out.
-    cut: where the one is left and the other entered.
-    entry: the frame at which the word before was entered.
-    gap, filled: the gap between them, and its new frames.
-    remade: what was made anew in the word before, and in the word after.
-    """
-
-    before: Clip
-    after: Clip
-    cut: Cut
-    entry: int
-    gap: Gap
-    filled: FilledGap
-    remade: tuple[tuple[ArmStretch, ...], tuple[ArmStretch, ...]] = ((), ())
-
-    def refilled(self, n_frames: int, refill: Callable[[Gap], FilledGap]) -> SeamFrames:
-        """The seam with a transition of ``n_frames``."""
-        gap = gap_at(self.before, self.after, self.cut, n_frames, self.entry)
-        return replace(self, gap=gap, filled=refill(gap))
-
-
-def finish(seam: SeamFrames, rules: Rules, refill: Callable[[Gap], FilledGap]) -> SeamFrames:
-    """The seam with the time that its idle hands need; itself where they have it. ``refill`` makes the new frames of
-    another gap.
-    """
-    done, least = seam, _UNHURRIED_M_S if rules.natural else FASTEST_M_S
-    if not (rules.natural or rules.lengthens) or not _is_faster(seam, least):
-        return seam
-    hands = idle_hands(seam.before, seam.after, seam.cut)
-    for _ in range(_ROUNDS if hands else 0):
+    def change(self, seam: PlannedSeam) -> PlannedSeam:
+        """The seam with slower idle hands; the seam itself where they are slow enough."""
+        seam = self.refill.fresh(seam)
+        least = _UNHURRIED_M_S if self.natural else FASTEST_M_S
+        if not _is_faster(seam, least):
+            return seam
+        hands, longest = (
+            idle_hands(seam.before_clip, seam.after_clip, seam.retimed_cut),
+            most_frames(seam.gap.before.fps),
+        )
         done = seam
-        for hand in hands if rules.natural else ():
-            done = _let_free(done, hand, rules.avoids)
-        peak = max(_peak_with_rest(done, hand) for hand in hands)
-        n_frames = seam.gap.n_frames
-        if not rules.lengthens or peak <= FASTEST_M_S or n_frames >= rules.longest:
-            break
-        wanted = math.ceil((n_frames + 1) * peak / FASTEST_M_S) - 1
-        seam = seam.refilled(min(max(wanted, n_frames + 1), rules.longest), refill)
-    return done
+        for _ in range(_ROUNDS if hands else 0):
+            done = seam
+            for hand in hands if self.natural else ():
+                done = _let_free(done, hand, self.avoids)
+            peak = max(_peak_with_rest(done, hand) for hand in hands)
+            n_frames = seam.gap.n_frames
+            if not self.lengthens or peak <= FASTEST_M_S or n_frames >= longest:
+                break
+            wanted = math.ceil((n_frames + 1) * peak / FASTEST_M_S) - 1
+            seam = self.refill.again(seam, min(max(wanted, n_frames + 1), longest))
+        return done
 
 
-def _let_free(seam: SeamFrames, hand: IdleHand, avoids: bool) -> SeamFrames:
+def _let_free(seam: PlannedSeam, hand: IdleHand, avoids: bool) -> PlannedSeam:
     """The seam with one idle hand given as many frames of the sign as it needs, where it has them."""
     n_frames = seam.gap.n_frames
-    peak = least = _peak(_window(seam.gap, seam.filled.clip), hand.side)
+    peak = least = _peak(_window(seam.gap, seam.made.clip), hand.side)
     most = _frames_free(seam, hand)
-    best: _RemadeArm | None = None
+    best: _ArmPath | None = None
     n_more = 0
     while peak > _UNHURRIED_M_S and n_more < most:
         wanted = math.ceil((n_frames + n_more + 1) * peak / _UNHURRIED_M_S) - 1 - n_frames
         n_more = min(max(wanted, n_more + 1), most)
-        made = _remake(seam, hand, n_more, avoids)
-        peak = made.peak
+        path = _arm_path(seam, hand, n_more, avoids)
+        peak = path.peak
         # A way around the body may be longer, and faster, than the transition's own.
-        if peak < least and made.depth <= max(TOLERANCE_M, seam.filled.depth or 0.0):
-            best, least = made, peak
+        if peak < least and path.depth <= max(TOLERANCE_M, seam.made.depth or 0.0):
+            best, least = path, peak
     return seam if best is None else _put_in(seam, hand, best)
 
 
-def _frames_free(seam: SeamFrames, hand: IdleHand) -> int:
+def _frames_free(seam: PlannedSeam, hand: IdleHand) -> int:
     """Frames of the sign that an idle hand may take: it rests there, up to a frame that it keeps, and the other hand
     does not come near its arm.
     """
-    cut, most = seam.cut, hand.n_rest - 1
+    cut, most = seam.retimed_cut, hand.n_rest - 1
     if hand.arrives:
-        rest = seam.after[cut.post : cut.post + most] if most > 0 else None
+        rest = seam.after_clip[cut.post : cut.post + most] if most > 0 else None
     else:
-        most = min(most, cut.pre - seam.entry)
-        rest = seam.before[cut.pre + 1 - most : cut.pre + 1] if most > 0 else None
+        most = min(most, cut.pre - seam.before.first_frame)
+        rest = seam.before_clip[cut.pre + 1 - most : cut.pre + 1] if most > 0 else None
     if rest is None:
         return 0
     touched = is_approached(rest, hand.side)
@@ -168,7 +132,7 @@ def _first(flags: NDArray[np.bool_]) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class _RemadeArm:
+class _ArmPath:
     """An idle arm's new frames, among those of the other joints.
 
     clip: the transition and the ``n_more`` frames of the sign.
@@ -182,54 +146,41 @@ class _RemadeArm:
     depth: float
 
 
-def _remake(seam: SeamFrames, hand: IdleHand, n_more: int, avoids: bool) -> _RemadeArm:
+def _arm_path(seam: PlannedSeam, hand: IdleHand, n_more: int, avoids: bool) -> _ArmPath:
     """The idle arm on one curve over the transition and ``n_more`` frames of the sign."""
-    cut, entry = seam.cut, seam.entry
+    cut, entry, before, after = seam.retimed_cut, seam.before.first_frame, seam.before_clip, seam.after_clip
     post, stop = cut.post, cut.pre + 1
     if hand.arrives:
-        frames = concatenate([seam.filled.clip, seam.after[post : post + n_more]])
-        gap = gap_at(seam.before, seam.after, Cut(cut.pre, post + n_more), len(frames), entry)
+        frames = concatenate([seam.made.clip, after[post : post + n_more]])
+        gap = gap_at(before, after, Cut(cut.pre, post + n_more), len(frames), entry)
     else:
-        frames = concatenate([seam.before[stop - n_more : stop], seam.filled.clip])
-        gap = gap_at(seam.before, seam.after, Cut(cut.pre - n_more, post), len(frames), entry)
-    made = _with_joints(frames, find_transition("quintic").between(gap), 0, arm_joints(frames, hand.side))
+        frames = concatenate([before[stop - n_more : stop], seam.made.clip])
+        gap = gap_at(before, after, Cut(cut.pre - n_more, post), len(frames), entry)
+    curve = find_transition("quintic").between(gap)
+    new = edited(frames, [edit_of(frames, curve, 0, arm_joints(frames, hand.side))])
     depth = 0.0
     if avoids:
-        cleared = avoid_collisions(made, gap.before, gap.after, fixed=1 - hand.side)
+        cleared = avoid_collisions(new, gap.before, gap.after, fixed=1 - hand.side)
         depth = cleared.depth or 0.0
-        made = turn_elbow(cleared.clip, gap.before, gap.after, hand.side)
-    return _RemadeArm(made, n_more, _peak(_window(gap, made), hand.side), depth)
+        new = turn_elbow(cleared.clip, gap.before, gap.after, hand.side)
+    return _ArmPath(new, n_more, _peak(_window(gap, new), hand.side), depth)
 
 
-def _put_in(seam: SeamFrames, hand: IdleHand, made: _RemadeArm) -> SeamFrames:
-    """The seam with an arm's new frames in the transition and in the sign."""
-    cut, n_frames, n_more = seam.cut, seam.gap.n_frames, made.n_more
-    before, after, (leaving, entering) = seam.before, seam.after, seam.remade
-    joints = arm_joints(made.clip, hand.side)
+def _put_in(seam: PlannedSeam, hand: IdleHand, path: _ArmPath) -> PlannedSeam:
+    """The seam with an arm's new frames in the transition, and as an edit in the sign."""
+    cut, n_frames, n_more = seam.retimed_cut, seam.gap.n_frames, path.n_more
+    joints = arm_joints(path.clip, hand.side)
     if hand.arrives:
-        new = made.clip[:n_frames]
-        after = _with_joints(after, made.clip[n_frames:], cut.post, joints)
-        entering = (*entering, ArmStretch(joints, cut.post, cut.post + n_more))
+        new = path.clip[:n_frames]
+        edit = edit_of(seam.after_clip, path.clip[n_frames:], cut.post, joints)
+        seam = replace(seam, entering=(*seam.entering, edit))
     else:
-        new, start = made.clip[n_more:], cut.pre + 1 - n_more
-        before = _with_joints(before, made.clip[:n_more], start, joints)
-        leaving = (*leaving, ArmStretch(joints, start, cut.pre + 1))
-    gap = gap_at(before, after, cut, n_frames, seam.entry)
-    depth = None if seam.filled.depth is None else float(depths(new, gap.before, gap.after).max())
-    filled = replace(seam.filled, clip=new, depth=depth, peak_m_s=None)
-    return replace(seam, before=before, after=after, gap=gap, filled=filled, remade=(leaving, entering))
-
-
-def _with_joints(clip: Clip, new: Clip, start: int, joints: tuple[int, ...]) -> Clip:
-    """The clip with some joints as in ``new``, whose frames begin at frame ``start``."""
-    rows, columns = np.ix_(np.arange(start, start + len(new)), np.array(joints))
-    local = np.array(clip.local_rotations)
-    local[rows, columns] = new.local_rotations[:, joints]
-    bones = None
-    if clip.translations is not None or new.translations is not None:
-        bones = np.array(bone_translations(clip))
-        bones[rows, columns] = bone_translations(new)[:, joints]
-    return unchecked_copy(clip, local_rotations=local, translations=bones)
+        new = path.clip[n_more:]
+        edit = edit_of(seam.before_clip, path.clip[:n_more], cut.pre + 1 - n_more, joints)
+        seam = replace(seam, leaving=(*seam.leaving, edit))
+    seam = seam.with_gap(n_frames)
+    depth = None if seam.made.depth is None else float(depths(new, seam.gap.before, seam.gap.after).max())
+    return replace(seam, filled=replace(seam.made, clip=new, depth=depth, peak_m_s=None))
 
 
 def _window(gap: Gap, new: Clip) -> Clip:
@@ -237,9 +188,11 @@ def _window(gap: Gap, new: Clip) -> Clip:
     return concatenate([gap.before[-1:], new, gap.after[:1]])
 
 
-def _is_faster(seam: SeamFrames, speed: float) -> bool:
+def _is_faster(seam: PlannedSeam, speed: float) -> bool:
     """Whether a hand of known arms passes a speed in the transition, m/s."""
-    (filled,) = [seam.filled] if seam.filled.peak_m_s is not None else with_peaks([seam.filled], [seam.gap])
+    filled = seam.made
+    if filled.peak_m_s is None:
+        (filled,) = with_peaks([filled], [seam.gap])
     return filled.peak_m_s is not None and filled.peak_m_s > speed
 
 
@@ -257,14 +210,15 @@ def with_peaks(filled: Sequence[FilledGap], gaps: Sequence[Gap]) -> list[FilledG
     return out
 
 
-def _peak_with_rest(seam: SeamFrames, hand: IdleHand) -> float:
+def _peak_with_rest(seam: PlannedSeam, hand: IdleHand) -> float:
     """Highest speed of an idle hand in the transition and while it rests, m/s."""
-    cut, parts = seam.cut, [seam.filled.clip]
+    cut, before, after = seam.retimed_cut, seam.before_clip, seam.after_clip
+    start, stop = cut.pre, cut.post + 1
     if hand.arrives:
-        parts = [seam.before[cut.pre : cut.pre + 1], *parts, seam.after[cut.post : cut.post + hand.n_rest]]
+        stop = cut.post + hand.n_rest
     else:
-        start = max(seam.entry, cut.pre + 1 - hand.n_rest)
-        parts = [seam.before[start : cut.pre + 1], *parts, seam.after[cut.post : cut.post + 1]]
+        start = max(seam.before.first_frame, cut.pre + 1 - hand.n_rest)
+    parts = [before[start : cut.pre + 1], seam.made.clip, after[cut.post : stop]]
     return _peak(concatenate(parts), hand.side)
 
 
@@ -274,19 +228,3 @@ def _peak(clip: Clip, side: int) -> float:
     _, positions = kinematics.forward(clip, [info.arm_joints[3 * side + 2]])
     steps = np.linalg.norm(np.diff(positions[:, 0], axis=0), axis=-1)
     return float(steps.max(initial=0.0)) * clip.fps * info.sizes.unit.metres
-
-
-def remade(stretches: list[ArmStretch], clip: Clip, frames: tuple[int, int], first: int) -> Remade | None:
-    """What a span of a word's frames says of its arms that were made anew, the span's first frame being ``first`` in
-    the output; None where it holds none. Two stretches are told as one, from the first frame to the last.
-    """
-    inside = [(one, max(one.start, frames[0]), min(one.stop, frames[1])) for one in stretches]
-    inside = [row for row in inside if row[1] < row[2]]
-    if not inside:
-        return None
-    joints = sorted({joint for one, _, _ in inside for joint in one.joints})
-    shift = first - frames[0]
-    return Remade(
-        tuple(clip.skeleton.names[joint] for joint in joints),
-        (min(start for _, start, _ in inside) + shift, max(stop for _, _, stop in inside) + shift),
-    )

@@ -12,8 +12,8 @@ from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import Arms, arms
 from signsplice.rig.info import rig_info
-from signsplice.splicing.methods.cut import Cut
-from signsplice.splicing.passes.collision_avoidance import SIDES
+from signsplice.rig.naming import SIDES
+from signsplice.splicing.gap import Cut
 
 _NEAR_REST, _TURNED_RAD = 0.13, np.deg2rad(20.0)
 """A hand is at rest where it is this near to where it rests from the hips, in arm lengths, and turned by no more than
@@ -62,15 +62,15 @@ def _frames_at_rest(motion: Arms, side: int, frame: int, step: int) -> int:
     beginning); 0 where it does not rest there.
     """
     end = 0 if step > 0 else -1
-    places = motion.wrists - motion.hips[:, None]  # (T, 2, 3)
-    edge = places[:4] if step > 0 else places[-4:]
+    positions = motion.wrists - motion.hips[:, None]  # (T, 2, 3)
+    edge = positions[:4] if step > 0 else positions[-4:]
     speeds = np.linalg.norm(np.diff(edge, axis=0), axis=-1).max(axis=0, initial=0.0) * motion.fps * motion.metres
     heights, is_still = motion.lift[end], speeds < _STILL_M_S
     hangs = heights[side] < _HANGING and is_still[side]
     if not (hangs or (heights.max() < _LOW and is_still.all())):
         return 0
     here, there = slice(frame, None, step), motion.hand_rotations[end, side]
-    near = np.linalg.norm(places[here, side] - places[end, side], axis=-1) < _NEAR_REST * motion.length
+    near = np.linalg.norm(positions[here, side] - positions[end, side], axis=-1) < _NEAR_REST * motion.length
     cosines = 0.5 * (np.einsum("tab,ab->t", motion.hand_rotations[here, side], there) - 1.0)
     run = near & (cosines > np.cos(_TURNED_RAD))
     return len(run) if run.all() else int(np.argmin(run))

@@ -11,20 +11,22 @@ hand keep the frames of the recordings. The thumb is never free: in the American
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, unchecked_copy
+from signsplice.motion.curves import minimum_jerk_by_powers
 from signsplice.rig.arms import arms
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS, finger_roles
-from signsplice.splicing.gap import gap_at
-from signsplice.splicing.passes.fingerspelling import LEAST_HOLD_S, letter, spelling_side
-from signsplice.splicing.passes.free_hand import ArmStretch, SeamFrames
+from signsplice.splicing.joins.held_letters import LEAST_HOLD_S, letter, spelling_side
+from signsplice.splicing.joins.join import LETTERS, PlannedSeam, SeamKind
+from signsplice.splicing.passes.seam_pass import SeamPass
+from signsplice.splicing.words.word import Edit
 
 FREE = {
     **dict.fromkeys("GLQTXZ", ("Middle", "Ring", "Little")),
@@ -37,87 +39,67 @@ FREE = {
 EARLY_S = 0.07
 """How long a free finger moves while its letter is held, at most."""
 _LEAST_RAD = 0.15
-"""Turn of a joint from which a finger has a way to go."""
+"""Rotation of a joint from which a finger has to move."""
 
 
-@dataclass(frozen=True, eq=False)
-class MovingFinger:
-    """A finger that is on its way while its letter is held.
+@dataclass(frozen=True)
+class MoveFingers(SeamPass):
+    """Free fingers of two letters have more time to move: from ``EARLY_S`` before the first letter is left, to as
+    long after the second is entered.
 
-    stretch: its joints, and frames of the word's clip.
-    rotations: of those joints there, (n, K, 4).
+    sign_speed: how many times as fast the letters play.
     """
 
-    stretch: ArmStretch
-    rotations: FloatArray
+    sign_speed: float = 1.0
+    kinds: ClassVar[frozenset[SeamKind]] = frozenset({LETTERS})
 
+    def change(self, seam: PlannedSeam) -> PlannedSeam:
+        """The seam with its free fingers moved in the new frames and, by edits, in both letters; the seam itself where
+        no free finger has to move, where a name is no letter of the American alphabet, or where both hands are
+        raised.
+        """
+        cut, before, after = seam.retimed_cut, seam.before_clip, seam.after_clip
+        side = spelling_side(arms(before), cut.pre, arms(after), cut.post)
+        if side is None:
+            return seam
+        new = np.array(seam.made.clip.local_rotations)  # (n, J, 4)
+        leaving, entering = list[Edit](), list[Edit]()
+        for name in FINGERS[1:]:
+            joints = _joints(before, ("left", "right")[side], name)
+            early, path = self._path(seam, name, joints)
+            left, between, entered = np.split(path, [early, early + len(new)])
+            if len(left) or len(entered):
+                new[:, joints] = between
+            if len(left):
+                leaving.append(Edit(tuple(joints), cut.pre + 1 - len(left), left))
+            if len(entered):
+                entering.append(Edit(tuple(joints), cut.post, entered))
+        if not (leaving or entering):
+            return seam
+        filled = replace(seam.made, clip=unchecked_copy(seam.made.clip, local_rotations=new))
+        moved = replace(seam, filled=filled, leaving=(*seam.leaving, *leaving), entering=(*seam.entering, *entering))
+        return moved.with_gap(len(new))
 
-@dataclass(frozen=True, eq=False)
-class BlendedSeam:
-    """A seam of two letters whose free fingers have more time.
-
-    seam: the seam; its transition and its gap show the fingers so, its words' clips do not.
-    before, after: fingers that move in the letters.
-    """
-
-    seam: SeamFrames
-    before: tuple[MovingFinger, ...] = ()
-    after: tuple[MovingFinger, ...] = ()
-
-
-def with_fingers(clip: Clip, fingers: Sequence[MovingFinger]) -> Clip:
-    """A word's clip with its fingers on their way; itself without any."""
-    if not fingers:
-        return clip
-    local = np.array(clip.local_rotations)
-    for finger in fingers:
-        stretch = finger.stretch
-        local[stretch.start : stretch.stop, list(stretch.joints)] = finger.rotations
-    return unchecked_copy(clip, local_rotations=local)
-
-
-def blend(seam: SeamFrames, speed: float = 1.0) -> BlendedSeam:
-    """The seam of two letters of one word with their free fingers on the way for longer: from ``EARLY_S`` before the
-    first is left, to as long after the second is entered. As it was where no free finger has a way to go, where a name
-    is no letter of the American alphabet, or where both hands are raised.
-
-    speed: how many times as fast the letters play.
-    """
-    cut, before, after = seam.cut, seam.before, seam.after
-    which = spelling_side(arms(before), cut.pre, arms(after), cut.post)
-    if which is None:
-        return BlendedSeam(seam)
-    n_new, fps = len(seam.filled.clip), before.fps / speed
-    most = min(round(EARLY_S * fps), math.ceil(LEAST_HOLD_S * fps - 1e-6) // 2)
-    early, late = min(most, (cut.pre - seam.entry) // 2), min(most, len(after) - 1 - cut.post)
-    local = np.array(seam.filled.clip.local_rotations)
-    leaving, entering = [], []
-    for name in FINGERS[1:]:
-        # First and last frame of the way, counted from the last one kept.
-        first = -early if name in FREE.get(letter(before), ()) else 0
-        last = n_new + 1 + (late if name in FREE.get(letter(after), ()) else 0)
-        joints = _joints(before, ("left", "right")[which], name)
-        start = before.local_rotations[cut.pre + first, joints]
-        end = after.local_rotations[cut.post + last - n_new - 1, joints]
-        if last - first == n_new + 1 or rotation.angle_between(start, end).max(initial=0.0) < _LEAST_RAD:
-            continue
-        u = np.arange(1, last - first) / (last - first)
-        way = rotation.slerp(start[None], end[None], (u**3 * (10.0 - 15.0 * u + 6.0 * u * u))[:, None])  # (n, K, 4)
-        left, new, entered = np.split(way, [-first, n_new - first])
-        local[:, joints] = new
-        if len(left):
-            leaving.append(_moving(joints, cut.pre + 1 - len(left), left))
-        if len(entered):
-            entering.append(_moving(joints, cut.post, entered))
-    if not (leaving or entering):
-        return BlendedSeam(seam)
-    filled = replace(seam.filled, clip=unchecked_copy(seam.filled.clip, local_rotations=local))
-    gap = gap_at(with_fingers(before, leaving), with_fingers(after, entering), cut, n_new, seam.entry)
-    return BlendedSeam(replace(seam, filled=filled, gap=gap), tuple(leaving), tuple(entering))
-
-
-def _moving(joints: list[int], start: int, rotations: FloatArray) -> MovingFinger:
-    return MovingFinger(ArmStretch(tuple(joints), start, start + len(rotations)), rotations)
+    def _path(self, seam: PlannedSeam, finger: str, joints: list[int]) -> tuple[int, FloatArray]:
+        """How many frames of the first letter a finger moves in, and its rotations (n, K, 4) there, in the new
+        frames and in the second letter; none at all where it does not have to move, or is free in neither.
+        """
+        cut, before, after = seam.retimed_cut, seam.before_clip, seam.after_clip
+        fps, n_new = before.fps / self.sign_speed, len(seam.made.clip)
+        most = min(round(EARLY_S * fps), math.ceil(LEAST_HOLD_S * fps - 1e-6) // 2)
+        early = late = 0
+        if finger in FREE.get(letter(before), ()):
+            early = min(most, (cut.pre - seam.before.first_frame) // 2)
+        if finger in FREE.get(letter(after), ()):
+            late = min(most, len(after) - 1 - cut.post)
+        start = before.local_rotations[cut.pre - early, joints]
+        end = after.local_rotations[cut.post + late, joints]
+        if not (early or late) or rotation.angle_between(start, end).max(initial=0.0) < _LEAST_RAD:
+            return 0, np.empty((0, len(joints), 4))
+        n_steps = early + n_new + 1 + late
+        u = np.arange(1, n_steps) / n_steps
+        path = rotation.slerp(start[None], end[None], minimum_jerk_by_powers(u)[:, None])
+        return early, path
 
 
 def _joints(clip: Clip, side: str, finger: str) -> list[int]:

@@ -2,7 +2,7 @@
 
 It is a Transformer encoder with pre-layer normalisation and rotary positions (Su et al. 2021), because what matters is
 how far apart two frames are. Its answer is a rotation vector for every joint at every frame of the gap, weighted by a
-window that is flat at both ends (``splicing.gap_features.delta_rotvecs``) and added to the classical transition. The
+window that is flat at both ends (``gap_features.delta_rotvecs``) and added to the classical transition. The
 last layer is initialised with zeros, so that an untrained network is the classical method.
 
 Names of attributes that hold weights are stored in checkpoints and in ONNX graphs, from which training can continue:
@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
 from signsplice.rig.canonical_map import ROLES
-from signsplice.splicing.networks.gap_features import CONTEXT, N_TOKEN
+from signsplice.splicing.networks.gap_features import N_CONTEXT, N_TOKEN
 
 MAX_DEVIATIONS = 5.0
 """Inputs are clamped to this many standard deviations from the mean."""
@@ -114,7 +114,7 @@ class Bridge(nn.Module):
         nn.init.zeros_(self.out.bias)
 
     def forward(self, tokens: Tensor, mask: Tensor | None = None) -> Tensor:
-        """Rotation vectors (B, S - 2 CONTEXT, R, 3) for the frames of the gap.
+        """Rotation vectors (B, S - 2 N_CONTEXT, R, 3) for the frames of the gap.
 
         tokens: (B, S, N_TOKEN), padded at the end. mask: (B, S), False at padding, whose answers are meaningless.
         """
@@ -123,6 +123,6 @@ class Bridge(nn.Module):
         rope = rope_angles(states.shape[1], self.config.width // self.config.n_heads, states)
         for layer in self.layers:
             states = layer(states, rope, allowed)
-        gap = self.norm(states[:, CONTEXT : states.shape[1] - CONTEXT])
+        gap = self.norm(states[:, N_CONTEXT : states.shape[1] - N_CONTEXT])
         out: Tensor = self.out(gap)
         return out.reshape(*out.shape[:2], len(ROLES), 3)

@@ -1,0 +1,118 @@
+"""The commands `all`, `judge`, `evaluate`, `speed` and `merge`: rows of results.json, and the pages made of them."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from signsplice.cli.terminal import progress, warn
+from signsplice.cli.train import check_extra
+from signsplice.errors import InputError
+from signsplice_paper.cli.options import (
+    AGAIN,
+    BUNDLES,
+    CHOICE,
+    LIMIT,
+    OUT,
+    PAIRS,
+    SCALE,
+    TRAINING,
+    PaperCall,
+    option,
+    takes,
+)  # fmt: skip
+from signsplice_paper.cli.pages import write_all
+from signsplice_paper.cli.training import train_missing, write_curves
+
+if TYPE_CHECKING:
+    from signsplice_paper.plan import Run
+
+N_TIMED = 20
+_TIMED = option("--limit", type=int, metavar="N", default=N_TIMED, help="Time N pairs.")
+_SOURCES = option("--from", "sources", multiple=True, metavar="DIR", help="Folder of results to add; may be repeated.")
+_JUDGED = (SCALE, PAIRS, BUNDLES, OUT, *CHOICE, LIMIT, AGAIN)
+
+
+@click.command("all")
+@takes(*_JUDGED, *TRAINING)
+def everything(**options: Any) -> None:
+    """Train missing systems, judge them, write tables, claims and figures."""
+    call = PaperCall(**options)
+    train_missing(call)
+    if not call.time_is_up:
+        write_curves(call, required=False)
+    _judge(call)
+    write_all(call)
+
+
+@click.command()
+@takes(*_JUDGED)
+def judge(**options: Any) -> None:
+    """Judge trained systems: rows of results.json."""
+    _judge(PaperCall(**options))
+
+
+@click.command()
+@takes(*_JUDGED)
+def evaluate(**options: Any) -> None:
+    """Judge trained systems and write tables, claims and figures."""
+    call = PaperCall(**options)
+    _judge(call)
+    write_all(call)
+
+
+@click.command()
+@takes(SCALE, PAIRS, OUT, _TIMED)
+def speed(**options: Any) -> None:
+    """Time untrained systems of the scale's sizes."""
+    call = PaperCall(**options)
+    check_extra()
+    from signsplice.synth.corpus import Pairs
+    from signsplice_paper import protocol, speed
+    from signsplice_paper.train import schedule
+
+    def finished(run: Run, bundle: Path) -> None:
+        click.echo(f"{bundle}: {run.system}, scale {run.scale}, {run.optimiser}, {run.split}", err=True)
+
+    folder, corpus = call.made_folder(), Pairs(call.pairs)
+    judged = protocol.choose(corpus, "random", limit=call.limit)
+    with tempfile.TemporaryDirectory(prefix="signsplice-speed-") as temporary:
+        schedule.export_untrained(speed.SYSTEMS, call.scale, call.pairs, Path(temporary), finished)
+        with progress("timing") as advance:
+            timed = speed.measure(corpus, Path(temporary), judged, advance)
+    for path in speed.write(timed, folder, call.scale, judged):
+        print(path)
+
+
+@click.command()
+@takes(_SOURCES, SCALE, OUT)
+def merge(sources: tuple[str, ...], **options: Any) -> None:
+    """Add results that were judged elsewhere, and write tables, claims and figures."""
+    from signsplice_paper import merging
+
+    call = PaperCall(**options)
+    if not sources:
+        raise InputError("merge adds results to those in --out: name folders of results with --from")
+    out = call.made_folder()
+    n_rows, known = merging.merge([Path(folder) for folder in sources], out)
+    print(f"{out}: {n_rows} rows added, {len(known.rows)} in all")
+    write_all(call)
+
+
+def _judge(call: PaperCall) -> None:
+    from signsplice.synth.corpus import Pairs
+    from signsplice_paper import judging, results
+
+    folder, corpus = call.made_folder(), Pairs(call.pairs)
+    file, choice = folder / results.FILE, call.choice
+    judged = judging.Judge(
+        corpus, results.load(file), progress, limit=call.limit, again=call.again, splits=choice.splits
+    )
+    n_rows, known = judging.evaluate(judged, folder, call.bundles, call.scale, choice, lambda line: warn([line]))
+    print(f"{file}: {n_rows} rows judged, {len(known.rows)} in all")
+
+
+COMMANDS = (everything, judge, evaluate, speed, merge)

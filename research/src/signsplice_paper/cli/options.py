@@ -1,0 +1,130 @@
+"""Options that several commands share, each written once, and the values of a call."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from signsplice.errors import InputError
+
+if TYPE_CHECKING:
+    from signsplice_paper.plan import Choice
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+option = partial(click.option, show_default=True)
+_only = partial(option, multiple=True)
+_folder = partial(option, metavar="DIR", type=click.Path(path_type=Path))
+
+SCALES = click.Choice(("smoke", "cpu", "paper"))
+SPLITS = click.Choice(("random", "unseen-words", "unseen-signer"))
+OPTIMISERS = click.Choice(("adamw", "sgd"))
+
+SCALE = option("--scale", type=SCALES, default="cpu", help="How large the systems are and how long they are trained.")
+PAIRS = _folder("--pairs", default="out/pairs", help="Corpus of pairs.")
+BUNDLES = _folder("--bundles", default="out/bundles", help="Folder of trained systems.")
+OUT = _folder("--out", default="research/docs", help="Folder of results.json, tables and figures.")
+SYSTEM = _only("--system", "systems", metavar="NAME", help="Only these systems.")
+CHOICE = (
+    SYSTEM,
+    _only("--optimiser", "optimisers", type=OPTIMISERS, help="Only these."),
+    _only("--split", "splits", type=SPLITS, help="Only these."),
+    _only("--seed", "seeds", type=int, metavar="N", help="Only these."),
+    _only("--fr", "frs", type=int, metavar="N", help="Only these; 8 is that of all tables but one."),
+)
+TRAINING = (
+    option("--minutes", type=float, metavar="M", help="Stop training after M minutes; the same call continues."),
+    option("--steps", type=int, metavar="N", help="Training steps, in place of the scale's."),
+    option("--workers", type=int, default=1, metavar="N", help="Systems trained at once; they share the cores."),
+)
+LIMIT = option("--limit", type=int, metavar="N", help="Judge at most N pairs of a split.  [default: all]")
+AGAIN = option("--again", is_flag=True, help="Judge again what is judged already.")
+
+
+def takes(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
+    """A decorator that adds options to a command in this order."""
+
+    def add(command: Command) -> Command:
+        for one in reversed(options):
+            command = one(command)
+        return command
+
+    return add
+
+
+@dataclass(frozen=True)
+class PaperCall:
+    """The values of a command's options. Raises ``InputError`` for an unknown system or a number below its least.
+
+    - scale: smoke, cpu or paper
+    - pairs, bundles, out: folders of the corpus, of the trained systems and of the results
+    - systems, optimisers, splits, seeds, frs: what to train or judge, empty for all
+    - minutes: after which no training goes on, None for no end
+    - steps: of every part, None for those of the scale
+    - workers: trainings at once
+    - limit: most pairs of a split that are judged, None for all
+    - again: whether to judge again what is judged already
+    """
+
+    scale: str = "cpu"
+    pairs: Path = Path()
+    bundles: Path = Path()
+    out: Path = Path()
+    systems: tuple[str, ...] = ()
+    optimisers: tuple[str, ...] = ()
+    splits: tuple[str, ...] = ()
+    seeds: tuple[int, ...] = ()
+    frs: tuple[int, ...] = ()
+    minutes: float | None = None
+    steps: int | None = None
+    workers: int = 1
+    limit: int | None = None
+    again: bool = False
+    deadline: float | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        from signsplice_paper import published
+
+        unknown = [system for system in self.systems if system not in published.NAMES]
+        if unknown:
+            raise InputError(f"no system {unknown[0]!r}, expected one of {', '.join(published.NAMES)}")
+        for name in ("limit", "steps", "workers"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise InputError(f"--{name} {value}, expected at least 1")
+        object.__setattr__(self, "deadline", deadline_in(self.minutes))
+
+    @property
+    def choice(self) -> Choice:
+        """What to train or judge."""
+        from signsplice_paper.plan import Choice
+
+        return Choice(self.systems, self.optimisers, self.splits, self.seeds, self.frs)
+
+    @property
+    def time_is_up(self) -> bool:
+        """Whether no training goes on any more."""
+        return self.deadline is not None and time.monotonic() >= self.deadline
+
+    def made_folder(self) -> Path:
+        """The folder of the results, made if it is not there. Raises ``InputError`` where it cannot be made."""
+        try:
+            self.out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{self.out}: cannot be made ({error.strerror})") from error
+        return self.out
+
+
+def deadline_in(minutes: float | None) -> float | None:
+    """The value of ``time.monotonic`` in so many minutes. Raises ``InputError`` for a negative number."""
+    if minutes is None:
+        return None
+    if not minutes >= 0.0:
+        raise InputError(f"--minutes {minutes:g}, expected at least 0")
+    return time.monotonic() + 60.0 * minutes

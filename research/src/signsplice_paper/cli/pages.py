@@ -1,0 +1,105 @@
+"""The commands `tables`, `table1` to `table3`, `claims` and `figures`: pages from results.json, in seconds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from signsplice.cli.terminal import warn
+from signsplice.errors import InputError, MissingExtraError
+from signsplice_paper.cli.options import OUT, SCALE, PaperCall, option, takes
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from signsplice_paper.results import Results
+
+_LATEX = option("--latex", is_flag=True, help="Write the tables as LaTeX too.")
+
+
+@click.command()
+@takes(SCALE, OUT, _LATEX)
+def tables(latex: bool, **options: Any) -> None:
+    """Write all tables, claims and figures from results.json, without corpus or networks."""
+    write_all(PaperCall(**options), latex)
+
+
+@click.command()
+@takes(SCALE, OUT)
+def claims(**options: Any) -> None:
+    """Write the page of claims alone."""
+    call = PaperCall(**options)
+    _write_pages(_results(call), call, (), claimed=True)
+
+
+@click.command()
+@takes(SCALE, OUT)
+def figures(**options: Any) -> None:
+    """Write the figures alone."""
+    call = PaperCall(**options)
+    _write_figures(_results(call), call, required=True)
+
+
+def one_table(name: str) -> click.Command:
+    """The command that writes one table."""
+
+    @click.command(name, help=f"Write {name[:-1]} {name[-1]} alone.")
+    @takes(SCALE, OUT, _LATEX)
+    def command(latex: bool, **options: Any) -> None:
+        call = PaperCall(**options)
+        _write_pages(_results(call), call, (name,), claimed=False, latex=latex)
+
+    return command
+
+
+def write_all(call: PaperCall, latex: bool = False) -> None:
+    """Write all tables, claims and figures; without matplotlib a warning takes the figures' place."""
+    from signsplice_paper.pages import PAGES
+
+    known = _results(call)
+    _write_pages(known, call, PAGES, claimed=True, latex=latex)
+    _write_figures(known, call, required=False)
+
+
+def _results(call: PaperCall) -> Results:
+    from signsplice_paper import results
+
+    file = call.out / results.FILE
+    if not file.is_file():
+        raise InputError(f"{file}: not there; `signsplice-paper evaluate` or `all` makes it")
+    return results.load(file)
+
+
+def _write_pages(results: Results, call: PaperCall, names: Sequence[str], claimed: bool, latex: bool = False) -> None:
+    from signsplice_paper import claims_page, pages
+
+    folder = call.out
+    written = pages.write(results, folder, call.scale, names, latex)
+    if claimed:
+        written += claims_page.write(results, folder, call.scale)
+    if not written:
+        raise InputError(f"{folder}: no row of scale {call.scale} for {' or '.join(names) or 'claims'}")
+    for path in written:
+        print(path)
+
+
+def _write_figures(results: Results, call: PaperCall, required: bool) -> None:
+    from signsplice_paper import figures, kept_frames
+
+    folder = call.out
+    kept = kept_frames.load(folder / kept_frames.FILE)
+    try:
+        written, left_out = figures.write(results, kept, folder, call.scale)
+    except MissingExtraError as error:
+        if required:
+            raise
+        warn([str(error)])
+        return
+    for path in written:
+        print(path)
+    if left_out:
+        warn([f"left out, for want of measurements at scale {call.scale}: {', '.join(left_out)}"])
+
+
+COMMANDS = (tables, *(one_table(f"table{number}") for number in (1, 2, 3)), claims, figures)

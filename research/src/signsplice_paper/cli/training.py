@@ -1,0 +1,234 @@
+"""The commands `train`, `curves`, `search`, `train-system` and `publish`: what needs torch."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from signsplice.cli.terminal import progress, warn
+from signsplice.cli.train import check_extra, progress_printer
+from signsplice.errors import InputError, MissingExtraError
+from signsplice_paper.cli.options import (
+    AGAIN,
+    BUNDLES,
+    CHOICE,
+    OPTIMISERS,
+    OUT,
+    PAIRS,
+    SCALE,
+    SPLITS,
+    SYSTEM,
+    TRAINING,
+    PaperCall,
+    deadline_in,
+    option,
+    takes,
+)  # fmt: skip
+
+if TYPE_CHECKING:
+    from signsplice_paper.plan import Run
+
+
+@click.command()
+@takes(SCALE, PAIRS, BUNDLES, *CHOICE, *TRAINING, AGAIN)
+def train(**options: Any) -> None:
+    """Train the systems of the tables that are missing."""
+    call = PaperCall(**options)
+    train_missing(call)
+    if not call.time_is_up:
+        write_curves(call, required=False)
+
+
+@click.command()
+@takes(SCALE, PAIRS, BUNDLES, SYSTEM, AGAIN)
+def curves(**options: Any) -> None:
+    """Judge systems after every part of their training, from the weights kept in it."""
+    write_curves(PaperCall(**options), required=True)
+
+
+@click.command()
+@takes(SCALE, PAIRS, BUNDLES, OUT, SYSTEM, *TRAINING)
+def search(**options: Any) -> None:
+    """Try learning rates and widths."""
+    call = PaperCall(**options)
+    out = call.made_folder()
+    check_extra()
+    from signsplice_paper import plan
+    from signsplice_paper.train import search as searching
+
+    made = searching.SearchPlan(call.pairs, call.bundles / "search", call.scale, call.steps or searching.STEPS)
+    searching.run(
+        made, call.systems or plan.PAPER, out, call.workers, lambda line: click.echo(line, err=True), call.deadline
+    )
+    for name in (searching.FILE, searching.PAGE):
+        if (out / name).is_file():
+            print(out / name)
+
+
+@click.command("train-system")
+@takes(
+    option("--pairs", required=True, metavar="DIR", help="Corpus of pairs, of `pairs build` or `synth pairs`."),
+    option("--system", required=True, metavar="NAME|all", help="lpt, lpt-wa, ..., or all: a folder in --out each."),
+    SCALE,
+    option("--optimiser", type=OPTIMISERS, default="adamw", help="sgd: as in the paper, rate 1e-3."),
+    option("--split", type=SPLITS, default="random", help="Which pairs are trained on."),
+    option("--out", required=True, metavar="DIR", help="Folder for the bundle."),
+    option("--parts", metavar="DIR", help="Checkpoints, shared by systems of the same parts.  [default: beside --out]"),
+    option("--steps", type=int, metavar="N", help="Steps of every part, in place of the scale's."),
+    option("--fr", type=int, metavar="N", help="Frames that Culling keeps on each side.  [default: 8]"),
+    option("--seed", type=int, default=0, metavar="N", help="Of weights, batches and noise."),
+    option("--device", default="auto", metavar="NAME", help="auto, cpu or cuda."),
+    click.option("--bf16/--no-bf16", default=None, help="Half precision; by default on GPUs alone."),
+    option("--minutes", type=float, metavar="M", help="Stop after M minutes; the same command continues."),
+)
+def train_system(
+    pairs: str,
+    system: str,
+    scale: str,
+    optimiser: str,
+    split: str,
+    out: str,
+    parts: str | None,
+    steps: int | None,
+    fr: int | None,
+    seed: int,
+    device: str,
+    bf16: bool | None,
+    minutes: float | None,
+) -> None:
+    """Train one system and export it. The same command continues after an interruption.
+
+    Several processes can divide the work: torchrun --nproc-per-node 2 -m signsplice_paper train-system ...
+    """
+    check_extra()
+    from signsplice.synth.corpus import Pairs
+    from signsplice.train import processes
+    from signsplice.train.stopping import DeadlineError
+    from signsplice_paper.train import scales, training
+
+    systems = list(scales.SYSTEMS) if system == "all" else [system]
+    with processes.joined(device) as process:
+        deadline = deadline_in(minutes)
+        corpus = Pairs(pairs)
+        if system == "all" and fr is not None:
+            raise InputError(f"--fr {fr} with --system all; name one system with a Culling layer")
+        for name in systems:
+            scales.parts(name, scale, fr, steps, optimiser, split)
+        for name in systems:
+            folder = Path(out) / name if system == "all" else Path(out)
+            shared = Path(parts) if parts is not None else Path(out).parent / "parts"
+            config = training.Training(name, scale, optimiser, split, seed, fr, steps, bf16, deadline=deadline)
+            try:
+                training.make(config, corpus, folder, shared, process, progress_printer if process.first else None)
+            except DeadlineError as error:
+                if process.first:
+                    warn([f"{folder}: {error}"])
+                return
+            if process.first:
+                print(f"{folder}: {name}, scale {scale}, {optimiser}, {split}")
+
+
+@click.command()
+@click.argument("bundles", nargs=-1, required=True, metavar="BUNDLE ...")
+@takes(
+    option("-o", "--output", required=True, metavar="DIR", help="Folder of the published bundles, and their page."),
+    option("--pairs", required=True, metavar="DIR", help="Corpus of pairs that they learned from."),
+    option("--limit", type=int, default=200, metavar="N", help="Test pairs on which both forms are compared."),
+)
+def publish(bundles: tuple[str, ...], output: str, pairs: str, limit: int) -> None:
+    """Write trained systems with 16-bit weights, each into a folder of its name, and a page that lists them; needs the
+    extra `train`. The page tells how far they choose as before.
+    """
+    if limit < 1:
+        raise InputError(f"--limit {limit}, expected at least 1")
+    check_extra()
+    from signsplice.synth.corpus import Pairs
+    from signsplice_paper.train import publishing
+
+    for line in publishing.publish([Path(name) for name in bundles], Path(output), Pairs(pairs), limit):
+        print(line)
+
+
+def train_missing(call: PaperCall) -> list[Run]:
+    """Train what the plan has and the bundles lack, until time is up; returns what is still missing.
+
+    The plan is asked again after every round, because the best rival is known only when all are trained. Raises
+    ``InputError`` for a choice that fits nothing in it.
+    """
+    from signsplice.synth.corpus import Pairs
+    from signsplice_paper import plan
+
+    corpus = Pairs(call.pairs)
+
+    def missing() -> list[Run]:
+        planned = plan.runs(call.scale, call.choice, plan.best_rival(call.bundles, call.scale))
+        if not planned:
+            raise InputError(
+                f"{call.choice}: nothing planned at scale {call.scale} fits; "
+                "`signsplice-paper train-system` trains any system"
+            )
+        todo = plan.missing(planned, call.bundles, str(corpus.head["hash"]))
+        return [run for run in todo if corpus.split(run.split, "train")]  # few words: a split may be empty
+
+    todo = missing()
+    while todo and not call.time_is_up:
+        _train(todo, call)
+        todo = missing()
+    if todo:
+        names = ", ".join(run.name for run in todo[:3]) + (", ..." if len(todo) > 3 else "")
+        warn([f"time is up; trainings are missing: {len(todo)} ({names}); the same call continues"])
+    return todo
+
+
+def _train(todo: Sequence[Run], call: PaperCall) -> None:
+    """Train every run, one after another or side by side."""
+    if importlib.util.find_spec("torch") is None:
+        raise MissingExtraError(
+            f"{len(todo)} of the paper's systems are not trained yet, {todo[0].name} first, and training needs torch: "
+            "pip install 'signsplice[train]'; `signsplice-paper evaluate` judges what is there"
+        )
+    check_extra()
+    from signsplice_paper.train import schedule
+
+    def started(number: int, run: Run) -> None:
+        click.echo(f"training {number} of {len(todo)}: {run.name}", err=True)
+
+    def finished(run: Run, folder: Path) -> None:
+        print(f"{folder}: {run.system}, scale {run.scale}, {run.optimiser}, {run.split}")
+
+    call.bundles.mkdir(parents=True, exist_ok=True)
+    planned = schedule.Schedule(todo, call.pairs, call.bundles, call.steps, call.deadline)
+    if call.workers > 1:
+        schedule.train_side_by_side(planned, call.workers, started)
+    else:
+        schedule.train_one_by_one(planned, started, finished, progress_printer)
+
+
+def write_curves(call: PaperCall, required: bool) -> None:
+    """Write the validation curves that bundles lack, of the named systems if there are any; none where torch is
+    missing, unless they are ``required``.
+    """
+    if not required and importlib.util.find_spec("torch") is None:
+        return
+    check_extra()
+    from signsplice.synth.corpus import Pairs
+    from signsplice.train.processes import pick_device
+    from signsplice_paper.bundles import read_all
+    from signsplice_paper.train.curves import CurveJudge
+    from signsplice_paper.train.schedule import PARTS
+
+    every = read_all(call.bundles)
+    configs = [c for c in every if c.scale == call.scale and (not call.systems or c.system in call.systems)]
+    if required and not configs:
+        hint = "`signsplice-paper train-system` makes one"
+        raise InputError(f"{call.bundles}: no bundle of scale {call.scale} there; {hint}")
+    judge = CurveJudge(Pairs(call.pairs), call.bundles / PARTS, pick_device("auto"), progress)
+    for path in judge.write(configs, call.again, lambda line: warn([line])):
+        print(path)
+
+
+COMMANDS = (train, curves, search, train_system, publish)

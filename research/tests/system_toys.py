@@ -1,0 +1,75 @@
+"""Every part of every system of the paper at a size that is trained in seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+
+import torch
+
+from signsplice.synth.signer import STANDARD, skeleton
+from signsplice.train.prefetch import Dataset
+from signsplice.train.task import Task
+from signsplice_paper.train.networks.cam_stitch import CamStitchConfig
+from signsplice_paper.train.networks.convs2s import ConvS2SConfig
+from signsplice_paper.train.networks.filling import InterpolationConfig, NatConfig
+from signsplice_paper.train.networks.lstm import LstmConfig
+from signsplice_paper.train.networks.mixture_density import MixtureConfig
+from signsplice_paper.train.networks.skeletal_attention import SkeletalConfig
+from signsplice_paper.train.networks.spsn import SpsnConfig
+from signsplice_paper.train.networks.tfgn import TransformerConfig
+from signsplice_paper.train.pairs_data import PairsData
+from signsplice_paper.train.scales import Config, SystemPart, task
+from training_toys import corpus
+
+FR = 3
+_T = TransformerConfig(32, 2, 1, 1, 48, 0.0)
+
+CONFIGS: dict[str, tuple[Config, int | None]] = {
+    "spsn": (SpsnConfig(32, dropout=0.0), None),
+    "spsn-printed": (SpsnConfig(32, "printed", 0.0, steps=False, summary=False), None),
+    "spsn-printed-wa": (SpsnConfig(32, "none", 0.0, steps=False, summary=False), None),
+    "spsn-eq7": (SpsnConfig(32, "printed", 0.0), None),
+    "spsn-frames": (SpsnConfig(32, dropout=0.0, steps=False), None),
+    "spsn-no-summary": (SpsnConfig(32, dropout=0.0, summary=False), None),
+    "spsn-plain-loss": (SpsnConfig(32, dropout=0.0), None),
+    "spsn-wa": (SpsnConfig(32, "none", 0.0), None),
+    "tfgn": (_T, FR),
+    "tfgn-wc": (replace(_T, marks=True), None),
+    "transformer": (replace(_T, tokens=True, steps=True), None),
+    "progressive": (TransformerConfig(32, 2, 1, 1, 48, 0.0, counter=True), FR),
+    "conv-s2s": (ConvS2SConfig(24, 3, 2, 0.0), None),
+    "lstm": (LstmConfig(32), None),
+    "nat": (NatConfig(FR, 32, 2, 1, 1, 48, 4, 0.0), FR),
+    "interpolation": (InterpolationConfig(FR, 32, 3), FR),
+    "mixture": (MixtureConfig(32, 2, 1, 1, 48, 0.0, n_components=3), FR),
+    "skeletal": (SkeletalConfig(16, 2, 1, 1, 32, dropout=0.0), FR),
+    "cam-stitch": (CamStitchConfig(FR, 32), FR),
+}
+GENERATORS = ("tfgn", "tfgn-wc", "transformer", "progressive", "conv-s2s", "lstm", "mixture", "skeletal", "cam-stitch")
+
+
+@cache
+def data(part: str = "train", fr: int | None = None, split: str = "random") -> PairsData:
+    """A part of the corpus."""
+    return PairsData(corpus(), split, part, fr)
+
+
+def toy(name: str, seed: int = 0) -> Task:
+    """A part's task with fresh weights."""
+    torch.manual_seed(seed)
+    config, fr = CONFIGS[name]
+    part = SystemPart(name, config, fr, 10, 8, 1e-2)
+    return task(part, data().normaliser(), parents(), seed)
+
+
+def part_toy(name: str) -> tuple[Task, Dataset, Dataset]:
+    """A part's task with fresh weights, what it learns from, and what it is validated on."""
+    fr = CONFIGS[name][1]
+    return toy(name), data("train", fr), data("valid", fr)
+
+
+def parents() -> Sequence[int]:
+    """Parents of the 53 joints."""
+    return [int(parent) for parent in skeleton(STANDARD).parents]

@@ -1,0 +1,157 @@
+"""Training the systems of the paper: resuming, what they learn from, their sizes and steps."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from torch import Tensor  # noqa: E402
+
+from signsplice.errors import InputError  # noqa: E402
+from signsplice.synth.corpus import Pairs  # noqa: E402
+from signsplice.train import log  # noqa: E402
+from signsplice.train.loop import LoopConfig, train  # noqa: E402
+from signsplice_paper import plan  # noqa: E402
+from signsplice_paper.culling import cull  # noqa: E402
+from signsplice_paper.train import scales  # noqa: E402
+from signsplice_paper.train.networks.convs2s import ConvS2SConfig  # noqa: E402
+from signsplice_paper.train.networks.tfgn import TransformerConfig  # noqa: E402
+from signsplice_paper.train.pairs_data import PairsData  # noqa: E402
+from system_toys import CONFIGS, FR, data, toy  # noqa: E402
+from training_toys import ALONE, corpus  # noqa: E402
+
+
+def trained(name: str, folder: Path, untils: tuple[int | None, ...], optimiser: str = "adamw") -> dict[str, Tensor]:
+    """Weights after a training of six steps in several calls, each of which stops at one of ``untils``."""
+    folder.mkdir()
+    fr = CONFIGS[name][1]
+    for until in untils:
+        task = toy(name)
+        config = LoopConfig(6, 8, optimiser, 1e-2, seed=1, every=4, until=until)
+        train(task, config, data("train", fr), data("valid", fr), folder, "toy", ALONE)
+    return task.state_dict()
+
+
+def losses(folder: Path) -> dict[int, float]:
+    """The losses in a training's log by step."""
+    return {line["step"]: line["loss"] for line in log.lines(folder / log.NAME) if "loss" in line}
+
+
+@pytest.mark.parametrize(("name", "optimiser"), [("spsn", "adamw"), ("tfgn", "sgd"), ("lstm", "adamw")])
+def test_a_resumed_training_ends_in_the_same_weights(tmp_path: Path, name: str, optimiser: str) -> None:
+    whole = trained(name, tmp_path / "a", (None,), optimiser)
+    parts = trained(name, tmp_path / "b", (2, 3, None), optimiser)
+    for key, value in whole.items():
+        assert torch.equal(value, parts[key]), key
+    assert list(losses(tmp_path / "b")) == [1, 2, 3, 4, 5, 6]
+    assert losses(tmp_path / "b") == losses(tmp_path / "a")
+
+
+@pytest.mark.parametrize("split", ["random", "unseen-words", "unseen-signer"])
+def test_parts_of_a_split_share_no_pair(split: str) -> None:
+    train_part, valid, test = (set(corpus().split(split, part)) for part in ("train", "valid", "test"))
+    assert not train_part & valid
+    assert not train_part & test
+    assert not valid & test
+
+
+@pytest.mark.parametrize("fr", [None, FR])
+def test_training_reads_no_test_pair(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, fr: int | None) -> None:
+    pairs = corpus()
+    read: set[int] = set()
+    words: set[int] = set()
+    truth, word = Pairs.truth, Pairs.word
+
+    def spied_truth(self: Pairs, number: int, kind: str = "positions") -> object:
+        read.add(number)
+        return truth(self, number, kind)
+
+    def spied_word(self: Pairs, number: int, kind: str = "positions") -> object:
+        words.add(number)
+        return word(self, number, kind)
+
+    monkeypatch.setattr(Pairs, "truth", spied_truth)
+    monkeypatch.setattr(Pairs, "word", spied_word)
+    for split in ("random", "unseen-words"):
+        read.clear()
+        words.clear()
+        dataset = PairsData(pairs, split, "train", fr)
+        train_pairs = set(pairs.split(split, "train"))
+        for step in range(5):
+            assert set(dataset.batch(dataset.rows(step, 8, 0), step).numbers.tolist()) <= train_pairs
+        assert read == train_pairs
+        assert words == set(np.asarray(pairs.index)[sorted(train_pairs), :2].ravel().tolist())
+
+
+def test_a_pass_over_the_data_holds_every_pair_once() -> None:
+    dataset = data()
+    assert len(dataset) == 20
+    first = [dataset.rows(step, 4, 0).tolist() for step in range(5)]
+    assert sorted(row for rows in first for row in rows) == list(range(20))
+    assert [dataset.rows(step, 4, 0).tolist() for step in range(5)] == first
+    assert [dataset.rows(step + 5, 4, 0).tolist() for step in range(5)] != first
+    assert [dataset.rows(step, 4, 1).tolist() for step in range(5)] != first
+
+
+def test_a_batch_holds_the_pairs_of_the_corpus() -> None:
+    dataset, pairs = data(), corpus()
+    batch = dataset.batch([0, 5, 11])
+    for k, number in enumerate(batch.numbers.tolist()):
+        p, q = pairs.index[number, :2].tolist()
+        pre, post, new = pairs.truth(number)
+        x = np.concatenate([pairs.word(p), pairs.word(q)])
+        np.testing.assert_array_equal(batch.x[k, : len(x)], x)
+        assert batch.mask[k].sum() == len(x)
+        assert (int(batch.pre[k]), int(batch.post[k])) == (pre, len(pairs.word(p)) + post)
+        np.testing.assert_array_equal(batch.new[k, : len(new)], new)
+        assert batch.real[k].sum() == len(new)
+
+
+def test_a_culled_batch_follows_equation_11() -> None:
+    batch, pairs = data(fr=FR).batch([0, 7]), corpus()
+    for k, number in enumerate(batch.numbers.tolist()):
+        p, q = pairs.index[number, :2].tolist()
+        pre, post, _ = pairs.truth(number)
+        rows, real = cull(pairs.word(p), pairs.word(q), pre, post, FR)
+        np.testing.assert_array_equal(batch.x[k], rows)
+        np.testing.assert_array_equal(batch.mask[k], real)
+        assert (int(batch.n_before[k]), int(batch.pre[k]), int(batch.post[k])) == (FR, FR - 1, FR)
+
+
+def test_the_paper_scale_has_the_paper_sizes() -> None:
+    spsn, tfgn = scales.parts("lpt", "paper")
+    assert spsn.config == scales.parts("lpt-wc", "paper")[0].config
+    config = tfgn.config
+    assert isinstance(config, TransformerConfig)
+    assert (config.width, config.n_heads, config.n_encoder_layers, config.n_decoder_layers) == (512, 8, 6, 6)
+    assert tfgn.fr == 8
+    convolutions = scales.parts("conv-s2s", "paper")[0].config
+    assert isinstance(convolutions, ConvS2SConfig)
+    assert (convolutions.width, convolutions.n_encoder_layers, convolutions.n_decoder_layers) == (512, 20, 20)
+    for system in scales.SYSTEMS:
+        for scale in plan.SCALES:
+            for part in scales.parts(system, scale):
+                json.dumps(part.facts())
+
+
+def test_unknown_systems_and_scales_are_refused() -> None:
+    with pytest.raises(InputError, match="no system 'gpt', expected all or one of lpt"):
+        scales.parts("gpt", "cpu")
+    with pytest.raises(InputError, match="--fr 4, but lstm has no Culling layer"):
+        scales.parts("lstm", "cpu", 4)
+    with pytest.raises(InputError, match="no scale 'huge'"):
+        scales.parts("lpt", "huge")
+
+
+def test_unseen_words_get_fewer_steps_at_cpu_scale_and_sgd_more() -> None:
+    whole, sgd, unseen = (
+        scales.parts("lpt", "cpu", optimiser=optimiser, split=split)[1].steps
+        for optimiser, split in (("adamw", "random"), ("sgd", "random"), ("adamw", "unseen-words"))
+    )
+    assert (sgd, unseen) == (5 * whole, round(0.3 * whole))
+    assert scales.parts("lpt", "cpu", steps=7, optimiser="sgd")[1].steps == 7

@@ -1,0 +1,47 @@
+"""Curves over time: the minimum-jerk step, and corrections that spread to their neighbours and fade at fixed ends."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+
+from signsplice.motion.arrays import FloatArray
+
+Number = TypeVar("Number", float, FloatArray)
+
+
+def minimum_jerk(u: Number, height: float = 1.0) -> Number:
+    """Progress 10 u^3 - 15 u^4 + 6 u^5 at times ``u``, 0 to 1: from rest to rest (Flash and Hogan 1985), also the
+    smooth step of degree 5. ``height`` is multiplied first.
+    """
+    return height * u**3 * (10.0 + u * (-15.0 + 6.0 * u))
+
+
+def minimum_jerk_by_powers(u: FloatArray) -> FloatArray:
+    """``minimum_jerk`` as a sum of powers. It differs in the last bit: the fingers between letters and the true cuts of
+    stored corpora were made with it.
+    """
+    return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+
+
+def spread_in_time(push: FloatArray, kernel: FloatArray) -> FloatArray:
+    """Pushes (T, 2, 3) spread to their neighbours in time: at each frame the weighted sum, no larger than the largest
+    push nearby.
+
+    kernel: an odd number of weights, 1 in the middle.
+    """
+    side = len(kernel) // 2
+    rows = push.reshape(len(push), -1)
+    padded = np.pad(rows, ((side, side), (0, 0)))
+    summed = np.stack([padded[k : k + len(rows)] * w for k, w in enumerate(kernel)]).sum(axis=0)
+    pushed = np.pad((np.abs(rows).max(axis=1) > 0).astype(float), side)
+    weights = sum(pushed[k : k + len(rows)] * w for k, w in enumerate(kernel))
+    return np.asarray((summed / np.maximum(weights, 1.0)[:, None]).reshape(push.shape))
+
+
+def fade_window(n_frames: int) -> FloatArray:
+    """0 just outside both ends, 1 well inside, with slope and curvature 0 at the ends (n_frames,)."""
+    edge = np.minimum(np.arange(1, n_frames + 1), np.arange(n_frames, 0, -1)) / max(1.6, 0.25 * (n_frames + 1))
+    near = np.clip(edge, 0.0, 1.0)
+    return minimum_jerk(near)

@@ -1,0 +1,73 @@
+"""The last stage of a sentence: words and new frames put out in order, with edits applied."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from signsplice.motion.arrays import FloatArray
+from signsplice.splicing.gap import Cut, FilledGap
+from signsplice.splicing.joins.join import SYSTEM, PlannedSeam
+from signsplice.splicing.result import Piece, Remade, Span
+from signsplice.splicing.seam import Seam, score
+from signsplice.splicing.words.word import Edit, SentenceWord, edited
+
+
+@dataclass(frozen=True, eq=False)
+class OpenWord:
+    """The last word of a sentence, which is put out when it is known where it is left.
+
+    word: as it is entered.
+    entered_by: how good the seam is by which it is entered; None for the first word.
+    edits: those at that seam.
+    """
+
+    word: SentenceWord
+    entered_by: Seam | None = None
+    edits: tuple[Edit, ...] = ()
+
+
+def sign_piece(open_word: OpenWord, edits: Sequence[Edit], stop: int, output: int) -> Piece:
+    """A word from where it is entered to its retimed frame ``stop``, with its ``edits``; ``output``: frame of the
+    sentence at which it begins.
+    """
+    word, start = open_word.word, open_word.word.first_frame
+    span = Span(
+        kind="sign",
+        clip=word.index,
+        name=word.clip.name,
+        source=word.frames.source(start, stop),
+        output=(output, output + stop - start),
+        warp=word.frames.warp(start, stop, output),
+        remade=edited_part(edits, word.clip.skeleton.names, (start, stop), output) if edits else None,
+    )
+    return Piece(edited(word.retimed, edits)[start:stop], span, open_word.entered_by, word.warnings)
+
+
+def transition_piece(filled: FilledGap, output: int) -> Piece:
+    """New frames, the first of which is frame ``output`` of the sentence."""
+    return Piece(filled.clip, Span("transition", None, None, None, (output, output + len(filled.clip))))
+
+
+def edited_part(edits: Sequence[Edit], names: Sequence[str], frames: tuple[int, int], output: int) -> Remade | None:
+    """What a span of a word's retimed ``frames``, the first of which is frame ``output`` of the sentence, says of edits
+    in it; None where it holds none. Several edits are one part, from the first frame to the last.
+    """
+    start, stop = frames
+    inside = [edit for edit in edits if edit.first_frame < stop and edit.stop > start]
+    if not inside:
+        return None
+    joints = sorted({joint for edit in inside for joint in edit.joints})
+    first = max(start, min(edit.first_frame for edit in inside))
+    last = min(stop, max(edit.stop for edit in inside))
+    return Remade(tuple(names[joint] for joint in joints), (first - start + output, last - start + output))
+
+
+def scored(seam: PlannedSeam, positions: FloatArray) -> Seam:
+    """How good a seam is; ``positions``: of ``seam.seam_positions``."""
+    left_out = seam.before.frames.n_left_out, seam.after.frames.n_left_out
+    whole = Cut(seam.cut.pre + left_out[0], seam.cut.post + left_out[1])
+    names = seam.before.clip.name, seam.after.clip.name
+    return score(
+        seam.gap, seam.filled, *names, whole, seam.warnings, by_system=seam.kind == SYSTEM, positions=positions
+    )

@@ -1,0 +1,131 @@
+"""A word of a sentence as data: its clip, which of its frames are shown when, and what the seams beside it edit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from signsplice.body.contacts import Contact
+from signsplice.motion.arrays import FloatArray
+from signsplice.motion.clip import Clip, bone_translations, unchecked_copy
+
+
+@dataclass(frozen=True, eq=False)
+class Edit:
+    """Joints of a word that do not show its clip for some frames. Edits are the only way to change a word.
+
+    joints: K indices.
+    first_frame: the first of n frames of the retimed word.
+    rotations: (n, K, 4) the joints' local rotations in those frames.
+    translations: (n, K, 3) their translations from their parents, clip units; None where no bone's length is animated.
+    """
+
+    joints: tuple[int, ...]
+    first_frame: int
+    rotations: FloatArray
+    translations: FloatArray | None = None
+
+    @property
+    def stop(self) -> int:
+        """The frame after the last one that is edited."""
+        return self.first_frame + len(self.rotations)
+
+
+def edit_of(clip: Clip, new: Clip, first_frame: int, joints: Sequence[int]) -> Edit:
+    """The edit by which some joints of ``clip`` are as in ``new``, whose frames begin at ``first_frame``."""
+    columns = list(joints)
+    moves_bones = clip.translations is not None or new.translations is not None
+    bones = bone_translations(new)[:, columns] if moves_bones else None
+    return Edit(tuple(columns), first_frame, new.local_rotations[:, columns], bones)
+
+
+def edited(clip: Clip, edits: Sequence[Edit]) -> Clip:
+    """The retimed clip of a word with its edits, each over those before it; the clip itself without any."""
+    if not edits:
+        return clip
+    local, bones = np.array(clip.local_rotations), None
+    if any(edit.translations is not None for edit in edits):
+        bones = np.array(bone_translations(clip))
+    for edit in edits:
+        columns = list(edit.joints)
+        local[edit.first_frame : edit.stop, columns] = edit.rotations
+        if bones is not None and edit.translations is not None:
+            bones[edit.first_frame : edit.stop, columns] = edit.translations
+    return unchecked_copy(clip, local_rotations=local, translations=clip.translations if bones is None else bones)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameMap:
+    """Which frame of a word's clip each frame of the retimed word shows.
+
+    A word's frames are counted three times: in its whole clip at the output rate, in the recorded one without the
+    stray frames at its ends (``SentenceWord.clip``), and in the retimed one.
+
+    sources: (T,) the recorded frame that each retimed frame shows, rising from 0; between two frames it is their
+        slerp. None where every frame shows the recorded frame of its own number.
+    n_left_out: how many frames of the whole clip come before the recorded one.
+    """
+
+    sources: FloatArray | None = None
+    n_left_out: int = 0
+
+    def first(self, recorded: int) -> int:
+        """The retimed frame with which to begin so that a recorded frame and all after it are shown."""
+        return recorded if self.sources is None else int(np.searchsorted(self.sources, recorded, side="right")) - 1
+
+    def last(self, recorded: int) -> int:
+        """The retimed frame with which to end so that a recorded frame and all before it are shown."""
+        return recorded if self.sources is None else int(np.searchsorted(self.sources, recorded, side="left"))
+
+    def source(self, start: int, stop: int) -> tuple[int, int]:
+        """The frames of the whole clip from which retimed frames [start, stop) are made, half-open."""
+        if self.sources is None:
+            return self.n_left_out + start, self.n_left_out + stop
+        first, last = int(np.floor(self.sources[start])), int(np.ceil(self.sources[stop - 1]))
+        return self.n_left_out + first, self.n_left_out + last + 1
+
+    def warp(self, start: int, stop: int, output: int) -> tuple[tuple[int, float], ...] | None:
+        """For each of the retimed frames [start, stop), the first of which is frame ``output`` of a sentence, that
+        frame and the one of the whole clip that it shows; None where no frame lies between two.
+        """
+        if self.sources is None:
+            return None
+        whole = self.sources[start:stop] + self.n_left_out  # exact, see ``retimed``
+        return tuple((output + n, float(source)) for n, source in enumerate(whole))
+
+
+@dataclass(frozen=True, eq=False)
+class SentenceWord:
+    """A word of a sentence, aligned to the first one. What comes after planning is an ``Edit`` at one of its seams.
+
+    index: its number in the sentence.
+    clip: its aligned clip as recorded, without stray frames at its ends: what cutters and durations see.
+    retimed: the same at the tempo asked for: what is put out, but for edits.
+    frames: which recorded frame each retimed frame shows.
+    warnings: about the clip, one line each.
+    contacts: what its hands touch, where it was brought to another body.
+    is_letter: whether it is a letter by its name (fs-A), in any case.
+    starts: whether it is no letter that goes on with the spelled word before it.
+    entry: the recorded frame at which the seam before enters it; 0 for a first word.
+    arrival_s: seconds from the letter before to this one; 0 where there is none.
+    slide_m: how far it is slid to the side as a doubled letter, m.
+    """
+
+    index: int
+    clip: Clip
+    retimed: Clip
+    frames: FrameMap
+    warnings: tuple[str, ...] = ()
+    contacts: tuple[Contact, ...] = ()
+    is_letter: bool = False
+    starts: bool = False
+    entry: int = 0
+    arrival_s: float = 0.0
+    slide_m: float = 0.0
+
+    @property
+    def first_frame(self) -> int:
+        """The retimed frame at which it is entered."""
+        return self.frames.first(self.entry)

@@ -1,0 +1,61 @@
+"""Skin distances at the events of words, beside distances measured in another way."""
+
+from __future__ import annotations
+
+import pytest
+
+from signing import made, word
+from signsplice.evaluation.corpus_touches import skin_distance
+from signsplice.rig.naming import SIDES
+from signsplice.synth.clearance import TOUCH_CM, skin_clearances, touching_sides
+from signsplice.synth.phonology import Sign
+from signsplice.synth.planner import IsolatedWord
+from signsplice.synth.segment_plan import touches
+from signsplice.synth.signer import STANDARD, draw_signer
+
+LEFT_HANDED = next(seed for seed in range(100) if draw_signer(seed).left_handed)
+
+
+def measured(one: IsolatedWord, frame: int) -> float:
+    return skin_distance(one.clip, frame, touching_sides(one.sign, one.signer))
+
+
+@pytest.mark.parametrize("seed", [None, LEFT_HANDED])
+@pytest.mark.parametrize("gloss", ["MOTHER", "BOOK", "LEARN", "HELLO", "DAY", "FRIEND"])
+def test_events_and_geometry_agree(gloss: str, seed: int | None) -> None:
+    one = word(gloss, seed)
+    e = one.events
+    assert e.gap_first_cm == pytest.approx(measured(one, e.start), abs=1e-5)
+    assert e.gap_last_cm == pytest.approx(measured(one, e.end), abs=1e-5)
+    assert e.touches_first == (measured(one, e.start) <= TOUCH_CM)
+    assert e.touches_last == (measured(one, e.end) <= TOUCH_CM)
+
+
+def test_a_touch_is_seen_whatever_the_notation_says() -> None:
+    """The palm is 3 cm from the chin, but the fingers lie at nose and forehead: only the motion knows."""
+    one = made("H shape=B-open at=chin by=palm off=3 palm=in fingers=up")
+    assert not touches(one.sign.segments[0], one.sign)
+    assert one.events.touches_first
+    assert measured(one, one.events.start) < 0.0
+    away = made("H shape=B-open at=chin by=palm off=9 palm=in fingers=up")
+    assert not away.events.touches_first
+    assert away.events.gap_first_cm is not None
+    assert 0.5 < away.events.gap_first_cm < 9.0
+
+
+def test_arms_of_the_other_side_count() -> None:
+    weak = "w.shape=B w.at=space-low-mid w.palm=down w.fingers=in-in-fwd"
+    one = made(f"H shape=1 at=forearm-weak by=index palm=down fingers=in-fwd {weak}", hands="base")
+    assert one.events.touches_first
+    (hand_alone,) = skin_clearances(one.clip, [one.events.start], ("right",))
+    assert hand_alone == pytest.approx(one.events.gap_first_cm)
+
+
+def test_whose_touches_count() -> None:
+    def sides(hands: str, seed: int | None = None) -> tuple[str, ...]:
+        signer = STANDARD if seed is None else draw_signer(seed)
+        return touching_sides(Sign("WORD", hands, ()), signer)
+
+    assert sides("one") == sides("base") == ("right",)
+    assert sides("one", LEFT_HANDED) == ("left",)
+    assert sides("symmetric") == sides("alternating", LEFT_HANDED) == SIDES

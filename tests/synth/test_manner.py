@@ -1,0 +1,47 @@
+"""Traits of manner: each changes what its signer does, none does so at size 0, and the documentation lists them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from signing import SIGNS, signer_of
+from signsplice.synth import planner
+from signsplice.synth.manner import PLAIN, TRAITS, USUAL, Manner, only
+from signsplice.synth.rng import stream
+from signsplice.synth.signer import draw_signer
+
+WORDS = ("MOTHER", "MORE", "LEARN", "UNDERSTAND", "NAME", "HELLO")
+
+
+@pytest.mark.parametrize("trait", TRAITS)
+def test_each_trait_changes_some_word(trait: str) -> None:
+    signer = signer_of(None, only(USUAL, (trait,)))
+    for take, gloss in product(range(5), WORDS):
+        plain = planner.isolated(SIGNS[gloss], replace(signer, manner=PLAIN), take).states
+        states = planner.isolated(SIGNS[gloss], signer, take).states
+        if states.shape != plain.shape or np.abs(states - plain).max() > 1e-3:
+            return
+    pytest.fail(f"{trait} changes none of {', '.join(WORDS)}")
+
+
+def test_a_trait_of_size_zero_is_plain() -> None:
+    assert only(USUAL, ()) == PLAIN == Manner(**dict.fromkeys(TRAITS, 0.0))
+
+
+def test_a_new_trait_at_the_end_leaves_the_other_draws_alone() -> None:
+    manner = draw_signer(3).manner
+    assert manner == draw_signer(3).manner
+    assert 0.0 <= manner.low_pass_frames <= 2.5
+    assert all(0.5 <= getattr(manner, trait) <= 1.5 for trait in TRAITS[1:])
+    shorter, longer = (stream("draws").uniform(0.5, 1.5, n) for n in (len(TRAITS) - 1, len(TRAITS)))
+    assert np.array_equal(shorter, longer[:-1])
+
+
+def test_the_documentation_lists_every_trait() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "corpus.md").read_text()
+    assert [trait for trait in TRAITS if f"`{trait}`" not in text] == []
