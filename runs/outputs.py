@@ -117,16 +117,18 @@ def cases() -> Iterator[tuple[str, list[str]]]:
 
 def call(words: list[str]) -> tuple[str, str, str]:
     """Status, standard output and standard error of a call of the command line, in this process."""
-    from signsplice.cli import commands
+    from signsplice.cli import main as run
 
-    shown, told = io.StringIO(), io.StringIO()
+    shown, errors, status = io.StringIO(), io.StringIO(), 0
     arguments, sys.argv = sys.argv, ["signsplice", *words]
     try:
-        with redirect_stdout(shown), redirect_stderr(told):
-            message, status = commands.run()
+        with redirect_stdout(shown), redirect_stderr(errors):
+            run()
+    except SystemExit as stop:
+        status = int(stop.code or 0)
     finally:
         sys.argv = arguments
-    return f"{status} {message}", shown.getvalue(), told.getvalue()
+    return f"status {status}", shown.getvalue(), errors.getvalue()
 
 
 def prepare(folder: Path, system: str | None) -> None:
