@@ -15,6 +15,7 @@ import pytest
 from reference_poses import arms_out, with_pose
 from signsplice import demo, lexicon
 from signsplice.cli import main
+from signsplice.cli.terminal import with_option_names
 from signsplice.evaluation import speed_learned, speed_parts
 from signsplice.formats import load, save
 from signsplice.motion.clip import Clip
@@ -360,6 +361,7 @@ def test_demo_writes_clips_pictures_and_a_report(
 INTERRUPTED = """
 import signal
 from signsplice.cli import main
+from signsplice.cli.terminal import with_option_names
 from signsplice.render import film
 
 def draw(*arguments):
@@ -386,6 +388,7 @@ class Finder:
 signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.meta_path.insert(0, Finder())
 from signsplice.cli import main
+from signsplice.cli.terminal import with_option_names
 main()
 """
 """The program, which gets a SIGINT while it imports the module named last."""
@@ -434,3 +437,15 @@ def test_frames_that_do_not_belong_are_named_by_every_command_that_reads_words(
     (entry,) = [row for row in listed if row["gloss"] == "SIGN"]
     start, stop = active_span(arms(clip))
     assert (entry["frames"], entry["rest_before"], entry["rest_after"]) == (len(clip) + 4, start + 4, len(clip) - stop)
+
+
+def test_an_option_is_named_as_the_command_line_has_it(signsplice: Call) -> None:
+    """The library names the field of ``SpliceOptions``."""
+    run = signsplice("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", "--fill-misses")
+    assert run.returncode == 2
+    assert run.stderr == (
+        "error: --fill-misses goes with --system: it says what becomes of words for which that has no splice\n"
+    )
+    assert with_option_names("leave out SpliceOptions.cutter, SpliceOptions.duration") == (
+        "leave out --cutter, --transition-time"
+    )
