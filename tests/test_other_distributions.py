@@ -39,7 +39,7 @@ def test_the_distribution_that_knows_a_system_opens_it(tmp_path: Path, monkeypat
     monkeypatch.syspath_prepend(tmp_path)
     for name in ("firstsystems", "secondsystems"):
         assert str(installed_systems.open_system(f"in/{name}")) == f"opened in/{name}"
-    with pytest.raises(InputError, match="in/x: is none of"):
+    with pytest.raises(InputError, match="in/x"):
         installed_systems.open_system("in/x")
 
 
