@@ -13,7 +13,7 @@ torch = pytest.importorskip("torch")
 
 from click.testing import CliRunner  # noqa: E402
 
-from exported_bundles import cached_operators  # noqa: F401
+from exported_bundles import cached_operators  # noqa: E402, F401
 from signsplice.errors import InputError, SignspliceError  # noqa: E402
 from signsplice.train import export  # noqa: E402
 from signsplice_paper import speed  # noqa: E402
