@@ -1,4 +1,5 @@
-"""Hand states for postures: where locations on a signer's body and in space are, and a part of the hand put there.
+"""Hand states for postures: where locations on a signer's body and in space are, a part of the hand put there, and
+where hands are between signs.
 
 All positions are in the chest's axes of a right-handed signer, cm: X = -out, Y = up, Z = forward.
 """
@@ -19,7 +20,8 @@ from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.synth import hand, pose
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.phonology import Posture, Vector
-from signsplice.synth.signer import JOINTS, Signer, skeleton
+from signsplice.synth.rng import stream
+from signsplice.synth.signer import HANGING, JOINTS, Signer, skeleton
 from signsplice.synth.tables import sections
 
 
@@ -212,3 +214,44 @@ def locate(name: str, weak: WeakArm) -> Location:
     normal = normal / np.linalg.norm(normal)
     point = start + fraction * (end - start) + skin * 170.0 * signer.scale * normal
     return Location(point * MIRROR, normal * MIRROR)
+
+
+_HELD = {
+    "folded": (
+        Posture("rest", "belly", "palm", (0.0, 0.3, -0.95), (-0.8, -0.6, 0.0), off=5.0),
+        Posture("rest", "belly", "palm", (0.0, 0.3, -0.95), (-0.8, -0.6, 0.0), off=1.0, shift=(0.0, -2.0, 0.0)),
+    ),
+    "bent": (Posture("rest", "waist", "palm", (-0.9, -0.3, 0.0), (-0.3, -0.2, 0.93), off=7.0, shift=(3.0, 0.0, 0.0)),)
+    * 2,
+    "low": (
+        Posture("rest", "belly", "palm", (-0.2, 0.1, -0.97), (-0.5, -0.86, 0.0), off=5.0, shift=(2.0, -13.0, 3.0)),
+        Posture("rest", "belly", "palm", (-0.2, 0.1, -0.97), (-0.5, -0.86, 0.0), off=2.0, shift=(2.0, -15.0, 1.0)),
+    ),
+}
+"""Postures of the strong and the weak hand at each rest but hanging."""
+_HELD_LOWER_CM = 2.0
+"""How much lower than these postures hands rest."""
+
+
+def resting(signer: Signer, *names: str | int) -> FloatArray:
+    """The state (63,) of a signer at rest; ``names`` seed its small variations."""
+    rng = stream("rest", signer.name, *names)
+    state = np.zeros(pose.SIZE)
+    if signer.rest != HANGING:
+        for first, posture in zip((0, 27), _HELD[signer.rest], strict=True):
+            hand_state = weak_hand(posture, signer)
+            offset = np.array([0.0, 2.0 * signer.rest_out_cm - _HELD_LOWER_CM, 0.0])
+            hand_state[:3] += 0.6 * rng.standard_normal(3) + offset
+            hand_state[6:] *= 1.0 + 0.06 * rng.standard_normal()
+            state[first : first + 27] = hand_state
+        return state
+    for first in (0, 27):
+        jitter = 0.6 * rng.standard_normal(3)
+        wrist = np.array([-26.0 - signer.rest_out_cm, -39.5, 4.0 + signer.rest_fwd_cm]) + jitter
+        arms = 0.5 * (signer.arms + 1.0)
+        wrist = wrist * np.array([signer.shoulders, arms, 1.0]) * signer.scale
+        state[first : first + 3] = wrist
+        quat = facing((-1.0, 0.0, -0.25), (0.05, -1.0, 0.12))
+        state[first + 3 : first + 6] = pose.hand_rotvecs(wrist, quat, signer)
+        state[first + 6 : first + 27] = HANDSHAPES["rest"].angles * (1.0 + 0.06 * rng.standard_normal())
+    return state

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import locations, pose
 from signsplice.synth.avoidance import penetration
-from signsplice.synth.locations import MIRROR, WeakArm
+from signsplice.synth.locations import MIRROR, WeakArm, resting
 from signsplice.synth.phonology import (
     DIRECTIONS,
     IN_SPACE,
@@ -40,7 +40,6 @@ from signsplice.synth.phonology import (
     Vector,
     faults,
 )
-from signsplice.synth.rest import resting
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD
 from signsplice.synth.tables import sections

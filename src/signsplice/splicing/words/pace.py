@@ -17,8 +17,7 @@ from scipy.signal import find_peaks
 
 from signsplice.body.capsules import body_capsules
 from signsplice.body.clearance import Near, near_pairs, pair_clearances, skin_pairs
-from signsplice.body.contacts import PART_M, find_contacts
-from signsplice.body.posed import posed_body
+from signsplice.body.posed import PART_M, find_contacts, posed_body
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
