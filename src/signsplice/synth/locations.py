@@ -19,10 +19,9 @@ from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.synth import hand, pose
 from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.phonology import Posture, Vector
+from signsplice.synth.phonology import PLACES, Posture, Vector
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, JOINTS, Signer, skeleton
-from signsplice.synth.tables import sections
 
 
 def _vector(text: str) -> Vector:
@@ -36,14 +35,13 @@ def _part(names: str, distance: str, direction: str) -> tuple[tuple[str, ...], f
 
 
 # words/places.txt tells what each table holds.
-_PLACES = sections("places")
-_ON_BODY = {name: (joint, _vector(inside), _vector(out)) for name, joint, inside, out in _PLACES["body"]}
+_ON_BODY = {name: (joint, _vector(inside), _vector(out)) for name, joint, inside, out in PLACES["body"]}
 ON_HEAD = frozenset(name for name, (joint, _, _) in _ON_BODY.items() if joint == "Head")
-_IN_SPACE = {name: _vector(point) for name, point in _PLACES["space"]}
-_PARTS = {name: _part(*row) for name, *row in _PLACES["parts"]}
+_IN_SPACE = {name: _vector(point) for name, point in PLACES["space"]}
+_PARTS = {name: _part(*row) for name, *row in PLACES["parts"]}
 _INDEX = {"Wrist": -1} | {name: n for n, name in enumerate(hand.POINTS)}
-_ON_BASE = {name: _part(*row) if len(row) > 1 else _PARTS[row[0]] for name, *row in _PLACES["base"]}
-_ON_WEAK_ARM = {name: (bone, float(at), float(skin), _vector(out)) for name, bone, at, skin, out in _PLACES["arm"]}
+_ON_BASE = {name: _part(*row) if len(row) > 1 else _PARTS[row[0]] for name, *row in PLACES["base"]}
+_ON_WEAK_ARM = {name: (bone, float(at), float(skin), _vector(out)) for name, bone, at, skin, out in PLACES["arm"]}
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 

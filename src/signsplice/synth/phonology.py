@@ -31,10 +31,11 @@ DIRECTIONS: dict[str, tuple[float, float, float]] = {
 """Unit vectors (out to the strong side, up, forward). Words can be combined: ``up-in`` lies midway, ``up-up-in`` nearer
 to up."""
 
-_PLACES = sections("places")
-PARTS = tuple(name for name, *_ in _PLACES["parts"])
+PLACES = sections("places")
+"""The tables of locations and parts of the hand, which ``locations`` reads."""
+PARTS = tuple(name for name, *_ in PLACES["parts"])
 """Parts of the hand that can be brought to a location."""
-LOCATIONS = tuple(name for place in ("body", "arm", "base", "space") for name, *_ in _PLACES[place])
+LOCATIONS = tuple(name for place in ("body", "arm", "base", "space") for name, *_ in PLACES[place])
 """Where a part of the hand can be: on the surface of the body, or in space; words/places.txt describes them."""
 
 NEUTRAL = frozenset(name for name in LOCATIONS if name.startswith("space") or name.endswith("-space"))

@@ -131,8 +131,8 @@ def between_frames(knots: Sequence[Knot], stops: Iterable[int], signer: Signer, 
 class Events:
     """Frames of an isolated word, and how near its hands are to the skin in its first and last postures.
 
-    Skin distances are those of ``avoidance.skin_clearances``: of the strong hand, or of either where the hands mirror one another,
-    to head, trunk, the other hand and the other arm.
+    Skin distances are those of ``avoidance.skin_clearances``: of the strong hand, or of either where the hands mirror
+    one another, to head, trunk, the other hand and the other arm.
 
     up: the last frame of rest
     start: the first posture
