@@ -17,7 +17,7 @@ from signsplice.errors import InputError
 from signsplice.formats import load, save
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton, bone_translations, resample
-from signsplice.synth import corpus_training_data
+from signsplice.synth import training_data
 from signsplice.synth.pairs import FILES, Pairs
 from signsplice_paper import clip_methods, own_words, pair_export, protocol
 from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
@@ -435,7 +435,7 @@ def test_a_corpus_of_clips_is_refused_where_events_are_needed(exported: Path, tm
     with pytest.raises(InputError, match="its words are clips, whose signs and events are not known"):
         made.events(0)
     with pytest.raises(InputError, match="its words are clips"):
-        corpus_training_data.write(made, "random", tmp_path / "s")
+        training_data.write_split(made, "random", tmp_path / "s")
     assert not (tmp_path / "s").exists()
 
 

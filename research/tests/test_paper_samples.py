@@ -11,10 +11,10 @@ import pytest
 
 from signsplice.errors import InputError
 from signsplice.synth import notation, truth
-from signsplice.synth.cut_margins import cut_margins
 from signsplice.synth.rng import stream
 from signsplice_paper import margins, mean_transition, pair_samples, protocol
 from signsplice_paper.extra_metrics import stretched
+from signsplice_paper.margins import cut_margins
 from toys import Fake, corpus
 
 

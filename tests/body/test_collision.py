@@ -17,7 +17,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import pose
 from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.rest import resting
+from signsplice.synth.locations import resting
 from signsplice.synth.signer import STANDARD, skeleton
 
 

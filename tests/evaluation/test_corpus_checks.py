@@ -18,7 +18,7 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import notation, planner, pose
 from signsplice.synth.corpus import Pairs, scaled_positions
-from signsplice.synth.rest import resting
+from signsplice.synth.locations import resting
 from signsplice.synth.signer import JOINTS, STANDARD
 
 SIGNS = {**notation.everyday(), **notation.alphabet()}

@@ -17,7 +17,7 @@ from signsplice.rig.roles import FINGERS
 from signsplice.synth import pose
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.rest import resting
+from signsplice.synth.locations import resting
 from signsplice.synth.signer import STANDARD
 
 

@@ -16,7 +16,7 @@ from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import pose
-from signsplice.synth.rest import resting
+from signsplice.synth.locations import resting
 from signsplice.synth.signer import JOINTS, STANDARD
 
 FPS = 30.0

@@ -7,7 +7,7 @@ import pytest
 from signing import made, word
 from signsplice.evaluation.corpus_touches import skin_distance
 from signsplice.rig.naming import SIDES
-from signsplice.synth.clearance import TOUCH_CM, skin_clearances, touching_sides
+from signsplice.synth.avoidance import TOUCH_CM, skin_clearances, touching_sides
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.segment_plan import touches

@@ -13,7 +13,7 @@ from conftest import GOLDEN
 from signing import sign
 from signsplice.errors import InputError
 from signsplice.evaluation import corpus_checks, corpus_difficulty, corpus_touches
-from signsplice.synth import corpus_training_data
+from signsplice.synth import training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.synth.manner import PLAIN
 
@@ -61,7 +61,7 @@ def test_version_1_is_measured_but_not_planned_anew(old: Pairs) -> None:
 
 def test_both_versions_are_signing(old: Pairs, by_word: Pairs) -> None:
     for made in (old, by_word):
-        part = corpus_training_data.part(made, [0, 1, 2])
+        part = training_data.part_of_corpus(made, [0, 1, 2])
         assert len(part["seams"]) == 3
         p, q = made.index[1, :2].tolist()
         words = sorted(set(made.index[[0, 1, 2], :2].ravel().tolist()))

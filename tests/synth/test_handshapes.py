@@ -10,13 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 from signsplice.body import capsules as body
-from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 from signsplice.rig.roles import FINGERS
 from signsplice.synth import hand, signer
-from signsplice.synth.handshapes import HANDSHAPES, find
+from signsplice.synth.handshapes import HANDSHAPES
 
 CONTACT = 0.3
 """Greatest distance of surfaces that should touch, cm."""
@@ -134,16 +133,8 @@ def test_all_letters_digits_and_variants_are_there() -> None:
     others = ["ILY", "horns", "8-open", "3-claw", "E-open", "G-closed", "X-open", "hook", "rest", "index", "thumb"]
     assert {*letters_and_digits, *variants, *others} <= set(HANDSHAPES)
     assert len(DISTINCT) >= 48
-    assert all(name == shape.name and shape.note for name, shape in HANDSHAPES.items())
+    assert all(name == shape.name for name, shape in HANDSHAPES.items())
     assert len({name.casefold() for name in HANDSHAPES}) == len(HANDSHAPES)
-
-
-def test_find_gives_the_nearest_names() -> None:
-    assert find("B-open") is HANDSHAPES["B-open"]
-    with pytest.raises(InputError, match=r"no handshape 'b-opn'.*B-open"):
-        find("b-opn")
-    with pytest.raises(InputError, match="known: A, B"):
-        find("???")
 
 
 def test_all_angles_are_within_their_limits() -> None:

@@ -15,9 +15,8 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import hand, locations, pose
 from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.locations import WeakArm
+from signsplice.synth.locations import WeakArm, resting
 from signsplice.synth.phonology import DIRECTIONS, IN_SPACE, LOCATIONS, ON_BASE, PARTS, Posture, Vector
-from signsplice.synth.rest import resting
 from signsplice.synth.signer import JOINTS, STANDARD, Signer, skeleton
 
 SEEDS = (None, 1, 3, 7, 13)

@@ -13,7 +13,7 @@ from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import hand, locations, pose
 from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.rest import resting
+from signsplice.synth.locations import resting
 from signsplice.synth.signer import FOREARM, JOINTS, STANDARD, UPPER_ARM, Signer, draw_signer, skeleton
 
 SEEDS = (None, 0, 3, 7)

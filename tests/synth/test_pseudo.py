@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from signsplice.evaluation.corpus_checks import over_limit
-from signsplice.synth import frequencies, locations, phonology, planner, pose, pseudo, truth
+from signsplice.synth import locations, phonology, planner, pose, pseudo, truth
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.locations import WeakArm
 from signsplice.synth.phonology import Posture, Sign
@@ -71,7 +71,7 @@ def test_no_try_changes_what_was_drawn_first(signs: list[Sign]) -> None:
         hands, place, course = pseudo.kind(stream("pseudo", seed))
         table = "symmetric" if hands == "alternating" else hands
         assert sign.hands == hands, seed
-        assert sign.segments[0].strong.location in frequencies.LOCATIONS[table][place], seed
+        assert sign.segments[0].strong.location in pseudo.FREQUENCIES[f"locations {table} {place}"], seed
         if course == "touch":
             assert sign.segments[0].strong.off > 0.0, seed
             assert sign.segments[1].strong.off == 0.0, seed

@@ -14,9 +14,9 @@ from signsplice.errors import InputError
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.synth import pose, running, trajectory, truth
 from signsplice.synth.avoidance import penetration
-from signsplice.synth.events import Events
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import STANDARD
+from signsplice.synth.timing import Events
 
 GLOSSES = ("I", "MOTHER", "HELLO", "BOOK", "LEARN", "SIGN", "YES", "YOU", "fs-A")
 PAIRS = [(a, b) for a, b in itertools.product(GLOSSES, repeat=2) if a != b]

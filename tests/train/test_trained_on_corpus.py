@@ -19,7 +19,7 @@ from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.rig.canonical import canonical_motion
 from signsplice.splicing.networks.bundle import read_config
-from signsplice.synth import corpus_training_data, notation, training_data
+from signsplice.synth import notation, training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.train import training
 from signsplice.train.cut_data import CutDataset
@@ -58,7 +58,7 @@ def pairs(tmp_path_factory: pytest.TempPathFactory) -> Pairs:
 def corpus_signing(pairs: Pairs, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The corpus's split `random` as signing to train on."""
     folder = tmp_path_factory.mktemp("corpus") / "random"
-    paths = corpus_training_data.write(pairs, "random", folder)
+    paths = training_data.write_split(pairs, "random", folder)
     assert [path.stem.rsplit("-", 1)[1] for path in paths] == ["train", "valid"]
     return folder
 
@@ -87,8 +87,8 @@ def test_signing_holds_the_pairs_of_its_split_and_no_others(pairs: Pairs, corpus
         for (first, _), (_, start, n), number in zip(stored["sentences"], stored["seams"], numbers, strict=True):
             whole, (pre, post, new) = canonical_motion(pairs.clip(number)), pairs.truth(number, "rotations")
             assert n == len(new)
-            begin = max(0, pre + 1 - corpus_training_data.AROUND)
-            stop = pre + 1 + n + min(corpus_training_data.AROUND, len(pairs.word_clip(pairs.index[number, 1])) - post)
+            begin = max(0, pre + 1 - training_data.AROUND)
+            stop = pre + 1 + n + min(training_data.AROUND, len(pairs.word_clip(pairs.index[number, 1])) - post)
             assert start == pre + 1 - begin
             quats = rotation.normalize(stored["turns"][first : first + stop - begin] / 32767.0)
             np.testing.assert_allclose(rotation.angle_between(quats, whole.quats[begin:stop]), 0.0, atol=1e-3)
@@ -96,14 +96,14 @@ def test_signing_holds_the_pairs_of_its_split_and_no_others(pairs: Pairs, corpus
 
 def test_a_corpus_or_split_that_cannot_be_trained_on_is_refused(pairs: Pairs, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no split first train, expected one of random"):
-        corpus_training_data.write(pairs, "first", tmp_path)
+        training_data.write_split(pairs, "first", tmp_path)
     with pytest.raises(InputError, match="12 frames a second, expected 30, the networks' rate"):
-        corpus_training_data.write(slow_corpus(), "random", tmp_path)
+        training_data.write_split(slow_corpus(), "random", tmp_path)
     with pytest.raises(InputError, match="valid part of split unseen-words has fewer than two words"):
-        corpus_training_data.write(pairs, "unseen-words", tmp_path)
+        training_data.write_split(pairs, "unseen-words", tmp_path)
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file: cannot be made"):
-        corpus_training_data.write(pairs, "random", tmp_path / "file")
+        training_data.write_split(pairs, "random", tmp_path / "file")
     called = CliRunner().invoke(app, ["synth", "signing", str(pairs.folder), "-o", str(tmp_path / "made")])
     assert called.exit_code == 0, called.output
     assert len(called.output.splitlines()) == len(list((tmp_path / "made").iterdir())) == 2
@@ -185,7 +185,7 @@ def test_clean_gaps_of_words_alone_are_refused(paths: list[Path]) -> None:
 
 def test_signing_of_two_splits_is_refused(pairs: Pairs, corpus_signing: Path, tmp_path: Path) -> None:
     other = tmp_path / "unseen"
-    paths = corpus_training_data.write(pairs, "random", other)
+    paths = training_data.write_split(pairs, "random", other)
     with np.load(paths[0]) as stored:
         changed = dict(stored) | {"split": np.array("unseen-words")}
     training_data.save(paths[0], changed)

@@ -1,17 +1,19 @@
-"""margins.json: how near every judged true cut is to another frame. Its words are planned anew once, in minutes."""
+"""margins.json: how near every judged true cut is to another frame: the rules of ``synth.truth`` give times between
+frames, which are then rounded. Its words are planned anew once, in minutes.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.formats.reading import read_bytes
-from signsplice.synth import notation
-from signsplice.synth.corpus import Pairs
-from signsplice.synth.cut_margins import cut_margins
+from signsplice.synth import notation, planner, truth
+from signsplice.synth.corpus import VERSION, Pairs
+from signsplice.synth.phonology import Sign
 
 FILE = "margins.json"
 DIGITS = 4
@@ -55,3 +57,29 @@ def of_pairs(
         with replacing(path) as temporary:
             temporary.write_text(json.dumps(stored) + "\n", encoding="utf-8")
     return {k: margin for k in numbers if (margin := found.get(k)) is not None}
+
+
+def cut_margins(pairs: Pairs, numbers: Sequence[int], signs: Mapping[str, Sign]) -> dict[int, float]:
+    """By how many frames (at most 0.5) the nearer of both cuts of a pair would have to move to become another frame.
+
+    The words are planned anew from their signs. Pairs with a word that ``signs`` lacks, or that is planned otherwise
+    today, are left out; so are all pairs of a corpus that this code does not make.
+    """
+    if pairs.version != VERSION or not pairs.signers:
+        return {}
+    used = sorted(set(pairs.index[list(numbers), :2].ravel().tolist()))
+    n_per_signer = len(pairs.head["words"]) // 2
+    words = {
+        k: planner.isolated(signs[gloss], pairs.signers[k // n_per_signer], fps=pairs.head["fps"])
+        for k, gloss in ((k, pairs.head["words"][k]["gloss"]) for k in used)
+        if gloss in signs
+    }
+    out = {}
+    for number in numbers:
+        p, q, pre, post = pairs.index[number, :4].tolist()
+        if p in words and q in words:
+            relation = truth.relate(words[p], words[q]) if pairs.by_partner else truth.ANY_PARTNER
+            leave, enter = truth.leaving(words[p], relation), truth.entering(words[q], relation)
+            if (leave.frame, enter.frame) == (pre, post):
+                out[number] = min(leave.margin, enter.margin)
+    return out

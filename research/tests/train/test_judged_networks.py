@@ -13,7 +13,7 @@ pytest.importorskip("torch")
 
 from signsplice.splicing.methods.choice import WEIGHTS
 from signsplice.splicing.networks import features
-from signsplice.synth import corpus_training_data, notation
+from signsplice.synth import notation, training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.train import training
 from signsplice_paper.bundles import read_all
@@ -33,7 +33,7 @@ def pairs(tmp_path_factory: pytest.TempPathFactory) -> Pairs:
 def corpus_signing(pairs: Pairs, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The corpus's split `random` as signing to train on."""
     folder = tmp_path_factory.mktemp("corpus") / "random"
-    paths = corpus_training_data.write(pairs, "random", folder)
+    paths = training_data.write_split(pairs, "random", folder)
     assert [path.stem.rsplit("-", 1)[1] for path in paths] == ["train", "valid"]
     return folder
 

@@ -183,10 +183,10 @@ def endless(
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder to write into.")
 def signing(folder: str, split: str, output: str) -> None:
     """Write the training and validation parts of a corpus of pairs as signing to train networks on."""
-    from signsplice.synth import corpus_training_data
+    from signsplice.synth import training_data
     from signsplice.synth.corpus import Pairs
 
-    for path in corpus_training_data.write(Pairs(folder), split, Path(output)):
+    for path in training_data.write_split(Pairs(folder), split, Path(output)):
         print(f"{path}: {size(path.stat().st_size)}")
 
 

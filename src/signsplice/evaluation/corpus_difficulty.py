@@ -20,9 +20,9 @@ from signsplice.splicing.methods.cut import CUTTERS
 from signsplice.splicing.methods.transition import TRANSITIONS
 from signsplice.synth import planner, pose, truth
 from signsplice.synth.corpus import Pairs
-from signsplice.synth.events import Events
 from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream
+from signsplice.synth.timing import Events
 
 Progress = Callable[[int, int], None]
 BY_WORD = "words known: the most frequent cut of each word"

@@ -15,7 +15,7 @@ from signsplice.evaluation.corpus_realism import WristMotion
 from signsplice.evaluation.wrists import strong_side, strong_wrist
 from signsplice.formats.atomic import replacing
 from signsplice.motion.arrays import FloatArray
-from signsplice.render.strips import Strip, write_strips
+from signsplice.render.sheet import Strip, write_strips
 from signsplice.synth import notation, planner, pseudo
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.phonology import Sign

@@ -2,20 +2,20 @@
 
 Glosses are labels in the order of signing; a line of glosses is not a translation of a spoken sentence. What is read
 otherwise than it was typed is said in a note, what is spelled because it is no gloss in a warning; no word is replaced
-by one that is merely like it.
+by one that is merely like it. Punctuation, emoji, look-alike characters and hyphens are taken as people type them.
 """
 
 from __future__ import annotations
 
+import re
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
 
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon.entry import LETTER_MARK, letter_gloss
 from signsplice.lexicon.reader import Lexicon
-from signsplice.lexicon.typed import TypedWord, typed_words
 
 SPELLED_MARKS = (LETTER_MARK, "#")
 """Prefixes of tokens to fingerspell."""
@@ -189,3 +189,85 @@ def _by_other_letters(word: str, letters: Sequence[str | None]) -> str:
     if all(letter in (letter_gloss(c), None) for c, letter in zip(characters, letters, strict=True)):
         return ""
     return f" as {''.join((letter or '')[len(LETTER_MARK) :] for letter in letters)}, without accents"
+
+
+_ALIKE = str.maketrans(dict.fromkeys("\u2018\u2019\u02bc`\u00b4", "'") | dict.fromkeys("\u2010\u2011_", "-"))
+"""Quotation marks that stand for an apostrophe; hyphens."""
+_WORD = re.compile(r"w(?:\.w)+\.?(?![wd])|#?[wd]+(?:(?:['-]|(?<=d)[.,](?=d))[wd]+)*")
+"""A word by the classes of its characters (``_class``): an acronym with points, or letters and digits with apostrophes
+and hyphens between them, or points and commas between digits."""
+
+
+@dataclass(frozen=True)
+class TypedWord:
+    """A word of typed text.
+
+    text: what is looked up; empty where nothing that can be signed was typed.
+    typed: the token that it stands in.
+    left_out: characters beside it that stand for something and were left out, such as emoji.
+    ends_phrase: whether punctuation other than ``/`` follows it, so that it makes no compound with the next word.
+    note: how it is read otherwise than typed, or empty.
+    """
+
+    text: str
+    typed: str
+    left_out: str = ""
+    ends_phrase: bool = False
+    note: str = ""
+
+
+def typed_words(text: str, is_known: Callable[[str], bool]) -> list[TypedWord]:
+    """The words of a line, split at white space and punctuation; tokens that are known as typed stay whole.
+
+    Apostrophes, hyphens (``_`` is one), the point of a number and a ``#`` before a word stay; the points of an acronym
+    and the commas of a number go. Full-width and other compatibility forms become the plain ones.
+    """
+    found: list[TypedWord] = []
+    for token in text.split():
+        if is_known(token):
+            found.append(TypedWord(token, token))
+            continue
+        words = _words(token)
+        if words:
+            found += words
+        elif found:  # punctuation that stands alone
+            found[-1] = replace(found[-1], ends_phrase=True)
+    return found
+
+
+def _words(token: str) -> list[TypedWord]:
+    """The words of a token; one without text where only symbols were typed, none where only punctuation was."""
+    plain = unicodedata.normalize("NFKC", token).translate(_ALIKE)
+    plain = "".join(c for c in plain if _class(c))
+    classes = "".join(map(_class, plain))
+    matches = list(_WORD.finditer(classes))
+    starts, ends = [match.start() for match in matches], [match.end() for match in matches]
+    between = [slice(*gap) for gap in zip([0, *ends], [*starts, len(plain)], strict=True)]  # one more than words
+    left_out = "".join(c for gap in between for c in plain[gap] if _class(c) in "s#")
+    if not matches:
+        return [TypedWord("", token, left_out)] if left_out else []
+    words = []
+    for k, (match, gap) in enumerate(zip(matches, between[1:], strict=True)):
+        text = plain[match.start() : match.end()].replace(",", "")
+        if text.lower() == "fs" and plain[match.end() : match.end() + 1] == "-":  # a mark that nothing follows
+            words.append(TypedWord("", token, f"{text}-"))
+            continue
+        text = text if "d." in match[0] else text.replace(".", "")
+        words.append(TypedWord(text, token, "" if k else left_out, not set("p.,").isdisjoint(classes[gap])))
+    return words
+
+
+def _class(character: str) -> str:
+    """What a character does: ``w`` and ``d`` make words, ``' - . , #`` may, ``/`` parts them, ``p`` is punctuation,
+    ``s`` a symbol; empty for what is not seen.
+    """
+    category = unicodedata.category(character)
+    if category in ("Cf", "Me") or "\ufe00" <= character <= "\ufe0f":  # joiners and variants of emoji
+        return ""
+    if character in "'-.,#/":
+        return character
+    if category[0] in "LM" or category == "Nl":
+        return "w"
+    if category[0] == "N":
+        return "d"
+    return "p" if category[0] == "P" and character not in "&%@*\u00a7\\" else "s"

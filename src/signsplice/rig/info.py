@@ -9,7 +9,7 @@ from signsplice.errors import InputError
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Skeleton
 from signsplice.rig.canonical_map import CanonicalMap, map_roles
-from signsplice.rig.joint_names import simplify
+from signsplice.rig.naming import simplify
 from signsplice.rig.proportions import BodySizes, measure
 from signsplice.rig.roles import Humanoid, arm_joints, find_roles
 from signsplice.rig.t_pose import TPose, t_pose
@@ -31,7 +31,7 @@ class RigInfo:
 
     @cached_property
     def simple_names(self) -> tuple[str, ...]:
-        """Joint names in comparable form, see ``joint_names.simplify``."""
+        """Joint names in comparable form, see ``naming.simplify``."""
         return tuple(map(simplify, self.skeleton.names))
 
     @cached_property

@@ -21,8 +21,19 @@ from signsplice.errors import InputError
 from signsplice.motion.clip import Skeleton
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.fingers import find_fingers
-from signsplice.rig.joint_names import side_and_words, simplify, without_shared
-from signsplice.rig.naming import CONVENTIONS, EYE, HEAD, HIPS, JAW, NECK, SIDES, NamingConvention
+from signsplice.rig.naming import (
+    CONVENTIONS,
+    EYE,
+    HEAD,
+    HIPS,
+    JAW,
+    NECK,
+    SIDES,
+    NamingConvention,
+    side_and_words,
+    simplify,
+    without_shared,
+)
 
 _SPINE = ("spine", "chest", "upperChest")
 _ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand")

@@ -13,8 +13,7 @@ from signsplice.children import end_with_parent
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
 from signsplice.lexicon import Lexicon, shipped
-from signsplice.lexicon.sentence import SentenceToken, parse, starts
-from signsplice.lexicon.typed import typed_words
+from signsplice.lexicon.sentence import SentenceToken, parse, starts, typed_words
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings

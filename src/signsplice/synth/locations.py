@@ -1,4 +1,5 @@
-"""Hand states for postures: where locations on a signer's body and in space are, and a part of the hand put there.
+"""Hand states for postures: where locations on a signer's body and in space are, a part of the hand put there, and
+where hands are between signs.
 
 All positions are in the chest's axes of a right-handed signer, cm: X = -out, Y = up, Z = forward.
 """
@@ -18,108 +19,29 @@ from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.synth import hand, pose
 from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.phonology import Posture, Vector
-from signsplice.synth.signer import JOINTS, Signer, skeleton
+from signsplice.synth.phonology import PLACES, Posture, Vector
+from signsplice.synth.rng import stream
+from signsplice.synth.signer import HANGING, JOINTS, Signer, skeleton
 
-# On the body: a joint; a point inside the body, seen from it (out, up, forward, fractions of stature); the direction
-# from there out through the skin.
-_ON_BODY: dict[str, tuple[str, Vector, Vector]] = {
-    "crown": ("Head", (0.0, 0.080, 0.000), (0.0, 1.0, 0.1)),
-    "forehead": ("Head", (0.0, 0.080, 0.020), (0.0, 0.15, 1.0)),
-    "temple": ("Head", (0.020, 0.068, 0.020), (0.85, 0.1, 0.55)),
-    "eye": ("Head", (0.018, 0.050, 0.030), (0.25, 0.0, 1.0)),
-    "ear": ("Head", (0.020, 0.048, 0.000), (1.0, 0.0, 0.1)),
-    "nose": ("Head", (0.0, 0.041, 0.040), (0.0, 0.0, 1.0)),
-    "cheek": ("Head", (0.015, 0.032, 0.020), (0.75, 0.0, 0.66)),
-    "cheek-weak": ("Head", (-0.015, 0.032, 0.020), (-0.75, 0.0, 0.66)),
-    "mouth": ("Head", (0.0, 0.017, 0.030), (0.0, 0.0, 1.0)),
-    "mouth-corner": ("Head", (0.012, 0.017, 0.030), (0.35, 0.0, 0.94)),
-    "chin": ("Head", (0.0, 0.000, 0.030), (0.0, -0.3, 0.95)),
-    "chin-weak": ("Head", (-0.014, 0.003, 0.025), (-0.4, -0.2, 0.9)),
-    "jaw": ("Head", (0.015, 0.012, 0.020), (0.9, -0.2, 0.4)),
-    "under-chin": ("Head", (0.0, 0.004, 0.036), (0.0, -1.0, 0.25)),
-    "throat": ("Neck", (0.0, 0.028, 0.000), (0.0, 0.0, 1.0)),
-    "shoulder": ("RightArm", (-0.02, 0.0, 0.0), (0.1, 1.0, 0.25)),
-    "shoulder-weak": ("LeftArm", (0.02, 0.0, 0.0), (-0.1, 0.9, 0.45)),
-    "chest": ("Spine2", (0.0, 0.030, 0.0), (0.0, 0.0, 1.0)),
-    "chest-strong": ("Spine2", (0.060, 0.030, 0.0), (0.2, 0.0, 1.0)),
-    "heart": ("Spine2", (-0.050, 0.025, 0.0), (-0.15, 0.0, 1.0)),
-    "belly": ("Spine", (0.0, 0.040, 0.0), (0.0, 0.0, 1.0)),
-    "waist": ("Spine", (0.060, 0.010, 0.0), (0.5, 0.0, 0.85)),
-    "waist-weak": ("Spine", (-0.060, 0.010, 0.0), (-0.5, 0.0, 0.85)),
-}
 
+def _vector(text: str) -> Vector:
+    x, y, z = map(float, text.split(","))
+    return x, y, z
+
+
+def _part(names: str, distance: str, direction: str) -> tuple[tuple[str, ...], float, Vector]:
+    """Joints and tips of a hand, the distance of the skin from their mean position, cm, and the direction out of it."""
+    return tuple(names.split(",")), float(distance), _vector(direction)
+
+
+# words/places.txt tells what each table holds.
+_ON_BODY = {name: (joint, _vector(inside), _vector(out)) for name, joint, inside, out in PLACES["body"]}
 ON_HEAD = frozenset(name for name, (joint, _, _) in _ON_BODY.items() if joint == "Head")
-
-# In space: out, up and forward from the chest joint, cm of the standard body.
-_IN_SPACE: dict[str, Vector] = {
-    "space": (10.0, 3.0, 25.0),
-    "space-mid": (0.0, 3.0, 23.0),
-    "space-in": (-9.0, 3.0, 24.0),
-    "space-out": (20.0, 3.0, 24.0),
-    "space-low": (11.0, -7.0, 25.0),
-    "space-low-mid": (0.0, -8.0, 24.0),
-    "space-high": (18.0, 14.0, 22.0),
-    "space-high-out": (28.0, 22.0, 18.0),
-    "space-far": (11.0, 7.0, 38.0),
-    "face-space": (3.0, 25.0, 27.0),
-    "side-space": (20.0, 26.0, 16.0),
-    "above-head": (4.0, 46.0, 15.0),
-    "locus:1": (8.0, 3.0, 17.0),
-    "locus:2": (8.0, 3.0, 36.0),
-    "locus:3": (28.0, 3.0, 29.0),
-    "locus:3-weak": (-14.0, 3.0, 29.0),
-}
-_IN_SPACE |= {"subject": _IN_SPACE["locus:1"], "object": _IN_SPACE["locus:2"]}
-
-# Parts of a hand: the joints and tips whose mean position they are; the distance of the skin from there, cm; the
-# direction out of the hand (in its axes: fingers -X, palm -Y, thumb +Z), for a hand that is touched.
-_PARTS: dict[str, tuple[tuple[str, ...], float, Vector]] = {
-    "palm": (("Wrist", "Index1", "Middle1", "Middle1", "Ring1"), 1.45, (0.0, -1.0, 0.0)),
-    "back": (("Wrist", "Index1", "Middle1", "Middle1", "Ring1"), 1.45, (0.0, 1.0, 0.0)),
-    "heel": (("Wrist", "Wrist", "Wrist", "Wrist", "Middle1"), 1.65, (0.7, -0.7, 0.0)),
-    "wrist": (("Wrist",), 2.4, (0.0, -1.0, 0.0)),
-    "radial": (("Index1",), 1.2, (0.0, 0.0, 1.0)),
-    "ulnar": (("Pinky1", "Pinky1", "Wrist"), 1.25, (0.0, 0.0, -1.0)),
-    "knuckles": (("Index1", "Middle1"), 1.2, (0.0, 1.0, 0.0)),
-    "middles": (("Index2", "Middle2", "Ring2"), 1.05, (-1.0, 0.0, 0.0)),
-    "thumb": (("ThumbTip",), 0.95, (-0.7, 0.0, 0.7)),
-    "index": (("IndexTip",), 0.82, (-1.0, 0.0, 0.0)),
-    "middle": (("MiddleTip",), 0.83, (-1.0, 0.0, 0.0)),
-    "ring": (("RingTip",), 0.79, (-1.0, 0.0, 0.0)),
-    "pinky": (("PinkyTip",), 0.70, (-1.0, 0.0, 0.0)),
-    "tips": (("IndexTip", "MiddleTip"), 0.82, (-1.0, 0.0, 0.0)),
-    "fingertips": (("IndexTip", "MiddleTip", "RingTip", "PinkyTip"), 0.8, (-1.0, 0.0, 0.0)),
-    "pinch": (("IndexTip", "ThumbTip"), 0.88, (-1.0, 0.0, 0.0)),
-    "index-side": (("Index2", "Index3"), 1.0, (0.0, 0.0, 1.0)),
-    "two-fingers": (("Index1", "Index2", "Middle1", "Middle2"), 1.0, (0.0, -1.0, 0.0)),
-    "pinky-side": (("Pinky1", "Pinky2"), 0.9, (0.0, 0.0, -1.0)),
-}
+_IN_SPACE = {name: _vector(point) for name, point in PLACES["space"]}
+_PARTS = {name: _part(*row) for name, *row in PLACES["parts"]}
 _INDEX = {"Wrist": -1} | {name: n for n, name in enumerate(hand.POINTS)}
-
-# On the weak hand: the part that is touched.
-_ON_BASE: dict[str, tuple[tuple[str, ...], float, Vector]] = {
-    "base-palm": _PARTS["palm"],
-    "base-back": _PARTS["back"],
-    "base-radial": _PARTS["radial"],
-    "base-ulnar": _PARTS["ulnar"],
-    "base-fingertips": _PARTS["fingertips"],
-    "base-index": _PARTS["index"],
-    "base-index-back": (("Index2", "Index3"), 0.9, (0.0, 1.0, 0.0)),
-    "base-two-fingers": (("Index3", "Middle3"), 0.85, (0.0, 1.0, 0.0)),
-    "base-fingers": (("Index2", "Middle2", "Ring2"), 0.95, (0.0, -1.0, 0.0)),
-    "base-fingers-back": (("Index2", "Middle2", "Ring2"), 0.95, (0.0, 1.0, 0.0)),
-    "base-wrist": (("Wrist",), 2.4, (0.0, 1.0, 0.0)),
-    "base-heel": _PARTS["heel"],
-}
-
-# On the weak arm: the bone; where along it, as a fraction; the distance of the skin, as a fraction of stature, and its
-# direction (out, up, forward).
-_ON_WEAK_ARM: dict[str, tuple[str, float, float, Vector]] = {
-    "forearm-weak": ("forearm", 0.5, 0.0205, (0.2, 0.9, 0.6)),
-    "elbow-weak": ("forearm", 0.0, 0.025, (0.6, -0.3, 0.5)),
-    "upper-arm-weak": ("upper arm", 0.55, 0.0275, (0.8, 0.0, 0.6)),
-}
+_ON_BASE = {name: _part(*row) if len(row) > 1 else _PARTS[row[0]] for name, *row in PLACES["base"]}
+_ON_WEAK_ARM = {name: (bone, float(at), float(skin), _vector(out)) for name, bone, at, skin, out in PLACES["arm"]}
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
@@ -290,3 +212,44 @@ def locate(name: str, weak: WeakArm) -> Location:
     normal = normal / np.linalg.norm(normal)
     point = start + fraction * (end - start) + skin * 170.0 * signer.scale * normal
     return Location(point * MIRROR, normal * MIRROR)
+
+
+_HELD = {
+    "folded": (
+        Posture("rest", "belly", "palm", (0.0, 0.3, -0.95), (-0.8, -0.6, 0.0), off=5.0),
+        Posture("rest", "belly", "palm", (0.0, 0.3, -0.95), (-0.8, -0.6, 0.0), off=1.0, shift=(0.0, -2.0, 0.0)),
+    ),
+    "bent": (Posture("rest", "waist", "palm", (-0.9, -0.3, 0.0), (-0.3, -0.2, 0.93), off=7.0, shift=(3.0, 0.0, 0.0)),)
+    * 2,
+    "low": (
+        Posture("rest", "belly", "palm", (-0.2, 0.1, -0.97), (-0.5, -0.86, 0.0), off=5.0, shift=(2.0, -13.0, 3.0)),
+        Posture("rest", "belly", "palm", (-0.2, 0.1, -0.97), (-0.5, -0.86, 0.0), off=2.0, shift=(2.0, -15.0, 1.0)),
+    ),
+}
+"""Postures of the strong and the weak hand at each rest but hanging."""
+_HELD_LOWER_CM = 2.0
+"""How much lower than these postures hands rest."""
+
+
+def resting(signer: Signer, *names: str | int) -> FloatArray:
+    """The state (63,) of a signer at rest; ``names`` seed its small variations."""
+    rng = stream("rest", signer.name, *names)
+    state = np.zeros(pose.SIZE)
+    if signer.rest != HANGING:
+        for first, posture in zip((0, 27), _HELD[signer.rest], strict=True):
+            hand_state = weak_hand(posture, signer)
+            offset = np.array([0.0, 2.0 * signer.rest_out_cm - _HELD_LOWER_CM, 0.0])
+            hand_state[:3] += 0.6 * rng.standard_normal(3) + offset
+            hand_state[6:] *= 1.0 + 0.06 * rng.standard_normal()
+            state[first : first + 27] = hand_state
+        return state
+    for first in (0, 27):
+        jitter = 0.6 * rng.standard_normal(3)
+        wrist = np.array([-26.0 - signer.rest_out_cm, -39.5, 4.0 + signer.rest_fwd_cm]) + jitter
+        arms = 0.5 * (signer.arms + 1.0)
+        wrist = wrist * np.array([signer.shoulders, arms, 1.0]) * signer.scale
+        state[first : first + 3] = wrist
+        quat = facing((-1.0, 0.0, -0.25), (0.05, -1.0, 0.12))
+        state[first + 3 : first + 6] = pose.hand_rotvecs(wrist, quat, signer)
+        state[first + 6 : first + 27] = HANDSHAPES["rest"].angles * (1.0 + 0.06 * rng.standard_normal())
+    return state

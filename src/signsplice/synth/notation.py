@@ -38,6 +38,7 @@ from signsplice.synth.phonology import (
     Vector,
     faults,
 )
+from signsplice.synth.tables import FOLDER
 
 _POSTURE_KEYS = ("shape", "at", "by", "off", "shift", "palm", "fingers")
 _ONLY_M = ("path", "w.path", "local", "times", "return", "step", "tempo")
@@ -289,14 +290,11 @@ def _one_of(line: _Line, key: str, value: str, known: Iterable[str]) -> str:
     return value
 
 
-_WORDS = FilePath(__file__).parent / "words"
-
-
 def alphabet() -> dict[str, Sign]:
     """The American manual alphabet and digits of this package, by gloss (``fs-A`` ... ``fs-9``), read on each call."""
-    return read(_WORDS / "alphabet.signs")
+    return read(FOLDER / "alphabet.signs")
 
 
 def everyday() -> dict[str, Sign]:
     """The everyday words of this package, by gloss, read on each call. No signer has checked them."""
-    return read(_WORDS / "everyday.signs")
+    return read(FOLDER / "everyday.signs")

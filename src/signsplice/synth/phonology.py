@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from signsplice.synth.handshapes import HANDSHAPES
+from signsplice.synth.tables import sections
 
 HANDS = {
     "one": "the weak hand hangs",
@@ -30,94 +31,12 @@ DIRECTIONS: dict[str, tuple[float, float, float]] = {
 """Unit vectors (out to the strong side, up, forward). Words can be combined: ``up-in`` lies midway, ``up-up-in`` nearer
 to up."""
 
-PARTS: dict[str, str] = {
-    "palm": "middle of the palm",
-    "back": "back of the hand",
-    "heel": "heel of the hand",
-    "wrist": "palm side of the wrist",
-    "radial": "thumb side of the hand, at the index knuckle",
-    "ulnar": "little finger's side of the hand",
-    "knuckles": "the first knuckles",
-    "middles": "backs of the middle finger bones, what leads in a fist",
-    "thumb": "tip of the thumb",
-    "index": "tip of the index finger",
-    "middle": "tip of the middle finger",
-    "ring": "tip of the ring finger",
-    "pinky": "tip of the little finger",
-    "tips": "tips of the index and middle fingers, between them",
-    "fingertips": "tips of all four fingers, their middle",
-    "pinch": "between the tips of thumb and index finger",
-    "index-side": "thumb side of the index finger's middle",
-    "two-fingers": "palm side of the first bones of index and middle finger",
-    "pinky-side": "outer side of the little finger's middle",
-}
+PLACES = sections("places")
+"""The tables of locations and parts of the hand, which ``locations`` reads."""
+PARTS = tuple(name for name, *_ in PLACES["parts"])
 """Parts of the hand that can be brought to a location."""
-
-LOCATIONS: dict[str, str] = {
-    # on the head
-    "crown": "top of the head",
-    "forehead": "middle of the forehead",
-    "temple": "temple of the strong side",
-    "eye": "below the eye of the strong side",
-    "ear": "ear of the strong side",
-    "nose": "tip of the nose",
-    "cheek": "cheek of the strong side",
-    "cheek-weak": "cheek of the weak side",
-    "mouth": "lips",
-    "mouth-corner": "corner of the mouth, strong side",
-    "chin": "chin",
-    "chin-weak": "chin, a little to the weak side",
-    "jaw": "jaw below the ear, strong side",
-    "under-chin": "below the chin",
-    "throat": "front of the neck",
-    # on the trunk
-    "shoulder": "top of the strong shoulder",
-    "shoulder-weak": "top of the weak shoulder",
-    "chest": "breast bone",
-    "chest-strong": "chest, strong side",
-    "heart": "chest, weak side",
-    "belly": "belly",
-    "waist": "waist, strong side",
-    "waist-weak": "waist, weak side",
-    # on the weak arm
-    "upper-arm-weak": "outer side of the weak upper arm",
-    "elbow-weak": "elbow of the weak arm",
-    "forearm-weak": "middle of the weak forearm, the side turned up or out",
-    # on the weak hand, for hands=base
-    "base-palm": "palm of the weak hand",
-    "base-back": "back of the weak hand",
-    "base-radial": "thumb side of the weak hand",
-    "base-ulnar": "little finger's side of the weak hand",
-    "base-fingertips": "tips of the weak hand's fingers",
-    "base-index": "tip of the weak index finger",
-    "base-index-back": "back of the weak index finger's middle",
-    "base-two-fingers": "back of the weak index and middle fingers, near their ends",
-    "base-fingers": "the weak hand's fingers, palm side",
-    "base-fingers-back": "the weak hand's fingers, back side",
-    "base-wrist": "back of the weak wrist",
-    "base-heel": "heel of the weak hand",
-    # in space
-    "space": "neutral space, in front of the chest on the strong side",
-    "space-mid": "neutral space, on the midline",
-    "space-in": "neutral space, in front of the weak side",
-    "space-out": "neutral space, well out on the strong side",
-    "space-low": "in front of the belly, strong side",
-    "space-low-mid": "in front of the belly, on the midline",
-    "space-high": "in front of and next to the shoulder, strong side, at the height of the chin",
-    "space-high-out": "out and up next to the head",
-    "space-far": "an outstretched reach forward",
-    "face-space": "in front of the face",
-    "side-space": "next to the head, strong side",
-    "above-head": "above the forehead",
-    # where verbs that agree begin and end (Padden 1988)
-    "locus:1": "in front of the signer, from where something is given",
-    "locus:2": "forward, towards the person addressed",
-    "locus:3": "forward and out, towards a third person on the strong side",
-    "locus:3-weak": "forward and in, towards a third person on the weak side",
-    "subject": "the locus of the verb's subject; in the citation form the signer's",
-    "object": "the locus of the verb's object; in the citation form the addressee's",
-}
-"""Where a part of the hand can be: on the surface of the body, or in space."""
+LOCATIONS = tuple(name for place in ("body", "arm", "base", "space") for name, *_ in PLACES[place])
+"""Where a part of the hand can be: on the surface of the body, or in space; words/places.txt describes them."""
 
 NEUTRAL = frozenset(name for name in LOCATIONS if name.startswith("space") or name.endswith("-space"))
 ROLES = ("subject", "object")
@@ -139,14 +58,10 @@ LOCALS: dict[str, tuple[float, float]] = {
 after another, the fingers bend together, the forearm rotates, the wrist nods, the whole hand shakes.
 """
 
-HEAD = {"nod": "the head nods", "shake": "the head shakes", "tilt": "the head tilts to the strong side"}
-HEAD["tilt-weak"] = "the head tilts to the weak side"
-TRUNK = {
-    "fwd": "leans forward",
-    "back": "leans back",
-    "out": "leans to the strong side",
-    "in": "leans to the weak side",
-}
+HEAD = ("nod", "shake", "tilt", "tilt-weak")
+"""Movements of the head; it tilts to the strong side or to the weak side."""
+TRUNK = ("fwd", "back", "out", "in")
+"""Directions in which the trunk leans: out to the strong side, in to the weak side."""
 
 Vector = tuple[float, float, float]
 

@@ -15,17 +15,15 @@ import numpy as np
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import pose, trajectory, two_hands
-from signsplice.synth.avoidance import clear_collisions
+from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, skin_clearances, touching_sides
 from signsplice.synth.body_motion import add_body_motion
-from signsplice.synth.clearance import TOUCH_CM, skin_clearances, touching_sides
-from signsplice.synth.events import Events
+from signsplice.synth.locations import resting
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import Sign
-from signsplice.synth.rest import resting
 from signsplice.synth.rng import stream
 from signsplice.synth.segment_plan import FPS, SegmentPlan
 from signsplice.synth.signer import STANDARD, Signer
-from signsplice.synth.timing import between_frames
+from signsplice.synth.timing import Events, between_frames
 
 PREPARATION_PACE, RETRACTION_PACE = 1.06, 1.25
 """Duration of the reaches from and to rest, over what the travel law gives."""

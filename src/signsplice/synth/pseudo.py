@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import frequencies, locations, pose
+from signsplice.synth import locations, pose
 from signsplice.synth.avoidance import penetration
-from signsplice.synth.locations import MIRROR, WeakArm
+from signsplice.synth.locations import MIRROR, WeakArm, resting
 from signsplice.synth.phonology import (
     DIRECTIONS,
     IN_SPACE,
@@ -40,11 +40,30 @@ from signsplice.synth.phonology import (
     Vector,
     faults,
 )
-from signsplice.synth.rest import resting
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD
+from signsplice.synth.tables import sections
 
 T = TypeVar("T")
+
+FREQUENCIES = {
+    title: {name: float(weight) for weight, *names in rows for name in names}
+    for title, rows in sections("frequencies").items()
+}
+"""The tables of words/frequencies.txt: weights of names."""
+_BASES = (
+    Posture("B", "space-low-mid", "palm", (0.0, 1.0, 0.0), (-0.6, 0.0, 0.8)),
+    Posture("B", "space-low-mid", "palm", (0.0, -1.0, 0.0), (-0.8, 0.0, 0.6)),
+    Posture("S", "space-low-mid", "palm", (0.0, -1.0, 0.0), (-0.7, 0.0, 0.7)),
+    Posture("1", "space-mid", "palm", (-1.0, 0.0, 0.0), (-0.2, 0.6, 0.7)),
+    Posture("B", "space-mid", "palm", (-1.0, 0.0, 0.0), (0.0, 0.5, 0.85)),
+    Posture("B-open", "space-mid", "palm", (0.0, 1.0, 0.0), (-0.5, 0.0, 0.87), shift=(0.0, -6.0, 2.0)),
+)
+"""Postures of a weak hand that the strong hand signs at."""
+_LOCAL_RANGES = {
+    **{"wiggle": (18.0, 26.0), "twist": (22.0, 36.0), "nod": (20.0, 34.0), "bend": (40.0, 62.0), "tremble": (0.6, 1.4)},
+}
+"""Least and greatest amplitude of local movements: degrees; cm for tremble."""
 
 _NEAR_BODY = 0.4
 """Fraction of the postures at the body that are some centimetres from their location."""
@@ -62,7 +81,7 @@ def sign(seed: int) -> Sign:
     """The pseudo-sign of a seed, ``PSEUDO-<seed>``: without ``phonology.faults``, within reach and joint limits."""
     rng = stream("pseudo", seed)
     hands, place, course = kind(rng)
-    starts = frequencies.LOCATIONS[_table(hands)][place]
+    starts = FREQUENCIES[f"locations {_table(hands)} {place}"]
     if course in ("touch", "release"):
         starts = {location: weight for location, weight in starts.items() if location not in IN_SPACE}
     for _ in range(_TRIES):
@@ -74,12 +93,12 @@ def sign(seed: int) -> Sign:
 
 
 def kind(rng: np.random.Generator) -> tuple[str, str, str]:
-    """Hands, place and course of a sign, keys of the tables in ``frequencies``. They are drawn once, not in each try:
+    """Hands, place and course of a sign, names in ``FREQUENCIES``. They are drawn once, not in each try:
     what has few easy postures must not become rare.
     """
-    hands = _pick(rng, frequencies.HANDS)
-    place = _pick(rng, frequencies.PLACES[_table(hands)])
-    course = _pick(rng, frequencies.COURSES)
+    hands = _pick(rng, FREQUENCIES["hands"])
+    place = _pick(rng, FREQUENCIES[f"places {_table(hands)}"])
+    course = _pick(rng, FREQUENCIES["courses"])
     return hands, place, "free" if place == "neutral" and course != "still" else course
 
 
@@ -89,10 +108,11 @@ def _table(hands: str) -> str:
 
 def _everywhere(hands: str) -> dict[str, float]:
     """The locations of all places where such signs are made, with their frequencies."""
-    of_place = frequencies.LOCATIONS[_table(hands)]
+    table = _table(hands)
+    of_place = {place: FREQUENCIES[f"locations {table} {place}"] for place in FREQUENCIES[f"places {table}"]}
     return {
         location: fraction * weight / sum(of_place[place].values())
-        for place, fraction in frequencies.PLACES[_table(hands)].items()
+        for place, fraction in FREQUENCIES[f"places {table}"].items()
         for location, weight in of_place[place].items()
     }
 
@@ -142,8 +162,8 @@ def _segments(hands: str, course: str, starts: dict[str, float], rng: np.random.
 
 def _base(rng: np.random.Generator) -> Posture:
     """The posture of a weak hand that the strong hand signs at."""
-    base = frequencies.BASES[rng.integers(len(frequencies.BASES))]
-    return replace(base, shape=_pick(rng, frequencies.SHAPES)) if rng.random() < 0.35 else base
+    base = _BASES[rng.integers(len(_BASES))]
+    return replace(base, shape=_pick(rng, FREQUENCIES["shapes"])) if rng.random() < 0.35 else base
 
 
 def _touch(rng: np.random.Generator, start: Posture, base: Posture | None) -> Segment:
@@ -162,7 +182,7 @@ def _release(rng: np.random.Generator, start: Posture, base: Posture | None, tab
     else:
         end = _shifted(rng, replace(start, off=float(rng.uniform(3.0, 13.0))), float(rng.uniform(0.0, 5.0)))
     if rng.random() < 0.3:
-        end = replace(end, shape=_pick(rng, frequencies.SHAPES))
+        end = replace(end, shape=_pick(rng, FREQUENCIES["shapes"]))
     if rng.random() < 0.25:
         end = replace(end, palm=_direction(rng))
     return Segment("M", end, base, _bow(rng), times=_pick(rng, {1: 0.85, 2: 0.15}))
@@ -177,8 +197,8 @@ def _posture(rng: np.random.Generator, location: str) -> Posture:
     elif rng.random() < _NEAR_BODY:
         x, y, z = rng.normal(0.0, (2.5, 2.5, 1.0)) * (rng.random(3) < 0.6)
         shift = float(x), float(y), float(z)
-    part = "palm" if free else _pick(rng, frequencies.PARTS)
-    return Posture(_pick(rng, frequencies.SHAPES), location, part, _direction(rng), _direction(rng), off, shift)
+    part = "palm" if free else _pick(rng, FREQUENCIES["parts"])
+    return Posture(_pick(rng, FREQUENCIES["shapes"]), location, part, _direction(rng), _direction(rng), off, shift)
 
 
 def _movement(
@@ -187,7 +207,7 @@ def _movement(
     """A movement from ``start``: to another location or posture, in a circle, a zigzag, a long diagonal, within the
     hand, or with the base.
     """
-    kind = _pick(rng, frequencies.MOVEMENTS)
+    kind = _pick(rng, FREQUENCIES["movements"])
     if kind == "base" and base is None:
         kind = "move"
     times = _pick(rng, {1: 0.76, 2: 0.19, 3: 0.05}) if not again else 1
@@ -199,12 +219,10 @@ def _movement(
     if kind == "local":
         local = _pick(rng, {"wiggle": 0.25, "twist": 0.35, "nod": 0.17, "bend": 0.15, "tremble": 0.08})
         cycles = _pick(rng, {1.5: 0.25, 2.0: 0.35, 2.5: 0.15, 3.0: 0.2, 5.0: 0.05})
-        return Segment(
-            "M", start, base, local=Local(local, float(rng.uniform(*frequencies.LOCAL_RANGES[local])), cycles)
-        )
+        return Segment("M", start, base, local=Local(local, float(rng.uniform(*_LOCAL_RANGES[local])), cycles))
     if kind == "shape":
         times = _pick(rng, {1: 0.5, 2: 0.3, 3: 0.2})
-        return Segment("M", replace(start, shape=_pick(rng, frequencies.SHAPES)), base, times=times)
+        return Segment("M", replace(start, shape=_pick(rng, FREQUENCIES["shapes"])), base, times=times)
     if kind == "zigzag":
         end = start if rng.random() < 0.5 else _shifted(rng, start, float(rng.uniform(5.0, 12.0)))
         swings = float(_pick(rng, {2.0: 0.5, 3.0: 0.4, 4.0: 0.1}))
@@ -230,7 +248,7 @@ def _movement(
     if kind == "rotation":
         end = replace(_shifted(rng, start, float(rng.uniform(0.0, 5.0))), palm=_direction(rng))
     if rng.random() < 0.1:
-        end = replace(end, shape=_pick(rng, frequencies.SHAPES))
+        end = replace(end, shape=_pick(rng, FREQUENCIES["shapes"]))
     return Segment("M", end, base, _bow(rng), times=times)
 
 

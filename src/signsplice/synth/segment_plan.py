@@ -1,4 +1,8 @@
-"""A sign's segments in time: postures, the knots of the trajectory through them, holds and passes."""
+"""A sign's segments in time: postures, the knots of the trajectory through them, holds and passes.
+
+Faster signing lowers signs at the forehead (Tyrone and Mauk 2010, Journal of Phonetics 38: 317-328) and leaves
+movements short of their targets (Mauk 2003, Undershoot in two modalities, University of Texas). A touch stays a touch.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import locations, undershoot
-from signsplice.synth.avoidance import touching
-from signsplice.synth.events import Events
-from signsplice.synth.locations import WeakArm
-from signsplice.synth.overlays import add_gesture, add_local_movement
-from signsplice.synth.passes import strokes, varied_rounds
-from signsplice.synth.paths import PathMotion, drifted, translated
+from signsplice.synth import locations, pose
+from signsplice.synth.avoidance import TOUCH_CM, hand_clearances, touching
+from signsplice.synth.body_motion import add_gesture, add_local_movement
+from signsplice.synth.locations import ON_HEAD, WeakArm, resting
+from signsplice.synth.paths import PathMotion, drifted, strokes, translated, varied_rounds
 from signsplice.synth.phonology import IN_SPACE, ON_BASE, Posture, Segment, Sign
-from signsplice.synth.rest import resting
 from signsplice.synth.signer import Signer
-from signsplice.synth.timing import hold_pause, tempo_of
+from signsplice.synth.timing import Events, hold_pause, tempo_of
 from signsplice.synth.trajectory import Knot
 
 FPS = 30.0
@@ -124,7 +125,7 @@ class SegmentPlan:
             pairs.append((strong, strong if meets else weak.hand))
         tempo, rest = self.tempo * self.signer.tempo / self.pace.movement, resting(self.signer, self.sign.gloss)
         touching = [touches(segment, self.sign) for segment in self.sign.segments]
-        return undershoot.undershot(pairs, self.sign, touching, rest, tempo, self.signer)
+        return undershot(pairs, self.sign, touching, rest, tempo, self.signer)
 
     def _weak_hand(self, posture: Posture | None) -> FloatArray:
         if posture is None:
@@ -265,3 +266,52 @@ def _bump(frames: NDArray[np.intp], centres: NDArray[np.intp], radius: float) ->
     """
     near = np.clip(np.abs(frames[:, None] - centres) / radius, 0.0, 1.0)
     return np.asarray((1.0 - near) ** 4 * (4.0 * near + 1.0))
+
+
+_USUAL_CM, _MOST_CM = 0.5, 2.0
+"""How far short a movement stays at the usual tempo, and at most."""
+_OF_DISTANCE = 0.1
+"""The most that a movement stays short, as a fraction of its distance."""
+_LOWER = 0.5
+"""How much lower still signs at the head are made, over how far short movements stay; both together are limited."""
+
+
+def short_cm(tempo: float, signer: Signer) -> float:
+    """How far short of its place a movement of a tempo (1 is usual) stays, cm: a few mm to 2 cm."""
+    return signer.manner.undershoot * min(_USUAL_CM * tempo**3, _MOST_CM) * signer.scale
+
+
+def undershot(
+    pairs: list[tuple[FloatArray, FloatArray]],
+    sign: Sign,
+    touching: list[bool],
+    rest: FloatArray,
+    tempo: float,
+    signer: Signer,
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Strong and weak hand's states (27,) in a sign's segments, the strong one moved towards the segment before, in the
+    first towards ``rest`` (63,), unless it touches there; a weak hand that mirrors it moves too. A posture that is kept
+    stays the same.
+    """
+    amount = short_cm(tempo, signer)
+    if amount == 0.0:
+        return pairs
+    states = np.array([np.concatenate([*pair, np.zeros(9)]) for pair in pairs])
+    near = hand_clearances(states, signer)[:, [0, 2]].min(axis=1) < TOUCH_CM
+    moved: list[tuple[FloatArray, FloatArray]] = []
+    for n, (strong, weak) in enumerate(pairs):
+        if n and np.array_equal(strong, pairs[n - 1][0]):
+            moved.append((moved[-1][0], moved[-1][0] if weak is strong else weak))
+            continue
+        before = states[n - 1] if n else rest
+        if touching[n] or near[n]:
+            moved.append((strong, weak))
+            continue
+        back = before[pose.WRIST] - strong[pose.WRIST]
+        shift = back * min(amount / max(float(np.linalg.norm(back)), 1e-9), _OF_DISTANCE)
+        if sign.segments[n].strong.location in ON_HEAD:
+            shift = shift - np.array([0.0, _LOWER * amount, 0.0])
+            shift *= min(1.0, _MOST_CM * signer.manner.undershoot * signer.scale / float(np.linalg.norm(shift)))
+        short = translated(strong, shift, signer)
+        moved.append((short, short if weak is strong else weak))
+    return moved

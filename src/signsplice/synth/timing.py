@@ -1,4 +1,5 @@
-"""How long the parts of a word last beyond the plain durations: tempo by word, hesitations, stops between frames.
+"""When the parts of a word happen: its events, and how long they last beyond the plain durations: tempo by word,
+hesitations, stops between frames.
 
 Citation forms of American Sign Language last 0.40, 0.63, 0.83, 1.03 and 1.37 s (5, 25, 50, 75, 95 %; ASL-LEX 2.0,
 Sehyr et al. 2021), and far longer than the same signs in a sentence. Their movements are hardly slower there; so what
@@ -124,3 +125,34 @@ def between_frames(knots: Sequence[Knot], stops: Iterable[int], signer: Signer, 
     moved = frames + np.clip(off * rng.uniform(-0.5, 0.5, len(frames)), -_MOST_OFF, _MOST_OFF)
     times = np.interp([knot.frame for knot in knots], frames, moved).tolist()
     return [replace(knot, frame=time) for knot, time in zip(knots, times, strict=True)]
+
+
+@dataclass(frozen=True)
+class Events:
+    """Frames of an isolated word, and how near its hands are to the skin in its first and last postures.
+
+    Skin distances are those of ``avoidance.skin_clearances``: of the strong hand, or of either where the hands mirror
+    one another, to head, trunk, the other hand and the other arm.
+
+    up: the last frame of rest
+    start: the first posture
+    end: the last posture
+    down: the first frame of rest again
+    first: the first movement, [begin, end]; None for a word without movement
+    passes: [begin, end] of every pass of the last movement, in order: its repetitions, or a circle's revolutions
+    touches_first: whether the first posture touches: a skin distance of at most 5 mm
+    touches_last: whether the last posture touches
+    gap_first_cm: skin distance at ``start``; None in corpora of version 1, whose touches are those of the notation
+    gap_last_cm: skin distance at ``end``
+    """
+
+    up: int
+    start: int
+    end: int
+    down: int
+    first: tuple[int, int] | None
+    passes: tuple[tuple[int, int], ...]
+    touches_first: bool = False
+    touches_last: bool = False
+    gap_first_cm: float | None = None
+    gap_last_cm: float | None = None

@@ -28,6 +28,7 @@ from signsplice.splicing.whole_system import SystemSplice, WholeSystem, is_near
 from signsplice.synth.corpus import EXTENT
 from signsplice.synth.signer import STATURE_CM, skeleton, stature
 from signsplice_paper.systems import open_bundle
+from signsplice_paper.systems.from_positions import rotations_from_positions
 from signsplice_paper.systems.splicers import PaperSystem, TwoNetworkSystem
 
 _ANKLES = np.array([0.0, 7.0, -1.0])
@@ -130,7 +131,7 @@ class ClipSplicer(PairCutter, GapTransition, WholeSystem):
         space = self._space(before)
         joints, positions = space.indices(before.skeleton, before.name), space.positions(frames)  # (n, J, 3)
         first, last = before.local_rotations[-1], after.local_rotations[0]
-        local = kinematics.rotations_from_positions(before.skeleton, positions, first, last, joints)
+        local = rotations_from_positions(before.skeleton, positions, first, last, joints)
         alpha = (np.arange(1, len(frames) + 1) / (len(frames) + 1))[:, None]
         translations = None
         if before.translations is not None or after.translations is not None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signsplice.body.contacts import Contact
+from signsplice.body.clearance import Contact
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, bone_translations, unchecked_copy
 

@@ -1,0 +1,108 @@
+"""Joint positions back to rotations: what the paper's systems predict, on a skeleton."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Sequence
+
+import numpy as np
+
+from signsplice.errors import InputError
+from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
+from signsplice.motion.clip import Skeleton
+
+
+def rotations_from_positions(
+    skeleton: Skeleton,
+    positions: FloatArray,
+    before: FloatArray | None = None,
+    after: FloatArray | None = None,
+    joints: Sequence[int] | None = None,
+) -> FloatArray:
+    """Local rotations (T, J, 4) that bring a skeleton's joints to ``positions`` (T, K, 3) as near as its bones allow.
+
+    joints: the K joints whose positions these are, all by default.
+    before, after: local rotations (J, 4) of the frames on either side, where known; else the rest pose.
+
+    Bone lengths are the skeleton's own: only directions are taken from the positions. A joint with several children
+    that span a plane is fitted to all of them (Kabsch 1976). A joint with one child follows its direction; the twist
+    about the bone, which positions do not show, is carried from frame to frame unchanged (parallel transport), starts
+    from the frame before and drifts evenly to the one after. Joints without children, and those whose positions are
+    not given, follow a slerp between the two. The children of a joint are the nearest ones below it whose positions are
+    given. Raises ``InputError`` on wrong shapes.
+    """
+    positions = np.asarray(positions, np.float64)
+    n_joints = len(skeleton)
+    given = {joint: k for k, joint in enumerate(range(n_joints) if joints is None else joints)}
+    if positions.ndim != 3 or positions.shape[1:] != (len(given), 3) or len(positions) == 0:
+        raise InputError(f"positions {positions.shape}, expected (T, {len(given)}, 3) with T >= 1")
+    start = np.broadcast_to(rotation.IDENTITY, (n_joints, 4)) if before is None else np.asarray(before, np.float64)
+    end = None if after is None else np.asarray(after, np.float64)
+    alpha = np.arange(1, len(positions) + 1) / (len(positions) + 1)
+    local = rotation.slerp(start[None], (start if end is None else end)[None], alpha[:, None])  # (T, J, 4)
+    globals_: list[FloatArray] = []
+    for joint in range(n_joints):
+        parent = skeleton.parents[joint]
+        above = globals_[parent] if parent >= 0 else np.broadcast_to(rotation.IDENTITY, (len(positions), 4))
+        bones = _bones(skeleton, local, joint, given) if joint in given else {}
+        if bones:
+            seen = positions[:, [given[child] for child in bones]] - positions[:, given[joint], None]
+            seen = rotation.rotate(rotation.inverse(above)[:, None], seen)
+            rest = np.stack(list(bones.values()), axis=1)  # (T, C, 3)
+            if _spans_plane(rest[0]):
+                local[:, joint] = _fitted(rest, seen)
+            else:
+                local[:, joint] = _transported(
+                    rest[:, 0], seen[:, 0], start[joint], None if end is None else end[joint]
+                )
+        globals_.append(rotation.multiply(above, local[:, joint]))
+    return rotation.continuous(local)
+
+
+def _bones(skeleton: Skeleton, local: FloatArray, joint: int, given: Container[int]) -> dict[int, FloatArray]:
+    """The nearest joints below ``joint`` that are given, with their way (T, 3) from it in its own axes; ``local``
+    (T, J, 4) holds the rotations of the joints between. Those at its own place are left out.
+    """
+    found = {}
+    for child in skeleton.children[joint]:
+        way = np.broadcast_to(skeleton.offsets[child], (len(local), 3))
+        if child in given:
+            found[child] = way
+        else:
+            turn = local[:, child]
+            found |= {
+                below: way + rotation.rotate(turn, more)
+                for below, more in _bones(skeleton, local, child, given).items()
+            }
+    return {child: way for child, way in found.items() if np.linalg.norm(way[0]) > 1e-9}
+
+
+def _spans_plane(offsets: FloatArray) -> bool:
+    directions = offsets / np.linalg.norm(offsets, axis=-1, keepdims=True)
+    return bool(np.linalg.matrix_rank(directions, tol=0.05) >= 2)
+
+
+def _fitted(rest: FloatArray, seen: FloatArray) -> FloatArray:
+    """Rotations (T, 4) that take the bones ``rest`` (T, C, 3) nearest to ``seen`` (T, C, 3) (Kabsch 1976, by SVD)."""
+    u, _, vt = np.linalg.svd(np.einsum("tca,tcb->tab", seen, rest))
+    u[..., -1] *= np.sign(np.linalg.det(u) * np.linalg.det(vt))[:, None]
+    return rotation.from_matrix(u @ vt)
+
+
+def _transported(rest: FloatArray, seen: FloatArray, start: FloatArray, end: FloatArray | None) -> FloatArray:
+    """Rotations (T, 4) that point the bone ``rest`` (T, 3) along ``seen`` (T, 3) without needless twist, from ``start``
+    (4,).
+    """
+    out = np.empty((len(seen), 4))
+    q = start
+    for frame, (bone, direction) in enumerate(zip(rest, seen, strict=True)):
+        q = rotation.multiply(rotation.between_vectors(rotation.rotate(q, bone), direction), q)
+        out[frame] = q
+    if end is not None:
+        axis = rest / np.linalg.norm(rest, axis=-1, keepdims=True)
+        last = rest[-1]
+        landing = rotation.multiply(rotation.between_vectors(rotation.rotate(q, last), rotation.rotate(end, last)), q)
+        twist = rotation.twist_angle(rotation.multiply(rotation.inverse(landing), end), axis[-1])
+        alpha = np.arange(1, len(seen) + 1) / (len(seen) + 1)
+        out = rotation.multiply(out, rotation.exp(axis * (twist * alpha)[:, None]))
+    return out
