@@ -15,7 +15,7 @@ from signsplice.cli.aliases import moved
 from signsplice.cli.bulk_options import dial_options, number, run_options, span
 from signsplice.cli.clips import check_apart, check_outputs
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.options import AS_JSON, LEXICON, SEED
+from signsplice.cli.options import AS_JSON, LEXICON, SEED, preset
 from signsplice.cli.showing import bench
 from signsplice.cli.terminal import note, size, warn
 from signsplice.errors import InputError, MissingExtraError
@@ -161,8 +161,8 @@ def make(folder: str, row: int, output: str, report: str | None) -> None:
 
 @bench.command("bulk")
 @LEXICON
-@click.option("--count", type=int, default=200, show_default=True, metavar="N", help="Sentences of each timing.")
-@click.option("--memory", type=int, default=10_000, show_default=True, metavar="N", help="Sentences made for memory.")
+@preset("--count", 200, "N", "Sentences of each timing.")
+@preset("--memory", 10_000, "N", "Sentences made for memory.")
 @SEED
 @click.option("-o", "--output", metavar="R.json", help="File of the figures; tables of them go to R.md beside it.")
 @AS_JSON

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from signsplice.cli.options import BUNDLE, LEXICON, added
+from signsplice.cli.options import BUNDLE, LEXICON, added, preset
 from signsplice.errors import InputError
 
 _DIALS = {
@@ -31,29 +31,21 @@ run_options = added(
     BUNDLE,
     click.option("--workers", type=int, metavar="N", help="Processes, or actors of Ray.  [default: one per core]"),
     click.option("--ray", metavar="ADDRESS", help="Ray cluster to use instead: HOST:PORT, auto or local."),
-    click.option(
+    preset(
         "--store",
-        default="frames",
-        show_default=True,
-        metavar="frames|recipes",
-        help="Clips and reports in tar files; or recipes and hashes alone, from which `bulk make` makes any row.",
+        "frames",
+        "frames|recipes",
+        "Clips and reports in tar files; or recipes and hashes alone, from which `bulk make` makes any row.",
     ),
-    click.option("--format", default="npz", show_default=True, metavar="npz|bvh|glb", help="Of the clips."),
+    preset("--format", "npz", "npz|bvh|glb", "Of the clips."),
     click.option(
         "--poses/--no-poses",
         default=True,
         show_default=True,
         help="Positions of joints and annotations beside each clip, for sign-language-data-loading.",
     ),
-    click.option("--shard-size", type=int, default=1000, show_default=True, metavar="N", help="Rows of a shard."),
-    click.option(
-        "--keep-words",
-        type=int,
-        default=2048,
-        show_default=True,
-        metavar="N",
-        help="Words that a process keeps in memory, with what the networks read of them.",
-    ),
+    preset("--shard-size", 1000, "N", "Rows of a shard."),
+    preset("--keep-words", 2048, "N", "Words that a process keeps in memory, with what the networks read of them."),
 )
 
 

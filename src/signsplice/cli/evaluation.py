@@ -14,7 +14,7 @@ import click
 
 from signsplice.cli.aliases import FormerlyOptions
 from signsplice.cli.clips import limits, load, reads_clips
-from signsplice.cli.options import AS_JSON, BUNDLE
+from signsplice.cli.options import AS_JSON, BUNDLE, preset
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError
 
@@ -70,8 +70,7 @@ def clips(files: tuple[str, ...], fps: float | None, bundle: str | None) -> Meas
 
 @_measures
 @click.argument("n_pairs", type=click.IntRange(1), default=100, metavar="[N]")
-@click.option("--rest", default="hanging", show_default=True, metavar="NAME",
-              help="How the signer's arms rest: hanging, folded, bent or low.")  # fmt: skip
+@preset("--rest", "hanging", "NAME", "How the signer's arms rest: hanging, folded, bent or low.")  # fmt: skip
 @BUNDLE
 def seams(n_pairs: int, rest: str, bundle: str | None) -> Measured:
     """Methods at the seams of N pairs (100) of words recorded apart."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from signsplice.cli.clips import Spans, check_outputs, load, load_avatar, reads_clips, reads_rigs, write
-from signsplice.cli.options import AS_JSON
+from signsplice.cli.options import AS_JSON, preset
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
@@ -89,7 +89,7 @@ def _count_kept(done: Retargeted) -> str:
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar=f"OUT.({'|'.join(suffix[1:] for suffix in PICTURE_SUFFIXES)})")
 @click.option("--report", metavar="R.json", help="The splice's report, so that its transitions are marked.")
-@click.option("--view", default="front", show_default=True, metavar="VIEW", help="front, three-quarter or side.")
+@preset("--view", "front", "VIEW", "front, three-quarter or side.")
 @click.option(
     "--size", metavar="WxH", help="Of a film, pixels, e.g. 1920x1080.  [default: .mp4 1080x1080, .gif 480x480]"
 )

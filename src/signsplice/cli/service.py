@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from signsplice.cli.clips import check_apart, load, reads_rigs
-from signsplice.cli.options import LEXICON
+from signsplice.cli.options import LEXICON, preset
 from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.option("--host", default="127.0.0.1", show_default=True, metavar="H", help="Address to listen on.")
-@click.option("--port", type=int, default=8000, show_default=True, metavar="N", help="Port; 0: any free one.")
+@preset("--host", "127.0.0.1", "H", "Address to listen on.")
+@preset("--port", 8000, "N", "Port; 0: any free one.")
 @LEXICON
 @click.option(
     "--workers",
@@ -77,11 +77,7 @@ def serve(
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILE [OTHER]")
 @click.option(
-    "--report",
-    "reports",
-    multiple=True,
-    metavar="R.json",
-    help="Report of the splice, for each file in order.",
+    "--report", "reports", multiple=True, metavar="R.json", help="Report of the splice, for each file in order."
 )
 @click.option("-o", "--output", metavar="PAGE.html", help="Write one self-contained page instead of opening a browser.")
 @click.option("--port", type=int, default=0, metavar="N", help="Port.  [default: any free one]")

@@ -8,12 +8,12 @@ from pathlib import Path
 import click
 
 from signsplice.cli.aliases import formerly_a_flag
-from signsplice.cli.options import AS_JSON
+from signsplice.cli.options import AS_JSON, preset
 from signsplice.cli.terminal import progress
 
 
 @click.command()
-@click.option("--out", default="out/demo", show_default=True, metavar="DIR", help="Folder for the files.")
+@preset("--out", "out/demo", "DIR", "Folder for the files.")
 def demo(out: str) -> None:
     """Splice words of the lexicon that ships, and write files to look at."""
     from signsplice.demo import run

@@ -15,7 +15,7 @@ import click
 from signsplice.cli.aliases import former_names
 from signsplice.cli.clips import OUTPUT_SUFFIXES, check_outputs, limits, load, reads_rigs, with_roles, write
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.options import AS_JSON, BUNDLE, LEXICON, added
+from signsplice.cli.options import AS_JSON, BUNDLE, LEXICON, added, preset
 from signsplice.cli.terminal import note, warn
 from signsplice.errors import InputError
 
@@ -47,28 +47,25 @@ _splicing_options = added(
         metavar="NAME",
         help="How splice points are found: see `signsplice methods`, or a trained system's folder.",
     ),
-    click.option(
+    preset(
         "--transition-time",
-        default="auto",
-        show_default=True,
-        metavar="auto|RULE|SECONDS",
-        help="Length of a transition: a rule of `signsplice methods`, or seconds; auto is learned.",
+        "auto",
+        "auto|RULE|SECONDS",
+        "Length of a transition: a rule of `signsplice methods`, or seconds; auto is learned.",
     ),
-    click.option("--sign-speed", type=float, default=1.0, show_default=True, metavar="X", help="Speed of the signs."),
-    click.option(
+    preset("--sign-speed", 1.0, "X", "Speed of the signs."),
+    preset(
         "--tempo",
-        default="citation",
-        show_default=True,
-        metavar="citation|natural|SECONDS",
-        help="Signs as recorded, as fast as in running signing, or SECONDS a sign with its transition.",
+        "citation",
+        "citation|natural|SECONDS",
+        "Signs as recorded, as fast as in running signing, or SECONDS a sign with its transition.",
     ),
     click.option("--fps", type=float, metavar="N", help="Output frame rate.  [default: that of the first clip]"),
-    click.option(
+    preset(
         "--free-hand",
-        default="transition",
-        show_default=True,
-        metavar="transition|natural",
-        help="Time of a hand that only goes to rest or comes from it: the transition's, or frames of the sign too.",
+        "transition",
+        "transition|natural",
+        "Time of a hand that only goes to rest or comes from it: the transition's, or frames of the sign too.",
     ),
     click.option(
         "--system",

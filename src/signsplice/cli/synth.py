@@ -10,17 +10,15 @@ import click
 from signsplice.cli.aliases import moved
 from signsplice.cli.clips import check_apart
 from signsplice.cli.evaluation import corpus
-from signsplice.cli.options import PROCESSES, added
+from signsplice.cli.options import PROCESSES, added, preset
 from signsplice.cli.terminal import progress, size
 from signsplice.errors import InputError
 
 if TYPE_CHECKING:
     from signsplice.synth.phonology import Sign
 
-_SEED = click.option(
-    "--seed", type=int, default=0, show_default=True, metavar="N", help="Seed of signers, takes and random choices."
-)
-_FPS = click.option("--fps", type=float, default=30.0, show_default=True, metavar="N", help="Frame rate.")
+_SEED = preset("--seed", 0, "N", "Seed of signers, takes and random choices.")
+_FPS = preset("--fps", 30.0, "N", "Frame rate.")
 _DRAWN = added(
     click.option("-o", "--output", required=True, metavar="DIR", help="Folder to make; replaces one made before."),
     click.option("--signs", metavar="FILE", help="Signs in notation, instead of the package's."),
@@ -75,7 +73,7 @@ def lexicon(
 
 @synth.command()
 @_DRAWN
-@click.option("--count", type=int, default=20, show_default=True, metavar="N", help="How many sentences.")
+@preset("--count", 20, "N", "How many sentences.")
 @click.option(
     "--exact",
     is_flag=True,
@@ -99,14 +97,7 @@ def sentences(
 
 @synth.command()
 @_DRAWN
-@click.option(
-    "--other-signer",
-    type=int,
-    default=1000,
-    show_default=True,
-    metavar="N",
-    help="How many pairs a second signer makes, to test on.",
-)
+@preset("--other-signer", 1000, "N", "How many pairs a second signer makes, to test on.")
 @click.option(
     "--truth",
     type=click.Choice(["partner", "word"]),
@@ -145,20 +136,10 @@ def pairs(
 
 @synth.command()
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder to write into, one file a signer.")
-@click.option("--signers", type=int, default=40, show_default=True, metavar="N", help="Number of signers.")
-@click.option(
-    "--words", type=int, default=100, show_default=True, metavar="N", help="Number of pseudo-signs of each signer."
-)
-@click.option(
-    "--seams",
-    type=int,
-    default=300,
-    show_default=True,
-    metavar="N",
-    help="Number of transitions in each signer's sentences.",
-)
-@click.option("--traits", default="all", show_default=True, metavar="NAMES|none|all",
-              help="How signers differ from plain motion: names of traits with commas between.")  # fmt: skip
+@preset("--signers", 40, "N", "Number of signers.")
+@preset("--words", 100, "N", "Number of pseudo-signs of each signer.")
+@preset("--seams", 300, "N", "Number of transitions in each signer's sentences.")
+@preset("--traits", "all", "NAMES|none|all", "How signers differ from plain motion: names of traits with commas between.")  # fmt: skip
 @_SEED
 @_FPS
 @PROCESSES
@@ -179,7 +160,7 @@ def endless(
 
 @synth.command()
 @click.argument("folder", metavar="PAIRS")
-@click.option("--split", default="random", show_default=True, metavar="NAME", help="Split to write.")
+@preset("--split", "random", "NAME", "Split to write.")
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder to write into.")
 def signing(folder: str, split: str, output: str) -> None:
     """Write the training and validation parts of a corpus of pairs as signing to train networks on."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from signsplice.cli.moved import TRAIN_PAPER
+from signsplice.cli.options import preset
 from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -37,8 +38,8 @@ def _product_options(command: Command) -> Command:
             click.option("--steps", type=int, metavar="N", help="Steps in place of the scale's."),
             click.option("--batch", type=click.IntRange(min=1), metavar="N",
                          help="Draws in a batch in place of the scale's; several processes divide them."),
-            click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of weights and pairs."),
-            click.option("--device", default="auto", show_default=True, metavar="NAME", help="auto, cpu or cuda."),
+            preset("--seed", 0, "N", "Of weights and pairs."),
+            preset("--device", "auto", "NAME", "auto, cpu or cuda."),
         )
     ):  # fmt: skip
         command = option(command)
