@@ -14,9 +14,9 @@ import click
 from signsplice.cli.aliases import moved
 from signsplice.cli.bulk_options import dial_options, number, run_options, span
 from signsplice.cli.clips import check_apart, check_outputs
+from signsplice.cli.evaluation import bench
 from signsplice.cli.lexicon import open_words
 from signsplice.cli.options import AS_JSON, LEXICON, SEED, preset
-from signsplice.cli.showing import bench
 from signsplice.cli.terminal import note, size, warn
 from signsplice.errors import InputError, MissingExtraError
 from signsplice.formats.atomic import check_writable, replacing

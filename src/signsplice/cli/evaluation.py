@@ -1,5 +1,5 @@
 """The command ``evaluate``: every method measured on hidden frames, at seams, for collisions, on bodies, in tempo; and
-the synthetic corpus beside real signing.
+the synthetic corpus beside real signing. The command ``bench``: how fast every part is.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.aliases import FormerlyOptions
+from signsplice.cli.aliases import FormerlyOptions, formerly_a_flag
 from signsplice.cli.clips import limits, load, reads_clips
 from signsplice.cli.options import AS_JSON, BUNDLE, preset
 from signsplice.cli.terminal import progress, warn
@@ -214,4 +214,36 @@ def _draw_bodies(picture: str) -> None:
         write_pictures([words.clip(word) for word in WORDS], Path(picture), advance)
 
 
-COMMANDS = (evaluate,)
+@click.group(cls=formerly_a_flag("--service", "service"), invoke_without_command=True)
+@click.option(
+    "--repeats", type=click.IntRange(3), default=15, show_default=True, help="Runs of each part; the median is shown."
+)
+@AS_JSON
+@click.pass_context
+def bench(ctx: click.Context, repeats: int, as_json: bool) -> None:
+    """Measure the speed of every part and of its baselines, in one run; or what a command below names."""
+    if ctx.invoked_subcommand is not None:
+        return
+    from signsplice.evaluation.speed_parts import measure, table
+
+    with progress("bench") as advance:
+        figures = measure(repeats, advance)
+    print(json.dumps(figures, indent=2) if as_json else table(figures))
+
+
+@bench.command()
+@click.option("--streams", type=click.IntRange(1), default=50, show_default=True, help="Open streams.")
+@click.option("--rate", type=float, default=20.0, show_default=True, help="Requests per second.")
+@click.option("--seconds", type=float, default=60.0, show_default=True, help="Duration of either load.")
+@click.option("--minutes", type=float, default=10.0, show_default=True, help="Duration of half of both loads.")
+@AS_JSON
+def service(streams: int, rate: float, seconds: float, minutes: float, as_json: bool) -> None:
+    """Measure the service under load: many streams, then many requests, then half of both for longer."""
+    from signsplice.evaluation import speed_service
+
+    with progress("bench service") as advance:
+        figures = speed_service.measure(streams, seconds, rate, minutes, advance)
+    print(json.dumps(figures, indent=2) if as_json else speed_service.table(figures))
+
+
+COMMANDS = (evaluate, bench)

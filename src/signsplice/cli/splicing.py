@@ -1,4 +1,4 @@
-"""The commands ``splice``, ``sentence`` and ``inbetween``, and ``methods``, which lists what they can use."""
+"""The commands ``splice``, ``sentence`` and ``inbetween``, ``methods``, which lists what they can use, and ``demo``."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from signsplice.cli.aliases import former_names
 from signsplice.cli.clips import OUTPUT_SUFFIXES, check_outputs, limits, load, reads_rigs, with_roles, write
 from signsplice.cli.lexicon import open_words
 from signsplice.cli.options import AS_JSON, BUNDLE, LEXICON, added, preset
-from signsplice.cli.terminal import note, warn
+from signsplice.cli.terminal import note, progress, warn
 from signsplice.errors import InputError
 
 if TYPE_CHECKING:
@@ -179,9 +179,9 @@ def _method(name: str | None) -> Any:
 
 def _opened(folder: str) -> WholeSystem:
     """The trained system in a folder. Raises ``InputError``, which names those in its folders, for another."""
-    from signsplice.splicing.installed_systems import open_system
     from signsplice.splicing.methods.learned import SYSTEM
     from signsplice.splicing.networks.bundle import BUNDLE_FILE, read_config
+    from signsplice.splicing.whole_system import open_system
 
     if not (Path(folder) / BUNDLE_FILE).is_file():
         within = sorted(path.parent.name for path in Path(folder).glob(f"*/{BUNDLE_FILE}"))
@@ -269,4 +269,16 @@ def methods(as_json: bool) -> None:
         print(f"{row['kind']:11} {row['name']:14} {row['summary']}{notes}")
 
 
-COMMANDS = (splice, sentence, inbetween, methods)
+@click.command()
+@preset("--out", "out/demo", "DIR", "Folder for the files.")
+def demo(out: str) -> None:
+    """Splice words of the lexicon that ships, and write files to look at."""
+    from signsplice.demo import run
+
+    with progress("demo") as advance:
+        lines = run(Path(out), advance)
+    for line in lines:
+        print(line)
+
+
+COMMANDS = (splice, sentence, inbetween, methods, demo)

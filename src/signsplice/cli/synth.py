@@ -139,7 +139,9 @@ def pairs(
 @preset("--signers", 40, "N", "Number of signers.")
 @preset("--words", 100, "N", "Number of pseudo-signs of each signer.")
 @preset("--seams", 300, "N", "Number of transitions in each signer's sentences.")
-@preset("--traits", "all", "NAMES|none|all", "How signers differ from plain motion: names of traits with commas between.")  # fmt: skip
+@preset(
+    "--traits", "all", "NAMES|none|all", "How signers differ from plain motion: names of traits with commas between."
+)
 @_SEED
 @_FPS
 @PROCESSES

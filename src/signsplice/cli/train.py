@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from signsplice.cli.moved import TRAIN_PAPER
+from signsplice.cli.aliases import TRAIN_PAPER
 from signsplice.cli.options import preset
 from signsplice.errors import InputError, MissingExtraError
 

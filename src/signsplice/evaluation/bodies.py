@@ -23,9 +23,9 @@ from signsplice.evaluation.body_measures import SIGNATURE as MEASURES
 from signsplice.evaluation.body_measures import TOUCH_M, BodyMeasurement, LostContact, SourceClip
 from signsplice.evaluation.stretched_bodies import BODIES, BodyProportions, stretched
 from signsplice.evaluation.tables import markdown
-from signsplice.evaluation.timing import forget
 from signsplice.lexicon import shipped
 from signsplice.motion.arrays import FloatArray
+from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.align import Reference, copy_rotations
 from signsplice.rig.placement import placement
@@ -181,11 +181,11 @@ def _both(source: SourceClip, skeleton: Skeleton, shape: BodyShape) -> tuple[_Ma
     clip, body = source.clip, shaped_capsules(skeleton, shape)
     to = Reference(skeleton, clip.fps, placement(clip), clip.local_rotations[0], "the body")
     copy_rotations(clip[:1], to)  # what is kept of both rigs belongs to neither time
-    forget([clip])
+    CACHE.forget(clip)
     start = time.process_time()
     carried, _ = copy_rotations(clip, to)
     plain = time.process_time() - start
-    forget([clip])
+    CACHE.forget(clip)
     start = time.process_time()
     again, _ = copy_rotations(clip, to)
     result = fit_body(clip, source.body, again, body)

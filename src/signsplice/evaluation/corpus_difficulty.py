@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signsplice.evaluation import corpus_checks
-from signsplice.evaluation.wrists import strong_side, strong_wrist
+from signsplice.evaluation.hands import strong_side, strong_wrist
 from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
 from signsplice.rig.arms import active_span, arms

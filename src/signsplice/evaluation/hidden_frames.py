@@ -8,8 +8,8 @@ from dataclasses import astuple, dataclass
 import numpy as np
 
 from signsplice.errors import InputError
+from signsplice.evaluation.hands import wrist_positions
 from signsplice.evaluation.tables import markdown
-from signsplice.evaluation.wrists import wrist_positions
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig import metrics

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from signsplice.body import collision
 from signsplice.errors import InputError
+from signsplice.evaluation.hands import wrist_joints, wrist_positions
 from signsplice.evaluation.stitcher import stitch
 from signsplice.evaluation.tables import markdown
-from signsplice.evaluation.wrists import wrist_joints, wrist_positions
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.rig import metrics

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from signsplice.evaluation import speed_learned
-from signsplice.evaluation.timing import forget, median_milliseconds
+from signsplice.evaluation.speed_learned import forget, median_milliseconds
 from signsplice.formats import bvh, load, save
 from signsplice.lexicon import building, open_lexicon, shipped
 from signsplice.motion import kinematics, rotation

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from signsplice.errors import InputError
+from signsplice.evaluation.hands import wrist_positions
 from signsplice.evaluation.seams import keeps_stroke
 from signsplice.evaluation.tables import markdown
-from signsplice.evaluation.wrists import wrist_positions
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.splicing.engine import Span, SpliceOptions, SpliceResult, splice

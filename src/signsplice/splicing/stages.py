@@ -28,7 +28,7 @@ from signsplice.splicing.passes.seam_pass import Pass
 from signsplice.splicing.passes.unhurried import LengthenGaps
 from signsplice.splicing.planning import Planner
 from signsplice.splicing.tempo import seconds_a_sign
-from signsplice.splicing.words.alignment import WordAligner
+from signsplice.splicing.words.word import WordAligner
 
 
 def chosen_methods(options: SpliceOptions) -> ChosenMethods:
