@@ -17,8 +17,8 @@ from signsplice.cli.clips import check_apart, check_outputs
 from signsplice.cli.evaluation import bench
 from signsplice.cli.lexicon import open_words
 from signsplice.cli.options import AS_JSON, LEXICON, SEED, preset
-from signsplice.cli.terminal import note, size, warn
-from signsplice.errors import InputError, MissingExtraError
+from signsplice.cli.terminal import note, require, size, warn
+from signsplice.errors import InputError
 from signsplice.formats.atomic import check_writable, replacing
 
 if TYPE_CHECKING:
@@ -274,13 +274,7 @@ def _shown(what: str) -> Iterator[Callable[[Progress], None] | None]:
 
 
 def _require_extra() -> None:
-    """Raise ``MissingExtraError`` where Parquet cannot be read or written."""
-    try:
-        import pyarrow.parquet  # noqa: F401
-    except ImportError as error:
-        raise MissingExtraError(
-            f"recipes and shards need {error.name}; install it with: pip install 'signsplice[bulk]'"
-        ) from error
+    require("recipes and shards need", "bulk", "pyarrow")
 
 
 COMMANDS = (bulk,)

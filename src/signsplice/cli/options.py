@@ -21,7 +21,7 @@ def added(*options: Callable[[Command], Command]) -> Callable[[Command], Command
     return add
 
 
-def preset(name: str, default: Any, metavar: str, text: str, **kind: Any) -> Callable[[Command], Command]:
+def preset(name: str, default: Any, metavar: str | None, text: str, **kind: Any) -> Callable[[Command], Command]:
     """An option with a default, which its help shows; of the default's type where ``kind`` names none."""
     return click.option(name, default=default, show_default=True, metavar=metavar, help=text, **kind)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signsplice.evaluation.tables import markdown
+from signsplice.evaluation.tables import markdown_columns, percent
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.splicing.gap import Cut, Gap, gap_at
@@ -90,15 +90,16 @@ def _row(transition: Transition, avoid: bool, found: Sequence[FloatArray]) -> Co
     )
 
 
+_COLUMNS: dict[str, Callable[[CollisionRow], str]] = {
+    "transition": lambda row: row.transition,
+    "collision avoidance": lambda row: "yes" if row.avoids_collisions else "no",
+    "transitions deep": lambda row: percent(row.deep_gaps, ".1f"),
+    "frames deep": lambda row: percent(row.deep_frames, ".1f"),
+    "deepest, mm": lambda row: f"{1e3 * row.deepest:.1f}",
+}
+
+
 def table(rows: Sequence[CollisionRow]) -> list[str]:
     """The rows as Markdown, with their signature."""
-    cells = (
-        (
-            *(r.transition, "yes" if r.avoids_collisions else "no"),
-            *(f"{100 * r.deep_gaps:.1f} %", f"{100 * r.deep_frames:.1f} %", f"{1e3 * r.deepest:.1f}"),
-        )
-        for r in rows
-    )
-    head = ("transition", "collision avoidance", "transitions deep", "frames deep", "deepest, mm")
     counted = f"{rows[0].n_gaps} transitions of {rows[0].n_frames} frames in all, each." if rows else ""
-    return [f"`{SIGNATURE}`", "", *markdown(head, cells), "", counted]
+    return [f"`{SIGNATURE}`", "", *markdown_columns(_COLUMNS, rows), "", counted]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -16,6 +16,7 @@ import numpy as np
 
 from signsplice.motion.arrays import FloatArray
 
+T = TypeVar("T")
 _STORED = {"avoids_collisions": "body_sense", "n_seams": "n_joins", "keyframed": "drawn"}
 """Fields of rows whose JSON key is another word: files written before must stay comparable."""
 
@@ -23,6 +24,21 @@ _STORED = {"avoids_collisions": "body_sense", "n_seams": "n_joins", "keyframed":
 def markdown(head: Sequence[object], rows: Iterable[Sequence[object]]) -> list[str]:
     """Lines of a Markdown table."""
     return [_line(head), _line(["---"] * len(head)), *map(_line, rows)]
+
+
+def markdown_columns(columns: Mapping[str, Callable[[T], str]], rows: Iterable[T]) -> list[str]:
+    """Lines of a Markdown table: of every row the cell of each column, by the column's head."""
+    return markdown(list(columns), ([cell(row) for cell in columns.values()] for row in rows))
+
+
+def shown(value: float | None, form: str, factor: float = 1.0) -> str:
+    """A figure times a factor, by a format; "-" where there is none."""
+    return "-" if value is None else format(factor * value, form)
+
+
+def percent(value: float | None, form: str = ".0f") -> str:
+    """A fraction in %; "-" where there is none."""
+    return "-" if value is None else f"{100 * value:{form}} %"
 
 
 def _line(cells: Sequence[object]) -> str:
