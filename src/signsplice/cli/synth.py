@@ -54,7 +54,7 @@ def lexicon(output: str, letters: bool, forms: tuple[str, ...], seed: int, fps: 
 
     check_apart(output, [drawn["signs"]])
     chosen = list(notation.alphabet().values()) if letters and drawn["signs"] is None else []
-    chosen += _chosen(seed, **drawn)
+    chosen += _chosen(**drawn, seed=seed)
     chosen += _forms(drawn["signs"], forms, {sign.gloss for sign in chosen})
     recipe = Recipe(tuple(chosen), seed, _rate(fps))
     with progress(f"signing {len(chosen)} words") as advance:
@@ -78,7 +78,7 @@ def sentences(output: str, count: int, exact: bool, seed: int, fps: float, **dra
     check_apart(output, [drawn["signs"]])
     if count < 1:
         raise InputError(f"--count {count}, expected at least 1")
-    recipe = Recipe(tuple(_chosen(seed, **drawn, least=2)), seed, _rate(fps))
+    recipe = Recipe(tuple(_chosen(**drawn, seed=seed, least=2)), seed, _rate(fps))
     with progress(f"signing {count} sentences") as advance:
         folders.write_sentences(recipe, count, Path(output), not exact, advance)
     print(f"{output}: {count} sentences of {len(recipe.signs)} words, recipe {recipe.hash}")
@@ -104,7 +104,7 @@ def pairs(output: str, other_signer: int, truth: str, processes: int, seed: int,
         raise InputError(f"--other-signer {other_signer} --processes {processes}, expected at least 0 and 1")
     if drawn["words"] is None and drawn["signs"] is None and not drawn["pseudo"]:
         drawn["words"] = 100
-    chosen = tuple(_chosen(seed, **drawn, least=2))
+    chosen = tuple(_chosen(**drawn, seed=seed, least=2))
     recipe = Recipe(chosen, seed, _rate(fps), min(other_signer, len(chosen) ** 2), truth)
     with progress(f"splicing {len(chosen) ** 2} pairs") as advance:
         write_pairs(recipe, Path(output), advance, processes)
@@ -155,7 +155,7 @@ def signing(folder: str, split: str, output: str) -> None:
 synth.add_command(moved("synth study", corpus, "evaluate corpus"))
 
 
-def _chosen(seed: int, signs: str | None, words: int | None, pseudo: int, least: int = 1) -> list[Sign]:
+def _chosen(signs: str | None, words: int | None, pseudo: int, seed: int, least: int = 1) -> list[Sign]:
     """The signs of a call: those of a file or of the package, all or some drawn by seed, and pseudo-signs."""
     from signsplice.synth import notation
     from signsplice.synth.pseudo import sign
