@@ -22,7 +22,7 @@ from signsplice.errors import InputError
 from signsplice.evaluation.body_measures import SIGNATURE as MEASURES
 from signsplice.evaluation.body_measures import TOUCH_M, BodyMeasurement, LostContact, SourceClip
 from signsplice.evaluation.stretched_bodies import BODIES, BodyProportions, stretched
-from signsplice.evaluation.tables import markdown_columns, shown
+from signsplice.evaluation.tables import Progress, counted, markdown_columns, shown
 from signsplice.lexicon import shipped
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
@@ -30,8 +30,6 @@ from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.align import Reference, copy_rotations
 from signsplice.rig.placement import placement
 from signsplice.synth.rng import stream
-
-Progress = Callable[[int, int], None]
 
 ROTATIONS, FITTED = "rotations", "fitted"
 _TIMED_FRAMES = 150
@@ -140,11 +138,9 @@ def compare(
     """
     sources = {False: [SourceClip(clip) for clip in words], True: [SourceClip(clip) for clip in aside]}
     rows: list[BodyRow] = []
-    for n, (name, body) in enumerate(bodies.items()):
+    for name, body in counted(bodies.items(), progress):
         if sources[body.held_out]:
             rows += _rows(name, body, sources[body.held_out])
-        if progress is not None:
-            progress(n + 1, len(bodies))
     return rows
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from signsplice.body import collision
 from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
 from signsplice.errors import InputError
+from signsplice.evaluation.tables import Progress
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
@@ -19,8 +20,6 @@ from signsplice.synth.corpus import VERSION, Pairs
 from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import JOINTS
-
-Progress = Callable[[int, int], None]
 
 LIMIT_CM = 0.5
 """Greatest depth of a hand in head, trunk or the other hand that a pair may have."""

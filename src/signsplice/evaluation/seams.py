@@ -19,7 +19,7 @@ from signsplice.body import collision
 from signsplice.errors import InputError
 from signsplice.evaluation.hands import wrist_joints, wrist_positions
 from signsplice.evaluation.stitcher import stitch
-from signsplice.evaluation.tables import markdown_columns, percent, shown
+from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.rig import metrics
@@ -41,7 +41,6 @@ from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, RESTS, STANDARD
 
-Progress = Callable[[int, int], None]
 FrameRange = tuple[int, int]
 
 AROUND = 8
@@ -162,13 +161,10 @@ def compare(
     progress: Progress | None = None,
 ) -> list[SeamRow]:
     """One row for each method, and one for the stitcher."""
-    rows = []
-    for name, options in [*methods.items(), (STITCHER, None)]:
-        measured = [measure_stitched(p, q) if options is None else measure_spliced(p, q, options) for p, q in words]
-        rows.append(_row(name, measured))
-        if progress is not None:
-            progress(len(rows), len(methods) + 1)
-    return rows
+    return [
+        _row(name, [measure_stitched(p, q) if options is None else measure_spliced(p, q, options) for p, q in words])
+        for name, options in counted([*methods.items(), (STITCHER, None)], progress)
+    ]
 
 
 def measure_spliced(before: IsolatedWord, after: IsolatedWord, options: SpliceOptions) -> SeamMeasurement:

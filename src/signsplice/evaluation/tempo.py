@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.evaluation.hands import wrist_positions
 from signsplice.evaluation.seams import keeps_stroke
-from signsplice.evaluation.tables import markdown_columns, percent, shown
+from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.splicing.engine import Span, SpliceOptions, SpliceResult, splice
@@ -25,8 +26,6 @@ from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, Signer, draw_signer
-
-Progress = Callable[[int, int], None]
 
 LENGTH = 7
 """Signs of a sentence; the first and the last are not measured, since rest is part of them."""
@@ -129,13 +128,10 @@ def compare(
     progress: Progress | None = None,
 ) -> list[TempoRow]:
     """One row for each lexicon and tempo; every word is measured once."""
-    rows = []
-    for name, own in words.items():
-        for tempo in tempos:
-            rows.append(_row(name, own, SpliceOptions(tempo=tempo, bundle=bundle)))
-            if progress is not None:
-                progress(len(rows), len(words) * len(tempos))
-    return rows
+    return [
+        _row(name, own, SpliceOptions(tempo=tempo, bundle=bundle))
+        for (name, own), tempo in counted([*product(words.items(), tempos)], progress)
+    ]
 
 
 def _row(name: str, words: Sequence[IsolatedWord], options: SpliceOptions) -> TempoRow:
