@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import click
 import pytest
 
+import signsplice
 from signsplice.cli.commands import app
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "cli.md").read_text(encoding="utf-8")
@@ -46,3 +48,16 @@ def test_the_page_names_no_option_that_there_is_not() -> None:
     }
     shown = set(re.findall(r"(?<![\w-])--[a-z][a-z0-9-]+", PAGE.partition("## Former names")[0]))
     assert shown <= known | {"--help"}
+
+
+def test_errors_of_the_library_name_no_option() -> None:
+    """The command line's options are its own; the library names arguments."""
+    found = []
+    for path in (Path(signsplice.__file__).parent).rglob("*.py"):
+        if "cli" in path.parts:
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Raise):
+                texts = [one.value for one in ast.walk(node) if isinstance(one, ast.Constant)]
+                found += [text for text in texts if isinstance(text, str) and re.search(r"(?<![\w-])--[a-z]", text)]
+    assert [text for text in found if "`ray start --head`" not in text] == []

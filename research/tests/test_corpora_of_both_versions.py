@@ -25,7 +25,10 @@ def true_answer(pairs: Pairs, number: int) -> Prediction:
 
 @pytest.fixture(scope="module")
 def old(tmp_path_factory: pytest.TempPathFactory) -> Pairs:
-    """Version 1, as the tag ``corpus-v1`` makes it: `synth pairs --words 3 --other-signer 2 --fps 10`."""
+    """Version 1, made at commit c5abc78a609a948fbc99a3267faac73027bdb4d9.
+
+    `synth pairs --words 3 --other-signer 2 --fps 10`.
+    """
     folder: Path = tmp_path_factory.mktemp("old") / "pairs"
     with zipfile.ZipFile(GOLDEN / "corpus_v1.zip") as archive:
         archive.extractall(folder)

@@ -19,9 +19,7 @@ def minimum_jerk(u: Number, height: float = 1.0) -> Number:
 
 
 def minimum_jerk_by_powers(u: FloatArray) -> FloatArray:
-    """``minimum_jerk`` as a sum of powers. It differs in the last bit: the fingers between letters and the true cuts of
-    stored corpora were made with it.
-    """
+    """``minimum_jerk`` as a sum of powers. Its last bit differs: true cuts of stored corpora are made with it."""
     return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
 
 

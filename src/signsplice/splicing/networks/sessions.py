@@ -69,7 +69,7 @@ class Sessions:
                 if multiplies_in_8_bits(content):
                     raise FormatError(
                         "multiplies in 8 bits, and so makes other sentences on other processors; "
-                        f"`signsplice export {self.folder} -o NEW --int8` writes the same weights for 32 bits",
+                        "`signsplice export` writes the same weights for 32 bits",
                         file=file,
                     )
                 if names_other_files(content):

@@ -19,7 +19,6 @@ import numpy as np
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, unchecked_copy
-from signsplice.motion.curves import minimum_jerk_by_powers
 from signsplice.rig.arms import arms
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS, finger_roles
@@ -98,7 +97,9 @@ class MoveFingers(SeamPass):
             return 0, np.empty((0, len(joints), 4))
         n_steps = early + n_new + 1 + late
         u = np.arange(1, n_steps) / n_steps
-        path = rotation.slerp(start[None], end[None], minimum_jerk_by_powers(u)[:, None])
+        # As ``curves.minimum_jerk``, in the order of products that gave every letter so far its last bit.
+        step = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
+        path = rotation.slerp(start[None], end[None], step[:, None])
         return early, path
 
 
