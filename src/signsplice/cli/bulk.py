@@ -222,6 +222,7 @@ def _run(
 
 def _ranges(dials: Mapping[str, Any]) -> tuple[dict[str, tuple[float, float]], dict[str, Any]]:
     """The dials of a call that are ranges, and the others as fields of a recipe; what is not given is left out."""
+    from signsplice.bulk.drawing import dial
     from signsplice.bulk.recipes import SentenceRecipe
 
     given = {name: value for name, value in dials.items() if value is not None and name != "no_spell"}
@@ -233,13 +234,9 @@ def _ranges(dials: Mapping[str, Any]) -> tuple[dict[str, tuple[float, float]], d
     if dials["no_spell"]:
         fixed["spell"] = False
     for ends in zip(*([(name, value) for value in ends] for name, ends in ranges.items()), strict=True):
-        SentenceRecipe(("",), **fixed, **{name: _field(name, value) for name, value in ends}).options(None)
+        SentenceRecipe(("",), **fixed, **{name: dial(name, value) for name, value in ends}).options(None)
     SentenceRecipe(("",), **fixed).options(None).chosen_methods()  # raises for what is out of range, or unknown
     return ranges, fixed
-
-
-def _field(name: str, value: float) -> Any:
-    return value if name in ("sign_speed", "fps") else f"{value:g}"
 
 
 @contextmanager

@@ -123,7 +123,11 @@ def bodies(n_words: int | None, files: tuple[str, ...], picture: str | None, fps
     with progress("bodies") as advance:
         rows = measuring.compare(words, aside, progress=advance)
     if picture is not None:
-        _draw_bodies(picture)
+        from signsplice.evaluation.body_pictures import WORDS, write_pictures
+        from signsplice.lexicon import shipped
+
+        with progress("picture") as advance:
+            write_pictures([shipped().clip(word) for word in WORDS], Path(picture), advance)
     return measuring.signature(drawn), rows, measuring.table(rows, drawn)
 
 
@@ -205,19 +209,8 @@ def _learned_transition(bundle: str | None) -> list[Transition]:
     return [chosen.transition] if chosen.transition.learned else []
 
 
-def _draw_bodies(picture: str) -> None:
-    from signsplice.evaluation.body_pictures import WORDS, write_pictures
-    from signsplice.lexicon import shipped
-
-    words = shipped()
-    with progress("picture") as advance:
-        write_pictures([words.clip(word) for word in WORDS], Path(picture), advance)
-
-
 @click.group(cls=formerly_a_flag("--service", "service"), invoke_without_command=True)
-@click.option(
-    "--repeats", type=click.IntRange(3), default=15, show_default=True, help="Runs of each part; the median is shown."
-)
+@preset("--repeats", 15, None, "Runs of each part; the median is shown.", type=click.IntRange(3))
 @AS_JSON
 @click.pass_context
 def bench(ctx: click.Context, repeats: int, as_json: bool) -> None:
@@ -232,10 +225,10 @@ def bench(ctx: click.Context, repeats: int, as_json: bool) -> None:
 
 
 @bench.command()
-@click.option("--streams", type=click.IntRange(1), default=50, show_default=True, help="Open streams.")
-@click.option("--rate", type=float, default=20.0, show_default=True, help="Requests per second.")
-@click.option("--seconds", type=float, default=60.0, show_default=True, help="Duration of either load.")
-@click.option("--minutes", type=float, default=10.0, show_default=True, help="Duration of half of both loads.")
+@preset("--streams", 50, None, "Open streams.", type=click.IntRange(1))
+@preset("--rate", 20.0, None, "Requests per second.")
+@preset("--seconds", 60.0, None, "Duration of either load.")
+@preset("--minutes", 10.0, None, "Duration of half of both loads.")
 @AS_JSON
 def service(streams: int, rate: float, seconds: float, minutes: float, as_json: bool) -> None:
     """Measure the service under load: many streams, then many requests, then half of both for longer."""

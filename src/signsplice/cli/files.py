@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -14,9 +14,6 @@ from signsplice.cli.options import AS_JSON, preset
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
-
-if TYPE_CHECKING:
-    from signsplice.body.retarget import Retargeted
 
 
 @click.command()
@@ -78,11 +75,8 @@ def convert(
     write(done.clip, output)
     if report is not None:
         reports.write(reports.describe_retargeting(done, source, body), report)
-    print(f"{output}: {len(done.clip)} frames, {done.clip.seconds:.2f} s, {_count_kept(done)}")
-
-
-def _count_kept(done: Retargeted) -> str:
-    return f"{sum(one.is_kept for one in done.contacts)} of {len(done.contacts)} contacts kept"
+    kept = f"{sum(one.is_kept for one in done.contacts)} of {len(done.contacts)} contacts kept"
+    print(f"{output}: {len(done.clip)} frames, {done.clip.seconds:.2f} s, {kept}")
 
 
 @click.command()

@@ -89,25 +89,14 @@ class SpliceOptions:
             return methods.choose(self.cutter, self.transition, self.duration, self.bundle)
         return methods.choose(CLASSICAL_CUTTER, CLASSICAL_TRANSITION, CLASSICAL_DURATION)
 
-    @property
-    def has_own_cutter(self) -> bool:
-        """Whether the call names a cutter other than the default."""
-        return self.cutter not in (None, NAME)
-
-    @property
-    def has_own_transition(self) -> bool:
-        """Whether the call names a transition other than the default."""
-        return self.transition not in (None, NAME)
-
-    @property
-    def has_own_duration(self) -> bool:
-        """Whether the call names a duration other than the default."""
-        return self.duration not in (None, methods.AUTO, NAME)
+    def has_own(self, kind: str) -> bool:
+        """Whether the call names a cutter, transition or duration (``kind``) other than the default."""
+        return getattr(self, kind) not in (None, methods.AUTO, NAME)
 
     @property
     def lengthens(self) -> bool:
         """Whether transitions are lengthened for an idle hand: the call names neither them nor their time."""
-        return self.transition_time is None and not (self.has_own_transition or self.has_own_duration)
+        return self.transition_time is None and not (self.has_own("transition") or self.has_own("duration"))
 
 
 _SOURCES = "a file's is load(path), a gloss's open_lexicon(path).clip(gloss)"
