@@ -126,8 +126,8 @@ def bodies(n_words: int | None, files: tuple[str, ...], picture: str | None, fps
         from signsplice.evaluation.body_pictures import WORDS, write_pictures
         from signsplice.lexicon import shipped
 
-        with progress("picture") as advance:
-            write_pictures([shipped().clip(word) for word in WORDS], Path(picture), advance)
+        with shipped() as lexicon, progress("picture") as advance:
+            write_pictures([lexicon.clip(word) for word in WORDS], Path(picture), advance)
     return measuring.signature(drawn), rows, measuring.table(rows, drawn)
 
 
