@@ -39,7 +39,6 @@ FLOORS = {
 """Imports run down only. What is not named here (the command line, the demo) lies on top of the product."""
 
 SPLICING_FLOORS = {
-    "arguments": 0,
     "gap": 0,
     "tempo": 0,
     "networks": 1,

@@ -24,9 +24,8 @@ from signsplice import lexicon
 from signsplice.bulk import recipes, run
 from signsplice.bulk.job import BulkJob, BulkOptions, prepare
 from signsplice.bulk.maker import FailedSentence, MadeSentence, SentenceMaker, motion_sha256
-from signsplice.bulk.poses import poses
 from signsplice.bulk.recipes import SentenceRecipe
-from signsplice.bulk.shards import make_shard
+from signsplice.bulk.shards import make_shard, poses
 from signsplice.errors import FormatError, InputError
 from signsplice.formats import npz
 from signsplice.formats.json_files import read_json

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from signsplice.evaluation import corpus_difficulty
-from signsplice.splicing.methods.cut import CUTTERS, find_cutter
+from signsplice.splicing.methods.cut import CUTTERS
 from signsplice.splicing.methods.transition import TRANSITIONS
 from signsplice.synth import notation
 from signsplice.synth.corpus import Pairs
@@ -38,7 +38,7 @@ def test_every_cutter_and_rule_is_scored(pairs: Pairs) -> None:
     for name in ("ends", "pose-velocity"):
         distances = []
         for p, q, pre, post in truth:
-            cut = find_cutter(name).cut(pairs.word_clip(p), pairs.word_clip(q))
+            cut = CUTTERS[name].cut(pairs.word_clip(p), pairs.word_clip(q))
             distances.append((abs(cut.pre - pre), abs(cut.post - post)))
         assert rows[name].distance == pytest.approx(np.mean(distances))
         assert rows[name].exact == np.mean([a == (0, 0) for a in distances])

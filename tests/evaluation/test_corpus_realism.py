@@ -9,9 +9,9 @@ import pytest
 
 from signing import SIGNS, mirror
 from signsplice.evaluation import corpus_realism
-from signsplice.evaluation.agreement import percentiles
-from signsplice.evaluation.flexion import flexions
+from signsplice.evaluation.hands import flexions
 from signsplice.evaluation.signer_motion import signer_motion
+from signsplice.evaluation.tables import percentiles
 from signsplice.motion.clip import Clip
 from signsplice.rig.roles import FINGERS
 from signsplice.synth import pose

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from signing import mirror, word
-from signsplice.evaluation.hand_likeness import hand_likeness
+from signsplice.evaluation.hands import busier_side, hand_likeness
 from signsplice.evaluation.signer_motion import half_changed_at, reaches, signer_motion
-from signsplice.evaluation.wrists import busier_side
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip

@@ -18,9 +18,9 @@ import torch
 
 from signsplice.synth import training_data
 from signsplice.train import training
+from signsplice.train.export import product_graphs
 from signsplice.train.networks.bridge import Bridge, BridgeConfig
 from signsplice.train.networks.cutting import Cutting, CuttingConfig
-from signsplice.train.onnx_graphs import product_graphs
 
 HERE = Path(__file__).parent
 SCHEDULES = {

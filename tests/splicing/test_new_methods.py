@@ -14,9 +14,9 @@ from signsplice.motion.clip import Clip, concatenate
 from signsplice.splicing.engine import SpliceOptions, Stream, splice, stream
 from signsplice.splicing.gap import Cut, Gap
 from signsplice.splicing.inbetween import inbetween
+from signsplice.splicing.methods import Method, find
 from signsplice.splicing.methods.cut import Cutter, PairCutter
 from signsplice.splicing.methods.duration import Duration
-from signsplice.splicing.methods.method import Method, find
 from signsplice.splicing.methods.transition import CurveProblem, CurveTransition, GapTransition, Transition
 from signsplice.splicing.seam import Seam
 

@@ -23,13 +23,13 @@ from signsplice.motion.clip import Clip, sampled
 from signsplice.splicing import stages
 from signsplice.splicing.engine import joined_sentence, splice
 from signsplice.splicing.joins.join import LETTERS, REFORMED, SIGNS, SLID, PlannedSeam, SeamKind
-from signsplice.splicing.methods.cut import find_cutter
+from signsplice.splicing.methods.cut import CUTTERS
 from signsplice.splicing.options import SpliceOptions
 from signsplice.splicing.passes.seam_pass import Pass, SeamPass, run
 from signsplice.splicing.pieces import edited_part
 from signsplice.splicing.result import Piece, SpliceResult
 from signsplice.splicing.sentence import SentenceBuilder
-from signsplice.splicing.words.retiming import retimed
+from signsplice.splicing.words.pace import retimed
 from signsplice.splicing.words.word import Edit, FrameMap, SentenceWord, edited
 
 GUIDE = Path(__file__).resolve().parents[2] / "CONTRIBUTING.md"
@@ -299,7 +299,7 @@ def test_a_frame_map_without_a_warp_is_the_identity() -> None:
 @pytest.mark.parametrize("gloss", ["FATHER", "BOOK", "TOILET"])
 def test_the_source_of_every_frame_rebuilds_the_retimed_word(gloss: str) -> None:
     clip = word(gloss).clip
-    done = retimed(SentenceWord(0, clip, clip, FrameMap()), find_cutter("pose-velocity"), 0.6)
+    done = retimed(SentenceWord(0, clip, clip, FrameMap()), CUTTERS["pose-velocity"], 0.6)
     sources = done.frames.sources
     assert sources is not None
     assert (np.diff(sources) > 0.0).all()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from signing import made, word
-from signsplice.evaluation.corpus_touches import skin_distance
+from signsplice.evaluation.corpus_checks import skin_distance
 from signsplice.rig.naming import SIDES
 from signsplice.synth.avoidance import TOUCH_CM, skin_clearances, touching_sides
 from signsplice.synth.phonology import Sign

@@ -12,7 +12,7 @@ from conftest import GOLDEN
 
 from signing import sign
 from signsplice.errors import InputError
-from signsplice.evaluation import corpus_checks, corpus_difficulty, corpus_touches
+from signsplice.evaluation import corpus_checks, corpus_difficulty
 from signsplice.synth import training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.synth.manner import PLAIN
@@ -52,7 +52,7 @@ def test_version_1_is_read(old: Pairs) -> None:
 
 def test_version_1_is_measured_but_not_planned_anew(old: Pairs) -> None:
     assert corpus_checks.examine(old).n_misplaced == 0
-    assert corpus_touches.score_touches(old).n_postures == 12
+    assert corpus_checks.score_touches(old).n_postures == 12
     for call in (corpus_checks.replan, lambda pairs, signs: corpus_difficulty.score_reading(pairs, [0], signs)):
         with pytest.raises(InputError, match="version 1, which an earlier commit makes") as caught:
             call(old, SIGNS)
@@ -88,7 +88,7 @@ def test_an_unknown_truth_is_refused_before_anything_is_written(tmp_path: Path) 
 
 
 def test_touches_of_a_corpus_are_those_of_its_motion(pairs: Pairs) -> None:
-    found = corpus_touches.score_touches(pairs)
+    found = corpus_checks.score_touches(pairs)
     assert found.n_postures == 20
     assert 0 < found.n_touching < 20
     assert found.agreeing == 1.0
@@ -100,6 +100,6 @@ def test_touches_that_are_flagged_wrongly_are_found(pairs: Pairs) -> None:
     seen = next(e for e in events if e["touches_last"])
     free = next(e for e in events if not e["touches_first"])
     seen["touches_last"], free["touches_first"] = False, True
-    found = corpus_touches.score_touches(wrong)
+    found = corpus_checks.score_touches(wrong)
     assert (found.n_missed, found.n_false) == (1, 1)
     assert found.agreeing == pytest.approx(0.9)

@@ -116,6 +116,3 @@ def test_a_plateau_needs_more_than_its_patience() -> None:
     assert not stopping.on_plateau([1.0, 1.0, 0.99], 2)
     assert stopping.on_plateau([-1.0, -1.0005, -1.0], 2), "a likelihood's loss may be negative"
     assert not stopping.on_plateau([-1.0, -1.01, -1.0], 2)
-    assert [stopping.of_parts(of) for of in (["plateau", "steps"], ["time", "steps"], ["plateau"])] == [
-        *("steps", "time", "plateau")
-    ]

@@ -58,13 +58,14 @@ def drawn(
                 signer=signers[who[row]],
                 seed=seed,
                 **dict(dials or {}),
-                **{name: _dial(name, values[row]) for name, values in chosen.items()},
+                **{name: dial(name, values[row]) for name, values in chosen.items()},
             )
             for row in range(min(ROWS, count - start))
         )
 
 
-def _dial(name: str, value: float) -> Any:
+def dial(name: str, value: float) -> Any:
+    """A number as a recipe has it: those that may be words too are text."""
     return f"{value:g}" if name in ("transition_time", "tempo") else float(value)
 
 

@@ -96,14 +96,13 @@ def run(
         missing = [shard for shard in range(job.n_shards) if not is_whole(out, job, shard)]
         before = job.n_recipes - sum(len(job.rows(shard)) for shard in missing)
         done, failed = before, 0
-        if advance is not None:
-            advance(Progress(before, done, failed, job.n_recipes))
+        note = advance or (lambda _: None)
+        note(Progress(before, done, failed, job.n_recipes))
         if missing:
             (out / SUMMARY).unlink(missing_ok=True)
         for shard in _made(str(out.resolve()), missing, workers, ray, n_kept) if missing else ():
             done, failed = done + shard.n_rows, failed + shard.n_failed
-            if advance is not None:
-                advance(Progress(before, done, failed, job.n_recipes))
+            note(Progress(before, done, failed, job.n_recipes))
         summary = summarize(out, job)
         with replacing(out / SUMMARY) as temporary:
             temporary.write_text(json.dumps(asdict(summary), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")

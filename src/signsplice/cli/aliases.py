@@ -1,4 +1,4 @@
-"""Former names of options and commands: they still work, and the help does not show them."""
+"""Former names of options and commands: those that still work, which the help does not show, and those that moved."""
 
 from __future__ import annotations
 
@@ -95,3 +95,30 @@ def moved(former: str, command: click.Command, present: str) -> click.Command:
 
 def _say(words: Sequence[str]) -> None:
     note([f"this call is now: signsplice {shlex.join(words)}"])
+
+
+_ANY_WORDS = {"ignore_unknown_options": True, "allow_interspersed_args": False, "help_option_names": []}
+
+
+def moved_to_paper(former: str, *present: str, with_action: bool = False) -> click.Command:
+    """A hidden command that names the one of `signsplice-paper` that does its work now.
+
+    ``with_action``: the word that follows, if there is one, belongs to both commands' names.
+    """
+
+    @click.command(former.split()[-1], hidden=True, context_settings=_ANY_WORDS)
+    @click.argument("words", nargs=-1, type=click.UNPROCESSED)
+    def command(words: tuple[str, ...]) -> None:
+        action = words[:1] if with_action and words and not words[0].startswith("-") else ()
+        was, now = " ".join(("signsplice", former, *action)), " ".join(("signsplice-paper", *present, *action))
+        raise InputError(f"`{was}` moved: install signsplice-paper (pip install ./research) and run `{now}`")
+
+    return command
+
+
+TRAIN_PAPER = moved_to_paper("train paper", "train-system")
+COMMANDS = (
+    moved_to_paper("paper", with_action=True),
+    moved_to_paper("pairs", "pairs", with_action=True),
+    moved_to_paper("publish", "publish"),
+)

@@ -7,18 +7,17 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from signsplice.cli.aliases import moved
-from signsplice.cli.bulk_options import dial_options, number, run_options, span
 from signsplice.cli.clips import check_apart, check_outputs
+from signsplice.cli.evaluation import bench
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.options import AS_JSON, LEXICON, SEED
-from signsplice.cli.showing import bench
-from signsplice.cli.terminal import note, size, warn
-from signsplice.errors import InputError, MissingExtraError
+from signsplice.cli.options import AS_JSON, BUNDLE, LEXICON, SEED, added, preset
+from signsplice.cli.terminal import note, require, size, warn
+from signsplice.errors import InputError
 from signsplice.formats.atomic import check_writable, replacing
 
 if TYPE_CHECKING:
@@ -27,7 +26,56 @@ if TYPE_CHECKING:
     from signsplice.bulk.run import Progress
     from signsplice.lexicon.reader import Lexicon
 
-Command = TypeVar("Command", bound=Callable[..., Any])
+_DIALS = {
+    "--transition-time": "auto|RULE|SECONDS",
+    "--sign-speed": "X",
+    "--tempo": "citation|natural|SECONDS",
+    "--fps": "N",
+    "--cutter": "NAME",
+    "--transition": "NAME",
+    "--free-hand": "transition|natural",
+}
+_AS_THERE = "As of `sentence`."
+_STORE = "Clips and reports in tar files; or recipes and hashes alone, from which `bulk make` makes any row."
+_POSES = "Positions of joints and annotations beside each clip, for sign-language-data-loading."
+
+dial_options = added(
+    *(click.option(name, metavar=form, help=_AS_THERE) for name, form in _DIALS.items()),
+    click.option("--avoid-collisions/--no-avoid-collisions", default=None, help=_AS_THERE),
+    click.option("--no-spell", is_flag=True, help="Rows with words that the lexicon lacks fail; none is spelled."),
+)
+
+
+run_options = added(
+    click.option("-o", "--output", required=True, metavar="OUT", help="Folder of shards; resumes one that ended."),
+    LEXICON,
+    BUNDLE,
+    click.option("--workers", type=int, metavar="N", help="Processes, or actors of Ray.  [default: one per core]"),
+    click.option("--ray", metavar="ADDRESS", help="Ray cluster to use instead: HOST:PORT, auto or local."),
+    preset("--store", "frames", "frames|recipes", _STORE),
+    preset("--format", "npz", "npz|bvh|glb", "Of the clips."),
+    preset("--poses/--no-poses", True, None, _POSES),
+    preset("--shard-size", 1000, "N", "Rows of a shard."),
+    preset("--keep-words", 2048, "N", "Words that a process keeps in memory, with what the networks read of them."),
+)
+
+
+def span(name: str, text: str) -> tuple[float, float]:
+    """Least and most of an option: "A:B", or one number for both. Raises ``InputError`` for anything else."""
+    least, _, most = text.partition(":")
+    low, high = number(name, least), number(name, most or least)
+    if low > high:
+        raise InputError(f"--{name.strip('-').replace('_', '-')} {text}, expected the least first")
+    return low, high
+
+
+def number(name: str, text: str) -> float:
+    """The number of an option. Raises ``InputError`` for anything else."""
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"--{name.strip('-').replace('_', '-')} {text!r:.40}, expected a number") from None
+
 
 _RANGED = ("transition_time", "sign_speed", "tempo", "fps")
 """Dials for which a range may be given where recipes are drawn."""
@@ -161,8 +209,8 @@ def make(folder: str, row: int, output: str, report: str | None) -> None:
 
 @bench.command("bulk")
 @LEXICON
-@click.option("--count", type=int, default=200, show_default=True, metavar="N", help="Sentences of each timing.")
-@click.option("--memory", type=int, default=10_000, show_default=True, metavar="N", help="Sentences made for memory.")
+@preset("--count", 200, "N", "Sentences of each timing.")
+@preset("--memory", 10_000, "N", "Sentences made for memory.")
 @SEED
 @click.option("-o", "--output", metavar="R.json", help="File of the figures; tables of them go to R.md beside it.")
 @AS_JSON
@@ -222,6 +270,7 @@ def _run(
 
 def _ranges(dials: Mapping[str, Any]) -> tuple[dict[str, tuple[float, float]], dict[str, Any]]:
     """The dials of a call that are ranges, and the others as fields of a recipe; what is not given is left out."""
+    from signsplice.bulk.drawing import dial
     from signsplice.bulk.recipes import SentenceRecipe
 
     given = {name: value for name, value in dials.items() if value is not None and name != "no_spell"}
@@ -233,13 +282,9 @@ def _ranges(dials: Mapping[str, Any]) -> tuple[dict[str, tuple[float, float]], d
     if dials["no_spell"]:
         fixed["spell"] = False
     for ends in zip(*([(name, value) for value in ends] for name, ends in ranges.items()), strict=True):
-        SentenceRecipe(("",), **fixed, **{name: _field(name, value) for name, value in ends}).options(None)
+        SentenceRecipe(("",), **fixed, **{name: dial(name, value) for name, value in ends}).options(None)
     SentenceRecipe(("",), **fixed).options(None).chosen_methods()  # raises for what is out of range, or unknown
     return ranges, fixed
-
-
-def _field(name: str, value: float) -> Any:
-    return value if name in ("sign_speed", "fps") else f"{value:g}"
 
 
 @contextmanager
@@ -274,13 +319,7 @@ def _shown(what: str) -> Iterator[Callable[[Progress], None] | None]:
 
 
 def _require_extra() -> None:
-    """Raise ``MissingExtraError`` where Parquet cannot be read or written."""
-    try:
-        import pyarrow.parquet  # noqa: F401
-    except ImportError as error:
-        raise MissingExtraError(
-            f"recipes and shards need {error.name}; install it with: pip install 'signsplice[bulk]'"
-        ) from error
+    require("recipes and shards need", "bulk", "pyarrow")
 
 
 COMMANDS = (bulk,)

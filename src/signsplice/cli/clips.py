@@ -70,10 +70,16 @@ def load(path: str, roles: str | None = None, warns: bool = True) -> Clip:
 
 def load_avatar(path: str, roles: str | None = None) -> Avatar:
     """The avatar in a file; ``roles`` as in ``load``."""
-    from signsplice.formats import roles as roles_file
     from signsplice.formats.avatar import read_avatar
 
-    return read_avatar(path, None if roles is None else roles_file.read(roles), limits())
+    return read_avatar(path, read_roles(roles), limits())
+
+
+def read_roles(path: str | None) -> dict[str, str] | None:
+    """Role -> joint name of a file; None without one."""
+    from signsplice.formats import roles as roles_file
+
+    return None if path is None else roles_file.read(path)
 
 
 def with_roles(clips: Sequence[Clip], roles: str) -> list[Clip]:

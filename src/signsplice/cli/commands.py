@@ -7,7 +7,7 @@ import sys
 
 import click
 
-from signsplice.cli import bulk, evaluation, files, lexicon, moved, service, showing, splicing, synth, train
+from signsplice.cli import aliases, bulk, evaluation, files, lexicon, service, splicing, synth, train
 from signsplice.cli.terminal import with_option_names
 from signsplice.errors import InputError, SignspliceError
 
@@ -18,7 +18,7 @@ def app() -> None:
     """Splice mocap clips of sign-language words into one fluent animation."""
 
 
-for _room in (splicing, evaluation, files, lexicon, synth, bulk, train, service, showing, moved):
+for _room in (splicing, evaluation, files, lexicon, synth, bulk, train, service, aliases):
     for _command in _room.COMMANDS:
         app.add_command(_command)
 

@@ -1,5 +1,5 @@
 """The command ``evaluate``: every method measured on hidden frames, at seams, for collisions, on bodies, in tempo; and
-the synthetic corpus beside real signing.
+the synthetic corpus beside real signing. The command ``bench``: how fast every part is.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.aliases import FormerlyOptions
+from signsplice.cli.aliases import FormerlyOptions, formerly_a_flag
 from signsplice.cli.clips import limits, load, reads_clips
-from signsplice.cli.options import AS_JSON, BUNDLE
+from signsplice.cli.options import AS_JSON, BUNDLE, preset
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError
 
@@ -70,8 +70,7 @@ def clips(files: tuple[str, ...], fps: float | None, bundle: str | None) -> Meas
 
 @_measures
 @click.argument("n_pairs", type=click.IntRange(1), default=100, metavar="[N]")
-@click.option("--rest", default="hanging", show_default=True, metavar="NAME",
-              help="How the signer's arms rest: hanging, folded, bent or low.")  # fmt: skip
+@preset("--rest", "hanging", "NAME", "How the signer's arms rest: hanging, folded, bent or low.")  # fmt: skip
 @BUNDLE
 def seams(n_pairs: int, rest: str, bundle: str | None) -> Measured:
     """Methods at the seams of N pairs (100) of words recorded apart."""
@@ -124,7 +123,11 @@ def bodies(n_words: int | None, files: tuple[str, ...], picture: str | None, fps
     with progress("bodies") as advance:
         rows = measuring.compare(words, aside, progress=advance)
     if picture is not None:
-        _draw_bodies(picture)
+        from signsplice.evaluation.body_pictures import WORDS, write_pictures
+        from signsplice.lexicon import shipped
+
+        with shipped() as lexicon, progress("picture") as advance:
+            write_pictures([lexicon.clip(word) for word in WORDS], Path(picture), advance)
     return measuring.signature(drawn), rows, measuring.table(rows, drawn)
 
 
@@ -206,13 +209,34 @@ def _learned_transition(bundle: str | None) -> list[Transition]:
     return [chosen.transition] if chosen.transition.learned else []
 
 
-def _draw_bodies(picture: str) -> None:
-    from signsplice.evaluation.body_pictures import WORDS, write_pictures
-    from signsplice.lexicon import shipped
+@click.group(cls=formerly_a_flag("--service", "service"), invoke_without_command=True)
+@preset("--repeats", 15, None, "Runs of each part; the median is shown.", type=click.IntRange(3))
+@AS_JSON
+@click.pass_context
+def bench(ctx: click.Context, repeats: int, as_json: bool) -> None:
+    """Measure the speed of every part and of its baselines, in one run; or what a command below names."""
+    if ctx.invoked_subcommand is not None:
+        return
+    from signsplice.evaluation.speed_parts import measure, table
 
-    words = shipped()
-    with progress("picture") as advance:
-        write_pictures([words.clip(word) for word in WORDS], Path(picture), advance)
+    with progress("bench") as advance:
+        figures = measure(repeats, advance)
+    print(json.dumps(figures, indent=2) if as_json else table(figures))
 
 
-COMMANDS = (evaluate,)
+@bench.command()
+@preset("--streams", 50, None, "Open streams.", type=click.IntRange(1))
+@preset("--rate", 20.0, None, "Requests per second.")
+@preset("--seconds", 60.0, None, "Duration of either load.")
+@preset("--minutes", 10.0, None, "Duration of half of both loads.")
+@AS_JSON
+def service(streams: int, rate: float, seconds: float, minutes: float, as_json: bool) -> None:
+    """Measure the service under load: many streams, then many requests, then half of both for longer."""
+    from signsplice.evaluation import speed_service
+
+    with progress("bench service") as advance:
+        figures = speed_service.measure(streams, seconds, rate, minutes, advance)
+    print(json.dumps(figures, indent=2) if as_json else speed_service.table(figures))
+
+
+COMMANDS = (evaluate, bench)

@@ -5,18 +5,15 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from signsplice.cli.clips import Spans, check_outputs, load, load_avatar, reads_clips, reads_rigs, write
-from signsplice.cli.options import AS_JSON
+from signsplice.cli.options import AS_JSON, preset
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
-
-if TYPE_CHECKING:
-    from signsplice.body.retarget import Retargeted
 
 
 @click.command()
@@ -78,18 +75,15 @@ def convert(
     write(done.clip, output)
     if report is not None:
         reports.write(reports.describe_retargeting(done, source, body), report)
-    print(f"{output}: {len(done.clip)} frames, {done.clip.seconds:.2f} s, {_count_kept(done)}")
-
-
-def _count_kept(done: Retargeted) -> str:
-    return f"{sum(one.is_kept for one in done.contacts)} of {len(done.contacts)} contacts kept"
+    kept = f"{sum(one.is_kept for one in done.contacts)} of {len(done.contacts)} contacts kept"
+    print(f"{output}: {len(done.clip)} frames, {done.clip.seconds:.2f} s, {kept}")
 
 
 @click.command()
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar=f"OUT.({'|'.join(suffix[1:] for suffix in PICTURE_SUFFIXES)})")
 @click.option("--report", metavar="R.json", help="The splice's report, so that its transitions are marked.")
-@click.option("--view", default="front", show_default=True, metavar="VIEW", help="front, three-quarter or side.")
+@preset("--view", "front", "VIEW", "front, three-quarter or side.")
 @click.option(
     "--size", metavar="WxH", help="Of a film, pixels, e.g. 1920x1080.  [default: .mp4 1080x1080, .gif 480x480]"
 )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import check_apart, limits, reads_rigs
+from signsplice.cli.clips import check_apart, limits, read_roles, reads_rigs
 from signsplice.cli.options import AS_JSON
 from signsplice.cli.terminal import progress, warn
 
@@ -37,7 +37,7 @@ def build(folder: str, output: str, compact: bool, signer: str, roles: str | Non
     from signsplice import lexicon as lexicons
 
     check_apart(output, [roles])
-    joint_of = _read_roles(roles)
+    joint_of = read_roles(roles)
     with progress(f"building {Path(output).name}") as advance:
         built = lexicons.build(
             folder,
@@ -111,7 +111,7 @@ def check(path: str, roles: str | None) -> None:
     from signsplice.lexicon import folder
     from signsplice.lexicon.index import INDEX
 
-    joint_of = _read_roles(roles)
+    joint_of = read_roles(roles)
     if (Path(path) / INDEX).exists():
         with open_words(path) as words:
             found = _count(len(words), 0)
@@ -130,14 +130,6 @@ def check(path: str, roles: str | None) -> None:
     print(f"{path}: {found}, {len(faults) or 'no'} fault{'s' if len(faults) != 1 else ''}")
     if faults:
         sys.exit(1)
-
-
-def _read_roles(path: str | None) -> dict[str, str] | None:
-    if path is None:
-        return None
-    from signsplice.formats.roles import read
-
-    return read(path)
 
 
 def open_words(path: str | None) -> Lexicon:

@@ -21,13 +21,14 @@ def added(*options: Callable[[Command], Command]) -> Callable[[Command], Command
     return add
 
 
+def preset(name: str, default: Any, metavar: str | None, text: str, **kind: Any) -> Callable[[Command], Command]:
+    """An option with a default, which its help shows; of the default's type where ``kind`` names none."""
+    return click.option(name, default=default, show_default=True, metavar=metavar, help=text, **kind)
+
+
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 BUNDLE = click.option("--bundle", metavar="DIR", help="Folder of trained networks.  [default: those that ship]")
 LEXICON = click.option("--lexicon", metavar="LEX", help="Lexicon of the words.  [default: the one that ships]")
 ROLES = click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
-SEED = click.option(
-    "--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, metavar="N", help="Seed of the draw."
-)
-PROCESSES = click.option(
-    "--processes", type=int, default=2, show_default=True, metavar="N", help="Number of processes."
-)
+SEED = preset("--seed", 0, "N", "Seed of the draw.", type=click.IntRange(0, 2**63 - 1))
+PROCESSES = preset("--processes", 2, "N", "Number of processes.")

@@ -10,25 +10,32 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from signsplice.cli.clips import check_apart, load, reads_rigs
-from signsplice.cli.options import LEXICON
-from signsplice.errors import InputError, MissingExtraError
+from signsplice.cli.options import LEXICON, preset
+from signsplice.cli.terminal import require
+from signsplice.errors import InputError
 
 if TYPE_CHECKING:
     from signsplice.service.settings import Settings
 
 
+_LIMIT_HELP = "Change a limit, e.g. max_body_bytes=1000000; see docs/http.md."
+
+
 @click.command()
-@click.option("--host", default="127.0.0.1", show_default=True, metavar="H", help="Address to listen on.")
-@click.option("--port", type=int, default=8000, show_default=True, metavar="N", help="Port; 0: any free one.")
+@preset("--host", "127.0.0.1", "H", "Address to listen on.")
+@preset("--port", 8000, "N", "Port; 0: any free one.")
 @LEXICON
 @click.option(
     "--workers",
+    "n_workers",
     type=int,
     default=0,
     metavar="N",
     help="Processes for requests, and as many for streams.  [default: one per core]",
 )
-@click.option("--allow-host", multiple=True, metavar="NAME", help="Another host name to answer to; *: any.")
+@click.option(
+    "--allow-host", "allowed_hosts", multiple=True, metavar="NAME", help="Another host name to answer to; *: any."
+)
 @click.option("--allow-origin", multiple=True, metavar="URL", help="Origin of another page that may call.")
 @click.option(
     "--proxy", "proxies", multiple=True, metavar="ADDRESS", help="A reverse proxy, whose X-Forwarded-For is believed."
@@ -38,29 +45,12 @@ if TYPE_CHECKING:
     "limits",
     multiple=True,
     metavar="NAME=N",
-    help="Change a limit, e.g. max_body_bytes=1000000; see docs/http.md.",
+    help=_LIMIT_HELP,
 )
-def serve(
-    host: str,
-    port: int,
-    lexicon: str | None,
-    workers: int,
-    allow_host: tuple[str, ...],
-    allow_origin: tuple[str, ...],
-    proxies: tuple[str, ...],
-    limits: tuple[str, ...],
-) -> None:
+def serve(limits: tuple[str, ...], allow_origin: tuple[str, ...], **given: Any) -> None:
     """Serve splices over HTTP and WebSocket, and the viewer. Ctrl-C stops it."""
-    settings = _settings(
-        limits,
-        host=host,
-        port=port,
-        lexicon=None if lexicon is None else Path(lexicon),
-        n_workers=workers,
-        allowed_hosts=allow_host,
-        allowed_origins=tuple(origin.rstrip("/").lower() for origin in allow_origin),
-        proxies=proxies,
-    )
+    origins = tuple(origin.rstrip("/").lower() for origin in allow_origin)
+    settings = _settings(limits, allowed_origins=origins, **given)
 
     def on_open(address: str) -> None:
         if not settings.is_local:
@@ -77,11 +67,7 @@ def serve(
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILE [OTHER]")
 @click.option(
-    "--report",
-    "reports",
-    multiple=True,
-    metavar="R.json",
-    help="Report of the splice, for each file in order.",
+    "--report", "reports", multiple=True, metavar="R.json", help="Report of the splice, for each file in order."
 )
 @click.option("-o", "--output", metavar="PAGE.html", help="Write one self-contained page instead of opening a browser.")
 @click.option("--port", type=int, default=0, metavar="N", help="Port.  [default: any free one]")
@@ -133,10 +119,10 @@ def view(
 
             webbrowser.open(address)
 
-    _listen(_settings((), port=port, lexicon=None if lexicon is None else Path(lexicon)), scenes, on_open)
+    _listen(_settings((), port=port, lexicon=lexicon), scenes, on_open)
 
 
-def _settings(limits: Sequence[str], **values: Any) -> Settings:
+def _settings(limits: Sequence[str], lexicon: str | None, **values: Any) -> Settings:
     _require_extra()
     from signsplice.service.settings import Settings, limit_types
 
@@ -150,7 +136,7 @@ def _settings(limits: Sequence[str], **values: Any) -> Settings:
         except ValueError:
             kind = "a whole number" if types[name] is int else "a number"
             raise InputError(f"--limit {text!r}: {number!r}, expected {kind}") from None
-    return Settings(**values)
+    return Settings(lexicon=None if lexicon is None else Path(lexicon), **values)
 
 
 def _listen(settings: Settings, scenes: Sequence[Mapping[str, Any]], on_open: Callable[[str], None]) -> None:
@@ -164,16 +150,7 @@ def _listen(settings: Settings, scenes: Sequence[Mapping[str, Any]], on_open: Ca
 
 
 def _require_extra() -> None:
-    """Raise ``MissingExtraError`` where the service's libraries are not installed."""
-    try:
-        import fastapi  # noqa: F401
-        import prometheus_client  # noqa: F401
-        import python_multipart  # noqa: F401
-        import uvicorn  # noqa: F401
-    except ImportError as error:
-        raise MissingExtraError(
-            f"the viewer and the service need {error.name}; install it with: pip install 'signsplice[serve]'"
-        ) from error
+    require("the viewer and the service need", "serve", "fastapi", "prometheus_client", "python_multipart", "uvicorn")
 
 
 COMMANDS = (view, serve)

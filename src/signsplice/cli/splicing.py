@@ -1,4 +1,4 @@
-"""The commands ``splice``, ``sentence`` and ``inbetween``, and ``methods``, which lists what they can use."""
+"""The commands ``splice``, ``sentence`` and ``inbetween``, ``methods``, which lists what they can use, and ``demo``."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ import click
 from signsplice.cli.aliases import former_names
 from signsplice.cli.clips import OUTPUT_SUFFIXES, check_outputs, limits, load, reads_rigs, with_roles, write
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.options import AS_JSON, BUNDLE, LEXICON, added
-from signsplice.cli.terminal import note, warn
+from signsplice.cli.options import AS_JSON, BUNDLE, LEXICON, added, preset
+from signsplice.cli.terminal import note, progress, warn
 from signsplice.errors import InputError
 
 if TYPE_CHECKING:
@@ -47,28 +47,25 @@ _splicing_options = added(
         metavar="NAME",
         help="How splice points are found: see `signsplice methods`, or a trained system's folder.",
     ),
-    click.option(
+    preset(
         "--transition-time",
-        default="auto",
-        show_default=True,
-        metavar="auto|RULE|SECONDS",
-        help="Length of a transition: a rule of `signsplice methods`, or seconds; auto is learned.",
+        "auto",
+        "auto|RULE|SECONDS",
+        "Length of a transition: a rule of `signsplice methods`, or seconds; auto is learned.",
     ),
-    click.option("--sign-speed", type=float, default=1.0, show_default=True, metavar="X", help="Speed of the signs."),
-    click.option(
+    preset("--sign-speed", 1.0, "X", "Speed of the signs."),
+    preset(
         "--tempo",
-        default="citation",
-        show_default=True,
-        metavar="citation|natural|SECONDS",
-        help="Signs as recorded, as fast as in running signing, or SECONDS a sign with its transition.",
+        "citation",
+        "citation|natural|SECONDS",
+        "Signs as recorded, as fast as in running signing, or SECONDS a sign with its transition.",
     ),
     click.option("--fps", type=float, metavar="N", help="Output frame rate.  [default: that of the first clip]"),
-    click.option(
+    preset(
         "--free-hand",
-        default="transition",
-        show_default=True,
-        metavar="transition|natural",
-        help="Time of a hand that only goes to rest or comes from it: the transition's, or frames of the sign too.",
+        "transition",
+        "transition|natural",
+        "Time of a hand that only goes to rest or comes from it: the transition's, or frames of the sign too.",
     ),
     click.option(
         "--system",
@@ -182,9 +179,9 @@ def _method(name: str | None) -> Any:
 
 def _opened(folder: str) -> WholeSystem:
     """The trained system in a folder. Raises ``InputError``, which names those in its folders, for another."""
-    from signsplice.splicing.installed_systems import open_system
     from signsplice.splicing.methods.learned import SYSTEM
     from signsplice.splicing.networks.bundle import BUNDLE_FILE, read_config
+    from signsplice.splicing.whole_system import open_system
 
     if not (Path(folder) / BUNDLE_FILE).is_file():
         within = sorted(path.parent.name for path in Path(folder).glob(f"*/{BUNDLE_FILE}"))
@@ -272,4 +269,16 @@ def methods(as_json: bool) -> None:
         print(f"{row['kind']:11} {row['name']:14} {row['summary']}{notes}")
 
 
-COMMANDS = (splice, sentence, inbetween, methods)
+@click.command()
+@preset("--out", "out/demo", "DIR", "Folder for the files.")
+def demo(out: str) -> None:
+    """Splice words of the lexicon that ships, and write files to look at."""
+    from signsplice.demo import run
+
+    with progress("demo") as advance:
+        lines = run(Path(out), advance)
+    for line in lines:
+        print(line)
+
+
+COMMANDS = (splice, sentence, inbetween, methods, demo)

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from signsplice.cli.aliases import moved
 from signsplice.cli.clips import check_apart
 from signsplice.cli.evaluation import corpus
-from signsplice.cli.options import PROCESSES, added
+from signsplice.cli.options import PROCESSES, added, preset
 from signsplice.cli.terminal import progress, size
 from signsplice.errors import InputError
 
 if TYPE_CHECKING:
     from signsplice.synth.phonology import Sign
 
-_SEED = click.option(
-    "--seed", type=int, default=0, show_default=True, metavar="N", help="Seed of signers, takes and random choices."
-)
-_FPS = click.option("--fps", type=float, default=30.0, show_default=True, metavar="N", help="Frame rate.")
+_SEED = preset("--seed", 0, "N", "Seed of signers, takes and random choices.")
+_FPS = preset("--fps", 30.0, "N", "Frame rate.")
 _DRAWN = added(
     click.option("-o", "--output", required=True, metavar="DIR", help="Folder to make; replaces one made before."),
     click.option("--signs", metavar="FILE", help="Signs in notation, instead of the package's."),
@@ -49,24 +47,15 @@ def synth() -> None:
     metavar="GLOSS",
     help="Add a form of a word: 2-GIVE-1, LOOK-HABITUAL; may be given again.",
 )
-def lexicon(
-    output: str,
-    signs: str | None,
-    words: int | None,
-    pseudo: int,
-    letters: bool,
-    forms: tuple[str, ...],
-    seed: int,
-    fps: float,
-) -> None:
+def lexicon(output: str, letters: bool, forms: tuple[str, ...], seed: int, fps: float, **drawn: Any) -> None:
     """Write isolated words as BVH files with glosses.csv; by default every word and letter of the package."""
     from signsplice.synth import folders, notation
     from signsplice.synth.corpus import Recipe
 
-    check_apart(output, [signs])
-    chosen = list(notation.alphabet().values()) if letters and signs is None else []
-    chosen += _chosen(signs, words, pseudo, seed)
-    chosen += _forms(signs, forms, {sign.gloss for sign in chosen})
+    check_apart(output, [drawn["signs"]])
+    chosen = list(notation.alphabet().values()) if letters and drawn["signs"] is None else []
+    chosen += _chosen(**drawn, seed=seed)
+    chosen += _forms(drawn["signs"], forms, {sign.gloss for sign in chosen})
     recipe = Recipe(tuple(chosen), seed, _rate(fps))
     with progress(f"signing {len(chosen)} words") as advance:
         folders.write_lexicon(chosen, recipe.signers()[0], Path(output), fps, advance)
@@ -75,23 +64,21 @@ def lexicon(
 
 @synth.command()
 @_DRAWN
-@click.option("--count", type=int, default=20, show_default=True, metavar="N", help="How many sentences.")
+@preset("--count", 20, "N", "How many sentences.")
 @click.option(
     "--exact",
     is_flag=True,
     help="Join words as pairs: no weak hand stays up, no pronoun assimilates, no transition pauses.",
 )
-def sentences(
-    output: str, count: int, signs: str | None, words: int | None, pseudo: int, seed: int, fps: float, exact: bool
-) -> None:
+def sentences(output: str, count: int, exact: bool, seed: int, fps: float, **drawn: Any) -> None:
     """Write random sentences of 3 to 12 words as BVH, their isolated words, and the ground truth of every seam."""
     from signsplice.synth import folders
     from signsplice.synth.corpus import Recipe
 
-    check_apart(output, [signs])
+    check_apart(output, [drawn["signs"]])
     if count < 1:
         raise InputError(f"--count {count}, expected at least 1")
-    recipe = Recipe(tuple(_chosen(signs, words, pseudo, seed, least=2)), seed, _rate(fps))
+    recipe = Recipe(tuple(_chosen(**drawn, seed=seed, least=2)), seed, _rate(fps))
     with progress(f"signing {count} sentences") as advance:
         folders.write_sentences(recipe, count, Path(output), not exact, advance)
     print(f"{output}: {count} sentences of {len(recipe.signs)} words, recipe {recipe.hash}")
@@ -99,42 +86,25 @@ def sentences(
 
 @synth.command()
 @_DRAWN
-@click.option(
-    "--other-signer",
-    type=int,
-    default=1000,
-    show_default=True,
-    metavar="N",
-    help="How many pairs a second signer makes, to test on.",
-)
-@click.option(
+@preset("--other-signer", 1000, "N", "How many pairs a second signer makes, to test on.")
+@preset(
     "--truth",
+    "partner",
+    None,
+    "Where a word is left and entered: by both words, or at one frame of its own whoever its partner is.",
     type=click.Choice(["partner", "word"]),
-    default="partner",
-    show_default=True,
-    help="Where a word is left and entered: by both words, or at one frame of its own whoever its partner is.",
 )
 @PROCESSES
-def pairs(
-    output: str,
-    signs: str | None,
-    words: int | None,
-    pseudo: int,
-    seed: int,
-    fps: float,
-    other_signer: int,
-    truth: str,
-    processes: int,
-) -> None:
+def pairs(output: str, other_signer: int, truth: str, processes: int, seed: int, fps: float, **drawn: Any) -> None:
     """Write all ordered pairs of words (by default 100: 10,000 pairs) with true cut frames, transitions and splits."""
     from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 
-    check_apart(output, [signs])
+    check_apart(output, [drawn["signs"]])
     if other_signer < 0 or processes < 1:
         raise InputError(f"--other-signer {other_signer} --processes {processes}, expected at least 0 and 1")
-    if words is None and signs is None and not pseudo:
-        words = 100
-    chosen = tuple(_chosen(signs, words, pseudo, seed, least=2))
+    if drawn["words"] is None and drawn["signs"] is None and not drawn["pseudo"]:
+        drawn["words"] = 100
+    chosen = tuple(_chosen(**drawn, seed=seed, least=2))
     recipe = Recipe(chosen, seed, _rate(fps), min(other_signer, len(chosen) ** 2), truth)
     with progress(f"splicing {len(chosen) ** 2} pairs") as advance:
         write_pairs(recipe, Path(output), advance, processes)
@@ -145,20 +115,12 @@ def pairs(
 
 @synth.command()
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder to write into, one file a signer.")
-@click.option("--signers", type=int, default=40, show_default=True, metavar="N", help="Number of signers.")
-@click.option(
-    "--words", type=int, default=100, show_default=True, metavar="N", help="Number of pseudo-signs of each signer."
+@preset("--signers", 40, "N", "Number of signers.")
+@preset("--words", 100, "N", "Number of pseudo-signs of each signer.")
+@preset("--seams", 300, "N", "Number of transitions in each signer's sentences.")
+@preset(
+    "--traits", "all", "NAMES|none|all", "How signers differ from plain motion: names of traits with commas between."
 )
-@click.option(
-    "--seams",
-    type=int,
-    default=300,
-    show_default=True,
-    metavar="N",
-    help="Number of transitions in each signer's sentences.",
-)
-@click.option("--traits", default="all", show_default=True, metavar="NAMES|none|all",
-              help="How signers differ from plain motion: names of traits with commas between.")  # fmt: skip
 @_SEED
 @_FPS
 @PROCESSES
@@ -179,7 +141,7 @@ def endless(
 
 @synth.command()
 @click.argument("folder", metavar="PAIRS")
-@click.option("--split", default="random", show_default=True, metavar="NAME", help="Split to write.")
+@preset("--split", "random", "NAME", "Split to write.")
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder to write into.")
 def signing(folder: str, split: str, output: str) -> None:
     """Write the training and validation parts of a corpus of pairs as signing to train networks on."""
@@ -193,21 +155,20 @@ def signing(folder: str, split: str, output: str) -> None:
 synth.add_command(moved("synth study", corpus, "evaluate corpus"))
 
 
-def _chosen(path: str | None, n_words: int | None, n_pseudo: int, seed: int, least: int = 1) -> list[Sign]:
+def _chosen(signs: str | None, words: int | None, pseudo: int, seed: int, least: int = 1) -> list[Sign]:
     """The signs of a call: those of a file or of the package, all or some drawn by seed, and pseudo-signs."""
-    from signsplice.synth import notation, pseudo
+    from signsplice.synth import notation
+    from signsplice.synth.pseudo import sign
     from signsplice.synth.rng import stream
 
-    if n_pseudo < 0 or (n_words is not None and n_words < 0):
-        raise InputError(f"--words {n_words} --pseudo {n_pseudo}, expected numbers of at least 0")
-    known = list((notation.everyday() if path is None else notation.read(path)).values())
-    if n_words is None:
-        n_words = len(known)
-    if n_words > len(known):
-        where = path or "the package"
-        raise InputError(f"--words {n_words}, but {where} has {len(known)}; add some with --pseudo N")
-    order = sorted(stream("choose", seed).permutation(len(known))[:n_words].tolist())
-    chosen = [known[k] for k in order] + [pseudo.sign(100_000 * seed + k) for k in range(n_pseudo)]
+    if pseudo < 0 or (words is not None and words < 0):
+        raise InputError(f"--words {words} --pseudo {pseudo}, expected numbers of at least 0")
+    known = list((notation.everyday() if signs is None else notation.read(signs)).values())
+    if words is not None and words > len(known):
+        where = signs or "the package"
+        raise InputError(f"--words {words}, but {where} has {len(known)}; add some with --pseudo N")
+    order = sorted(stream("choose", seed).permutation(len(known))[:words].tolist())
+    chosen = [known[k] for k in order] + [sign(100_000 * seed + k) for k in range(pseudo)]
     if len(chosen) < least:
         raise InputError(f"{len(chosen)} words chosen, expected at least {least}")
     return chosen

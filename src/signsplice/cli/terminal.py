@@ -1,4 +1,4 @@
-"""Warnings and progress on standard error."""
+"""Warnings and progress on standard error, and what a command needs to be installed."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
+
+from signsplice.errors import MissingExtraError
 
 
 def warn(lines: Iterable[str]) -> None:
@@ -23,6 +26,13 @@ def note(lines: Iterable[str]) -> None:
 def size(n_bytes: int) -> str:
     """A number of bytes in MB, or in kB where that is less than one."""
     return f"{n_bytes / 1e6:.0f} MB" if n_bytes >= 1_000_000 else f"{n_bytes / 1e3:.0f} kB"
+
+
+def require(what: str, extra: str, *modules: str) -> None:
+    """Raise ``MissingExtraError`` where a package of an extra is not installed; ``what`` needs it."""
+    missing = next((name for name in modules if find_spec(name) is None), None)
+    if missing is not None:
+        raise MissingExtraError(f"{what} {missing}; install it with: pip install 'signsplice[{extra}]'")
 
 
 @contextmanager

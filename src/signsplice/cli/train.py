@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.moved import TRAIN_PAPER
+from signsplice.cli.aliases import TRAIN_PAPER
+from signsplice.cli.options import added, preset
 from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
     from signsplice.train.loop import ProgressCallback
 
-Command = TypeVar("Command", bound=Callable[..., Any])
+_SCALES = ("smoke", "small", "ship", "more", "corpus")
 
 
 @click.group()
@@ -27,46 +28,34 @@ def train() -> None:
 train.add_command(TRAIN_PAPER)
 
 
-def _product_options(command: Command) -> Command:
-    """Add the options that `train cutter` and `train transition` share."""
-    for option in reversed(
-        (
-            click.option("--out", required=True, metavar="DIR", help="Bundle that the network is written into."),
-            click.option("--scale", type=click.Choice(("smoke", "small", "ship", "more", "corpus")), default="ship",
-                         show_default=True, help="How large the network is and how long it is trained."),
-            click.option("--steps", type=int, metavar="N", help="Steps in place of the scale's."),
-            click.option("--batch", type=click.IntRange(min=1), metavar="N",
-                         help="Draws in a batch in place of the scale's; several processes divide them."),
-            click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of weights and pairs."),
-            click.option("--device", default="auto", show_default=True, metavar="NAME", help="auto, cpu or cuda."),
-        )
-    ):  # fmt: skip
-        command = option(command)
-    return command
+_product_options = added(
+    click.option("--out", required=True, metavar="DIR", help="Bundle that the network is written into."),
+    preset("--scale", "ship", None, "How large the network is and how long it is trained.", type=click.Choice(_SCALES)),
+    click.option("--steps", type=int, metavar="N", help="Steps in place of the scale's."),
+    click.option(
+        "--batch", type=click.IntRange(min=1), metavar="N",
+        help="Draws in a batch in place of the scale's; several processes divide them.",
+    ),
+    preset("--seed", 0, "N", "Of weights and pairs."),
+    preset("--device", "auto", "NAME", "auto, cpu or cuda."),
+)  # fmt: skip
+"""Options that `train cutter` and `train transition` share."""
 
 
 def _train_product(
-    network: str,
-    signing: Sequence[str],
-    out: str,
-    scale: str,
-    steps: int | None,
-    batch: int | None,
-    seed: int,
-    device: str,
-    earlier: Sequence[str] = (),
+    network: str, signing: Sequence[str], earlier: Sequence[str], out: str, device: str, **given: Any
 ) -> None:
-    _check_steps(steps, least=0 if earlier else 1)
+    _check_steps(given["steps"], least=0 if earlier else 1)
     check_extra()
     from signsplice.train import processes, training
 
     with processes.joined(device) as process:
-        config = training.ProductTraining(network, scale, seed, steps, batch=batch)
+        config = training.ProductTraining(network, **given)
         data, starts = ([Path(folder) for folder in folders] for folders in (signing, earlier))
         progress = progress_printer(network) if process.first else None
         training.make(config, data, Path(out), process, progress, starts)
         if process.first:
-            print(f"{out}: {network}, scale {scale}, {config.n_steps} steps")
+            print(f"{out}: {network}, scale {config.scale}, {config.n_steps} steps")
 
 
 def _check_steps(steps: int | None, least: int = 1) -> None:
@@ -88,7 +77,7 @@ def cutter(signing: tuple[str, ...], earlier: tuple[str, ...], **options: Any) -
 
     Several processes can divide the work: torchrun --nproc-per-node 2 -m signsplice train cutter ...
     """
-    _train_product("cutter", signing, earlier=earlier, **options)
+    _train_product("cutter", signing, earlier, **options)
 
 
 @train.command()
@@ -97,17 +86,7 @@ def cutter(signing: tuple[str, ...], earlier: tuple[str, ...], **options: Any) -
 @click.option("--from", "earlier", multiple=True, metavar="DIR", help="With --lexicon the bundle to tune [default: "
               "what ships]; with --signing a bundle or an earlier training's folder; of several the mean.")  # fmt: skip
 @_product_options
-def transition(
-    signing: tuple[str, ...],
-    lexicon: str | None,
-    earlier: tuple[str, ...],
-    out: str,
-    scale: str,
-    steps: int | None,
-    batch: int | None,
-    seed: int,
-    device: str,
-) -> None:
+def transition(signing: tuple[str, ...], lexicon: str | None, earlier: tuple[str, ...], **options: Any) -> None:
     """Train the network that makes the transition's frames, or tune it to your own lexicon, and keep it if it is better
     there. The same command continues after an interruption.
 
@@ -116,23 +95,30 @@ def transition(
     """
     if bool(signing) == (lexicon is not None):
         raise InputError("expected either --signing DIR, to train, or --lexicon DIR, to tune")
-    if signing:
-        _train_product("transition", signing, out, scale, steps, batch, seed, device, earlier)
+    if lexicon is None:
+        _train_product("transition", signing, earlier, **options)
         return
     if len(earlier) > 1:
         raise InputError(f"--lexicon tunes one network: expected one --from, not {len(earlier)}")
-    if batch is not None:
+    if options["batch"] is not None:
         raise InputError("--batch is for --signing; tuning has a batch of its own")
+    _tune(lexicon, *earlier, **options)
+
+
+def _tune(
+    lexicon: str, source: str | None = None, *, out: str, steps: int | None, seed: int, device: str, **_: object
+) -> None:
     _check_steps(steps)
     check_extra()
     from signsplice.splicing.methods.choice import WEIGHTS
     from signsplice.train import processes, tuning
 
-    source = Path(earlier[0]) if earlier else WEIGHTS
     with processes.joined(device) as process:
         config = tuning.Tuning(seed=seed) if steps is None else tuning.Tuning(steps=steps, seed=seed)
         progress = progress_printer("transition") if process.first else None
-        result = tuning.make(config, Path(str(lexicon)), source, Path(out), process, progress)
+        result = tuning.make(
+            config, Path(lexicon), WEIGHTS if source is None else Path(source), Path(out), process, progress
+        )
     errors = f"{result.after:.1f} tuned, {result.before:.1f} before, {result.classical:.1f} classical"
     print(f"trained on {result.n_train} words; error on {result.n_held} held back, arm length / 1000: {errors}")
     print(f"{out}: written" if result.better else f"{out}: not written, because the tuned network is no better")

@@ -22,16 +22,14 @@ from signsplice.errors import InputError
 from signsplice.evaluation.body_measures import SIGNATURE as MEASURES
 from signsplice.evaluation.body_measures import TOUCH_M, BodyMeasurement, LostContact, SourceClip
 from signsplice.evaluation.stretched_bodies import BODIES, BodyProportions, stretched
-from signsplice.evaluation.tables import markdown
-from signsplice.evaluation.timing import forget
+from signsplice.evaluation.tables import Progress, counted, markdown_columns, shown
 from signsplice.lexicon import shipped
 from signsplice.motion.arrays import FloatArray
+from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.align import Reference, copy_rotations
 from signsplice.rig.placement import placement
 from signsplice.synth.rng import stream
-
-Progress = Callable[[int, int], None]
 
 ROTATIONS, FITTED = "rotations", "fitted"
 _TIMED_FRAMES = 150
@@ -140,11 +138,9 @@ def compare(
     """
     sources = {False: [SourceClip(clip) for clip in words], True: [SourceClip(clip) for clip in aside]}
     rows: list[BodyRow] = []
-    for n, (name, body) in enumerate(bodies.items()):
+    for name, body in counted(bodies.items(), progress):
         if sources[body.held_out]:
             rows += _rows(name, body, sources[body.held_out])
-        if progress is not None:
-            progress(n + 1, len(bodies))
     return rows
 
 
@@ -181,11 +177,11 @@ def _both(source: SourceClip, skeleton: Skeleton, shape: BodyShape) -> tuple[_Ma
     clip, body = source.clip, shaped_capsules(skeleton, shape)
     to = Reference(skeleton, clip.fps, placement(clip), clip.local_rotations[0], "the body")
     copy_rotations(clip[:1], to)  # what is kept of both rigs belongs to neither time
-    forget([clip])
+    CACHE.forget(clip)
     start = time.process_time()
     carried, _ = copy_rotations(clip, to)
     plain = time.process_time() - start
-    forget([clip])
+    CACHE.forget(clip)
     start = time.process_time()
     again, _ = copy_rotations(clip, to)
     result = fit_body(clip, source.body, again, body)
@@ -246,20 +242,25 @@ def _quantile(values: FloatArray, fraction: float) -> float | None:
     return float(np.quantile(values, fraction)) if len(values) else None
 
 
-_HEAD = (
-    *(
-        "body",
-        "method",
-        "frames kept",
-        "pairs kept",
-        "clear pairs kept",
-        "p95, mm",
-        "made",
-        "hand deeper, mm",
-        "forearm deeper, mm",
-    ),
-    *("place, % of head", "palm, °", "index, °", "peak", "jerk", "short, cm", "ms", "times"),
-)
+_COLUMNS: dict[str, Callable[[BodyRow], str]] = {
+    "body": lambda row: row.body,
+    "method": lambda row: row.method,
+    "frames kept": lambda row: shown(row.kept_frames, ".1f", 100.0),
+    "pairs kept": lambda row: shown(row.kept_pairs, ".1f", 100.0),
+    "clear pairs kept": lambda row: shown(row.kept_clear, ".1f", 100.0),
+    "p95, mm": lambda row: shown(row.error_p95, ".1f", 1e3),
+    "made": lambda row: shown(row.made, ".1f", 100.0),
+    "hand deeper, mm": lambda row: shown(row.hand_depth, ".1f", 1e3),
+    "forearm deeper, mm": lambda row: shown(row.forearm_depth, ".1f", 1e3),
+    "place, % of head": lambda row: f"{shown(row.place_median, '.1f', 100.0)} ({shown(row.place_p95, '.0f', 100.0)})",
+    "palm, °": lambda row: shown(row.palm_degrees, ".1f"),
+    "index, °": lambda row: shown(row.index_degrees, ".1f"),
+    "peak": lambda row: f"{row.peak_by_arm_median:.2f} ({row.peak_by_arm_worst:.2f})",
+    "jerk": lambda row: f"{row.jerk_by_arm_median:.2f} ({row.jerk_by_arm_worst:.2f})",
+    "short, cm": lambda row: shown(row.shortfall, ".0f", 100.0),
+    "ms": lambda row: shown(row.milliseconds, ".1f"),
+    "times": lambda row: shown(row.time_ratio, ".1f"),
+}
 
 
 def table(rows: Sequence[BodyRow], n_words: int | None = None) -> list[str]:
@@ -271,30 +272,5 @@ def table(rows: Sequence[BodyRow], n_words: int | None = None) -> list[str]:
             what = "Bodies kept aside" if held_out else "Other bodies"
             which = "" if n_words is None else " that are kept aside too" if held_out else " that are not kept aside"
             counted = f"{what}: {part[0].n_words} clips{which}, {part[0].n_touching} touching frames."
-            out += ["", *markdown(_HEAD, map(_cells, part)), "", counted]
+            out += ["", *markdown_columns(_COLUMNS, part), "", counted]
     return out
-
-
-def _cells(row: BodyRow) -> tuple[str, ...]:
-    def shown(value: float | None, factor: float, form: str) -> str:
-        return "-" if value is None else format(factor * value, form)
-
-    return (
-        row.body,
-        row.method,
-        shown(row.kept_frames, 100.0, ".1f"),
-        shown(row.kept_pairs, 100.0, ".1f"),
-        shown(row.kept_clear, 100.0, ".1f"),
-        shown(row.error_p95, 1e3, ".1f"),
-        shown(row.made, 100.0, ".1f"),
-        shown(row.hand_depth, 1e3, ".1f"),
-        shown(row.forearm_depth, 1e3, ".1f"),
-        f"{shown(row.place_median, 100.0, '.1f')} ({shown(row.place_p95, 100.0, '.0f')})",
-        shown(row.palm_degrees, 1.0, ".1f"),
-        shown(row.index_degrees, 1.0, ".1f"),
-        f"{row.peak_by_arm_median:.2f} ({row.peak_by_arm_worst:.2f})",
-        f"{row.jerk_by_arm_median:.2f} ({row.jerk_by_arm_worst:.2f})",
-        shown(row.shortfall, 100.0, ".0f"),
-        shown(row.milliseconds, 1.0, ".1f"),
-        shown(row.time_ratio, 1.0, ".1f"),
-    )

@@ -39,8 +39,8 @@ SIGNATURE = (
     "|directions:palm-normal,index,degrees|smooth:wrists,peak-speed,rms-third-difference,/source"
 )
 
-_ANCHORS = tuple(f"{finger}Distal" for finger in ("Thumb", "Index", "Middle", "Ring", "Little"))
-_ANCHORS = (*_ANCHORS, "IndexPalm", "LittlePalm", "Mitten")
+_FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
+_ANCHORS = (*(f"{finger}Distal" for finger in _FINGERS), "IndexPalm", "LittlePalm", "Mitten")
 
 
 @dataclass(frozen=True, eq=False)

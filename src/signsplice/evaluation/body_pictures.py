@@ -13,6 +13,7 @@ from signsplice.body.posed import posed_body
 from signsplice.body.retarget import fit_body, signing
 from signsplice.evaluation.body_measures import TOUCH_M
 from signsplice.evaluation.stretched_bodies import BODIES, stretched
+from signsplice.evaluation.tables import counted
 from signsplice.formats.atomic import replacing
 from signsplice.motion.clip import Clip
 from signsplice.render.page import INK, PAPER, Progress, pillow, write_line
@@ -39,13 +40,11 @@ def write_pictures(words: Sequence[Clip], path: Path, progress: Progress | None 
     pen = pillow("ImageDraw").Draw(sheet)
     for k, head in enumerate(heads):
         write_line(pen, head, (k + 0.5) * wide, 2, wide, INK, 14)
-    for n, word in enumerate(words):
+    for n, word in enumerate(counted(words, progress)):
         top = _LABEL + n * (_CELL + _LABEL)
         write_line(pen, word.name, 0.5 * wide, top + 1, wide, INK, 14)
         for k, picture in enumerate(_row(word)):
             sheet.paste(image_.fromarray(picture), (k * wide, top + _LABEL))
-        if progress is not None:
-            progress(n + 1, len(words))
     with replacing(path) as temporary:
         sheet.quantize(256, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)
 

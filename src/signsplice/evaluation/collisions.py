@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signsplice.evaluation.tables import markdown
+from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.splicing.gap import Cut, Gap, gap_at
@@ -20,8 +20,6 @@ from signsplice.splicing.passes.collision_avoidance import TOLERANCE_M, depths
 from signsplice.splicing.passes.filling import fill
 from signsplice.splicing.seam import DEEP_M
 from signsplice.synth.corpus import Pairs
-
-Progress = Callable[[int, int], None]
 
 SIGNATURE = f"intrusion|hands-in:head,trunk,hand|beyond-ends:{1e3 * TOLERANCE_M:g}mm|deep:{1e3 * DEEP_M:g}mm"
 
@@ -63,12 +61,10 @@ def compare(
     """One row for each method, measured on the pairs of these numbers."""
     clips = {int(p): pairs.word_clip(int(p)) for p in np.unique(pairs.index[list(numbers), :2])}
     found: list[list[FloatArray]] = [[] for _ in methods]  # depths (n_frames,) of every gap, for each method
-    for done, number in enumerate(numbers, 1):
+    for number in counted(numbers, progress):
         gap = _gap(pairs, clips, number)
         for row, (transition, avoid) in zip(found, methods, strict=True):
             row.append(depths(fill(transition, [gap], avoid)[0].clip, gap.before, gap.after))
-        if progress is not None:
-            progress(done, len(numbers))
     return [_row(*method, row) for method, row in zip(methods, found, strict=True)]
 
 
@@ -90,15 +86,16 @@ def _row(transition: Transition, avoid: bool, found: Sequence[FloatArray]) -> Co
     )
 
 
+_COLUMNS: dict[str, Callable[[CollisionRow], str]] = {
+    "transition": lambda row: row.transition,
+    "collision avoidance": lambda row: "yes" if row.avoids_collisions else "no",
+    "transitions deep": lambda row: percent(row.deep_gaps, ".1f"),
+    "frames deep": lambda row: percent(row.deep_frames, ".1f"),
+    "deepest, mm": lambda row: f"{1e3 * row.deepest:.1f}",
+}
+
+
 def table(rows: Sequence[CollisionRow]) -> list[str]:
     """The rows as Markdown, with their signature."""
-    cells = (
-        (
-            *(r.transition, "yes" if r.avoids_collisions else "no"),
-            *(f"{100 * r.deep_gaps:.1f} %", f"{100 * r.deep_frames:.1f} %", f"{1e3 * r.deepest:.1f}"),
-        )
-        for r in rows
-    )
-    head = ("transition", "collision avoidance", "transitions deep", "frames deep", "deepest, mm")
     counted = f"{rows[0].n_gaps} transitions of {rows[0].n_frames} frames in all, each." if rows else ""
-    return [f"`{SIGNATURE}`", "", *markdown(head, cells), "", counted]
+    return [f"`{SIGNATURE}`", "", *markdown_columns(_COLUMNS, rows), "", counted]

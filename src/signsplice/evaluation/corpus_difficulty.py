@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signsplice.evaluation import corpus_checks
-from signsplice.evaluation.wrists import strong_side, strong_wrist
+from signsplice.evaluation.hands import strong_side, strong_wrist
+from signsplice.evaluation.tables import Progress, counted
 from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
 from signsplice.rig.arms import active_span, arms
@@ -24,7 +25,6 @@ from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream
 from signsplice.synth.timing import Events
 
-Progress = Callable[[int, int], None]
 BY_WORD = "words known: the most frequent cut of each word"
 Rule = Callable[[int, int], tuple[int, int]]
 """(word before, word after) -> (last frame kept of the first, first frame kept of the second)."""
@@ -62,11 +62,9 @@ def score_cutters(
     true = pairs.index[list(numbers), :4].tolist()
     clips = {k: pairs.word_clip(k) for k in dict.fromkeys(k for p, q, _, _ in true for k in (p, q))}
     rows = []
-    for cutter in CUTTERS.values():
+    for cutter in counted(CUTTERS.values(), progress):
         cuts = [cutter.cut(clips[p], clips[q]) for p, q, _, _ in true]
         rows.append(_accuracy(cutter.name, [(cut.pre, cut.post) for cut in cuts], true))
-        if progress is not None:
-            progress(len(rows), len(CUTTERS))
     rules = _rules(pairs, clips) | _fitted_rules(pairs, train, true)
     return rows + [_accuracy(name, [rule(p, q) for p, q, _, _ in true], true) for name, rule in rules.items()]
 
@@ -219,9 +217,9 @@ def score_transitions(
     pairs: Pairs, numbers: Sequence[int], progress: Progress | None = None
 ) -> tuple[list[TransitionScores], float]:
     """Scores of every classical transition at the true cuts, and the true median velocity jump, m/s."""
-    rows = []
+    rows: list[TransitionScores] = []
     true_jumps: list[float] = []
-    for done, transition in enumerate(TRANSITIONS.values()):
+    for transition in counted(TRANSITIONS.values(), progress):
         scores = []
         for number in numbers:
             pre, post, _ = pairs.truth(number, "roots")
@@ -232,14 +230,12 @@ def score_transitions(
             part = true[pre + 1 : pre + 1 + count]
             jump = _jump(true, made, pre, count, strong)
             scores.append((metrics.position_error(made, part), metrics.motion_ratio(made, part), jump))
-            if done == 0:
+            if not rows:
                 true_jumps.append(_jump(true, part, pre, count, strong))
         error, ratio = np.nanmean(scores, axis=0)[:2]
         rows.append(
             TransitionScores(transition.name, float(error), float(ratio), float(np.median([s[2] for s in scores])))
         )
-        if progress is not None:
-            progress(done + 1, len(TRANSITIONS))
     return rows, float(np.median(true_jumps))
 
 

@@ -12,12 +12,11 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.evaluation import corpus_checks, corpus_difficulty, corpus_pictures, realism_tables
-from signsplice.evaluation.agreement import HEAD
+from signsplice.evaluation.corpus_checks import score_touches
 from signsplice.evaluation.corpus_difficulty import BY_WORD, RAD_PER_CM
-from signsplice.evaluation.corpus_touches import score_touches
+from signsplice.evaluation.hands import wrist_positions
 from signsplice.evaluation.hidden_frames import SHOWN
-from signsplice.evaluation.tables import csv_text, markdown, tables_in
-from signsplice.evaluation.wrists import wrist_positions
+from signsplice.evaluation.tables import HEAD, csv_text, markdown, tables_in
 from signsplice.formats import load
 from signsplice.formats.atomic import replacing
 from signsplice.formats.reading import read_bytes

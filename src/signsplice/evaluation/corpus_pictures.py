@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from signsplice.errors import MissingExtraError
-from signsplice.evaluation.agreement import Quantity
 from signsplice.evaluation.corpus_realism import WristMotion
-from signsplice.evaluation.wrists import strong_side, strong_wrist
+from signsplice.evaluation.hands import strong_side, strong_wrist
+from signsplice.evaluation.tables import Quantity
 from signsplice.formats.atomic import replacing
 from signsplice.motion.arrays import FloatArray
 from signsplice.render.sheet import Strip, write_strips

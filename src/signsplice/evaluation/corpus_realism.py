@@ -9,12 +9,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.evaluation.agreement import Quantity, percentiles
-from signsplice.evaluation.hand_likeness import hand_likeness
+from signsplice.evaluation.hands import busier_side, hand_likeness, strong_side, strong_wrist
 from signsplice.evaluation.hidden_frames import hidden_frames
 from signsplice.evaluation.sign_kinds import AIMED, ASL_LEX, symmetric_words
 from signsplice.evaluation.signer_motion import MeasuredMotion, half_formed, signer_motion
-from signsplice.evaluation.wrists import busier_side, strong_side, strong_wrist
+from signsplice.evaluation.tables import Quantity, percentiles
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.evaluation.tables import markdown
-from signsplice.evaluation.wrists import wrist_positions
+from signsplice.evaluation.hands import wrist_positions
+from signsplice.evaluation.tables import Progress, markdown
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig import metrics
@@ -71,7 +71,7 @@ def hidden_frames(
     transitions: Sequence[Transition],
     lengths: Sequence[int] = LENGTHS,
     stride: int = STRIDE,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[HiddenFrames]:
     """One row for each length and transition, over a gap every ``stride`` frames of each clip.
 

@@ -8,14 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from signsplice.evaluation import agreement, corpus_pictures, corpus_realism, sign_kinds
-from signsplice.evaluation.agreement import number
+from signsplice.evaluation import corpus_pictures, corpus_realism, sign_kinds
 from signsplice.evaluation.corpus_realism import rms_jerk, speeds
-from signsplice.evaluation.flexion import flexions
-from signsplice.evaluation.hand_likeness import MIRRORED_FRAMES, MIRRORED_SPEED
+from signsplice.evaluation.hands import (
+    MIRRORED_FRAMES,
+    MIRRORED_SPEED,
+    busier_side,
+    flexions,
+    strong_side,
+    strong_wrist,
+)
 from signsplice.evaluation.signer_motion import MOVING
-from signsplice.evaluation.tables import markdown
-from signsplice.evaluation.wrists import busier_side, strong_side, strong_wrist
+from signsplice.evaluation.tables import MEDIAN_WITHIN, TAILS_WITHIN, markdown, number, percentiles, table
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
@@ -27,8 +31,8 @@ N_SHAPES = 60
 """Pairs whose shape of motion is measured."""
 
 _HOW = f"""Percentiles 5 / 25 / 50 / 75 / 95, or one figure. An agreeing median, or single figure, is at most
-{100 * agreement.MEDIAN_WITHIN:.0f} % from the real one (from the nearer end of a range), agreeing 5 and 95 % at most
-{100 * agreement.TAILS_WITHIN:.0f} %; "-": not known. n: values that real percentiles, or one median, are from; fewer
+{100 * MEDIAN_WITHIN:.0f} % from the real one (from the nearer end of a range), agreeing 5 and 95 % at most
+{100 * TAILS_WITHIN:.0f} %; "-": not known. n: values that real percentiles, or one median, are from; fewer
 than {corpus_realism.FEWEST} values give a median alone. "{sign_kinds.AIMED}": what this project aims at, without a
 published table behind it. A clip's own figures are measured as the
 corpus's are, on frames in which a wrist is faster than {MOVING:g} arm lengths/s. Joints turn relative to their
@@ -67,7 +71,7 @@ def tables(pairs: Pairs, signs: Mapping[str, Sign], real: Mapping[str, Clip], pl
     bends = {name: _bends(clips) for name, clips in columns.items()}
     joints = [(joint, *(_range(bends[name].get(joint)) for name in columns)) for joint in bends["corpus"]]
     forming = corpus_realism.forming(pairs)
-    formed = " / ".join(map(number, agreement.percentiles(forming))) if len(forming) else "-"
+    formed = " / ".join(map(number, percentiles(forming))) if len(forming) else "-"
     keyed = [name for name in real if name not in captured]
     drawn_there = []
     if plot is not None:
@@ -79,7 +83,7 @@ def tables(pairs: Pairs, signs: Mapping[str, Sign], real: Mapping[str, Clip], pl
         "",
         *textwrap.wrap(_HOW, 120),
         "",
-        *agreement.table(quantities),
+        *table(quantities),
         "",
         f"Shape of motion ({len(drawn)} drawn pairs; real clips whole):",
         "",

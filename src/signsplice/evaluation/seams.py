@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from signsplice.body import collision
 from signsplice.errors import InputError
+from signsplice.evaluation.hands import wrist_joints, wrist_positions
 from signsplice.evaluation.stitcher import stitch
-from signsplice.evaluation.tables import markdown
-from signsplice.evaluation.wrists import wrist_joints, wrist_positions
+from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.rig import metrics
@@ -41,7 +41,6 @@ from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, RESTS, STANDARD
 
-Progress = Callable[[int, int], None]
 FrameRange = tuple[int, int]
 
 AROUND = 8
@@ -162,13 +161,10 @@ def compare(
     progress: Progress | None = None,
 ) -> list[SeamRow]:
     """One row for each method, and one for the stitcher."""
-    rows = []
-    for name, options in [*methods.items(), (STITCHER, None)]:
-        measured = [measure_stitched(p, q) if options is None else measure_spliced(p, q, options) for p, q in words]
-        rows.append(_row(name, measured))
-        if progress is not None:
-            progress(len(rows), len(methods) + 1)
-    return rows
+    return [
+        _row(name, [measure_stitched(p, q) if options is None else measure_spliced(p, q, options) for p, q in words])
+        for name, options in counted([*methods.items(), (STITCHER, None)], progress)
+    ]
 
 
 def measure_spliced(before: IsolatedWord, after: IsolatedWord, options: SpliceOptions) -> SeamMeasurement:
@@ -277,21 +273,22 @@ def _row(name: str, seams: Sequence[SeamMeasurement]) -> SeamRow:
     )
 
 
+_COLUMNS: dict[str, Callable[[SeamRow], str]] = {
+    "method": lambda row: row.method,
+    "seconds": lambda row: f"{row.seconds:.2f}",
+    "velocity jump, m/s": lambda row: f"{row.velocity_jump:.2f}",
+    "peak, m/s": lambda row: f"{row.peak_speed:.2f}",
+    "jerk ratio": lambda row: f"{row.jerk_ratio:.2f}",
+    "arms down, frames": lambda row: f"{row.arms_down:.1f}",
+    "strokes whole": lambda row: percent(row.whole),
+    "deep in the body": lambda row: percent(row.deep, ".1f"),
+    "deepest, mm": lambda row: shown(row.deepest, ".0f", 1e3),
+    "idle hand, m/s": lambda row: shown(row.idle_peak, ".2f"),
+    "its fastest, m/s": lambda row: shown(row.idle_fastest, ".2f"),
+}
+
+
 def table(rows: Sequence[SeamRow], rest: str = HANGING) -> list[str]:
     """The rows as Markdown, with their signature."""
-    head = (
-        *("method", "seconds", "velocity jump, m/s", "peak, m/s", "jerk ratio"),
-        *("arms down, frames", "strokes whole", "deep in the body", "deepest, mm"),
-        *("idle hand, m/s", "its fastest, m/s"),
-    )
     counted = f"{rows[0].n_seams} seams each." if rows else ""
-    return [f"`{signature(rest)}`", "", *markdown(head, map(_cells, rows)), "", counted]
-
-
-def _cells(row: SeamRow) -> tuple[str, ...]:
-    depth = ("-", "-")
-    if row.deep is not None and row.deepest is not None:
-        depth = f"{100 * row.deep:.1f} %", f"{1e3 * row.deepest:.0f}"
-    scores = (row.seconds, row.velocity_jump, row.peak_speed, row.jerk_ratio)
-    idle = ("-" if x is None else f"{x:.2f}" for x in (row.idle_peak, row.idle_fastest))
-    return row.method, *(f"{x:.2f}" for x in scores), f"{row.arms_down:.1f}", f"{100 * row.whole:.0f} %", *depth, *idle
+    return [f"`{signature(rest)}`", "", *markdown_columns(_COLUMNS, rows), "", counted]

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from signsplice.evaluation.agreement import Quantity, percentiles
-from signsplice.evaluation.wrists import strong_side
+from signsplice.evaluation.hands import strong_side
+from signsplice.evaluation.tables import Quantity, percentiles
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from signsplice.evaluation.flexion import flexions
+from signsplice.evaluation.hands import flexions
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import tracemalloc
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from itertools import islice
 from statistics import median
@@ -13,12 +13,37 @@ from typing import Any
 
 import numpy as np
 
-from signsplice.evaluation.timing import forget, milliseconds
 from signsplice.lexicon import shipped
+from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.splicing.engine import splice, stream
 from signsplice.splicing.methods.choice import choose
 from signsplice.splicing.methods.learned import LearnedCutter
+from signsplice.splicing.networks.word_reader import WordReader
+
+
+def milliseconds(run: Callable[[], object]) -> float:
+    """Wall-clock time of one call, ms."""
+    start = time.perf_counter()
+    run()
+    return 1e3 * (time.perf_counter() - start)
+
+
+def median_milliseconds(repeats: int, *runs: Callable[[], object]) -> list[float]:
+    """Median time of each call, ms. The calls alternate, so that a change of the machine's speed affects all alike."""
+    for run in runs:
+        run()
+    times = [[milliseconds(run) for run in runs] for _ in range(repeats)]
+    return [median(column) for column in zip(*times, strict=True)]
+
+
+def forget(clips: Iterable[Clip], reader: WordReader | None = None) -> None:
+    """Clear what is cached of clips, so that the next call computes it again."""
+    clips = list(clips)
+    CACHE.forget(*clips)
+    if reader is not None:
+        reader.forget(*clips)
+
 
 N_STREAM = 1000
 """Words of a long stream; fewer with few repeats."""

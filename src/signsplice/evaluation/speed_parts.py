@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 
 from signsplice.evaluation import speed_learned
-from signsplice.evaluation.timing import forget, median_milliseconds
+from signsplice.evaluation.speed_learned import forget, median_milliseconds
+from signsplice.evaluation.tables import Progress, counted
 from signsplice.formats import bvh, load, save
 from signsplice.lexicon import building, open_lexicon, shipped
 from signsplice.motion import kinematics, rotation
@@ -31,8 +32,6 @@ from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.gap import Cut, Gap
 from signsplice.splicing.methods.cut import CUTTERS, PairCutter, search_window
 from signsplice.splicing.methods.transition import TRANSITIONS
-
-Progress = Callable[[int, int], None]
 
 N_LONG = 3000
 N_WORD = 150
@@ -55,10 +54,8 @@ def measure(repeats: int = 15, progress: Progress | None = None) -> dict[str, An
         ("start", _start),
     ]
     figures: dict[str, Any] = {"joints": len(_demo_words()[0].skeleton), "repeats": repeats}
-    for done, (name, part) in enumerate(parts):
+    for name, part in counted(parts, progress):
         figures[name] = part(repeats)
-        if progress is not None:
-            progress(done + 1, len(parts))
     return figures
 
 

@@ -77,16 +77,14 @@ async def _measure(
 ) -> dict[str, Any]:
     with shipped() as lexicon:
         words = [entry.gloss for entry in lexicon.entries() if entry.kind == "sign"]
+    report = progress or (lambda *_: None)
     await _requests(address, words, 5.0, _SETTLE_S, 0)
     late = await _streams(address, words, n_streams, seconds)
-    if progress is not None:
-        progress(1, 3)
+    report(1, 3)
     request_ms, n_failed = await _requests(address, words, rate, seconds, 1)
-    if progress is not None:
-        progress(2, 3)
+    report(2, 3)
     memory = await _soak(address, pid, words, n_streams // 2, rate / 2, 60.0 * minutes) if minutes else []
-    if progress is not None:
-        progress(3, 3)
+    report(3, 3)
     half = {"minutes": minutes, "streams": n_streams // 2, "a_second": rate / 2}
     return {
         "cores": os.cpu_count(),

@@ -6,14 +6,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
 from signsplice.errors import InputError
+from signsplice.evaluation.hands import wrist_positions
 from signsplice.evaluation.seams import keeps_stroke
-from signsplice.evaluation.tables import markdown
-from signsplice.evaluation.wrists import wrist_positions
+from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.splicing.engine import Span, SpliceOptions, SpliceResult, splice
@@ -25,8 +26,6 @@ from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, Signer, draw_signer
-
-Progress = Callable[[int, int], None]
 
 LENGTH = 7
 """Signs of a sentence; the first and the last are not measured, since rest is part of them."""
@@ -129,13 +128,10 @@ def compare(
     progress: Progress | None = None,
 ) -> list[TempoRow]:
     """One row for each lexicon and tempo; every word is measured once."""
-    rows = []
-    for name, own in words.items():
-        for tempo in tempos:
-            rows.append(_row(name, own, SpliceOptions(tempo=tempo, bundle=bundle)))
-            if progress is not None:
-                progress(len(rows), len(words) * len(tempos))
-    return rows
+    return [
+        _row(name, own, SpliceOptions(tempo=tempo, bundle=bundle))
+        for (name, own), tempo in counted([*product(words.items(), tempos)], progress)
+    ]
 
 
 def _row(name: str, words: Sequence[IsolatedWord], options: SpliceOptions) -> TempoRow:
@@ -276,11 +272,25 @@ def _direction_changes(path: FloatArray, axis: FloatArray, least: float) -> int:
     return turns
 
 
-_HEAD = (
-    *("words", "tempo", "signs", "of running tempo", "sign, s", "95 %", "transition, s", "peak, m/s", "fastest"),
-    *("peak ratio", "jerk ratio", "velocity jump, m/s", "transition peak", "strokes whole", "turns kept"),
-    *("shortest pass, s", "contacts kept"),
-)
+_COLUMNS: dict[str, Callable[[TempoRow], str]] = {
+    "words": lambda row: row.words,
+    "tempo": lambda row: row.tempo,
+    "signs": lambda row: str(row.n_signs),
+    "of running tempo": lambda row: f"{row.ratio:.2f}",
+    "sign, s": lambda row: f"{row.sign_seconds:.2f}",
+    "95 %": lambda row: f"{row.longest:.2f}",
+    "transition, s": lambda row: f"{row.transition_seconds:.2f}",
+    "peak, m/s": lambda row: f"{row.peak:.2f}",
+    "fastest": lambda row: f"{row.fastest:.2f}",
+    "peak ratio": lambda row: f"{row.peak_ratio:.2f}",
+    "jerk ratio": lambda row: f"{row.jerk_ratio:.2f}",
+    "velocity jump, m/s": lambda row: f"{row.velocity_jump:.2f}",
+    "transition peak": lambda row: f"{row.transition_peak:.2f}",
+    "strokes whole": lambda row: percent(row.whole),
+    "turns kept": lambda row: percent(row.repetitions),
+    "shortest pass, s": lambda row: shown(row.shortest_pass, ".2f"),
+    "contacts kept": lambda row: percent(row.contacts),
+}
 
 
 def signature(n_words: int) -> str:
@@ -293,18 +303,4 @@ def signature(n_words: int) -> str:
 
 def table(rows: Sequence[TempoRow], n_words: int) -> list[str]:
     """The rows as Markdown, with their signature."""
-    return [f"`{signature(n_words)}`", "", *markdown(_HEAD, map(_cells, rows))]
-
-
-def _cells(row: TempoRow) -> tuple[str, ...]:
-    times = row.ratio, row.sign_seconds, row.longest, row.transition_seconds
-    ratios = row.peak_ratio, row.jerk_ratio, row.velocity_jump, row.transition_peak
-    return (
-        row.words,
-        row.tempo,
-        str(row.n_signs),
-        *(f"{x:.2f}" for x in (*times, row.peak, row.fastest, *ratios)),
-        *(f"{100 * x:.0f} %" for x in (row.whole, row.repetitions)),
-        "-" if row.shortest_pass is None else f"{row.shortest_pass:.2f}",
-        "-" if row.contacts is None else f"{100 * row.contacts:.0f} %",
-    )
+    return [f"`{signature(n_words)}`", "", *markdown_columns(_COLUMNS, rows)]

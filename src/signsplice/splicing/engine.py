@@ -14,9 +14,8 @@ from time import perf_counter
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.splicing.arguments import not_clips
 from signsplice.splicing.methods.duration import MAX_TRANSITION_S
-from signsplice.splicing.options import SpliceOptions
+from signsplice.splicing.options import SpliceOptions, not_clips
 from signsplice.splicing.result import Piece, Span, SpliceResult
 from signsplice.splicing.sentence import SentenceBuilder
 from signsplice.splicing.tempo import measured_tempo

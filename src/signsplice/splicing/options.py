@@ -1,4 +1,4 @@
-"""What one call of the engine wants."""
+"""What one call of the engine wants; mistakes of callers as errors that say what was given and what is expected."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
+from signsplice.motion.clip import Clip
 from signsplice.splicing.methods import choice as methods
 from signsplice.splicing.methods.choice import ChosenMethods
 from signsplice.splicing.methods.cut import CLASSICAL_CUTTER, Cutter
@@ -88,22 +89,33 @@ class SpliceOptions:
             return methods.choose(self.cutter, self.transition, self.duration, self.bundle)
         return methods.choose(CLASSICAL_CUTTER, CLASSICAL_TRANSITION, CLASSICAL_DURATION)
 
-    @property
-    def has_own_cutter(self) -> bool:
-        """Whether the call names a cutter other than the default."""
-        return self.cutter not in (None, NAME)
-
-    @property
-    def has_own_transition(self) -> bool:
-        """Whether the call names a transition other than the default."""
-        return self.transition not in (None, NAME)
-
-    @property
-    def has_own_duration(self) -> bool:
-        """Whether the call names a duration other than the default."""
-        return self.duration not in (None, methods.AUTO, NAME)
+    def has_own(self, kind: str) -> bool:
+        """Whether the call names a cutter, transition or duration (``kind``) other than the default."""
+        return getattr(self, kind) not in (None, methods.AUTO, NAME)
 
     @property
     def lengthens(self) -> bool:
         """Whether transitions are lengthened for an idle hand: the call names neither them nor their time."""
-        return self.transition_time is None and not (self.has_own_transition or self.has_own_duration)
+        return self.transition_time is None and not (self.has_own("transition") or self.has_own("duration"))
+
+
+_SOURCES = "a file's is load(path), a gloss's open_lexicon(path).clip(gloss)"
+
+
+def not_clips(clips: Clip | str) -> TypeError:
+    """The error for one clip, or a text, in place of the clips of a sentence."""
+    if isinstance(clips, Clip):
+        return TypeError("clips is one Clip, expected a list of them: splice([a, b])")
+    return TypeError(f"clips is the text {clips[:60]!r}, expected a list of Clips; {_SOURCES}")
+
+
+def not_a_clip(clip: object, index: int) -> TypeError:
+    """The error for something else among the clips of a sentence."""
+    what = repr(clip)[:60] if isinstance(clip, str) else f"a {type(clip).__name__}"
+    return TypeError(f"clip {index} is {what}, expected a Clip; {_SOURCES}")
+
+
+def not_options(options: object) -> TypeError:
+    """The error for something else in place of options: often the second of two clips."""
+    hint = "; clips go into one list: splice([a, b])" if isinstance(options, Clip) else ""
+    return TypeError(f"options is a {type(options).__name__}, expected SpliceOptions{hint}")

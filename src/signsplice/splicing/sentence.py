@@ -14,16 +14,15 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.align import Reference
 from signsplice.splicing import stages
-from signsplice.splicing.arguments import not_a_clip, not_clips, not_options
 from signsplice.splicing.gap import FilledGap, Gap
 from signsplice.splicing.joins.join import PlannedSeam
-from signsplice.splicing.options import SpliceOptions
+from signsplice.splicing.options import SpliceOptions, not_a_clip, not_clips, not_options
 from signsplice.splicing.passes.seam_pass import Entering, Pass, run, split
 from signsplice.splicing.pieces import OpenWord, scored, sign_piece, transition_piece
 from signsplice.splicing.result import Piece
 from signsplice.splicing.seam import seam_positions
 from signsplice.splicing.tempo import seconds_a_sign
-from signsplice.splicing.words.retiming import retimed
+from signsplice.splicing.words.pace import retimed
 from signsplice.splicing.words.word import SentenceWord
 
 
@@ -55,7 +54,7 @@ class SentenceBuilder:
     def __init__(self, options: SpliceOptions, passes: Sequence[Pass] | None = None) -> None:
         """``passes``: in place of ``stages.passes``."""
         if not isinstance(options, SpliceOptions):
-            raise not_options(options, SpliceOptions)
+            raise not_options(options)
         self.options, self.seconds = options, dict.fromkeys(("harmonize", "cut", "transition", "join"), 0.0)
         self.methods = stages.chosen_methods(options)
         self.gap_passes, self.seam_passes = split(stages.passes(options, self.methods) if passes is None else passes)

@@ -28,7 +28,7 @@ from signsplice.splicing.passes.seam_pass import Pass
 from signsplice.splicing.passes.unhurried import LengthenGaps
 from signsplice.splicing.planning import Planner
 from signsplice.splicing.tempo import seconds_a_sign
-from signsplice.splicing.words.alignment import WordAligner
+from signsplice.splicing.words.word import WordAligner
 
 
 def chosen_methods(options: SpliceOptions) -> ChosenMethods:
@@ -36,7 +36,7 @@ def chosen_methods(options: SpliceOptions) -> ChosenMethods:
     names a duration.
     """
     methods, seconds = options.chosen_methods(), seconds_a_sign(options.tempo)
-    if seconds is None or options.has_own_duration:
+    if seconds is None or options.has_own("duration"):
         return methods
     return replace(methods, duration=RunningDuration(seconds))
 
@@ -53,8 +53,8 @@ def planner(options: SpliceOptions, methods: ChosenMethods) -> Planner:
     return Planner(
         cutter=methods.cutter,
         signs=signs,
-        letters=LetterJoin(signs, options.has_own_duration),
-        spells=not options.has_own_cutter,
+        letters=LetterJoin(signs, options.has_own("duration")),
+        spells=not options.has_own("cutter"),
         system=None if options.system is None else SystemJoin(options.system),
         fallback=fallback if options.fill_misses else None,
     )

@@ -11,6 +11,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +22,7 @@ from signsplice.motion.clip import Clip
 from signsplice.rig.align import Reference, is_same_skeleton
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import Placement, placement
-from signsplice.splicing.methods.method import Method
+from signsplice.splicing.methods import Method
 
 FPS_TOLERANCE = 1e-3
 """Rates that differ by a smaller fraction are one: frame times in files are rounded."""
@@ -134,3 +136,21 @@ def misses_message(misses: Sequence[str], n_seams: int) -> str:
     of = f"{len(misses)} of {n_seams} seams: " if n_seams > 1 else ""
     remedy = "SpliceOptions.fill_misses joins such words by the default methods, with a warning"
     return f"{of}{'; '.join(misses)}; {remedy}"
+
+
+GROUP = "signsplice.systems"
+"""Entry points of other distributions, each a function that opens a folder: it returns a ``WholeSystem``, or raises
+``InputError`` for a folder that is none of its systems.
+"""
+
+
+def open_system(folder: str | Path) -> WholeSystem:
+    """The trained system in a folder. Raises ``InputError`` where no installed distribution opens it."""
+    refusal = InputError(f"{folder}: a system that signsplice-paper opens: install it (pip install ./research)")
+    for entry in entry_points(group=GROUP):
+        try:
+            system: WholeSystem = entry.load()(folder)
+            return system
+        except InputError as error:
+            refusal = error
+    raise refusal

@@ -25,7 +25,7 @@ from signsplice.rig.canonical_map import ROLES
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.features import PHASES, CanonicalTrajectory
 from signsplice.synth.rng import stream
-from signsplice.train.sampling import draw_from_folders, group_by_folder
+from signsplice.train.prefetch import draw_from_folders, group_by_folder
 
 Int = NDArray[np.int64]
 

@@ -32,7 +32,7 @@ from signsplice.splicing.methods.transition import find_transition
 from signsplice.splicing.networks import gap_features
 from signsplice.synth.rng import stream
 from signsplice.train import augmentation
-from signsplice.train.sampling import draw_from_folders, group_by_folder
+from signsplice.train.prefetch import draw_from_folders, group_by_folder
 
 SEAM_FRACTION = 0.5
 """Fraction of the gaps that are true transitions."""

@@ -6,8 +6,10 @@ import multiprocessing
 import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import groupby
 from multiprocessing.connection import Connection
-from typing import Any, Protocol
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import torch
@@ -135,3 +137,17 @@ def prefetched(dataset: Dataset, rank: int = 0, count: int = 1) -> Iterator[Data
         yield _PrefetchedDataset(dataset, worker, slice(rank, None, count))
     finally:
         worker.close()
+
+
+T = TypeVar("T")
+
+
+def group_by_folder(paths: Sequence[Path]) -> list[list[Path]]:
+    """Paths in their order, consecutive ones of the same folder in one list."""
+    return [list(folder) for _, folder in groupby(paths, key=lambda path: path.parent)]
+
+
+def draw_from_folders(folders: Sequence[Sequence[T]], rng: np.random.Generator) -> T:
+    """One entry of one of the folders, whatever their sizes."""
+    folder = folders[int(rng.integers(len(folders))) if len(folders) > 1 else 0]
+    return folder[int(rng.integers(len(folder)))]

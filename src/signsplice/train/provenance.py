@@ -16,12 +16,9 @@ from typing import Any
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
-from signsplice.train import checkpoint
 
 KEYS = ("command", "seed", "data", "signsplice", "started_from", "tuned")
 """What a bundle says of how a network was trained; the last two only where it was trained further or tuned."""
-DATA_FILE = "data.json"
-"""The sha256 of the data that a part of a system of the paper is trained on, in the part's folder."""
 
 Option = str | int | Path | bool | Sequence[Path] | None
 
@@ -72,29 +69,6 @@ def folder_sha256(folder: Path, *patterns: str) -> dict[str, str]:
     """The sha256 of a folder's files whose names match one of the patterns, by name."""
     paths = {path for pattern in patterns for path in folder.glob(pattern) if path.is_file()}
     return {path.name: sha256(path) for path in sorted(paths)}
-
-
-def corpus_data(corpus: Path, folder: Path) -> dict[str, str] | None:
-    """The sha256 of every file of a corpus of pairs, by name, which the ``folder`` of a training on it records.
-
-    None where the folder's checkpoint is older than such records, so that its data are unknown. Raises ``InputError``
-    where the folder records other data.
-    """
-    data = folder_sha256(corpus, "corpus.json", "*.npy")
-    path = folder / DATA_FILE
-    if path.exists():
-        recorded: dict[str, str] = json.loads(path.read_text(encoding="utf-8"))
-        changed = sorted(name for name in recorded.keys() | data.keys() if recorded.get(name) != data.get(name))
-        if changed:
-            raise InputError(
-                f"{folder}: was trained on data in which {', '.join(changed)} differed; name another folder for the "
-                "checkpoints, or remove this one"
-            )
-        return data
-    if (folder / checkpoint.NAME).exists():
-        return None
-    write_json(path, data)
-    return data
 
 
 def write_json(path: Path, content: Any) -> None:

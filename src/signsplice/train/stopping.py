@@ -59,8 +59,3 @@ def reason(folder: Path, steps: int, patience: int | None) -> tuple[int, str]:
         return step, STEPS
     plateau = patience is not None and on_plateau(losses(folder, step), patience)
     return step, PLATEAU if plateau else TIME
-
-
-def of_parts(reasons: Sequence[str]) -> str:
-    """Why the training of a system ended: time if any part's did, else steps if any part's did, else plateau."""
-    return next((one for one in (TIME, STEPS) if one in reasons), PLATEAU)

@@ -32,15 +32,13 @@ from signsplice.train import provenance, warm_start
 from signsplice.train.bridge_task import BridgeTask
 from signsplice.train.cut_data import CutDataset
 from signsplice.train.cut_task import CuttingTask
-from signsplice.train.export import check_bundle_folder
+from signsplice.train.export import check_bundle_folder, product_graphs
 from signsplice.train.gap_data import GapDataset
 from signsplice.train.loop import LoopConfig, ProgressCallback, judge, train
 from signsplice.train.networks.bridge import Bridge, BridgeConfig
 from signsplice.train.networks.cutting import Cutting, CuttingConfig
-from signsplice.train.onnx_graphs import product_graphs
-from signsplice.train.prefetch import Dataset, prefetched
+from signsplice.train.prefetch import Dataset, group_by_folder, prefetched
 from signsplice.train.processes import Processes, only_one
-from signsplice.train.sampling import group_by_folder
 from signsplice.train.task import Task
 from signsplice.train.warm_start import WarmStart
 

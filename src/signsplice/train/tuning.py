@@ -30,11 +30,10 @@ from signsplice.splicing.networks import features
 from signsplice.splicing.networks.bundle import BUNDLE_FILE, read_file, write_bundle
 from signsplice.train import provenance
 from signsplice.train.bridge_task import BridgeTask
-from signsplice.train.export import check_bundle_folder
+from signsplice.train.export import check_bundle_folder, product_graphs
 from signsplice.train.gap_data import GapDataset, SignerMotion, signer_motion
 from signsplice.train.loop import LoopConfig, ProgressCallback, train
 from signsplice.train.networks.bridge import Bridge, BridgeConfig
-from signsplice.train.onnx_graphs import product_graphs
 from signsplice.train.prefetch import prefetched
 from signsplice.train.processes import Processes, only_one
 from signsplice.train.training import FILES

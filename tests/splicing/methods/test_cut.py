@@ -12,7 +12,8 @@ from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import active_span, arms
-from signsplice.splicing.methods.cut import CUTTERS, VELOCITY_TIME_S, find_cutter
+from signsplice.splicing.methods import find
+from signsplice.splicing.methods.cut import CUTTERS, VELOCITY_TIME_S
 
 NAMES = list(CUTTERS)
 
@@ -21,17 +22,17 @@ NAMES = list(CUTTERS)
 def test_cuts_lie_in_their_clips_and_keep_some_of_every_word(name: str, words: dict[str, Clip]) -> None:
     for a in words.values():
         for b in words.values():
-            cut = find_cutter(name).cut(a, b)
+            cut = CUTTERS[name].cut(a, b)
             assert 0 <= cut.post < len(b)
             assert 0 <= cut.pre < len(a)
-            assert cut.pre > find_cutter(name).cut(b, a).post, "a word is left after it is entered"
+            assert cut.pre > CUTTERS[name].cut(b, a).post, "a word is left after it is entered"
 
 
 @pytest.mark.parametrize("name", ["rest-trim", "hand-distance", "pose-velocity"])
 def test_arms_do_not_hang_at_either_side_of_a_cut(name: str, words: dict[str, Clip]) -> None:
     for a in words.values():
         for b in words.values():
-            cut = find_cutter(name).cut(a, b)
+            cut = CUTTERS[name].cut(a, b)
             for clip, frame in ((a, cut.pre), (b, cut.post)):
                 lift = arms(clip).lift.max(axis=1)
                 assert lift[frame] > lift[0] + 0.3 * (lift.max() - lift[0])
@@ -66,13 +67,13 @@ def plain_search(before: Clip, after: Clip, name: str) -> tuple[int, int]:
 @pytest.mark.parametrize("name", ["hand-distance", "pose-velocity"])
 @pytest.mark.parametrize(("a", "b"), [("HELLO", "SIGN"), ("SIGN", "I"), ("DEAF", "THANK-YOU")])
 def test_rules_find_what_a_plain_search_finds(name: str, a: str, b: str, words: dict[str, Clip]) -> None:
-    cut = find_cutter(name).cut(words[a], words[b])
+    cut = CUTTERS[name].cut(words[a], words[b])
     assert (cut.pre, cut.post) == plain_search(words[a], words[b], name)
 
 
 def test_the_rule_ends_keeps_every_frame() -> None:
     a, b = random_clip(0), random_clip(0, n_frames=7)
-    cut = find_cutter("ends").cut(a, b)
+    cut = CUTTERS["ends"].cut(a, b)
     assert (cut.pre, cut.post) == (19, 0)
 
 
@@ -100,6 +101,6 @@ def test_the_active_span_ignores_units_and_reverses_with_time(words: dict[str, C
 
 def test_unknown_arms_and_cutters_are_refused(words: dict[str, Clip]) -> None:
     with pytest.raises(InputError, match="no leftUpperArm or leftLowerArm found among joints joint0"):
-        find_cutter("rest-trim").cut(random_clip(0), random_clip(1))
+        CUTTERS["rest-trim"].cut(random_clip(0), random_clip(1))
     with pytest.raises(InputError, match="no cutter 'x', expected one of ends, rest-trim"):
-        find_cutter("x")
+        find("cutter", "x", CUTTERS)

@@ -9,7 +9,8 @@ from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import arms
 from signsplice.splicing.gap import Cut
-from signsplice.splicing.methods.duration import find_duration, travel_widths
+from signsplice.splicing.methods import find
+from signsplice.splicing.methods.duration import DURATIONS, travel_widths
 
 PRE, POST = 43, 12
 """Frames of the first and the fifth word of the sentence in which both hands move fast."""
@@ -18,13 +19,13 @@ PRE, POST = 43, 12
 def test_travel_follows_its_law_and_fixed_is_the_human_median(sentence: list[Clip]) -> None:
     before, after = sentence[0], sentence[4]
     width = travel_widths(arms(before), arms(after), PRE, POST)
-    travel, fixed = (find_duration(name).seconds(before, after, Cut(PRE, POST)) for name in ("travel", "fixed"))
+    travel, fixed = (DURATIONS[name].seconds(before, after, Cut(PRE, POST)) for name in ("travel", "fixed"))
     assert travel == pytest.approx(0.051 + 0.149 * np.log2(1 + width / 0.15))
     assert fixed == 0.25
 
 
 def test_tempo_is_at_least_the_human_median(sentence: list[Clip]) -> None:
-    assert find_duration("tempo").seconds(sentence[0], sentence[0], Cut(40, 40)) == 0.25
+    assert DURATIONS["tempo"].seconds(sentence[0], sentence[0], Cut(40, 40)) == 0.25
 
 
 def test_speed_is_distance_over_the_mean_speed_of_both_ends(sentence: list[Clip]) -> None:
@@ -34,10 +35,10 @@ def test_speed_is_distance_over_the_mean_speed_of_both_ends(sentence: list[Clip]
     hand = int(np.argmax(distances))
     steps = (a.wrists[PRE, hand] - a.wrists[PRE - 1, hand], b.wrists[POST + 1, hand] - b.wrists[POST, hand])
     speed = np.mean([np.linalg.norm(step) * 30.0 for step in steps])
-    seconds = find_duration("speed").seconds(before, after, Cut(PRE, POST))
+    seconds = DURATIONS["speed"].seconds(before, after, Cut(PRE, POST))
     assert seconds == pytest.approx(distances[hand] / speed)
 
 
 def test_an_unknown_duration_is_refused() -> None:
     with pytest.raises(InputError, match="no duration 'x', expected one of tempo"):
-        find_duration("x")
+        find("duration", "x", DURATIONS)

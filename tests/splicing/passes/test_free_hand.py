@@ -18,7 +18,7 @@ from signsplice.body import collision
 from signsplice.body.arm_ik import move_wrists
 from signsplice.body.retarget import align
 from signsplice.errors import InputError
-from signsplice.evaluation.wrists import wrist_positions
+from signsplice.evaluation.hands import wrist_positions
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig.align import reference

@@ -17,24 +17,23 @@ from signing import word
 from signsplice.body.retarget import align
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
+from signsplice.evaluation.hands import wrist_positions
 from signsplice.evaluation.tempo import compare, draw_words, table
-from signsplice.evaluation.wrists import wrist_positions
 from signsplice.motion.clip import Clip, concatenate, resample, sampled
 from signsplice.rig.align import reference
 from signsplice.rig.stray_frames import with_ends_held
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
 from signsplice.splicing.gap import Cut, Gap
-from signsplice.splicing.methods.cut import Cutter, find_cutter
+from signsplice.splicing.methods.cut import CUTTERS, Cutter
 from signsplice.splicing.methods.transition import GapTransition
 from signsplice.splicing.passes.filling import fill
 from signsplice.splicing.passes.unhurried import LengthenGaps
 from signsplice.splicing.tempo import RUNNING_S, measured_tempo, seconds_a_sign
-from signsplice.splicing.words.pace import CONTACT_S, MOST, PEAKS, contact_frames, pace
-from signsplice.splicing.words.retiming import retimed
+from signsplice.splicing.words.pace import CONTACT_S, MOST, PEAKS, contact_frames, pace, retimed
 from signsplice.splicing.words.word import FrameMap, SentenceWord
 
-CUTTER = find_cutter("pose-velocity")
+CUTTER = CUTTERS["pose-velocity"]
 
 
 def at_tempo(clip: Clip, seconds: float) -> SentenceWord:

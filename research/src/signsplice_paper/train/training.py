@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +35,8 @@ from signsplice_paper.train.tasks import MOST_FRAMES, token_bias
 
 GRAPHS = "graphs"
 """Folder of a part's graphs, next to its checkpoint."""
+DATA_FILE = "data.json"
+"""The sha256 of the data that a part of a system of the paper is trained on, in the part's folder."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ def make(
         folder.mkdir(parents=True, exist_ok=True)
         with only_one(folder, processes):
             if processes.first:
-                provenance.corpus_data(pairs.folder, folder)
+                corpus_data(pairs.folder, folder)
             callback = None if progress is None else progress(part.name)
             tasks.append(trained(part, training, pairs, folder, processes, callback))
     if processes.first:
@@ -178,6 +180,29 @@ def _write(
     write_bundle(out, contents, files, logged)
 
 
+def corpus_data(corpus: Path, folder: Path) -> dict[str, str] | None:
+    """The sha256 of every file of a corpus of pairs, by name, which the ``folder`` of a training on it records.
+
+    None where the folder's checkpoint is older than such records, so that its data are unknown. Raises ``InputError``
+    where the folder records other data.
+    """
+    data = provenance.folder_sha256(corpus, "corpus.json", "*.npy")
+    path = folder / DATA_FILE
+    if path.exists():
+        recorded: dict[str, str] = json.loads(path.read_text(encoding="utf-8"))
+        changed = sorted(name for name in recorded.keys() | data.keys() if recorded.get(name) != data.get(name))
+        if changed:
+            raise InputError(
+                f"{folder}: was trained on data in which {', '.join(changed)} differed; name another folder for the "
+                "checkpoints, or remove this one"
+            )
+        return data
+    if (folder / checkpoint.NAME).exists():
+        return None
+    provenance.write_json(path, data)
+    return data
+
+
 def _provenance(training: Training, pairs: Pairs, folders: list[Path]) -> dict[str, Any]:
     """The command that makes a bundle, and the sha256 of its data; None where a part's data are unknown."""
     options: dict[str, provenance.Option] = {
@@ -185,7 +210,7 @@ def _provenance(training: Training, pairs: Pairs, folders: list[Path]) -> dict[s
         "split": training.split, "fr": training.fr, "steps": training.steps, "seed": training.seed,
         "bf16": training.bf16,
     }  # fmt: skip
-    data = [provenance.corpus_data(pairs.folder, folder) for folder in folders]
+    data = [corpus_data(pairs.folder, folder) for folder in folders]
     return {
         "command": provenance.command(["train-system"], options, "signsplice-paper"),
         "data": None if None in data else data[0],
@@ -203,6 +228,11 @@ def _exported(part: SystemPart, made: Task, folder: Path) -> dict[str, bytes]:
         for name, content in files.items():
             (graphs / name).write_bytes(content)
     return files
+
+
+def reason_of_parts(reasons: Sequence[str]) -> str:
+    """Why the training of a system ended: time if any part's did, else steps if any part's did, else plateau."""
+    return next((one for one in (stopping.TIME, stopping.STEPS) if one in reasons), stopping.PLATEAU)
 
 
 def facts(
@@ -225,7 +255,7 @@ def facts(
         "fps": pairs.head["fps"],
         "seed": training.seed,
         "steps": sum(step for step, _ in ends),
-        "stopped": stopping.of_parts([why for _, why in ends]),
+        "stopped": reason_of_parts([why for _, why in ends]),
         "fr": chosen[-1].fr,
         "parts": {
             part.name: {

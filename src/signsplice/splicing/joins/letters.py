@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.lexicon.entry import is_letter
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import Arms, arms, seen_from_trunk
@@ -93,11 +92,6 @@ class LetterJoin(Join):
         slide_m = before.slide_m + SLIDE_M if found.slides and n_frames else 0.0
         arrival_s = (n_frames + 1) / after.clip.fps
         return planned(kind, before, after, cut, n_frames, warnings, arrival_s, slide_m)
-
-
-def are_letters(before: Clip, after: Clip) -> bool:
-    """Whether two clips are letters by their names (fs-A), in any case."""
-    return is_letter(before.name) and is_letter(after.name)
 
 
 def letter_seam(before: Clip, after: Clip, entry: int, transition_s: float, speed: float = 1.0) -> LetterSeam | None:

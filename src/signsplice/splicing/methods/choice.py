@@ -9,11 +9,10 @@ from typing import TypeVar
 
 from signsplice.errors import InputError
 from signsplice.motion.cache import CACHE
-from signsplice.splicing.methods import learned
+from signsplice.splicing.methods import Method, find, learned
 from signsplice.splicing.methods.cut import CLASSICAL_CUTTER, CUTTERS, Cutter
 from signsplice.splicing.methods.duration import CLASSICAL_DURATION, DURATIONS, Duration
 from signsplice.splicing.methods.learned import FLUENT, NAME, LearnedCutter, LearnedDuration, LearnedTransition
-from signsplice.splicing.methods.method import Method, find
 from signsplice.splicing.methods.transition import CLASSICAL_TRANSITION, TRANSITIONS, Transition
 from signsplice.splicing.networks.bundle import BUNDLE_FILE, NetworkConfig, bundle_sha256
 from signsplice.splicing.networks.word_reader import WordReader

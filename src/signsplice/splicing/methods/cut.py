@@ -19,7 +19,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import Arms, active_span, arms
 from signsplice.splicing.gap import Cut
-from signsplice.splicing.methods.method import Method, find
+from signsplice.splicing.methods import Method
 
 WINDOW_S = 0.3
 WINDOW_FRACTION = 0.3
@@ -139,8 +139,3 @@ CUTTERS: dict[str, PairCutter] = {
 }
 CLASSICAL_CUTTER = "pose-velocity"
 """Used where no network can be read; the default is learned (``choice.choose``)."""
-
-
-def find_cutter(name: str) -> PairCutter:
-    """The cutter of that name. Raises ``InputError`` that lists the existing names."""
-    return find("cutter", name, CUTTERS)

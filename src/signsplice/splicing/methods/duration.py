@@ -11,7 +11,7 @@ import numpy as np
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import Arms, active_span, arms
 from signsplice.splicing.gap import Cut
-from signsplice.splicing.methods.method import Method, find
+from signsplice.splicing.methods import Method
 from signsplice.splicing.tempo import FAST_M_S, RUNNING_S
 
 HUMAN_MEDIAN_S = 0.25
@@ -135,12 +135,5 @@ DURATIONS: dict[str, Duration] = {
         RuleDuration("speed", "distance over boundary speed", _speed),
     )
 }
-
-
 CLASSICAL_DURATION = "tempo"
 """Used where no network can be read; the default is learned (``choice.choose``)."""
-
-
-def find_duration(name: str) -> Duration:
-    """The duration rule of that name. Raises ``InputError`` that lists the existing names."""
-    return find("duration", name, DURATIONS)

@@ -30,7 +30,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, bone_translations, unchecked_copy
 from signsplice.motion.curves import minimum_jerk
 from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.method import Method, find
+from signsplice.splicing.methods import Method, find
 
 AGREEING_FADE_S = 0.4
 OPPOSING_FADE_S = 0.2

@@ -1,4 +1,4 @@
-"""How far the two hands of a signer differ in place and time where they move as in a mirror."""
+"""Hands of a clip: their wrists, the bends of their fingers, and how far the two differ as in a mirror."""
 
 from __future__ import annotations
 
@@ -9,8 +9,40 @@ import numpy as np
 
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import FINGERS, finger_roles
+from signsplice.synth.corpus import Pairs
+
+
+def wrist_joints(skeleton: Skeleton) -> list[int]:
+    """Joints of the left and the right wrist; those whose role is not known are left out."""
+    joints = rig_info(skeleton).roles.joints
+    return [joints[role] for role in ("leftHand", "rightHand") if role in joints]
+
+
+def wrist_positions(clip: Clip) -> FloatArray:
+    """Positions (T, W, 3) of the wrists in the order of ``wrist_joints``, m."""
+    _, positions = kinematics.forward(clip, wrist_joints(clip.skeleton))
+    return positions * rig_info(clip.skeleton).sizes.unit.metres
+
+
+def strong_wrist(clip: Clip, strong: str) -> FloatArray:
+    """Positions (T, 3) of the wrist of the strong side ("left" or "right"), m, on a rig with both hands known."""
+    return wrist_positions(clip)[:, 0 if strong == "left" else 1]
+
+
+def strong_side(pairs: Pairs, word: int = 0) -> str:
+    """The strong side, "left" or "right", of the signer of a corpus's word, by default of the first signer."""
+    return "left" if pairs.signers[word >= len(pairs.head["words"]) // 2].left_handed else "right"
+
+
+def busier_side(clip: Clip) -> str:
+    """The side, "left" or "right", whose wrist moves farther, which is taken for a real signer's strong side."""
+    left, right = np.linalg.norm(np.diff(wrist_positions(clip), axis=0), axis=-1).sum(axis=0)
+    return "left" if left > right else "right"
+
 
 MIRRORED_SPEED, MIRRORED_COSINE, MIRRORED_FRAMES = 0.3, 0.5, 6
 """Hands mirror each other while both wrists are faster than this (arm lengths a second), one wrist's velocity and the
@@ -90,3 +122,33 @@ def _lag(speed: FloatArray, first: int, stop: int) -> float:
 def _correlation(a: FloatArray, b: FloatArray) -> float:
     a, b = a - a.mean(), b - b.mean()
     return float((a * b).sum() / max(float(np.sqrt((a**2).sum() * (b**2).sum())), 1e-12))
+
+
+def flexions(clip: Clip) -> dict[str, FloatArray]:
+    """Finger and joint number ("Index 2") -> its bend in every frame, degrees, left hand then right (2 T,).
+
+    The bend is the angle between the bones on either side; joint 1 is the nearest to the wrist. Fingers whose joints a
+    rig lacks are left out.
+    """
+    roles = rig_info(clip.skeleton).roles.joints
+    rotations, positions = kinematics.forward(clip)
+    tip_positions = np.swapaxes(kinematics.tip_positions(clip, rotations, positions), 0, 1)
+    tips = dict(zip((site.joint for site in clip.skeleton.end_sites), tip_positions, strict=True))
+    out: dict[str, list[FloatArray]] = {}
+    for side in SIDES:
+        for finger in FINGERS:
+            chain = [f"{side}Hand", *(side + role for role in finger_roles(finger))]
+            if not all(role in roles for role in chain):
+                continue
+            points = [positions[:, roles[role]] for role in chain]  # (T, 3) each
+            last = roles[chain[-1]]
+            children = clip.skeleton.children[last]
+            if last in tips:
+                points.append(tips[last])
+            elif children:
+                points.append(positions[:, children[0]])
+            for n, (a, b, c) in enumerate(zip(points[:-2], points[1:-1], points[2:], strict=True), 1):
+                u, v = b - a, c - b
+                cosine = (u * v).sum(-1) / np.maximum(np.linalg.norm(u, axis=-1) * np.linalg.norm(v, axis=-1), 1e-12)
+                out.setdefault(f"{finger} {n}", []).append(np.rad2deg(np.arccos(np.clip(cosine, -1, 1))))
+    return {name: np.concatenate(rows) for name, rows in out.items()}
