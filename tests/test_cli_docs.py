@@ -12,6 +12,7 @@ import pytest
 
 import signsplice
 from signsplice.cli.commands import app
+from signsplice.splicing.methods.choice import all_methods
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "cli.md").read_text(encoding="utf-8")
 OF_THE_PAPER = ("paper", "pairs", "publish", "train paper", "train traits")
@@ -61,3 +62,8 @@ def test_errors_of_the_library_name_no_option() -> None:
                 texts = [one.value for one in ast.walk(node) if isinstance(one, ast.Constant)]
                 found += [text for text in texts if isinstance(text, str) and re.search(r"(?<![\w-])--[a-z]", text)]
     assert [text for text in found if "`ray start --head`" not in text] == []
+
+
+def test_the_page_names_every_method() -> None:
+    first_cells = "\n".join(line.split("|")[1] for line in PAGE.splitlines() if line.startswith("| `"))
+    assert {method.name for _, method, _ in all_methods()} <= set(re.findall(r"`([\w-]+)`", first_cells))

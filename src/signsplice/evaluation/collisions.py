@@ -1,7 +1,7 @@
 """How deep transitions lead a hand into head, trunk or the other hand, over the pairs of a corpus.
 
 Each transition joins each pair at its true cut with its true number of frames, with and without collision avoidance.
-Depth that the two ends of a gap already have does not count (``splicing.collision_avoidance.depths``).
+Depth that the two ends of a gap already have does not count (``passes.collision_avoidance.depths``).
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@ duration of the transition between them.
 
 Where to leave a word depends little on the next word: on how far and in which direction the hands have to go, and on
 whether the handshape changes. So a Transformer encoder with rotary positions reads every word alone and once
-(``splicing.features.word_tokens``), two frames to a token. It yields a state for each frame and two summaries, one for
+(``networks.features.word_tokens``), two frames to a token. It yields a state for each frame and two summaries, one for
 leaving the word and one for entering it; a summary is made by a few learned attention queries. For a pair of words, the
 two summaries and their difference form a condition, and every frame's score follows from its state and the condition.
 One reading of a word serves both of its seams in any sentence.
