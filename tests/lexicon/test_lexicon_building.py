@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import random_clip
+from conftest import ROOT, random_clip
 
 from signsplice import lexicon
 from signsplice.errors import InputError
@@ -129,7 +129,7 @@ def test_a_file_size_limit_changes_nothing(tmp_path: Path) -> None:
         [sys.executable, "-c", code, str(tmp_path / "lex")],
         capture_output=True,
         text=True,
-        env={"PYTHONPATH": str(Path(__file__).parents[1])},
+        env={"PYTHONPATH": os.pathsep.join(map(str, (ROOT, ROOT / "tests")))},
         check=False,
     )
     assert run.returncode == 1
