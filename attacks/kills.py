@@ -22,11 +22,11 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import torch
-from onnxruntime import quantization as _quantization  # noqa: F401  (imported before the first fork)
 
 from signsplice import cli, lexicon
 from signsplice.errors import InputError
 from signsplice.formats import save
+from signsplice.splicing.networks import runtime as _runtime  # noqa: F401  (imported before the first fork)
 from signsplice.synth.corpus import Pairs
 from signsplice.train import checkpoint, quantization
 from signsplice.train.processes import Processes

@@ -32,7 +32,11 @@ def serving(*arguments: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
-        env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(SOURCE)},
+        env={
+            **os.environ,
+            "OMP_NUM_THREADS": "1",
+            "PYTHONPATH": os.pathsep.join([str(SOURCE), os.environ.get("PYTHONPATH", "")]),
+        },
     )
     assert process.stdout is not None
     try:
@@ -77,7 +81,8 @@ async def watch_health(address: str, seen: Seen, until: float, every: float = 0.
     """Ask /healthz, on a new connection each time, until a time of ``time.monotonic``."""
     limits = httpx.Limits(max_keepalive_connections=0)
     async with httpx.AsyncClient(base_url=address, timeout=patience, limits=limits) as client:
-        await client.get("/healthz")  # imports what it needs
+        while (await client.get("/healthz")).status_code == 503:  # its workers start
+            await asyncio.sleep(every)
         while time.monotonic() < until:
             start = time.monotonic()
             try:

@@ -266,6 +266,13 @@ def test_only_training_imports_torch() -> None:
             assert not {t for t in at_top & NAMES if room(t) in ("train", "paper train")}, path
 
 
+def test_one_module_imports_onnxruntime() -> None:
+    """It switches the library's telemetry off before the import, which is too late afterwards."""
+    others = [path for folder in ("src", "research", "attacks") for path in (ROOT / folder).rglob("*.py")]
+    importing = {path.name for path in others if "onnxruntime" in {t.split(".")[0] for t in imports(path)}}
+    assert importing == {"runtime.py"}
+
+
 def in_a_fresh_process(code: str) -> str:
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     return run.stdout

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import logging
 import os
+import secrets
+import sys
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from signsplice.bulk.local import ONE_THREAD
@@ -17,6 +21,12 @@ LOCAL = "local"
 
 LOOPBACK = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"
 """Set to 0, nodes of Ray are at 127.0.0.1, on every system. Else they are at the machine's own address, and open."""
+
+
+_UNREACHABLE = "http://127.0.0.1:9"
+"""A proxy that does not exist. Ray asks the metadata hosts of three clouds by HTTP which of them it runs in, also where
+its usage reports are off; its own processes speak gRPC, which heeds no proxy here.
+"""
 
 
 class ShardActor:
@@ -48,7 +58,11 @@ def make_all(
     shards again that ended with a process or a machine. Raises ``InputError`` where there is no cluster, and where a
     worker finds another folder, lexicon, bundle or version; ``MissingExtraError`` without Ray.
     """
-    ray = connect(address)
+    with _cluster_of_its_own() if address == LOCAL else nullcontext("") as folder:
+        yield from _make_all(connect(address, folder), out, shards, n_kept, workers)
+
+
+def _make_all(ray: Any, out: str, shards: Sequence[int], n_kept: int, workers: int | None) -> Iterator[ShardResult]:
     try:
         context = ray.data.DataContext.get_current()
         context.enable_progress_bars = context.enable_auto_log_stats = False
@@ -70,8 +84,38 @@ def make_all(
         ray.shutdown()
 
 
-def connect(address: str) -> Any:
-    """Ray, connected to the cluster at ``address``. It sends nothing about its use anywhere. Raises as ``make_all``."""
+@contextmanager
+def _cluster_of_its_own() -> Iterator[str]:
+    """A temporary folder for a cluster that is started here, and an environment in which it writes nothing elsewhere
+    and calls no other host.
+    """
+    values = {
+        "RAY_AUTH_TOKEN": secrets.token_hex(32),  # else Ray writes one to the user's home
+        "http_proxy": _UNREACHABLE,
+        "HTTP_PROXY": _UNREACHABLE,
+        "no_proxy": "localhost,127.0.0.1",
+        "NO_PROXY": "localhost,127.0.0.1",
+    }
+    before = {name: os.environ.get(name) for name in values}
+    # macOS has a folder of temporary files whose name is too long for Ray's sockets.
+    with TemporaryDirectory(
+        prefix="ray-", dir="/tmp" if sys.platform == "darwin" else None, ignore_cleanup_errors=True
+    ) as folder:
+        os.environ.update(values)
+        try:
+            yield folder
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    del os.environ[name]
+                else:
+                    os.environ[name] = value
+
+
+def connect(address: str, folder: str = "") -> Any:
+    """Ray, connected to the cluster at ``address``; one that is started here keeps its files in ``folder``. It sends
+    nothing about its use anywhere. Raises as ``make_all``.
+    """
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")
     if address == LOCAL:
@@ -91,6 +135,7 @@ def connect(address: str) -> Any:
             log_to_driver=False,
             logging_level="ERROR",
             **({"include_dashboard": False, "_node_ip_address": "127.0.0.1"} if address == LOCAL else {}),
+            **({"_temp_dir": folder} if folder else {}),
         )
     except (ConnectionError, ValueError, RuntimeError, OSError) as error:
         what = (str(error).splitlines() or [type(error).__name__])[0][:200]

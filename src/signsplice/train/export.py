@@ -19,6 +19,7 @@ from signsplice.errors import InputError, SignspliceError
 from signsplice.formats.atomic import check_place
 from signsplice.splicing.networks.bundle import BUNDLE_FILE
 from signsplice.splicing.networks.features import N_FRAME
+from signsplice.splicing.networks.runtime import onnxruntime
 from signsplice.train.networks.cutting import ChooseGraph, Cutting, ReadGraph, TimeGraph
 from signsplice.train.prefetch import Dataset
 from signsplice.train.task import Task
@@ -140,8 +141,6 @@ def _with_weight_names(model: Any, module: nn.Module) -> Any:
 
 def compare(name: str, graph: ExportGraph, content: bytes) -> None:
     """Raise ``SignspliceError`` if onnxruntime and torch differ on the example or the other inputs."""
-    import onnxruntime
-
     session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
     used = {entry.name for entry in session.get_inputs()}
     for inputs in (graph.inputs, *graph.checks):

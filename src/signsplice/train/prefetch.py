@@ -20,6 +20,9 @@ from signsplice.errors import SignspliceError
 
 Rows = NDArray[np.int64]
 
+_ENDING_SECONDS = 5.0
+"""Time that a process has to end by itself."""
+
 
 class Dataset(Protocol):
     """What a loop trains on. Rows and batches depend on their arguments alone."""
@@ -69,10 +72,13 @@ class _BatchWorker:
         )
 
     def close(self) -> None:
-        """End the process, whatever it is doing."""
+        """End the process, whatever it is doing. It has some time to end by itself, and so to remove its own folder of
+        temporary files, which it needs to send tensors.
+        """
+        self._connection.close()
+        self._process.join(_ENDING_SECONDS)
         self._process.terminate()
         self._process.join()
-        self._connection.close()
 
 
 def _serve(dataset: Dataset, connection: Connection, parent_end: Connection) -> None:

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import onnx
-import onnxruntime
 import torch
 from torch import Tensor
 
@@ -27,6 +26,7 @@ from signsplice.rig.canonical import FEATURE_FPS
 from signsplice.splicing.methods.learned import SYSTEM
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.bundle import write_bundle
+from signsplice.splicing.networks.runtime import onnxruntime
 from signsplice.train import log as logs
 from signsplice.train import provenance, warm_start
 from signsplice.train.bridge_task import BridgeTask

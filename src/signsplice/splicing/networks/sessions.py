@@ -55,13 +55,12 @@ class Sessions:
 
     def _session(self, name: str) -> tuple[Any, list[str], list[str]]:
         if name not in self._sessions:
-            import onnxruntime
+            from signsplice.splicing.networks.runtime import onnxruntime
 
             file, content = str(self.folder / f"{name}.onnx"), read_file(self.folder, self.config, f"{name}.onnx")
-            onnxruntime.disable_telemetry_events()
             options = onnxruntime.SessionOptions()
             options.intra_op_num_threads = options.inter_op_num_threads = 1
-            options.log_severity_level = 3
+            options.log_severity_level = 4  # what goes wrong is said once, by the error raised
             # 8-bit weights become 32-bit ones when the graph is opened. Otherwise onnxruntime rounds the inputs to 8
             # bits too, on each kind of processor in its own way.
             options.add_session_config_entry("session.disable_quant_qdq", "1")
