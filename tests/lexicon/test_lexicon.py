@@ -18,12 +18,14 @@ import numpy as np
 import pytest
 from conftest import random_clip
 
+import flips
 import signsplice
 from signsplice import lexicon
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon import Lexicon, reader
 from signsplice.lexicon.entry import fold, gloss_of
-from signsplice.lexicon.index import Index
+from signsplice.lexicon.frames import FRAMES
+from signsplice.lexicon.index import INDEX, Index
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import active_span, arms
@@ -330,6 +332,27 @@ def test_damaged_words_are_reported(what: str, path: Path) -> None:
             faults = str(error)
     assert re.search(message, faults), faults
     assert "\n" not in faults
+
+
+@pytest.mark.parametrize("file", [FRAMES, INDEX])
+def test_no_flipped_bit_is_silent(file: str) -> None:
+    assert flips.flips(file, 150)["SILENT"] == 0
+
+
+def test_a_word_is_compared_with_its_hash_when_it_is_read(path: Path) -> None:
+    DAMAGED["rate changed"][0](path)
+    with lexicon.open(path) as lex:
+        assert lex.clip("HELLO").name == "HELLO"
+        with pytest.raises(InputError, match="'SIGN': its SHA-256 is another than when it was written; build"):
+            lex.clip("SIGN")
+        with pytest.raises(InputError, match="'SIGN': its SHA-256"):
+            lex.verify()
+
+
+def test_a_name_that_leads_to_another_word_is_refused(path: Path) -> None:
+    sql("UPDATE name SET word = (SELECT id FROM word WHERE gloss = 'I') WHERE shown = 'SIGN'")(path)
+    with lexicon.open(path) as lex, pytest.raises(InputError, match="'SIGN' leads to the word 'I'"):
+        lex.clip("SIGN")
 
 
 SKELETONS: dict[str, tuple[str, Any]] = {

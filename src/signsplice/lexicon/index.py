@@ -186,10 +186,14 @@ class Index:
 
     def find(self, name: str) -> tuple[Entry, ClipLocation] | None:
         """The word with this gloss or synonym and its location, None where there is none."""
-        rows = self.ask(
-            f"SELECT {_COLUMNS} FROM word WHERE id = (SELECT word FROM name WHERE folded = ?)", _printable(fold(name))
-        )
-        return self._word(rows[0]) if rows else None
+        folded = _printable(fold(name))
+        rows = self.ask(f"SELECT {_COLUMNS} FROM word WHERE id = (SELECT word FROM name WHERE folded = ?)", folded)
+        if not rows:
+            return None
+        entry, location = self._word(rows[0])
+        if folded not in map(fold, (entry.gloss, *entry.synonyms)):
+            raise InputError(f"{self.path}: {name[:40]!r} leads to the word {entry.gloss[:40]!r}; {REBUILD}")
+        return entry, location
 
     def words(self) -> Iterator[tuple[Entry, ClipLocation]]:
         """Every word and its location, sorted by gloss."""

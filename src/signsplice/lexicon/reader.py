@@ -133,9 +133,6 @@ class Lexicon:
             n_words += 1
             try:
                 self._clip(entry, location)
-                block = self._block(location)
-                if fingerprint(block, self._skeleton(location.skeleton)[1], entry.fps, entry.n_frames) != entry.sha256:
-                    yield f"{self.path}: word {entry.gloss[:40]!r}: its SHA-256 is another than when it was written"
                 for name in (entry.gloss, *entry.synonyms):
                     found = self._index.find(name)
                     if found is None or found[0].gloss != entry.gloss:
@@ -144,6 +141,14 @@ class Lexicon:
                 yield str(error)
         if n_words != len(self):
             yield f"{self.path}: {n_words} words, expected {len(self)}"
+
+    def verify(self) -> None:
+        """Compare the bytes of every word with its SHA-256. Raises ``InputError`` at the first that is another.
+
+        Quicker than ``faults``, which decodes the words too: about a second for each GB.
+        """
+        for entry, location in self._words(None):
+            self._verify(entry, location)
 
     def warnings(self, progress: Progress | None = None) -> Iterator[str]:
         """What a user should know about words that can be read, one line each: frames that do not belong to them."""
@@ -192,10 +197,20 @@ class Lexicon:
         try:
             skeleton, _ = self._skeleton(location.skeleton)
             shape = Shape(self.form, entry.n_frames, len(skeleton), location.has_translations)
-            return decode(block, shape, skeleton, entry.fps, entry.gloss)
+            clip = decode(block, shape, skeleton, entry.fps, entry.gloss)
         except Exception as error:  # of whatever damaged bytes make of a clip
             reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
             raise InputError(f"{self.path}: word {entry.gloss[:40]!r} is damaged ({reason}); {REBUILD}") from error
+        self._verify(entry, location)
+        return clip
+
+    def _verify(self, entry: Entry, location: ClipLocation) -> None:
+        """Raise ``InputError`` where a word's bytes are not those that were written: few flips make them unreadable."""
+        found = fingerprint(self._block(location), self._skeleton(location.skeleton)[1], entry.fps, entry.n_frames)
+        if found != entry.sha256:
+            raise InputError(
+                f"{self.path}: word {entry.gloss[:40]!r}: its SHA-256 is another than when it was written; {REBUILD}"
+            )
 
     def _block(self, location: ClipLocation) -> memoryview:
         frames = self._frames  # once, since another thread may close

@@ -1,0 +1,89 @@
+"""One bit of a lexicon flipped, again and again: ``python attacks/flips.py [N]``.
+
+Whoever reads a word then has to get the word as it was, or an error; anything else is a silent flip. Prints a row of a
+Markdown table for each file of the words that ship. Takes half a minute for 1,000 flips of each.
+"""
+
+from __future__ import annotations
+
+import random
+import shutil
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from signsplice.errors import InputError
+from signsplice.lexicon.frames import FRAMES
+from signsplice.lexicon.index import INDEX
+from signsplice.lexicon.reader import SHIPPED, Lexicon
+from signsplice.motion.clip import Clip
+
+_PROBES = ("HELLO", "SIGN", "I")
+"""Words that are read after every flip, besides those whose bytes hold it."""
+
+
+def read(lexicon: Lexicon, gloss: str) -> Clip | None:
+    """A word, None where it is refused."""
+    try:
+        return lexicon.clip(gloss)
+    except InputError:
+        return None
+
+
+def is_same(one: Clip, other: Clip) -> bool:
+    """Whether two words are the same frame by frame."""
+    return (
+        one.fps == other.fps
+        and one.skeleton.names == other.skeleton.names
+        and np.array_equal(one.skeleton.offsets, other.skeleton.offsets)
+        and np.array_equal(one.local_rotations, other.local_rotations)
+        and np.array_equal(one.root_positions, other.root_positions)
+    )
+
+
+def flips(file: str, n: int, seed: int = 0) -> Counter[str]:
+    """How many flips of a file of the shipped lexicon were refused, changed nothing, or were silent."""
+    counts, rng = Counter[str](), random.Random(seed)
+    with tempfile.TemporaryDirectory() as folder, Lexicon(SHIPPED) as true:
+        spans = [(at.start, at.start + at.n_bytes, entry.gloss) for entry, at in true._index.words()]
+        path = Path(shutil.copytree(SHIPPED, Path(folder) / "words")) / file
+        for _ in range(n):
+            at, bit = rng.randrange(path.stat().st_size), 1 << rng.randrange(8)
+            _flip(path, at, bit)
+            glosses = {*_PROBES, *(gloss for start, stop, gloss in spans if file == FRAMES and start <= at < stop)}
+            try:
+                with Lexicon(path.parent) as lexicon:
+                    found = {gloss: read(lexicon, gloss) for gloss in glosses}
+            except InputError:
+                counts["refused"] += 1
+            else:
+                changed = [g for g, clip in found.items() if clip is not None and not is_same(clip, true.clip(g))]
+                counts["SILENT" if changed else "refused" if None in found.values() else "no change"] += 1
+            _flip(path, at, bit)
+    return counts
+
+
+def _flip(path: Path, at: int, bit: int) -> None:
+    with path.open("r+b") as file:
+        file.seek(at)
+        byte = file.read(1)[0]
+        file.seek(at)
+        file.write(bytes([byte ^ bit]))
+
+
+def main() -> None:
+    """Flip bits in both files; exit status 1 where one was silent."""
+    n, n_silent = int(sys.argv[1]) if sys.argv[1:] else 1000, 0
+    print("| file | flips | refused | words as they were | another motion, silently |\n| --- | --- | --- | --- | --- |")
+    for file in (FRAMES, INDEX):
+        seen = flips(file, n)
+        print(f"| {file} | {n} | {seen['refused']} | {seen['no change']} | {seen['SILENT']} |", flush=True)
+        n_silent += seen["SILENT"]
+    sys.exit(n_silent > 0)
+
+
+if __name__ == "__main__":
+    main()
