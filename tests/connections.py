@@ -50,6 +50,10 @@ class FakeTransport(asyncio.Transport):
     def __init__(self, address: str = "192.0.2.1") -> None:
         super().__init__({"peername": (address, 1), "sockname": ("127.0.0.1", 8000)})
         self.written, self.is_closed, self.is_aborted, self.is_paused = b"", False, False, False
+        self.n_unread = 0
+
+    def get_write_buffer_size(self) -> int:
+        return self.n_unread
 
     def write(self, data: Any) -> None:
         self.written += data

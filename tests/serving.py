@@ -64,6 +64,14 @@ def http_client(*arguments: str, cwd: Path | None = None) -> Iterator[httpx.Clie
         yield client
 
 
+def wait_until_warm(client: httpx.Client) -> None:
+    """Return once the service says that its worker processes are warm."""
+    deadline = time.monotonic() + PATIENCE_S
+    while client.get("/healthz").status_code == 503:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
 @contextmanager
 def stream_client(client: httpx.Client, **options: Any) -> Iterator[ClientConnection]:
     """A stream of the service that an HTTP client calls."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -13,6 +14,7 @@ from websockets.sync.client import ClientConnection
 
 from connections import CHUNKED, GET, LIMIT, UPGRADE, Connections, FakeTransport, error_of, padded
 from serving import PATIENCE_S, messages_and_close_code, raw_request, stream_client
+from signsplice.service import protocols
 
 # --- what is too long ---
 
@@ -206,6 +208,77 @@ def test_one_address_cannot_hold_all_connections() -> None:
         return [connections.open(address)[1].is_closed for address in addresses]
 
     assert asyncio.run(connect()) == [False, False, True, False, False, True]
+
+
+async def answer_at_once(scope: Any, receive: Any, send: Any) -> None:
+    """An application that answers without a body."""
+    await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"0")]})
+    await send({"type": "http.response.body"})
+
+
+async def answered(connections: Connections, n_unread: int) -> tuple[Any, FakeTransport]:
+    """A connection with an answer, of which so much is not read."""
+    protocol, transport = connections.open()
+    transport.n_unread = n_unread
+    protocol.data_received(GET + b"\r\n")
+    while not transport.written:
+        await asyncio.sleep(0)
+    return protocol, transport
+
+
+@pytest.mark.parametrize("reads", [0, 1])
+def test_an_answer_that_is_not_read_or_trickles_gives_its_connection_back(
+    reads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(protocols, "_UNREAD_CHECK_SECONDS", 0.01)
+
+    async def trickle() -> float:
+        limits = {"idle_seconds": 0.1, "body_seconds": 0.5, "head_seconds": 30.0}
+        connections, start = Connections(answer_at_once, **limits), time.monotonic()
+        _, transport = await answered(connections, 1_000_000)
+        while not transport.is_aborted:
+            transport.n_unread -= reads
+            await asyncio.sleep(0.01)
+        assert not connections.http.unread
+        return time.monotonic() - start
+
+    seconds = asyncio.run(asyncio.wait_for(trickle(), 10.0))
+    assert seconds > (0.5 if reads else 0.1)
+
+
+def test_a_client_that_reads_in_time_keeps_its_connection(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(protocols, "_UNREAD_CHECK_SECONDS", 0.01)
+
+    async def read() -> bool:
+        connections = Connections(answer_at_once, idle_seconds=0.2, body_seconds=5.0)
+        _, transport = await answered(connections, 40)
+        for _ in range(40):  # longer than ``idle_seconds`` in all
+            transport.n_unread -= 1
+            await asyncio.sleep(0.01)
+        await asyncio.sleep(0.3)
+        return not transport.is_aborted and not connections.http.unread
+
+    assert asyncio.run(read())
+
+
+def test_unread_answers_count_against_a_clients_share() -> None:
+    async def ask() -> list[bytes]:
+        connections = Connections(answer_at_once, max_client_waiting=2, proxies=("192.0.2.9",))
+        for _ in range(2):
+            await answered(connections, 1000)
+        _, refused = await answered(connections, 0)
+        others = []
+        for address in ("192.0.2.7", "192.0.2.9"):
+            protocol, transport = connections.open(address)
+            protocol.data_received(GET + b"\r\n")
+            await asyncio.sleep(0.01)
+            others.append(transport.written)
+        return [refused.written, *others]
+
+    refused, other, proxy = asyncio.run(ask())
+    assert "has not read" in error_of(refused, 503)
+    assert other.startswith(b"HTTP/1.1 200")
+    assert proxy.startswith(b"HTTP/1.1 200")
 
 
 def test_a_closed_connection_whose_client_does_not_read_holds_no_place() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 
 import pytest
 
@@ -52,7 +53,7 @@ def test_a_body_behind_the_longest_head_is_parsed_in_large_pieces() -> None:
     n_pieces = 0
 
     class Counting(LimitedHttpProtocol):
-        settings = Settings()
+        settings, unread = Settings(), Counter()
 
         def on_body(self, body: bytes) -> None:
             nonlocal n_pieces

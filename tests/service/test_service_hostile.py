@@ -45,8 +45,7 @@ def next_request_is_served(tight: httpx.Client, tight_folder: Path) -> Iterator[
     while n_streams(tight) and time.monotonic() < deadline:
         time.sleep(0.02)
     assert n_streams(tight) == 0, "a stream remains whose client is gone"
-    # onnxruntime writes its session's number to the folder of temporary files.
-    assert {path.name for path in tight_folder.iterdir()} <= {".ses"}
+    assert list(tight_folder.iterdir()) == []
 
 
 def n_streams(client: httpx.Client) -> int:
@@ -176,7 +175,7 @@ def test_others_are_served_during_many_slow_requests(tight: httpx.Client) -> Non
     try:
         for connection in connections:
             connection.sendall(b"POST /v1/sentence HTTP/1.1\r\nHost: localhost\r\n")
-        assert tight.get("/healthz").json()["status"] == "ok"
+        assert tight.get("/healthz").json()["status"] in ("ok", "starting")
     finally:
         for connection in connections:
             connection.close()

@@ -21,6 +21,7 @@ from websockets.exceptions import ConnectionClosed
 from serving import PATIENCE_S, FakeSocket, http_client, raw_request, stream_client
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
+from signsplice.service import log
 from signsplice.service.app import create
 from signsplice.service.run import serve
 from signsplice.service.settings import Settings
@@ -211,6 +212,29 @@ def test_a_service_that_others_can_reach_warns(
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == is_open
     assert all("no accounts and no encryption" in line for line in lines)
+
+
+def test_clients_that_are_gone_are_logged_in_one_line_a_minute(caplog: pytest.LogCaptureFixture) -> None:
+    log.quieten()
+    log.quieten()  # again, as a second service in this process does
+    uvicorn_logger = logging.getLogger("uvicorn.error")
+    try:
+        for _ in range(10):
+            for error in (ConnectionResetError(), RuntimeError("unable to perform; the handler is closed")):
+                uvicorn_logger.error("Exception in ASGI application", exc_info=error)
+            uvicorn_logger.error("ASGI callable returned without completing handshake.")
+        uvicorn_logger.error("Exception in ASGI application", exc_info=ValueError("a fault of ours"))
+        assert [record.getMessage() for record in caplog.records] == [
+            "a client hung up before it had its answer",
+            "Exception in ASGI application",
+        ]
+        (limit,) = logging.getLogger("signsplice.service").filters
+        limit._passed.clear()  # type: ignore[union-attr]
+        log.LOG.warning("a client hung up before it had its answer")
+        assert caplog.records[-1].getMessage().endswith("answer (29 more since this was last said)")
+    finally:
+        for name in ("signsplice.service", "uvicorn.error", "asyncio"):
+            logging.getLogger(name).filters.clear()
 
 
 def test_bad_requests_are_not_logged_but_faults_are(

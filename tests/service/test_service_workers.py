@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -25,8 +27,10 @@ from serving import (
     messages_and_close_code,
     process_of,
     stream_client,
+    wait_until_warm,
     workers_of,
 )
+from signsplice.lexicon.reader import SHIPPED
 from signsplice.service import work
 from signsplice.service.metrics import Metrics
 from signsplice.service.settings import Settings
@@ -76,6 +80,54 @@ def test_a_stream_is_not_idle_while_the_service_works() -> None:
     asyncio.run(stream())
     assert [message["type"] for message in socket.sent] == ["skeleton", "error"]
     assert "nothing came for 0.3 s" in socket.sent[1]["error"]
+
+
+class LongWordProcess(SlowProcess):
+    """A worker process that makes a long word at once."""
+
+    async def run(self, job: Callable[..., Any], *args: object) -> Any:
+        if job is work.read_token:
+            return [("HELLO", True)], []
+        return [FRAMES_HEADER.pack(FRAMES_MAGIC, k, 1, 0) + bytes(12) for k in range(200)]
+
+
+@pytest.mark.parametrize(("pause", "is_slow"), [(0.1, True), (0.02, False)])
+def test_a_stream_that_is_read_more_slowly_than_it_plays_is_closed(pause: float, is_slow: bool) -> None:
+    """Though every single frame is read in time; at 30 frames a second."""
+    socket = FakeSocket()
+
+    async def stream() -> None:
+        async def send_bytes(message: bytes) -> None:
+            await asyncio.sleep(pause)
+
+        socket.send_bytes = send_bytes  # type: ignore[attr-defined]
+        await session(socket, LongWordProcess(), idle_seconds=1.0, stream_idle_seconds=0.3).run()
+
+    asyncio.run(stream())
+    assert ("too slow" in socket.sent[-1]["error"]) == is_slow
+
+
+def test_the_service_is_well_once_its_workers_are_warm() -> None:
+    with http_client("serve", "--workers", "1") as client:
+        first = client.get("/healthz")
+        assert (first.status_code, first.json()["status"]) == (503, "starting")
+        wait_until_warm(client)
+        last = client.get("/healthz")
+        assert (last.status_code, last.json()["status"]) == (200, "ok")
+
+
+def test_a_service_does_not_start_with_a_damaged_word(tmp_path: Path) -> None:
+    shutil.copytree(SHIPPED, tmp_path / "words")
+    with (tmp_path / "words" / "frames.bin").open("r+b") as file:
+        file.seek(1_000_000)
+        byte = file.read(1)
+        file.seek(1_000_000)
+        file.write(bytes([byte[0] ^ 1]))
+    call = [sys.executable, "-m", "signsplice", "serve", "--port", "0", "--lexicon", str(tmp_path / "words")]
+    run = subprocess.run(call, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    assert run.returncode == 2
+    assert run.stdout == ""
+    assert re.fullmatch(r"error: .*words: word '[^']+': its SHA-256 is another than .* again\n", run.stderr)
 
 
 class EndlessProcess(SlowProcess):

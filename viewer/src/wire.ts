@@ -173,7 +173,7 @@ export interface MethodInfo {
 
 /** The state of the service. */
 export interface Health {
-  status: "ok";
+  status: "ok" | "starting";
   version: string;
   words: number;
   waiting: number;

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import ExitStack, asynccontextmanager
 from importlib.metadata import version
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from fastapi import FastAPI, File, Form, Query, Request, UploadFile, WebSocket
 from fastapi.exceptions import RequestValidationError
@@ -70,6 +70,7 @@ class Service:
     def __init__(self, settings: Settings, scenes: Sequence[Mapping[str, Any]]) -> None:
         self.settings, self.scenes = settings, scenes
         self.lexicon = work.open_lexicon(settings)
+        self.lexicon.verify()
         self.request_workers: Workers
         self.stream_workers: Workers
         self.requests = Shares("requests that wait", settings.max_waiting, settings.max_client_waiting)
@@ -90,6 +91,11 @@ class Service:
             self.request_workers.close()
             self.stream_workers.close()
             self.lexicon.close()
+
+    @property
+    def is_warm(self) -> bool:
+        """Whether every worker process has been ready, and so answers at once."""
+        return self.request_workers.is_warm and self.stream_workers.is_warm
 
     async def run(self, request: Request, job: Callable[..., ResultT], *args: object) -> ResultT:
         """The result of a job for a request. Raises ``BusyError`` where too many wait, and as ``Workers.run``."""
@@ -116,7 +122,7 @@ class Service:
 def create(settings: Settings, scenes: Sequence[Mapping[str, Any]] = ()) -> FastAPI:
     """The service as an ASGI application. ``scenes``: what its page shows at first, as ``wire.Spliced``.
 
-    Raises ``InputError`` for a lexicon that cannot be opened.
+    Raises ``InputError`` for a lexicon that cannot be opened or has a damaged word.
     """
     service = Service(settings, scenes)
     app = FastAPI(
@@ -150,10 +156,12 @@ def _add_state_routes(app: FastAPI, service: Service) -> None:
         return pages.answer(request.headers)
 
     @app.head("/healthz", include_in_schema=False)
-    @app.get("/healthz", response_model=Health, responses=_failures(421))
-    async def health() -> Health:
-        """Whether the service runs, and how busy it is."""
-        return Health("ok", app.version, len(service.lexicon), service.requests.n_held, service.streams.n_held)
+    @app.get("/healthz", response_model=Health, responses={503: {"model": Health}, **_failures(421)})
+    async def health(answer: Response) -> Health:
+        """Whether the service runs, and how busy it is; 503 until its worker processes are warm."""
+        status: Literal["ok", "starting"] = "ok" if service.is_warm else "starting"
+        answer.status_code = 200 if service.is_warm else 503
+        return Health(status, app.version, len(service.lexicon), service.requests.n_held, service.streams.n_held)
 
     @app.head("/metrics", include_in_schema=False)
     @app.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}, **_failures(421)})

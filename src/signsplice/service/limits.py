@@ -50,7 +50,7 @@ class Limits:
             await self._answer(scope, receive, send)
 
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
-        limited_send = _LimitedSend(send, self.settings.idle_seconds)
+        limited_send = _SendWithHeaders(send)
         with ExitStack() as held:
             body = _LimitedReceive(self, HTTPConnection(scope), receive, held)
             try:
@@ -144,14 +144,14 @@ class _LimitedReceive:
         return message
 
 
-class _LimitedSend:
-    """Sends the parts of an answer; a client that does not accept one in time loses the connection.
+class _SendWithHeaders:
+    """Sends the parts of an answer. What the client does not read is the connection's affair (``protocols``).
 
     has_begun: whether a part was sent.
     """
 
-    def __init__(self, send: Send, seconds: float) -> None:
-        self._send, self._seconds, self.has_begun = send, seconds, False
+    def __init__(self, send: Send) -> None:
+        self._send, self.has_begun = send, False
 
     async def __call__(self, message: Message) -> None:
         if message["type"] == "http.response.start":
@@ -159,5 +159,4 @@ class _LimitedSend:
             headers = MutableHeaders(scope=message)
             for name, value in HEADERS.items():
                 headers.setdefault(name, value)
-        async with asyncio.timeout(self._seconds):
-            await self._send(message)
+        await self._send(message)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from collections import Counter
 from http import HTTPStatus
 from typing import Any
 
@@ -19,6 +20,7 @@ from websockets.protocol import State
 from websockets.server import ServerProtocol
 
 from signsplice.service.limits import HEADERS
+from signsplice.service.log import LOG
 from signsplice.service.settings import Settings
 from signsplice.service.shares import client_of
 
@@ -34,6 +36,8 @@ _STEP_BYTES = 4096
 """Data of a WebSocket that is parsed at one go: some milliseconds' worth, where it consists of empty frames."""
 _IDLE_FRAMES_SECONDS = 10.0
 """Time in which a stream's client may send ``max_idle_frames``."""
+_UNREAD_CHECK_SECONDS = 0.5
+"""How often it is looked whether a client has read its answer."""
 _POLICY_VIOLATION = 1008
 """Close code of a WebSocket."""
 
@@ -51,11 +55,17 @@ class LimitedHttpProtocol(HttpToolsProtocol):
     """HTTP/1.1 in which everything but bodies has a limit in bytes, and everything has a clock.
 
     A clock of ``head_seconds`` runs until the head of a request is there, then one of ``body_seconds`` until its body
-    and trailer are, whether or not the application reads them.
+    and trailer are, whether or not the application reads them. Answers have the same clocks as bodies: something of
+    one is read within ``idle_seconds``, all of it within ``body_seconds``.
+
+    unread: how many connections of each client have an answer that it has not read.
     """
 
     settings: Settings
+    unread: Counter[str]
     client_name = ""
+    _unread_check: asyncio.TimerHandle | None = None
+    _unread_bytes, _unread_since, _last_read = 0, 0.0, 0.0
     _timer: asyncio.TimerHandle | None = None
     _n_bytes = 0
     """Bytes of the request that came so far and are not body."""
@@ -77,13 +87,17 @@ class LimitedHttpProtocol(HttpToolsProtocol):
 
     def _n_of_client(self) -> int:
         """Connections of this client; none is counted for a trusted proxy, which has many clients."""
-        if self.client and self.client[0] in self.settings.proxies:
+        if self._is_proxy():
             return 0
         return sum(self.client_name == getattr(other, "client_name", None) for other in self.connections)
 
+    def _is_proxy(self) -> bool:
+        return bool(self.client and self.client[0] in self.settings.proxies)
+
     def connection_lost(self, exc: Exception | None) -> None:
-        """Stop the clock."""
+        """Stop the clocks."""
         self._stop_clock()
+        self._stop_unread_check()
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
@@ -114,7 +128,12 @@ class LimitedHttpProtocol(HttpToolsProtocol):
     # what the parser calls
 
     def on_message_begin(self) -> None:
-        """Refuse requests that come faster than answers go out."""
+        """Refuse requests that come faster than answers go out, or are read."""
+        if not self.transport.get_write_buffer_size():
+            self._stop_unread_check()
+        if self.unread[self.client_name] >= self.settings.max_client_waiting and not self._is_proxy():
+            reason = "too many answers that this address has not read; read them, or try again in a moment"
+            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, reason)
         if len(self.pipeline) >= _MAX_PIPELINED:
             self._refuse(HTTPStatus.TOO_MANY_REQUESTS, "too many requests on one connection before the first answer")
         super().on_message_begin()
@@ -170,6 +189,48 @@ class LimitedHttpProtocol(HttpToolsProtocol):
     def _is_answering(self) -> bool:
         return self.cycle is not None and not self.cycle.response_complete
 
+    # answers that are not read
+
+    def on_response_complete(self) -> None:
+        """Watch what the client does with an answer."""
+        self._watch_unread()
+        super().on_response_complete()
+
+    def pause_writing(self) -> None:
+        """Watch a client that reads more slowly than the answer is written."""
+        super().pause_writing()
+        self._watch_unread()
+
+    def _watch_unread(self) -> None:
+        if self._unread_check is None and self.transport.get_write_buffer_size():
+            self._unread_bytes, self._unread_since = self.transport.get_write_buffer_size(), self.loop.time()
+            self._last_read = self._unread_since
+            self.unread[self.client_name] += 1
+            self._unread_check = self.loop.call_later(_UNREAD_CHECK_SECONDS, self._check_unread)
+
+    def _check_unread(self) -> None:
+        n_bytes, now = self.transport.get_write_buffer_size(), self.loop.time()
+        if n_bytes < self._unread_bytes:
+            self._last_read = now
+        self._unread_bytes = n_bytes
+        is_idle = now - self._last_read > self.settings.idle_seconds
+        if not n_bytes:
+            self._stop_unread_check()
+        elif is_idle or now - self._unread_since > self.settings.body_seconds:
+            LOG.warning("a client did not read its answer in time; its connection was closed")
+            self._stop_unread_check()
+            self.transport.abort()
+        else:
+            self._unread_check = self.loop.call_later(_UNREAD_CHECK_SECONDS, self._check_unread)
+
+    def _stop_unread_check(self) -> None:
+        if self._unread_check is not None:
+            self._unread_check.cancel()
+            self._unread_check = None
+            self.unread[self.client_name] -= 1
+            if not self.unread[self.client_name]:
+                del self.unread[self.client_name]
+
     def handle_websocket_upgrade(self) -> None:
         """Hand the connection over; this protocol hears no more of it."""
         self._stop_clock()
@@ -193,6 +254,7 @@ class LimitedHttpProtocol(HttpToolsProtocol):
             }
             lines = [f"HTTP/1.1 {status.value} {status.phrase}", *(f"{name}: {headers[name]}" for name in headers)]
             self.transport.write("\r\n".join([*lines, "", ""]).encode() + body)
+            self._watch_unread()
         self._stop_clock()
         self.transport.close()
 
@@ -321,6 +383,6 @@ class LimitedWebSocketProtocol(WebSocketsSansIOProtocol):
 
 def protocols(settings: Settings) -> tuple[type[LimitedHttpProtocol], type[LimitedWebSocketProtocol]]:
     """The two protocols with the limits of a service; uvicorn makes their objects itself."""
-    http = type("ServiceHttpProtocol", (LimitedHttpProtocol,), {"settings": settings})
+    http = type("ServiceHttpProtocol", (LimitedHttpProtocol,), {"settings": settings, "unread": Counter()})
     websocket = type("ServiceWebSocketProtocol", (LimitedWebSocketProtocol,), {"settings": settings})
     return http, websocket

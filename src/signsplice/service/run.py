@@ -12,6 +12,7 @@ from typing import Any
 import uvicorn
 
 from signsplice.errors import InputError
+from signsplice.service import log
 from signsplice.service.app import create
 from signsplice.service.protocols import protocols
 from signsplice.service.settings import Settings
@@ -39,6 +40,7 @@ def serve(
         access_log=False,
         server_header=False,
     )
+    log.quieten()
     with _listen(settings) as listener:
         if on_open is not None:
             host = settings.host if ":" not in settings.host else f"[{settings.host}]"

@@ -73,6 +73,7 @@ class StreamSession:
         self._out: asyncio.Queue[tuple[dict[str, Any] | bytes, float] | None] = asyncio.Queue(_MAX_PREFETCHED)
         self._last_activity = time.monotonic()
         self._is_working = False
+        self._behind = 0.0  # seconds that the client reads behind the motion's own speed
 
     async def run(self) -> None:
         """Serve the client until the stream is done or the client disconnects."""
@@ -203,7 +204,7 @@ class StreamSession:
                 continue
             _, first, n_frames, n_joints = FRAMES_HEADER.unpack_from(message)
             if not paced:
-                await self._deliver(message)
+                await self._deliver_motion(message, n_frames / fps)
                 self._metrics.frames.inc(n_frames)
                 continue
             if first == 0:
@@ -218,8 +219,18 @@ class StreamSession:
                 self._metrics.late.observe(max(0.0, time.monotonic() - due))
                 start = FRAMES_HEADER.size + k * n_bytes
                 header = FRAMES_HEADER.pack(FRAMES_MAGIC, first + k, 1, n_joints)
-                await self._deliver(header + message[start : start + n_bytes])
+                await self._deliver_motion(header + message[start : start + n_bytes], 1 / fps)
                 self._metrics.frames.inc()
+
+    async def _deliver_motion(self, message: bytes, seconds: float) -> None:
+        """Deliver frames that last so long. Raises ``TimeoutError`` for a client that reads ever more slowly than they
+        are played, so that its place is free again.
+        """
+        began = time.monotonic()
+        await self._deliver(message)
+        self._behind = max(0.0, self._behind + time.monotonic() - began - seconds)
+        if self._behind > self._settings.idle_seconds:
+            raise TimeoutError
 
     async def _deliver(self, message: dict[str, Any] | bytes) -> None:
         async with asyncio.timeout(self._settings.idle_seconds):

@@ -233,13 +233,14 @@ class MethodInfo:
 class Health:
     """The state of the service.
 
+    status: starting, with status 503, until every worker process has made its first splice.
     version: of the package.
     words: number of words in the lexicon.
     waiting: requests that run or wait for a worker.
     streams: open streams.
     """
 
-    status: Literal["ok"]
+    status: Literal["ok", "starting"]
     version: str
     words: int
     waiting: int

@@ -22,6 +22,7 @@ class Worker:
     """The place of one process. When that ends, the next one is started.
 
     busy: number of jobs that run or wait for it.
+    is_warm: whether a process has been ready here.
     n_lost: number of processes replaced so far.
     """
 
@@ -31,12 +32,19 @@ class Worker:
         self.busy = self.n_lost = self._n_failed_starts = 0
         self._is_closed = False
         self._restart: asyncio.TimerHandle | None = None
+        self._was_ready = False
         self._process = WorkerProcess(settings, skin, self._replace)
+
+    @property
+    def is_warm(self) -> bool:
+        """Whether its process has been ready once, or is."""
+        return self._was_ready or self._process.is_ready
 
     def _replace(self, ended: WorkerProcess) -> None:
         if self._is_closed:
             return
         self.n_lost += 1
+        self._was_ready |= ended.is_ready
         self._n_failed_starts = 0 if ended.is_ready else self._n_failed_starts + 1
         if self._n_failed_starts < _MAX_STARTS:
             self._start()
@@ -85,6 +93,11 @@ class Workers:
     def n_lost(self) -> int:
         """Number of processes replaced so far."""
         return sum(worker.n_lost for worker in self._workers)
+
+    @property
+    def is_warm(self) -> bool:
+        """Whether a process has been ready in every place."""
+        return all(worker.is_warm for worker in self._workers)
 
     async def run(self, job: Callable[..., ResultT], *args: object) -> ResultT:
         """As ``Worker.run``, on the least busy one."""
