@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -449,3 +450,48 @@ def test_an_option_is_named_as_the_command_line_has_it(signsplice: Call) -> None
     assert with_option_names("leave out SpliceOptions.cutter, SpliceOptions.duration") == (
         "leave out --cutter, --transition-time"
     )
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.parametrize("call", [("methods",), ("lexicon", "list", "--json"), ("--help",), ("--version",)])
+def test_a_full_standard_output_is_one_line(call: tuple[str, ...]) -> None:
+    with Path("/dev/full").open("w") as full:
+        run = subprocess.run(
+            [sys.executable, "-m", "signsplice", *call], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert run.returncode == 1
+    assert re.fullmatch(r"error: standard output cannot be written \(No space left on device\).*\n", run.stderr)
+
+
+@pytest.mark.parametrize(
+    ("error", "message", "status"),
+    [
+        ("MemoryError()", "error: there is not enough memory for this", 1),
+        ("ImportError('lib.so: failed to map segment from shared object')", "error: there is not enough memory", 1),
+        ("OSError(12, 'Cannot allocate memory')", "error: there is not enough memory for this", 1),
+        ("swallowed() or SystemError('error return without exception')", "error: interrupted;", 130),
+    ],
+)
+def test_lack_of_memory_and_interrupts_in_imports_are_one_line(
+    error: str, message: str, status: int, tmp_path: Path
+) -> None:
+    """A library that is imported may make another error of an interrupt."""
+    code = (
+        "import signal, sys\n"
+        "def swallowed():\n"
+        "    try:\n"
+        "        signal.raise_signal(signal.SIGINT)\n"
+        "    except KeyboardInterrupt:\n"
+        "        pass\n"
+        "from signsplice import cli\n"
+        "def fail(*_, **__):\n"
+        f"    raise {error}\n"
+        "sys.argv = ['signsplice', 'methods']\n"
+        "from signsplice.splicing.methods import choice\n"
+        "choice.all_methods = fail\n"
+        "cli.main()\n"
+    )
+    run = run_program("-c", code, cwd=tmp_path)
+    assert run.returncode == status, run.stderr
+    assert run.stderr.startswith(message)
+    assert run.stderr.count("\n") == 1

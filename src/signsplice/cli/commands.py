@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
+from contextlib import suppress
 
 import click
 
 from signsplice.cli import aliases, bulk, evaluation, files, lexicon, service, splicing, synth, train
 from signsplice.cli.terminal import with_option_names
 from signsplice.errors import InputError, SignspliceError
+
+_OUTPUT_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
+"""Errors of writing without a file's name: those of files that commands write are ``InputError``."""
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -27,6 +32,8 @@ def run(commands: click.Group) -> tuple[str, int]:
     """Run the command of this process: its error message, empty where there is none, and its exit status."""
     try:
         commands.main(standalone_mode=False)
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except click.exceptions.Exit as stop:
         return "", stop.exit_code
     except click.Abort:
@@ -41,10 +48,28 @@ def run(commands: click.Group) -> tuple[str, int]:
     except SignspliceError as error:
         return with_option_names(str(error)), 1
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         return "", 1
     except Exception as error:
+        if isinstance(error, OSError) and error.filename is None and error.errno in _OUTPUT_FAULTS:
+            _drop_output()
+            return f"standard output cannot be written ({error.strerror}); what was printed is not complete", 1
+        if _is_lack_of_memory(error):
+            return "there is not enough memory for this; send fewer or shorter clips, or free some", 1
         if os.environ.get("SIGNSPLICE_DEBUG"):
             raise
         return f"unexpected {type(error).__name__}: {error}; set SIGNSPLICE_DEBUG=1 for a traceback", 1
     return "", 0
+
+
+def _drop_output() -> None:
+    """Lead what is left in standard output's buffer nowhere, since it is flushed again at the end."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _is_lack_of_memory(error: Exception) -> bool:
+    """Whether memory was missing, also for a library that could not be loaded."""
+    is_refused = isinstance(error, OSError) and error.errno == errno.ENOMEM
+    words = ("cannot allocate memory", "failed to map segment")
+    return isinstance(error, MemoryError) or is_refused or any(word in str(error).lower() for word in words)
