@@ -16,6 +16,16 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 PAGE = "src/signsplice/service/page"
 NETWORKS = "src/signsplice/splicing/weights"
 BILL = "signsplice.cdx.json"
+TOOLS = ("dev", "fuzz")
+"""Extras of those who work on the package; no user asks for what is in them."""
+LICENCES = {
+    "Apache-2.0": ("onnx", "prometheus-client", "pyarrow", "python-multipart", "ray"),
+    "BSD-3-Clause": ("click", "numpy", "protobuf", "scipy", "torch", "uvicorn", "websockets"),
+    "MIT": ("fastapi", "filelock", "onnxruntime", "onnxscript", "pygltflib", "rapidfuzz", "rich"),
+    "MIT-CMU": ("pillow",),
+    "LicenseRef-matplotlib": ("matplotlib",),
+}
+"""Licence -> packages that a wheel asks for, as docs/dependencies.md has them."""
 
 
 class ViewerHook(BuildHookInterface):  # type: ignore[misc]
@@ -68,7 +78,7 @@ class ViewerHook(BuildHookInterface):  # type: ignore[misc]
         listed = root / PAGE / "components.json"
         page = json.loads(listed.read_text(encoding="utf-8")) if listed.is_file() else []
         required = [_external(text, "required") for text in core.dependencies]
-        extras = {text for extra, texts in core.optional_dependencies.items() if extra != "dev" for text in texts}
+        extras = {text for extra, texts in core.optional_dependencies.items() if extra not in TOOLS for text in texts}
         optional = [_external(text, "optional") for text in sorted(extras) if not text.startswith(f"{core.name}[")]
         purl = f"pkg:pypi/{core.name}@{self.metadata.version}"
         unversioned = [part["bom-ref"] for part in page if "components" in part]
@@ -113,6 +123,7 @@ def _external(requirement: str, scope: str) -> dict[str, Any]:
         "name": name,
         "purl": purl,
         "scope": scope,
+        "licenses": [{"expression": next(key for key, names in LICENCES.items() if name.lower() in names)}],
         "isExternal": True,
         "versionRange": f"vers:pypi/{versions.replace(',', '|').replace('==', '')}",
     }

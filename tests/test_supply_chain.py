@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib.util
 import json
@@ -13,6 +14,7 @@ import sys
 import tomllib
 import zipfile
 from collections.abc import Iterable, Iterator
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -94,6 +96,14 @@ def test_a_wheel_carries_its_bill_of_materials(tmp_path: Path) -> None:
     wanted = {requirement.name for requirement in asked(PROJECT["dependencies"])}
     assert {name for name, part in parts.items() if part.get("scope") == "required"} == wanted
     assert parts["uvicorn"]["versionRange"] == "vers:pypi/>=0.54"
+    assert [name for name, part in parts.items() if name != "x" and not part.get("licenses")] == []
+    installed = {part["name"]: part["licenses"][0]["expression"] for part in parts.values() if part.get("scope")}
+    for name, licence in installed.items():
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            stated = metadata.metadata(name)
+            text = str([stated.get_all(field) for field in ("License-Expression", "License", "Classifier")])
+            word = licence.removeprefix("LicenseRef-").split("-")[0]
+            assert word.lower() in text.lower() or f"{name} {word}" == "matplotlib matplotlib", f"{name}: {text[:300]}"
 
 
 def test_a_change_of_any_source_makes_the_page_anew(tmp_path: Path) -> None:
