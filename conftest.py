@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from serving import http_client
+from serving import http_client, wait_until_warm
 from signing import sign
 from signsplice.formats import load
 from signsplice.lexicon import shipped
@@ -109,6 +109,7 @@ TIGHT = {
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
     """A client of a service with its default limits and one worker."""
     with http_client("serve", "--workers=1", cwd=tmp_path_factory.mktemp("service")) as client:
+        wait_until_warm(client)
         yield client
 
 
@@ -125,4 +126,5 @@ def tight(tight_folder: Path) -> Iterator[httpx.Client]:
     """
     limits = [f"--limit={name}={value}" for name, value in TIGHT.items()]
     with http_client("serve", "--workers=1", *limits, cwd=tight_folder) as client:
+        wait_until_warm(client)
         yield client

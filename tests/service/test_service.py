@@ -18,7 +18,7 @@ from pydantic import TypeAdapter
 from websockets.sync.client import ClientConnection
 
 from reference_poses import arms_out, with_pose
-from serving import PATIENCE_S, stream_client, wait_until_warm
+from serving import PATIENCE_S, stream_client
 from signsplice.cli.commands import app
 from signsplice.errors import MissingExtraError
 from signsplice.formats import bvh, glb, parse, save
@@ -181,7 +181,6 @@ def test_lexicon_search_lists_prefix_matches_first(service: httpx.Client) -> Non
 def test_methods_health_and_metrics(service: httpx.Client) -> None:
     methods = {(method["kind"], method["name"]) for method in service.get("/v1/methods").json()}
     assert {("cutter", "learned"), ("transition", "hermite"), ("duration", "travel")} <= methods
-    wait_until_warm(service)
     assert service.get("/healthz").json()["status"] == "ok"
     before = service.get("/metrics").text
     service.get("/v1/methods")

@@ -10,7 +10,6 @@ import pytest
 from starlette.datastructures import Headers
 from starlette.responses import Response
 
-from serving import wait_until_warm
 from signsplice.service import page
 
 TEXT = '<html><script type="application/json" id="signsplice">null</script>' + "hello " * 1000
@@ -62,7 +61,6 @@ def test_another_scene_has_another_tag(pages: page.PageResponses) -> None:
 
 @pytest.mark.parametrize("path", ["/healthz", "/v1/methods", "/v1/lexicon?limit=3", "/openapi.json"])
 def test_head_is_answered_as_get_without_a_body(service: httpx.Client, path: str) -> None:
-    wait_until_warm(service)
     head, get = service.head(path), service.get(path)
     assert (head.status_code, head.content) == (200, b"")
     for name in ("content-length", "content-type", "content-security-policy"):
