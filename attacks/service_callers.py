@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import IO
 
 import httpx
 from websockets.asyncio.client import ClientConnection, connect
@@ -25,12 +26,12 @@ _FPS = 30.0
 
 
 @contextmanager
-def serving(*arguments: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """The address of a service, and its process."""
+def serving(*arguments: str, log: IO[str] | int = subprocess.DEVNULL) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """The address of a service, and its process, whose standard error goes to ``log``."""
     process = subprocess.Popen(
         [sys.executable, "-m", "signsplice", "serve", "--port", "0", *arguments],
         stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
+        stderr=log,
         text=True,
         env={
             **os.environ,

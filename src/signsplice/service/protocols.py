@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import asyncio
 import json
+import sys
 from collections import Counter
+from contextlib import suppress
 from http import HTTPStatus
 from typing import Any
 
@@ -23,6 +25,12 @@ from signsplice.service.limits import HEADERS
 from signsplice.service.log import LOG
 from signsplice.service.settings import Settings
 from signsplice.service.shares import client_of
+
+try:
+    import fcntl
+    import termios
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 _MAX_HEADERS = 100
 """Fields of a head, and of a trailer. The WebSocket library reads no more than 128."""
@@ -203,18 +211,28 @@ class LimitedHttpProtocol(HttpToolsProtocol):
 
     def _watch_unread(self) -> None:
         if self._unread_check is None and self.transport.get_write_buffer_size():
-            self._unread_bytes, self._unread_since = self.transport.get_write_buffer_size(), self.loop.time()
+            self._unread_bytes, self._unread_since = self._n_unread(), self.loop.time()
             self._last_read = self._unread_since
             self.unread[self.client_name] += 1
             self._unread_check = self.loop.call_later(_UNREAD_CHECK_SECONDS, self._check_unread)
 
+    def _n_unread(self) -> int:
+        """Bytes of answers that the client's machine has not confirmed. The system holds some MB of them, and takes
+        more only when a good part is gone: without these a slow client would seem to read nothing for long.
+        """
+        held, end = bytearray(4), self.transport.get_extra_info("socket")
+        if fcntl is not None and end is not None:
+            with suppress(OSError):  # a system that does not tell
+                fcntl.ioctl(end.fileno(), termios.TIOCOUTQ, held)
+        return self.transport.get_write_buffer_size() + int.from_bytes(held, sys.byteorder)
+
     def _check_unread(self) -> None:
-        n_bytes, now = self.transport.get_write_buffer_size(), self.loop.time()
+        n_bytes, now = self._n_unread(), self.loop.time()
         if n_bytes < self._unread_bytes:
             self._last_read = now
         self._unread_bytes = n_bytes
         is_idle = now - self._last_read > self.settings.idle_seconds
-        if not n_bytes:
+        if not self.transport.get_write_buffer_size():
             self._stop_unread_check()
         elif is_idle or now - self._unread_since > self.settings.body_seconds:
             LOG.warning("a client did not read its answer in time; its connection was closed")
