@@ -33,8 +33,8 @@ types: $(VENV)/.dev            ## mypy --strict
 
 viewer: $(PAGE)                ## the browser viewer's page, built into the package (needs Node 20 or newer)
 
-wheel: $(VENV)/.dev $(PAGE)    ## the wheel in out/dist, with its bill of materials (CycloneDX) inside
-	$(BIN)/python -m hatchling build --target wheel --directory out/dist
+wheel: $(VENV)/.dev $(PAGE)    ## wheel and source archive in out/dist, with their hashes and what they were made of
+	$(BIN)/python runs/release.py
 
 try-wheel: wheel               ## the wheel used in a clean environment on every Python from 3.11 to 3.13 that is here
 	runs/try_wheel.sh
@@ -53,7 +53,7 @@ bench: $(VENV)/.dev            ## speed of every part beside its baselines, in o
 	$(BIN)/signsplice bench
 
 attacks: $(VENV)/.dev $(PAGE)  ## the tables of docs/reliability.md: floods, kills, bombs, broken files; half an hour, as root for all rows
-	for attack in sockets flips bombs outputs streams slow_readers floods worker_kills kills; do $(BIN)/python attacks/$$attack.py || exit; done
+	for attack in sockets flips formats bombs outputs streams slow_readers floods worker_kills kills; do $(BIN)/python attacks/$$attack.py || exit; done
 	$(BIN)/python attacks/fuzz.py --cases 20000 --seed 18
 
 fuzz: $(VENV)/.fuzz            ## every reader against mutated files for MINUTES=10; what is found stays in tests/fuzz_corpus

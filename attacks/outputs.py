@@ -60,6 +60,10 @@ def misdirected(inputs: Path, folder: Path) -> Iterator[tuple[str, str]]:
         after = (path.lstat().st_ino, path.lstat().st_mode, (folder / "own.bvh").read_bytes())
         kept = "untouched" if after == before and not (folder / "out.bvh").exists() else "CHANGED"
         yield f"`splice own.bvh ... -o` {name}", f"exit {status}, {kept}: `{line}`"
+    os.link(shutil.copy(one, folder / "far.bvh"), folder / "near.bvh")
+    status, line = said(lambda: command(folder, "splice", "own.bvh", two, "-o", "near.bvh"))
+    kept = "the other name untouched" if (folder / "far.bvh").read_bytes() == Path(one).read_bytes() else "CHANGED"
+    yield "`splice own.bvh ... -o` near.bvh, a hard link to far.bvh", f"exit {status}, {kept}: `{line}`"
 
 
 @contextmanager

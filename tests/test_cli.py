@@ -245,6 +245,20 @@ def test_an_output_is_never_an_input(call: tuple[str, ...], folder: Path, signsp
     assert {path: (path.lstat().st_ino, path.read_bytes()) for path in folder.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.parametrize(
+    "call", [("convert", "SIGN.bvh", "linked.bvh"), ("sentence", "I", "-o", "new.bvh", "--report", "linked.bvh")]
+)
+def test_an_output_with_other_names_is_named(call: tuple[str, ...], folder: Path, signsplice: Call) -> None:
+    """Hard links keep the old content, since a finished file is renamed to the output."""
+    old = (folder / "I.bvh").read_bytes()
+    os.link(folder / "I.bvh", folder / "linked.bvh")
+    run = signsplice(*call)
+    assert run.returncode == 0
+    assert run.stderr == "warning: linked.bvh: is one of 2 hard links to a file; the others keep the old content\n"
+    assert (folder / "I.bvh").read_bytes() == old != (folder / "linked.bvh").read_bytes()
+    assert signsplice(*call).stderr == ""
+
+
 def test_an_input_may_be_a_link(folder: Path, signsplice: Call) -> None:
     (folder / "linked.bvh").symlink_to("SIGN.bvh")
     assert signsplice("convert", "linked.bvh", "out.npz").returncode == 0

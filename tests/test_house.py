@@ -302,6 +302,19 @@ def test_a_classical_splice_opens_no_network() -> None:
     assert heavy.strip() == "False"
 
 
+def test_a_clip_becomes_another_format_without_scipy() -> None:
+    """Its import takes longer than the conversion."""
+    heavy = in_a_fresh_process(
+        "import sys\n"
+        "from signsplice.formats import encode\n"
+        "from signsplice.lexicon import shipped\n"
+        "clip = shipped().clip('I')\n"
+        "_ = encode(clip, 'a.glb'), encode(clip, 'a.bvh'), encode(clip, 'a.vrma')\n"
+        "print('scipy' in sys.modules)"
+    )
+    assert heavy.strip() == "False"
+
+
 def test_import_and_help_are_light() -> None:
     code = "import sys, signsplice, signsplice.cli.commands; print({'numpy', 'rich', 'scipy'} & set(sys.modules))"
     assert in_a_fresh_process(code).strip() == "set()"

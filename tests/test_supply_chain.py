@@ -25,6 +25,19 @@ from packaging.utils import canonicalize_name
 from signsplice.service import page
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+def module(path: str) -> Any:
+    """A program of the repository that is no part of a package."""
+    spec = importlib.util.spec_from_file_location(Path(path).stem, ROOT / path)
+    assert spec is not None
+    assert spec.loader is not None
+    loaded = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(loaded)
+    return loaded
+
+
+release = module("runs/release.py")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 VIEWER_LOCK = json.loads((ROOT / "viewer/package-lock.json").read_text())["packages"]
 
@@ -71,9 +84,13 @@ def test_the_viewer_s_packages_have_hashes_and_run_nothing_when_installed() -> N
     assert "ignore-scripts=true" in (ROOT / "viewer/.npmrc").read_text().splitlines()
 
 
-def test_a_wheel_carries_its_bill_of_materials(tmp_path: Path) -> None:
-    for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE", "NOTICE"):
-        shutil.copy(ROOT / name, tmp_path)
+@pytest.fixture
+def small_project(tmp_path: Path) -> Path:
+    """A project with this package's metadata and next to no content."""
+    folder = tmp_path / "project"
+    for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE", "NOTICE", ".gitignore", *release.LOCKS):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, folder / name)
     files = {
         "__init__.py": b"",
         "splicing/weights/cut.onnx": b"weights",
@@ -81,9 +98,49 @@ def test_a_wheel_carries_its_bill_of_materials(tmp_path: Path) -> None:
         "service/page/components.json": json.dumps([{"type": "library", "bom-ref": "x", "name": "x"}]).encode(),
     }
     for name, content in files.items():
-        (tmp_path / "src/signsplice" / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / "src/signsplice" / name).write_bytes(content)
-    subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "wheel"], cwd=tmp_path, check=True, timeout=120)
+        (folder / "src/signsplice" / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / "src/signsplice" / name).write_bytes(content)
+    return folder
+
+
+def released(project: Path, folder: Path) -> dict[str, bytes]:
+    """What ``runs/release.py`` makes of a project: file name -> content."""
+    program = [sys.executable, str(ROOT / "runs/release.py"), str(folder)]
+    subprocess.run(program, cwd=project, check=True, timeout=120, capture_output=True)
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.mark.skipif(shutil.which("git") is None, reason="without git no commit can be named")
+def test_two_builds_of_a_commit_have_the_same_bytes_and_say_what_they_were_made_of(
+    small_project: Path, tmp_path: Path
+) -> None:
+    git = ["git", "-c", "user.name=x", "-c", "user.email=x@localhost"]
+    for words in (["init", "-q"], ["add", "."], ["commit", "-q", "-m", "x"]):
+        subprocess.run([*git, *words], cwd=small_project, check=True)
+    first = released(small_project, tmp_path / "first")
+    for path in small_project.rglob("*"):
+        os.utime(path, (2e9, 2e9))
+    assert released(small_project, tmp_path / "second") == first
+    wheel, archive = (f"signsplice-{PROJECT['version']}{end}" for end in ("-py3-none-any.whl", ".tar.gz"))
+    assert set(first) == {wheel, archive, "SHA256SUMS", "provenance.json"}
+    check = ["sha256sum", "--check", "--strict", "SHA256SUMS"]
+    assert subprocess.run(check, cwd=tmp_path / "first", capture_output=True).returncode == 0
+    statement = json.loads(first["provenance.json"])
+    digests = {made["name"]: made["digest"]["sha256"] for made in statement["subject"]}
+    assert digests == {name: hashlib.sha256(first[name]).hexdigest() for name in (wheel, archive)}
+    source, *locks = statement["predicate"]["buildDefinition"]["resolvedDependencies"]
+    head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=small_project, capture_output=True, text=True)
+    assert source == {"name": "source", "digest": {"gitCommit": head.stdout.strip()}}
+    assert {lock["name"] for lock in locks} == set(release.LOCKS)
+    (small_project / "README.md").write_text("changed")
+    changed = released(small_project, tmp_path / "third")
+    assert changed[wheel] != first[wheel]
+    assert b"the working tree differs from the commit" in changed["provenance.json"]
+
+
+def test_a_wheel_carries_its_bill_of_materials(small_project: Path, tmp_path: Path) -> None:
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path / "dist")]
+    subprocess.run(build, cwd=small_project, check=True, timeout=120)
     (wheel,) = (tmp_path / "dist").iterdir()
     with zipfile.ZipFile(wheel) as archive:
         (bill_name,) = (name for name in archive.namelist() if ".dist-info/sboms/" in name)
@@ -108,11 +165,7 @@ def test_a_wheel_carries_its_bill_of_materials(tmp_path: Path) -> None:
 
 def test_a_change_of_any_source_makes_the_page_anew(tmp_path: Path) -> None:
     """In the Makefile and in a wheel's build: sources in folders, one that came, and one that went."""
-    spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
-    assert spec is not None
-    assert spec.loader is not None
-    hatch_build = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(hatch_build)
+    hatch_build = module("hatch_build.py")
     shutil.copy(ROOT / "Makefile", tmp_path)
     built = tmp_path / hatch_build.PAGE / "index.html"
     sources = [tmp_path / "viewer" / name for name in ("build.mjs", "tsconfig.json", "src/main.ts", "src/fit/fit.ts")]

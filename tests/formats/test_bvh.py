@@ -17,7 +17,7 @@ from signsplice.errors import InputError
 from signsplice.formats import bvh, load, save
 from signsplice.formats.bvh import format_rows
 from signsplice.motion import euler_channels, rotation
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion.clip import Clip, concatenate, left_out_warnings, resample
 from signsplice.motion.euler_channels import ROTATIONS
 
 MIXED = """HIERARCHY
@@ -148,10 +148,31 @@ def test_positions_agree_with_a_file_written_by_pybvh() -> None:
         (1.0, 1.0),
         (2.5, 0.4),
         (0.0123456, 1 / 0.0123456),
+        (0.0167, 60.0),
+        (0.07, 1 / 0.07),
+        (0.3, 1 / 0.3),
+        (0.06, 1 / 0.06),
+        (0.016, 62.5),
+        (0.017, 1 / 0.017),
     ],
 )
 def test_frame_time_gives_the_rate_it_was_rounded_from(frame_time: float, fps: float) -> None:
     assert bvh.standard_fps(frame_time) == pytest.approx(fps, rel=1e-12)
+
+
+@pytest.mark.parametrize("fps", [*range(1, 1001), *(n * 1000 / 1001 for n in (24, 30, 48, 60, 120, 240))])
+def test_every_rate_comes_back_from_a_frame_time_of_seven_digits(fps: float) -> None:
+    frame_time = float(f"{1 / fps:.7g}")
+    assert bvh.standard_fps(frame_time) == fps
+
+
+@pytest.mark.parametrize(("frame_time", "is_named"), [("0.0333333", False), ("0.07", False), ("0.033", True)])
+def test_a_frame_time_that_is_brought_to_another_rate_is_named(frame_time: str, is_named: bool) -> None:
+    clip = bvh.parse(MIXED.replace("0.0333333", frame_time).encode(), "WAVE.bvh")
+    line = f"WAVE: its Frame Time of {frame_time} s is read as 30 fps, which it seems to be rounded from"
+    assert left_out_warnings(clip) == ((line,) if is_named else ())
+    assert f"Frame Time: {frame_time}\n".encode() in bvh.encode(clip)
+    assert len(left_out_warnings(resample(clip, 24.0))) == is_named
 
 
 def spinning(start_deg: float, rate_deg: float, n_frames: int, shift: float = 0.0) -> Clip:

@@ -166,6 +166,27 @@ def test_frame_rates_come_back(tmp_path: Path, fps: float) -> None:
             assert other.fps == pytest.approx(fps, rel=1e-4)
 
 
+def test_a_clip_ends_on_the_last_key(tmp_path: Path) -> None:
+    times = np.array([0.0, 0.04, 0.07, 0.12, 0.155])
+    values = rotation.exp(np.linspace(0.0, 1.0, 5)[:, None] * [0.0, 0.0, 1.0])
+    clip = load_document(tmp_path, document(ARM, [rotating(times=times, values=values)]))
+    np.testing.assert_allclose(rotation.angle_between(clip.local_rotations[-1, 0], values[-1]), 0.0, atol=1e-6)
+    assert 0.155 * clip.fps <= len(clip) - 1 < 0.155 * clip.fps + 1.0
+
+
+@pytest.mark.parametrize(
+    ("fps", "generator", "expected"),
+    [(7, "", 25.0), (1000, "", 25.0), (50, "", 50.0), (25, "", 25.0), ("25", "", 25.0), (7, "signsplice", 7.0)],
+)
+def test_a_frame_rate_in_extras_is_believed_where_keys_confirm_it(
+    tmp_path: Path, fps: Any, generator: str, expected: float
+) -> None:
+    content = document(ARM, [rotating(times=np.arange(9) / 25.0, values=[IDENTITY, *[QUARTER] * 8])])
+    content["animations"][0]["extras"] = {"fps": fps}
+    content["asset"]["generator"] = generator
+    assert load_document(tmp_path, content).fps == expected
+
+
 def test_steps_fall_on_their_own_frames(tmp_path: Path) -> None:
     values = rotation.exp(np.linspace(0.0, 3.0, 200)[:, None] * [0.0, 0.0, 1.0])
     channel = rotating(times=np.arange(200) / 30.0, values=values, interpolation="STEP")
@@ -229,6 +250,16 @@ INVALID: dict[str, tuple[Any, str]] = {
     "more than memory": (lambda d: d["accessors"][0].update(count=10**9), "reaches beyond"),
     "glTF 1": (lambda d: d["asset"].update(version="1.0"), "is glTF 1.0, expected 2.0"),
     "compressed": (lambda d: d.update(extensionsRequired=["EXT_meshopt_compression"]), "which is not read"),
+    "an unknown extension": (lambda d: d.update(extensionsRequired=["VRM", "A\n_b"]), r"extension 'A\\n_b', which is"),
+    "for newer readers": (lambda d: d["asset"].update(minVersion="2.1"), "needs a reader of glTF 2.1, expected 2.0"),
+    "an unknown interpolation": (lambda d: d["animations"][0]["samplers"][0].update(interpolation="BEZIER"),
+        "rotation of node 0 is interpolated by 'BEZIER', expected LINEAR, STEP, CUBICSPLINE"),
+    "mirrored": (lambda d: d["nodes"][1].update(matrix=[1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 0, 0, 1, 0, 1]),
+        "the matrix of node 'arm' mirrors or shears"),
+    "sheared": (lambda d: d["nodes"][1].update(matrix=[1, 0, 0, 0, 0.6, 0.8, 0, 0, 0, 0, 1, 0, 0, 1, 0, 1]),
+        "the matrix of node 'arm' mirrors or shears"),
+    "a perspective": (lambda d: d["nodes"][1].update(matrix=[1, 0, 0, 0.1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 1, 0, 1]),
+        r"the matrix of node 'arm' has the last row \[0.1, 0.0, 0.0, 1.0\]"),
     "a negative number": (lambda d: d["animations"][0]["samplers"][0].update(input=-2), "accessor -2 is no such"),
     "lines for a number": (lambda d: d["bufferViews"][0].update(buffer="a\u2028b\n"), "buffer 'a.* is no such"),
     "lines for a version": (lambda d: d["asset"].update(version="1\n2\u2028"), "is glTF 1 2 , expected 2.0"),
@@ -318,6 +349,17 @@ def test_what_is_animated_besides_joints_is_named(tmp_path: Path) -> None:
     ]
     assert ss.inbetween(clip, [(1, len(clip) - 1)], "slerp").warnings == result.warnings[:1]
     assert load_document(tmp_path, document(ARM, [rotating()])).left_out == ()
+
+
+def test_the_animation_that_is_read_is_named_where_there_are_several(tmp_path: Path) -> None:
+    content = document(ARM, [rotating()])
+    content["animations"] += [{"name": "walk"}, {}, *({"name": f"take {n}"} for n in range(4))]
+    clip = load_document(tmp_path, content)
+    others = "'walk', 'animation 2', 'take 0', 'take 1', 'take 2', nor 1 more"
+    line = f"the file's first animation, 'wave', is read, not {others}"
+    assert clip.notes == (line,)
+    assert f"wave: {line}" in inspect(clip)["warnings"]
+    assert f"wave: {line}" in ss.splice([clip, clip], ss.SpliceOptions(cutter="ends", transition="slerp")).warnings
 
 
 @pytest.mark.parametrize(

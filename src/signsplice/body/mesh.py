@@ -218,17 +218,14 @@ def _skin(
     bends: NDArray[np.bool_] | None = None,
 ) -> MeshPart:
     blend = height * _BLEND.get(kind, 0.0006)
-
-    def distances(points: FloatArray) -> FloatArray:
-        return _distances(points, own)
+    blends = {int(k): _LIMB_BLEND * height for k in own.bundles}
+    if kind == "hand":
+        blends[int(own.bundles[0])] = _PALM_BLEND * height  # the palm comes first
+    bundles = [(np.flatnonzero(own.bundles == k), within) for k, within in blends.items()]
 
     def field(points: FloatArray) -> FloatArray:
-        each = distances(points)
-        blends = {int(k): _LIMB_BLEND * height for k in own.bundles}
-        if kind == "hand":
-            blends[int(own.bundles[0])] = _PALM_BLEND * height  # the palm comes first
-        each = np.stack([_union(each[:, own.bundles == k], blend) for k, blend in blends.items()], axis=1)
-        return _union(each, blend)
+        each = _distances(points, own)
+        return _union(np.stack([_union(each[rows], within) for rows, within in bundles]), blend)
 
     margin = own.radii.max() + 2.0 * blend
     low, high = np.minimum(own.starts, own.ends).min(axis=0) - margin, np.maximum(own.starts, own.ends).max(axis=0)
@@ -237,43 +234,49 @@ def _skin(
     softness = _SOFT.get(kind, 0.28) * own.radii.mean(axis=1)
     if bends is not None:
         softness[bends] *= _BENT
-    joints, weights = _carried(distances(vertices), softness, own.joints)
+    joints, weights = _carried(_distances(vertices, own).T, softness, own.joints)
     return MeshPart(name, tint, vertices, normals, triangles, joints, weights)
 
 
 def _union(distances: FloatArray, blend: float) -> FloatArray:
-    """A smooth union (N,) of distances (N, C): a point near to several solids counts as a little deeper inside."""
-    nearest = distances.min(axis=1)
-    return np.asarray(nearest - blend * np.log(np.exp((nearest[:, None] - distances) / blend).sum(axis=1)))
+    """A smooth union (N,) of distances (C, N): a point near to several solids counts as a little deeper inside."""
+    if len(distances) == 1:
+        return np.asarray(distances[0])
+    nearest = distances.min(axis=0)
+    near = np.exp((nearest - distances) / blend)
+    return np.asarray(nearest - blend * np.log(near.T.copy().sum(axis=1)))  # copied: sums are those of a row
 
 
 def _distances(points: FloatArray, own: _MeshCapsules) -> FloatArray:
-    """Signed distances (N, C) of points (N, 3) from tapered capsules, negative inside.
+    """Signed distances (C, N) of points (N, 3) from tapered capsules, negative inside.
 
     A tapered capsule is the union of all balls between its two end balls.
     """
-    axes, (first, second) = own.ends - own.starts, own.radii.T
-    squared, taper = np.einsum("cx,cx->c", axes, axes), first - second
+    axes, (first, second) = own.ends - own.starts, own.radii.T[:, :, None]  # (C, 3), (C, 1)
+    squared, taper = np.einsum("cx,cx->c", axes, axes)[:, None], first - second
     slope = squared - taper**2
     cone = slope > 1e-12 * squared  # else the one ball holds the other
     whole = np.where(cone, squared, 1.0)
     middle = own.starts.mean(axis=0)  # small numbers keep the matrix products exact
     points, starts = points - middle, own.starts - middle
-    along = points @ axes.T - np.einsum("cx,cx->c", starts, axes)
-    far = np.einsum("nx,nx->n", points, points)[:, None] + np.einsum("cx,cx->c", starts, starts)
-    far = np.maximum(far - 2.0 * points @ starts.T, 0.0)  # squared, from the start
-    beyond = along - squared
+    along = axes @ points.T
+    along -= np.einsum("cx,cx->c", starts, axes)[:, None]
+    far = np.einsum("nx,nx->n", points, points) + np.einsum("cx,cx->c", starts, starts)[:, None]
+    far -= starts @ (2.0 * points).T
+    np.maximum(far, 0.0, out=far)  # squared, from the start
     across = np.maximum(far - along**2 / whole, 0.0)  # squared, from the axis
     steep = np.sqrt(np.where(cone, slope, whole) / whole)
     away = np.sqrt(across)
     # The ball whose surface is nearest has its centre here, from 0 at the start to l^2 at the end.
     centre = along - taper * away / steep
-    side = away * steep + along * taper / whole - first
+    out: FloatArray = away * steep + along * taper / whole - first
     start = np.sqrt(far) - first
-    end = np.sqrt(np.maximum(across + beyond**2 / whole, 0.0)) - second
-    out = np.where(centre <= 0.0, start, np.where(centre >= squared, end, side))
-    ball = np.where(first >= second, start, np.sqrt(np.maximum(far - 2.0 * along + squared, 0.0)) - second)
-    return np.asarray(np.where(cone, out, ball))
+    np.copyto(out, np.sqrt(across + (along - squared) ** 2 / whole) - second, where=centre >= squared)
+    np.copyto(out, start, where=centre <= 0.0)
+    if not cone.all():
+        ball = np.where(first >= second, start, np.sqrt(np.maximum(far - 2.0 * along + squared, 0.0)) - second)
+        np.copyto(out, ball, where=~cone)
+    return out
 
 
 def _carried(

@@ -12,12 +12,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from signsplice.motion.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 Index = NDArray[np.intp]
 
@@ -55,6 +58,8 @@ class Relief:
 
     @cached_property
     def _tree(self) -> cKDTree:
+        from scipy.spatial import cKDTree  # takes as long to import as a small clip to convert; only avatars need it
+
         return cKDTree(self.points)
 
     def heights(self, rows: Index, points: FloatArray, directions: FloatArray) -> FloatArray:

@@ -73,7 +73,7 @@ def window(points: FloatArray, at: tuple[float, float], half: float) -> FloatArr
     """Points (N, 3) whose x and y lie within ``half`` of a place, or within two or four times that where there are too
     few; None where these are too few too.
     """
-    away = np.abs(points[:, :2] - np.array(at)).max(axis=1)
+    away = np.maximum(np.abs(points[:, 0] - at[0]), np.abs(points[:, 1] - at[1]))
     for wider in _WIDER:
         near = points[away < wider * half]
         if len(near) >= MIN_POINTS:

@@ -17,7 +17,8 @@ from signsplice.motion.arrays import FloatArray
 Field = Callable[[FloatArray], FloatArray]
 """Points (N, 3) -> how far they lie outside (N,), negative inside."""
 
-_BLOCK = 20_000
+_BLOCK = 4_096
+"""Points at a time: what a field computes for them stays in the processor's cache."""
 _COARSE = 4
 _N_PROJECTIONS = 2
 """Steps by which a vertex is moved onto the surface."""
@@ -53,7 +54,7 @@ def surface(
 
 
 def _in_blocks(field: Field) -> Field:
-    """The same field, evaluated for a limited number of points at a time, so that memory stays small."""
+    """The same field, evaluated for a limited number of points at a time."""
 
     def asked(points: FloatArray) -> FloatArray:
         return np.concatenate([field(points[at : at + _BLOCK]) for at in range(0, max(len(points), 1), _BLOCK)])
@@ -70,7 +71,7 @@ def _sampled(field: Field, origin: FloatArray, counts: NDArray[np.int_], step: f
     """The field on a grid; exact near the surface, elsewhere only its sign."""
     coarse = [np.arange(0, n, _COARSE) for n in counts]
     rough = _values(field, origin, coarse, step)
-    reach = np.sqrt(3.0) * _COARSE * step
+    reach = 0.5 * np.sqrt(3.0) * _COARSE * step  # from a point of a cell to the nearest corner, at most
     near = np.abs(rough) < reach
     wide = np.zeros_like(near)
     for shift in product((0, 1), repeat=3):  # cells with any corner near

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from signsplice.cli.aliases import moved
-from signsplice.cli.clips import check_apart, check_outputs
+from signsplice.cli.clips import check_apart, check_output, check_outputs
 from signsplice.cli.evaluation import bench
 from signsplice.cli.lexicon import open_words
 from signsplice.cli.options import AS_JSON, BUNDLE, LEXICON, SEED, added, preset
@@ -126,8 +126,7 @@ def recipes(
     from signsplice.bulk.recipes import check_suffix, write
 
     check_suffix(output)
-    check_writable(Path(output))
-    check_apart(output, [lines])
+    check_output(output, [lines])
     ranges, fixed = _ranges(dials)
     with open_words(lexicon) as opened:
         check_apart(output, [opened.path])

@@ -58,10 +58,10 @@ def limits() -> ReadLimits:
 
 def load(path: str, roles: str | None = None, warns: bool = True) -> Clip:
     """The clip in a file; ``roles``: a file of role -> joint name, for rigs that are not recognised by joint names.
-    ``warns``: whether to print here what of the file is left out.
+    ``warns``: whether to print here what of the file is left out or read otherwise.
     """
     clip = formats.load(path, limits())
-    if warns and clip.left_out:
+    if warns and (clip.left_out or clip.notes):
         from signsplice.motion.clip import left_out_warnings
 
         warn(left_out_warnings(clip))
@@ -91,15 +91,27 @@ def with_roles(clips: Sequence[Clip], roles: str) -> list[Clip]:
 
 
 def check_outputs(output: str, report: str | None = None, inputs: Iterable[str | Path | None] = ()) -> None:
-    """Raise ``InputError`` for outputs that cannot be written or are ``inputs``, before any work is done."""
+    """Raise ``InputError`` for outputs that cannot be written or are ``inputs``, before any work is done; warn of those
+    that have other names.
+    """
     if Path(output).suffix.lower() not in PICTURE_SUFFIXES:
         formats.check_suffix(output)
     if report is not None and Path(report).resolve() == Path(output).resolve():
         raise InputError(f"{report}: named for both the animation and the report, expected two names")
     for path in (output, report):
         if path is not None:
-            check_writable(path)
-            check_apart(path, inputs)
+            check_output(path, inputs)
+
+
+def check_output(path: str, inputs: Iterable[str | Path | None]) -> None:
+    """Raise ``InputError`` for an output that cannot be written or is one of ``inputs``; warn of one that has other
+    names, which are not written to.
+    """
+    check_writable(path)
+    check_apart(path, inputs)
+    n_names = Path(path).stat().st_nlink if Path(path).exists() else 1
+    if n_names > 1:
+        warn([f"{path}: is one of {n_names} hard links to a file; the others keep the old content"])
 
 
 def check_apart(output: str, inputs: Iterable[str | Path | None]) -> None:

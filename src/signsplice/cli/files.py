@@ -68,12 +68,13 @@ def convert(
         print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
         return
     from signsplice.body.retarget import retarget
-    from signsplice.splicing import report as reports
 
     done = retarget(clip, load(body, roles) if avatar is None else load_avatar(body, roles))
     warn(done.warnings)
     write(done.clip, output)
     if report is not None:
+        from signsplice.splicing import report as reports
+
         reports.write(reports.describe_retargeting(done, source, body), report)
     kept = f"{sum(one.is_kept for one in done.contacts)} of {len(done.contacts)} contacts kept"
     print(f"{output}: {len(done.clip)} frames, {done.clip.seconds:.2f} s, {kept}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import check_apart, load, reads_rigs
+from signsplice.cli.clips import check_output, load, reads_rigs
 from signsplice.cli.options import LEXICON, preset
 from signsplice.cli.terminal import require
 from signsplice.errors import InputError
@@ -89,7 +89,7 @@ def view(
     if len(reports) > len(files):
         raise InputError(f"{len(reports)} reports for {len(files)} files, expected at most one for each")
     _require_extra()
-    from signsplice.formats.atomic import check_writable, replacing
+    from signsplice.formats.atomic import replacing
     from signsplice.service import page, scene
     from signsplice.service.wire import FORMAT_NAMES
     from signsplice.splicing import report as splice_reports
@@ -97,8 +97,7 @@ def view(
     if output is not None:
         if Path(output).suffix.lower() not in (".html", ".htm"):
             raise InputError(f"{output}: expected a name that ends in .html")
-        check_writable(output)
-        check_apart(output, [*files, *reports, roles])
+        check_output(output, [*files, *reports, roles])
     scenes = []
     for number, file in enumerate(files):
         clip = load(file, roles)

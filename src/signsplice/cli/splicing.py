@@ -13,7 +13,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from signsplice.cli.aliases import former_names
-from signsplice.cli.clips import OUTPUT_SUFFIXES, check_outputs, limits, load, reads_rigs, with_roles, write
+from signsplice.cli.clips import (
+    OUTPUT_SUFFIXES,
+    check_apart,
+    check_outputs,
+    limits,
+    load,
+    reads_rigs,
+    with_roles,
+    write,
+)
 from signsplice.cli.lexicon import open_words
 from signsplice.cli.options import AS_JSON, BUNDLE, LEXICON, added, preset
 from signsplice.cli.terminal import note, progress, warn
@@ -124,7 +133,8 @@ def sentence(
     options = _splice_options(**method_options)
     began = time.perf_counter()
     with open_words(lexicon) as words:
-        check_outputs(output, report, [words.path])
+        for path in (output, report or output):
+            check_apart(path, [words.path])
         units = parse(" ".join(glosses), words, spell=not no_spell, compounds=not no_compounds)
         line = [gloss for unit in units for gloss in unit.glosses]
         clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(line)}

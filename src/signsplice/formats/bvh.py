@@ -33,6 +33,10 @@ _LONG = 100
 """Bytes of text that no lawful number takes, with the space around it."""
 _NUMBER_BYTES = 8
 """Memory of a number of the file."""
+_ROUNDED, _MOST_ROUNDED = 0.0025, 0.0101
+"""By which fraction a rate may differ from a Frame Time: with no word said (60 fps from 0.0167), and with a warning (30
+fps from 0.033).
+"""
 
 
 def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
@@ -66,21 +70,31 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -
 
 
 def standard_fps(frame_time: float) -> float:
-    """The frame rate from which a printed Frame Time was rounded.
+    """The frame rate from which a printed Frame Time was rounded (30 fps from 0.033333), else 1 / frame_time.
 
-    Files round it (0.033333 for 30 fps). Whole rates up to 1000, then the NTSC rates (n * 1000/1001), are candidates;
-    the nearest whose period rounds to the printed number is returned, or 1 / frame_time if there is none.
+    Candidates are the nearest whole rate and the NTSC rates (n * 1000/1001). Their period has to round to the printed
+    number, and to differ from it by less than ``_ROUNDED``; by less than ``_MOST_ROUNDED`` where the rate is usual, a
+    multiple of 5 or of 12.
     """
     text = repr(float(frame_time))
     mantissa, _, exponent = text.partition("e")
     decimals = len(mantissa.partition(".")[2]) - int(exponent or 0)
     half = 0.5 * 10.0 ** -min(decimals, 15) * 1.000001
-    whole = max(1, round(1.0 / frame_time)) if frame_time > 0.0009 else 0
-    for rate in (float(whole), *(n * 1000.0 / 1001.0 for n in (24, 30, 48, 60, 120, 240))):
-        if rate and abs(1.0 / rate - frame_time) <= half:
+    whole = round(1.0 / frame_time) if frame_time > 0.0009 else 0
+    is_usual = whole % 5 == 0 or whole % 12 == 0
+    ntsc = [(n * 1000.0 / 1001.0, _ROUNDED) for n in (24, 30, 48, 60, 120, 240)]
+    for rate, most in ((float(whole), _MOST_ROUNDED if is_usual else _ROUNDED), *ntsc):
+        if rate and abs(1.0 / rate - frame_time) <= min(half, most / rate):
             return rate
-    near = [float(n) for n in range(1, 1001) if abs(1.0 / n - frame_time) <= half]
-    return min(near, key=lambda rate: abs(1.0 / rate - frame_time)) if near else 1.0 / frame_time
+    return 1.0 / frame_time
+
+
+def _rate_notes(frame_time: float) -> tuple[str, ...]:
+    """A line about a rate that a Frame Time of few digits was brought to; none where it is as good as equal."""
+    fps = standard_fps(frame_time)
+    if abs(fps * frame_time - 1.0) <= _ROUNDED:
+        return ()
+    return (f"its Frame Time of {frame_time!r} s is read as {fps:.6g} fps, which it seems to be rounded from",)
 
 
 def encode(clip: Clip) -> bytes:
@@ -287,6 +301,7 @@ def _clip(hierarchy: Hierarchy, values: FloatArray, frame_time: float, name: str
         name=name,
         translations=translations if moving else None,
         channels=Channels(names, values, written, frame_time),
+        notes=_rate_notes(frame_time),
     )
 
 

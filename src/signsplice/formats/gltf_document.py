@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import binascii
 import json
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,13 @@ FPS_EXTRA, ROLES_EXTRA, HUMANOID_EXTRA = "fps", "roles", "humanoid"
 """Names of our extras. Of an animation: its frame rate. Of the document: role -> joint name, the roles of a roles file,
 and all that were found, for viewers.
 """
+GENERATOR = "signsplice"
+"""What our files name as their program."""
+_KEEPS_JOINTS = re.compile(
+    r"(KHR|EXT|MSFT|ADOBE)_((materials|texture|lights|mesh|xmp)_\w+"
+    r"|draco_mesh_compression|node_visibility|animation_pointer)|VRM|VRMC_\w+"
+)
+"""Extensions that a file may require: they move no joint by keys of their own, or a warning names what they animate."""
 _VALUE_BYTES = 50
 """Memory that a value of a JSON document takes, about."""
 _COMPONENTS: dict[int, type[np.generic]] = {
@@ -61,11 +69,7 @@ class Document:
         self.json: Fields = json.loads(text.decode("utf-8-sig"))
         if not isinstance(self.json, dict):
             raise self._error("its JSON is no object")
-        version = str((self.json.get("asset") or {}).get("version") or "")
-        if not version.startswith("2."):
-            raise self._error(f"is glTF {version or 'of no version'}, expected 2.0")
-        if "EXT_meshopt_compression" in (self.json.get("extensionsRequired") or ()):
-            raise self._error("its buffers are compressed by EXT_meshopt_compression, which is not read")
+        self._check_versions()
         self.nodes: list[Fields] = self.json.get("nodes") or []
         if len(self.nodes) > limits.nodes:
             raise LimitError(f"{len(self.nodes):,} nodes, expected at most {limits.nodes:,.0f}", file=file)
@@ -75,6 +79,20 @@ class Document:
         self._array_bytes = 0
         self.parents = self._parents()
         self.order = self._order_of_nodes()
+
+    def _check_versions(self) -> None:
+        """Raise ``FormatError`` where the file is for readers of another version, or of an extension that changes it
+        (glTF 2.0, sections 3.2 and 3.12).
+        """
+        asset = self.json.get("asset") or {}
+        version, least = str(asset.get("version") or ""), str(asset.get("minVersion") or "2.0")
+        if not version.startswith("2."):
+            raise self._error(f"is glTF {version or 'of no version'}, expected 2.0")
+        if [int(part) for part in least.split(".")] > [2, 0]:
+            raise self._error(f"needs a reader of glTF {least:.20}, expected 2.0")
+        for name in self.json.get("extensionsRequired") or ():
+            if not _KEEPS_JOINTS.fullmatch(name):
+                raise self._error(f"requires the extension {name!r:.80}, which is not read; export it without")
 
     def _parents(self) -> dict[int, int]:
         parents: dict[int, int] = {}

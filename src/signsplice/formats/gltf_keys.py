@@ -14,6 +14,7 @@ LEAST_FPS, MOST_FPS = 10.0, 240.0
 USUAL_FPS = 30.0
 DRIFT = 0.1
 """A rate is rounded to a whole number or an NTSC rate (k 1000 / 1001) if that moves no key by more frames than this."""
+INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
 _NEAR = 1e-3
 """A time within this fraction of a frame of a key is at that key: files store times in 32 bits."""
 
@@ -24,7 +25,7 @@ class Keys:
 
     times: (K,) seconds, rising.
     values: (K, 3) or (K, 4); for splines (K, 3, 3) or (K, 3, 4): in-tangent, value, out-tangent.
-    interpolation: "LINEAR", "STEP" or "CUBICSPLINE".
+    interpolation: one of ``INTERPOLATIONS``.
     """
 
     times: FloatArray

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.formats.gltf_document import FPS_EXTRA, ROLES_EXTRA, VRM_ANIMATION, Fields
-from signsplice.formats.gltf_keys import DRIFT, Keys, frame_rate, sample
+from signsplice.formats.gltf_document import FPS_EXTRA, GENERATOR, ROLES_EXTRA, VRM_ANIMATION, Fields
+from signsplice.formats.gltf_keys import DRIFT, INTERPOLATIONS, LEAST_FPS, MOST_FPS, Keys, frame_rate, sample
 from signsplice.formats.gltf_skeleton import EVEN, SkeletonDocument, printable, unique
 from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
 from signsplice.formats.reading import stem
@@ -104,6 +104,7 @@ class _AnimationReader(SkeletonDocument):
             name=printable(name, stem(self.file)),
             translations=translations if stretches else None,
             left_out=left_out(self.json, self.json["animations"][0]),
+            notes=_notes(self.json["animations"]),
         )
 
     def _stored_roles(self, names: Sequence[str]) -> dict[str, str]:
@@ -134,6 +135,9 @@ class _AnimationReader(SkeletonDocument):
             total += values.nbytes  # counted for each channel, also where channels share them
             self.limits.check_memory("keys", total, self.given_bytes, self.file)
             interpolation = sampler.get("interpolation") or "LINEAR"
+            if interpolation not in INTERPOLATIONS:
+                what = f"{path} of node {node} is interpolated by {interpolation!r:.80}"
+                raise self._error(f"{what}, expected {', '.join(INTERPOLATIONS)}")
             spline = interpolation == "CUBICSPLINE"
             expected = (3 if spline else 1) * len(times)
             if not len(times) or len(values) != expected or np.any(np.diff(times) <= 0.0):
@@ -181,15 +185,29 @@ class _AnimationReader(SkeletonDocument):
         """
         start = min(float(keys.times[0]) for keys in channels.values())
         end = max(float(keys.times[-1]) for keys in channels.values())
-        extras = animation.get("extras")
-        stored = extras.get(FPS_EXTRA) if isinstance(extras, dict) else None
-        if isinstance(stored, int | float) and 1.0 <= stored <= 1000.0:
-            fps = float(stored)
-        else:
+        fps = self._stored_fps(animation, [keys.times - start for keys in channels.values()])
+        if fps is None:
             fps = frame_rate(max((keys.times for keys in channels.values()), key=len))
         steps = (end - start) * fps
         self.limits.check_clip(steps, n_joints, fps, steps * n_joints * FRAME_BYTES, self.given_bytes, self.file)
-        return start + np.arange(int(steps + 1.01 * DRIFT) + 1) / fps, fps
+        # The last frame shows the last key, wherever it lies within a frame; one that is less than DRIFT off, in place.
+        times = start + np.arange(int(np.ceil(steps - 1.01 * DRIFT)) + 1) / fps
+        times[-1] = end
+        return times, fps
+
+    def _stored_fps(self, animation: Fields, times: Sequence[FloatArray]) -> float | None:
+        """The frame rate in the extras of an animation with keys at ``times``, seconds from the first; None where there
+        is none, or where it is not ours and a key lies between its frames.
+        """
+        extras = animation.get("extras")
+        fps = extras.get(FPS_EXTRA) if isinstance(extras, dict) else None
+        if not isinstance(fps, int | float) or not 0.0 < fps <= 1000.0:
+            return None
+        is_ours = (self.json.get("asset") or {}).get("generator") == GENERATOR
+        is_usual = LEAST_FPS <= fps <= MOST_FPS
+        if is_ours or (is_usual and all(np.abs(at * fps - np.rint(at * fps)).max() < DRIFT for at in times)):
+            return float(fps)
+        return None
 
     def _bind_rotations(self, order: Sequence[int], parents: NDArray[np.intp], rest_quats: FloatArray) -> FloatArray:
         """Global rotations (J, 4) of the pose in which the skin is bound; of the rest pose for joints without skin."""
@@ -209,6 +227,18 @@ class _AnimationReader(SkeletonDocument):
 
 
 _POINTER = "KHR_animation_pointer"
+_NAMED = 5
+"""Most animations that a note names."""
+
+
+def _notes(animations: Sequence[Fields]) -> tuple[str, ...]:
+    """A line that names the animation that is read and the others; none where it is the only one."""
+    if len(animations) == 1:
+        return ()
+    names = [_object(fields).get("name") for fields in animations[: 1 + _NAMED]]
+    first, *others = (f"{printable(name, f'animation {n}')!r:.80}" for n, name in enumerate(names))
+    more = f", nor {len(animations) - 1 - _NAMED} more" if len(animations) > 1 + _NAMED else ""
+    return (f"the file's first animation, {first}, is read, not {', '.join(others)}{more}",)
 
 
 def left_out(document: Fields, animation: Fields) -> tuple[str, ...]:

@@ -82,16 +82,21 @@ class SkeletonDocument(Document):
     def _local_pose(self, node: int) -> tuple[FloatArray, FloatArray, float]:
         """A node's own position (3,), rotation (4,) and scale at rest, relative to its parent."""
         fields = self.nodes[node]
+        named = f"node {fields.get('name') or node!r:.80}"
         if fields.get("matrix"):
             matrix = np.array(fields["matrix"], np.float64).reshape(4, 4).T
             scale = np.linalg.norm(matrix[:3, :3], axis=0)
-            position, quat = matrix[:3, 3], rotation.from_matrix(matrix[:3, :3] / np.where(scale == 0.0, 1.0, scale))
+            axes = matrix[:3, :3] / np.where(scale == 0.0, 1.0, scale)
+            if not (np.linalg.det(axes) > 0.0 and np.abs(axes.T @ axes - np.eye(3)).max() <= EVEN):
+                raise self._error(f"the matrix of {named} mirrors or shears, expected rotation and even scale")
+            if (matrix[3] != [0.0, 0.0, 0.0, 1.0]).any():
+                raise self._error(f"the matrix of {named} has the last row {matrix[3].tolist()}, expected 0, 0, 0, 1")
+            position, quat = matrix[:3, 3], rotation.from_matrix(axes)
         else:
             position, quat, scale = stored_pose(fields)
         scale = self.scales.get(node, scale)
         if not (scale.min() > 0.0 and np.ptp(scale) <= EVEN * scale.max()):
-            name = fields.get("name") or node
-            raise self._error(f"node {name!r:.80} is scaled by {scale.tolist()}, expected one positive number")
+            raise self._error(f"{named} is scaled by {scale.tolist()}, expected one positive number")
         return position, quat, float(scale.mean())
 
     def _world_pose(self, node: int | None) -> tuple[FloatArray, FloatArray, float]:

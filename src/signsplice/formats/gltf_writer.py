@@ -34,7 +34,7 @@ from pygltflib import (
 from signsplice.body.capsules import body_capsules, capsule_ends
 from signsplice.body.mesh import bind_pose
 from signsplice.body.mesh_part import MeshPart
-from signsplice.formats.gltf_document import FPS_EXTRA
+from signsplice.formats.gltf_document import FPS_EXTRA, GENERATOR
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
@@ -47,7 +47,6 @@ _FLOAT, _UBYTE, _USHORT, _UINT = 5126, 5121, 5123, 5125
 _TYPES = {_FLOAT: np.float32, _UBYTE: np.uint8, _USHORT: np.uint16, _UINT: np.uint32}
 _VERTICES, _INDICES = 34962, 34963
 """Targets of buffer views: ARRAY_BUFFER and ELEMENT_ARRAY_BUFFER."""
-_GENERATOR = "signsplice"
 
 
 def in_front(clip: Clip) -> Clip:
@@ -80,7 +79,7 @@ class DocumentWriter:
 
     gltf: GLTF2 = field(
         default_factory=lambda: GLTF2(
-            asset=Asset(version="2.0", generator=_GENERATOR),
+            asset=Asset(version="2.0", generator=GENERATOR),
             animations=[Animation(samplers=[], channels=[])],
             extensionsUsed=[],
             extensions={},

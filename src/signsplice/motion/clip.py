@@ -142,6 +142,7 @@ class Clip:
     translations: (T, J, 3) offset from the parent per frame, for files that animate bone lengths; None: the skeleton's.
     channels: the numbers of the file, kept so that they can be written back exactly; None where there is no file.
     left_out: names of what its file animates besides joints (expressions, morph targets, look-at), which is not here.
+    notes: lines about what else the clip has otherwise than its file: the first of several animations, a rounded rate.
     source_clip: the clip that this one was placed from as one rigid whole (``rig.placement.place``), else None.
 
     Arrays are taken as they are, without a copy: do not write to them afterwards. Raises ``InputError`` where shapes do
@@ -156,6 +157,7 @@ class Clip:
     translations: FloatArray | None = None
     channels: Channels | None = None
     left_out: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     source_clip: Clip | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
@@ -239,12 +241,13 @@ class Clip:
 
 
 def left_out_warnings(clip: Clip) -> tuple[str, ...]:
-    """A line about what a clip's file holds and the clip does not; none where there is nothing."""
+    """Lines about what a clip's file holds and the clip does not, or otherwise; none where there is nothing."""
+    notes = tuple(f"{clip.name}: {note}" for note in clip.notes)
     if not clip.left_out:
-        return ()
+        return notes
     some, n_more = clip.left_out[:_NAMED], len(clip.left_out) - _NAMED
     more = f" and {n_more} more" if n_more > 0 else ""
-    return (f"{clip.name}: {', '.join(some)}{more} left out: a clip holds the motion of joints alone",)
+    return (f"{clip.name}: {', '.join(some)}{more} left out: a clip holds the motion of joints alone", *notes)
 
 
 def same_fps(a: float, b: float) -> bool:
