@@ -85,7 +85,7 @@ def gap_tokens(whole: CanonicalTrajectory, gaps: Sequence[GapMoments], starts: N
 
     A token is the frame's features, the same relative to the last frame before, and where it lies (``GapMoments``).
     """
-    out = np.empty((len(whole), N_TOKEN), np.float32)
+    out = np.empty((len(whole.positions), N_TOKEN), np.float32)
     spacing = np.concatenate([gap.spacing for gap in gaps])[:-1]
     own = frame_features(whole, spacing, starts, out[:, :N_FRAME])
     last = np.repeat(starts + N_CONTEXT - 1, [len(gap.spacing) for gap in gaps])
