@@ -56,6 +56,11 @@ class Log:
             self._board.close()
 
 
+def cpu_seconds(folder: Path, step: int) -> float:
+    """Processor seconds in a training's log up to a step, of the first process; 0 without a log."""
+    return max((line.get("cpu_s", 0.0) for line in lines(folder / NAME) if line["step"] <= step), default=0.0)
+
+
 def lines(path: Path) -> list[dict[str, Any]]:
     """The lines of a log; one that an interruption cut off is left out."""
     if not path.exists():

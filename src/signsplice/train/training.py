@@ -220,7 +220,7 @@ def _trained(
     if warm_starts:
         warm_start.load_mean(task, warm_starts)
     loop = LoopConfig(
-        training.n_steps, schedule.batch, "adamw", schedule.rate, training.seed,
+        training.n_steps, schedule.batch, schedule.rate, training.seed,
         max(1, training.n_steps // schedule.n_checks), schedule.n_judged, bf16=processes.device.type == "cuda",
     )  # fmt: skip
     with (

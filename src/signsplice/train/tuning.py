@@ -111,7 +111,7 @@ def make(
     torch.manual_seed(tuning.seed)
     task = BridgeTask(network, data.role_parents.tolist())
     loop = LoopConfig(
-        tuning.steps, tuning.batch, "adamw", tuning.rate, tuning.seed, max(1, tuning.steps // 5), 128,
+        tuning.steps, tuning.batch, tuning.rate, tuning.seed, max(1, tuning.steps // 5), 128,
         bf16=processes.device.type == "cuda",
     )  # fmt: skip
     with only_one(folder, processes), prefetched(data) as batches:

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion.arrays import FloatArray
-from signsplice.splicing.networks.bundle import BundleConfig, RunConfig
 from signsplice.splicing.networks.sessions import Array, Sessions, single
+from signsplice_paper.configs import PaperConfig, RunConfig
 from signsplice_paper.culling import check, cull
 from signsplice_paper.prediction import N_NUMBERS, Prediction
 
@@ -34,7 +34,7 @@ class PaperSystem(ABC):
     - n_numbers: numbers of a frame
     """
 
-    def __init__(self, config: BundleConfig, runs: RunConfig, graphs: Sessions, decoding: str) -> None:
+    def __init__(self, config: PaperConfig, runs: RunConfig, graphs: Sessions, decoding: str) -> None:
         self.name, self.config, self.graphs, self.decoding = config.system or "", config, graphs, decoding
         self.frames_by, self.fr, self.n_fed, self.marked = runs.frames, config.fr, runs.n_fed, runs.marked
         self.most_frames, self.token_bias = runs.most_frames, runs.token_bias
