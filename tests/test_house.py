@@ -19,6 +19,7 @@ SOURCES = (ROOT / "src", ROOT / "research" / "src")
 FLOORS = {
     "errors": 0,
     "children": 0,
+    "progress": 0,
     "motion": 1,
     "rig": 2,
     "body": 3,

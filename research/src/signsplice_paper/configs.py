@@ -82,9 +82,9 @@ def config_of(stored: Mapping[str, Any], path: Path) -> PaperConfig:
     runs, space = stored.get("runs"), stored.get("space")
     with described(path):
         check_fields(stored, PaperConfig, *_PLAIN)
+        values: dict[str, Any] = {field.name: getattr(read, field.name) for field in fields(read)}
         return PaperConfig(
-            **{field.name: getattr(read, field.name) for field in fields(read)},
-            **{name: stored.get(name) for name in _PLAIN},
+            **(values | {name: stored.get(name) for name in _PLAIN}),
             runs=None if runs is None else _run(runs),
             space=None if space is None else read_space(space),
         )

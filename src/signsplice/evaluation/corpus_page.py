@@ -21,6 +21,7 @@ from signsplice.formats import load
 from signsplice.formats.atomic import replacing
 from signsplice.formats.reading import read_bytes
 from signsplice.motion.clip import Clip
+from signsplice.progress import Progress
 from signsplice.rig.info import rig_info
 from signsplice.splicing.methods.cut import CUTTERS
 from signsplice.synth import notation, pseudo
@@ -30,8 +31,8 @@ from signsplice.synth.phonology import Sign
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
 _AGREES = HEAD[-1]
 _DEEP = "pairs with a hand deeper"
-Advance = Callable[[int, int], None] | None
-Progress = Callable[[str], AbstractContextManager[Advance]]
+Bars = Callable[[str], AbstractContextManager[Progress | None]]
+"""Makes a progress bar by name."""
 
 N_TEST = 1000
 """Test pairs whose cuts are scored."""
@@ -43,7 +44,7 @@ IDLE_EXTENT = 0.2
 """A clip in which no wrist moves farther than this fraction of the longest offset of its skeleton is no signing."""
 
 
-def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], progress: Progress) -> list[str]:
+def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], progress: Bars) -> list[str]:
     """Measure a corpus and put a short form of the result into ``page`` between its marks, and every cell of the tables
     into a CSV file beside it; pictures go to the folder ``images``.
 
@@ -130,7 +131,7 @@ def _cells(lines: Sequence[str]) -> list[tuple[str, int, str, str, str]]:
     ]
 
 
-def measured(pairs: Pairs, images: Path | None, real: Mapping[str, Clip], progress: Progress) -> list[str]:
+def measured(pairs: Pairs, images: Path | None, real: Mapping[str, Clip], progress: Bars) -> list[str]:
     """What is measured of a corpus, as lines of Markdown; the first names the corpus.
 
     images: folder for pictures; None draws none. real: clips of real signing by name, for columns next to the
@@ -197,7 +198,7 @@ def _percents(*fractions: float) -> list[str]:
     return [f"{100 * fraction:.1f}" for fraction in fractions]
 
 
-def _difficulty(pairs: Pairs, signs: Mapping[str, Sign], advance: Advance) -> list[str]:
+def _difficulty(pairs: Pairs, signs: Mapping[str, Sign], advance: Progress | None) -> list[str]:
     test = pairs.split("random", "test")[:N_TEST]
     cuts = corpus_difficulty.score_cutters(pairs, test, pairs.split("random", "train"), advance)
     transitions, true_jump = corpus_difficulty.score_transitions(pairs, test[:N_TRANSITIONS], advance)
@@ -248,7 +249,7 @@ def _precision(pairs: Pairs, test: Sequence[int], signs: Mapping[str, Sign]) -> 
     ]
 
 
-def _validity(pairs: Pairs, signs: Mapping[str, Sign], advance: Advance) -> list[str]:
+def _validity(pairs: Pairs, signs: Mapping[str, Sign], advance: Progress | None) -> list[str]:
     worst = corpus_checks.examine(pairs, advance)
     touches = score_touches(pairs)
     steps = f"{worst.seam_step_cm:.1f}, {worst.word_step_cm:.1f} cm a frame"

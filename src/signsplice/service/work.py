@@ -12,7 +12,7 @@ from typing import Any
 from signsplice.children import end_with_parent
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
-from signsplice.lexicon import Lexicon, shipped
+from signsplice.lexicon import Lexicon, open_lexicon
 from signsplice.lexicon.sentence import SentenceToken, parse, starts, typed_words
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
@@ -65,7 +65,7 @@ class _WorkerState:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        self.lexicon: Lexicon = open_lexicon(settings)
+        self.lexicon: Lexicon = open_lexicon(settings.lexicon)
         self.clip = lru_cache(_N_CACHED_CLIPS)(self.lexicon.clip)
         self.streams: dict[str, _OpenStream] = {}
 
@@ -73,11 +73,6 @@ class _WorkerState:
 _worker: _WorkerState
 """The state of this process; only ``start_worker`` sets it, before the first job. Jobs are plain functions, which can
 be sent to the process; what stays there between them is here."""
-
-
-def open_lexicon(settings: Settings) -> Lexicon:
-    """The service's lexicon. Raises ``InputError``."""
-    return shipped() if settings.lexicon is None else Lexicon(settings.lexicon)
 
 
 def start_worker(settings: Settings) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +19,7 @@ from signsplice.errors import InputError
 from signsplice.formats.atomic import check_folder, replacing_folder, resumable_folder
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
+from signsplice.progress import Progress
 from signsplice.synth import planner, pose, truth
 from signsplice.synth.pairs import (
     EXTENT,
@@ -36,8 +37,6 @@ from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.pool import Pool, is_whole
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, Signer, draw_signer, skeleton
-
-Progress = Callable[[int, int], None]
 
 VERSION = 2
 """Raised with every change of the motion: the same recipe with another version is another corpus."""
