@@ -95,7 +95,11 @@ def render(source: str, output: str, report: str | None, view: str, size: str | 
         raise InputError(f"{output}: {expected}; use convert for other files")
     check_outputs(output, inputs=[source, report])
     clip = load(source)
-    spans = _reported_spans(report, len(clip)) if report is not None else ()
+    spans: Spans = ()
+    if report is not None:
+        from signsplice.splicing import report as reports
+
+        spans = _spans_of(reports.read(report, len(clip)))
     write(clip, output, spans, view, None if size is None else _size(size))
     print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
 
@@ -105,13 +109,6 @@ def _size(text: str) -> tuple[int, int]:
     if not (width.isdecimal() and height.isdecimal()):
         raise InputError(f"--size {text!r}, expected WIDTHxHEIGHT in pixels, e.g. 1920x1080")
     return int(width), int(height)
-
-
-def _reported_spans(path: str, n_frames: int) -> Spans:
-    """Spans of a splice's report, checked against the clip in which they are marked."""
-    from signsplice.splicing import report
-
-    return _spans_of(report.read(path, n_frames))
 
 
 def _spans_of(report: Mapping[str, Any]) -> Spans:

@@ -154,8 +154,11 @@ class _Call:
         return round(self.cpu_before + time.process_time(), 3)
 
     def log_loss(self, step: int, loss: torch.Tensor) -> None:
+        mean = _mean(loss, self.processes)
+        if not math.isfinite(mean):
+            raise SignspliceError(f"the loss of step {step} is {mean}: {_DIVERGED}")
         numbers = {
-            "loss": _finite(_mean(loss, self.processes), step),
+            "loss": mean,
             "rate": self.loop.rate_at(step - 1),
             "seconds_a_step": (time.perf_counter() - self.started) / (step - self.first),
             "cpu_s": self.cpu_s,
@@ -217,12 +220,6 @@ def _mean(loss: torch.Tensor, processes: Processes) -> float:
         torch.distributed.all_reduce(loss)
         loss = loss / processes.count
     return loss.item()
-
-
-def _finite(loss: float, step: int) -> float:
-    if not math.isfinite(loss):
-        raise SignspliceError(f"the loss of step {step} is {loss}: {_DIVERGED}")
-    return loss
 
 
 def _check_weights(task: nn.Module, step: int) -> None:

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 import onnx
 import torch
-from torch import Tensor
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
@@ -256,17 +255,12 @@ def build(training: ProductTraining, data: Dataset) -> Task:
     schedule = training.schedule
     steps = range(_STATISTICS_BATCHES)
     batches = [data.batch(data.rows(step, schedule.batch, training.seed), step) for step in steps]
-    statistics = _statistics([batch.tokens[batch.mask] for batch in batches])
+    tokens = torch.cat([batch.tokens[batch.mask] for batch in batches])
+    statistics = tokens.mean(0), tokens.std(0).clamp(min=_MIN_DEVIATION)
     if isinstance(schedule.config, CuttingConfig):
         return CuttingTask(Cutting(schedule.config, *statistics))
     assert isinstance(data, GapDataset)
     return BridgeTask(Bridge(schedule.config, *statistics), data.role_parents.tolist())
-
-
-def _statistics(tokens: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
-    """Mean and standard deviation (N,) of tokens (frames, N)."""
-    whole = torch.cat(list(tokens))
-    return whole.mean(0), whole.std(0).clamp(min=_MIN_DEVIATION)
 
 
 def dataset(training: ProductTraining, paths: Sequence[Path], n_fixed: int | None = None) -> Dataset:
