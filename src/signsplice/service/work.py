@@ -45,15 +45,13 @@ class _OpenStream:
     """A stream's growing sentence.
 
     spell: whether words that the lexicon lacks are fingerspelled.
-    n_frames: number of frames sent.
-    has_skeleton: whether the skeleton was sent.
+    n_frames: number of frames sent, the skeleton before them.
     """
 
     stream: Stream
     options: SpliceOptions
     spell: bool
     n_frames: int = 0
-    has_skeleton: bool = False
 
 
 class _WorkerState:
@@ -207,8 +205,7 @@ def close_stream(key: str) -> None:
 def _messages(opened: _OpenStream, pieces: Iterable[Piece]) -> list[dict[str, Any] | bytes]:
     messages: list[dict[str, Any] | bytes] = []
     for piece in pieces:
-        if not opened.has_skeleton:
-            opened.has_skeleton = True
+        if not opened.n_frames:
             names = {"cutter": opened.stream.cutter, "transition": opened.stream.transition}
             messages.append({**scene.skeleton(piece.clip), **names})
         messages += [{"type": "warning", "warning": line} for line in piece.warnings]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion.arrays import FloatArray
-from signsplice.splicing.networks.sessions import Array, Sessions, single
+from signsplice.splicing.networks.sessions import Array, Sessions
 from signsplice_paper.configs import PaperConfig, RunConfig
 from signsplice_paper.culling import check, cull
 from signsplice_paper.prediction import N_NUMBERS, Prediction
@@ -22,6 +22,11 @@ from signsplice_paper.prediction import N_NUMBERS, Prediction
 DECODINGS = ("one-by-one", "without-cache", "parallel")
 NONE, PRE, POST = 0, 1, 2
 START, FRAME, HIDDEN = 0, 1, 2
+
+
+def single(x: Array) -> Array:
+    """Frames (N, 159) as a batch of one, in float32."""
+    return np.ascontiguousarray(x[None], dtype=np.float32)
 
 
 class PaperSystem(ABC):

@@ -124,7 +124,7 @@ def all_gap_features(motion: CanonicalMotion, gaps: Sequence[tuple[slice, int, i
     alpha = np.concatenate([gap.frames.alpha for gap in found])
     mixed = np.concatenate([start + gap.frames.mixed for start, gap in zip(starts[:-1], found, strict=True)])
     whole = features.sampled(motion, MomentFrames(low, alpha, mixed))
-    steps = _step_lengths(whole)
+    steps = np.linalg.norm(np.diff(whole.positions, axis=0), axis=-1)  # of each joint from frame to frame (S - 1, 12)
     stretches = list(pairwise(starts.tolist()))
     paths = [steps[start : stop - 1].sum(axis=0) for start, stop in stretches]
     mirror = [bool(path[0] > path[len(TIPS) // 2]) for path in paths]
@@ -134,7 +134,7 @@ def all_gap_features(motion: CanonicalMotion, gaps: Sequence[tuple[slice, int, i
         whole.rotations_6d[rows], whole.positions[rows] = part.rotations_6d, part.positions
     tokens = gap_tokens(whole, found, starts[:-1])
     paths = [np.roll(path, len(TIPS) // 2) if flip else path for path, flip in zip(paths, mirror, strict=True)]
-    weights = [_motion_weights(path, gap.seconds + _CONTEXT_S) for path, gap in zip(paths, found, strict=True)]
+    weights = [motion_weights(path, gap.seconds + _CONTEXT_S) for path, gap in zip(paths, found, strict=True)]
     return [
         GapFeatures(tokens[slice(*ends)], gap.n_gap, gap.seconds, flip, weight)
         for ends, gap, flip, weight in zip(stretches, found, mirror, weights, strict=True)
@@ -147,23 +147,14 @@ _FULL_SPEED = 0.4
 """Mean speed of a hand, arm lengths a second, from which on it counts as moving in full: half of continuous signing."""
 
 
-def motion_weights(whole: CanonicalTrajectory, seconds: float) -> FloatArray:
-    """How much each role's side moves (R,): the mean path length of its wrist and finger joints over ``seconds``, as a
-    fraction of ``_FULL_SPEED``, at most 1, to the third power; for the trunk that of the side that moves more.
+def motion_weights(lengths: FloatArray, seconds: float) -> FloatArray:
+    """How much each role's side moves (R,), by the path lengths (12,) of the joints of ``TIPS`` over ``seconds``: the
+    mean of its wrist and finger joints a second, as a fraction of ``_FULL_SPEED``, at most 1, to the third power; for
+    the trunk that of the side that moves more.
 
     A network's answer is multiplied by this: an arm that rests stays at rest, wherever it hangs, and one that idles
     hardly changes (docs/decisions.md).
     """
-    return _motion_weights(_step_lengths(whole).sum(axis=0), seconds)
-
-
-def _step_lengths(whole: CanonicalTrajectory) -> FloatArray:
-    """How far each joint of ``TIPS`` goes from frame to frame (T - 1, 12)."""
-    return np.asarray(np.linalg.norm(np.diff(whole.positions, axis=0), axis=-1))
-
-
-def _motion_weights(lengths: FloatArray, seconds: float) -> FloatArray:
-    """``motion_weights`` by the path lengths (12,) of the joints of ``TIPS``."""
     half = len(TIPS) // 2
     left, right = (
         min(1.0, float(lengths[side].mean()) / seconds / _FULL_SPEED) ** 3 for side in (slice(half), slice(half, None))
