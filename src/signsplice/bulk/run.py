@@ -18,7 +18,7 @@ from signsplice.bulk.job import BulkJob, BulkOptions
 from signsplice.bulk.maker import WORDS_KEPT
 from signsplice.bulk.shards import ShardResult
 from signsplice.errors import FormatError, InputError
-from signsplice.formats.atomic import replacing, resumable_folder, sweep
+from signsplice.formats import atomic
 
 MOST_REASONS = 20
 """Reasons for failed rows that a summary lists, the most frequent first."""
@@ -94,8 +94,7 @@ def run(
             done, failed = done + shard.n_rows, failed + shard.n_failed
             note(Progress(before, done, failed, job.n_recipes))
         summary = summarize(out, job)
-        with replacing(out / jobs.SUMMARY) as temporary:
-            temporary.write_text(json.dumps(asdict(summary), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        atomic.write(out / jobs.SUMMARY, json.dumps(asdict(summary), indent=2, ensure_ascii=False) + "\n")
     return summary
 
 
@@ -103,7 +102,7 @@ def run(
 def _begun(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.RecordBatch]]) -> Iterator[BulkJob]:
     """The job of a folder that no other call can write to. A call that is refused leaves no trace."""
     was_there = out.exists()
-    with resumable_folder(out / jobs.UNFINISHED) as was_ended:
+    with atomic.resumable_folder(out / jobs.UNFINISHED) as was_ended:
         try:
             job = jobs.prepare(out, options, batches)
         except BaseException:
@@ -117,7 +116,7 @@ def _begun(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.Re
             yield job
         finally:
             for folder in (out, out / jobs.INDEX):
-                sweep(folder)  # what workers that were killed have left
+                atomic.sweep(folder)  # what workers that were killed have left
 
 
 def _made(out: str, missing: list[int], workers: int | None, ray: str | None, n_kept: int) -> Iterator[ShardResult]:

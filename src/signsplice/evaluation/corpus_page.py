@@ -17,8 +17,7 @@ from signsplice.evaluation.corpus_difficulty import BY_WORD, RAD_PER_CM
 from signsplice.evaluation.hands import wrist_positions
 from signsplice.evaluation.hidden_frames import SHOWN
 from signsplice.evaluation.tables import HEAD, csv_text, markdown, tables_in
-from signsplice.formats import load
-from signsplice.formats.atomic import replacing
+from signsplice.formats import atomic, load
 from signsplice.formats.reading import read_bytes
 from signsplice.motion.clip import Clip
 from signsplice.progress import Progress
@@ -58,10 +57,8 @@ def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], prog
     here = os.path.relpath(images, page.parent).replace(os.sep, "/")
     shown = [line.replace(f"]({images.name}/", f"]({here}/") for line in short(lines, page.with_suffix(".csv").name)]
     before, after = text.split(BEGIN)[0], text.split(END, 1)[1]
-    with replacing(page.with_suffix(".csv")) as temporary:
-        temporary.write_text(csv_text(_CSV, _cells(lines)), encoding="utf-8")
-    with replacing(page) as temporary:
-        temporary.write_text("\n".join([before + BEGIN, *shown, END + after]), encoding="utf-8")
+    atomic.write(page.with_suffix(".csv"), csv_text(_CSV, _cells(lines)))
+    atomic.write(page, "\n".join([before + BEGIN, *shown, END + after]))
     return lines
 
 

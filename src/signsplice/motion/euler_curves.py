@@ -43,12 +43,7 @@ def complete(clip: Clip) -> tuple[Names, FloatArray]:
         if not edited and len(given.starts) == 1 and not np.isnan(given.values).any():
             return given.names, given.values
     if given is None:
-        given = Channels(
-            euler_channels.default_names(n_joints),
-            np.full((n_frames, 3 * n_joints + 3), np.nan),
-            clip.skeleton.offsets,
-            0.0,
-        )
+        given = Channels(usual, np.full((n_frames, 3 * n_joints + 3), np.nan), clip.skeleton.offsets, 0.0)
     axes = [_three(rotation_axes(names)) for names in given.names]
     angles = _given_angles(given)
     spans = list(zip(given.starts, (*given.starts[1:], n_frames), strict=True))

@@ -15,7 +15,7 @@ import torch
 from torch import nn
 
 from signsplice.errors import InputError
-from signsplice.formats.atomic import replacing
+from signsplice.formats import atomic
 from signsplice.train.processes import ALONE, Processes
 
 NAME = "checkpoint.pt"
@@ -26,8 +26,7 @@ def save(folder: Path, step: int, network: nn.Module, optimiser: torch.optim.Opt
     state = {"step": step, "recipe": recipe, "network": network.state_dict(), "optimiser": optimiser.state_dict()}
     content = io.BytesIO()  # torch reports a full disk as a fault of its own
     torch.save(state, content)
-    with replacing(folder / NAME) as temporary:
-        temporary.write_bytes(content.getbuffer())
+    atomic.write(folder / NAME, content.getbuffer())
 
 
 def load(

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from signsplice.formats.atomic import replacing
+from signsplice.formats import atomic
 
 NAME = "log.jsonl"
 
@@ -25,8 +25,7 @@ class Log:
             return
         path = folder / NAME
         kept = [line for line in lines(path) if line["step"] <= step]
-        with replacing(path) as temporary:
-            temporary.write_text("".join(json.dumps(line) + "\n" for line in kept), encoding="utf-8")
+        atomic.write(path, "".join(json.dumps(line) + "\n" for line in kept))
         self._file = path.open("a", encoding="utf-8")
         try:
             from torch.utils.tensorboard import SummaryWriter

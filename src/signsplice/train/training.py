@@ -20,7 +20,7 @@ import onnx
 import torch
 
 from signsplice.errors import InputError
-from signsplice.formats.atomic import replacing
+from signsplice.formats import atomic
 from signsplice.rig.canonical import FEATURE_FPS
 from signsplice.splicing.methods.learned import SYSTEM
 from signsplice.splicing.networks import features
@@ -182,8 +182,7 @@ def make(
     task, valid = _trained(training, train_paths, held_back, warm_starts, folder, recipe, processes, report_progress)
     if processes.first:
         for name, content in product_graphs(task, valid).items():
-            with replacing(folder / name) as temporary:
-                temporary.write_bytes(content)
+            atomic.write(folder / name, content)
         facts = {
             **asdict(training),
             **made_of,
