@@ -10,7 +10,7 @@ PAGE_SOURCES := $(shell find viewer/src) $(wildcard viewer/*.json) viewer/build.
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 LOCKED := $(PIP) --only-binary :all: --require-hashes --requirement
 ITSELF := $(PIP) --no-deps --no-build-isolation --editable .
-PLACES := src tests attacks examples research conftest.py
+PLACES := src tests attacks examples research viewer conftest.py
 COMPILE := $(VENV)/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
 	--only-binary :all: --no-annotate --custom-compile-command "make lock" $(if $(UPGRADE),--upgrade)
 

@@ -86,7 +86,7 @@ def train_example(
     folder.mkdir(parents=True, exist_ok=True)
     task, examples, valid = made
     recorded = RecordedDataset(examples)
-    loop = LoopConfig(20, 4, "adamw", 3e-3, seed=4, every=10, until=until)
+    loop = LoopConfig(20, 4, 3e-3, seed=4, every=10, until=until)
     train(task, loop, recorded, valid, folder, "toy", processes)
     return recorded.seen
 

@@ -21,7 +21,8 @@ from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.networks.bundle import write_bundle
-from signsplice.synth.corpus import scaled_positions, unscaled_positions
+from signsplice.synth.corpus import scaled_positions
+from signsplice.synth.pairs import signer_space
 from signsplice.synth.signer import STANDARD, draw_signer, skeleton, stature
 from signsplice_paper.systems.clips import ClipSplicer, open_clip_splicer
 from signsplice_paper.systems.splicers import OneNetworkSystem, TwoNetworkSystem
@@ -74,7 +75,8 @@ def test_the_159_numbers_of_a_clip_survive_a_round_trip() -> None:
     for signer in (STANDARD, draw_signer(3)):
         clip = replace(word("YES").clip, skeleton=skeleton(signer))
         assert stature(clip.skeleton) == pytest.approx(signer.stature_cm)
-        back = unscaled_positions(scaled_positions(clip, signer.stature_cm), signer.stature_cm)
+        numbers = scaled_positions(clip, signer.stature_cm)
+        back = signer_space(clip.skeleton, signer.stature_cm).positions(numbers)
         np.testing.assert_allclose(back, positions(clip), atol=1e-9)
 
 

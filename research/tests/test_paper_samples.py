@@ -64,7 +64,7 @@ def test_pairs_are_grouped_by_their_margin() -> None:
 )
 def test_a_cut_moved_by_its_margin_is_rounded_to_another_frame(cut: truth.CutTime, frame: int, margin: float) -> None:
     assert cut.frame == frame
-    assert cut.margin == pytest.approx(margin)
+    assert margins.margin(cut) == pytest.approx(margin)
     moved = [
         truth.CutTime(cut.posture, cut.frames + sign * (margin + 1e-6), cut.towards_posture).frame for sign in (-1, 1)
     ]

@@ -24,8 +24,9 @@ from signsplice.motion.clip import Clip, Skeleton, resample
 from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.placement import ORIGIN, Placement, place, placement
 from signsplice.splicing import report
-from signsplice.splicing.networks.bundle import BUNDLE_FILE, config_of, write_bundle
+from signsplice.splicing.networks.bundle import BUNDLE_FILE, write_bundle
 from signsplice.splicing.whole_system import SystemSplice
+from signsplice_paper.configs import config_of
 from signsplice_paper.systems.clips import ClipSplicer
 from signsplice_paper.systems.splicers import OneNetworkSystem, TwoNetworkSystem
 from test_paper_clips import AFTER, BEFORE, CONFIG, positions, splicer, straight

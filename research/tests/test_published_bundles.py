@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.splicing.networks.bundle import config_of, write_bundle
+from signsplice.splicing.networks.bundle import write_bundle
 from signsplice_paper import bundles, published_bundles, results
+from signsplice_paper.configs import config_of
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.systems import open_bundle
 from test_paper_clips import CONFIG

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from signsplice.motion.arrays import FloatArray
-from signsplice.splicing.networks.bundle import read_config
 from signsplice.synth import notation
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice_paper import bleu, bundles, curve, metrics, results
+from signsplice_paper.configs import read_config
 from signsplice_paper.curve import Curve
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.results import ResultRow

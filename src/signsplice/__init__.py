@@ -18,24 +18,14 @@ if TYPE_CHECKING:
     from signsplice.splicing.inbetween import inbetween
 
 _HOMES = {
-    "Clip": "motion.clip",
-    "FormatError": "errors",
-    "InputError": "errors",
-    "Lexicon": "lexicon.reader",
-    "Piece": "splicing.engine",
-    "RigMismatchError": "errors",
-    "SignspliceError": "errors",
-    "Skeleton": "motion.clip",
-    "SpliceOptions": "splicing.engine",
-    "SpliceResult": "splicing.engine",
-    "inbetween": "splicing.inbetween",
-    "load": "formats",
-    "open_lexicon": "lexicon.reader",
-    "read_avatar": "formats.avatar",
-    "retarget": "body.retarget",
-    "save": "formats",
-    "splice": "splicing.engine",
-    "stream": "splicing.engine",
+    "body.retarget": ("retarget",),
+    "errors": ("FormatError", "InputError", "RigMismatchError", "SignspliceError"),
+    "formats": ("load", "save"),
+    "formats.avatar": ("read_avatar",),
+    "lexicon.reader": ("Lexicon", "open_lexicon"),
+    "motion.clip": ("Clip", "Skeleton"),
+    "splicing.engine": ("Piece", "SpliceOptions", "SpliceResult", "splice", "stream"),
+    "splicing.inbetween": ("inbetween",),
 }
 
 __all__ = [
@@ -63,11 +53,11 @@ __all__ = [
 def __getattr__(name: str) -> object:
     from importlib import import_module
 
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
-    globals()[name] = value
-    return value
+    for home, names in _HOMES.items():
+        if name in names:
+            value = globals()[name] = getattr(import_module(f"{__name__}.{home}"), name)
+            return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -28,6 +28,7 @@ from signsplice.lexicon.frames import FRAMES
 from signsplice.lexicon.index import INDEX, Index
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
+from signsplice.progress import Progress
 from signsplice.rig.arms import active_span, arms
 
 
@@ -444,7 +445,7 @@ def test_a_search_reads_the_index_once(path: Path, monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize("check", [Lexicon.faults, Lexicon.warnings])
-def test_checks_report_their_progress(path: Path, check: Callable[[Lexicon, reader.Progress], Iterator[str]]) -> None:
+def test_checks_report_their_progress(path: Path, check: Callable[[Lexicon, Progress], Iterator[str]]) -> None:
     calls: list[tuple[int, int]] = []
     with lexicon.open(path) as lex:
         list(check(lex, lambda done, total: calls.append((done, total))))

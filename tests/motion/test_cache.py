@@ -7,7 +7,7 @@ import weakref
 
 import pytest
 
-from signsplice.motion.cache import Cache
+from signsplice.motion.cache import CACHE, Cache, kept
 
 
 class Owner:
@@ -79,19 +79,23 @@ def test_a_function_that_raises_is_called_again() -> None:
     assert cache.recent(raises_first, 1, most=1) == 2
 
 
-def test_clearing_a_function_forgets_its_results_alone() -> None:
-    cache, owner, cleared, kept = Cache(), Owner(), Counted(), Counted()
-    for function in (cleared, kept):
-        cache.of(owner, function)
-        cache.recent(function, 1, most=3)
-    cache.clear(cleared)
-    for function in (cleared, kept):
-        cache.of(owner, function)
-        cache.recent(function, 1, most=3)
-    assert (cleared.n_calls, kept.n_calls) == (4, 2)
+def test_a_decorated_function_is_called_once_an_owner_and_keeps_its_name() -> None:
+    calls: list[Owner] = []
+
+    @kept
+    def counted(owner: Owner) -> int:
+        """How often it was called."""
+        calls.append(owner)
+        return len(calls)
+
+    first, second = Owner(), Owner()
+    assert [counted(one) for one in (first, second, first, second)] == [1, 2, 1, 2]
+    assert (counted.__name__, counted.__doc__) == ("counted", "How often it was called.")
+    CACHE.forget(first)
+    assert (counted(first), counted(second)) == (3, 2)
 
 
-def test_clearing_without_a_function_forgets_everything() -> None:
+def test_clearing_forgets_everything() -> None:
     cache, owner, functions = Cache(), Owner(), (Counted(), Counted())
     for _ in range(2):
         cache.of(owner, functions[0])

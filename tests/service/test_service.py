@@ -17,6 +17,7 @@ import pytest
 from pydantic import TypeAdapter
 from websockets.sync.client import ClientConnection
 
+import generate
 from reference_poses import arms_out, with_pose
 from serving import PATIENCE_S, stream_client
 from signsplice.cli.commands import app
@@ -24,8 +25,8 @@ from signsplice.errors import MissingExtraError
 from signsplice.formats import bvh, glb, parse, save
 from signsplice.lexicon import shipped
 from signsplice.motion.clip import Clip
-from signsplice.service import page, stream_messages, typescript, wire
-from signsplice.service.json_types import json_type
+from signsplice.service import page, stream_messages, wire
+from signsplice.service.wire import json_type
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceOptions, splice, stream
 from signsplice.splicing.seam import Score
@@ -301,20 +302,19 @@ def test_a_json_type_has_lists_and_null_scores() -> None:
 
 
 def test_the_viewers_generated_files_are_up_to_date() -> None:
-    folder = Path(__file__).resolve().parents[2] / "viewer" / "src"
-    for name, text in typescript.files().items():
-        assert (folder / name).read_text() == text, "run python -m signsplice.service.typescript viewer/src"
+    for name, text in generate.files().items():
+        assert (generate.SOURCES / name).read_text() == text, "run python viewer/generate.py"
 
 
 def test_typescript_has_a_counterpart_for_every_type() -> None:
-    text = typescript.render()
+    text = generate.render()
     assert '  transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;' in text
     names = " | ".join(f'"{name}"' for name in wire.FORMAT_NAMES)
     assert f"  formats?: ({names})[];" in text
     assert "  body_sense?: boolean | null;" in text
     assert "export type ClientMessage = OpenMessage | WordMessage | EndMessage;" in text
     with pytest.raises(TypeError, match="no counterpart"):
-        typescript._type(complex)
+        generate._type(complex)
 
 
 # --- pages ---

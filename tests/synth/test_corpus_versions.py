@@ -91,7 +91,7 @@ def test_touches_of_a_corpus_are_those_of_its_motion(pairs: Pairs) -> None:
     found = corpus_checks.score_touches(pairs)
     assert found.n_postures == 20
     assert 0 < found.n_touching < 20
-    assert found.agreeing == 1.0
+    assert (found.n_missed, found.n_false) == (0, 0)
 
 
 def test_touches_that_are_flagged_wrongly_are_found(pairs: Pairs) -> None:
@@ -102,4 +102,3 @@ def test_touches_that_are_flagged_wrongly_are_found(pairs: Pairs) -> None:
     seen["touches_last"], free["touches_first"] = False, True
     found = corpus_checks.score_touches(wrong)
     assert (found.n_missed, found.n_false) == (1, 1)
-    assert found.agreeing == pytest.approx(0.9)

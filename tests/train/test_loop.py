@@ -1,4 +1,4 @@
-"""The training loop: resuming, snapshots, checkpoints, learning rates, refusals."""
+"""The training loop: resuming, checkpoints, ends, learning rates, refusals."""
 
 from __future__ import annotations
 
@@ -11,20 +11,18 @@ torch = pytest.importorskip("torch")
 
 from torch import Tensor  # noqa: E402
 
-from signsplice.errors import InputError  # noqa: E402
+from signsplice.errors import InputError, SignspliceError  # noqa: E402
 from signsplice.train import checkpoint, log, loop, processes  # noqa: E402
 from signsplice.train.loop import LoopConfig, train  # noqa: E402
 from training_toys import ALONE, product_toy  # noqa: E402
 
 
-def trained(
-    folder: Path, untils: tuple[int | None, ...], name: str = "cutter", optimiser: str = "adamw"
-) -> dict[str, Tensor]:
+def trained(folder: Path, untils: tuple[int | None, ...], name: str = "cutter") -> dict[str, Tensor]:
     """Weights after a training of six steps in several calls, each of which stops at one of ``untils``."""
     folder.mkdir()
     for until in untils:
         task, data, valid = product_toy(name)
-        config = LoopConfig(6, 4, optimiser, 1e-3, seed=1, every=4, until=until)
+        config = LoopConfig(6, 4, 1e-3, seed=1, every=4, until=until)
         train(task, config, data, valid, folder, "toy", ALONE)
     return task.state_dict()
 
@@ -34,28 +32,54 @@ def losses(folder: Path) -> dict[int, float]:
     return {line["step"]: line["loss"] for line in log.lines(folder / log.NAME) if "loss" in line}
 
 
-@pytest.mark.parametrize(("name", "optimiser"), [("cutter", "adamw"), ("transition", "sgd")])
-def test_a_resumed_training_ends_in_the_same_weights(tmp_path: Path, name: str, optimiser: str) -> None:
-    whole = trained(tmp_path / "a", (None,), name, optimiser)
-    parts = trained(tmp_path / "b", (2, 3, None), name, optimiser)
+@pytest.mark.parametrize("name", ["cutter", "transition"])
+def test_a_resumed_training_ends_in_the_same_weights(tmp_path: Path, name: str) -> None:
+    whole, parts = trained(tmp_path / "a", (None,), name), trained(tmp_path / "b", (2, 3, None), name)
     for key, value in whole.items():
         assert torch.equal(value, parts[key]), key
     assert list(losses(tmp_path / "b")) == [1, 2, 3, 4, 5, 6]
     assert losses(tmp_path / "b") == losses(tmp_path / "a")
 
 
-def test_snapshots_are_the_weights_at_every_validation(tmp_path: Path) -> None:
+def test_processor_seconds_go_on_where_an_interruption_left_them(tmp_path: Path) -> None:
     seconds = []
     for until in (3, None):
         task, data, valid = product_toy()
-        config = LoopConfig(6, 4, "adamw", 1e-3, seed=1, every=2, until=until, snapshots=True)
-        train(task, config, data, valid, tmp_path, "toy", ALONE)
+        train(task, LoopConfig(6, 4, 1e-3, seed=1, every=2, until=until), data, valid, tmp_path, "toy", ALONE)
         seconds.append(max(line["cpu_s"] for line in log.lines(tmp_path / log.NAME)))
-    files = sorted((tmp_path / checkpoint.SNAPSHOTS).iterdir())
-    assert files == [checkpoint.snapshot_path(tmp_path, step) for step in (2, 3, 4, 6)]
-    last = torch.load(files[-1], weights_only=True)
-    assert all(torch.equal(value, last[name]) for name, value in task.state_dict().items())
-    assert seconds[1] > seconds[0] > 0.0, "processor seconds go on where an interruption left them"
+    assert seconds[1] > seconds[0] > 0.0
+
+
+def test_checkpoints_are_written_between_rare_validations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    saved: list[int] = []
+    monkeypatch.setattr(checkpoint, "save", lambda folder, step, *_: saved.append(step))
+    trained(tmp_path / "a", (None,))
+    assert saved == [4, 6]
+    saved.clear()
+    monkeypatch.setattr(loop, "CHECKPOINT_S", -1.0)
+    trained(tmp_path / "b", (None,))
+    assert saved == [1, 2, 3, 4, 4, 5, 6]
+
+
+def test_a_training_that_is_interrupted_is_kept(tmp_path: Path) -> None:
+    class Interrupted(LoopConfig):
+        def interruption(self, step: int, processes: processes.Processes) -> SignspliceError | None:
+            return SignspliceError("stop") if step == 3 else None
+
+    task, data, valid = product_toy()
+    with pytest.raises(SignspliceError, match="stop"):
+        train(task, Interrupted(6, 4, 1e-3, 1, every=4), data, valid, tmp_path, "toy", ALONE)
+    assert checkpoint.read(tmp_path)["step"] == 3
+
+
+def test_a_training_may_end_by_its_log(tmp_path: Path) -> None:
+    class Short(LoopConfig):
+        def has_ended(self, folder: Path, step: int, processes: processes.Processes) -> bool:
+            return any("loss" in line for line in log.lines(folder / log.NAME) if line["step"] == 3)
+
+    task, data, valid = product_toy()
+    assert train(task, Short(6, 4, 1e-3, 1, every=4), data, valid, tmp_path, "toy", ALONE) == 3
+    assert checkpoint.read(tmp_path)["step"] == 3, "validated and kept"
 
 
 def test_steps_that_are_repeated_are_logged_once(tmp_path: Path) -> None:
@@ -64,7 +88,7 @@ def test_steps_that_are_repeated_are_logged_once(tmp_path: Path) -> None:
     with path.open("a") as file:
         file.write('{"step": 3, "loss": 9.0}\n{"step": 4, "lo')
     task, data, valid = product_toy()
-    train(task, LoopConfig(6, 4, "adamw", 1e-3, 1, every=4), data, valid, tmp_path / "a", "toy", ALONE)
+    train(task, LoopConfig(6, 4, 1e-3, 1, every=4), data, valid, tmp_path / "a", "toy", ALONE)
     assert [line["step"] for line in log.lines(path) if "loss" in line] == [1, 2, 3, 4, 5, 6]
 
 
@@ -91,13 +115,10 @@ def test_a_checkpoint_that_is_cut_off_is_refused_with_one_line(tmp_path: Path) -
 
 
 def test_the_rate_rises_and_falls() -> None:
-    adamw, sgd = LoopConfig(100, 8, "adamw", 2e-3, 0), LoopConfig(100, 8, "sgd", 2e-3, 0)
-    rates = [loop.rate(adamw, step) for step in range(100)]
+    config = LoopConfig(100, 8, 2e-3, 0)
+    rates = [config.rate_at(step) for step in range(100)]
     assert rates[0] < rates[4] > rates[50] > rates[99] > 0
     assert max(rates) == pytest.approx(2e-3, rel=0.01)
-    assert {loop.rate(sgd, step) for step in range(100)} == {1e-3}, "the paper's, to the plateau"
-    with pytest.raises(InputError, match="optimiser 'lion', expected one of adamw, sgd"):
-        loop.make_optimiser(product_toy()[0], LoopConfig(1, 1, "lion", 1.0, 0))
 
 
 def test_a_folder_is_trained_by_one_call_at_a_time(tmp_path: Path) -> None:

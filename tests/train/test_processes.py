@@ -44,7 +44,7 @@ def test_batches_that_cannot_be_divided_are_refused(tmp_path: Path) -> None:
     three = Processes(0, 3, torch.device("cpu"))
     task, data, _ = product_toy()
     with pytest.raises(InputError, match="batches of 8 examples cannot be divided among 3 processes"):
-        train(task, LoopConfig(6, 8, "adamw", 1e-2, 1), data, data, tmp_path, "toy", three)
+        train(task, LoopConfig(6, 8, 1e-2, 1), data, data, tmp_path, "toy", three)
 
 
 def test_processes_with_other_data_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -52,7 +52,7 @@ def test_processes_with_other_data_are_refused(tmp_path: Path, monkeypatch: pyte
     second = Processes(1, 2, torch.device("cpu"))
     task, data, _ = product_toy()
     with pytest.raises(InputError, match=r"process 1 has other data or options than process 0 \(mine, not of-the-fir"):
-        train(task, LoopConfig(6, 8, "adamw", 1e-2, 1), data, data, tmp_path, "mine", second)
+        train(task, LoopConfig(6, 8, 1e-2, 1), data, data, tmp_path, "mine", second)
 
 
 def test_more_processes_than_gpus_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,11 +7,12 @@ from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.formats.reading import read_bytes
-from signsplice.splicing.networks.bundle import BUNDLE_FILE, BundleConfig, bundle_sha256, config_of
+from signsplice.splicing.networks.bundle import BUNDLE_FILE, bundle_sha256
+from signsplice_paper.configs import PaperConfig, config_of
 from signsplice_paper.results import ResultRow
 
 
-def read_all(bundles: Path) -> list[BundleConfig]:
+def read_all(bundles: Path) -> list[PaperConfig]:
     """The configurations of all bundles in a folder, sorted by name.
 
     Bundles of other versions are included; opening one raises ``InputError``. So does reading an invalid bundle.json.
@@ -19,14 +20,14 @@ def read_all(bundles: Path) -> list[BundleConfig]:
     return [_read(path) for path in sorted(bundles.glob(f"*/{BUNDLE_FILE}"))] if bundles.is_dir() else []
 
 
-def _read(path: Path) -> BundleConfig:
+def _read(path: Path) -> PaperConfig:
     try:
         return config_of(json.loads(read_bytes(path)), path)
     except ValueError as error:
         raise InputError(f"{path}: is no JSON ({error})") from error
 
 
-def result_row(config: BundleConfig) -> ResultRow:
+def result_row(config: PaperConfig) -> ResultRow:
     """A bundle's row without split and scores. Raises ``InputError`` if bundle.json lacks a field."""
     fields = ("system", "scale", "optimiser", "seed", "steps", "corpus")
     config.require(*fields)
@@ -44,6 +45,6 @@ def result_row(config: BundleConfig) -> ResultRow:
     )
 
 
-def short_hash(config: BundleConfig) -> str:
+def short_hash(config: PaperConfig) -> str:
     """The first twelve hex digits of a bundle's sha256."""
     return bundle_sha256(config.path.parent)[:12]

@@ -11,7 +11,6 @@ from typing import Any
 
 from signsplice.errors import InputError
 from signsplice.splicing.methods.learned import SYSTEM
-from signsplice.splicing.networks.bundle import BundleConfig
 from signsplice.synth.corpus import Pairs
 from signsplice_paper import (
     bundles,
@@ -25,6 +24,7 @@ from signsplice_paper import (
     results,
 )
 from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
+from signsplice_paper.configs import PaperConfig
 from signsplice_paper.curve import Curve
 from signsplice_paper.environment import environment
 from signsplice_paper.kept_frames import KeptFrames
@@ -92,7 +92,7 @@ class Judge:
         return [protocol.choose(self.pairs, split, limit=self.limit) for split in splits]
 
     def judgements(
-        self, methods: Iterable[ClipMethod], configs: Iterable[BundleConfig], kept: Sequence[KeptFrames]
+        self, methods: Iterable[ClipMethod], configs: Iterable[PaperConfig], kept: Sequence[KeptFrames]
     ) -> Iterator[Judgement]:
         """Judge the mean transition, methods on clips, then bundles; one judgement each. ``kept``: frames of earlier
         calls.
@@ -132,7 +132,7 @@ class Judge:
         rows, kept = self._rows(row, label, answer, allowed, kept, answer.prepare, more)
         return Judgement(tuple(rows), (), tuple(kept))
 
-    def judge_bundle(self, config: BundleConfig, protocols: Sequence[Protocol], kept: list[KeptFrames]) -> Judgement:
+    def judge_bundle(self, config: PaperConfig, protocols: Sequence[Protocol], kept: list[KeptFrames]) -> Judgement:
         """Judge a bundle, and where its network can, a second time with all frames made in one pass.
 
         Raises ``InputError`` if no protocol allows it.
@@ -228,7 +228,7 @@ class _LazySystem:
         return protocol.positions(self.judge.pairs, self.system)(number)
 
 
-def corpus_trained_methods(configs: Iterable[BundleConfig], warn: Warn) -> list[ClipMethod]:
+def corpus_trained_methods(configs: Iterable[PaperConfig], warn: Warn) -> list[ClipMethod]:
     """Methods of this project's networks that were trained on a corpus of pairs.
 
     A bundle that cannot be judged, or a second one of the same split, is skipped with a warning.
@@ -249,7 +249,7 @@ def corpus_trained_methods(configs: Iterable[BundleConfig], warn: Warn) -> list[
     return [method for methods in by_source.values() for method in methods]
 
 
-def _run(config: BundleConfig) -> Run:
+def _run(config: PaperConfig) -> Run:
     """The training that made a bundle."""
     return Run(
         config.system or "", config.scale or "", config.optimiser or "", config.split or "", config.fr, config.seed or 0

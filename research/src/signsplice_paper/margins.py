@@ -59,6 +59,14 @@ def of_pairs(
     return {k: margin for k in numbers if (margin := found.get(k)) is not None}
 
 
+def margin(cut: truth.CutTime) -> float:
+    """By how many frames a cut would have to move to be rounded to another frame, at most 0.5."""
+    past, part = divmod(abs(cut.frames), 1.0)
+    if not cut.towards_posture:
+        return abs(0.5 - part)
+    return min(1.0 - part, part if past else 0.5, 0.5)
+
+
 def cut_margins(pairs: Pairs, numbers: Sequence[int], signs: Mapping[str, Sign]) -> dict[int, float]:
     """By how many frames (at most 0.5) the nearer of both cuts of a pair would have to move to become another frame.
 
@@ -81,5 +89,5 @@ def cut_margins(pairs: Pairs, numbers: Sequence[int], signs: Mapping[str, Sign])
             relation = truth.relate(words[p], words[q]) if pairs.by_partner else truth.ANY_PARTNER
             leave, enter = truth.leaving(words[p], relation), truth.entering(words[q], relation)
             if (leave.frame, enter.frame) == (pre, post):
-                out[number] = min(leave.margin, enter.margin)
+                out[number] = min(margin(leave), margin(enter))
     return out

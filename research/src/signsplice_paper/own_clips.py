@@ -121,9 +121,8 @@ def read_words(
         clip = on_rig(clip, rig, source.path, warnings)
         clip = resample(clip, choice.fps)
         clip = place(clip, ORIGIN) if moves else clip
-        words.append(
-            OwnWord(source.gloss, source.signer, source.path, replace(clip, name=source.gloss), n_read, read_fps)
-        )
+        row, named_clip = source.row, replace(clip, name=source.row.gloss)
+        words.append(OwnWord(row.gloss, row.signer, source.path, named_clip, n_read, read_fps))
         if progress is not None:
             progress(done, len(sources))
     assert rig is not None
@@ -141,10 +140,10 @@ def _drawn(choice: ClipChoice, named: Collection[str] | None) -> list[Source]:
         )
         raise InputError(faults[0] + more)
     if named is not None:
-        missing = sorted(set(named) - {source.gloss for source in sources})
+        missing = sorted(set(named) - {source.row.gloss for source in sources})
         if missing:
             raise InputError(f"{choice.folder}: has no clip of the word {missing[0]!r}, for which positions are given")
-        sources = [source for source in sources if source.gloss in named]
+        sources = [source for source in sources if source.row.gloss in named]
     n_words = min(USUAL_WORDS, len(sources)) if choice.n_words is None else choice.n_words
     if n_words > len(sources):
         for_them = "" if named is None else " for which positions are given"

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.splicing.networks.bundle import BundleConfig
 from signsplice.synth.corpus import Pairs
 from signsplice_paper import bundles, published
+from signsplice_paper.configs import PaperConfig
 from signsplice_paper.systems import PaperSystem
 
 PAGE = "README.md"
@@ -91,14 +91,14 @@ def page(folder: Path) -> str:
     return head + "".join(_line(config) for config in configs) + _TAIL + commands
 
 
-def _command(config: BundleConfig) -> list[str]:
+def _command(config: PaperConfig) -> list[str]:
     """The words that train a system now; bundles of version 0.4 name `signsplice train paper`."""
     words: list[str] = config.stored.get("command", [])
     former = ["signsplice", "train", "paper"]
     return ["signsplice-paper", "train-system", *words[3:]] if words[:3] == former else words
 
 
-def judged_as(config: BundleConfig) -> Mapping[str, Any]:
+def judged_as(config: PaperConfig) -> Mapping[str, Any]:
     """What a published bundle was made from, and how far they agree. Raises ``InputError`` for any other bundle."""
     made = config.stored.get("halved")
     if not isinstance(made, dict) or not isinstance(made.get("bundle"), str):
@@ -106,7 +106,7 @@ def judged_as(config: BundleConfig) -> Mapping[str, Any]:
     return made
 
 
-def _line(config: BundleConfig) -> str:
+def _line(config: PaperConfig) -> str:
     made = judged_as(config)
     n_bytes = sum(path.stat().st_size for path in config.path.parent.iterdir())
     agrees = f"{made['pairs']}: {made['positions']}, {made['lengths']}; {made['largest_difference']:.1g}"

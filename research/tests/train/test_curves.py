@@ -17,14 +17,15 @@ pytest.importorskip("torch")
 import torch
 
 from signsplice.errors import InputError
-from signsplice.splicing.networks.bundle import BundleConfig, read_config
-from signsplice.train.loop import LoopConfig, train
+from signsplice.train.loop import train
 from signsplice_paper import bundles, curve
+from signsplice_paper.configs import PaperConfig, read_config
 from signsplice_paper.systems.splicers import OneNetworkSystem, PaperSystem, TwoNetworkSystem
 from signsplice_paper.train import curves, scales
 from signsplice_paper.train.batch_prediction import BatchPredictor
 from signsplice_paper.train.networks.generator import Generator
 from signsplice_paper.train.scales import SYSTEMS, SystemPart
+from signsplice_paper.train.stopping import PaperLoop
 from signsplice_paper.train.tasks import MOST_FRAMES
 from system_toys import CONFIGS, data, toy
 from training_toys import ALONE, corpus
@@ -65,14 +66,14 @@ def _number(name: str) -> int:
     return int(name.rpartition("_")[2]) if "_" in name and name[-1].isdigit() else -1
 
 
-def one_at_a_time(config: BundleConfig, tasks: list[Any]) -> PaperSystem:
+def one_at_a_time(config: PaperConfig, tasks: list[Any]) -> PaperSystem:
     """A system as the exported one runs."""
     assert config.runs is not None
     kind = OneNetworkSystem if len(tasks) == 1 else TwoNetworkSystem
     return kind(config, config.runs, TorchGraphs(tasks), "one-by-one")  # type: ignore[arg-type]
 
 
-def bundle(folder: Path, system: str, tasks: list[Any], **more: Any) -> BundleConfig:
+def bundle(folder: Path, system: str, tasks: list[Any], **more: Any) -> PaperConfig:
     """A bundle.json of a system, with no graphs."""
     network = tasks[-1].network
     generator = network if isinstance(network, Generator) else None
@@ -111,13 +112,13 @@ def test_batches_predict_as_single_pairs_do(system: str, tmp_path: Path) -> None
         assert np.allclose(prediction.frames, expected.frames, atol=1e-5)
 
 
-def trained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, system: str = "lpt") -> BundleConfig:
+def trained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, system: str = "lpt") -> PaperConfig:
     """A bundle of toys that were trained for six steps, with a snapshot after every second."""
     tasks = []
     for name in SYSTEMS[system]:
         folder = tmp_path / "parts" / f"{name}-smoke-abc"
         task = toy(name)
-        loop = LoopConfig(6, 4, "adamw", 1e-2, 0, every=2 if name == "spsn" else 3, n_judged=4, snapshots=True)
+        loop = PaperLoop(6, 4, 1e-2, 0, every=2 if name == "spsn" else 3, n_judged=4, snapshots=True)
         folder.mkdir(parents=True)
         train(task, loop, data("train", CONFIGS[name][1]), data("valid", CONFIGS[name][1]), folder, "r", ALONE)
         tasks.append(task)

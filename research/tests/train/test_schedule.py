@@ -15,11 +15,11 @@ import pytest
 pytest.importorskip("torch")
 
 from signsplice.errors import InputError, SignspliceError
-from signsplice.train.stopping import DeadlineError
 from signsplice_paper import plan
 from signsplice_paper.plan import Choice, Run
 from signsplice_paper.train import schedule, training
 from signsplice_paper.train.schedule import Schedule
+from signsplice_paper.train.stopping import DeadlineError
 from signsplice_paper.train.training import Training
 from training_toys import corpus
 

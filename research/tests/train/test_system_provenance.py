@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("torch")
 
 from signsplice.errors import InputError
-from signsplice.splicing.networks.bundle import read_config
 from signsplice.train import checkpoint, provenance
+from signsplice_paper.configs import read_config
 from signsplice_paper.train import training
 from training_toys import ALONE, corpus
 

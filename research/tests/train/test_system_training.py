@@ -15,13 +15,14 @@ from torch import Tensor  # noqa: E402
 from signsplice.errors import InputError  # noqa: E402
 from signsplice.synth.corpus import Pairs  # noqa: E402
 from signsplice.train import log  # noqa: E402
-from signsplice.train.loop import LoopConfig, train  # noqa: E402
+from signsplice.train.loop import train  # noqa: E402
 from signsplice_paper import plan  # noqa: E402
 from signsplice_paper.culling import cull  # noqa: E402
 from signsplice_paper.train import scales  # noqa: E402
 from signsplice_paper.train.networks.convs2s import ConvS2SConfig  # noqa: E402
 from signsplice_paper.train.networks.tfgn import TransformerConfig  # noqa: E402
 from signsplice_paper.train.pairs_data import PairsData  # noqa: E402
+from signsplice_paper.train.stopping import PaperLoop  # noqa: E402
 from system_toys import CONFIGS, FR, data, toy  # noqa: E402
 from training_toys import ALONE, corpus  # noqa: E402
 
@@ -32,7 +33,7 @@ def trained(name: str, folder: Path, untils: tuple[int | None, ...], optimiser: 
     fr = CONFIGS[name][1]
     for until in untils:
         task = toy(name)
-        config = LoopConfig(6, 8, optimiser, 1e-2, seed=1, every=4, until=until)
+        config = PaperLoop(6, 8, 1e-2, seed=1, every=4, until=until, method=optimiser)
         train(task, config, data("train", fr), data("valid", fr), folder, "toy", ALONE)
     return task.state_dict()
 

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from signsplice.bulk import recipes
 from signsplice.errors import FormatError, InputError
-from signsplice.formats.atomic import check_place, replacing
+from signsplice.formats import atomic
 from signsplice.formats.json_files import check_type, read_json
 from signsplice.lexicon.reader import Lexicon
 from signsplice.splicing.methods.choice import open_learned
@@ -156,8 +156,7 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
 
 
 def _written(job: BulkJob, out: Path) -> BulkJob:
-    with replacing(out / JOB) as temporary:
-        temporary.write_text(json.dumps(asdict(job), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    atomic.write(out / JOB, json.dumps(asdict(job), indent=2, ensure_ascii=False) + "\n")
     return job
 
 
@@ -170,7 +169,7 @@ def check_out(out: Path) -> None:
     """Raise ``InputError`` where a folder cannot be put, or holds what no run has put there: without a job, more than
     what a call that was ended at once leaves; and anything in, or in place of, the empty folder ``UNFINISHED``.
     """
-    check_place(out)
+    atomic.check_place(out)
     mark = out / UNFINISHED
     if mark.exists() and (not mark.is_dir() or mark.is_symlink() or any(mark.iterdir())):
         raise InputError(f"{mark}: is no empty folder, expected none of that name; move it, or name a new folder")

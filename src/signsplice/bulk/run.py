@@ -13,22 +13,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from signsplice.bulk import cluster, local
-from signsplice.bulk.job import (
-    INDEX,
-    SUMMARY,
-    UNFINISHED,
-    BulkJob,
-    BulkOptions,
-    check_out,
-    index_of,
-    is_whole,
-    prepare,
-    tar_of,
-)
+from signsplice.bulk import job as jobs
+from signsplice.bulk.job import BulkJob, BulkOptions
 from signsplice.bulk.maker import WORDS_KEPT
 from signsplice.bulk.shards import ShardResult
 from signsplice.errors import FormatError, InputError
-from signsplice.formats.atomic import replacing, resumable_folder, sweep
+from signsplice.formats import atomic
 
 MOST_REASONS = 20
 """Reasons for failed rows that a summary lists, the most frequent first."""
@@ -90,22 +80,21 @@ def run(
     """
     if workers is not None and workers < 1:
         raise InputError(f"workers {workers}, expected 1 or more")
-    check_out(out)
+    jobs.check_out(out)
     with _begun(out, options, batches) as job:
-        (out / INDEX).mkdir(exist_ok=True)
-        missing = [shard for shard in range(job.n_shards) if not is_whole(out, job, shard)]
+        (out / jobs.INDEX).mkdir(exist_ok=True)
+        missing = [shard for shard in range(job.n_shards) if not jobs.is_whole(out, job, shard)]
         before = job.n_recipes - sum(len(job.rows(shard)) for shard in missing)
         done, failed = before, 0
         note = advance or (lambda _: None)
         note(Progress(before, done, failed, job.n_recipes))
         if missing:
-            (out / SUMMARY).unlink(missing_ok=True)
+            (out / jobs.SUMMARY).unlink(missing_ok=True)
         for shard in _made(str(out.resolve()), missing, workers, ray, n_kept) if missing else ():
             done, failed = done + shard.n_rows, failed + shard.n_failed
             note(Progress(before, done, failed, job.n_recipes))
         summary = summarize(out, job)
-        with replacing(out / SUMMARY) as temporary:
-            temporary.write_text(json.dumps(asdict(summary), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        atomic.write(out / jobs.SUMMARY, json.dumps(asdict(summary), indent=2, ensure_ascii=False) + "\n")
     return summary
 
 
@@ -113,21 +102,21 @@ def run(
 def _begun(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.RecordBatch]]) -> Iterator[BulkJob]:
     """The job of a folder that no other call can write to. A call that is refused leaves no trace."""
     was_there = out.exists()
-    with resumable_folder(out / UNFINISHED) as was_ended:
+    with atomic.resumable_folder(out / jobs.UNFINISHED) as was_ended:
         try:
-            job = prepare(out, options, batches)
+            job = jobs.prepare(out, options, batches)
         except BaseException:
             with suppress(OSError):
                 if not was_ended:
-                    (out / UNFINISHED).rmdir()
+                    (out / jobs.UNFINISHED).rmdir()
                 if not was_there:
                     out.rmdir()
             raise
         try:
             yield job
         finally:
-            for folder in (out, out / INDEX):
-                sweep(folder)  # what workers that were killed have left
+            for folder in (out, out / jobs.INDEX):
+                atomic.sweep(folder)  # what workers that were killed have left
 
 
 def _made(out: str, missing: list[int], workers: int | None, ray: str | None, n_kept: int) -> Iterator[ShardResult]:
@@ -137,7 +126,7 @@ def _made(out: str, missing: list[int], workers: int | None, ray: str | None, n_
 
 
 def _index(out: Path, shard: int) -> pa.Table:
-    path = index_of(out, shard)
+    path = jobs.index_of(out, shard)
     try:
         return pq.read_table(path, columns=["frames", "fps", "seams", "error"])
     except (pa.ArrowException, OSError, ValueError) as error:
@@ -151,7 +140,7 @@ def summarize(out: Path, job: BulkJob) -> BulkSummary:
     n_failed = n_seams = n_frames = n_bytes = 0
     seconds = 0.0
     for shard in range(job.n_shards):
-        if not is_whole(out, job, shard):
+        if not jobs.is_whole(out, job, shard):
             raise InputError(f"{out}: shard {shard} is not whole; the same call makes it")
         table = _index(out, shard)
         failed = [error for error in table["error"].to_pylist() if error is not None]
@@ -161,6 +150,7 @@ def summarize(out: Path, job: BulkJob) -> BulkSummary:
         n_seams += int(table["seams"].drop_null().to_numpy().sum())
         n_frames += int(frames.sum())
         seconds += float((frames / rates).sum())
-        n_bytes += sum(path.stat().st_size for path in (tar_of(out, shard), index_of(out, shard)) if path.exists())
+        files = jobs.tar_of(out, shard), jobs.index_of(out, shard)
+        n_bytes += sum(path.stat().st_size for path in files if path.exists())
     most = dict(sorted(reasons.most_common(MOST_REASONS), key=lambda row: (-row[1], row[0])))
     return BulkSummary(job.n_recipes, job.n_shards, n_failed, n_seams, n_frames, n_bytes, round(seconds, 3), most)

@@ -18,18 +18,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from signsplice.bulk import job as jobs
 from signsplice.bulk import recipes
-from signsplice.bulk.job import (
-    FRAMES,
-    RECIPES,
-    BulkJob,
-    hash_of_words,
-    index_of,
-    libraries,
-    processor,
-    read_job,
-    tar_of,
-)
+from signsplice.bulk.job import BulkJob
 from signsplice.bulk.maker import WORDS_KEPT, FailedSentence, MadeSentence, SentenceMaker
 from signsplice.errors import FormatError, InputError, SignspliceError
 from signsplice.formats import encode, save
@@ -151,17 +142,17 @@ def make_shard(out: str, shard: int, n_kept: int) -> ShardResult:
     """
     began = time.process_time()
     folder = Path(out)
-    job = read_job(folder)
+    job = jobs.read_job(folder)
     maker = CACHE.recent(_open_maker, folder, job.sha256, n_kept, most=1)
     rows: list[dict[str, Any]] = []
     with _samples(folder, job, shard) as samples:
-        todo = recipes.rows(folder / RECIPES, job.rows(shard).start, job.rows(shard).stop)
+        todo = recipes.rows(folder / jobs.RECIPES, job.rows(shard).start, job.rows(shard).stop)
         for start in range(0, len(todo), TOGETHER):
             for n, made in enumerate(maker.make(todo[start : start + TOGETHER]), job.rows(shard).start + start):
                 rows.append({"row": n, "key": f"{n:09d}", "shard": shard, **_row(made, samples, f"{n:09d}")})
-    tar_bytes = tar_of(folder, shard).stat().st_size if samples is not None else 0
+    tar_bytes = jobs.tar_of(folder, shard).stat().st_size if samples is not None else 0
     metadata = {"job": job.sha256, "tar_bytes": str(tar_bytes)}
-    with replacing(index_of(folder, shard)) as temporary:
+    with replacing(jobs.index_of(folder, shard)) as temporary:
         pq.write_table(pa.Table.from_pylist(rows, INDEX_SCHEMA.with_metadata(metadata)), temporary, compression="zstd")
     return ShardResult(
         shard,
@@ -169,19 +160,19 @@ def make_shard(out: str, shard: int, n_kept: int) -> ShardResult:
         sum(row["error"] is not None for row in rows),
         sum(row["seams"] or 0 for row in rows),
         sum(row["frames"] or 0 for row in rows),
-        tar_bytes + index_of(folder, shard).stat().st_size,
+        tar_bytes + jobs.index_of(folder, shard).stat().st_size,
         time.process_time() - began,
     )
 
 
 def open_maker(out: Path, n_kept: int) -> SentenceMaker:
     """What makes the sentences of a folder of shards. Raises ``InputError`` as ``make_shard`` does."""
-    job = read_job(out)
+    job = jobs.read_job(out)
     words = open_lexicon(job.lexicon)
     found: dict[str, tuple[object, object, object]] = {
         "package": (version("signsplice"), job.signsplice, "signsplice"),
-        "libraries": (libraries(), job.made_with, ", ".join(map(" ".join, job.made_with.items()))),
-        "lexicon": (hash_of_words(words), job.lexicon_sha256, job.lexicon),
+        "libraries": (jobs.libraries(), job.made_with, ", ".join(map(" ".join, job.made_with.items()))),
+        "lexicon": (jobs.hash_of_words(words), job.lexicon_sha256, job.lexicon),
         "bundle": (open_learned(job.bundle).sha256, job.bundle_sha256, job.bundle or "the one that ships"),
     }
     for what, (here, wanted, where) in found.items():
@@ -205,18 +196,18 @@ def remake(out: str, row: int, output: str, report: str | None) -> str:
     ``SignspliceError`` where its motion is not the one that the index has.
     """
     folder = Path(out)
-    job = read_job(folder)
+    job = jobs.read_job(folder)
     if not 0 <= row < job.n_recipes:
         raise InputError(f"{out}: row {row}, expected 0 to {job.n_recipes - 1}")
-    (made,) = open_maker(folder, WORDS_KEPT).make(recipes.rows(folder / RECIPES, row, row + 1))
+    (made,) = open_maker(folder, WORDS_KEPT).make(recipes.rows(folder / jobs.RECIPES, row, row + 1))
     if isinstance(made, FailedSentence):
         raise InputError(f"{out}: row {row}: {made.reason}")
-    index = index_of(folder, row // job.shard_size)
+    index = jobs.index_of(folder, row // job.shard_size)
     wanted = None
     if index.exists():
         wanted = _motion_of(index, row, row % job.shard_size)
     if wanted not in (None, made.motion_sha256):
-        where = f"this machine has {processor()}" if processor() != job.processor else "the same processor"
+        where = f"this machine has {jobs.processor()}" if jobs.processor() != job.processor else "the same processor"
         raise SignspliceError(
             f"{out}: row {row}: the motion is not that of the index, bit for bit; it was made on {job.processor} with "
             f"{', '.join(' '.join(library) for library in job.made_with.items())}; {where}"
@@ -269,10 +260,10 @@ def _row(made: MadeSentence | FailedSentence, samples: _Samples | None, key: str
 @contextmanager
 def _samples(out: Path, job: BulkJob, shard: int) -> Iterator[_Samples | None]:
     """Where the samples of a shard go; its file is put in place when the block succeeds. None where none are kept."""
-    if job.store != FRAMES:
+    if job.store != jobs.FRAMES:
         yield None
         return
-    with replacing(tar_of(out, shard)) as temporary, tarfile.open(temporary, "w", format=tarfile.USTAR_FORMAT) as tar:
+    with replacing(jobs.tar_of(out, shard)) as file, tarfile.open(file, "w", format=tarfile.USTAR_FORMAT) as tar:
         yield _Samples(tar, job)
 
 

@@ -18,7 +18,7 @@ from signsplice.cli.lexicon import open_words
 from signsplice.cli.options import AS_JSON, BUNDLE, LEXICON, SEED, added, preset
 from signsplice.cli.terminal import note, require, size, warn
 from signsplice.errors import InputError
-from signsplice.formats.atomic import check_writable, replacing
+from signsplice.formats import atomic
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -218,7 +218,7 @@ def in_bulk(lexicon: str | None, count: int, memory: int, seed: int, output: str
     if count < 40 or memory < 10 or (output is not None and not output.endswith(".json")):
         raise InputError("--count 40 or more, --memory 10 or more and -o R.json expected")
     for path in () if output is None else (Path(output), Path(output).with_suffix(".md")):
-        check_writable(path)
+        atomic.check_writable(path)
     _require_extra()
     from signsplice.bulk import bench as benches
     from signsplice.lexicon.reader import SHIPPED
@@ -226,8 +226,7 @@ def in_bulk(lexicon: str | None, count: int, memory: int, seed: int, output: str
     found = benches.measure(lexicon or str(SHIPPED), count, memory, lambda what: note([f"measuring {what}"]), seed)
     figures, page = json.dumps(found, indent=2) + "\n", benches.page(found)
     for path, text in () if output is None else ((Path(output), figures), (Path(output).with_suffix(".md"), page)):
-        with replacing(path) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        atomic.write(path, text)
     print(figures if as_json else page, end="")
 
 

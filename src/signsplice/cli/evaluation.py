@@ -14,7 +14,7 @@ import click
 
 from signsplice.cli.aliases import FormerlyOptions, formerly_a_flag
 from signsplice.cli.clips import limits, load, reads_clips
-from signsplice.cli.options import AS_JSON, BUNDLE, preset
+from signsplice.cli.options import AS_JSON, BUNDLE, preset, two_numbers
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError
 
@@ -182,10 +182,11 @@ def corpus(
 
 
 def _frame_range(text: str) -> tuple[int, int]:
-    first, colon, stop = text.partition(":")
-    if not (colon and first.isdecimal() and stop.isdecimal() and int(first) < int(stop)):
-        raise InputError(f"--real-frames {text}, expected FIRST:STOP with FIRST below STOP, as in 0:315")
-    return int(first), int(stop)
+    expected = f"--real-frames {text}, expected FIRST:STOP with FIRST below STOP, as in 0:315"
+    first, stop = two_numbers(text, ":", expected)
+    if first >= stop:
+        raise InputError(expected)
+    return first, stop
 
 
 def _loaded(files: tuple[str, ...], fps: float | None) -> list[Clip]:

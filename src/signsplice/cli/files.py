@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from signsplice.cli.clips import Spans, check_outputs, load, load_avatar, reads_clips, reads_rigs, write
-from signsplice.cli.options import AS_JSON, preset
+from signsplice.cli.options import AS_JSON, preset, two_numbers
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
@@ -96,23 +96,14 @@ def render(source: str, output: str, report: str | None, view: str, size: str | 
         raise InputError(f"{output}: {expected}; use convert for other files")
     check_outputs(output, inputs=[source, report])
     clip = load(source)
-    spans = _reported_spans(report, len(clip)) if report is not None else ()
-    write(clip, output, spans, view, None if size is None else _size(size))
+    spans: Spans = ()
+    if report is not None:
+        from signsplice.splicing import report as reports
+
+        spans = _spans_of(reports.read(report, len(clip)))
+    expected = f"--size {size!r}, expected WIDTHxHEIGHT in pixels, e.g. 1920x1080"
+    write(clip, output, spans, view, None if size is None else two_numbers(size.lower(), "x", expected))
     print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
-
-
-def _size(text: str) -> tuple[int, int]:
-    width, _, height = text.lower().partition("x")
-    if not (width.isdecimal() and height.isdecimal()):
-        raise InputError(f"--size {text!r}, expected WIDTHxHEIGHT in pixels, e.g. 1920x1080")
-    return int(width), int(height)
-
-
-def _reported_spans(path: str, n_frames: int) -> Spans:
-    """Spans of a splice's report, checked against the clip in which they are marked."""
-    from signsplice.splicing import report
-
-    return _spans_of(report.read(path, n_frames))
 
 
 def _spans_of(report: Mapping[str, Any]) -> Spans:

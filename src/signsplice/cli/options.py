@@ -7,6 +7,8 @@ from typing import Any, TypeVar
 
 import click
 
+from signsplice.errors import InputError
+
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
@@ -24,6 +26,14 @@ def added(*options: Callable[[Command], Command]) -> Callable[[Command], Command
 def preset(name: str, default: Any, metavar: str | None, text: str, **kind: Any) -> Callable[[Command], Command]:
     """An option with a default, which its help shows; of the default's type where ``kind`` names none."""
     return click.option(name, default=default, show_default=True, metavar=metavar, help=text, **kind)
+
+
+def two_numbers(text: str, between: str, expected: str) -> tuple[int, int]:
+    """The numbers of an option's text before and after ``between``; an ``InputError`` says what is expected instead."""
+    first, _, second = text.partition(between)
+    if not (first.isdecimal() and second.isdecimal()):
+        raise InputError(expected)
+    return int(first), int(second)
 
 
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")

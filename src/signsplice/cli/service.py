@@ -89,7 +89,7 @@ def view(
     if len(reports) > len(files):
         raise InputError(f"{len(reports)} reports for {len(files)} files, expected at most one for each")
     _require_extra()
-    from signsplice.formats.atomic import replacing
+    from signsplice.formats import atomic
     from signsplice.service import page, scene
     from signsplice.service.wire import FORMAT_NAMES
     from signsplice.splicing import report as splice_reports
@@ -105,8 +105,7 @@ def view(
         scenes.append(scene.from_clip(clip, report, FORMAT_NAMES))
     if output is not None:
         text = page.html(scenes, live=False)
-        with replacing(output) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        atomic.write(output, text)
         print(f"{output}: opens from disk in any browser, {len(text.encode()) / 1e6:.1f} MB")
         return
     page.html(scenes, live=True)  # a missing viewer is an error before the service starts

@@ -24,7 +24,7 @@ from signsplice.cli.clips import (
     write,
 )
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.options import AS_JSON, BUNDLE, LEXICON, added, preset
+from signsplice.cli.options import AS_JSON, BUNDLE, LEXICON, added, preset, two_numbers
 from signsplice.cli.terminal import note, progress, warn
 from signsplice.errors import InputError
 
@@ -246,19 +246,12 @@ def inbetween(
     from signsplice.splicing.inbetween import inbetween as fill_gaps
 
     check_outputs(output, report, [clip, roles, *_networks(bundle, transition=transition)])
-    ranges = [_gap(text) for text in gaps]
+    ranges = [two_numbers(gap, ":", f"--gap {gap!r}, expected A:B, frame numbers with B not included") for gap in gaps]
     began = time.perf_counter()
     loaded = load(clip, roles, warns=False)
     load_ms = 1e3 * (time.perf_counter() - began)
     result = fill_gaps(loaded, ranges, _method(transition), avoid_collisions, bundle)
     deliver(result, output, report, load_ms)
-
-
-def _gap(text: str) -> tuple[int, int]:
-    start, _, stop = text.partition(":")
-    if not (start.isdecimal() and stop.isdecimal()):
-        raise InputError(f"--gap {text!r}, expected A:B, frame numbers with B not included")
-    return int(start), int(stop)
 
 
 @click.command()

@@ -128,7 +128,7 @@ class SourceClip:
         errors = np.abs(after - np.maximum(before, -PRESS_M))
         touches = np.flatnonzero(is_hand & (before < TOUCH_M))
         new = is_hand & (before > APART_M) & (after < MADE_M)
-        peak, jerk = _smoothness(posed.wrists)
+        (peak, jerk), sizes = _smoothness(posed.wrists), rig_info(made.skeleton).sizes
         return BodyMeasurement(
             word=self.clip.name,
             pair_errors=errors[touches],
@@ -138,7 +138,7 @@ class SourceClip:
             n_made=len(np.unique(frames[new])),
             hand_depth=float(deeper[is_hand].max(initial=0.0)),
             forearm_depth=float(deeper[~is_hand].max(initial=0.0)),
-            place_errors=self._place_errors(posed) / (HEAD_HEIGHT * head * _stature_m(made)),
+            place_errors=self._place_errors(posed) / (HEAD_HEIGHT * head * (sizes.stature * sizes.unit.metres)),
             palm_degrees=self._turned(posed, _palm_normals),
             index_degrees=self._turned(posed, _index_directions),
             peak_ratio=peak / max(self._smoothness[0], 1e-9),
@@ -176,7 +176,9 @@ class SourceClip:
             t = np.clip(((a - start) * axis).sum(-1) / ((axis * axis).sum(-1) + 1e-12), 0.0, 1.0)[..., None]
             out = a - start - t * axis
             away = np.linalg.norm(out, axis=-1) + 1e-9
-            clearance = away - _radius(self.posed, solid, t) - self.posed.radii[anchors, 1, None]
+            start_radii, end_radii = self.posed.radii[solid].T
+            radii = start_radii + t[..., 0] * (end_radii - start_radii)
+            clearance = away - radii - self.posed.radii[anchors, 1, None]
             at = clearance.reshape(len(clearance), -1).argmin(axis=1)
             near = np.flatnonzero((clearance.reshape(len(clearance), -1).min(axis=1) < NEAR_M) & self._signs[:, side])
             i, c = np.divmod(at[near], len(solid))
@@ -225,12 +227,6 @@ def _first_of_each(frames: Index, distance: FloatArray) -> Index:
     return np.asarray(order[np.unique(frames[order], return_index=True)[1]])
 
 
-def _radius(posed: PosedBody, rows: Index, t: FloatArray) -> FloatArray:
-    """Radii (T, A, C) at shares (T, A, C, 1) along the axes of capsules (C,)."""
-    radii = posed.radii[rows]
-    return np.asarray(radii[:, 0] + t[..., 0] * (radii[:, 1] - radii[:, 0]))
-
-
 def _palm_normals(posed: PosedBody, side: str) -> FloatArray | None:
     """Normals (T, 3) of a palm; None without index and little finger."""
     keys = posed.body.keys
@@ -254,8 +250,3 @@ def _smoothness(wrists: FloatArray) -> tuple[float, float]:
     step, third = np.diff(wrists, axis=0), np.diff(wrists, n=3, axis=0)
     peak = float(np.linalg.norm(step, axis=-1).max(initial=0.0))
     return peak, float(np.sqrt((third * third).sum(-1).mean())) if len(third) else 0.0
-
-
-def _stature_m(clip: Clip) -> float:
-    sizes = rig_info(clip.skeleton).sizes
-    return sizes.stature * sizes.unit.metres

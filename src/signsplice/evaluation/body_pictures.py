@@ -13,10 +13,10 @@ from signsplice.body.posed import posed_body
 from signsplice.body.retarget import fit_body, signing
 from signsplice.evaluation.body_measures import TOUCH_M
 from signsplice.evaluation.stretched_bodies import BODIES, stretched
-from signsplice.evaluation.tables import counted
 from signsplice.formats.atomic import replacing
 from signsplice.motion.clip import Clip
-from signsplice.render.page import INK, PAPER, Progress, pillow, write_line
+from signsplice.progress import Progress, counted
+from signsplice.render.page import INK, PAPER, pillow, write_line
 from signsplice.render.picture import Image, draw, make_scene
 from signsplice.rig.align import Reference, copy_rotations
 from signsplice.rig.placement import placement

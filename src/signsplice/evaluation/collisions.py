@@ -6,15 +6,14 @@ Depth that the two ends of a gap already have does not count (``passes.collision
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
-from signsplice.splicing.gap import Cut, Gap, gap_at
+from signsplice.splicing.gap import Cut, gap_at
 from signsplice.splicing.methods.transition import TRANSITIONS, Transition
 from signsplice.splicing.passes.collision_avoidance import TOLERANCE_M, depths
 from signsplice.splicing.passes.filling import fill
@@ -62,15 +61,11 @@ def compare(
     clips = {int(p): pairs.word_clip(int(p)) for p in np.unique(pairs.index[list(numbers), :2])}
     found: list[list[FloatArray]] = [[] for _ in methods]  # depths (n_frames,) of every gap, for each method
     for number in counted(numbers, progress):
-        gap = _gap(pairs, clips, number)
+        p, q, pre, post, _, count = pairs.index[number].tolist()
+        gap = gap_at(clips[p], clips[q], Cut(pre, post), count)
         for row, (transition, avoid) in zip(found, methods, strict=True):
             row.append(depths(fill(transition, [gap], avoid)[0].clip, gap.before, gap.after))
     return [_row(*method, row) for method, row in zip(methods, found, strict=True)]
-
-
-def _gap(pairs: Pairs, clips: Mapping[int, Clip], number: int) -> Gap:
-    p, q, pre, post, _, count = pairs.index[number].tolist()
-    return gap_at(clips[p], clips[q], Cut(pre, post), count)
 
 
 def _row(transition: Transition, avoid: bool, found: Sequence[FloatArray]) -> CollisionRow:

@@ -207,11 +207,6 @@ class TouchAgreement:
     n_missed: int
     n_false: int
 
-    @property
-    def agreeing(self) -> float:
-        """Fraction of the postures on which both agree."""
-        return 1.0 - (self.n_missed + self.n_false) / max(1, self.n_postures)
-
 
 def score_touches(pairs: Pairs) -> TouchAgreement:
     """Agreement of flagged and seen touches in all words of a corpus. Distances are measured anew, on the stored

@@ -17,10 +17,10 @@ from signsplice.evaluation.corpus_difficulty import BY_WORD, RAD_PER_CM
 from signsplice.evaluation.hands import wrist_positions
 from signsplice.evaluation.hidden_frames import SHOWN
 from signsplice.evaluation.tables import HEAD, csv_text, markdown, tables_in
-from signsplice.formats import load
-from signsplice.formats.atomic import replacing
+from signsplice.formats import atomic, load
 from signsplice.formats.reading import read_bytes
 from signsplice.motion.clip import Clip
+from signsplice.progress import Progress
 from signsplice.rig.info import rig_info
 from signsplice.splicing.methods.cut import CUTTERS
 from signsplice.synth import notation, pseudo
@@ -30,8 +30,8 @@ from signsplice.synth.phonology import Sign
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
 _AGREES = HEAD[-1]
 _DEEP = "pairs with a hand deeper"
-Advance = Callable[[int, int], None] | None
-Progress = Callable[[str], AbstractContextManager[Advance]]
+Bars = Callable[[str], AbstractContextManager[Progress | None]]
+"""Makes a progress bar by name."""
 
 N_TEST = 1000
 """Test pairs whose cuts are scored."""
@@ -43,7 +43,7 @@ IDLE_EXTENT = 0.2
 """A clip in which no wrist moves farther than this fraction of the longest offset of its skeleton is no signing."""
 
 
-def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], progress: Progress) -> list[str]:
+def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], progress: Bars) -> list[str]:
     """Measure a corpus and put a short form of the result into ``page`` between its marks, and every cell of the tables
     into a CSV file beside it; pictures go to the folder ``images``.
 
@@ -57,10 +57,8 @@ def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], prog
     here = os.path.relpath(images, page.parent).replace(os.sep, "/")
     shown = [line.replace(f"]({images.name}/", f"]({here}/") for line in short(lines, page.with_suffix(".csv").name)]
     before, after = text.split(BEGIN)[0], text.split(END, 1)[1]
-    with replacing(page.with_suffix(".csv")) as temporary:
-        temporary.write_text(csv_text(_CSV, _cells(lines)), encoding="utf-8")
-    with replacing(page) as temporary:
-        temporary.write_text("\n".join([before + BEGIN, *shown, END + after]), encoding="utf-8")
+    atomic.write(page.with_suffix(".csv"), csv_text(_CSV, _cells(lines)))
+    atomic.write(page, "\n".join([before + BEGIN, *shown, END + after]))
     return lines
 
 
@@ -130,7 +128,7 @@ def _cells(lines: Sequence[str]) -> list[tuple[str, int, str, str, str]]:
     ]
 
 
-def measured(pairs: Pairs, images: Path | None, real: Mapping[str, Clip], progress: Progress) -> list[str]:
+def measured(pairs: Pairs, images: Path | None, real: Mapping[str, Clip], progress: Bars) -> list[str]:
     """What is measured of a corpus, as lines of Markdown; the first names the corpus.
 
     images: folder for pictures; None draws none. real: clips of real signing by name, for columns next to the
@@ -197,7 +195,7 @@ def _percents(*fractions: float) -> list[str]:
     return [f"{100 * fraction:.1f}" for fraction in fractions]
 
 
-def _difficulty(pairs: Pairs, signs: Mapping[str, Sign], advance: Advance) -> list[str]:
+def _difficulty(pairs: Pairs, signs: Mapping[str, Sign], advance: Progress | None) -> list[str]:
     test = pairs.split("random", "test")[:N_TEST]
     cuts = corpus_difficulty.score_cutters(pairs, test, pairs.split("random", "train"), advance)
     transitions, true_jump = corpus_difficulty.score_transitions(pairs, test[:N_TRANSITIONS], advance)
@@ -248,7 +246,7 @@ def _precision(pairs: Pairs, test: Sequence[int], signs: Mapping[str, Sign]) -> 
     ]
 
 
-def _validity(pairs: Pairs, signs: Mapping[str, Sign], advance: Advance) -> list[str]:
+def _validity(pairs: Pairs, signs: Mapping[str, Sign], advance: Progress | None) -> list[str]:
     worst = corpus_checks.examine(pairs, advance)
     touches = score_touches(pairs)
     steps = f"{worst.seam_step_cm:.1f}, {worst.word_step_cm:.1f} cm a frame"

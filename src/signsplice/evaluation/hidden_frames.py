@@ -10,7 +10,6 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.evaluation.hands import wrist_positions
 from signsplice.evaluation.tables import Progress, markdown
-from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
@@ -95,7 +94,8 @@ def hidden_frames(
         keyframed = float(np.mean([metrics.is_keyed(window[SHOWN - 1 : 1 - SHOWN]) for window in windows]))
         for transition in transitions:
             scores = np.array([_score(window, transition, n_frames) for window in windows])  # (n_gaps, 7)
-            error, hands, fingers, trunk, ratio = _means(scores[:, :5])
+            known = [column[~np.isnan(column)] for column in scores[:, :5].T]  # of the gaps that have a score
+            error, hands, fingers, trunk, ratio = (float(one.mean()) if len(one) else float("nan") for one in known)
             jumps, depth = scores[:, 5:].T
             rows.append(
                 HiddenFrames(
@@ -150,11 +150,6 @@ def table(rows: Sequence[HiddenFrames], clips: Sequence[Clip] = ()) -> list[str]
         fractions = ", ".join(f"{100.0 * row.keyframed:.0f} % of {row.n_frames}" for row in of_length)
         lines += ["", f"Gaps that a program mostly interpolated between keys, not captured: {fractions} frames."]
     return lines
-
-
-def _means(scores: FloatArray) -> list[float]:
-    """Means of columns of scores (N, S) over the gaps that have one; NaN where none has."""
-    return [float(column[known].mean()) if (known := ~np.isnan(column)).any() else float("nan") for column in scores.T]
 
 
 def _score(window: Clip, transition: Transition, n_frames: int) -> tuple[float, ...]:

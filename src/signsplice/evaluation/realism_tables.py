@@ -8,16 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from signsplice.evaluation import corpus_pictures, corpus_realism, sign_kinds
+from signsplice.evaluation import corpus_pictures, corpus_realism, hands, sign_kinds
 from signsplice.evaluation.corpus_realism import rms_jerk, speeds
-from signsplice.evaluation.hands import (
-    MIRRORED_FRAMES,
-    MIRRORED_SPEED,
-    busier_side,
-    flexions,
-    strong_side,
-    strong_wrist,
-)
 from signsplice.evaluation.signer_motion import MOVING
 from signsplice.evaluation.tables import MEDIAN_WITHIN, TAILS_WITHIN, markdown, number, percentiles, table
 from signsplice.motion.arrays import FloatArray
@@ -37,8 +29,9 @@ than {corpus_realism.FEWEST} values give a median alone. "{sign_kinds.AIMED}": w
 published table behind it. A clip's own figures are measured as the
 corpus's are, on frames in which a wrist is faster than {MOVING:g} arm lengths/s. Joints turn relative to their
 parent. The strong side of a clip is the one whose wrist moves farther. Hands are compared with a mirror image in
-the symmetric words of the corpus, and in a clip wherever both are faster than {MIRRORED_SPEED:g} arm lengths/s and
-move as in a mirror for {MIRRORED_FRAMES} frames or more. A reach lies between two minima of the wrist's speed."""
+the symmetric words of the corpus, and in a clip wherever both are faster than {hands.MIRRORED_SPEED:g} arm lengths/s
+and move as in a mirror for {hands.MIRRORED_FRAMES} frames or more. A reach lies between two minima of the wrist's
+speed."""
 
 
 def tables(pairs: Pairs, signs: Mapping[str, Sign], real: Mapping[str, Clip], plot: Path | None) -> list[str]:
@@ -62,7 +55,8 @@ def tables(pairs: Pairs, signs: Mapping[str, Sign], real: Mapping[str, Clip], pl
     columns = {"corpus": [pairs.clip(int(k)) for k in drawn]}
     columns |= {name if name in captured else f"{name} (keyed)": [clip] for name, clip in real.items()}
     strong = {
-        name: strong_side(pairs) if name == "corpus" else busier_side(clips[0]) for name, clips in columns.items()
+        name: hands.strong_side(pairs) if name == "corpus" else hands.busier_side(clips[0])
+        for name, clips in columns.items()
     }
     shapes = [
         (name, *(number(shape(clips, strong[column])) for column, clips in columns.items()))
@@ -105,7 +99,7 @@ def _mean_speed(clips: Sequence[Clip], strong: str) -> float:
 
 
 def _paths(clips: Sequence[Clip], strong: str) -> list[FloatArray]:
-    return [strong_wrist(clip, strong) for clip in clips]
+    return [hands.strong_wrist(clip, strong) for clip in clips]
 
 
 _SHAPES: dict[str, Callable[[Sequence[Clip], str], float]] = {
@@ -120,7 +114,7 @@ _SHAPES: dict[str, Callable[[Sequence[Clip], str], float]] = {
 
 
 def _bends(clips: Sequence[Clip]) -> dict[str, FloatArray]:
-    every = [flexions(clip) for clip in clips]
+    every = [hands.flexions(clip) for clip in clips]
     return {joint: np.concatenate([one[joint] for one in every]) for joint in every[0]}
 
 

@@ -24,18 +24,15 @@ AIMED = "range aimed at"
 _SHORTEST_PASS_M = 0.015
 
 
-def _in_neutral_space(sign: Sign) -> bool:
-    # Space next to or before the face belongs to the face, as in ASL-LEX.
-    return sign.segments[0].strong.location.startswith("space")
-
-
 _KINDS: dict[str, tuple[Callable[[Sign], bool], float]] = {
     "one-handed": (lambda sign: sign.hands == "one", 0.39),
     "symmetric or alternating": (lambda sign: sign.hands in ("symmetric", "alternating"), 0.35),
     "first place at the other hand": (lambda sign: sign.segments[0].strong.location in ON_BASE, 0.25),
-    "first place in neutral space": (_in_neutral_space, 0.36),
+    "first place in neutral space": (lambda sign: sign.segments[0].strong.location.startswith("space"), 0.36),
 }
-"""Kind -> whether a sign is of it, and its share in ASL-LEX 2.0."""
+"""Kind -> whether a sign is of it, and its share in ASL-LEX 2.0. Space next to or before the face belongs to the face,
+as there.
+"""
 
 
 def kinds(signs: Sequence[Sign], whose: str) -> list[Quantity]:
@@ -65,7 +62,8 @@ def second_passes(pairs: Pairs) -> list[Quantity]:
         if len(passes) < 2:
             continue
         wrist = _from_chest(pairs.word_clip(k), strong)
-        first, second = (_extent(wrist[begin : end + 1]) for begin, end in passes[:2])
+        paths = [wrist[begin : end + 1] - wrist[begin] for begin, end in passes[:2]]
+        first, second = (float(np.linalg.norm(path, axis=-1).max()) for path in paths)
         if first >= _SHORTEST_PASS_M:
             sizes.append(second / first)
             times.append((passes[1][1] - passes[1][0]) / (passes[0][1] - passes[0][0]))
@@ -86,10 +84,6 @@ def _from_chest(clip: Clip, strong: str) -> FloatArray:
     return (
         np.asarray(np.einsum("tba,tb->ta", rotations[:, 0], positions[:, 1] - positions[:, 0])) * info.sizes.unit.metres
     )
-
-
-def _extent(positions: FloatArray) -> float:
-    return float(np.linalg.norm(positions - positions[0], axis=-1).max())
 
 
 def symmetric_words(pairs: Pairs, signs: Mapping[str, Sign]) -> list[int]:

@@ -13,7 +13,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -22,8 +22,7 @@ import numpy as np
 from signsplice.children import killed_with_parent
 from signsplice.errors import MissingExtraError
 from signsplice.lexicon import shipped
-
-Progress = Callable[[int, int], None] | None
+from signsplice.progress import Progress
 
 _N_PREFETCHED = 3
 """Words that a stream's caller has sent before they are needed."""
@@ -51,7 +50,7 @@ def _serving() -> Iterator[tuple[str, int]]:
 
 
 def measure(
-    n_streams: int = 50, seconds: float = 60.0, rate: float = 20.0, minutes: float = 10.0, progress: Progress = None
+    n_streams: int, seconds: float, rate: float, minutes: float, progress: Progress | None = None
 ) -> dict[str, Any]:
     """Figures of a service: streams, then requests, for ``seconds`` each, then half of both for ``minutes``.
 
@@ -73,7 +72,7 @@ def measure(
 
 
 async def _measure(
-    address: str, pid: int, n_streams: int, seconds: float, rate: float, minutes: float, progress: Progress
+    address: str, pid: int, n_streams: int, seconds: float, rate: float, minutes: float, progress: Progress | None
 ) -> dict[str, Any]:
     with shipped() as lexicon:
         words = [entry.gloss for entry in lexicon.entries() if entry.kind == "sign"]

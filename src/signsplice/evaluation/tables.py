@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,20 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice.motion.arrays import FloatArray
+from signsplice.progress import Progress as Progress
+from signsplice.progress import counted as counted
 
 T = TypeVar("T")
-Progress = Callable[[int, int], None]
-"""Called with how many are done, and of how many."""
 _STORED = {"avoids_collisions": "body_sense", "n_seams": "n_joins", "keyframed": "drawn"}
 """Fields of rows whose JSON key is another word: files written before must stay comparable."""
-
-
-def counted(items: Collection[T], progress: Progress | None) -> Iterator[T]:
-    """The items in order, with a call of ``progress`` after each is done."""
-    for done, item in enumerate(items, 1):
-        yield item
-        if progress is not None:
-            progress(done, len(items))
 
 
 def markdown(head: Sequence[object], rows: Iterable[Sequence[object]]) -> list[str]:

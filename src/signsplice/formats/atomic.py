@@ -59,6 +59,12 @@ def replacing(path: str | Path) -> Iterator[Path]:
         raise InputError(f"{path}: cannot write there ({error.strerror or error})") from error
 
 
+def write(path: str | Path, content: str | bytes | memoryview) -> None:
+    """Write a file as ``replacing`` does; text as UTF-8."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
 def check_writable(path: str | Path) -> None:
     """Raise ``InputError`` where ``path`` is a folder, a link or a special file such as a device, or its own folder is
     missing or not writable.

@@ -11,18 +11,9 @@ from weakref import WeakKeyDictionary
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import check_nothing_else, check_place, replacing_folder
+from signsplice.lexicon import index
 from signsplice.lexicon.entry import Entry, fold, gloss_of, kind_of
 from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, encode, fingerprint
-from signsplice.lexicon.index import (
-    APPLICATION_ID,
-    INDEX,
-    ClipLocation,
-    Head,
-    IndexWriter,
-    application_id,
-    describe,
-    sha256,
-)
 from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
 from signsplice.rig.arms import active_span, arms
 from signsplice.rig.stray_frames import stray_frames
@@ -41,7 +32,7 @@ class Builder:
         self._frames = (folder / FRAMES).open("wb")
         try:
             self._frames.write(bytes(HEAD_BYTES))
-            self._index = IndexWriter(folder / INDEX)
+            self._index = index.IndexWriter(folder / index.INDEX)
         except BaseException:
             self._frames.close()
             raise
@@ -95,7 +86,8 @@ class Builder:
             sha256=fingerprint(block, skeleton_sha256, clip.fps, len(clip)),
         )
         self._frames.write(block)
-        self._index.add_word(entry, ClipLocation(number, self._n_bytes, len(block), clip.translations is not None))
+        location = index.ClipLocation(number, self._n_bytes, len(block), clip.translations is not None)
+        self._index.add_word(entry, location)
         self._names |= {fold(name): gloss for name in (gloss, *other_names)}
         self._digest.update(bytes.fromhex(entry.sha256))
         self._n_bytes += len(block)
@@ -111,8 +103,8 @@ class Builder:
     def _skeleton(self, skeleton: Skeleton) -> tuple[int, str]:
         """Number and SHA-256 of a shared skeleton; a new one is written to the index."""
         if skeleton not in self._written:
-            description = describe(skeleton)
-            self._written[skeleton] = (self._index.add_skeleton(description), sha256(description))
+            description = index.describe(skeleton)
+            self._written[skeleton] = (self._index.add_skeleton(description), index.sha256(description))
         return self._written[skeleton]
 
     def finish(self) -> None:
@@ -122,7 +114,7 @@ class Builder:
         self._frames.seek(0)
         self._frames.write(MAGIC + self._digest.digest())
         self._frames.flush()
-        self._index.finish(Head(self.form, self.n_words, self._n_bytes, self._digest.hexdigest()))
+        self._index.finish(index.Head(self.form, self.n_words, self._n_bytes, self._digest.hexdigest()))
 
     def close(self) -> None:
         """Close both files."""
@@ -160,9 +152,9 @@ def check_target(path: str | Path) -> None:
     target = Path(path).resolve()
     if not target.exists():
         return
-    if not target.is_dir() or application_id(target / INDEX) != APPLICATION_ID:
+    if not target.is_dir() or index.application_id(target / index.INDEX) != index.APPLICATION_ID:
         raise InputError(f"{path}: is there already and is no lexicon, expected a new name or a lexicon to replace")
-    check_nothing_else(Path(path), (INDEX, FRAMES), "lexicon")
+    check_nothing_else(Path(path), (index.INDEX, FRAMES), "lexicon")
 
 
 def rest_frames(clip: Clip) -> tuple[int | None, int | None]:
@@ -190,6 +182,6 @@ class SharedSkeletons:
         """The clip on the first skeleton that equals its own. Raises ``InputError`` for more joints than are read."""
         first = self._first.get(clip.skeleton)
         if first is None:
-            first = self._by_description.setdefault(describe(clip.skeleton), clip.skeleton)
+            first = self._by_description.setdefault(index.describe(clip.skeleton), clip.skeleton)
             self._first[clip.skeleton] = first
         return clip if first is clip.skeleton else unchecked_copy(clip, skeleton=first)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import unicodedata
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from shlex import quote
 
@@ -18,11 +18,10 @@ from signsplice.lexicon import glosses
 from signsplice.lexicon.builder import Builder, SharedSkeletons, building, check_target
 from signsplice.lexicon.entry import Entry, fold, gloss_of
 from signsplice.lexicon.frames import encode
-from signsplice.lexicon.glosses import TABLE, GlossRow
+from signsplice.lexicon.glosses import COLUMNS, TABLE, GlossRow
 from signsplice.motion.clip import Clip, left_out_warnings
+from signsplice.progress import Progress, counted
 from signsplice.rig.stray_frames import stray_frames
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -31,17 +30,17 @@ class Source:
 
     path: the file.
     where: where its gloss comes from, for messages.
-    gloss, kind, synonyms, signer, source, checked: as in ``Entry``; kind is empty where it follows from the gloss.
+    row: gloss, synonyms and the rest, whether the table has them or not; kind is empty where it follows from the gloss.
     """
 
     path: Path
     where: str
-    gloss: str
-    kind: str
-    synonyms: tuple[str, ...]
-    signer: str
-    source: str
-    checked: bool
+    row: GlossRow
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Gloss and synonyms."""
+        return self.row.gloss, *self.row.synonyms
 
 
 @dataclass(frozen=True)
@@ -135,7 +134,7 @@ def build(
     warnings: list[str] = []
     n_letters = n_without_arms = 0
     with building(output, compact=compact) as builder:
-        for done, source in enumerate(sources, start=1):
+        for source in counted(sources, progress):
             try:
                 entry = _add(builder, source, roles, limits, warnings)
                 n_letters += entry.kind == "letter"
@@ -147,8 +146,6 @@ def build(
                         "fault, skip_broken leaves such clips out"
                     ) from error
                 warnings.append(f"{error}; left out")
-            if progress is not None:
-                progress(done, len(sources))
         if not builder.n_words:
             raise InputError(f"{folder}: every clip is broken, the first one: {warnings[0]}")
     if n_without_arms:
@@ -166,7 +163,7 @@ def check(
     sources, faults = find_sources(folder)
     skeletons = SharedSkeletons()
     warnings: list[str] = []
-    for done, source in enumerate(sources, start=1):
+    for source in counted(sources, progress):
         try:
             clip = _read(source, roles, limits)
             with _prefixed_errors(source):
@@ -175,8 +172,6 @@ def check(
                 warnings += _warnings(clip, source)
         except InputError as error:
             faults.append(str(error))
-        if progress is not None:
-            progress(done, len(sources))
     return Checked(len(sources), faults, warnings)
 
 
@@ -188,15 +183,7 @@ def _add(
     with _prefixed_errors(source):
         clip = builder.with_shared_skeleton(clip)
         warnings += _warnings(clip, source)
-        return builder.add(
-            clip,
-            source.gloss,
-            kind=source.kind,
-            synonyms=source.synonyms,
-            signer=source.signer,
-            source=source.source,
-            checked=source.checked,
-        )
+        return builder.add(clip, **{name: getattr(source.row, name) for name in COLUMNS[1:]})
 
 
 def _warnings(clip: Clip, source: Source) -> list[str]:
@@ -245,16 +232,9 @@ def _files(folder: Path) -> list[Path]:
 def _source(path: Path, name: str, row: GlossRow | None, folder: Path, signer: str) -> Source:
     if row is None:
         row = GlossRow(name, "", (), "", "", False, "", 0)
-    return Source(
-        path=path,
-        where=f"{path} ({folder / TABLE}:{row.line})" if row.line else str(path),
-        gloss=row.gloss or gloss_of(path.stem),
-        kind=row.kind,
-        synonyms=row.synonyms,
-        signer=row.signer or signer,
-        source=row.source or name,
-        checked=row.checked,
-    )
+    where = f"{path} ({folder / TABLE}:{row.line})" if row.line else str(path)
+    gloss = row.gloss or gloss_of(path.stem)
+    return Source(path, where, replace(row, gloss=gloss, signer=row.signer or signer, source=row.source or name))
 
 
 def _duplicates(sources: list[Source]) -> list[str]:
@@ -262,10 +242,10 @@ def _duplicates(sources: list[Source]) -> list[str]:
     owners: dict[str, Source] = {}
     faults = []
     for source in sources:
-        for name in dict.fromkeys(map(fold, (source.gloss, *source.synonyms))):
+        for name in dict.fromkeys(map(fold, source.names)):
             owner = owners.setdefault(name, source)
             if owner is not source:
-                shown = next(n for n in (source.gloss, *source.synonyms) if fold(n) == name)
+                shown = next(n for n in source.names if fold(n) == name)
                 faults.append(
                     f"{source.where}: gloss {shown!r} is that of {owner.where} too, expected different glosses; "
                     f"name them in {TABLE}"

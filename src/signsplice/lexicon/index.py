@@ -186,7 +186,8 @@ class Index:
 
     def find(self, name: str) -> tuple[Entry, ClipLocation] | None:
         """The word with this gloss or synonym and its location, None where there is none."""
-        folded = _printable(fold(name))
+        # Lone surrogates, as in names of undecodable bytes, become "?", since SQLite does not accept them.
+        folded = fold(name).encode("utf-8", "replace").decode()
         rows = self.ask(f"SELECT {_COLUMNS} FROM word WHERE id = (SELECT word FROM name WHERE folded = ?)", folded)
         if not rows:
             return None
@@ -212,7 +213,7 @@ class Index:
             description, digest = rows[0]
             if sha256(description) != digest:
                 raise InputError("its SHA-256 is another")
-            return _skeleton(description), digest
+            return skeletons.from_json(parse_json(description.encode(), "", "a skeleton")), digest
         except Exception as error:  # of whatever a crafted description makes of a skeleton
             reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
             raise InputError(f"{self.path}: skeleton {number} is damaged ({reason}); {REBUILD}") from error
@@ -282,15 +283,6 @@ def describe(skeleton: Skeleton) -> str:
     return json.dumps(skeletons.as_json(skeleton))
 
 
-def _skeleton(description: str) -> Skeleton:
-    return skeletons.from_json(parse_json(description.encode(), "", "a skeleton"))
-
-
 def sha256(text: str | bytes) -> str:
     """The SHA-256 of text or bytes, in hex."""
     return hashlib.sha256(text.encode() if isinstance(text, str) else text).hexdigest()
-
-
-def _printable(text: str) -> str:
-    """Text that SQLite accepts: lone surrogates, as in names of undecodable bytes, become ``?``."""
-    return text.encode("utf-8", "replace").decode()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mmap
 import threading
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -17,12 +17,12 @@ from signsplice.lexicon.entry import LETTER_MARK, Entry, fold
 from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, decode, fingerprint
 from signsplice.lexicon.index import INDEX, REBUILD, ClipLocation, Head, Index
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.progress import Progress
 from signsplice.rig.stray_frames import stray_frames
 
 SHIPPED = Path(__file__).parent / "words"
 _MIN_SIMILARITY = 0.55
 """Least similarity of the glosses that ``nearest`` suggests."""
-Progress = Callable[[int, int], None]
 _HINT = "build one from a folder of clips by `signsplice lexicon build`"
 
 

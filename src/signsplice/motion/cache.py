@@ -1,14 +1,15 @@
 """The one place where the process keeps what it computed before; the rest of the package has no hidden state.
 
 Two kinds of values are kept. ``of`` keeps a value for as long as the object lives that it was computed from (the roles
-of a skeleton, the arms of a clip). ``recent`` keeps the last few results of a function by its arguments (opened
-bundles). Both are typed by the function that computes the value, and both are cleared by that function.
+of a skeleton, the arms of a clip); ``kept`` is a decorator that does so. ``recent`` keeps the last few results of a
+function by its arguments (opened bundles). All are typed by the function that computes the value.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
+from functools import wraps
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
@@ -49,16 +50,21 @@ class Cache:
         for owner in owners:
             self._by_owner.pop(owner, None)
 
-    def clear(self, *functions: Callable[..., Any]) -> None:
-        """Forget what these functions computed; everything where none is named."""
-        if not functions:
-            self._by_owner.clear()
-            self._recent.clear()
-        for function in functions:
-            self._recent.pop(function, None)
-            for kept in self._by_owner.values():
-                kept.pop(function, None)
+    def clear(self) -> None:
+        """Forget everything."""
+        self._by_owner.clear()
+        self._recent.clear()
 
 
 CACHE = Cache()
 """The package's only module-level state."""
+
+
+def kept(compute: Callable[[Owner], Value]) -> Callable[[Owner], Value]:
+    """The function ``compute``, whose values are kept as ``CACHE.of`` keeps them."""
+
+    @wraps(compute)
+    def value_of(owner: Owner) -> Value:
+        return CACHE.of(owner, compute)
+
+    return value_of

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from signsplice.errors import InputError
 from signsplice.motion import html_renderers, rotation
@@ -28,7 +28,7 @@ SAME_FPS = 1e-6
 """Frame rates that differ by less than this fraction are one rate."""
 
 
-def _frozen(array: FloatArray) -> FloatArray:
+def frozen(array: ArrayLike) -> FloatArray:
     """A read-only view: the clip cannot be written through; no copy is made."""
     view = np.asarray(array, np.float64).view()
     view.flags.writeable = False
@@ -57,7 +57,7 @@ class EndSite:
     offset: FloatArray
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "offset", _frozen(self.offset))
+        object.__setattr__(self, "offset", frozen(self.offset))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -84,7 +84,7 @@ class Skeleton:
         parents.flags.writeable = False
         object.__setattr__(self, "names", tuple(self.names))
         object.__setattr__(self, "parents", parents)
-        object.__setattr__(self, "offsets", _frozen(self.offsets))
+        object.__setattr__(self, "offsets", frozen(self.offsets))
         n = len(self.names)
         if n == 0 or parents.shape != (n,) or self.offsets.shape != (n, 3):
             raise InputError(
@@ -164,7 +164,7 @@ class Clip:
         for name in ("local_rotations", "root_positions", "translations"):
             value = getattr(self, name)
             if value is not None:
-                object.__setattr__(self, name, _frozen(value))
+                object.__setattr__(self, name, frozen(value))
         object.__setattr__(self, "fps", float(self.fps))
         q, p, j = self.local_rotations, self.root_positions, len(self.skeleton)
         if not _is_text(self.name):
@@ -291,7 +291,7 @@ def unchecked_copy(clip: Clip, **changes: object) -> Clip:
     made = object.__new__(Clip)
     made.__dict__.update(clip.__dict__, source_clip=None)
     for name, value in changes.items():
-        made.__dict__[name] = _frozen(value) if isinstance(value, np.ndarray) and value.flags.writeable else value
+        made.__dict__[name] = frozen(value) if isinstance(value, np.ndarray) and value.flags.writeable else value
     return made
 
 

@@ -11,18 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from signsplice.motion import rotation
+from signsplice.motion import euler_channels, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, bone_translations
-from signsplice.motion.euler_channels import (
-    POSITIONS,
-    Channels,
-    Names,
-    default_names,
-    first_columns,
-    rotation_axes,
-    to_motion,
-)
+from signsplice.motion.euler_channels import POSITIONS, Channels, Names, first_columns, rotation_axes
 
 _WIDEN_DEG = 1e-4
 """A joint gets the rotation channels it lacks only where it rotates by more than this about their axes."""
@@ -42,17 +34,16 @@ def complete(clip: Clip) -> tuple[Names, FloatArray]:
     """
     given = None if clip.channels is None else clip.channels.settled()
     n_frames, n_joints = len(clip), len(clip.skeleton)
+    usual = euler_channels.default_names(n_joints)
     if given is None and clip.translations is None:
         angles = _derived(clip.local_rotations, _three(""), None).reshape(n_frames, -1)
-        return default_names(n_joints), np.round(np.concatenate([clip.root_positions, angles], axis=1), _DECIMALS)
+        return usual, np.round(np.concatenate([clip.root_positions, angles], axis=1), _DECIMALS)
     if given is not None:
         given, edited = _still_valid(clip, given)
         if not edited and len(given.starts) == 1 and not np.isnan(given.values).any():
             return given.names, given.values
     if given is None:
-        given = Channels(
-            default_names(n_joints), np.full((n_frames, 3 * n_joints + 3), np.nan), clip.skeleton.offsets, 0.0
-        )
+        given = Channels(usual, np.full((n_frames, 3 * n_joints + 3), np.nan), clip.skeleton.offsets, 0.0)
     axes = [_three(rotation_axes(names)) for names in given.names]
     angles = _given_angles(given)
     spans = list(zip(given.starts, (*given.starts[1:], n_frames), strict=True))
@@ -66,7 +57,7 @@ def _still_valid(clip: Clip, given: Channels) -> tuple[Channels, bool]:
     """The numbers given, NaN wherever they no longer mean the clip's rotations and is_position; and whether any do not,
     because those were edited since.
     """
-    rotations, translations = to_motion(given.names, given.values, given.offsets)
+    rotations, translations = euler_channels.to_motion(given.names, given.values, given.offsets)
     turned = np.abs(np.einsum("tjc,tjc->tj", rotations, clip.local_rotations)) < 1.0 - 1e-11  # half angle of some 5e-6
     is_position = bone_translations(clip)
     limit = 1e-9 * max(1.0, float(np.abs(is_position).max()))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.cache import CACHE
+from signsplice.motion.cache import kept
 from signsplice.motion.clip import Clip, Skeleton
 
 
@@ -64,13 +64,14 @@ class _JointPath:
 
 def _joint_path(skeleton: Skeleton, joints: tuple[int, ...] | None, origin: int) -> _JointPath:
     """The path to some joints (None: all), kept as long as the skeleton lives."""
-    kept, key = CACHE.of(skeleton, _no_paths), (joints, origin)
-    if key not in kept:
-        kept[key] = _find_joint_path(skeleton, range(len(skeleton)) if joints is None else joints, origin)
-    return kept[key]
+    paths, key = _known_paths(skeleton), (joints, origin)
+    if key not in paths:
+        paths[key] = _find_joint_path(skeleton, range(len(skeleton)) if joints is None else joints, origin)
+    return paths[key]
 
 
-def _no_paths(_: Skeleton) -> dict[tuple[tuple[int, ...] | None, int], _JointPath]:
+@kept
+def _known_paths(_: Skeleton) -> dict[tuple[tuple[int, ...] | None, int], _JointPath]:
     return {}
 
 

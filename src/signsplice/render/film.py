@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,9 @@ import numpy as np
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
 from signsplice.formats.atomic import replacing
 from signsplice.motion.clip import Clip
+from signsplice.progress import Progress, counted
 from signsplice.render import PICTURE_SUFFIXES
-from signsplice.render.page import INK, PAPER, SIGN, TRANSITION, Mark, Progress, caption, pillow, write_line
+from signsplice.render.page import INK, PAPER, SIGN, TRANSITION, Mark, caption, pillow, write_line
 from signsplice.render.picture import Scene, detail_colours, draw, make_scene
 from signsplice.render.sheet import write_sheet
 
@@ -66,7 +67,7 @@ def write(
 
 
 def _pictures(
-    clip: Clip, scene: Scene, size: tuple[int, int], frames: Sequence[int], marks: Sequence[Mark]
+    clip: Clip, scene: Scene, size: tuple[int, int], frames: Iterable[int], marks: Sequence[Mark]
 ) -> Iterator[Any]:
     """Pillow images of ``frames``: the signer, and below a bar with the caption, the spans and the playhead."""
     image_, draw_ = pillow("Image"), pillow("ImageDraw")
@@ -98,13 +99,11 @@ def _write_gif(
     pages: list[Any] = []
     image_ = pillow("Image")
     palette: Any = None
-    for page in _pictures(clip, scene, size, frames, marks):
+    for page in _pictures(clip, scene, size, counted(frames, progress), marks):
         if palette is None:
             palette = page.quantize(colors=_N_FREE, method=image_.Quantize.MEDIANCUT)
             palette = _with_colours(palette)
         pages.append(page.quantize(palette=palette, dither=image_.Dither.NONE))
-        if progress is not None:
-            progress(len(pages), len(frames))
     pages[0].save(
         path,
         format="GIF",
@@ -159,10 +158,8 @@ def _write_mp4(
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
     assert process.stdin is not None
     try:
-        for n, page in enumerate(_pictures(clip, scene, size, range(len(clip)), marks)):
+        for page in _pictures(clip, scene, size, counted(range(len(clip)), progress), marks):
             process.stdin.write(page.tobytes())
-            if progress is not None:
-                progress(n + 1, len(clip))
         _, errors = process.communicate()
     except BrokenPipeError:
         _, errors = process.communicate()

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from types import ModuleType
 from typing import Any
 
 from signsplice.errors import MissingExtraError
-
-Progress = Callable[[int, int], None]
 
 INK, PAPER = (45, 45, 50), (244, 241, 236)
 SIGN, TRANSITION = (108, 128, 160), (222, 142, 32)

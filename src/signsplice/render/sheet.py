@@ -12,7 +12,8 @@ import numpy as np
 
 from signsplice.formats.atomic import replacing
 from signsplice.motion.clip import Clip
-from signsplice.render.page import INK, PAPER, TRANSITION, Mark, Progress, caption, pillow, write_line
+from signsplice.progress import Progress, counted
+from signsplice.render.page import INK, PAPER, TRANSITION, Mark, caption, pillow, write_line
 from signsplice.render.picture import Scene, draw, draw_hand, has_hands, make_scene
 
 CELL = (224, 224)
@@ -34,7 +35,7 @@ def write_sheet(clip: Clip, scene: Scene, path: Path, marks: Sequence[Mark], pro
     image_ = pillow("Image")
     sheet = image_.new("RGB", (columns * w, -(-len(frames) // columns) * h), PAPER)
     pen = pillow("ImageDraw").Draw(sheet)
-    for n, frame in enumerate(frames):
+    for n, frame in enumerate(counted(frames, progress)):
         x, y = n % columns * w + GAP // 2, n // columns * h + GAP // 2
         sheet.paste(image_.fromarray(draw(scene, frame, *CELL)), (x, y))
         text, in_transition = caption(marks, frame)
@@ -46,8 +47,6 @@ def write_sheet(clip: Clip, scene: Scene, path: Path, marks: Sequence[Mark], pro
                 sheet.paste(image_.fromarray(draw_hand(scene, frame, side, HAND)), (left, below + 2 * _LINE))
         if in_transition:
             pen.rectangle((x - 2, y - 2, x + w - GAP + 1, y + h - GAP + 1), outline=TRANSITION, width=3)
-        if progress is not None:
-            progress(n + 1, len(frames))
     sheet.save(path, format="PNG")
 
 
@@ -101,7 +100,7 @@ def write_strips(
     height = label + cell + hand + gap
     sheet = image_.new("RGB", (columns * (cell + gap) + gap, len(strips) * height), PAPER)
     pen = pillow("ImageDraw").Draw(sheet)
-    for n, strip in enumerate(strips):
+    for n, strip in enumerate(counted(strips, progress)):
         top = n * height
         scene = make_scene(strip.clip, strip.view)
         write_line(pen, strip.caption, 0.5 * sheet.width, top + 2, sheet.width - gap, INK, 14)
@@ -114,7 +113,5 @@ def write_strips(
             if frame in strip.marked:
                 box = (left - 1, top + label - 1, left + cell, top + label + cell + hand)
                 pen.rectangle(box, outline=TRANSITION, width=2)
-        if progress is not None:
-            progress(n + 1, len(strips))
     with replacing(path) as temporary:
         sheet.quantize(256, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.cache import CACHE
+from signsplice.motion.cache import kept
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 
@@ -51,15 +51,12 @@ class Arms:
         return np.asarray(1.0 + (self.wrists - self.shoulders) @ self.up / self.length)
 
 
+@kept
 def arms(clip: Clip) -> Arms:
     """The arms of a clip, kept as long as the clip lives: a word has two seams, and each asks for its cut and duration.
 
     Raises ``InputError`` where the rig's arms are not known by name.
     """
-    return CACHE.of(clip, _arms)
-
-
-def _arms(clip: Clip) -> Arms:
     info = rig_info(clip.skeleton)
     joints = info.arm_joints
     rotations, positions = kinematics.forward(clip, joints)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import cached_property
 
 from signsplice.errors import InputError
-from signsplice.motion.cache import CACHE
+from signsplice.motion.cache import kept
 from signsplice.motion.clip import Skeleton
 from signsplice.rig.canonical_map import CanonicalMap, map_roles
 from signsplice.rig.naming import simplify
@@ -65,6 +65,7 @@ class RigInfo:
         return map_roles(self.skeleton, self.roles, self.t_pose, self.sizes.arm_length)
 
 
+@kept
 def rig_info(skeleton: Skeleton) -> RigInfo:
     """What is known of a skeleton, kept as long as the skeleton lives."""
-    return CACHE.of(skeleton, RigInfo)
+    return RigInfo(skeleton)

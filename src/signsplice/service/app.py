@@ -21,33 +21,23 @@ from starlette.staticfiles import StaticFiles
 
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
 from signsplice.formats import WIRE_SUFFIXES, listed
-from signsplice.service import page, work
+from signsplice.lexicon import open_lexicon
+from signsplice.service import page, wire, work
 from signsplice.service.limits import Limits
 from signsplice.service.metrics import CountRequests, Metrics
 from signsplice.service.scene import safe_name
 from signsplice.service.settings import Settings
 from signsplice.service.shares import Shares
 from signsplice.service.streaming import TRY_AGAIN_LATER, StreamSession, failure, first_fault
-from signsplice.service.wire import (
-    Failure,
-    Format,
-    Health,
-    LexiconWord,
-    MethodInfo,
-    SentenceRequest,
-    Spliced,
-    SpliceRequest,
-    WordList,
-)
 from signsplice.service.worker_process import BusyError
 from signsplice.service.workers import Worker, Workers
 from signsplice.splicing.methods.choice import all_methods
 
 ResultT = TypeVar("ResultT")
 
-_SPLICE_OPTIONS: TypeAdapter[SpliceRequest] = TypeAdapter(SpliceRequest)
+_SPLICE_OPTIONS: TypeAdapter[wire.SpliceRequest] = TypeAdapter(wire.SpliceRequest)
 _FAILURES: dict[int | str, dict[str, Any]] = {
-    status: {"model": Failure, "description": description}
+    status: {"model": wire.Failure, "description": description}
     for status, description in (
         (400, "The request or its body cannot be parsed, or it has two Host headers."),
         (403, "The request comes from a page of another origin."),
@@ -69,7 +59,7 @@ class Service:
 
     def __init__(self, settings: Settings, scenes: Sequence[Mapping[str, Any]]) -> None:
         self.settings, self.scenes = settings, scenes
-        self.lexicon = work.open_lexicon(settings)
+        self.lexicon = open_lexicon(settings.lexicon)
         self.lexicon.verify()
         self.request_workers: Workers
         self.stream_workers: Workers
@@ -156,12 +146,12 @@ def _add_state_routes(app: FastAPI, service: Service) -> None:
         return pages.answer(request.headers)
 
     @app.head("/healthz", include_in_schema=False)
-    @app.get("/healthz", response_model=Health, responses={503: {"model": Health}, **_failures(421)})
-    async def health(answer: Response) -> Health:
+    @app.get("/healthz", response_model=wire.Health, responses={503: {"model": wire.Health}, **_failures(421)})
+    async def health(answer: Response) -> wire.Health:
         """Whether the service runs, and how busy it is; 503 until its worker processes are warm."""
         status: Literal["ok", "starting"] = "ok" if service.is_warm else "starting"
         answer.status_code = 200 if service.is_warm else 503
-        return Health(status, app.version, len(service.lexicon), service.requests.n_held, service.streams.n_held)
+        return wire.Health(status, app.version, len(service.lexicon), service.requests.n_held, service.streams.n_held)
 
     @app.head("/metrics", include_in_schema=False)
     @app.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}, **_failures(421)})
@@ -171,10 +161,10 @@ def _add_state_routes(app: FastAPI, service: Service) -> None:
 
     @app.head("/v1/methods", include_in_schema=False)
     @app.get("/v1/methods", responses=_failures(421))
-    def methods() -> list[MethodInfo]:
+    def methods() -> list[wire.MethodInfo]:
         """Every cutter, transition and duration rule."""
         return [
-            MethodInfo(kind, method.name, method.summary, method.learned, default)  # type: ignore[arg-type]
+            wire.MethodInfo(kind, method.name, method.summary, method.learned, default)  # type: ignore[arg-type]
             for kind, method, default in all_methods()
         ]
 
@@ -186,39 +176,39 @@ def _add_state_routes(app: FastAPI, service: Service) -> None:
         ] = "",
         start: Annotated[int, Query(ge=0, le=10_000_000)] = 0,
         limit: Annotated[int, Query(ge=1, le=1000)] = 100,
-    ) -> WordList:
+    ) -> wire.WordList:
         """Words of the lexicon in order; with ``search``, those that begin with it come first."""
         matches = service.lexicon.search(search)
         words = [
-            LexiconWord(e.gloss, e.kind, list(e.synonyms), round(e.seconds, 3), e.signer, e.checked)  # type: ignore[arg-type]
+            wire.LexiconWord(e.gloss, e.kind, list(e.synonyms), round(e.seconds, 3), e.signer, e.checked)  # type: ignore[arg-type]
             for e in matches[start : start + limit]
         ]
-        return WordList(words, len(matches))
+        return wire.WordList(words, len(matches))
 
 
 def _add_work_routes(app: FastAPI, service: Service) -> None:
     """Routes that make animations."""
     settings = service.settings
 
-    @app.post("/v1/sentence", response_model=Spliced, responses={**_SPLICED, **_FAILURES})
+    @app.post("/v1/sentence", response_model=wire.Spliced, responses={**_SPLICED, **_FAILURES})
     async def sentence(
         call: Request,
-        request: SentenceRequest,
-        file: Annotated[Format | None, Query(description="Answer with this one file instead of JSON.")] = None,
+        request: wire.SentenceRequest,
+        file: Annotated[wire.Format | None, Query(description="Answer with this one file instead of JSON.")] = None,
     ) -> Response:
         """Sign glosses: one animation, and the report of its seams."""
         if len(request.glosses) > settings.max_glosses:
             raise InputError(f"{len(request.glosses)} glosses, expected at most {settings.max_glosses}")
         return _response(await service.run(call, work.splice_glosses, request, file))
 
-    @app.post("/v1/splice", response_model=Spliced, responses={**_SPLICED, **_FAILURES})
+    @app.post("/v1/splice", response_model=wire.Spliced, responses={**_SPLICED, **_FAILURES})
     async def splice(
         call: Request,
         files: Annotated[
             list[UploadFile], File(min_length=1, description=f"{listed(WIRE_SUFFIXES)}, in the order of signing.")
         ],
         options: Annotated[str, Form(description="JSON: the dials of a splice, and formats.")] = "{}",
-        file: Annotated[Format | None, Query(description="Answer with this one file instead of JSON.")] = None,
+        file: Annotated[wire.Format | None, Query(description="Answer with this one file instead of JSON.")] = None,
     ) -> Response:
         """Splice files in order: one animation, and the report of its seams. A single clip is returned unchanged."""
         if len(files) > settings.max_files:

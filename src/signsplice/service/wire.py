@@ -1,18 +1,20 @@
 """Everything that the service sends and receives, as dataclasses; messages of streams are in ``stream_messages``.
 
-The OpenAPI document is made of them, and the viewer's TypeScript is generated from them (``typescript``).
+The OpenAPI document is made of them, and the viewer's TypeScript is generated from them (``viewer/generate.py``).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, make_dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from dataclasses import dataclass, field, fields, make_dataclass
+from functools import reduce
+from operator import or_
+from types import UnionType
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from pydantic import ConfigDict, Field
 
 from signsplice.formats import WIRE_SUFFIXES
 from signsplice.lexicon import sentence
-from signsplice.service.json_types import json_type
 from signsplice.splicing import engine, result, seam, tempo
 from signsplice.splicing.methods.choice import AUTO
 from signsplice.splicing.methods.duration import DURATIONS
@@ -21,6 +23,29 @@ from signsplice.splicing.tempo import FASTEST_S, SLOWEST_S
 
 FORMAT_NAMES = tuple(suffix.removeprefix(".") for suffix in WIRE_SUFFIXES)
 """Names of the file formats that the service accepts and sends."""
+
+
+def json_type(source: type) -> type:
+    """A dataclass with the name, docstring and fields of ``source``, typed as JSON has them: so the wire cannot drift
+    from the engine.
+
+    Tuples of any length become lists, and a score may be null, since JSON has no NaN. Every field is required: the
+    service writes all of them.
+    """
+    hints = get_type_hints(source, include_extras=True)
+    typed = [(field.name, _json_hint(hints[field.name])) for field in fields(source)]
+    namespace = {"__doc__": source.__doc__, "__module__": __name__}
+    return make_dataclass(source.__name__, typed, frozen=True, namespace=namespace)
+
+
+def _json_hint(hint: Any) -> Any:
+    if hint == seam.Score:
+        return float | None
+    inner = get_args(hint)
+    if get_origin(hint) is UnionType:
+        return reduce(or_, map(_json_hint, inner))
+    return list[_json_hint(inner[0])] if get_origin(hint) is tuple and inner[-1] is Ellipsis else hint  # type: ignore[misc]
+
 
 if TYPE_CHECKING:
     from signsplice.lexicon.sentence import SentenceToken

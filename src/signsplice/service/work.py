@@ -12,7 +12,7 @@ from typing import Any
 from signsplice.children import end_with_parent
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
-from signsplice.lexicon import Lexicon, shipped
+from signsplice.lexicon import Lexicon, open_lexicon
 from signsplice.lexicon.sentence import SentenceToken, parse, starts, typed_words
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
@@ -45,15 +45,13 @@ class _OpenStream:
     """A stream's growing sentence.
 
     spell: whether words that the lexicon lacks are fingerspelled.
-    n_frames: number of frames sent.
-    has_skeleton: whether the skeleton was sent.
+    n_frames: number of frames sent, the skeleton before them.
     """
 
     stream: Stream
     options: SpliceOptions
     spell: bool
     n_frames: int = 0
-    has_skeleton: bool = False
 
 
 class _WorkerState:
@@ -65,7 +63,7 @@ class _WorkerState:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        self.lexicon: Lexicon = open_lexicon(settings)
+        self.lexicon: Lexicon = open_lexicon(settings.lexicon)
         self.clip = lru_cache(_N_CACHED_CLIPS)(self.lexicon.clip)
         self.streams: dict[str, _OpenStream] = {}
 
@@ -73,11 +71,6 @@ class _WorkerState:
 _worker: _WorkerState
 """The state of this process; only ``start_worker`` sets it, before the first job. Jobs are plain functions, which can
 be sent to the process; what stays there between them is here."""
-
-
-def open_lexicon(settings: Settings) -> Lexicon:
-    """The service's lexicon. Raises ``InputError``."""
-    return shipped() if settings.lexicon is None else Lexicon(settings.lexicon)
 
 
 def start_worker(settings: Settings) -> None:
@@ -212,8 +205,7 @@ def close_stream(key: str) -> None:
 def _messages(opened: _OpenStream, pieces: Iterable[Piece]) -> list[dict[str, Any] | bytes]:
     messages: list[dict[str, Any] | bytes] = []
     for piece in pieces:
-        if not opened.has_skeleton:
-            opened.has_skeleton = True
+        if not opened.n_frames:
             names = {"cutter": opened.stream.cutter, "transition": opened.stream.transition}
             messages.append({**scene.skeleton(piece.clip), **names})
         messages += [{"type": "warning", "warning": line} for line in piece.warnings]

@@ -85,11 +85,6 @@ class Workers:
         self._workers = [Worker(settings, skin) for _ in range(n)]
 
     @property
-    def waiting(self) -> int:
-        """Number of jobs that run or wait."""
-        return sum(worker.busy for worker in self._workers)
-
-    @property
     def n_lost(self) -> int:
         """Number of processes replaced so far."""
         return sum(worker.n_lost for worker in self._workers)

@@ -11,7 +11,7 @@ from typing import Any, get_type_hints
 
 from signsplice.body.retarget import Retargeted
 from signsplice.errors import FormatError, InputError
-from signsplice.formats.atomic import replacing
+from signsplice.formats import atomic
 from signsplice.formats.json_files import check_type, read_json
 from signsplice.splicing.result import Span, SpliceResult
 from signsplice.splicing.seam import Seam
@@ -91,8 +91,7 @@ def describe_retargeting(done: Retargeted, source: str, onto: str) -> dict[str, 
 
 def write(report: Mapping[str, Any], path: str | Path) -> None:
     """Write a report as JSON, whole or not at all."""
-    with replacing(path) as temporary:
-        temporary.write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    atomic.write(path, json.dumps(report, indent=2, ensure_ascii=False) + "\n")
 
 
 def read(path: str | Path, n_frames: int) -> dict[str, Any]:

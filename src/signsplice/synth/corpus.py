@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,30 +19,20 @@ from signsplice.errors import InputError
 from signsplice.formats.atomic import check_folder, replacing_folder, resumable_folder
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
+from signsplice.progress import Progress
+from signsplice.synth import pairs as storing
 from signsplice.synth import planner, pose, truth
-from signsplice.synth.pairs import (
-    EXTENT,
-    FILES,
-    HEAD,
-    Pairs,
-    StoredRow,
-    save_row,
-    signer_space,
-    write_transitions,
-    write_words,
-)
+from signsplice.synth.pairs import EXTENT, FILES, HEAD, Pairs, StoredRow, signer_space
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.pool import Pool, is_whole
 from signsplice.synth.rng import stream
-from signsplice.synth.signer import STANDARD, Signer, draw_signer, skeleton
-
-Progress = Callable[[int, int], None]
+from signsplice.synth.signer import STANDARD, Signer, draw_signer
 
 VERSION = 2
 """Raised with every change of the motion: the same recipe with another version is another corpus."""
 
-__all__ = ["EXTENT", "VERSION", "Pairs", "Recipe", "scaled_positions", "unscaled_positions", "write_pairs"]
+__all__ = ["EXTENT", "VERSION", "Pairs", "Recipe", "scaled_positions", "write_pairs"]
 
 
 @dataclass(frozen=True)
@@ -77,11 +67,6 @@ class Recipe:
 def scaled_positions(clip: Clip, stature_cm: float) -> FloatArray:
     """The numbers (T, 3 J) of a synthetic signer's clip (``signer_space``)."""
     return signer_space(clip.skeleton, stature_cm).numbers(clip)
-
-
-def unscaled_positions(numbers: FloatArray, stature_cm: float) -> FloatArray:
-    """Joint positions (T, J, 3), cm, of a synthetic signer's numbers (T, 3 J)."""
-    return signer_space(skeleton(), stature_cm).positions(numbers)
 
 
 class _PairRow(NamedTuple):
@@ -119,8 +104,8 @@ def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, 
             words = _write_rows(recipe, rows, part, progress, processes)
             with replacing_folder(folder, hint) as made:
                 every = [word for signed in words for word in signed]
-                at = write_words(made, [(w.clip, scaled_positions(w.clip, w.signer.stature_cm)) for w in every])
-                write_transitions(made, [row.stored(part, len(recipe.signs)) for row in rows])
+                at = storing.write_words(made, [(w.clip, scaled_positions(w.clip, w.signer.stature_cm)) for w in every])
+                storing.write_transitions(made, [row.stored(part, len(recipe.signs)) for row in rows])
                 splits = draw_splits(
                     recipe.seed, len(recipe.signs), [(row.signer, row.before, q) for row in rows for q in row.after]
                 )
@@ -172,7 +157,8 @@ def _write_row(job: tuple[Path, list[IsolatedWord], _PairRow, bool]) -> _PairRow
         index.append((splice.pre, splice.post, len(splice.states)))
     clip = pose.clip(np.concatenate(states), p.signer, p.clip.fps)
     positions = scaled_positions(clip, p.signer.stature_cm)
-    save_row(path, index, {"rotations": clip.local_rotations, "roots": clip.root_positions, "positions": positions})
+    frames = {"rotations": clip.local_rotations, "roots": clip.root_positions, "positions": positions}
+    storing.save_row(path, index, frames)
     return row
 
 

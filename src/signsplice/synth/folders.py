@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from signsplice.formats.bvh import encode
 from signsplice.formats.json_files import check_type, parse_json
 from signsplice.formats.reading import format_errors, opened, read_bytes
 from signsplice.motion.clip import Clip
+from signsplice.progress import Progress, counted
 from signsplice.synth import planner, running
 from signsplice.synth.corpus import VERSION, Recipe
 from signsplice.synth.phonology import Sign
@@ -27,8 +28,6 @@ from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.rng import stream
 from signsplice.synth.segment_plan import FPS
 from signsplice.synth.signer import STANDARD, Signer, draw_signer, skeleton
-
-Progress = Callable[[int, int], None]
 
 TRUTH, GLOSSES = "truth.json", "glosses.csv"
 _COLUMNS = ("file", "gloss", "synonyms", "signer", "source", "checked", "kind")
@@ -50,13 +49,11 @@ def write_lexicon(
     rows.writerow(_COLUMNS)
     check_folder(folder, GLOSSES, _lexicon_files)
     with replacing_folder(folder) as made:
-        for n, sign in enumerate(signs, 1):
+        for sign in counted(signs, progress):
             name = f"{file_name(sign.gloss)}.bvh"
             save(planner.isolated(sign, signer, fps=fps).clip, made / name)
             kind = "letter" if sign.kind == "letter" else "sign"
             rows.writerow((name, sign.gloss, ";".join(sign.synonyms), signer.name, sign.source, "no", kind))
-            if progress is not None:
-                progress(n, len(signs))
         (made / GLOSSES).write_text(table.getvalue(), encoding="utf-8")
 
 
@@ -142,7 +139,7 @@ def write_sentences(
         (made / "words").mkdir()
         words: dict[int, IsolatedWord] = {}
         sentences = []
-        for n in range(count):
+        for n in counted(range(count), progress):
             chosen: list[int] = []
             for _ in range(int(rng.integers(SHORTEST, LONGEST + 1))):
                 others = [k for k in range(len(recipe.signs)) if not chosen or k != chosen[-1]]
@@ -154,8 +151,6 @@ def write_sentences(
             sentence = running.utter([words[k] for k in chosen], changes)
             save(sentence.clip, made / f"sentence-{n:04d}.bvh")
             sentences.append(describe(sentence, f"sentence-{n:04d}.bvh"))
-            if progress is not None:
-                progress(n + 1, count)
         head = {
             "version": VERSION,
             "hash": recipe.hash,

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
+from signsplice.motion.clip import frozen
 
 FINGERS = ("Thumb", "Index", "Middle", "Ring", "Pinky")
 JOINTS = tuple(f"{finger}{n}" for finger in FINGERS for n in (1, 2, 3))
@@ -41,18 +42,12 @@ ANGLES = (
 """Names of a hand's 21 joint angles, in order."""
 
 
-def _fixed(values: ArrayLike) -> FloatArray:
-    array = np.array(values, np.float64)
-    array.flags.writeable = False
-    return array
-
-
 KNUCKLES: dict[str, FloatArray] = {
-    "Thumb": _fixed((-1.9, -1.2, 2.2)),
-    "Index": _fixed((-8.5, 0.0, 2.9)),
-    "Middle": _fixed((-8.6, 0.2, 0.7)),
-    "Ring": _fixed((-8.0, 0.0, -1.45)),
-    "Pinky": _fixed((-7.3, -0.4, -3.4)),
+    "Thumb": frozen((-1.9, -1.2, 2.2)),
+    "Index": frozen((-8.5, 0.0, 2.9)),
+    "Middle": frozen((-8.6, 0.2, 0.7)),
+    "Ring": frozen((-8.0, 0.0, -1.45)),
+    "Pinky": frozen((-7.3, -0.4, -3.4)),
 }
 """Position of each finger's first joint, seen from the wrist, cm."""
 
@@ -65,10 +60,10 @@ PHALANGES: dict[str, tuple[float, float, float]] = {
 }
 """Lengths of the three bones of each finger, cm."""
 
-THUMB_DIRECTION: FloatArray = _fixed(np.array([-0.72, -0.28, 0.63]) / np.linalg.norm([-0.72, -0.28, 0.63]))
+THUMB_DIRECTION: FloatArray = frozen(np.array([-0.72, -0.28, 0.63]) / np.linalg.norm([-0.72, -0.28, 0.63]))
 """Unit direction of the thumb at rest; the fingers point along -X."""
 
-LIMITS: FloatArray = _fixed(
+LIMITS: FloatArray = frozen(
     np.deg2rad(
         [
             *((-20.0, 20.0), (-30.0, 100.0), (-5.0, 105.0), (-5.0, 85.0)),

@@ -21,6 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from signsplice.motion.arrays import FloatArray
+from signsplice.motion.clip import frozen
 from signsplice.synth import hand
 from signsplice.synth.tables import sections
 
@@ -42,14 +43,9 @@ class Handshape:
         return hand.points(self.angles)
 
 
-def _angles(words: list[str]) -> FloatArray:
-    angles = np.deg2rad(np.array([word for word in words if word != "|"], np.float64))
-    angles.flags.writeable = False
-    return angles
-
-
 _TABLE = sections("handshapes")
-_ANGLES = {name: _angles(words) for name, *words in _TABLE["shapes"]}
+_DEGREES = {name: [float(word) for word in words if word != "|"] for name, *words in _TABLE["shapes"]}
+_ANGLES = {name: frozen(np.deg2rad(degrees)) for name, degrees in _DEGREES.items()}
 _ANGLES |= {name: _ANGLES[shape] for name, shape in _TABLE["aliases"]}
 HANDSHAPES = {name: Handshape(name, angles) for name, angles in _ANGLES.items()}
 """Every handshape by name."""

@@ -25,21 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import locations, pose
+from signsplice.synth import locations, phonology, pose
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.locations import MIRROR, WeakArm, resting
-from signsplice.synth.phonology import (
-    DIRECTIONS,
-    IN_SPACE,
-    NEUTRAL,
-    Local,
-    Path,
-    Posture,
-    Segment,
-    Sign,
-    Vector,
-    faults,
-)
+from signsplice.synth.phonology import Local, Path, Posture, Segment, Sign, Vector, faults
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD
 from signsplice.synth.tables import sections
@@ -69,7 +58,7 @@ _NEAR_BODY = 0.4
 """Fraction of the postures at the body that are some centimetres from their location."""
 _FAR = 0.35
 """Fraction of the movements away from a touch that go to another location."""
-_SIX_DIRECTIONS = tuple(DIRECTIONS.values())
+_SIX_DIRECTIONS = tuple(phonology.DIRECTIONS.values())
 _TRIES = 400
 _TOUCH_TRIES = 16
 """Touches of one place hardly differ, so that more tries would find none either."""
@@ -83,7 +72,7 @@ def sign(seed: int) -> Sign:
     hands, place, course = kind(rng)
     starts = FREQUENCIES[f"locations {_table(hands)} {place}"]
     if course in ("touch", "release"):
-        starts = {location: weight for location, weight in starts.items() if location not in IN_SPACE}
+        starts = {location: weight for location, weight in starts.items() if location not in phonology.IN_SPACE}
     for _ in range(_TRIES):
         segments = _segments(hands, course, starts, rng)
         made = Sign(f"PSEUDO-{seed}", hands, tuple(segments or ()), source="drawn at random", kind="pseudo")
@@ -189,7 +178,7 @@ def _release(rng: np.random.Generator, start: Posture, base: Posture | None, tab
 
 
 def _posture(rng: np.random.Generator, location: str) -> Posture:
-    free = location in NEUTRAL
+    free = location in phonology.NEUTRAL
     off = 0.0 if free or rng.random() < 0.7 else float(rng.uniform(2.0, 4.0))
     shift = (0.0, 0.0, 0.0)
     if free:

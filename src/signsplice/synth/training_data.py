@@ -8,7 +8,7 @@ corpus can be written as parts too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, concatenate, same_fps
+from signsplice.progress import Progress
 from signsplice.rig.canonical import FEATURE_FPS, canonical_bones, canonical_motion
 from signsplice.synth import planner, pseudo, running, truth
 from signsplice.synth.manner import PLAIN, TRAITS, only
@@ -31,7 +32,6 @@ from signsplice.synth.signer import HANGING, RESTS, Signer, draw_signer
 from signsplice.synth.timing import Events
 
 Array = NDArray[Any]
-Progress = Callable[[int, int], None]
 
 VERSION = 7
 """Raised with every change of a part's content; part of its file name."""

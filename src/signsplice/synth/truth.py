@@ -131,14 +131,6 @@ class CutTime:
         """The frame that it is rounded to."""
         return self.posture + (math.trunc(self.frames) if self.towards_posture else round(self.frames))
 
-    @property
-    def margin(self) -> float:
-        """By how many frames it would have to move to be rounded to another frame, at most 0.5."""
-        past, part = divmod(abs(self.frames), 1.0)
-        if not self.towards_posture:
-            return abs(0.5 - part)
-        return min(1.0 - part, part if past else 0.5, 0.5)
-
 
 ANY_PARTNER = Relation(18.0, 0.3, leaving=0.0, going_down=0.0, coming_up=0.0, entering=0.0)
 """How a word relates to one that is not known: half a shoulder width away, across, with a handshape of its own."""

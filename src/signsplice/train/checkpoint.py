@@ -15,12 +15,10 @@ import torch
 from torch import nn
 
 from signsplice.errors import InputError
-from signsplice.formats.atomic import replacing
+from signsplice.formats import atomic
 from signsplice.train.processes import ALONE, Processes
 
 NAME = "checkpoint.pt"
-SNAPSHOTS = "snapshots"
-"""Folder of the weights at every validation, beside the checkpoint."""
 
 
 def save(folder: Path, step: int, network: nn.Module, optimiser: torch.optim.Optimizer, recipe: str) -> None:
@@ -28,21 +26,7 @@ def save(folder: Path, step: int, network: nn.Module, optimiser: torch.optim.Opt
     state = {"step": step, "recipe": recipe, "network": network.state_dict(), "optimiser": optimiser.state_dict()}
     content = io.BytesIO()  # torch reports a full disk as a fault of its own
     torch.save(state, content)
-    with replacing(folder / NAME) as temporary:
-        temporary.write_bytes(content.getbuffer())
-
-
-def save_snapshot(folder: Path, step: int, network: nn.Module) -> None:
-    """Write the weights after ``step`` steps, from which curves of whole systems are judged later."""
-    path = snapshot_path(folder, step)
-    path.parent.mkdir(exist_ok=True)
-    with replacing(path) as temporary:
-        torch.save(network.state_dict(), temporary)
-
-
-def snapshot_path(folder: Path, step: int) -> Path:
-    """The file of the weights after ``step`` steps."""
-    return folder / SNAPSHOTS / f"{step:07d}.pt"
+    atomic.write(folder / NAME, content.getbuffer())
 
 
 def load(

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from signsplice.formats.atomic import replacing
+from signsplice.formats import atomic
 
 NAME = "log.jsonl"
 
@@ -25,8 +25,7 @@ class Log:
             return
         path = folder / NAME
         kept = [line for line in lines(path) if line["step"] <= step]
-        with replacing(path) as temporary:
-            temporary.write_text("".join(json.dumps(line) + "\n" for line in kept), encoding="utf-8")
+        atomic.write(path, "".join(json.dumps(line) + "\n" for line in kept))
         self._file = path.open("a", encoding="utf-8")
         try:
             from torch.utils.tensorboard import SummaryWriter
@@ -54,6 +53,11 @@ class Log:
             self._file.close()
         if self._board is not None:
             self._board.close()
+
+
+def cpu_seconds(folder: Path, step: int) -> float:
+    """Processor seconds in a training's log up to a step, of the first process; 0 without a log."""
+    return max((line.get("cpu_s", 0.0) for line in lines(folder / NAME) if line["step"] <= step), default=0.0)
 
 
 def lines(path: Path) -> list[dict[str, Any]]:

@@ -1,8 +1,7 @@
 """The training loop, the same for every network.
 
-Optimisers: SGD with the paper's initial rate 1e-3 and no momentum, and AdamW, whose rate rises over a short warm-up and
-falls to 0 along half a cosine. The paper names no later rate: SGD's stays as it is until validation stops improving.
-Gradients are clipped to norm 1, which the paper does not specify either.
+The optimiser is AdamW, whose rate rises over a short warm-up and falls to 0 along half a cosine; gradients are clipped
+to norm 1. A subclass of ``LoopConfig`` may train by another, end earlier, and keep more, as the paper's does.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import nn
@@ -19,15 +19,12 @@ from torch.nn.parallel import DistributedDataParallel
 
 from signsplice.errors import InputError, SignspliceError
 from signsplice.synth.rng import stream
-from signsplice.train import checkpoint, stopping
-from signsplice.train.log import Log
+from signsplice.train import checkpoint
+from signsplice.train.log import Log, cpu_seconds
 from signsplice.train.prefetch import Dataset
 from signsplice.train.processes import Processes
-from signsplice.train.stopping import DeadlineError
 from signsplice.train.task import Task
 
-OPTIMISERS = ("adamw", "sgd")
-SGD_RATE = 1e-3
 _WARM_UP = 0.05
 """Fraction of the steps over which AdamW's rate rises."""
 CHECKPOINT_S = 120.0
@@ -45,55 +42,46 @@ class LoopConfig:
 
     - steps: number of steps
     - batch: examples in a batch
-    - optimiser: one of ``OPTIMISERS``
-    - rate: highest learning rate of AdamW; SGD has the paper's
+    - rate: highest learning rate
     - seed: of batches and dropout
     - every: steps from one validation and checkpoint to the next
     - n_judged: validation examples
     - bf16: whether to compute in bfloat16
     - until: the step to stop at, as an interruption would; None: ``steps``
-    - snapshots: whether to keep the weights of every validation
-    - patience: validations in a row without improvement after which the training has ended; None: it has ``steps``
-    - most_cpu_s: processor seconds after which it has ended
-    - deadline: value of ``time.monotonic`` at which this call is interrupted
     """
 
     steps: int
     batch: int
-    optimiser: str
     rate: float
     seed: int
     every: int = 250
     n_judged: int = 256
     bf16: bool = False
     until: int | None = None
-    snapshots: bool = False
-    patience: int | None = None
-    most_cpu_s: float | None = None
-    deadline: float | None = None
 
-    @property
-    def may_end_early(self) -> bool:
-        """Whether the training may end before its last step."""
-        return self.patience is not None or self.most_cpu_s is not None
+    def optimiser(self, weights: list[nn.Parameter]) -> torch.optim.Optimizer:
+        """The optimiser of a network's trainable weights."""
+        return torch.optim.AdamW(weights, lr=self.rate, weight_decay=0.01)
 
+    def rate_at(self, step: int) -> float:
+        """The learning rate of a step, which counts from 0."""
+        cosine = 0.5 * (1.0 + math.cos(math.pi * step / self.steps))
+        return self.rate * min(1.0, (step + 1) / max(1.0, _WARM_UP * self.steps)) * cosine
 
-def make_optimiser(network: nn.Module, loop: LoopConfig) -> torch.optim.Optimizer:
-    """An optimiser of a network's trainable weights. Raises ``InputError`` for an unknown name."""
-    weights = [p for p in network.parameters() if p.requires_grad]
-    if loop.optimiser == "sgd":
-        return torch.optim.SGD(weights, lr=SGD_RATE)
-    if loop.optimiser == "adamw":
-        return torch.optim.AdamW(weights, lr=loop.rate, weight_decay=0.01)
-    raise InputError(f"optimiser {loop.optimiser!r}, expected one of {', '.join(OPTIMISERS)}")
+    def has_ended(self, folder: Path, step: int, processes: Processes) -> bool:
+        """Whether the training ends at this step, by what is in its log, before the last one."""
+        return False
 
+    def interruption(self, step: int, processes: Processes) -> SignspliceError | None:
+        """What interrupts this call after this step, until it is made again; None where nothing does."""
+        return None
 
-def rate(loop: LoopConfig, step: int) -> float:
-    """The learning rate of a step, which counts from 0."""
-    if loop.optimiser == "sgd":
-        return SGD_RATE
-    cosine = 0.5 * (1.0 + math.cos(math.pi * step / loop.steps))
-    return loop.rate * min(1.0, (step + 1) / max(1.0, _WARM_UP * loop.steps)) * cosine
+    def scores(self, task: Task, batch: Any) -> dict[str, float]:
+        """The scores of a validation batch by name."""
+        return task.judge(batch)
+
+    def validated(self, folder: Path, step: int, task: Task) -> None:
+        """Keep what is wanted of a validation besides its scores and the checkpoint; nothing by default."""
 
 
 def train(
@@ -108,8 +96,8 @@ def train(
 ) -> int:
     """Train ``task`` in place, from the folder's checkpoint on if there is one; returns the number of steps done.
 
-    Raises ``InputError`` where there are no examples, or the processes cannot divide a batch evenly, ``DeadlineError``
-    where the deadline interrupts it, and ``SignspliceError`` where it diverges.
+    Raises ``InputError`` where there are no examples or the processes cannot divide a batch evenly, ``SignspliceError``
+    where it diverges, and ``loop.interruption``.
     """
     if not len(data):
         raise InputError("no pair to train on; choose a split with some, or make a corpus of more words")
@@ -121,28 +109,26 @@ def train(
     if (first := processes.shared(recipe)) != recipe:
         raise InputError(f"process {processes.rank} has other data or options than process 0 ({recipe}, not {first})")
     task.to(processes.device)
-    optimiser = make_optimiser(task, loop)
+    optimiser = loop.optimiser([p for p in task.parameters() if p.requires_grad])
     step = checkpoint.load(folder, task, optimiser, recipe, processes)
     wrapped = DistributedDataParallel(task) if processes.count > 1 else task
     end = loop.steps if loop.until is None else min(loop.until, loop.steps)
     report = report_progress or (lambda *_: None)
     with Log(folder, step, processes.first) as log:
         call = _Call(task, optimiser, loop, valid, folder, recipe, processes, log, report, step)
-        if loop.may_end_early and processes.decided(stopping.has_ended(folder, step, loop.patience, loop.most_cpu_s)):
+        if loop.has_ended(folder, step, processes):
             end = step
         while step < end:
-            call.stop_at_deadline(step)
+            call.keep(step)
             loss = _step(wrapped, optimiser, loop, data, step, processes)
             step += 1
             if step % max(1, loop.every // 10) == 0 or step == end:
-                spent = call.log_loss(step, loss)
-                if loop.most_cpu_s is not None and processes.decided(spent >= loop.most_cpu_s):
+                call.log_loss(step, loss)
+                if loop.has_ended(folder, step, processes):
                     end = step
             if step % loop.every == 0 or step == end:
                 call.validate(step)
-                if loop.patience is not None and processes.decided(
-                    stopping.on_plateau(stopping.losses(folder, step), loop.patience)
-                ):
+                if loop.has_ended(folder, step, processes):
                     end = step
         if end == 0 and processes.first:
             checkpoint.save(folder, step, task, optimiser, recipe)
@@ -160,24 +146,25 @@ class _Call:
         self.folder, self.recipe, self.processes = folder, recipe, processes
         self.log, self.report, self.first = log, report, first
         self.started = self.saved = time.perf_counter()
-        self.cpu_before = stopping.cpu_seconds(folder, first) - time.process_time()
+        self.cpu_before = cpu_seconds(folder, first) - time.process_time()
 
     @property
     def cpu_s(self) -> float:
         """Processor seconds that this process's part of the training has taken, in this call and those before."""
         return round(self.cpu_before + time.process_time(), 3)
 
-    def log_loss(self, step: int, loss: torch.Tensor) -> float:
-        """Log the loss of a step; returns the processor seconds as logged, by which the next call decides too."""
+    def log_loss(self, step: int, loss: torch.Tensor) -> None:
+        mean = _mean(loss, self.processes)
+        if not math.isfinite(mean):
+            raise SignspliceError(f"the loss of step {step} is {mean}: {_DIVERGED}")
         numbers = {
-            "loss": _finite(_mean(loss, self.processes), step),
-            "rate": rate(self.loop, step - 1),
+            "loss": mean,
+            "rate": self.loop.rate_at(step - 1),
             "seconds_a_step": (time.perf_counter() - self.started) / (step - self.first),
             "cpu_s": self.cpu_s,
         }
         self.log.write(step, **numbers)
         self.report(step, self.loop.steps, numbers)
-        return numbers["cpu_s"]
 
     def validate(self, step: int) -> None:
         _check_weights(self.task, step)
@@ -187,26 +174,25 @@ class _Call:
         self.log.write(step, **scores, cpu_s=self.cpu_s)
         self.report(step, self.loop.steps, scores)
         self.save(step)
-        if self.loop.snapshots:
-            checkpoint.save_snapshot(self.folder, step, self.task)
+        self.loop.validated(self.folder, step, self.task)
 
     def save(self, step: int) -> None:
         checkpoint.save(self.folder, step, self.task, self.optimiser, self.recipe)
         self.saved = time.perf_counter()
 
-    def stop_at_deadline(self, step: int) -> None:
-        """Raise ``DeadlineError`` where time is up, with a checkpoint; write one too where the last is long ago."""
-        up = self.loop.deadline is not None and self.processes.decided(time.monotonic() >= self.loop.deadline)
+    def keep(self, step: int) -> None:
+        """Write a checkpoint where the last one is long ago, or where the call is interrupted, which is raised."""
+        interruption = self.loop.interruption(step, self.processes)
         old = self.processes.first and time.perf_counter() - self.saved > CHECKPOINT_S
-        if not (up or old):
+        if interruption is None and not old:
             return
         if step > self.first:
             _check_weights(self.task, step)
             if self.processes.first:
                 self.log.write(step, cpu_s=self.cpu_s)
                 self.save(step)
-        if up:
-            raise DeadlineError(f"time is up after step {step} of {self.loop.steps}; the same call continues")
+        if interruption is not None:
+            raise interruption
 
 
 def _step(
@@ -217,7 +203,7 @@ def _step(
     rows = data.rows(step, loop.batch, loop.seed)[processes.rank :: processes.count]
     batch = data.batch(rows, step).to(processes.device)
     for group in optimiser.param_groups:
-        group["lr"] = rate(loop, step)
+        group["lr"] = loop.rate_at(step)
     task.train()
     with torch.autocast(processes.device.type, torch.bfloat16, enabled=loop.bf16):
         loss: torch.Tensor = task(batch)
@@ -236,12 +222,6 @@ def _mean(loss: torch.Tensor, processes: Processes) -> float:
     return loss.item()
 
 
-def _finite(loss: float, step: int) -> float:
-    if not math.isfinite(loss):
-        raise SignspliceError(f"the loss of step {step} is {loss}: {_DIVERGED}")
-    return loss
-
-
 def _check_weights(task: nn.Module, step: int) -> None:
     """Raise ``SignspliceError`` where a weight is not finite, before the weights are saved."""
     if not all(bool(torch.isfinite(p).all()) for p in task.parameters()):
@@ -250,9 +230,7 @@ def _check_weights(task: nn.Module, step: int) -> None:
 
 @torch.no_grad()
 def judge(task: Task, valid: Dataset, loop: LoopConfig, processes: Processes) -> dict[str, float]:
-    """Scores on the first ``n_judged`` validation examples of a fixed random order, and their loss where a training
-    ends by it; empty where there are none.
-    """
+    """Scores on the first ``n_judged`` validation examples of a fixed random order; empty where there are none."""
     if not len(valid):
         return {}
     task.eval()
@@ -260,8 +238,7 @@ def judge(task: Task, valid: Dataset, loop: LoopConfig, processes: Processes) ->
     scored = []
     for k in range(0, len(rows), 64):
         batch = valid.batch(rows[k : k + 64]).to(processes.device)
-        loss = {} if loop.patience is None else {stopping.LOSS: task(batch).item()}
-        scored.append((task.judge(batch) | loss, len(rows[k : k + 64])))
+        scored.append((loop.scores(task, batch), len(rows[k : k + 64])))
     names = sorted({name for scores, _ in scored for name in scores})
     return {
         name: sum(scores[name] * n for scores, n in scored if name in scores)

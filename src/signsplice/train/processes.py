@@ -45,11 +45,7 @@ class Processes:
 
     def decided(self, choice: bool) -> bool:
         """The first process's choice, in every process: their clocks and files differ."""
-        if self.count == 1:
-            return choice
-        shared = torch.tensor(int(choice), device=self.device)
-        distributed.broadcast(shared, 0)
-        return bool(shared.item())
+        return self.shared(choice)
 
     def shared(self, value: T) -> T:
         """The first process's value, in every process; it is pickled."""

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from signsplice.errors import InputError
-from signsplice.formats.atomic import replacing
+from signsplice.formats import atomic
 
 KEYS = ("command", "seed", "data", "signsplice", "started_from", "tuned")
 """What a bundle says of how a network was trained; the last two only where it was trained further or tuned."""
@@ -73,5 +73,4 @@ def folder_sha256(folder: Path, *patterns: str) -> dict[str, str]:
 
 def write_json(path: Path, content: Any) -> None:
     """Write JSON whole or not at all."""
-    with replacing(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    atomic.write(path, json.dumps(content, indent=1) + "\n")

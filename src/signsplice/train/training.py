@@ -18,10 +18,9 @@ from typing import Any
 import numpy as np
 import onnx
 import torch
-from torch import Tensor
 
 from signsplice.errors import InputError
-from signsplice.formats.atomic import replacing
+from signsplice.formats import atomic
 from signsplice.rig.canonical import FEATURE_FPS
 from signsplice.splicing.methods.learned import SYSTEM
 from signsplice.splicing.networks import features
@@ -183,8 +182,7 @@ def make(
     task, valid = _trained(training, train_paths, held_back, warm_starts, folder, recipe, processes, report_progress)
     if processes.first:
         for name, content in product_graphs(task, valid).items():
-            with replacing(folder / name) as temporary:
-                temporary.write_bytes(content)
+            atomic.write(folder / name, content)
         facts = {
             **asdict(training),
             **made_of,
@@ -220,7 +218,7 @@ def _trained(
     if warm_starts:
         warm_start.load_mean(task, warm_starts)
     loop = LoopConfig(
-        training.n_steps, schedule.batch, "adamw", schedule.rate, training.seed,
+        training.n_steps, schedule.batch, schedule.rate, training.seed,
         max(1, training.n_steps // schedule.n_checks), schedule.n_judged, bf16=processes.device.type == "cuda",
     )  # fmt: skip
     with (
@@ -256,17 +254,12 @@ def build(training: ProductTraining, data: Dataset) -> Task:
     schedule = training.schedule
     steps = range(_STATISTICS_BATCHES)
     batches = [data.batch(data.rows(step, schedule.batch, training.seed), step) for step in steps]
-    statistics = _statistics([batch.tokens[batch.mask] for batch in batches])
+    tokens = torch.cat([batch.tokens[batch.mask] for batch in batches])
+    statistics = tokens.mean(0), tokens.std(0).clamp(min=_MIN_DEVIATION)
     if isinstance(schedule.config, CuttingConfig):
         return CuttingTask(Cutting(schedule.config, *statistics))
     assert isinstance(data, GapDataset)
     return BridgeTask(Bridge(schedule.config, *statistics), data.role_parents.tolist())
-
-
-def _statistics(tokens: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
-    """Mean and standard deviation (N,) of tokens (frames, N)."""
-    whole = torch.cat(list(tokens))
-    return whole.mean(0), whole.std(0).clamp(min=_MIN_DEVIATION)
 
 
 def dataset(training: ProductTraining, paths: Sequence[Path], n_fixed: int | None = None) -> Dataset:

@@ -18,7 +18,7 @@ import numpy as np
 import torch
 
 from signsplice.errors import InputError
-from signsplice.evaluation.hidden_frames import LENGTHS, SHOWN, HiddenFrames, hidden_frames
+from signsplice.evaluation.hidden_frames import LENGTHS, SHOWN, hidden_frames
 from signsplice.lexicon.reader import open_lexicon
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, resample
@@ -111,7 +111,7 @@ def make(
     torch.manual_seed(tuning.seed)
     task = BridgeTask(network, data.role_parents.tolist())
     loop = LoopConfig(
-        tuning.steps, tuning.batch, "adamw", tuning.rate, tuning.seed, max(1, tuning.steps // 5), 128,
+        tuning.steps, tuning.batch, tuning.rate, tuning.seed, max(1, tuning.steps // 5), 128,
         bf16=processes.device.type == "cuda",
     )  # fmt: skip
     with only_one(folder, processes), prefetched(data) as batches:
@@ -227,9 +227,6 @@ def compare(held: Sequence[Clip], before: Path, after: Path, n_train: int) -> Tu
     """Errors of two bundles' transitions and of the classical one on hidden frames of words held back."""
     lengths = [n for n in LENGTHS if any(len(clip) >= n + 2 * SHOWN for clip in held)]
     methods = (find_transition("hermite"), *(LearnedTransition(open_sessions(folder)) for folder in (before, after)))
-    classical, was, now = (_mean_error(hidden_frames(held, [method], lengths)) for method in methods)
+    errors = [[row.position_error for row in hidden_frames(held, [method], lengths)] for method in methods]
+    classical, was, now = (float(np.mean(one)) for one in errors)
     return TuningResult(classical, was, now, n_train, len(held))
-
-
-def _mean_error(rows: Sequence[HiddenFrames]) -> float:
-    return float(np.mean([row.position_error for row in rows]))

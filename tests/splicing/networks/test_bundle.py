@@ -14,9 +14,7 @@ from conftest import GOLDEN
 from signsplice.errors import InputError
 from signsplice.splicing.networks.bundle import (
     BUNDLE_FILE,
-    RunConfig,
     bundle_sha256,
-    config_of,
     read_config,
     read_file,
     write_bundle,
@@ -30,20 +28,12 @@ def test_a_bundle_is_read_as_it_was_written(tmp_path: Path) -> None:
     files = {"a.onnx": b"first", "b.onnx": b"second"}
     write_bundle(tmp_path, VALUES, files)
     config = read_config(tmp_path)
-    assert (config.system, config.features, config.precision, config.runs) == ("signsplice", 4, None, None)
+    assert (config.system, config.features, config.precision) == ("signsplice", 4, None)
     assert config.networks["cutter"].n_parameters == 12
     assert config.networks["cutter"].trained_on is None
     assert config.files == {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
     assert {name: read_file(tmp_path, config, name) for name in files} == files
     assert bundle_sha256(tmp_path) == hashlib.sha256((tmp_path / BUNDLE_FILE).read_bytes()).hexdigest()
-
-
-def test_the_configuration_of_a_papers_system_has_how_it_is_run() -> None:
-    runs = {"positions": "spsn", "frames": "generator", "concurrent": True, "n_fed": 159, "most_frames": 40}
-    stored = {"version": 1, "system": "lpt", "fr": 8, "n_parameters": 5, "runs": runs}
-    config = config_of(stored, Path("bundle.json"))
-    assert config.runs == RunConfig("spsn", "generator", True, 159, 40, token_bias=0.0)
-    assert (config.fr, config.n_parameters, config.networks, config.stored) == (8, 5, {}, stored)
 
 
 @pytest.mark.parametrize(
@@ -53,7 +43,7 @@ def test_the_configuration_of_a_papers_system_has_how_it_is_run() -> None:
         ("[]", "bundle.json: version None, expected 1; export the system anew"),
         ("{}", "version None, expected 1"),
         ('{"version": 2}', "version 2, expected 1"),
-        ('{"version": 1, "runs": {"speed": 1}}', "bundle.json: is no description of a trained system"),
+        ('{"version": 1, "system": 1}', "bundle.json: is no description of a trained system"),
         ('{"version": 1, "networks": [3]}', "is no description of a trained system"),
         ('{"version": 1, "networks": {"cutter": {"n_parameters": "many"}}}', "is no description of a trained system"),
     ],
@@ -68,13 +58,6 @@ def test_a_missing_bundle_is_refused(tmp_path: Path) -> None:
     for read in (read_config, bundle_sha256):
         with pytest.raises(InputError, match=r"bundle\.json: no such file"):
             read(tmp_path)
-
-
-def test_keys_that_a_caller_needs_are_required() -> None:
-    config = config_of({"version": 1, "system": "lpt", "fr": None}, Path("somewhere/bundle.json"))
-    config.require("system", "fr")
-    with pytest.raises(InputError, match=r"somewhere/bundle\.json: has no 'runs'; export the system anew"):
-        config.require("system", "runs")
 
 
 def test_a_file_that_is_changed_missing_or_not_listed_is_refused(tmp_path: Path) -> None:
@@ -127,7 +110,6 @@ def test_a_bundle_is_replaced_as_a_whole_and_other_files_stay(tmp_path: Path) ->
 
 def test_the_tiny_bundle_lists_its_networks_and_files() -> None:
     config = read_config(TINY)
-    config.require("features", "networks", "files")
     assert set(config.networks) == {"cutter", "transition"}
     for name in config.files:
         read_file(TINY, config, name)

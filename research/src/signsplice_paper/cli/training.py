@@ -107,8 +107,8 @@ def train_system(
     check_extra()
     from signsplice.synth.corpus import Pairs
     from signsplice.train import processes
-    from signsplice.train.stopping import DeadlineError
     from signsplice_paper.train import scales, training
+    from signsplice_paper.train.stopping import DeadlineError
 
     systems = list(scales.SYSTEMS) if system == "all" else [system]
     with processes.joined(device) as process:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from signsplice.errors import InputError
-from signsplice.splicing.networks.bundle import read_config
 from signsplice.splicing.networks.sessions import Sessions
+from signsplice_paper.configs import read_config
 from signsplice_paper.systems.splicers import DECODINGS, OneNetworkSystem, PaperSystem, TwoNetworkSystem
 
 __all__ = ["DECODINGS", "OneNetworkSystem", "PaperSystem", "TwoNetworkSystem", "open_bundle"]

@@ -14,14 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion.arrays import FloatArray
-from signsplice.splicing.networks.bundle import BundleConfig, RunConfig
-from signsplice.splicing.networks.sessions import Array, Sessions, single
+from signsplice.splicing.networks.sessions import Array, Sessions
+from signsplice_paper.configs import PaperConfig, RunConfig
 from signsplice_paper.culling import check, cull
 from signsplice_paper.prediction import N_NUMBERS, Prediction
 
 DECODINGS = ("one-by-one", "without-cache", "parallel")
 NONE, PRE, POST = 0, 1, 2
 START, FRAME, HIDDEN = 0, 1, 2
+
+
+def single(x: Array) -> Array:
+    """Frames (N, 159) as a batch of one, in float32."""
+    return np.ascontiguousarray(x[None], dtype=np.float32)
 
 
 class PaperSystem(ABC):
@@ -34,7 +39,7 @@ class PaperSystem(ABC):
     - n_numbers: numbers of a frame
     """
 
-    def __init__(self, config: BundleConfig, runs: RunConfig, graphs: Sessions, decoding: str) -> None:
+    def __init__(self, config: PaperConfig, runs: RunConfig, graphs: Sessions, decoding: str) -> None:
         self.name, self.config, self.graphs, self.decoding = config.system or "", config, graphs, decoding
         self.frames_by, self.fr, self.n_fed, self.marked = runs.frames, config.fr, runs.n_fed, runs.marked
         self.most_frames, self.token_bias = runs.most_frames, runs.token_bias

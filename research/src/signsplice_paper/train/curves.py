@@ -17,12 +17,11 @@ import torch
 
 from signsplice.errors import InputError
 from signsplice.formats.reading import read_bytes
-from signsplice.splicing.networks.bundle import BundleConfig
 from signsplice.synth.corpus import Pairs
 from signsplice.train import log as logs
-from signsplice.train.checkpoint import SNAPSHOTS
 from signsplice.train.task import Task
 from signsplice_paper import bundles, curve, pair_samples, protocol
+from signsplice_paper.configs import PaperConfig
 from signsplice_paper.curve import Curve
 from signsplice_paper.judging import ProgressBar
 from signsplice_paper.metrics import accuracy, squared_error
@@ -31,6 +30,7 @@ from signsplice_paper.systems import open_bundle
 from signsplice_paper.train import scales
 from signsplice_paper.train.batch_prediction import BatchPredictor, Words
 from signsplice_paper.train.networks.layers import Normaliser
+from signsplice_paper.train.stopping import SNAPSHOTS
 
 SPLIT = "random"
 """The split whose curves are drawn."""
@@ -78,7 +78,7 @@ class CurveJudge:
     device: torch.device
     progress: ProgressBar
 
-    def write(self, configs: Iterable[BundleConfig], again: bool, warn: Callable[[str], object]) -> Iterator[Path]:
+    def write(self, configs: Iterable[PaperConfig], again: bool, warn: Callable[[str], object]) -> Iterator[Path]:
         """Make the curves that are drawn and not there yet, as curve.json in the bundles' folders; their paths.
 
         again: make those that are there again. warn: is told, in one line each, of bundles without snapshots, and of a
@@ -107,7 +107,7 @@ class CurveJudge:
             warn(f"{self.parts}: no snapshots of {', '.join(without)}, which get no curve; they are kept in training")
 
 
-def trained_parts(config: BundleConfig, parts: Path) -> list[TrainedPart]:
+def trained_parts(config: PaperConfig, parts: Path) -> list[TrainedPart]:
     """The parts of a bundle: the folders whose log is the one that the bundle holds; none where one has no snapshots,
     as of bundles that were made elsewhere.
     """
@@ -126,7 +126,7 @@ def trained_parts(config: BundleConfig, parts: Path) -> list[TrainedPart]:
 
 
 def measure(
-    config: BundleConfig,
+    config: PaperConfig,
     pairs: Pairs,
     parts: Sequence[TrainedPart],
     device: torch.device,
@@ -157,7 +157,7 @@ def measure(
     )  # fmt: skip
 
 
-def judged_bundle(config: BundleConfig, pairs: Pairs) -> float:
+def judged_bundle(config: PaperConfig, pairs: Pairs) -> float:
     """The Accuracy of the exported bundle on the curve's pairs."""
     answer = protocol.answers(pairs, open_bundle(config.path.parent))
     return protocol.accuracy(answer, pairs, pair_samples.validation(pairs, config.split or ""))
@@ -183,7 +183,7 @@ def _truth(pairs: Pairs, number: int) -> np.ndarray[Any, Any]:
     return np.asarray(pairs.truth(number)[2], np.float64)
 
 
-def _task(config: BundleConfig, part: TrainedPart, pairs: Pairs) -> Task:
+def _task(config: PaperConfig, part: TrainedPart, pairs: Pairs) -> Task:
     """A part with the sizes that the bundle states, its weights not yet set."""
     scale, system = config.scale or "", config.system or ""
     known = {p.name: p for p in scales.parts(system, scale, config.fr, 0, config.optimiser or "", config.split or "")}

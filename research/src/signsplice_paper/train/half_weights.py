@@ -15,8 +15,9 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from signsplice.errors import InputError
-from signsplice.splicing.networks.bundle import BundleConfig, bundle_sha256, read_config, read_file, write_bundle
+from signsplice.splicing.networks.bundle import bundle_sha256, read_file, write_bundle
 from signsplice.train.export import check_bundle_folder
+from signsplice_paper.configs import PaperConfig, read_config
 
 FLOAT16 = "float16"
 _LEAST = 1024
@@ -42,7 +43,7 @@ def halved(content: bytes) -> bytes:
     return made
 
 
-def halve_bundle(source: Path, out: Path, facts: Mapping[str, Any]) -> BundleConfig:
+def halve_bundle(source: Path, out: Path, facts: Mapping[str, Any]) -> PaperConfig:
     """Write a bundle whose weights have 16 bits into another folder.
 
     bundle.json has ``precision`` and, in ``halved``, the sha256 of the bundle that it was made from with ``facts``.

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
-from signsplice.splicing.networks.bundle import read_config
 from signsplice.synth.corpus import Pairs
 from signsplice_paper import protocol, published_bundles
+from signsplice_paper.configs import read_config
 from signsplice_paper.systems import open_bundle
 from signsplice_paper.train.half_weights import halve_bundle
 

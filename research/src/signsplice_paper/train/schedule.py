@@ -17,9 +17,9 @@ from signsplice.errors import SignspliceError
 from signsplice.synth.corpus import Pairs
 from signsplice.train import processes
 from signsplice.train.loop import ProgressCallback
-from signsplice.train.stopping import DeadlineError
 from signsplice_paper.plan import Run
 from signsplice_paper.train import training
+from signsplice_paper.train.stopping import DeadlineError
 
 Started = Callable[[int, Run], None]
 """Called with a run's number, from 1, and the run, before it is trained."""

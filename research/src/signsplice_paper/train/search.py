@@ -24,10 +24,10 @@ from signsplice.synth.corpus import Pairs
 from signsplice.synth.pool import Pool
 from signsplice.train import checkpoint, processes
 from signsplice.train import log as logs
-from signsplice.train.stopping import DeadlineError
 from signsplice_paper.layout import Table, markdown
 from signsplice_paper.train import training
 from signsplice_paper.train.scales import SYSTEMS, Config, SystemPart, parts
+from signsplice_paper.train.stopping import SNAPSHOTS, DeadlineError
 from signsplice_paper.train.training import Training
 
 FILE, PAGE = "search.json", "search.md"
@@ -182,7 +182,7 @@ def _tried(job: tuple[SearchPlan, str, str, float, float, int, float | None]) ->
     scores = {k: v for k, v in judged[-1].items() if k not in ("step", "cpu_s")} if judged else {}
     spent = max((line.get("cpu_s", 0.0) for line in lines), default=0.0)
     (folder / checkpoint.NAME).unlink(missing_ok=True)
-    shutil.rmtree(folder / checkpoint.SNAPSHOTS, ignore_errors=True)
+    shutil.rmtree(folder / SNAPSHOTS, ignore_errors=True)
     n_parameters = sum(p.numel() for p in task.network.parameters())
     return SearchRow(name, rate, width, part.rate, units_of(part.config), scores, n_parameters, round(spent, 1))
 

@@ -19,18 +19,20 @@ from signsplice.formats.reading import read_bytes
 from signsplice.splicing.networks.bundle import write_bundle
 from signsplice.splicing.networks.runtime import onnxruntime
 from signsplice.synth.corpus import Pairs
-from signsplice.train import checkpoint, provenance, stopping
+from signsplice.train import checkpoint, provenance
 from signsplice.train import log as logs
 from signsplice.train.export import check_bundle_folder
-from signsplice.train.loop import SGD_RATE, LoopConfig, ProgressCallback, train
+from signsplice.train.loop import ProgressCallback, train
 from signsplice.train.prefetch import prefetched
 from signsplice.train.processes import Processes, only_one
 from signsplice.train.task import Task
 from signsplice_paper.plan import SHARED_TRAINING
+from signsplice_paper.train import stopping
 from signsplice_paper.train.graphs import paper_graphs
 from signsplice_paper.train.networks.generator import Generator
 from signsplice_paper.train.pairs_data import PairsData
 from signsplice_paper.train.scales import MOST_SGD_CPU_S, SGD_PATIENCE, UNBIASED, SystemPart, parts, task
+from signsplice_paper.train.stopping import SGD_RATE, PaperLoop
 from signsplice_paper.train.tasks import MOST_FRAMES, token_bias
 
 GRAPHS = "graphs"
@@ -144,10 +146,10 @@ def trained(
     most_cpu_s = MOST_SGD_CPU_S.get(training.scale) if by_sgd and training.steps is None else None
     torch.manual_seed(training.seed)
     made = task(part, data.normaliser(), pairs.spaces[0].parents, training.seed)
-    loop = LoopConfig(
+    loop = PaperLoop(
         steps=part.steps,
         batch=part.batch,
-        optimiser=training.optimiser,
+        method=training.optimiser,
         rate=part.rate,
         seed=training.seed,
         every=max(1, part.steps // n_judgements),

@@ -54,7 +54,7 @@ class PlannedSeam:
     entering: tuple[Edit, ...] = ()
     gap_edits: tuple[Edit, ...] = ()
 
-    @property
+    @cached_property
     def is_open(self) -> bool:
         """Whether a transition has to make its frames: there are some, and no system made them."""
         return self.gap.n_frames > 0 and self.kind != SYSTEM
@@ -66,7 +66,7 @@ class PlannedSeam:
             raise ValueError(f"no frames between {self.before.clip.name} and {self.after.clip.name}")
         return self.filled
 
-    @property
+    @cached_property
     def retimed_cut(self) -> Cut:
         """The cut in frames of the retimed words."""
         return Cut(self.before.frames.last(self.cut.pre), self.after.frames.first(self.cut.post))

@@ -124,7 +124,7 @@ class CurveTransition(GapTransition):
     def _between(self, gaps: Sequence[Gap]) -> list[Clip]:
         """The new frames of G gaps that are alike."""
         before, n = gaps[0].before, gaps[0].n_frames
-        n_joints, moving_bones = len(before.skeleton), _moves_bones(gaps[0])
+        n_joints, moving_bones = before.local_rotations.shape[1], _moves_bones(gaps[0])
         ends = [(gap.before[-3:], gap.after[:3]) for gap in gaps]
         problem = _curve_problem(ends, n, moving_bones, self.accelerates)
         curved = self.curve(problem)  # (n, G (J + 1), 3), with bones (n, G (2 J + 1), 3)

@@ -1,7 +1,7 @@
 """A trained system as a folder: ONNX files, and bundle.json with what they are and the sha256 of each.
 
-``BundleConfig`` is bundle.json, read and checked in one place. A bundle of the paper's systems has ``corpus``,
-``runs``, ``fr`` and the sizes of its parts; a bundle of this project's networks has ``features`` and ``networks``.
+``BundleConfig`` is bundle.json, read and checked in one place. A bundle of another system, as the paper's are, has more
+in it, which ``stored`` keeps.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from typing import Any, get_type_hints
@@ -20,7 +20,6 @@ from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing_folder
 from signsplice.formats.json_files import check_type, read_json
 from signsplice.formats.reading import read_bytes
-from signsplice.motion.number_space import NumberSpace, read_space
 
 BUNDLE_FILE = "bundle.json"
 VERSION = 1
@@ -43,28 +42,6 @@ class NetworkConfig:
 
 
 @dataclass(frozen=True)
-class RunConfig:
-    """How the networks of a paper's system are run.
-
-    positions: the graph that finds the splice positions, "spsn" or "encoder".
-    frames: what makes the frames, "generator" or "filler".
-    concurrent: whether the generator can make all frames in one pass.
-    n_fed: numbers of a frame that the decoder is fed.
-    most_frames: most frames that it makes.
-    token_bias: added to the logits of both tokens.
-    marked: whether the encoder is given the splice positions as marks on the whole X.
-    """
-
-    positions: str
-    frames: str
-    concurrent: bool
-    n_fed: int
-    most_frames: int
-    token_bias: float = 0.0
-    marked: bool = False
-
-
-@dataclass(frozen=True)
 class BundleConfig:
     """bundle.json, version 1.
 
@@ -74,12 +51,6 @@ class BundleConfig:
     features: version of the features that the networks see (``features.VERSION``).
     networks: this project's networks by name.
     precision: "int8" where weights are stored in 8 bits.
-    scale, optimiser, split, corpus, seed, steps: how a paper's system was trained.
-    fps: frame rate that a paper's system knows.
-    fr: frames that Culling keeps on each side; None without Culling.
-    n_parameters: number of weights of a paper's system.
-    runs: how a paper's system is run.
-    space: the joints and the cube of a paper's system; None for those of the synthetic signer.
     stored: the whole file as JSON values.
     """
 
@@ -89,27 +60,10 @@ class BundleConfig:
     features: int | None = None
     networks: Mapping[str, NetworkConfig] = field(default_factory=dict)
     precision: str | None = None
-    scale: str | None = None
-    optimiser: str | None = None
-    split: str | None = None
-    corpus: str | None = None
-    seed: int | None = None
-    steps: int | None = None
-    fps: float | None = None
-    fr: int | None = None
-    n_parameters: int | None = None
-    runs: RunConfig | None = None
-    space: NumberSpace | None = None
     stored: Mapping[str, Any] = field(default_factory=dict)
 
-    def require(self, *names: str) -> None:
-        """Raise ``InputError`` where bundle.json lacks one of these keys."""
-        for name in names:
-            if name not in self.stored:
-                raise InputError(f"{self.path}: has no {name!r}; export the system anew")
 
-
-_PLAIN = ("system", "features", "precision", "scale", "optimiser", "split", "corpus", "seed", "steps", "fps", "fr")
+_PLAIN = ("system", "features", "precision")
 
 
 def write_bundle(
@@ -166,11 +120,8 @@ def read_config(folder: Path) -> BundleConfig:
 
 def config_of(stored: Mapping[str, Any], path: Path) -> BundleConfig:
     """The configuration that JSON values hold. Raises ``InputError`` where one has the wrong form."""
-    try:
-        runs, kinds = stored.get("runs"), get_type_hints(BundleConfig)
-        for name in (*_PLAIN, "n_parameters", "files"):
-            if name in stored:
-                check_type(stored[name], kinds[name], name)
+    with described(path):
+        check_fields(stored, BundleConfig, *_PLAIN, "files")
         if names := [
             name
             for name in stored.get("files", {})
@@ -181,15 +132,27 @@ def config_of(stored: Mapping[str, Any], path: Path) -> BundleConfig:
             path=path,
             files=dict(stored.get("files", {})),
             networks={name: _network(entry) for name, entry in stored.get("networks", {}).items()},
-            n_parameters=stored.get("n_parameters"),
-            runs=None if runs is None else _run(runs),
-            space=None if stored.get("space") is None else read_space(stored["space"]),
             stored=stored,
             **{name: stored.get(name) for name in _PLAIN},
         )
+
+
+@contextmanager
+def described(path: Path) -> Iterator[None]:
+    """Turn what goes wrong in the block into an ``InputError`` about the bundle.json at a path."""
+    try:
+        yield
     except (TypeError, AttributeError, ValueError, InputError) as error:
         reason = str(error)[:200]
         raise InputError(f"{path}: is no description of a trained system ({reason}); export the system anew") from error
+
+
+def check_fields(stored: Mapping[str, Any], kind: type, *names: str) -> None:
+    """Raise ``TypeError`` where one of these keys is there with another type than the field of a class has."""
+    kinds = get_type_hints(kind)
+    for name in names:
+        if name in stored:
+            check_type(stored[name], kinds[name], name)
 
 
 def _network(entry: Mapping[str, Any]) -> NetworkConfig:
@@ -198,13 +161,6 @@ def _network(entry: Mapping[str, Any]) -> NetworkConfig:
     check_type(n_parameters, int, "n_parameters")
     check_type(trained_on, Mapping[str, str] | None, "taught")
     return NetworkConfig(recipe, n_parameters, trained_on, entry)
-
-
-def _run(runs: Mapping[str, Any]) -> RunConfig:
-    kinds = get_type_hints(RunConfig)
-    for name, value in runs.items():
-        check_type(value, kinds.get(name, Any), f"runs: {name}")
-    return RunConfig(**runs)
 
 
 def bundle_sha256(folder: Path) -> str:

@@ -51,10 +51,11 @@ def _model_class() -> Any:
     for name, fields in _FIELDS.items():
         message = file.message_type.add(name=name)
         for number, kind in fields.items():
-            field = message.field.add(name=f"field_{number}", number=number, label=FieldDescriptorProto.LABEL_REPEATED)
-            field.type = FieldDescriptorProto.TYPE_MESSAGE if kind else FieldDescriptorProto.TYPE_INT32
+            holds = {"type": FieldDescriptorProto.TYPE_INT32}
             if kind:
-                field.type_name = f".tensors.{kind}"
+                holds = {"type": FieldDescriptorProto.TYPE_MESSAGE, "type_name": f".tensors.{kind}"}
+            label = FieldDescriptorProto.LABEL_REPEATED
+            message.field.add(name=f"field_{number}", number=number, label=label, **holds)
     pool = descriptor_pool.DescriptorPool()
     pool.Add(file)
     return message_factory.GetMessageClass(pool.FindMessageTypeByName("tensors.Model"))

@@ -17,21 +17,14 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
 from signsplice.rig.canonical import FEATURE_FPS, CanonicalMotion, mirrored_deltas
 from signsplice.rig.canonical_map import LEFT, RIGHT, ROLES, TIPS
-from signsplice.splicing.networks.features import (
-    N_FRAME,
-    CanonicalTrajectory,
-    MomentFrames,
-    frame_features,
-    frames_at,
-    mirrored,
-    sampled,
-)
+from signsplice.splicing.networks import features
+from signsplice.splicing.networks.features import CanonicalTrajectory, MomentFrames
 
 N_CONTEXT = 8
 """Frames of each sign that the network which makes transitions sees."""
 MIN_GAP_FRAMES, MAX_GAP_FRAMES = 2, 45
 """Fewest and most frames, at ``FEATURE_FPS``, of the transitions that it makes."""
-N_TOKEN = 2 * N_FRAME + 8
+N_TOKEN = 2 * features.N_FRAME + 8
 
 
 def gap_frames(seconds: float) -> int:
@@ -76,7 +69,7 @@ def gap_moments(n_frames: int, n_before: int, n_between: int, fps: float) -> Gap
     part[:N_CONTEXT, 0] = part[N_CONTEXT : N_CONTEXT + n_gap, 1] = part[N_CONTEXT + n_gap :, 2] = 1.0
     length = np.full(len(times), seconds)
     codes = np.column_stack([part, is_real, t, t * (1.0 - t), length, np.log(np.maximum(length, 0.02))])
-    return GapMoments(n_gap, seconds, frames_at(times, fps, n_frames), codes.astype(np.float32), spacing)
+    return GapMoments(n_gap, seconds, features.frames_at(times, fps, n_frames), codes.astype(np.float32), spacing)
 
 
 def gap_tokens(whole: CanonicalTrajectory, gaps: Sequence[GapMoments], starts: NDArray[np.intp]) -> NDArray[np.float32]:
@@ -85,12 +78,12 @@ def gap_tokens(whole: CanonicalTrajectory, gaps: Sequence[GapMoments], starts: N
 
     A token is the frame's features, the same relative to the last frame before, and where it lies (``GapMoments``).
     """
-    out = np.empty((len(whole), N_TOKEN), np.float32)
+    out = np.empty((len(whole.positions), N_TOKEN), np.float32)
     spacing = np.concatenate([gap.spacing for gap in gaps])[:-1]
-    own = frame_features(whole, spacing, starts, out[:, :N_FRAME])
+    own = features.frame_features(whole, spacing, starts, out[:, : features.N_FRAME])
     last = np.repeat(starts + N_CONTEXT - 1, [len(gap.spacing) for gap in gaps])
-    np.subtract(own, own[last], out=out[:, N_FRAME : 2 * N_FRAME])
-    out[:, 2 * N_FRAME :] = np.concatenate([gap.position_codes for gap in gaps])
+    np.subtract(own, own[last], out=out[:, features.N_FRAME : 2 * features.N_FRAME])
+    out[:, 2 * features.N_FRAME :] = np.concatenate([gap.position_codes for gap in gaps])
     return out
 
 
@@ -130,18 +123,18 @@ def all_gap_features(motion: CanonicalMotion, gaps: Sequence[tuple[slice, int, i
     low = np.concatenate([first + gap.frames.low for first, gap in zip(firsts, found, strict=True)])
     alpha = np.concatenate([gap.frames.alpha for gap in found])
     mixed = np.concatenate([start + gap.frames.mixed for start, gap in zip(starts[:-1], found, strict=True)])
-    whole = sampled(motion, MomentFrames(low, alpha, mixed))
-    steps = _step_lengths(whole)
+    whole = features.sampled(motion, MomentFrames(low, alpha, mixed))
+    steps = np.linalg.norm(np.diff(whole.positions, axis=0), axis=-1)  # of each joint from frame to frame (S - 1, 12)
     stretches = list(pairwise(starts.tolist()))
     paths = [steps[start : stop - 1].sum(axis=0) for start, stop in stretches]
     mirror = [bool(path[0] > path[len(TIPS) // 2]) for path in paths]
     if any(mirror):
         rows = np.concatenate([np.arange(*ends) for ends, flip in zip(stretches, mirror, strict=True) if flip])
-        part = mirrored(CanonicalTrajectory(whole.rotations_6d[rows], whole.positions[rows], whole.has_role))
+        part = features.mirrored(CanonicalTrajectory(whole.rotations_6d[rows], whole.positions[rows], whole.has_role))
         whole.rotations_6d[rows], whole.positions[rows] = part.rotations_6d, part.positions
     tokens = gap_tokens(whole, found, starts[:-1])
     paths = [np.roll(path, len(TIPS) // 2) if flip else path for path, flip in zip(paths, mirror, strict=True)]
-    weights = [_motion_weights(path, gap.seconds + _CONTEXT_S) for path, gap in zip(paths, found, strict=True)]
+    weights = [motion_weights(path, gap.seconds + _CONTEXT_S) for path, gap in zip(paths, found, strict=True)]
     return [
         GapFeatures(tokens[slice(*ends)], gap.n_gap, gap.seconds, flip, weight)
         for ends, gap, flip, weight in zip(stretches, found, mirror, weights, strict=True)
@@ -154,23 +147,14 @@ _FULL_SPEED = 0.4
 """Mean speed of a hand, arm lengths a second, from which on it counts as moving in full: half of continuous signing."""
 
 
-def motion_weights(whole: CanonicalTrajectory, seconds: float) -> FloatArray:
-    """How much each role's side moves (R,): the mean path length of its wrist and finger joints over ``seconds``, as a
-    fraction of ``_FULL_SPEED``, at most 1, to the third power; for the trunk that of the side that moves more.
+def motion_weights(lengths: FloatArray, seconds: float) -> FloatArray:
+    """How much each role's side moves (R,), by the path lengths (12,) of the joints of ``TIPS`` over ``seconds``: the
+    mean of its wrist and finger joints a second, as a fraction of ``_FULL_SPEED``, at most 1, to the third power; for
+    the trunk that of the side that moves more.
 
     A network's answer is multiplied by this: an arm that rests stays at rest, wherever it hangs, and one that idles
     hardly changes (docs/decisions.md).
     """
-    return _motion_weights(_step_lengths(whole).sum(axis=0), seconds)
-
-
-def _step_lengths(whole: CanonicalTrajectory) -> FloatArray:
-    """How far each joint of ``TIPS`` goes from frame to frame (T - 1, 12)."""
-    return np.asarray(np.linalg.norm(np.diff(whole.positions, axis=0), axis=-1))
-
-
-def _motion_weights(lengths: FloatArray, seconds: float) -> FloatArray:
-    """``motion_weights`` by the path lengths (12,) of the joints of ``TIPS``."""
     half = len(TIPS) // 2
     left, right = (
         min(1.0, float(lengths[side].mean()) / seconds / _FULL_SPEED) ** 3 for side in (slice(half), slice(half, None))

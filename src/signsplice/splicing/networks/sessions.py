@@ -95,8 +95,3 @@ def _check_output(name: str, output: Any, shape: tuple[int | None, ...]) -> None
         raise ValueError(f"output {name} has shape {found}, expected {shape}")
     if not np.isfinite(output).all():
         raise ValueError(f"output {name} is not finite")
-
-
-def single(x: Array) -> Array:
-    """Frames (N, 159) as a batch of one, in float32."""
-    return np.ascontiguousarray(x[None], dtype=np.float32)

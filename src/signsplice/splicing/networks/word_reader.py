@@ -116,7 +116,7 @@ class WordReader:
             self._words.pop(clip.source_clip or clip, None)
 
     def _reading(self, word: _Word, mirror: bool, end: bool) -> WordReading:
-        key = (mirror, end and len(word.trajectory) > WORD_FRAMES)
+        key = (mirror, end and len(word.trajectory.positions) > WORD_FRAMES)
         if key not in word.readings:
             tokens = features.word_tokens(features.mirrored(word.trajectory) if mirror else word.trajectory)
             first = len(tokens) - WORD_FRAMES if key[1] else 0
@@ -147,11 +147,11 @@ def _without_long_rests(motion: CanonicalMotion) -> _Word:
     whole = features.trajectory(motion)
     start, stop = motion.active_span
     # Frames at FEATURE_FPS that lie within the span whatever the clip's own rate.
-    last = min(int((stop - 1) / motion.fps * FEATURE_FPS + 1e-6), len(whole) - 1)
+    last = min(int((stop - 1) / motion.fps * FEATURE_FPS + 1e-6), len(whole.positions) - 1)
     start, stop = min(int(np.ceil(start / motion.fps * FEATURE_FPS - 1e-6)), last), last + 1
-    leaves, comes = _n_still_frames(whole.positions), len(whole) - _n_still_frames(whole.positions[::-1])
+    leaves, comes = (_n_still_frames(positions) for positions in (whole.positions, whole.positions[::-1]))
     first = max(0, max(start, leaves) - REST_FRAMES)
-    kept = slice(first, min(stop, comes) + REST_FRAMES)
+    kept = slice(first, min(stop, len(whole.positions) - comes) + REST_FRAMES)
     start, stop = max(start, first), min(stop, kept.stop)
     shown = CanonicalTrajectory(whole.rotations_6d[kept], whole.positions[kept], whole.has_role)
     return _Word(shown, first, (start - first, stop - first))

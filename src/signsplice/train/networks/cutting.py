@@ -129,24 +129,24 @@ class _FrameScores(nn.Module):
         return out
 
 
-class ReadGraph(nn.Module):
-    """The part of the network that reads one word, for export."""
+class _Graph(nn.Module):
+    """A part of the network, for export."""
 
     def __init__(self, network: Cutting) -> None:
         super().__init__()
         self.network = network
+
+
+class ReadGraph(_Graph):
+    """The part of the network that reads one word."""
 
     def forward(self, tokens: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """States, both summaries and logits of the phases, of one word (1, T, N_WORD)."""
         return self.network.read(tokens)
 
 
-class ChooseGraph(nn.Module):
-    """The part of the network that scores a pair's frames, for export."""
-
-    def __init__(self, network: Cutting) -> None:
-        super().__init__()
-        self.network = network
+class ChooseGraph(_Graph):
+    """The part of the network that scores a pair's frames."""
 
     def forward(self, before: Tensor, leave: Tensor, after: Tensor, enter: Tensor) -> tuple[Tensor, Tensor]:
         """Scores of leaving (1, P) and of entering (1, Q), from states (1, P, D) and (1, Q, D) and summaries (1, S)."""
@@ -154,12 +154,8 @@ class ChooseGraph(nn.Module):
         return self.network.leaving(before, condition), self.network.entering(after, condition)
 
 
-class TimeGraph(nn.Module):
-    """The part of the network that times a pair, for export."""
-
-    def __init__(self, network: Cutting) -> None:
-        super().__init__()
-        self.network = network
+class TimeGraph(_Graph):
+    """The part of the network that times a pair."""
 
     def forward(self, leaving: Tensor, entering: Tensor, leave: Tensor, enter: Tensor) -> Tensor:
         """Seconds (1,) of the transition between two frames (1, N_FRAME) of two words with summaries (1, S)."""

@@ -16,9 +16,11 @@ torch = pytest.importorskip("torch")
 
 from torch import Tensor  # noqa: E402
 
-from signsplice.train import checkpoint, log, loop, stopping  # noqa: E402
-from signsplice.train.loop import LoopConfig, train  # noqa: E402
-from signsplice.train.stopping import DeadlineError  # noqa: E402
+from signsplice.errors import InputError  # noqa: E402
+from signsplice.train import checkpoint, log, loop  # noqa: E402
+from signsplice.train.loop import train  # noqa: E402
+from signsplice_paper.train import stopping  # noqa: E402
+from signsplice_paper.train.stopping import DeadlineError, PaperLoop  # noqa: E402
 from training_toys import ALONE, product_toy  # noqa: E402
 
 
@@ -37,7 +39,7 @@ def stopping_training(folder: Path, **limits: Any) -> tuple[int, dict[str, Tenso
     """Steps and weights after one call of a training of at most sixty steps."""
     folder.mkdir(exist_ok=True)
     task, data, valid = product_toy()
-    config = LoopConfig(60, 4, "sgd", 1e-2, 1, every=2, n_judged=4, **limits)
+    config = PaperLoop(60, 4, 1e-2, 1, every=2, n_judged=4, method="sgd", **limits)
     return train(task, config, data, valid, folder, "toy", ALONE), task.state_dict()
 
 
@@ -45,7 +47,7 @@ def deadline_call(folder: Path, deadline: float) -> dict[str, Tensor]:
     """Weights after one call of a training of six steps."""
     folder.mkdir(exist_ok=True)
     task, data, valid = product_toy()
-    config = LoopConfig(6, 4, "adamw", 1e-2, seed=1, every=4, deadline=deadline)
+    config = PaperLoop(6, 4, 1e-2, seed=1, every=4, deadline=deadline)
     train(task, config, data, valid, folder, "toy", ALONE)
     return task.state_dict()
 
@@ -54,7 +56,7 @@ def test_a_deadline_interrupts_and_the_next_call_ends_in_the_same_weights(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = itertools.count()
-    monkeypatch.setattr(loop, "time", clocks(monotonic=lambda: next(clock)))
+    monkeypatch.setattr(stopping, "time", clocks(monotonic=lambda: next(clock)))
     with pytest.raises(DeadlineError, match="time is up after step 0 of 6"):
         deadline_call(tmp_path / "a", 0)
     assert not (tmp_path / "a" / checkpoint.NAME).exists()
@@ -65,17 +67,6 @@ def test_a_deadline_interrupts_and_the_next_call_ends_in_the_same_weights(
     parts = deadline_call(tmp_path / "a", math.inf)
     assert all(torch.equal(value, parts[key]) for key, value in whole.items())
     assert losses(tmp_path / "a") == losses(tmp_path / "b")
-
-
-def test_checkpoints_are_written_between_rare_validations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    saved: list[int] = []
-    monkeypatch.setattr(checkpoint, "save", lambda folder, step, *_: saved.append(step))
-    deadline_call(tmp_path / "a", math.inf)
-    assert saved == [4, 6]
-    saved.clear()
-    monkeypatch.setattr(loop, "CHECKPOINT_S", -1.0)
-    deadline_call(tmp_path / "b", math.inf)
-    assert saved == [1, 2, 3, 4, 4, 5, 6]
 
 
 def test_a_training_ends_on_a_plateau_and_stays_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -116,3 +107,29 @@ def test_a_plateau_needs_more_than_its_patience() -> None:
     assert not stopping.on_plateau([1.0, 1.0, 0.99], 2)
     assert stopping.on_plateau([-1.0, -1.0005, -1.0], 2), "a likelihood's loss may be negative"
     assert not stopping.on_plateau([-1.0, -1.01, -1.0], 2)
+
+
+def test_snapshots_are_the_weights_at_every_validation(tmp_path: Path) -> None:
+    for until in (3, None):
+        task, data, valid = product_toy()
+        config = PaperLoop(6, 4, 1e-3, seed=1, every=2, until=until, snapshots=True)
+        train(task, config, data, valid, tmp_path, "toy", ALONE)
+    files = sorted((tmp_path / stopping.SNAPSHOTS).iterdir())
+    assert files == [stopping.snapshot_path(tmp_path, step) for step in (2, 3, 4, 6)]
+    last = torch.load(files[-1], weights_only=True)
+    assert all(torch.equal(value, last[name]) for name, value in task.state_dict().items())
+
+
+def test_sgd_has_the_papers_rate_and_resumes_exactly(tmp_path: Path) -> None:
+    weights = []
+    for folder, untils in (("a", (None,)), ("b", (2, 3, None))):
+        (tmp_path / folder).mkdir()
+        for until in untils:
+            task, data, valid = product_toy("transition")
+            config = PaperLoop(6, 4, 2e-3, seed=1, every=4, until=until, method="sgd")
+            train(task, config, data, valid, tmp_path / folder, "toy", ALONE)
+        weights.append(task.state_dict())
+    assert all(torch.equal(value, weights[1][name]) for name, value in weights[0].items())
+    assert {config.rate_at(step) for step in range(100)} == {1e-3}, "the paper's, to the plateau"
+    with pytest.raises(InputError, match="optimiser 'lion', expected one of adamw, sgd"):
+        PaperLoop(1, 1, 1.0, 0, method="lion")

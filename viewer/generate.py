@@ -1,11 +1,11 @@
-"""The viewer's generated files, the wire's dataclasses and the constants of bodies and fits as TypeScript:
-``python -m signsplice.service.typescript viewer/src``.
+"""Writes the page's generated files: the wire's dataclasses, and the constants of bodies and fits, as TypeScript.
+
+python viewer/generate.py          # after a change of service/wire.py, stream_messages.py, or of those constants
 """
 
 from __future__ import annotations
 
 import json
-import sys
 import types
 from dataclasses import MISSING, Field, fields, is_dataclass
 from inspect import getdoc
@@ -31,6 +31,7 @@ from signsplice.formats import FORMATS, gltf_mesh
 from signsplice.rig import proportions, t_pose
 from signsplice.service import stream_messages, wire
 
+SOURCES = Path(__file__).resolve().parent / "src"
 _BODIES = (
     *(proportions, t_pose, capsules, gltf_mesh, skin_points, skin, skin_head, relief),
     *(fit, swivel, arm_ik, thumb_contacts, retarget),
@@ -121,4 +122,4 @@ def _type(hint: Any) -> str:
 
 if __name__ == "__main__":
     for name, text in files().items():
-        (Path(sys.argv[1]) / name).write_text(text, encoding="utf-8")
+        (SOURCES / name).write_text(text, encoding="utf-8")

@@ -1,0 +1,133 @@
+"""When the training of a part ends before its last step: on a plateau, when its processor time is spent, or at a
+deadline; and SGD, by which the paper trains.
+
+A plateau and spent processor time are properties of the training, read from its log: an interrupted training ends at
+the same validation as one that was not. After them the training is finished. A deadline only interrupts.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import nn
+
+from signsplice.errors import InputError, SignspliceError
+from signsplice.formats.atomic import replacing
+from signsplice.train import log as logs
+from signsplice.train.loop import LoopConfig
+from signsplice.train.processes import Processes
+from signsplice.train.task import Task
+
+OPTIMISERS = ("adamw", "sgd")
+SGD_RATE = 1e-3
+"""The paper's initial rate. It names no later one: this stays as it is until validation stops improving."""
+SNAPSHOTS = "snapshots"
+"""Folder of the weights at every validation, beside the checkpoint."""
+PLATEAU, STEPS, TIME = "plateau", "steps", "time"
+"""Why a training ended: validation improved no more, all steps were done, or its processor time was spent."""
+LEAST = 1e-3
+"""The fraction of the best validation loss by which a later one has to be lower to count as an improvement."""
+LOSS = "valid_loss"
+"""Name of the validation loss in a log."""
+
+
+class DeadlineError(SignspliceError):
+    """A deadline has passed. The checkpoint is written, and the same call continues."""
+
+
+@dataclass(frozen=True)
+class PaperLoop(LoopConfig):
+    """How a part of a system is trained.
+
+    - method: one of ``OPTIMISERS``; SGD has no momentum, and a rate of its own
+    - snapshots: whether to keep the weights of every validation, from which curves of whole systems are judged later
+    - patience: validations in a row without improvement after which the training has ended; None: it has ``steps``
+    - most_cpu_s: processor seconds after which it has ended
+    - deadline: value of ``time.monotonic`` at which this call is interrupted
+
+    Raises ``InputError`` for an unknown method.
+    """
+
+    method: str = "adamw"
+    snapshots: bool = False
+    patience: int | None = None
+    most_cpu_s: float | None = None
+    deadline: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.method not in OPTIMISERS:
+            raise InputError(f"optimiser {self.method!r}, expected one of {', '.join(OPTIMISERS)}")
+
+    def optimiser(self, weights: list[nn.Parameter]) -> torch.optim.Optimizer:
+        """SGD, or AdamW."""
+        return torch.optim.SGD(weights, lr=SGD_RATE) if self.method == "sgd" else super().optimiser(weights)
+
+    def rate_at(self, step: int) -> float:
+        """The learning rate of a step, which counts from 0."""
+        return SGD_RATE if self.method == "sgd" else super().rate_at(step)
+
+    def has_ended(self, folder: Path, step: int, processes: Processes) -> bool:
+        """Whether validation is on a plateau, or the processor time is spent."""
+        if self.patience is None and self.most_cpu_s is None:
+            return False
+        return processes.decided(has_ended(folder, step, self.patience, self.most_cpu_s))
+
+    def interruption(self, step: int, processes: Processes) -> SignspliceError | None:
+        """A ``DeadlineError`` where time is up."""
+        if self.deadline is None or not processes.decided(time.monotonic() >= self.deadline):
+            return None
+        return DeadlineError(f"time is up after step {step} of {self.steps}; the same call continues")
+
+    def scores(self, task: Task, batch: Any) -> dict[str, float]:
+        """The scores of a validation batch, and its loss where the training ends by it."""
+        loss = {} if self.patience is None else {LOSS: task(batch).item()}
+        return super().scores(task, batch) | loss
+
+    def validated(self, folder: Path, step: int, task: Task) -> None:
+        """Write a snapshot."""
+        if self.snapshots:
+            path = snapshot_path(folder, step)
+            path.parent.mkdir(exist_ok=True)
+            with replacing(path) as temporary:
+                torch.save(task.state_dict(), temporary)
+
+
+def snapshot_path(folder: Path, step: int) -> Path:
+    """The file of the weights after ``step`` steps."""
+    return folder / SNAPSHOTS / f"{step:07d}.pt"
+
+
+def on_plateau(losses: Sequence[float], patience: int) -> bool:
+    """Whether the last ``patience`` validation losses improved on all before by less than ``LEAST``."""
+    if len(losses) <= patience:
+        return False
+    best = min(losses[:-patience])
+    return min(losses[-patience:]) > best - LEAST * abs(best)
+
+
+def losses(folder: Path, step: int) -> list[float]:
+    """The validation losses in a training's log up to a step."""
+    return [line[LOSS] for line in logs.lines(folder / logs.NAME) if LOSS in line and line["step"] <= step]
+
+
+def has_ended(folder: Path, step: int, patience: int | None, most_cpu_s: float | None) -> bool:
+    """Whether a training has ended, at ``step``, before its last step."""
+    if most_cpu_s is not None:
+        trained = [line for line in logs.lines(folder / logs.NAME) if line["step"] == step and "loss" in line]
+        if any(line.get("cpu_s", 0.0) >= most_cpu_s for line in trained):
+            return True
+    return patience is not None and on_plateau(losses(folder, step), patience)
+
+
+def reason(folder: Path, steps: int, patience: int | None) -> tuple[int, str]:
+    """How many steps a finished training of at most ``steps`` took, and why it ended."""
+    step = max((line["step"] for line in logs.lines(folder / logs.NAME)), default=0)
+    if step >= steps:
+        return step, STEPS
+    plateau = patience is not None and on_plateau(losses(folder, step), patience)
+    return step, PLATEAU if plateau else TIME
