@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from signsplice.cli.aliases import former_names
-from signsplice.cli.clips import OUTPUT_SUFFIXES, check_outputs, limits, load, reads_rigs, with_roles, write
+from signsplice.cli.clips import OUTPUT_SUFFIXES, check_outputs, limits, load, posed, reads_poses, with_roles, write
 from signsplice.cli.lexicon import open_words
 from signsplice.cli.options import AS_JSON, BUNDLE, LEXICON, added, preset
 from signsplice.cli.terminal import note, progress, warn
@@ -39,7 +39,7 @@ _joining_options = added(
         help="Keep hands out of head, trunk and each other in transitions.  [default: if the transition is learned]",
     ),
     click.option("--report", metavar="R.json", help="Write spans, seams and timing to this JSON file."),
-    reads_rigs,
+    reads_poses,
 )
 _splicing_options = added(
     click.option(
@@ -130,6 +130,7 @@ def sentence(
         clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(line)}
     if roles is not None:
         clips = dict(zip(clips, with_roles(list(clips.values()), roles), strict=True))
+    clips = {gloss: posed(clip) for gloss, clip in clips.items()}
     load_ms = 1e3 * (time.perf_counter() - began)
     note(unit.note for unit in units if unit.note)
     warn(unit.warning for unit in units if unit.warning)
