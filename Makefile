@@ -53,7 +53,7 @@ bench: $(VENV)/.dev            ## speed of every part beside its baselines, in o
 	$(BIN)/signsplice bench
 
 attacks: $(VENV)/.dev $(PAGE)  ## the tables of docs/reliability.md: floods, kills, bombs, broken files; half an hour, as root for all rows
-	for attack in sockets flips formats bombs outputs streams slow_readers floods worker_kills kills; do $(BIN)/python attacks/$$attack.py || exit; done
+	for attack in sockets flips formats rigs bombs outputs streams slow_readers floods worker_kills kills; do $(BIN)/python attacks/$$attack.py || exit; done
 	$(BIN)/python attacks/fuzz.py --cases 20000 --seed 18
 
 fuzz: $(VENV)/.fuzz            ## every reader against mutated files for MINUTES=10; what is found stays in tests/fuzz_corpus

@@ -8,17 +8,20 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from other_rigs import on_other_rig, with_rest_pose
 from reference_poses import arms_out, with_pose
 from signsplice import demo, lexicon
 from signsplice.cli import main
 from signsplice.cli.terminal import with_option_names
 from signsplice.evaluation import speed_learned, speed_parts
 from signsplice.formats import load, save
+from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.render import film
 from signsplice.rig.arms import active_span, arms
@@ -334,6 +337,17 @@ def test_a_roles_file_makes_an_unknown_rig_usable(folder: Path, words: dict[str,
     for first, second in (("unknown.bvh", "unknown.bvh"), ("HELLO.bvh", "unknown.bvh"), ("unknown.bvh", "I.bvh")):
         run = signsplice("splice", first, second, "-o", "out.bvh", "--roles", "roles.json")
         assert run.returncode == 0, run.stderr
+    for call in (
+        ("render", "unknown.bvh", "out.png"),
+        ("evaluate", "clips", "unknown.bvh"),
+        ("inspect", "unknown.bvh"),
+    ):
+        run = signsplice(*call, "--roles", "roles.json")
+        assert (run.returncode, run.stderr) == (0, ""), call
+    named, unnamed = folder / "named.png", folder / "unnamed.png"
+    signsplice("render", "unknown.bvh", unnamed.name)
+    signsplice("render", "SIGN.bvh", named.name)
+    assert (folder / "out.png").read_bytes() == named.read_bytes() != unnamed.read_bytes(), "a figure, not sticks"
     (folder / "roles.json").write_text('{"leftHand": "nowhere"}')
     run = signsplice("splice", "unknown.bvh", "unknown.bvh", "-o", "out.bvh", "--roles", "roles.json")
     assert run.returncode == 2
@@ -424,6 +438,56 @@ def test_interrupted_work_leaves_no_file_and_no_traceback(folder: Path) -> None:
     assert run.returncode == 130
     assert run.stderr.strip() == "error: interrupted; no file was left half-written"
     assert sorted(path.name for path in folder.iterdir()) == before
+
+
+def test_every_warning_of_inspect_is_one_of_each_command_that_uses_clips(signsplice: Call, folder: Path) -> None:
+    """A clip that never rests, in a unit without a name, with a jump, on a rig whose zero pose shows no person."""
+    whole = load(folder / "SIGN.bvh")
+    heaped = with_rest_pose(whole, {name: (2.0, float(n), 0.0) for n, name in enumerate(whole.skeleton.names)})
+    clip = on_other_rig(heaped, np.asarray(rotation.IDENTITY), 1e-3)[30:45]
+    local = np.array(clip.local_rotations)
+    local[7:, 3] = rotation.multiply(local[7:, 3], rotation.exp([1.4, 0.0, 0.0]))
+    (folder / "clips").mkdir()
+    save(replace(clip, local_rotations=local, name="ODD"), folder / "clips" / "ODD.npz")
+    warnings = json.loads(signsplice("inspect", "clips/ODD.npz", "--json").stdout)["warnings"]
+    parts = (
+        "no rest found",
+        "a fault of the capture?",
+        "no unit makes the body a person's",
+        "frame 0 is taken as rest pose",
+    )
+    assert [any(part in line for line in warnings) for part in parts] == [True] * 4
+    assert len(warnings) == len(parts)
+    for prefix, call in (
+        ("ODD", ("splice", "HELLO.bvh", "clips/ODD.npz", "clips/ODD.npz", "-o", "a.bvh", "--report", "a.json")),
+        ("ODD", ("inbetween", "clips/ODD.npz", "--gap", "5:7", "-o", "a.bvh")),
+        ("ODD", ("convert", "clips/ODD.npz", "a.bvh", "--onto", "HELLO.bvh")),
+        ("clips/ODD.npz", ("lexicon", "check", "clips")),
+        ("clips/ODD.npz", ("lexicon", "build", "clips", "-o", "lex")),
+        ("lex: word 'ODD'", ("lexicon", "check", "lex")),
+        ("ODD", ("sentence", "ODD ODD", "--lexicon", "lex", "-o", "a.bvh")),
+    ):
+        run = signsplice(*call)
+        assert run.returncode == 0, run.stderr
+        for line in warnings:
+            assert run.stderr.count(f"warning: {prefix}: {line}\n") == 1, (call, line)
+    assert {f"ODD: {line}" for line in warnings} <= set(json.loads((folder / "a.json").read_text())["warnings"])
+
+
+def test_a_rest_pose_is_that_of_the_frame_that_the_user_names(signsplice: Call, folder: Path) -> None:
+    whole = load(folder / "SIGN.bvh")
+    heaped = with_rest_pose(whole, {name: (2.0, float(n), 0.0) for n, name in enumerate(whole.skeleton.names)})
+    save(replace(heaped, name="HEAP"), folder / "HEAP.npz")
+    for call in (("inspect", "HEAP.npz"), ("splice", "I.bvh", "HEAP.npz", "-o", "a.bvh")):
+        run = signsplice(*call, "--rest-frame", "4")
+        assert "the zero pose shows no person: frame 4 is taken as rest pose" in run.stdout + run.stderr
+    assert "I: its zero pose shows a person; --rest-frame is not for it" in run.stderr
+    run = signsplice("render", "HEAP.npz", "a.png", "--rest-frame", "900")
+    assert (run.returncode, run.stderr.count("\n")) == (2, 1)
+    assert f"no frame 900 to be its rest pose, expected 0 to {len(whole) - 1}" in run.stderr
+    rested = load(folder / "HEAP.npz", rest_frame=4).skeleton.rest_pose
+    assert rested is not None
+    assert np.array_equal(rested, heaped.local_rotations[4])
 
 
 def test_frames_that_do_not_belong_are_named_by_every_command_that_reads_words(

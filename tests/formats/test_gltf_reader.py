@@ -347,7 +347,7 @@ def test_what_is_animated_besides_joints_is_named(tmp_path: Path) -> None:
     assert [text for text in result.warnings if "left out" in text] == [
         f"{clip.name}: {', '.join(names)} left out: a clip holds the motion of joints alone"
     ]
-    assert ss.inbetween(clip, [(1, len(clip) - 1)], "slerp").warnings == result.warnings[:1]
+    assert ss.inbetween(clip, [(1, len(clip) - 1)], "slerp").warnings == result.warnings
     assert load_document(tmp_path, document(ARM, [rotating()])).left_out == ()
 
 
@@ -358,7 +358,7 @@ def test_the_animation_that_is_read_is_named_where_there_are_several(tmp_path: P
     others = "'walk', 'animation 2', 'take 0', 'take 1', 'take 2', nor 1 more"
     line = f"the file's first animation, 'wave', is read, not {others}"
     assert clip.notes == (line,)
-    assert f"wave: {line}" in inspect(clip)["warnings"]
+    assert line in inspect(clip)["warnings"]
     assert f"wave: {line}" in ss.splice([clip, clip], ss.SpliceOptions(cutter="ends", transition="slerp")).warnings
 
 

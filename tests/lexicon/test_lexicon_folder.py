@@ -17,6 +17,7 @@ from signsplice.lexicon import folder as folders
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig import info, roles
+from signsplice.rig.inspection import inspect
 
 
 @pytest.fixture
@@ -47,8 +48,9 @@ def test_file_names_become_glosses(clips: Path, tmp_path: Path) -> None:
     built = lexicon.build(clips, tmp_path / "lex", signer="Kim", progress=lambda *call: calls.append(call))
     assert (built.n_words, built.n_letters, built.form) == (4, 1, "float32")
     assert calls == [(1, 4), (2, 4), (3, 4), (4, 4)]
-    assert len(built.warnings) == 1
-    assert built.warnings[0].startswith("1 clips have arms that are not known")
+    path = clips / "more" / "deep" / "你好.bvh"
+    assert built.warnings == tuple(f"{path}: {line}" for line in inspect(load(path))["warnings"])
+    assert built.warnings[0].startswith(f"{path}: no leftUpperArm or leftLowerArm found among joints")
     with lexicon.open(tmp_path / "lex") as lex:
         assert lex.glosses == ("HELLO", "SIGN", "fs-A", "你好")
         assert (lex.entry("sign").source, lex.entry("sign").signer) == ("more/Sign.npz", "Kim")

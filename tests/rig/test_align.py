@@ -24,7 +24,7 @@ from signsplice.rig.placement import placement
 
 def copied(clip: Clip, to: Reference) -> Retargeted:
     """As ``align``, with the rotations alone: bodies that differ in a bone or an end site are not fitted."""
-    carried, warnings = copy_rotations(clip, to)
+    carried, warnings, _ = copy_rotations(clip, to)
     return Retargeted(settle(carried, to), warnings)
 
 
@@ -107,8 +107,7 @@ def test_rigs_with_other_joint_names_are_matched_by_roles(words: dict[str, Clip]
     other = on_other_rig(clip, rotation.exp([0.0, 0.0, 0.0]), 0.01, vrm)
     out = align(other, reference(clip))
     assert np.allclose(positions(out.clip), positions(clip), atol=0.05)
-    assert len(out.warnings) == 1
-    assert "HeadTop_End" in out.warnings[0]
+    assert out.warnings == (), "HeadTop_End has no counterpart, but carries nothing that moves"
     back = align(clip, reference(other)).clip
     assert np.allclose(positions(back), positions(other), atol=0.0005)
 
@@ -176,7 +175,7 @@ def test_arms_that_rest_at_another_angle_reach_the_same_point(degrees: float, wo
     angle = np.deg2rad(degrees)
     other = with_rest_pose(clip, {"mixamorig:LeftArm": (0.0, 0.0, -angle), "mixamorig:RightArm": (0.0, 0.0, angle)})
     error = np.linalg.norm(positions(copied(other, reference(clip)).clip) - positions(clip), axis=-1).max()
-    assert error < (5.0 if degrees < 6.0 else 0.1), "cm"
+    assert error < 1e-6, "cm"
 
 
 def test_the_order_of_joints_does_not_matter(words: dict[str, Clip]) -> None:
@@ -237,8 +236,7 @@ def test_real_clips_of_other_rigs_keep_their_arm_directions(real_clips: dict[str
     assert np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))).max() < 10.0
 
 
-def test_a_rig_of_the_same_names_that_rests_otherwise_can_be_taken_by_role(words: dict[str, Clip]) -> None:
-    """Arms that rest 5 degrees apart are one rig's by their names; by role they point exactly where they pointed."""
+def test_arms_that_rest_five_degrees_apart_point_where_they_pointed_by_name_and_by_role(words: dict[str, Clip]) -> None:
     clip = words["HELLO"]
     arm = clip.skeleton.names[rig_info(clip.skeleton).arm_joints[0]]
     lowered = with_rest_pose(clip, {arm: (0.0, 0.0, np.deg2rad(-5.0))}).skeleton
@@ -249,5 +247,5 @@ def test_a_rig_of_the_same_names_that_rests_otherwise_can_be_taken_by_role(words
         for c in (clip, copy_rotations(clip, to)[0], copy_rotations(clip, to, by_role=True)[0])
     )
     size = np.abs(was).max()
-    assert np.abs(by_name - was).max() > 0.05 * size
+    np.testing.assert_allclose(by_name, was, atol=1e-9 * size)
     np.testing.assert_allclose(by_role, was, atol=1e-6 * size)

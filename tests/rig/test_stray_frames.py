@@ -105,6 +105,30 @@ def test_what_lies_beyond_a_jump_is_left_out_at_an_end_and_named_in_the_middle()
         assert ("left out" in found.warnings[0]) == (start > 0)
 
 
+@pytest.mark.parametrize("finger", ["RightHandIndex2", "LeftHandThumb1", "LeftHandPinky3"])
+@pytest.mark.parametrize("at_end", [False, True])
+def test_fingers_that_flip_while_arms_rise_or_sink_are_named_and_nothing_is_left_out(finger: str, at_end: bool) -> None:
+    joint, flip = MOTHER.skeleton.index[f"mixamorig:{finger}"], rotation.exp([0.0, 0.3, 2.4])
+    local = np.array(MOTHER.local_rotations)
+    flipped = slice(-9, None) if at_end else slice(0, 9)
+    local[flipped, joint] = rotation.multiply(local[flipped, joint], flip)
+    step = len(local) - 10 if at_end else 8
+    turned = np.rad2deg(rotation.angle_between(local[step, joint], local[step + 1, joint]))
+    assert turned > 90.0
+    found = stray_frames(replace(MOTHER, local_rotations=local, channels=None))
+    assert (found.start, found.stop) == (0, len(MOTHER))
+    line = f"mixamorig:{finger} turns by {turned:.0f} degrees from frame {step} to {step + 1}: a fault of the capture?"
+    assert found.warnings == (line,)
+
+
+def test_a_jump_of_an_arm_is_found_while_a_finger_flips_back_and_forth() -> None:
+    arm, finger = (MOTHER.skeleton.index[f"mixamorig:{name}"] for name in ("LeftArm", "LeftHandRing2"))
+    local = np.array(MOTHER.local_rotations)
+    local[:6, arm] = rotation.multiply(local[:6, arm], rotation.exp([0.0, 0.0, np.deg2rad(80.0)]))
+    local[2:14:2, finger] = rotation.multiply(local[2:14:2, finger], rotation.exp([0.0, 0.0, 2.4]))
+    assert stray_frames(replace(MOTHER, local_rotations=local, channels=None)).start == 6
+
+
 def test_a_body_that_stands_elsewhere_for_a_frame_is_left_out() -> None:
     positions = np.array(MOTHER.root_positions)
     positions[0] += 50.0

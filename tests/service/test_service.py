@@ -7,7 +7,7 @@ import json
 import struct
 import subprocess
 import sys
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +18,16 @@ from pydantic import TypeAdapter
 from websockets.sync.client import ClientConnection
 
 import generate
+from other_rigs import on_other_rig
 from reference_poses import arms_out, with_pose
 from serving import PATIENCE_S, stream_client
 from signsplice.cli.commands import app
 from signsplice.errors import MissingExtraError
 from signsplice.formats import bvh, glb, parse, save
 from signsplice.lexicon import shipped
+from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
+from signsplice.rig.inspection import inspect
 from signsplice.service import page, stream_messages, wire
 from signsplice.service.wire import json_type
 from signsplice.splicing import report as reports
@@ -342,6 +345,15 @@ def test_view_writes_a_page_that_holds_the_clip(tmp_path: Path, words: dict[str,
     assert content["live"] is False
     assert base64.b64decode(content["scenes"][0]["files"]["bvh"]) == bvh.encode(words["DEAF"])
     assert content["scenes"][0]["report"]["spans"][0]["output"] == [0, len(words["DEAF"])]
+
+
+def test_the_service_names_whatever_inspect_names(service: httpx.Client, words: dict[str, Clip]) -> None:
+    odd = replace(on_other_rig(words["SIGN"], np.asarray(rotation.IDENTITY), 1e-3)[30:45], name="odd")
+    files = [("files", (f"{clip.name}.bvh", bvh.encode(clip))) for clip in (words["DEAF"], odd)]
+    warnings = service.post("/v1/splice", files=files).json()["report"]["warnings"]
+    named = inspect(bvh.parse(bvh.encode(odd), "odd.bvh"))["warnings"]
+    assert len(named) == 2
+    assert set(warnings) == {f"odd: {line}" for line in named}
 
 
 def test_the_service_names_frames_that_do_not_belong(service: httpx.Client, words: dict[str, Clip]) -> None:

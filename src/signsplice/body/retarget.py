@@ -19,14 +19,18 @@ from signsplice.body.posed import PosedBody, posed_body
 from signsplice.body.thumb_contacts import keep_thumb_contacts
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
-from signsplice.rig.align import Reference, copy_rotations, is_same_skeleton, settle
+from signsplice.rig.align import Reference, copy_rotations, settle
 from signsplice.rig.arms import active_span, arms
 from signsplice.rig.info import rig_info
+from signsplice.rig.inspection import clip_warnings
 from signsplice.rig.naming import SIDES
 from signsplice.rig.placement import placement
+from signsplice.rig.rest_pose import with_rest_pose
 
 ALIKE = 0.005
-"""Bodies whose arms, shoulders and hands differ by a smaller fraction than this are one body: rotations are enough."""
+"""Bodies whose arms, shoulders and hands, as parts of stature, differ by a smaller fraction than this are one body:
+rotations are enough.
+"""
 _SHORT = 0.1
 """Lengths below this part of the longest are compared as if they were as long."""
 BEYOND_M = 0.02
@@ -62,11 +66,13 @@ def retarget(clip: Clip, onto: Clip | Skeleton) -> Retargeted:
     if not isinstance(onto, Clip | Skeleton):
         what = f"{onto!r:.60}" if isinstance(onto, str) else f"a {type(onto).__name__}"
         raise TypeError(f"onto is {what}, expected a clip or an avatar; a file's is load(path) or read_avatar(path)")
-    skeleton = onto if isinstance(onto, Skeleton) else onto.skeleton
+    clip = with_rest_pose(clip)
+    skeleton = onto if isinstance(onto, Skeleton) else with_rest_pose(onto).skeleton
     held = np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), 1)) if isinstance(onto, Skeleton) else onto.local_rotations[0]
     name = onto.name if isinstance(onto, Clip) else onto.label if isinstance(onto, Avatar) else "the skeleton"
     done = _fitted(clip, Reference(skeleton, clip.fps, placement(clip), held, name))
-    return replace(done, warnings=(*onto.warnings, *done.warnings)) if isinstance(onto, Avatar) else done
+    lines = [f"{clip.name}: {line}" for line in clip_warnings(clip)]
+    return replace(done, warnings=(*(onto.warnings if isinstance(onto, Avatar) else ()), *lines, *done.warnings))
 
 
 def align(clip: Clip, to: Reference, speed: float = 1.0) -> Retargeted:
@@ -122,30 +128,30 @@ def _fade_in(n_frames: int, is_later: bool) -> FloatArray:
 
 
 def _fitted(clip: Clip, to: Reference) -> Retargeted:
-    carried, warnings = copy_rotations(clip, to, by_role=isinstance(to.skeleton, Avatar))
+    carried, warnings, is_one_body = copy_rotations(clip, to, by_role=isinstance(to.skeleton, Avatar))
     source, target = clip.skeleton, to.skeleton
     has_arms = rig_info(source).has_arms and rig_info(target).has_arms
-    if (
-        (is_same_skeleton(source, target) and not isinstance(target, Avatar))
-        or not has_arms
-        or _is_alike(source, target)
-    ):
+    if (is_one_body and not isinstance(target, Avatar)) or not has_arms or _is_alike(source, target):
         return Retargeted(carried, warnings)
     fitted = fit_body(clip, body_capsules(source), carried, body_capsules(target))
     return Retargeted(fitted.clip, (*warnings, *fitted.warnings), fitted.contacts)
 
 
 def _is_alike(a: Skeleton, b: Skeleton) -> bool:
-    """Whether two bodies have the same proportions and size where it counts for hands."""
+    """Whether two bodies have the same proportions where it counts for hands, in whatever unit and size; an avatar has
+    the same size too.
+    """
     sizes = []
     for skeleton in (a, b):
-        info, body = rig_info(skeleton), body_capsules(skeleton)
+        own, body = rig_info(skeleton).sizes, body_capsules(skeleton)
+        has_skin = isinstance(a, Avatar) or isinstance(b, Avatar)  # its own; that of others follows from bones
+        scale = own.unit.metres if has_skin else 1.0 / own.stature
         lengths = dict(zip(body.keys, np.linalg.norm(body.ends - body.starts, axis=-1), strict=True))
-        kept = {key: info.sizes.unit.metres * float(length) for key, length in lengths.items()}
-        if isinstance(a, Avatar) or isinstance(b, Avatar):  # their skin is their own; that of others follows from bones
-            kept |= {f"{key} {k}": 2.0 * info.sizes.unit.metres * float(body.radii[n, k])
+        kept = {key: scale * float(length) for key, length in lengths.items()}
+        if has_skin:
+            kept |= {f"{key} {k}": 2.0 * scale * float(body.radii[n, k])
                      for n, key in enumerate(body.keys) for k in (0, 1)}  # fmt: skip
-        sizes.append({**kept, "shoulders": info.sizes.unit.metres * info.sizes.shoulder_width})
+        sizes.append({**kept, "shoulders": scale * own.shoulder_width})
     one, two = sizes
     longest = max(one.values())
     return one.keys() == two.keys() and all(

@@ -26,7 +26,7 @@ OUTPUT_SUFFIXES = (*formats.WRITE_SUFFIXES, *PICTURE_SUFFIXES)
 """Suffixes that ``write`` writes, for help texts."""
 Spans = Sequence[tuple[str, str, int, int]]
 """Kind, name, first frame and end of each span."""
-_LIFTED = f"{__name__}.lifted"
+_LIFTED, _REST_FRAME = f"{__name__}.lifted", f"{__name__}.rest_frame"
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -51,6 +51,23 @@ def reads_rigs(command: Command) -> Command:
     return ROLES(reads_clips(command))
 
 
+def reads_poses(command: Command) -> Command:
+    """Add the options of clips that are shown or spliced: ``reads_rigs``, and the frame that shows the rest pose."""
+
+    @click.option(
+        "--rest-frame",
+        type=click.IntRange(0),
+        metavar="N",
+        help="Frame with the rest pose, for rigs whose zero pose shows no person.  [default: the first that shows one]",
+    )
+    @wraps(command)
+    def with_frame(*args: Any, rest_frame: int | None, **options: Any) -> Any:
+        click.get_current_context().meta[_REST_FRAME] = rest_frame
+        return command(*args, **options)
+
+    return reads_rigs(with_frame)  # type: ignore[return-value]
+
+
 def limits() -> ReadLimits:
     """The limits of the clips that the present command reads."""
     return NO_LIMITS if click.get_current_context().meta.get(_LIFTED) else DEFAULT_LIMITS
@@ -64,8 +81,18 @@ def load(path: str, roles: str | None = None, warns: bool = True) -> Clip:
     if warns and (clip.left_out or clip.notes):
         from signsplice.motion.clip import left_out_warnings
 
-        warn(left_out_warnings(clip))
-    return clip if roles is None else with_roles([clip], roles)[0]
+        warn(f"{clip.name}: {line}" for line in left_out_warnings(clip))
+    return posed(clip if roles is None else with_roles([clip], roles)[0])
+
+
+def posed(clip: Clip) -> Clip:
+    """A clip with the rest pose of the frame that the present command names, or of its own."""
+    from signsplice.rig.rest_pose import rests_as_person, with_rest_pose
+
+    frame = click.get_current_context().meta.get(_REST_FRAME)
+    if frame is not None and rests_as_person(clip.skeleton):
+        warn([f"{clip.name}: its zero pose shows a person; --rest-frame is not for it"])
+    return with_rest_pose(clip, frame)
 
 
 def load_avatar(path: str, roles: str | None = None) -> Avatar:

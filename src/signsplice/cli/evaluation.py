@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from signsplice.cli.aliases import FormerlyOptions, formerly_a_flag
-from signsplice.cli.clips import limits, load, reads_clips
+from signsplice.cli.clips import limits, load, reads_poses
 from signsplice.cli.options import AS_JSON, BUNDLE, preset, two_numbers
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError
@@ -55,14 +55,14 @@ def _measures(measure: Callable[..., Measured]) -> click.Command:
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
 @_FPS
 @BUNDLE
-@reads_clips
-def clips(files: tuple[str, ...], fps: float | None, bundle: str | None) -> Measured:
+@reads_poses
+def clips(files: tuple[str, ...], fps: float | None, bundle: str | None, roles: str | None) -> Measured:
     """Transitions on frames hidden from clips."""
     from signsplice.evaluation.hidden_frames import SIGNATURE, hidden_frames, table
     from signsplice.splicing.methods.transition import TRANSITIONS
 
     transitions = [*TRANSITIONS.values(), *_learned_transition(bundle)]
-    loaded = _loaded(files, fps)
+    loaded = _loaded(files, fps, roles)
     with progress("evaluate") as advance:
         rows = hidden_frames(loaded, transitions, progress=advance)
     return SIGNATURE, rows, table(rows, loaded)
@@ -105,8 +105,10 @@ def pairs(folder: str, limit: int | None, bundle: str | None) -> Measured:
               "repeated.")  # fmt: skip
 @click.option("--picture", metavar="FILE.png", help="Also draw eight words on five bodies; takes minutes.")
 @_FPS
-@reads_clips
-def bodies(n_words: int | None, files: tuple[str, ...], picture: str | None, fps: float | None) -> Measured:
+@reads_poses
+def bodies(
+    n_words: int | None, files: tuple[str, ...], picture: str | None, fps: float | None, roles: str | None
+) -> Measured:
     """What words (40 that ship), or clips, keep on other bodies."""
     from signsplice.evaluation import bodies as measuring
 
@@ -115,7 +117,7 @@ def bodies(n_words: int | None, files: tuple[str, ...], picture: str | None, fps
     if picture is not None and Path(picture).suffix.lower() != ".png":
         raise InputError(f"--picture {picture}, expected a name that ends in .png")
     if files:
-        drawn, words = None, _loaded(files, fps)
+        drawn, words = None, _loaded(files, fps, roles)
         aside = words
     else:
         drawn = 40 if n_words is None else n_words
@@ -189,11 +191,11 @@ def _frame_range(text: str) -> tuple[int, int]:
     return first, stop
 
 
-def _loaded(files: tuple[str, ...], fps: float | None) -> list[Clip]:
+def _loaded(files: tuple[str, ...], fps: float | None, roles: str | None) -> list[Clip]:
     """The clips, at another rate where one is given."""
     from signsplice.motion.clip import resample
 
-    loaded = [load(file) for file in files]
+    loaded = [load(file, roles) for file in files]
     if fps is None:
         return loaded
     for clip in loaded:

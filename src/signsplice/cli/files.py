@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from signsplice.cli.clips import Spans, check_outputs, load, load_avatar, reads_clips, reads_rigs, write
+from signsplice.cli.clips import Spans, check_outputs, load, load_avatar, reads_poses, write
 from signsplice.cli.options import AS_JSON, preset, two_numbers
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
@@ -19,7 +19,7 @@ from signsplice.render import PICTURE_SUFFIXES
 @click.command()
 @click.argument("file", metavar="FILE")
 @AS_JSON
-@reads_rigs
+@reads_poses
 def inspect(file: str, as_json: bool, roles: str | None) -> None:
     """Show a clip's rig, roles found, rate, frames, units, rest spans and warnings."""
     from signsplice.rig.inspection import inspect as inspect_clip
@@ -49,7 +49,7 @@ def inspect(file: str, as_json: bool, roles: str | None) -> None:
 @click.option(
     "--report", metavar="R.json", help="With --onto or --avatar: write what the hands touch, before and after."
 )
-@reads_rigs
+@reads_poses
 def convert(
     source: str, output: str, onto: str | None, avatar: str | None, report: str | None, roles: str | None
 ) -> None:
@@ -88,14 +88,14 @@ def convert(
 @click.option(
     "--size", metavar="WxH", help="Of a film, pixels, e.g. 1920x1080.  [default: .mp4 1080x1080, .gif 480x480]"
 )
-@reads_clips
-def render(source: str, output: str, report: str | None, view: str, size: str | None) -> None:
+@reads_poses
+def render(source: str, output: str, report: str | None, view: str, size: str | None, roles: str | None) -> None:
     """Draw the signer: a contact sheet (.png), or a film (.gif, .mp4)."""
     if Path(output).suffix.lower() not in PICTURE_SUFFIXES:
         expected = f"expected a name that ends in {', '.join(PICTURE_SUFFIXES)}"
         raise InputError(f"{output}: {expected}; use convert for other files")
-    check_outputs(output, inputs=[source, report])
-    clip = load(source)
+    check_outputs(output, inputs=[source, report, roles])
+    clip = load(source, roles)
     spans: Spans = ()
     if report is not None:
         from signsplice.splicing import report as reports

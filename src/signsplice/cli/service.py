@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import check_output, load, reads_rigs
+from signsplice.cli.clips import check_output, load, reads_poses
 from signsplice.cli.options import LEXICON, preset
 from signsplice.cli.terminal import require
 from signsplice.errors import InputError
@@ -73,7 +73,7 @@ def serve(limits: tuple[str, ...], allow_origin: tuple[str, ...], **given: Any) 
 @click.option("--port", type=int, default=0, metavar="N", help="Port.  [default: any free one]")
 @LEXICON
 @click.option("--browser/--no-browser", default=True, help="Open the page in a browser.  [default: yes]")
-@reads_rigs
+@reads_poses
 def view(
     files: tuple[str, ...],
     reports: tuple[str, ...],

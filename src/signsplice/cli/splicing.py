@@ -19,7 +19,8 @@ from signsplice.cli.clips import (
     check_outputs,
     limits,
     load,
-    reads_rigs,
+    posed,
+    reads_poses,
     with_roles,
     write,
 )
@@ -48,7 +49,7 @@ _joining_options = added(
         help="Keep hands out of head, trunk and each other in transitions.  [default: if the transition is learned]",
     ),
     click.option("--report", metavar="R.json", help="Write spans, seams and timing to this JSON file."),
-    reads_rigs,
+    reads_poses,
 )
 _splicing_options = added(
     click.option(
@@ -140,6 +141,7 @@ def sentence(
         clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(line)}
     if roles is not None:
         clips = dict(zip(clips, with_roles(list(clips.values()), roles), strict=True))
+    clips = {gloss: posed(clip) for gloss, clip in clips.items()}
     load_ms = 1e3 * (time.perf_counter() - began)
     note(unit.note for unit in units if unit.note)
     warn(unit.warning for unit in units if unit.warning)

@@ -179,11 +179,11 @@ def _both(source: SourceClip, skeleton: Skeleton, shape: BodyShape) -> tuple[_Ma
     copy_rotations(clip[:1], to)  # what is kept of both rigs belongs to neither time
     CACHE.forget(clip)
     start = time.process_time()
-    carried, _ = copy_rotations(clip, to)
+    carried = copy_rotations(clip, to)[0]
     plain = time.process_time() - start
     CACHE.forget(clip)
     start = time.process_time()
-    again, _ = copy_rotations(clip, to)
+    again = copy_rotations(clip, to)[0]
     result = fit_body(clip, source.body, again, body)
     fitted = time.process_time() - start
     short = max([0.0, *(0.01 * float(cm) for line in result.warnings for cm in re.findall(r"(\d+) cm", line))])

@@ -57,7 +57,7 @@ def _row(word: Clip) -> list[Image]:
         skeleton = stretched(word.skeleton, BODIES[name])
         other = shaped_capsules(skeleton, BODIES[name].shape)
         to = Reference(skeleton, word.fps, placement(word), word.local_rotations[0], name)
-        carried, _ = copy_rotations(word, to)
+        carried = copy_rotations(word, to)[0]
         if name == SHOWN[0]:
             pictures.append(_both_views(carried, other, frame))
         pictures.append(_both_views(fit_body(word, body, carried, other).clip, other, frame))

@@ -62,14 +62,22 @@ WIRE_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.media_type)
 """Suffixes that ``parse`` reads: those of the HTTP service, which also sends them."""
 
 
-def load(path: str | Path, limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
+def load(path: str | Path, limits: ReadLimits = DEFAULT_LIMITS, rest_frame: int | None = None) -> Clip:
     """The clip in a file, by its suffix, one of ``READ_SUFFIXES``.
+
+    rest_frame: the frame whose pose is the rest pose where the rig shows no person with all rotations zero; by default
+        the first that shows one.
 
     Raises ``InputError`` for another suffix or a file that cannot be read, ``FormatError`` for whatever is wrong with
     its content, and ``LimitError`` where that asks for more than ``limits``, which ``NO_LIMITS`` lifts.
     """
     row = _format(path, "read", READ_SUFFIXES)
-    return _parsed(row, read_bytes(path, limits.file_bytes), str(path), limits, Path(path).parent)
+    clip = _parsed(row, read_bytes(path, limits.file_bytes), str(path), limits, Path(path).parent)
+    if rest_frame is None:
+        return clip
+    from signsplice.rig.rest_pose import with_rest_pose
+
+    return with_rest_pose(clip, rest_frame)
 
 
 def parse(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> Clip:

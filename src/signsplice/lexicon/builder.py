@@ -16,6 +16,7 @@ from signsplice.lexicon.entry import Entry, fold, gloss_of, kind_of
 from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, encode, fingerprint
 from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
 from signsplice.rig.arms import active_span, arms
+from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.rig.stray_frames import stray_frames
 
 
@@ -162,6 +163,7 @@ def rest_frames(clip: Clip) -> tuple[int | None, int | None]:
     known.
     """
     try:
+        clip = with_rest_pose(clip)
         stray = stray_frames(clip)
         start, stop = active_span(arms(clip[stray.start : stray.stop]))
     except InputError:

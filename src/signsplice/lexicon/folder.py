@@ -19,9 +19,9 @@ from signsplice.lexicon.builder import Builder, SharedSkeletons, building, check
 from signsplice.lexicon.entry import Entry, fold, gloss_of
 from signsplice.lexicon.frames import encode
 from signsplice.lexicon.glosses import COLUMNS, TABLE, GlossRow
-from signsplice.motion.clip import Clip, left_out_warnings
+from signsplice.motion.clip import Clip
 from signsplice.progress import Progress, counted
-from signsplice.rig.stray_frames import stray_frames
+from signsplice.rig.inspection import clip_warnings
 
 
 @dataclass(frozen=True)
@@ -132,13 +132,12 @@ def build(
         )
         raise InputError(faults[0] + more)
     warnings: list[str] = []
-    n_letters = n_without_arms = 0
+    n_letters = 0
     with building(output, compact=compact) as builder:
         for source in counted(sources, progress):
             try:
                 entry = _add(builder, source, roles, limits, warnings)
                 n_letters += entry.kind == "letter"
-                n_without_arms += entry.rest_before is None
             except InputError as error:
                 if not skip_broken:
                     raise InputError(
@@ -148,8 +147,6 @@ def build(
                 warnings.append(f"{error}; left out")
         if not builder.n_words:
             raise InputError(f"{folder}: every clip is broken, the first one: {warnings[0]}")
-    if n_without_arms:
-        warnings.append(f"{n_without_arms} clips have arms that are not known by name: name them with a roles file")
     return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, tuple(warnings))
 
 
@@ -187,13 +184,10 @@ def _add(
 
 
 def _warnings(clip: Clip, source: Source) -> list[str]:
-    """Lines about what a clip's file holds and the clip does not, and about frames that do not belong to it; none about
-    those where its roles do not fit, which ``splice`` says.
-    """
-    lines = [line.removeprefix(f"{clip.name}: ") for line in left_out_warnings(clip)]
+    """What a user should know about a clip; nothing where its roles do not fit, which ``splice`` says."""
     with suppress(InputError):
-        lines += stray_frames(clip).warnings
-    return [f"{source.path}: {line}" for line in lines]
+        return [f"{source.path}: {line}" for line in clip_warnings(clip)]
+    return []
 
 
 def _read(source: Source, roles: Mapping[str, str] | None, limits: ReadLimits) -> Clip:

@@ -18,7 +18,7 @@ from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, d
 from signsplice.lexicon.index import INDEX, REBUILD, ClipLocation, Head, Index
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.progress import Progress
-from signsplice.rig.stray_frames import stray_frames
+from signsplice.rig.inspection import clip_warnings
 
 SHIPPED = Path(__file__).parent / "words"
 _MIN_SIMILARITY = 0.55
@@ -151,10 +151,10 @@ class Lexicon:
             self._verify(entry, location)
 
     def warnings(self, progress: Progress | None = None) -> Iterator[str]:
-        """What a user should know about words that can be read, one line each: frames that do not belong to them."""
+        """What a user should know about words that can be read, one line each."""
         for entry, location in self._words(progress):
             with suppress(InputError):  # ``faults`` names it
-                for line in stray_frames(self._clip(entry, location)).warnings:
+                for line in clip_warnings(self._clip(entry, location)):
                     yield f"{self.path}: word {entry.gloss[:40]!r}: {line}"
 
     def _words(self, progress: Progress | None) -> Iterator[tuple[Entry, ClipLocation]]:

@@ -69,6 +69,8 @@ class Skeleton:
     offsets: (J, 3) rest translation from the parent, in the parent's frame, in the clip's length unit.
     end_sites: bone tips.
     roles: role -> joint name, where a user names them because the joint names are not known (``rig.roles``).
+    rest_pose: (J, 4) local rotations with which it shows a person, where it shows none with all at identity
+        (``rig.rest_pose``); else None.
 
     Raises ``InputError`` where these do not fit together.
     """
@@ -78,6 +80,7 @@ class Skeleton:
     offsets: FloatArray
     end_sites: tuple[EndSite, ...] = ()
     roles: Mapping[str, str] | None = None
+    rest_pose: FloatArray | None = None
 
     def __post_init__(self) -> None:
         parents = np.asarray(self.parents, np.intp).view()
@@ -241,13 +244,12 @@ class Clip:
 
 
 def left_out_warnings(clip: Clip) -> tuple[str, ...]:
-    """Lines about what a clip's file holds and the clip does not, or otherwise; none where there is nothing."""
-    notes = tuple(f"{clip.name}: {note}" for note in clip.notes)
+    """Lines about what a clip's file holds and the clip does not, or otherwise, without its name."""
     if not clip.left_out:
-        return notes
+        return clip.notes
     some, n_more = clip.left_out[:_NAMED], len(clip.left_out) - _NAMED
     more = f" and {n_more} more" if n_more > 0 else ""
-    return (f"{clip.name}: {', '.join(some)}{more} left out: a clip holds the motion of joints alone", *notes)
+    return (f"{', '.join(some)}{more} left out: a clip holds the motion of joints alone", *clip.notes)
 
 
 def same_fps(a: float, b: float) -> bool:

@@ -9,6 +9,7 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
+from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import kept
 from signsplice.motion.clip import Clip, Skeleton
@@ -136,6 +137,14 @@ def tip_positions(clip: Clip, global_rotations: FloatArray, global_positions: Fl
     joints = [site.joint for site in sites]
     offsets = np.array([site.offset for site in sites]).reshape(-1, 3)
     return np.asarray(global_positions[:, joints] + np.einsum("teab,eb->tea", global_rotations[:, joints], offsets))
+
+
+def global_quats(skeleton: Skeleton, local_quats: FloatArray) -> FloatArray:
+    """Global rotations (..., J, 4) of local ones (..., J, 4)."""
+    out = np.array(local_quats)
+    for joint in range(1, len(skeleton)):
+        out[..., joint, :] = rotation.multiply(out[..., skeleton.parents[joint], :], out[..., joint, :])
+    return out
 
 
 def rest_positions(skeleton: Skeleton) -> FloatArray:

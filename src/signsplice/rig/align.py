@@ -16,8 +16,9 @@ from signsplice.errors import RigMismatchError
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, resample
-from signsplice.motion.kinematics import forward, rest_positions
+from signsplice.motion.kinematics import forward, global_quats, rest_positions
 from signsplice.rig.info import rig_info
+from signsplice.rig.one_body import IDENTICAL, axes_on_one_body, bones_apart, size_ratio
 from signsplice.rig.placement import Placement, place, placement
 
 SAME_DIRECTION_DEG = 20.0
@@ -56,33 +57,47 @@ def settle(carried: Clip, to: Reference, speed: float = 1.0) -> Clip:
     return resample(place(carried, to.placement), to.fps, speed)
 
 
-def copy_rotations(clip: Clip, to: Reference, by_role: bool = False) -> tuple[Clip, tuple[str, ...]]:
-    """The clip on the reference's skeleton, and the warning about joints that hold their pose, those of the reference
-    without a counterpart. Every bone points where it pointed; the clip stays where it is, and what needs no change
-    keeps its exact numbers. On another body hands lose places and contacts, which ``body.retarget`` keeps. Raises
-    ``RigMismatchError`` where the two rigs have nothing in common.
+def copy_rotations(clip: Clip, to: Reference, by_role: bool = False) -> tuple[Clip, tuple[str, ...], bool]:
+    """The clip on the reference's skeleton; warnings, about joints that hold their pose, those of the reference without
+    a counterpart, and about axes of joints that its rest pose does not show; and whether the two are one body.
+
+    Every bone points where it pointed; the clip stays where it is, and what needs no change keeps its exact numbers. On
+    another body hands lose places and contacts, which ``body.retarget`` keeps. Raises ``RigMismatchError`` where the
+    two rigs have nothing in common.
 
     by_role: whether joints of the same names are still taken for joints of two rigs: rest poses of one rig that differ
         by some degrees are else taken for the same.
     """
     source, target = clip.skeleton, to.skeleton
     if source is target or is_same_skeleton(source, target):
-        return (clip if source is target else replace(clip, skeleton=target)), ()
-    counterpart = None if by_role else _by_name(source, target)
-    if counterpart is not None:
-        local = _transfer(clip, target, counterpart, to.held_pose)
-        scale = _size_ratio(source, target, counterpart)
-    else:
-        counterpart = _by_role(clip, to)
-        ours, theirs = rig_info(target), rig_info(source)
-        t_poses = theirs.t_pose.rotations, ours.t_pose.rotations
-        local = _transfer(clip, target, counterpart, to.held_pose, *t_poses)
-        scale = ours.sizes.stature / theirs.sizes.stature if theirs.sizes.stature > 0.0 else 1.0
-    held = [target.names[j] for j in range(len(target)) if j not in counterpart]
-    warnings: tuple[str, ...] = ()
+        return (clip if source is target else replace(clip, skeleton=target)), (), True
+    named, found = None if by_role else _by_name(source, target), None
+    is_copied = named is not None and _rest_alike(source, target, named)
+    is_one_body = named is not None and is_copied and bones_apart(source, target, named) < IDENTICAL
+    if named is not None and not is_one_body:
+        found = axes_on_one_body(clip, target, to.name, named)
+    counterpart = named if named is not None and (is_copied or found) else _by_role(clip, to)
+    if named is None and not by_role:
+        found = axes_on_one_body(clip, target, to.name, counterpart)
+    t_poses: tuple[FloatArray, FloatArray] | tuple[()] = ()
+    if found is not None:
+        t_poses = found.poses
+    elif not is_copied:
+        t_poses = rig_info(source).t_pose.rotations, rig_info(target).t_pose.rotations
+    local = _transfer(clip, target, counterpart, to.held_pose, *t_poses)
+    scale = size_ratio(source, target, counterpart)
+    if found is None and not is_copied and (theirs := rig_info(source).sizes.stature) > 0.0:
+        scale = rig_info(target).sizes.stature / theirs
+    warnings = () if found is None else found.warnings
+    held = [
+        target.names[j]
+        for j in range(len(target))
+        if j not in counterpart and (target.children[j] or j in rig_info(target).roles.role_of)  # else nothing moves
+    ]
     if held:
         shown = ", ".join(held[:6]) + (f" and {len(held) - 6} more" if len(held) > 6 else "")
-        warnings = (f"{clip.name}: no counterpart for {len(held)} joints of {to.name}, which hold their pose: {shown}",)
+        line = f"{clip.name}: no counterpart for {len(held)} joints of {to.name}, which hold their pose: {shown}"
+        warnings = (*warnings, line)
     # The file's Euler angles describe another rig's rotations: they are not carried over.
     carried = Clip(target, local, clip.root_positions * scale, clip.fps, clip.name)
     hips = rig_info(target).roles.joints.get("hips", 0)
@@ -91,7 +106,7 @@ def copy_rotations(clip: Clip, to: Reference, by_role: bool = False) -> tuple[Cl
         wanted = scale * forward(clip, [counterpart[hips]])[1][:, 0]
         shift = wanted - forward(carried, [hips])[1][:, 0]
         carried = replace(carried, root_positions=carried.root_positions + shift)
-    return carried, warnings
+    return carried, warnings, is_one_body or found is not None
 
 
 def is_same_skeleton(a: Skeleton, b: Skeleton) -> bool:
@@ -104,11 +119,14 @@ def is_same_skeleton(a: Skeleton, b: Skeleton) -> bool:
 
 
 def _by_name(source: Skeleton, target: Skeleton) -> dict[int, int] | None:
-    """Target joint -> source joint for two skeletons of one rig, None where they are not."""
+    """Target joint -> source joint for two skeletons that have most names in common, None where they have not."""
     index = {name: j for j, name in enumerate(rig_info(source).simple_names)}
     pairs = {j: index[name] for j, name in enumerate(rig_info(target).simple_names) if name in index}
-    if len(pairs) < 0.5 * min(len(source), len(target)):
-        return None
+    return None if len(pairs) < 0.5 * min(len(source), len(target)) else pairs
+
+
+def _rest_alike(source: Skeleton, target: Skeleton, pairs: Mapping[int, int]) -> bool:
+    """Whether two skeletons are one rig's: with all rotations at identity their bones point alike."""
     rest_source, rest_target = rest_positions(source), rest_positions(target)
     role_of = rig_info(target).roles.role_of
     agree = total = 0
@@ -122,8 +140,8 @@ def _by_name(source: Skeleton, target: Skeleton) -> dict[int, int] | None:
             total += 1
             agree += bool(a @ b >= np.cos(np.deg2rad(SAME_DIRECTION_DEG)) * length)
             if _carries_a_hand(role_of.get(parent, "")) and a @ b < np.cos(np.deg2rad(SAME_ARM_DEG)) * length:
-                return None
-    return pairs if total and agree >= 0.9 * total else None
+                return False
+    return bool(total and agree >= 0.9 * total)
 
 
 def _carries_a_hand(role: str) -> bool:
@@ -147,19 +165,6 @@ def _first_names(skeleton: Skeleton) -> str:
     return ", ".join(skeleton.names[:3]) + (", ..." if len(skeleton) > 3 else "")
 
 
-def _size_ratio(source: Skeleton, target: Skeleton, pairs: Mapping[int, int]) -> float:
-    """Median ratio of bone lengths target / source."""
-    lengths = np.array(
-        [
-            (np.linalg.norm(target.offsets[j]), np.linalg.norm(source.offsets[k]))
-            for j, k in pairs.items()
-            if target.parents[j] >= 0 and pairs.get(int(target.parents[j])) == source.parents[k]
-        ]
-    )
-    lengths = lengths[(lengths > 1e-9).all(axis=1)] if len(lengths) else lengths.reshape(0, 2)
-    return float(np.median(lengths[:, 0] / lengths[:, 1])) if len(lengths) else 1.0
-
-
 def _transfer(
     clip: Clip,
     target: Skeleton,
@@ -176,7 +181,7 @@ def _transfer(
     """
     source = clip.skeleton
     plain = source_t_pose is None or target_t_pose is None
-    source_globals = _global_rotations(clip)
+    source_globals = global_quats(source, clip.local_rotations)
     out = np.empty((len(clip), len(target), 4))
     globals_: list[FloatArray] = []
     for joint in range(len(target)):
@@ -187,7 +192,7 @@ def _transfer(
             out[:, joint] = held_pose[joint]
             globals_.append(rotation.multiply(over, held_pose[joint]))
             continue
-        wanted = source_globals[other]
+        wanted = source_globals[:, other]
         if source_t_pose is not None and target_t_pose is not None:
             change = rotation.multiply(rotation.inverse(source_t_pose[other]), target_t_pose[joint])
             wanted = rotation.multiply(wanted, change)
@@ -198,12 +203,3 @@ def _transfer(
             out[:, joint] = rotation.normalize(rotation.multiply(rotation.inverse(over), wanted))
         globals_.append(wanted)
     return out
-
-
-def _global_rotations(clip: Clip) -> list[FloatArray]:
-    rotations: list[FloatArray] = []
-    for joint in range(len(clip.skeleton)):
-        local = clip.local_rotations[:, joint]
-        parent = clip.skeleton.parents[joint]
-        rotations.append(local if parent < 0 else rotation.multiply(rotations[parent], local))
-    return rotations

@@ -8,12 +8,18 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.motion import rotation
+from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, left_out_warnings
 from signsplice.rig.arms import active_span, arms
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import placement
-from signsplice.rig.proportions import LengthUnit
+from signsplice.rig.rest_pose import rest_frame, rests_as_person, with_rest_pose
 from signsplice.rig.stray_frames import stray_frames
+
+_RAISED, _BEHIND = 0.4, 0.15
+"""Height of a wrist (``Arms.lift``) from which on it signs, and how far behind the shoulders, in arm lengths, it is in
+half of such frames where left and right are exchanged: no sign is made at one's back.
+"""
 
 
 def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
@@ -22,8 +28,11 @@ def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
     info = rig_info(skeleton)
     humanoid, unit = info.roles, info.sizes.unit
     stands = placement(clip)
-    warnings: list[str] = []
-    facts: dict[str, Any] = {
+    try:
+        rest = [f"frames {a} to {b - 1}" for a, b in _rest_spans(clip) if b > a]
+    except InputError:
+        rest = []
+    return {
         "file": file or clip.name,
         "rig": humanoid.rig,
         "joints": len(skeleton),
@@ -36,21 +45,23 @@ def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
         "up": _axis(stands.up),
         "forward": _axis(stands.forward),
         "memory kB": clip.nbytes // 1024,
+        "rest": rest,
+        "roles": {role: skeleton.names[joint] for role, joint in humanoid.joints.items()},
+        "warnings": list(clip_warnings(clip)),
     }
-    try:
-        stray = stray_frames(clip)
-        start, stop = (stray.start + frame for frame in active_span(arms(clip[stray.start : stray.stop])))
-        spans = [(stray.start, start), (stop, stray.stop)]
-        facts["rest"] = [f"frames {a} to {b - 1}" for a, b in spans if b > a]
-        if all(a == b for a, b in spans):
-            warnings.append("no rest found at either end: the arms neither rise at the start nor sink at the end")
-    except InputError as error:
-        facts["rest"] = []
-        warnings.append(str(error))
-    facts["roles"] = {role: skeleton.names[joint] for role, joint in humanoid.joints.items()}
-    warnings += left_out_warnings(clip)
-    facts["warnings"] = warnings + _motion_warnings(clip) + _rig_warnings(clip, len(humanoid.joints), unit)
-    return facts
+
+
+def clip_warnings(clip: Clip) -> tuple[str, ...]:
+    """What a user should know about a clip before it is spliced, one line each, without its name; kept as long as the
+    clip lives. Raises ``InputError`` where the skeleton's own roles do not fit it.
+    """
+    return CACHE.of(clip, _clip_warnings)
+
+
+def _clip_warnings(clip: Clip) -> tuple[str, ...]:
+    rested = with_rest_pose(clip)
+    lines = [*_arm_warnings(rested), *left_out_warnings(clip), *_motion_warnings(rested), *_rig_warnings(rested)]
+    return tuple(dict.fromkeys(lines))
 
 
 def _axis(direction: np.ndarray[Any, np.dtype[np.float64]]) -> str:
@@ -58,22 +69,58 @@ def _axis(direction: np.ndarray[Any, np.dtype[np.float64]]) -> str:
     return ("-" if direction[axis] < 0 else "+") + "XYZ"[axis]
 
 
+def _rest_spans(clip: Clip) -> list[tuple[int, int]]:
+    """The frames [start, stop) of rest before and after the sign. Raises ``InputError`` where no arms are known."""
+    stray = stray_frames(clip)
+    belonging = clip if stray.stop - stray.start == len(clip) else clip[stray.start : stray.stop]
+    start, stop = (stray.start + frame for frame in active_span(arms(belonging)))
+    return [(stray.start, start), (stop, stray.stop)]
+
+
+def _arm_warnings(clip: Clip) -> list[str]:
+    """Arms that are not known, that never rest, or that sign behind the body."""
+    try:
+        spans, seen = _rest_spans(clip), arms(clip)
+    except InputError as error:
+        return [str(error)]
+    lines = []
+    if all(a == b for a, b in spans):
+        lines.append("no rest found at either end: the arms neither rise at the start nor sink at the end")
+    ahead = (seen.wrists - seen.shoulders.mean(axis=1, keepdims=True)) @ placement(clip).forward / seen.length
+    signing = ahead[seen.lift > _RAISED]
+    if len(signing) and np.median(signing) < -_BEHIND:
+        lines.append("the hands sign behind the body: left and right are exchanged, or the rig is mirrored")
+    return lines
+
+
 def _motion_warnings(clip: Clip) -> list[str]:
     """Clips that do not move, frames that do not belong, and steps too wide for a body."""
     if len(clip) < 2:
         single = "a single frame: it has no velocity, so transitions into and out of it start from rest"
         return [single, *stray_frames(clip).warnings]
-    steps = np.rad2deg(rotation.angle_between(clip.local_rotations[:-1], clip.local_rotations[1:]))
-    still = ["nothing turns: every frame is the same pose"] if steps.max() < 0.01 else []
-    return [*still, *stray_frames(clip).warnings]
+    before, after = clip.local_rotations[:-1], clip.local_rotations[1:]
+    turns = np.abs(np.einsum("tjc,tjc->tj", before, after)).min() < 0.999  # quicker than the angles of them all
+    is_still = not turns and np.rad2deg(rotation.angle_between(before, after)).max() < 0.01
+    return [*(["nothing turns: every frame is the same pose"] if is_still else []), *stray_frames(clip).warnings]
 
 
-def _rig_warnings(clip: Clip, n_roles: int, unit: LengthUnit) -> list[str]:
-    warnings = []
-    if n_roles == 0:
-        warnings.append("no role was found by the joints' names; a roles file names them")
-    if not 1.2 <= unit.stature_m <= 2.3:
-        warnings.append(f"the body would be {unit.stature_m:.2f} m tall in {unit.name}: the unit may be another")
+def _rig_warnings(clip: Clip) -> list[str]:
+    """Roles, sizes, rest poses and bones that may not be what they are taken for."""
+    info, lines = rig_info(clip.skeleton), []
+    unit = info.sizes.unit
+    if not info.roles.joints:
+        lines.append("no role was found by the joints' names; a roles file names them")
+    if unit.name == "unknown":
+        lines.append(f"no unit makes the body a person's: it is taken for one of {unit.stature_m:.2f} m")
+    elif not 1.2 <= unit.stature_m <= 2.3:
+        lines.append(f"the body would be {unit.stature_m:.2f} m tall in {unit.name}: the unit may be another")
+    if not rests_as_person(clip.skeleton):
+        if clip.skeleton.rest_pose is None:
+            lines.append("neither its zero pose nor any frame shows a person: its rest pose is not known")
+        else:
+            frame = rest_frame(clip)
+            shown = "a frame of another clip" if frame is None else f"frame {frame}"
+            lines.append(f"the zero pose shows no person: {shown} is taken as rest pose; rest_frame names another")
     if clip.translations is not None:
-        warnings.append("bone lengths change over time; transitions interpolate them")
-    return warnings
+        lines.append("bone lengths change over time; transitions interpolate them")
+    return lines

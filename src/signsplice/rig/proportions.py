@@ -17,6 +17,8 @@ STATURE_M = 1.70
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "foot": 0.3048}
 """Length unit -> metres."""
+_PERSON_M = (0.5, 2.8)
+"""Heights outside of which a body is no person's, and the unit in which it has them is none of ``UNITS``."""
 
 # Chains of joints -> length between joint centres as a fraction of stature (Drillis and Contini 1966, in Winter 2009,
 # fig. 4.1).
@@ -30,7 +32,7 @@ _SHOULDER_FRACTION = 0.259
 class LengthUnit:
     """The length unit that a skeleton seems to be in.
 
-    name: a key of ``UNITS``.
+    name: a key of ``UNITS``; "unknown" where no person has the body's height in any of them.
     metres: length of one unit.
     stature_m: body height that follows, m; 0 for a skeleton without extent.
     """
@@ -93,11 +95,14 @@ def stature(skeleton: Skeleton, roles: Humanoid) -> float:
 
 
 def length_unit(height: float) -> LengthUnit:
-    """The unit in which a body of this height (clip units) comes nearest to a grown person (m, cm, mm, inch or foot).
+    """The unit in which a body of this height (clip units) comes nearest to a grown person (m, cm, mm, inch or foot);
+    one in which it is a grown person where it is no person in any of these.
 
     A child of 1.1 m or a giant of 2.7 m is still read right; a body outside those limits may not be.
     """
     if height <= 0.0:
         return LengthUnit("m", 1.0, 0.0)
     name = min(UNITS, key=lambda unit: abs(np.log(height * UNITS[unit] / STATURE_M)))
+    if not _PERSON_M[0] <= height * UNITS[name] <= _PERSON_M[1]:
+        return LengthUnit("unknown", STATURE_M / height, STATURE_M)
     return LengthUnit(name, UNITS[name], height * UNITS[name])

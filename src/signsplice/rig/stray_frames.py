@@ -22,12 +22,15 @@ from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
 from signsplice.rig.canonical import canonical_motion
 from signsplice.rig.canonical_map import LEFT, RIGHT
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS
 
 Mask = NDArray[np.bool_]
 
 JUMP_DEG, JUMP_M_S = 60.0, 4.0
-"""A joint that turns by more in a frame, or a hand or root that moves faster, jumps; words that ship reach 3 m/s."""
+"""A joint that turns by more in a frame, or a hand or root that moves faster, jumps; words that ship reach 3 m/s.
+Fingers do not count: where a capture loses them, they flip in the midst of motion that is right.
+"""
 _ABOVE_NEIGHBOURS = 3.0
 """Times the median of two steps before and two after it that a jump is at least: fast motion gathers speed."""
 _END_S, _END_FRACTION = 0.5, 1.0 / 3.0
@@ -94,7 +97,7 @@ def _with_ends_held(clip: Clip) -> Clip:
 
 def _stray_frames(clip: Clip) -> StrayFrames:
     angles, speeds = _steps(clip)
-    jumps = _jumps(angles.max(axis=1), JUMP_DEG) | _jumps(speeds, JUMP_M_S)
+    jumps = _jumps(angles[:, _body_joints(clip.skeleton)].max(axis=1), JUMP_DEG) | _jumps(speeds, JUMP_M_S)
     reversed_clip = unchecked_copy(
         clip,
         local_rotations=clip.local_rotations[::-1],
@@ -135,6 +138,16 @@ def _steps(clip: Clip) -> tuple[FloatArray, FloatArray]:
     return angles, speeds * info.sizes.unit.metres * clip.fps
 
 
+def _body_joints(skeleton: Skeleton) -> list[int]:
+    """All joints but those below a hand."""
+    hands = {rig_info(skeleton).roles.joints.get(f"{side}Hand") for side in SIDES}
+    below: set[int] = set()
+    for joint, parent in enumerate(skeleton.parents.tolist()):
+        if parent in hands or parent in below:
+            below.add(joint)
+    return [joint for joint in range(len(skeleton)) if joint not in below]
+
+
 def _jumps(steps: FloatArray, least: float) -> Mask:
     """Which steps (T - 1,) are jumps."""
     if len(steps) < 3 or not (steps > least).any():
@@ -166,7 +179,8 @@ def _is_spike(clip: Clip, jumps: Mask, step: int) -> bool:
     near = np.flatnonzero(jumps[: step + int(_END_S * fps) + 1])
     for other in near[(near != step) & (near >= step - int(_END_S * fps))]:
         first, last = min(step, other), max(step, other) + 1  # the frames around the wrong ones
-        turned = rotation.angle_between(clip.local_rotations[first], clip.local_rotations[last]).max()
+        body = _body_joints(clip.skeleton)
+        turned = rotation.angle_between(clip.local_rotations[first, body], clip.local_rotations[last, body]).max()
         moved = metres * np.linalg.norm(clip.root_positions[last] - clip.root_positions[first])
         if np.rad2deg(turned) < JUMP_DEG and moved < JUMP_M_S / fps:
             return True

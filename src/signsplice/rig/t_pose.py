@@ -15,7 +15,7 @@ import numpy as np
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Skeleton
-from signsplice.motion.kinematics import rest_positions
+from signsplice.motion.kinematics import global_quats, rest_positions
 from signsplice.rig.roles import Humanoid
 
 # Where each bone points: role -> (role at the bone's other end, direction).
@@ -46,6 +46,8 @@ _UPRIGHT = (
     "leftFoot",
     "rightFoot",
 )
+_BENT_DEG = 20.0
+"""Last phalanges that a rest pose bends by more are straight in the T-pose; tips of straight fingers point anywhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +65,10 @@ class TPose:
 def t_pose(skeleton: Skeleton, roles: Humanoid) -> TPose:
     """The T-pose of a skeleton with these roles.
 
-    Trunk, head and feet are rotated as one, from the rest pose's own up and left. Limbs and fingers are then swung
-    until their bones point as in the T-pose. A hand follows the direction to its middle knuckle and its line of
-    knuckles. Joints without a role follow their parents.
+    Trunk, head and feet are rotated as one, from the own up and left of the rest pose: the skeleton's ``rest_pose``, or
+    all rotations at identity. Limbs and fingers are then swung until their bones point as in the T-pose, last phalanges
+    only where they are clearly bent. A hand follows the direction to its middle knuckle and its line of knuckles.
+    Joints without a role follow their parents.
     """
     rotations = _rotations(skeleton, roles.joints)
     positions = posed_positions(skeleton, rotations)
@@ -85,7 +88,8 @@ def posed_positions(skeleton: Skeleton, rotations: FloatArray) -> FloatArray:
 
 def _rotations(skeleton: Skeleton, joints: Mapping[str, int]) -> FloatArray:
     role_of = {joint: role for role, joint in joints.items()}
-    rest = rest_positions(skeleton)
+    rested = None if skeleton.rest_pose is None else global_quats(skeleton, skeleton.rest_pose)
+    rest = rest_positions(skeleton) if rested is None else posed_positions(skeleton, rested)
     upright = _upright(rest, joints)
     rotations = np.empty((len(skeleton), 4))
     for joint in range(len(skeleton)):
@@ -99,8 +103,21 @@ def _rotations(skeleton: Skeleton, joints: Mapping[str, int]) -> FloatArray:
                 q = rotation.multiply(rotation.between_vectors(bone, direction), q)
         elif role in ("leftHand", "rightHand"):
             q = _hand_to_t_pose(role.removesuffix("Hand"), rest, joints, q)
+        elif role.endswith("Distal") and "Thumb" not in role:
+            tip = _tip(skeleton, joint)
+            bone = rotation.rotate(q, tip if rested is None else rotation.rotate(rested[joint], tip))
+            out = np.array([1.0 if role.startswith("left") else -1.0, 0.0, 0.0])
+            if bone @ out < np.cos(np.deg2rad(_BENT_DEG)) * np.linalg.norm(bone):
+                q = rotation.multiply(rotation.between_vectors(bone, out), q)
         rotations[joint] = q
-    return rotations
+    return rotations if rested is None else rotation.multiply(rotations, rested)
+
+
+def _tip(skeleton: Skeleton, joint: int) -> FloatArray:
+    """From the last joint of a finger to its tip (3,), in its axes; zero where that is not known."""
+    ends = [skeleton.offsets[child] for child in skeleton.children[joint]]
+    ends += [site.offset for site in skeleton.end_sites if site.joint == joint]
+    return ends[0] if ends else np.zeros(3)
 
 
 def _upright(rest: FloatArray, joints: Mapping[str, int]) -> FloatArray:
@@ -110,7 +127,7 @@ def _upright(rest: FloatArray, joints: Mapping[str, int]) -> FloatArray:
         left, right = joints.get(f"left{part}"), joints.get(f"right{part}")
         if top is not None and left is not None and right is not None:
             across, up = rest[left] - rest[right], rest[top] - rest[joints.get("hips", 0)]
-            if np.linalg.norm(np.cross(across, up)) > 1e-9:
+            if np.linalg.norm(np.cross(across, up)) > 1e-9 * np.linalg.norm(across) * np.linalg.norm(up):
                 return _frame(across, up)
     return rotation.IDENTITY
 

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip, concatenate, left_out_warnings
+from signsplice.motion.clip import Clip, concatenate
+from signsplice.rig.inspection import clip_warnings
+from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.splicing.gap import Cut, gap_at
 from signsplice.splicing.methods import choice as methods
 from signsplice.splicing.methods.transition import Transition
@@ -30,6 +32,7 @@ def inbetween(
     """
     # No word is cut and no duration chosen here: those two methods open no network.
     chosen = methods.choose("ends", transition, "fixed", bundle)
+    clip = with_rest_pose(clip)
     ranges = _checked(gaps, len(clip))
     entries = [0, *(stop for _, stop in ranges)]  # where each stretch that is kept begins
     ends = [*(start for start, _ in ranges), len(clip)]  # and where it ends
@@ -58,7 +61,7 @@ def inbetween(
         clip=joined,
         spans=tuple(spans),
         seams=tuple(seams),
-        warnings=(*chosen.warnings, *left_out_warnings(clip)),
+        warnings=(*chosen.warnings, *(f"{clip.name}: {line}" for line in clip_warnings(clip))),
         cutter="none",
         transition=chosen.transition.name,
         timing_ms={part: 1e3 * seconds for part, seconds in timing.items()},

@@ -110,8 +110,9 @@ def _add_frames(digest: hashlib.blake2b, clip: Clip) -> None:
 
 
 def _skeleton_key(skeleton: Skeleton) -> bytes:
-    """A digest of a skeleton: names, parents, offsets, tips and roles."""
+    """A digest of a skeleton: names, parents, offsets, tips, roles and rest pose."""
     tips = [(site.joint, site.offset.tobytes()) for site in skeleton.end_sites]
     roles = None if skeleton.roles is None else sorted(skeleton.roles.items())
-    what = (skeleton.names, skeleton.parents.tolist(), skeleton.offsets.tobytes(), tips, roles)
+    rest = None if skeleton.rest_pose is None else skeleton.rest_pose.tobytes()
+    what = (skeleton.names, skeleton.parents.tolist(), skeleton.offsets.tobytes(), tips, roles, rest)
     return hashlib.blake2b(repr(what).encode(), digest_size=32).digest()

@@ -3,6 +3,7 @@
 export const proportions = {
   STATURE_M: 1.7,
   UNITS: {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "foot": 0.3048},
+  PERSON_M: [0.5, 2.8],
   ARMS: [["leftUpperArm", "leftLowerArm", "leftHand"], ["rightUpperArm", "rightLowerArm", "rightHand"]],
   LEGS: [["leftUpperLeg", "leftLowerLeg", "leftFoot"], ["rightUpperLeg", "rightLowerLeg", "rightFoot"]],
   ARM_FRACTION: 0.33199999999999996,
@@ -13,6 +14,7 @@ export const proportions = {
 export const t_pose = {
   T_POSE_BONES: {"leftShoulder": ["leftUpperArm", [1.0, 0.0, 0.0]], "leftUpperArm": ["leftLowerArm", [1.0, 0.0, 0.0]], "leftLowerArm": ["leftHand", [1.0, 0.0, 0.0]], "leftIndexProximal": ["leftIndexIntermediate", [1.0, 0.0, 0.0]], "leftIndexIntermediate": ["leftIndexDistal", [1.0, 0.0, 0.0]], "leftMiddleProximal": ["leftMiddleIntermediate", [1.0, 0.0, 0.0]], "leftMiddleIntermediate": ["leftMiddleDistal", [1.0, 0.0, 0.0]], "leftRingProximal": ["leftRingIntermediate", [1.0, 0.0, 0.0]], "leftRingIntermediate": ["leftRingDistal", [1.0, 0.0, 0.0]], "leftLittleProximal": ["leftLittleIntermediate", [1.0, 0.0, 0.0]], "leftLittleIntermediate": ["leftLittleDistal", [1.0, 0.0, 0.0]], "leftThumbMetacarpal": ["leftThumbProximal", [0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "leftThumbProximal": ["leftThumbDistal", [0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "leftUpperLeg": ["leftLowerLeg", [0.0, -1.0, 0.0]], "leftLowerLeg": ["leftFoot", [0.0, -1.0, 0.0]], "rightShoulder": ["rightUpperArm", [-1.0, 0.0, 0.0]], "rightUpperArm": ["rightLowerArm", [-1.0, 0.0, 0.0]], "rightLowerArm": ["rightHand", [-1.0, 0.0, 0.0]], "rightIndexProximal": ["rightIndexIntermediate", [-1.0, 0.0, 0.0]], "rightIndexIntermediate": ["rightIndexDistal", [-1.0, 0.0, 0.0]], "rightMiddleProximal": ["rightMiddleIntermediate", [-1.0, 0.0, 0.0]], "rightMiddleIntermediate": ["rightMiddleDistal", [-1.0, 0.0, 0.0]], "rightRingProximal": ["rightRingIntermediate", [-1.0, 0.0, 0.0]], "rightRingIntermediate": ["rightRingDistal", [-1.0, 0.0, 0.0]], "rightLittleProximal": ["rightLittleIntermediate", [-1.0, 0.0, 0.0]], "rightLittleIntermediate": ["rightLittleDistal", [-1.0, 0.0, 0.0]], "rightThumbMetacarpal": ["rightThumbProximal", [-0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "rightThumbProximal": ["rightThumbDistal", [-0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "rightUpperLeg": ["rightLowerLeg", [0.0, -1.0, 0.0]], "rightLowerLeg": ["rightFoot", [0.0, -1.0, 0.0]]},
   UPRIGHT: ["hips", "spine", "chest", "upperChest", "neck", "head", "jaw", "leftEye", "rightEye", "leftFoot", "rightFoot"],
+  BENT_DEG: 20.0,
 } as const;
 
 export const capsules = {

@@ -12,8 +12,10 @@ from signsplice.body.retarget import align
 from signsplice.formats.limits import ReadLimits
 from signsplice.lexicon.entry import is_letter
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, bone_translations, left_out_warnings, unchecked_copy
+from signsplice.motion.clip import Clip, bone_translations, unchecked_copy
 from signsplice.rig.align import Reference, reference
+from signsplice.rig.inspection import clip_warnings
+from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.rig.stray_frames import stray_frames, with_ends_held
 from signsplice.splicing.whole_system import WholeSystem, output_fps, placed_reference, rate_warnings
 
@@ -157,6 +159,7 @@ class WordAligner:
 
         Raises ``LimitError`` for too many frames, ``RigMismatchError`` where rigs have nothing in common.
         """
+        clip = with_rest_pose(clip)
         fps = first.fps if first else self._output_fps(clip)
         self.limits.check_resampling(clip, fps, self.sign_speed)
         stray, held = stray_frames(clip), with_ends_held(clip)
@@ -166,7 +169,7 @@ class WordAligner:
         aligned = align(held, to, self.sign_speed)
         kept = stray.resampled(clip.fps * self.sign_speed / fps, len(aligned.clip))
         recorded = aligned.clip if held is clip else aligned.clip[kept]
-        warnings = (*left_out_warnings(clip), *aligned.warnings, *(f"{clip.name}: {line}" for line in stray.warnings))
+        warnings = (*(f"{clip.name}: {line}" for line in clip_warnings(clip)), *aligned.warnings)
         if self.system is not None:
             warnings = (*warnings, *rate_warnings(self.system, clip))
         frames = FrameMap(n_left_out=kept.start)
