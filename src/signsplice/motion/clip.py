@@ -242,12 +242,12 @@ class Clip:
 
 
 def left_out_warnings(clip: Clip) -> tuple[str, ...]:
-    """A line about what a clip's file holds and the clip does not, without its name; none where there is nothing."""
+    """A line about what a clip's file holds and the clip does not; none where there is nothing."""
     if not clip.left_out:
         return ()
     some, n_more = clip.left_out[:_NAMED], len(clip.left_out) - _NAMED
     more = f" and {n_more} more" if n_more > 0 else ""
-    return (f"{', '.join(some)}{more} left out: a clip holds the motion of joints alone",)
+    return (f"{clip.name}: {', '.join(some)}{more} left out: a clip holds the motion of joints alone",)
 
 
 def same_fps(a: float, b: float) -> bool:
