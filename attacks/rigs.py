@@ -105,7 +105,7 @@ def _uneven(rng: Random) -> Floats:
     return matrix
 
 
-_REST, _UNIT, _NAMES = r"rest pose", r"unit", r"no counterpart|no role|body parts"
+_REST, _UNIT, _NAMES = r"rest pose", r"unit", r"no counterpart .*: (?!mixamorig:HeadTop_End$)|no role|body parts"
 KINDS = {
     "unit, 1e-6 to 1e3 of the first's": Kind(other_unit, _UNIT, has_bodies=False),
     "world axes": Kind(other_world, _REST),

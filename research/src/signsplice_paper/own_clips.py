@@ -117,7 +117,7 @@ def read_words(
         rig = rig or _rig(clip, source.path)
         n_read, read_fps = len(clip), clip.fps
         choice.limits.check_resampling(clip, choice.fps)
-        warnings += [f"{source.path}: {line}" for line in left_out_warnings(clip)]
+        warnings += [f"{source.path}: {line.removeprefix(f'{clip.name}: ')}" for line in left_out_warnings(clip)]
         clip = on_rig(clip, rig, source.path, warnings)
         clip = resample(clip, choice.fps)
         clip = place(clip, ORIGIN) if moves else clip

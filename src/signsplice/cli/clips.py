@@ -81,7 +81,7 @@ def load(path: str, roles: str | None = None, warns: bool = True) -> Clip:
     if warns and (clip.left_out or clip.notes):
         from signsplice.motion.clip import left_out_warnings
 
-        warn(f"{clip.name}: {line}" for line in left_out_warnings(clip))
+        warn(left_out_warnings(clip))
     return posed(clip if roles is None else with_roles([clip], roles)[0])
 
 

@@ -60,7 +60,8 @@ def clip_warnings(clip: Clip) -> tuple[str, ...]:
 
 def _clip_warnings(clip: Clip) -> tuple[str, ...]:
     rested = with_rest_pose(clip)
-    lines = [*_arm_warnings(rested), *left_out_warnings(clip), *_motion_warnings(rested), *_rig_warnings(rested)]
+    left_out = [line.removeprefix(f"{clip.name}: ") for line in left_out_warnings(clip)]
+    lines = [*_arm_warnings(rested), *left_out, *_motion_warnings(rested), *_rig_warnings(rested)]
     return tuple(dict.fromkeys(lines))
 
 
