@@ -11,6 +11,7 @@ import base64
 import json
 import re
 import struct
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,8 @@ import numpy as np
 Fields = dict[str, Any]
 
 KEEPS_JOINTS = re.compile(
-    r"(KHR|EXT|MSFT|ADOBE)_(materials|texture|lights|mesh|draco_mesh|xmp|node_visibility|animation_pointer)\w*"
-    r"|VRM|VRMC_\w+"
+    r"(KHR|EXT|MSFT|ADOBE)_((materials|texture|lights|mesh|xmp)_\w+"
+    r"|draco_mesh_compression|node_visibility|animation_pointer)|VRM|VRMC_\w+"
 )
 """glTF extensions that a file may require although only its joints are read: none of them moves a node by itself."""
 _TYPES = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
@@ -32,16 +33,19 @@ class MustRefuseError(ValueError):
     """A file that no program may load which does not know more than glTF 2.0."""
 
 
-def gltf_joints(content: bytes | Path, times: Any, animation: int = 0) -> tuple[list[str], np.ndarray]:
+def gltf_joints(
+    content: bytes | Path, times: Any, animation: int = 0, near_s: float = 0.0
+) -> tuple[list[str], np.ndarray]:
     """Names of all nodes of a glTF file (.gltf or .glb), and their world positions (T, N, 3) in metres at ``times``.
 
     times: (T,) seconds as the file's keys count them; before the first and after the last key the value there holds.
+    near_s: a time that is less off a key of a channel is at that key, since files store times in 32 bits.
     Nodes without a name are called "node 3". Raises ``MustRefuseError`` for what a reader has to refuse, and
     ``ValueError`` or what the content causes where it is not valid glTF, so that nothing can be said about it.
     """
     file = _File(content)
     at = np.atleast_1d(np.asarray(times, np.float64))
-    animated = file.channels(animation)
+    animated = {of: (keys, values, kind, near_s) for of, (keys, values, kind) in file.channels(animation).items()}
     nodes = file.json.get("nodes") or []
     parents = {child: node for node, fields in enumerate(nodes) for child in fields.get("children") or ()}
     if len(parents) != sum(len(fields.get("children") or ()) for fields in nodes):
@@ -52,13 +56,34 @@ def gltf_joints(content: bytes | Path, times: Any, animation: int = 0) -> tuple[
         order += nodes[node].get("children") or ()
         local = _local(nodes[node], {p: animated[node, p] for p in _PATHS if (node, p) in animated}, at)
         world[node] = world[parents[node]] @ local if node in parents else local
-    names = [fields.get("name") or f"node {node}" for node, fields in enumerate(nodes)]
-    return names, np.stack([world[node][:, :3, 3] for node in range(len(nodes))], axis=1)
+    return _names(nodes), np.stack([world[node][:, :3, 3] for node in range(len(nodes))], axis=1)
 
 
-def gltf_keys(content: bytes | Path, animation: int = 0) -> np.ndarray:
-    """The times (K,) of all keys of an animation, each once, rising. Raises as ``gltf_joints`` does."""
-    return np.unique(np.concatenate([keys for keys, _, _ in _File(content).channels(animation).values()]))
+def gltf_keys(content: bytes | Path, names: Collection[str] | None = None, animation: int = 0) -> np.ndarray:
+    """The times (K,) of all keys of rotations and translations, of the nodes with these names only where some are
+    given, each once, rising. Raises as ``gltf_joints`` does.
+    """
+    file = _File(content)
+    called = _names(file.json["nodes"])
+    return np.unique(np.concatenate([
+        keys for (node, path), (keys, _, _) in file.channels(animation).items()
+        if path != "scale" and (names is None or called[node] in names)
+    ]))  # fmt: skip
+
+
+def n_animations(content: bytes | Path) -> int:
+    """How many animations a glTF file holds."""
+    return len(_File(content).json.get("animations") or ())
+
+
+def frame_times(keys: np.ndarray, n_frames: int, fps: float) -> np.ndarray:
+    """When the frames of a clip are (T,), seconds as the keys (K,) of its file count them: the first at the first key,
+    none after the last, and the last frame there if it is a tenth of a frame off: rates are rounded by as much.
+    """
+    times = np.minimum(keys[0] + np.arange(n_frames) / fps, keys[-1])
+    if (keys[-1] - times[-1]) * fps < 0.11:
+        times[-1] = keys[-1]
+    return np.asarray(times)
 
 
 def bvh_joints(content: bytes) -> tuple[list[str], np.ndarray]:
@@ -93,6 +118,10 @@ def bvh_frame_time(content: bytes) -> float:
 
 
 # --- glTF
+
+
+def _names(nodes: list[Fields]) -> list[str]:
+    return [fields.get("name") or f"node {node}" for node, fields in enumerate(nodes)]
 
 
 class _File:
@@ -179,7 +208,7 @@ class _File:
         return (self.folder / uri).read_bytes()
 
 
-def _local(node: Fields, animated: dict[str, tuple[np.ndarray, np.ndarray, str]], at: np.ndarray) -> np.ndarray:
+def _local(node: Fields, animated: dict[str, tuple[np.ndarray, np.ndarray, str, float]], at: np.ndarray) -> np.ndarray:
     """A node's own matrices (T, 4, 4) at times (T,)."""
     if node.get("matrix"):
         if animated:
@@ -193,13 +222,15 @@ def _local(node: Fields, animated: dict[str, tuple[np.ndarray, np.ndarray, str]]
         for path in _PATHS
     }
     out = np.tile(np.eye(4), (len(at), 1, 1))
-    out[:, :3, :3] = _matrices(pose["rotation"]) * pose["scale"][:, None, :]
+    out[:, :3, :3] = matrices(pose["rotation"]) * pose["scale"][:, None, :]
     out[:, :3, 3] = pose["translation"]
     return out
 
 
-def _sampled(keys: np.ndarray, values: np.ndarray, kind: str, at: np.ndarray, turns: bool) -> np.ndarray:
+def _sampled(keys: np.ndarray, values: np.ndarray, kind: str, near_s: float, at: np.ndarray, turns: bool) -> np.ndarray:
     """Values (T, n) of a channel at times (T,), by appendix C of glTF 2.0, one time after another."""
+    nearest = keys[np.abs(keys[:, None] - at).argmin(axis=0)]
+    at = np.where(np.abs(nearest - at) < near_s, nearest, at)
     return np.stack([_value(keys, values, kind, float(t), turns) for t in at])
 
 
@@ -229,7 +260,7 @@ def _value(keys: np.ndarray, values: np.ndarray, kind: str, t: float, turns: boo
     return np.asarray((np.sin((1 - u) * angle) * a + np.sin(u * angle) * b) / np.sin(angle))
 
 
-def _matrices(quats: np.ndarray) -> np.ndarray:
+def matrices(quats: np.ndarray) -> np.ndarray:
     """Matrices (T, 3, 3) of quaternions (T, 4), x y z w, of any length but 0."""
     x, y, z, w = (quats / np.linalg.norm(quats, axis=1, keepdims=True)).T
     rows = [
