@@ -43,9 +43,18 @@ def gltf_joints(
     Nodes without a name are called "node 3". Raises ``MustRefuseError`` for what a reader has to refuse, and
     ``ValueError`` or what the content causes where it is not valid glTF, so that nothing can be said about it.
     """
+    names, world = gltf_worlds(content, times, animation, near_s)
+    return names, world[..., :3, 3]
+
+
+def gltf_worlds(
+    content: bytes | Path, times: Any, animation: int | None = 0, near_s: float = 0.0
+) -> tuple[list[str], np.ndarray]:
+    """As ``gltf_joints``, but the nodes' matrices (T, N, 4, 4) to the world; at rest where ``animation`` is None."""
     file = _File(content)
     at = np.atleast_1d(np.asarray(times, np.float64))
-    animated = {of: (keys, values, kind, near_s) for of, (keys, values, kind) in file.channels(animation).items()}
+    channels = {} if animation is None else file.channels(animation)
+    animated = {of: (keys, values, kind, near_s) for of, (keys, values, kind) in channels.items()}
     nodes = file.json.get("nodes") or []
     parents = {child: node for node, fields in enumerate(nodes) for child in fields.get("children") or ()}
     if len(parents) != sum(len(fields.get("children") or ()) for fields in nodes):
@@ -56,7 +65,7 @@ def gltf_joints(
         order += nodes[node].get("children") or ()
         local = _local(nodes[node], {p: animated[node, p] for p in _PATHS if (node, p) in animated}, at)
         world[node] = world[parents[node]] @ local if node in parents else local
-    return _names(nodes), np.stack([world[node][:, :3, 3] for node in range(len(nodes))], axis=1)
+    return _names(nodes), np.stack([world[node] for node in range(len(nodes))], axis=1)
 
 
 def gltf_keys(content: bytes | Path, names: Collection[str] | None = None, animation: int = 0) -> np.ndarray:
@@ -90,6 +99,12 @@ def bvh_joints(content: bytes) -> tuple[list[str], np.ndarray]:
     """Names of the joints of a BVH file in its order, and their positions (T, J, 3) in its unit. Raises ``ValueError``
     or what the content causes where it is not valid.
     """
+    names, world = bvh_worlds(content)
+    return names, world[..., :3, 3]
+
+
+def bvh_worlds(content: bytes) -> tuple[list[str], np.ndarray]:
+    """As ``bvh_joints``, but the joints' matrices (T, J, 4, 4) to the world."""
     joints, rows, _ = _bvh(content)
     eye = np.broadcast_to(np.eye(3), (len(rows), 3, 3))
     world: list[tuple[np.ndarray, np.ndarray]] = []  # of each joint: axes (T, 3, 3), position (T, 3)
@@ -109,7 +124,10 @@ def bvh_joints(content: bytes) -> tuple[list[str], np.ndarray]:
             above, at = world[parent]
             moved, axes = at + np.einsum("tij,tj->ti", above, moved), above @ axes
         world.append((axes, moved))
-    return [name for name, *_ in joints], np.stack([at for _, at in world], axis=1)
+    out = np.tile(np.eye(4), (len(rows), len(joints), 1, 1))
+    for joint, (axes, at) in enumerate(world):
+        out[:, joint, :3, :3], out[:, joint, :3, 3] = axes, at
+    return [name for name, *_ in joints], out
 
 
 def bvh_frame_time(content: bytes) -> float:

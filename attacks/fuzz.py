@@ -5,8 +5,10 @@
 
 A case is a finding where an exception other than ``InputError`` comes out of the reader or of the next step, where its
 error is not one line with the file's name, where it takes more than ``MOST_SECONDS`` of processor time or more memory
-than ``FREE_MEMORY`` and ten times the file's unpacked size, and where the process dies. Its file is then kept in
-tests/fuzz_corpus, for a test that reads it for ever. The exit status is 1 where something was found.
+than ``FREE_MEMORY`` and ten times the file's unpacked size, and where the process dies. Motion that is read is judged
+by an oracle that shares no code with the reader (``fuzz_oracles``): another motion than the file's is a finding too.
+Its file is then kept in tests/fuzz_corpus, for a test that reads it for ever. The exit status is 1 where something was
+found.
 
 Cases are mutations by a seeded generator, the same in each run, or (``--engine coverage``) chosen by atheris for the
 lines of code that they reach. They run in a child process, which is started anew where a case kills it. Linux only.
@@ -19,6 +21,7 @@ import hashlib
 import json
 import os
 import random
+import re
 import resource
 import signal
 import subprocess
@@ -26,14 +29,19 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from fuzz_targets import Target
 
 ROOT = Path(__file__).resolve().parents[1]
 CORPUS = ROOT / "tests" / "fuzz_corpus"
-NAMES = ("bvh", "npz", "gltf", "lexicon", "bundle", "signs", "roles", "report", "glosses")
+NAMES = ("avatar", "lexicon", "gltf", "recipes", "shards", "bundle", "npz", "bvh", "signs", "roles", "report", "pairs",
+         "lines", "glosses")  # fmt: skip
+"""The targets, those that take longest first."""
 MOST_SECONDS = 5.0
 """Of processor time for a case."""
 MOST_WAITING_S = 60.0
@@ -52,6 +60,7 @@ class Tally:
     name, engine: of the target, and what chose the cases.
     n_cases: number of files.
     n_read: how many were read and used without an error.
+    n_judged: how many the oracle has judged; None where there is none.
     slowest_s: processor time of the slowest case.
     memory: greatest fraction that a case took of the memory that it may.
     findings: (kind, place) -> the first file, and what was seen.
@@ -61,14 +70,16 @@ class Tally:
     engine: str
     n_cases: int = 0
     n_read: int = 0
+    n_judged: int | None = None
     slowest_s: float = 0.0
     memory: float = 0.0
     findings: dict[str, str] = field(default_factory=dict)
 
     def row(self) -> str:
         """A row of the Markdown table."""
+        judged = "-" if self.n_judged is None else f"{self.n_judged:,}"
         return (
-            f"| {self.name} | {self.engine} | {self.n_cases:,} | {self.n_read:,} | {len(self.findings)} | "
+            f"| {self.name} | {self.engine} | {self.n_cases:,} | {self.n_read:,} | {judged} | {len(self.findings)} | "
             f"{self.slowest_s:.2f} s | {100.0 * self.memory:.0f} % |"
         )
 
@@ -113,8 +124,9 @@ def main() -> int:
     jobs = min(given.jobs, len(names))
     seconds = 60.0 * given.minutes * jobs / len(names) if given.minutes else float("inf")
     n_cases = given.cases or (sys.maxsize if given.minutes else 2000)
-    print("| target | cases chosen | cases | read and used | findings | slowest | memory, of what a case may take |")
-    print("| --- | --- | --- | --- | --- | --- | --- |", flush=True)
+    print("| target | cases chosen | cases | read and used | judged by the oracle | findings | slowest | "
+          "memory, of what a case may take |")  # fmt: skip
+    print("| --- " * 8 + "|", flush=True)
     with ThreadPoolExecutor(jobs) as pool:
         running = [pool.submit(_fuzz, Plan(name, engine, given.seed, 0, n_cases, seconds)) for name in names]
         tallies = []
@@ -156,8 +168,10 @@ def _fuzz(plan: Plan) -> Tally:
 def _run_child(plan: Plan, folder: Path) -> tuple[int, str]:
     command = [sys.executable, __file__, "--child", json.dumps([asdict(plan), str(folder)])]
     log = folder / "log"
+    path = os.pathsep.join([str(ROOT / "tests"), *filter(None, [os.environ.get("PYTHONPATH")])])  # for its avatars
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": path}
     with log.open("wb") as out:
-        done = subprocess.run(command, stdout=out, stderr=out, check=False, env={**os.environ, "OMP_NUM_THREADS": "1"})
+        done = subprocess.run(command, stdout=out, stderr=out, check=False, env=environment)
     return done.returncode, log.read_text(errors="replace")
 
 
@@ -168,6 +182,8 @@ def _add(tally: Tally, folder: Path, status: int) -> None:
         child = json.loads(state.read_text())
         tally.n_cases += child["n_cases"]
         tally.n_read += child["n_read"]
+        if child["n_judged"] is not None:
+            tally.n_judged = (tally.n_judged or 0) + child["n_judged"]
         tally.slowest_s = max(tally.slowest_s, child["slowest_s"])
         tally.memory = max(tally.memory, child["memory"])
         tally.findings = {**child["findings"], **tally.findings}
@@ -218,7 +234,7 @@ class _Child:
                 break
             rng = random.Random(f"{self.plan.seed}/{self.plan.name}/{number}")
             chosen = kept if kept and rng.random() < 0.1 else seeds
-            self._one(target.mutated(chosen, rng), target.exercise, target.unpacked)
+            self._one(target.mutated(chosen, rng), target)
         self._write()
         return 0
 
@@ -234,7 +250,7 @@ class _Child:
             (corpus / str(number)).write_bytes(content)
 
         def one(content: bytes) -> None:
-            self._one(content, target.exercise, target.unpacked)
+            self._one(content, target)
             if self.tally.n_cases >= self.plan.n_cases or time.monotonic() > self.ends:
                 self._write()
                 os._exit(0)
@@ -250,15 +266,16 @@ class _Child:
     def _kept(self) -> list[bytes]:
         return [path.read_bytes() for path in sorted((CORPUS / self.plan.name).glob("*")) if path.is_file()]
 
-    def _one(self, content: bytes, exercise: Callable[[bytes, Path], bool], unpacked: Callable[[bytes], int]) -> None:
-        """Run a case under its limits and tally it."""
+    def _one(self, content: bytes, target: Target) -> None:
+        """Run a case under its limits, judge it, and tally it."""
         (self.folder / "case").write_bytes(content)
-        size = unpacked(content)
+        size, loaded = target.unpacked(content), None
         before, began = _memory_anew(), time.process_time()
         signal.setitimer(signal.ITIMER_PROF, MOST_SECONDS)
         signal.setitimer(signal.ITIMER_REAL, MOST_WAITING_S)
         try:
-            self.tally.n_read += exercise(content, self.folder / "files")
+            loaded, was_used = target.exercise(content, self.folder / "files")
+            self.tally.n_read += was_used
         except Exception as error:
             self._found(_place(error), f"    {traceback.format_exception_only(error)[-1].strip()[:300]}", content)
         finally:
@@ -269,9 +286,21 @@ class _Child:
         if fraction > 1.0:
             self._found("memory", f"{fraction * (FREE_MEMORY + 10 * size) / 2**20:.0f} MiB for {size} bytes", content)
         self.tally.memory = max(self.tally.memory, fraction)
+        if target.oracle is not None:
+            self._judge(content, loaded, target)
         self.tally.n_cases += 1
         if self.tally.n_cases % 10 == 0 or self.plan.n_cases < 100:
             self._write()
+
+    def _judge(self, content: bytes, loaded: object, target: Target) -> None:
+        """Let the oracle judge what was read."""
+        self.tally.n_judged = self.tally.n_judged or 0
+        try:
+            self.tally.n_judged += target.judge(content, loaded)
+        except AssertionError as error:
+            self.tally.n_judged += 1
+            kind = re.sub(r"'.*?'|[-+]?\d[-+.\de]*", "_", str(error))  # one place in the oracle finds them all
+            self._found(f"wrong motion, {kind[:80]}", f"    {str(error)[:300]}", content)
 
     def _found(self, what: str, seen: str, content: bytes) -> None:
         if what not in self.tally.findings:

@@ -110,6 +110,11 @@ def of_npz(content: bytes, rng: random.Random) -> bytes:
     return packed(members, compress=rng.random() < 0.9)
 
 
+def of_array(content: bytes, rng: random.Random) -> bytes:
+    """The bytes of an array with its header or its numbers mutated."""
+    return (_other_header if rng.random() < 0.3 else _other_array)(content, rng)
+
+
 def _array_bytes(array: Any) -> bytes:
     made = io.BytesIO()
     np.save(made, array, allow_pickle=True)

@@ -13,7 +13,8 @@ import zipfile
 from collections.abc import Callable
 from typing import Any
 
-from fuzz_clips import packed, unpacked
+import fuzz_recipes
+from fuzz_clips import of_array, packed, unpacked
 from fuzz_mutators import INTEGERS, hostile_float, hostile_value, hostile_word, of_bytes, of_json, with_a_float
 
 
@@ -153,6 +154,30 @@ def _rehash(files: dict[str, bytes]) -> None:
         return
     finally:
         file.close()
+
+
+def of_shards(content: bytes, rng: random.Random) -> bytes:
+    """A folder of shards with its job, its recipes or its index mutated."""
+
+    def inner(files: dict[str, bytes], rng: random.Random) -> None:
+        tables = [name for name in files if name.endswith(".parquet")]
+        name = rng.choice([*files, "job.json", *tables])
+        if name in files:
+            mutate = of_json if name.endswith(".json") else fuzz_recipes.mutated if name in tables else of_bytes
+            files[name] = mutate(files[name], rng)
+
+    return of_folder(content, rng, inner)
+
+
+def of_pairs(content: bytes, rng: random.Random) -> bytes:
+    """A corpus of pairs with its description or an array mutated."""
+
+    def inner(files: dict[str, bytes], rng: random.Random) -> None:
+        name = rng.choice([*files, *["corpus.json"] * 6])
+        if name in files:
+            files[name] = (of_json if name.endswith(".json") else of_array)(files[name], rng)
+
+    return of_folder(content, rng, inner)
 
 
 def of_bundle(content: bytes, rng: random.Random) -> bytes:

@@ -4,13 +4,11 @@ of what was read takes.
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import itertools
 import json
 import random
 import shutil
-import struct
+import tempfile
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,30 +16,36 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+import fuzz_avatars
 import fuzz_clips
 import fuzz_folders
 import fuzz_mutators
-import fuzz_networks
+import fuzz_oracles
+import fuzz_recipes
+import fuzz_seeds
 import signsplice as ss
-from fuzz_clips import joined_chunks, packed, unpacked
+from fuzz_clips import unpacked
+from fuzz_seeds import CLASSICAL, N_REPORTED, ROOT, clip
 from signsplice import formats, lexicon
+from signsplice.body.capsules import Avatar
+from signsplice.body.retarget import retarget
+from signsplice.bulk import drawing, job, recipes, shards
+from signsplice.bulk.maker import FailedSentence, SentenceMaker
+from signsplice.errors import SignspliceError
 from signsplice.formats import roles as roles_files
+from signsplice.formats.avatar import read_avatar
 from signsplice.lexicon import glosses, sentence
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, EndSite, Skeleton
+from signsplice.motion import kinematics
+from signsplice.motion.cache import CACHE
+from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 from signsplice.service import scene
 from signsplice.splicing import report as reports
 from signsplice.splicing.methods.choice import open_learned
 from signsplice.synth import notation, planner
+from signsplice.synth.pairs import KINDS, Pairs
 
-ROOT = Path(__file__).resolve().parents[1]
 CORPUS = ROOT / "tests" / "fuzz_corpus"
-CLASSICAL = ss.SpliceOptions("pose-velocity", "hermite", "tempo")
-N_REPORTED = 12
-"""Frames of the clip that a fuzzed report is read for."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,7 @@ class Target:
     load: what the program reads at that path; raises ``InputError``, which names the path.
     use: the next step with what was read; raises ``InputError``.
     unpacked: the size of a file's content once unpacked.
+    oracle: of ``fuzz_oracles``: whether it has judged what was read; raises ``WrongMotionError``.
     """
 
     name: str
@@ -64,6 +69,7 @@ class Target:
     load: Callable[[Path], Any]
     use: Callable[[Any], None]
     unpacked: Callable[[bytes], int] = len
+    oracle: Callable[[bytes, Any], bool] | None = None
 
     def mutated(self, seeds: Sequence[bytes], rng: random.Random) -> bytes:
         """One of the seeds, mutated once or some times."""
@@ -75,9 +81,11 @@ class Target:
                 break
         return content
 
-    def exercise(self, content: bytes, folder: Path) -> bool:
-        """Put, load and use a file; False where it was refused. Raises ``AssertionError`` for a refusal that is not
-        one line with the file's name, and whatever else the reader lets through.
+    def exercise(self, content: bytes, folder: Path) -> tuple[Any, bool]:
+        """What is read of a file that is put, loaded and used, None where it was refused; and whether it was used.
+
+        Raises ``AssertionError`` for a refusal that is not one line with the file's name, and whatever else the reader
+        lets through.
         """
         path = self.put(content, folder)
         with warnings.catch_warnings():
@@ -86,13 +94,17 @@ class Target:
                 loaded = self.load(path)
             except ss.InputError as error:
                 check_message(str(error), path.name)
-                return False
+                return None, False
             try:
                 self.use(loaded)
-            except ss.InputError as error:
+            except SignspliceError as error:
                 check_message(str(error), "")
-                return False
-        return True
+                return loaded, False
+        return loaded, True
+
+    def judge(self, content: bytes, loaded: Any) -> bool:
+        """Whether the oracle has judged what was read of a file. Raises ``WrongMotionError``."""
+        return self.oracle is not None and loaded is not None and self.oracle(content, loaded)
 
 
 def check_message(text: str, name: str) -> None:
@@ -100,33 +112,6 @@ def check_message(text: str, name: str) -> None:
     assert 0 < len(text) < 1500, f"a message of {len(text)} characters"
     assert len(text.splitlines()) == 1, f"a message of several lines: {text!r}"
     assert name in text, f"a message without the file's name: {text!r}"
-
-
-_JOINTS = (
-    ("Hips", -1, (0.0, 95.0, 0.0)), ("Spine", 0, (0.0, 20.0, 0.0)), ("Neck", 1, (0.0, 30.0, 0.0)),
-    ("Head", 2, (0.0, 10.0, 0.0)), ("LeftArm", 1, (18.0, 26.0, 0.0)), ("LeftForeArm", 4, (28.0, 0.0, 0.0)),
-    ("LeftHand", 5, (25.0, 0.0, 0.0)), ("RightArm", 1, (-18.0, 26.0, 0.0)), ("RightForeArm", 7, (-28.0, 0.0, 0.0)),
-    ("RightHand", 8, (-25.0, 0.0, 0.0)), ("LeftUpLeg", 0, (10.0, -5.0, 0.0)), ("LeftLeg", 10, (0.0, -42.0, 0.0)),
-    ("LeftFoot", 11, (0.0, -42.0, 0.0)), ("RightUpLeg", 0, (-10.0, -5.0, 0.0)), ("RightLeg", 13, (0.0, -42.0, 0.0)),
-    ("RightFoot", 14, (0.0, -42.0, 0.0)),
-)  # fmt: skip
-
-
-@cache
-def clip(seed: int = 0, names: str = "known", stretched: bool = False, n_joints: int = len(_JOINTS)) -> Clip:
-    """A small clip of a person; ``names``: "known" joint names, or "other" ones that no rig has."""
-    rng = np.random.default_rng(seed)
-    rows = _JOINTS[:n_joints]
-    skeleton = Skeleton(
-        tuple(name if names == "known" else f"j{n:02}" for n, (name, _, _) in enumerate(rows)),
-        np.array([parent for _, parent, _ in rows]),
-        np.array([offset for _, _, offset in rows]),
-        (EndSite(3, np.array([0.0, 18.0, 0.0])),),
-    )
-    waves = 0.4 * rng.normal(size=(1, n_joints, 3)) * np.sin(np.linspace(0.0, 3.0, N_REPORTED))[:, None, None]
-    roots = np.array([0.0, 95.0, 0.0]) + 0.1 * rng.normal(size=(N_REPORTED, 3))
-    lengths = skeleton.offsets * (1.0 + 0.05 * rng.random((N_REPORTED, 1, 1))) if stretched else None
-    return Clip(skeleton, rotation.exp(waves), roots, 30.0, f"CLIP{seed}", lengths)
 
 
 def use_clip(read: Clip) -> None:
@@ -163,15 +148,11 @@ def _put_folder(content: bytes, folder: Path) -> Path:
     except Exception:  # bytes that libFuzzer has cut: not what is tested here
         files = {}
     for name, inner in files.items():
-        (path / Path(name).name).write_bytes(inner)
+        file = path.joinpath(*(part for part in Path(name).parts if part not in ("..", "/")))
+        if file != path:
+            file.parent.mkdir(exist_ok=True)
+            file.write_bytes(inner)
     return path
-
-
-def _clip_seeds(suffix: str) -> list[bytes]:
-    clips = [clip(), clip(1, stretched=True), clip(2, "other")]
-    if suffix == ".npz":  # with channels, as of a file that was read
-        clips.append(formats.parse(formats.encode(clip(), "a.bvh"), "a.bvh"))
-    return [formats.encode(one, f"a{suffix}") for one in clips]
 
 
 def _unpacked_npz(content: bytes) -> int:
@@ -181,52 +162,9 @@ def _unpacked_npz(content: bytes) -> int:
         return len(content)
 
 
-def _gltf_seeds() -> list[bytes]:
-    """A .vrma, a .glb with a skin and one without, and a .gltf with its buffer inside."""
-    whole, vrma = (formats.encode(clip(n_joints=n), "a.vrma") for n in (len(_JOINTS), 5))
-    size = struct.unpack_from("<I", vrma, 12)[0]
-    document, blob = json.loads(vrma[20 : 20 + size]), vrma[28 + size :]
-    for key in ("extensions", "extensionsUsed"):
-        document.pop(key, None)
-    bare = json.dumps(document).encode()
-    inside = json.loads(bare)
-    inside["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64.b64encode(blob).decode()
-    n_nodes = len(document["nodes"])
-    matrices = np.tile(np.eye(4, dtype="<f4").ravel(), n_nodes).tobytes()
-    views, accessors = document["bufferViews"], document["accessors"]
-    views.append({"buffer": 0, "byteOffset": len(blob), "byteLength": len(matrices)})
-    accessors.append({"bufferView": len(views) - 1, "componentType": 5126, "count": n_nodes, "type": "MAT4"})
-    document["buffers"][0]["byteLength"] = len(blob) + len(matrices)
-    document["skins"] = [{"joints": list(range(n_nodes)), "inverseBindMatrices": len(accessors) - 1, "skeleton": 0}]
-    skinned = [(b"JSON", json.dumps(document).encode()), (b"BIN\0", blob + matrices)]
-    return [
-        whole,
-        joined_chunks([(b"JSON", bare), (b"BIN\0", blob)]),
-        joined_chunks(skinned),
-        json.dumps(inside).encode(),
-    ]
-
-
 def _mutate_gltf(content: bytes, rng: random.Random) -> bytes:
     mutate = fuzz_clips.of_glb if content[:4] == b"glTF" else fuzz_clips.of_gltf
     return mutate(content, rng)
-
-
-@cache
-def _lexicon_seeds() -> list[bytes]:
-    import tempfile
-
-    seeds = []
-    with tempfile.TemporaryDirectory() as folder:
-        for compact in (False, True):
-            path = Path(folder) / f"words-{compact}"
-            with lexicon.building(path, compact=compact) as builder:
-                builder.add(clip(0), "HELLO", synonyms=["HI"], signer="A", source="book", checked=True)
-                builder.add(clip(1, stretched=True), "HOUSE")
-                builder.add(clip(2), "fs-A")
-                builder.add(clip(3, "other"), "TREE")
-            seeds.append(packed({name: (path / name).read_bytes() for name in ("index.sqlite", "frames.bin")}))
-    return seeds
 
 
 def _use_lexicon(words: lexicon.Lexicon) -> None:
@@ -245,18 +183,6 @@ def _use_lexicon(words: lexicon.Lexicon) -> None:
         sentence.parse("HELLO fs-A HI", words)
 
 
-@cache
-def _bundle_seeds() -> list[bytes]:
-    """The bundle of the tests once, and often one of four small networks, which opens faster."""
-    tiny = ROOT / "tests" / "golden" / "tiny_bundle"
-    files = {path.name: path.read_bytes() for path in sorted(tiny.iterdir())}
-    described = json.loads(files["bundle.json"])
-    small = {name: fuzz_networks.small(name) for name in ("word.onnx", "cut.onnx", "duration.onnx", "bridge.onnx")}
-    described["files"] = {name: hashlib.sha256(content).hexdigest() for name, content in small.items()}
-    small["bundle.json"] = json.dumps(described).encode()
-    return [packed(files, compress=False), *[packed(small, compress=False)] * 15]
-
-
 def _use_bundle(methods: Any) -> None:
     """A splice of two small clips by whatever networks there are."""
     chosen: dict[str, Any] = {"cutter": "pose-velocity", "transition": "hermite", "duration": "tempo"}
@@ -270,46 +196,10 @@ def _use_bundle(methods: Any) -> None:
     ss.splice([clip(), clip(1)], ss.SpliceOptions(**chosen, avoid_collisions=False))
 
 
-_SIGNS = b"""# two signs
-MOTHER  hands=one
-  source: thumb of the open hand taps the chin (Costello 1994)
-  synonyms: MOM, MAMA
-  X  shape=5 at=chin by=thumb off=3 palm=in fingers=up
-  M  off=0 times=2
-  H
-
-BOOK  hands=symmetric kind=sign
-  X  shape=B at=space-mid palm=in fingers=fwd shift=1,0,-2.5
-  M  palm=up path=arc:up:4 for=0.4 head=nod trunk=fwd
-  M  at=space-in path=circle:frontal:5:1.5 local=wiggle:20:2
-  H
-
-TABLE  hands=base
-  X  shape=B at=base-back palm=down fingers=fwd w.shape=B w.at=space-low-mid w.palm=down w.fingers=in
-  M  off=5 path=zigzag:up:3:2
-  H
-"""
-
-
 def _use_signs(signs: Any) -> None:
     """The motion of the first sign that is read: each takes some 20 ms."""
     for sign in itertools.islice(signs.values(), 1):
         planner.isolated(sign)
-
-
-def _roles_seeds() -> list[bytes]:
-    roles = {"hips": 0, "spine": 1, "neck": 2, "head": 3, "leftUpperArm": 4, "leftLowerArm": 5, "leftHand": 6,
-             "rightUpperArm": 7, "rightLowerArm": 8, "rightHand": 9}  # fmt: skip
-    return [json.dumps({role: f"j{n:02}" for role, n in roles.items()}, indent=1).encode()]
-
-
-def _report_seeds() -> list[bytes]:
-    result = ss.splice([clip()[:7], clip()[2:7]], CLASSICAL)
-    spans = [{"kind": "sign", "clip": 0, "name": "A", "source": [0, 5], "output": [0, 5]},
-             {"kind": "transition", "clip": None, "name": None, "source": None, "output": [5, 8]},
-             {"kind": "sign", "clip": 1, "name": "B", "source": [2, 6], "output": [8, N_REPORTED]}]  # fmt: skip
-    made = {**reports.describe(result), "frames": N_REPORTED, "spans": spans, "warnings": ["a word is long"]}
-    return [json.dumps(made, indent=2).encode()]
 
 
 def _use_report(read: Any) -> None:
@@ -325,29 +215,115 @@ def _use_report(read: Any) -> None:
         caption(marks, frame)[0].encode()
 
 
-_GLOSSES = b"""file,gloss,synonyms,signer,source,checked,kind
-hello.bvh,HELLO,HI;GOOD-DAY,A,"book, page 3",yes,sign
-a.bvh,fs-A,,,,no,letter
-sub/tree.bvh,TREE,,B,,,
-"""
+def _put_recipes(content: bytes, folder: Path) -> Path:
+    return _put_as("case.parquet" if content[:4] == b"PAR1" else "case.csv")(content, folder)
+
+
+def _load_recipes(path: Path) -> tuple[Path, list[Any]]:
+    return path, list(recipes.read(path))
+
+
+def _use_recipes(read: tuple[Path, list[Any]]) -> None:
+    """What `bulk sentences` does: the recipes are stored, read again, and the first sentences made."""
+    path, batches = read
+    stored = path.with_name("stored.parquet")
+    n_rows = recipes.write(stored, batches)
+    assert recipes.is_same(stored, recipes.read(path)), "recipes are others when they are read again"
+    rows = recipes.rows(stored, 0, min(n_rows, 3)) if n_rows else []
+    for row in rows:
+        _ = row.sha256
+    for made in _maker().make(list(filter(_is_short, rows))):
+        if isinstance(made, FailedSentence):
+            check_message(made.reason, "")
+            assert not made.reason.startswith("unexpected"), made.reason
+
+
+def _is_short(row: recipes.SentenceRecipe) -> bool:
+    """Whether a sentence is soon made: a letter takes as long as a word."""
+    return len("-".join(row.glosses)) < 40
+
+
+def _maker() -> SentenceMaker:
+    """Makes sentences of the words that ship, opened once."""
+    return CACHE.recent(SentenceMaker, lexicon.shipped(), most=1)
+
+
+def _use_lines(found: tuple[list[Any], list[str]]) -> None:
+    """Recipes and warnings of lines of glosses."""
+    for batch in found[0]:
+        recipes.recipes_of(batch)
+    for line in found[1]:
+        check_message(line, "")
+
+
+def _use_shards(made: job.BulkJob, folder: Path) -> None:
+    """What `bulk make` does."""
+    job.is_whole(folder, made, 0)
+    if made.n_recipes and _is_short(recipes.rows(folder / job.RECIPES, 0, 1)[0]):
+        shards.remake(str(folder), 0, str(folder / "made.npz"), None)
+
+
+def _use_avatar(avatar: Avatar) -> None:
+    """What `convert --avatar` does: a clip is brought to the avatar's body and written."""
+    for line in avatar.warnings:
+        check_message(line, "")
+    done = retarget(clip(), avatar)
+    for suffix in (".bvh", ".vrma") if len(avatar) < 100 else ():
+        formats.encode(done.clip, f"case{suffix}")
+
+
+def _use_pairs(pairs: Pairs) -> None:
+    """The first pairs of each split, as clips."""
+    for name in pairs.head["splits"]:
+        for number in pairs.split(name, "test")[:2]:
+            pairs.clip(number)
+            pairs.transition_clip(number)
+            for kind in KINDS:
+                pairs.utterance(number, kind)
+    for word in range(min(len(pairs.head["words"]), 2)):
+        pairs.word_clip(word)
+        pairs.space(word)
+
+
+@cache
+def _truth() -> dict[str, list[Clip]]:
+    """Gloss or synonym -> what the lexicons that fuzzing starts from have of it, each stored in its form."""
+    found: dict[str, list[Clip]] = {}
+    for content in fuzz_seeds.lexicon_seeds():
+        with tempfile.TemporaryDirectory() as name, lexicon.open(_put_folder(content, Path(name))) as words:
+            for gloss in (*words, "HI"):
+                found.setdefault(gloss, []).append(words.clip(gloss))
+    return found
 
 
 TARGETS = {
     target.name: target
     for target in (
-        Target("bvh", lambda: _clip_seeds(".bvh"), fuzz_mutators.of_text, _put_as("case.bvh"), formats.load, use_clip),
-        Target("npz", lambda: _clip_seeds(".npz"), fuzz_clips.of_npz, _put_as("case.npz"), formats.load, use_clip,
+        Target("bvh", lambda: fuzz_seeds.clip_seeds(".bvh"), fuzz_mutators.of_text, _put_as("case.bvh"), formats.load,
+               use_clip, oracle=fuzz_oracles.of_bvh),
+        Target("npz", lambda: fuzz_seeds.clip_seeds(".npz"), fuzz_clips.of_npz, _put_as("case.npz"), formats.load,
+               use_clip, _unpacked_npz, fuzz_oracles.of_npz),
+        Target("gltf", fuzz_seeds.gltf_seeds, _mutate_gltf, _put_gltf, formats.load, use_clip,
+               oracle=fuzz_oracles.of_gltf),
+        Target("avatar", lambda: fuzz_avatars.seeds(clip().skeleton), fuzz_clips.of_glb, _put_as("case.vrm"),
+               read_avatar, _use_avatar, oracle=fuzz_oracles.of_avatar),
+        Target("lexicon", fuzz_seeds.lexicon_seeds, fuzz_folders.of_lexicon, _put_folder, lexicon.open, _use_lexicon,
+               _unpacked_npz, lambda _, read: fuzz_oracles.of_lexicon(_truth(), read)),
+        Target("bundle", fuzz_seeds.bundle_seeds, fuzz_folders.of_bundle, _put_folder, open_learned, _use_bundle,
                _unpacked_npz),
-        Target("gltf", _gltf_seeds, _mutate_gltf, _put_gltf, formats.load, use_clip),
-        Target("lexicon", _lexicon_seeds, fuzz_folders.of_lexicon, _put_folder, lexicon.open, _use_lexicon,
-               _unpacked_npz),
-        Target("bundle", _bundle_seeds, fuzz_folders.of_bundle, _put_folder, open_learned, _use_bundle, _unpacked_npz),
-        Target("signs", lambda: [_SIGNS], fuzz_mutators.of_text, _put_as("case.signs"), notation.read, _use_signs),
-        Target("roles", _roles_seeds, fuzz_mutators.of_json, _put_as("case.json"), roles_files.read,
+        Target("recipes", fuzz_recipes.seeds, fuzz_recipes.mutated, _put_recipes, _load_recipes, _use_recipes),
+        Target("lines", lambda: [fuzz_seeds.LINES], fuzz_mutators.of_text, _put_as("case.txt"),
+               lambda path: drawing.lines(path, lexicon.shipped()), _use_lines),
+        Target("shards", fuzz_seeds.shards_seeds, fuzz_folders.of_shards, _put_folder,
+               lambda path: (job.read_job(path), path), lambda read: _use_shards(*read), _unpacked_npz),
+        Target("pairs", fuzz_seeds.pairs_seeds, fuzz_folders.of_pairs, _put_folder, Pairs, _use_pairs, _unpacked_npz),
+        Target("signs", lambda: [fuzz_seeds.SIGNS], fuzz_mutators.of_text, _put_as("case.signs"), notation.read,
+               _use_signs),
+        Target("roles", fuzz_seeds.roles_seeds, fuzz_mutators.of_json, _put_as("case.json"), roles_files.read,
                lambda read: use_clip(roles_files.with_roles(clip(4, "other"), read))),
-        Target("report", _report_seeds, fuzz_mutators.of_json, _put_as("case.json"),
+        Target("report", fuzz_seeds.report_seeds, fuzz_mutators.of_json, _put_as("case.json"),
                lambda path: reports.read(path, N_REPORTED), _use_report),
-        Target("glosses", lambda: [_GLOSSES], fuzz_mutators.of_text, _put_as("glosses.csv"), glosses.read,
+        Target("glosses", lambda: [fuzz_seeds.GLOSSES], fuzz_mutators.of_text, _put_as("glosses.csv"), glosses.read,
                lambda _: None),
     )
 }  # fmt: skip

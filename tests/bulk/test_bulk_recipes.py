@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import replace
 from decimal import Decimal
@@ -49,7 +50,7 @@ def test_only_glosses_are_needed_and_numbers_may_be_numbers(tmp_path: Path) -> N
         ("gloss\nYES\n", "column 'gloss', expected glosses"),
         ("glosses,sign_speed\nYES,fast\n", "column sign_speed: .*fast.*expected double"),
         ("glosses,seed\n,1\n", "column glosses: a row has no glosses"),
-        ("", "cannot be read as recipes"),
+        ("", "is no valid table of recipes"),
         ("glosses,seed,seed\nYES,1,2\n", "column seed is there 2 times, expected once"),
     ],
 )
@@ -110,6 +111,41 @@ def test_a_parquet_file_with_a_column_twice_or_no_text_is_refused(tmp_path: Path
     pq.write_table(pa.table({"glosses": ["YES"], "tempo": [True]}), path)
     with pytest.raises(FormatError, match="column tempo: 'True' is no text and no number, expected string"):
         rows_of(path)
+
+
+def no_utf8(n: int) -> pa.Array:
+    return pa.Array.from_buffers(pa.string(), n, pa.array([b"\xffA"] * n, pa.binary()).buffers())
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({"glosses": ["YES"], "signer": no_utf8(1)}, "column signer: .*UTF8.*, expected string"),
+        ({"glosses": pa.ListArray.from_arrays([0, 1], no_utf8(1))}, "column glosses: .*UTF8.*, expected list"),
+        ({b"glosses\xff": ["YES"]}, "is no valid table of recipes .*utf-8"),
+        ({"glosses": ["YES"], "tempo": pa.array([2**31 - 1], pa.date32())}, "column tempo: .*, expected string"),
+        ({"glosses": pa.array([None], pa.string())}, "column glosses: a row has no glosses"),
+        ({"glosses": [[["YES"]]]}, "column glosses: .*, expected list"),
+        ({"glosses": [["YES", None]]}, "column glosses: a row has no glosses, or null among them"),
+    ],
+)
+def test_text_that_is_no_utf8_and_other_types_are_refused_in_one_line(
+    tmp_path: Path, table: dict[str, Any], message: str
+) -> None:
+    path = tmp_path / "r.parquet"
+    pq.write_table(pa.Table.from_arrays([pa.array(column) if isinstance(column, list) else column
+                                         for column in table.values()], names=list(table)), path)  # fmt: skip
+    with pytest.raises(FormatError, match=message) as error:
+        rows_of(path)
+    assert str(error.value).startswith(f"{path}: ")
+    assert "\n" not in str(error.value)
+
+
+def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
+    for name in ("r.csv", "r.parquet"):
+        os.mkfifo(tmp_path / name)
+        with pytest.raises(InputError, match="is a pipe, expected a regular file"):
+            rows_of(tmp_path / name)
 
 
 @pytest.mark.parametrize("broken", ["missing", "folder", "cut", "other", "short"])

@@ -22,7 +22,7 @@ import signsplice as ss
 from bulk_kills import content
 from signsplice import lexicon
 from signsplice.bulk import recipes, run
-from signsplice.bulk.job import BulkJob, BulkOptions, prepare
+from signsplice.bulk.job import BulkJob, BulkOptions, prepare, read_job
 from signsplice.bulk.maker import FailedSentence, MadeSentence, SentenceMaker, motion_sha256
 from signsplice.bulk.recipes import SentenceRecipe
 from signsplice.bulk.shards import make_shard, poses
@@ -184,6 +184,26 @@ def test_a_folder_with_other_files_is_refused(tmp_path: Path) -> None:
     (tmp_path / "out" / "thesis.txt").write_text("")
     with pytest.raises(InputError, match=r"holds thesis.txt and no job.json"):
         job_of(tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"shard_size": 0}, "shard_size 0, expected 1 to"),
+        ({"format": "obj"}, "format 'obj', expected npz"),
+        ({"lexicon": "a\0b"}, "a name or path is no line of text"),
+        ({"made_with": {"numpy": "2\u20281"}}, "a name or path is no line of text"),
+        ({"bundle": "b" * 1000}, "a name or path is no line of text"),
+    ],
+)
+def test_a_job_that_was_changed_is_refused(
+    made: tuple[Path, BulkJob], changed: dict[str, object], message: str, tmp_path: Path
+) -> None:
+    stored = read_json(made[0] / "job.json", "")
+    (tmp_path / "job.json").write_text(json.dumps(stored | changed))
+    with pytest.raises(FormatError, match=f"is no job of a folder of shards .*{message}") as error:
+        read_job(tmp_path)
+    assert len(str(error.value).splitlines()) == 1
 
 
 def test_a_call_that_is_refused_leaves_no_trace(made: tuple[Path, BulkJob], tmp_path: Path) -> None:

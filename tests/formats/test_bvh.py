@@ -169,7 +169,7 @@ def test_every_rate_comes_back_from_a_frame_time_of_seven_digits(fps: float) -> 
 @pytest.mark.parametrize(("frame_time", "is_named"), [("0.0333333", False), ("0.07", False), ("0.033", True)])
 def test_a_frame_time_that_is_brought_to_another_rate_is_named(frame_time: str, is_named: bool) -> None:
     clip = bvh.parse(MIXED.replace("0.0333333", frame_time).encode(), "WAVE.bvh")
-    line = f"its Frame Time of {frame_time} s is read as 30 fps, which it seems to be rounded from"
+    line = f"WAVE: its Frame Time of {frame_time} s is read as 30 fps, which it seems to be rounded from"
     assert left_out_warnings(clip) == ((line,) if is_named else ())
     assert f"Frame Time: {frame_time}\n".encode() in bvh.encode(clip)
     assert len(left_out_warnings(resample(clip, 24.0))) == is_named

@@ -327,6 +327,49 @@ def test_reading_refuses_what_is_no_corpus(pairs: Pairs, tmp_path: Path) -> None
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
+def _broken(head: dict[str, Any], index: np.ndarray, what: str) -> tuple[dict[str, Any], np.ndarray]:
+    index = index.copy()
+    if what == "a word beyond":
+        index[0, 1] = len(head["words"])
+    elif what == "a cut beyond":
+        index[0, 2] = head["words"][index[0, 0]]["frames"]
+    elif what == "a transition beyond":
+        index[-1, 4] += 1
+    elif what == "a pair beyond":
+        head["splits"]["random"]["test"].append(len(index))
+    elif what == "five columns":
+        index = index[:, :5]
+    elif what == "no gloss":
+        head["words"][1]["gloss"] = None
+    else:
+        head["words"][0]["first"] = -1
+    return head, index
+
+
+@pytest.mark.parametrize(
+    ("what", "message"),
+    [
+        ("a word beyond", "words of pairs: a number lies beyond"),
+        ("a cut beyond", "cuts: a number lies beyond"),
+        ("a transition beyond", "transitions: a number lies beyond"),
+        ("a pair beyond", "splits: a number lies beyond"),
+        ("five columns", r"pairs\.npy: int32 \(11, 5\), expected whole numbers \(P, 6\)"),
+        ("no gloss", "words: .*expected"),
+        ("a frame before", "words: a number lies beyond"),
+    ],
+)
+def test_numbers_that_lead_out_of_the_arrays_are_refused(
+    what: str, message: str, whole: dict[str, bytes], tmp_path: Path
+) -> None:
+    for name, content in whole.items():
+        (tmp_path / name).write_bytes(content)
+    head, index = _broken(json.loads(whole["corpus.json"]), np.load(tmp_path / "pairs.npy"), what)
+    (tmp_path / "corpus.json").write_text(json.dumps(head))
+    np.save(tmp_path / "pairs.npy", index)
+    with pytest.raises(InputError, match=message):
+        Pairs(tmp_path)
+
+
 @pytest.mark.parametrize("name", ["corpus.json", "pairs.npy", "word_roots.npy", "new_roots.npy"])
 def test_a_pipe_in_a_corpus_is_refused_at_once(name: str, pairs: Pairs, tmp_path: Path) -> None:
     for path in pairs.folder.iterdir():

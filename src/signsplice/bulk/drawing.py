@@ -18,6 +18,8 @@ from signsplice.lexicon.sentence import parse
 
 _TILE = 100
 """Pairs come in squares of so many words by as many, so that pairs near one another are of few words."""
+_LONGEST = 500
+"""Characters of a warning: it quotes the line that it is about."""
 Range = tuple[float, float]
 
 
@@ -89,12 +91,12 @@ def lines(
         try:
             units = parse(line, lexicon, spell=bool((dials or {}).get("spell", True)))
             tokens = tuple(_token(unit.token, unit.glosses, unit.spelled) for unit in units if unit.glosses)
-            warnings += [f"{path}:{number}: {unit.warning}" for unit in units if unit.warning]
+            warnings += [f"{path}:{number}: {unit.warning[:_LONGEST]}" for unit in units if unit.warning]
         except UnknownGlossError as error:
             tokens = tuple(line.split())
-            warnings.append(f"{path}:{number}: {error}")
+            warnings.append(f"{path}:{number}: {str(error)[:_LONGEST]}")
         except InputError as error:
-            raise InputError(f"{path}:{number}: {error}") from error
+            raise InputError(f"{path}:{number}: {str(error)[:_LONGEST]}") from error
         found.append(SentenceRecipe(tokens, **dict(dials or {})))
     if not found:
         raise InputError(f"{path}: no line of glosses, expected one sentence a line")

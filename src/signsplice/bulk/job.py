@@ -30,6 +30,8 @@ STORES = (FRAMES, "recipes")
 FORMATS = ("npz", "bvh", "glb")
 VERSION = 1
 _LIBRARIES = ("numpy", "scipy", "onnxruntime")
+_LONGEST = 1000
+"""Characters of the longest name or path of a job."""
 _FREE = ("lexicon", "bundle", "processor")
 """What may differ when a run is resumed: where the words and networks lie, not what they are."""
 
@@ -199,8 +201,12 @@ def read_job(out: Path) -> BulkJob:
             check_type(stored[row.name], _KINDS[kinds[row.name]], row.name)
         if stored["version"] != VERSION:
             raise ValueError(f"version {stored['version']}, expected {VERSION}")
+        texts = [str(value) for row in (stored, stored["made_with"]) for value in (*row, *row.values())]
+        if not all(text.isprintable() and len(text) < _LONGEST for text in texts):
+            raise ValueError("a name or path is no line of text")
+        BulkOptions(**{row.name: stored[row.name] for row in fields(BulkOptions)})  # raises for what is out of range
         return BulkJob(**{row.name: stored[row.name] for row in fields(BulkJob)})
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, InputError) as error:
         raise FormatError(f"is no job of a folder of shards ({str(error)[:200]})", file=str(out / JOB)) from error
 
 
@@ -246,6 +252,6 @@ def is_whole(out: Path, job: BulkJob, shard: int) -> bool:
     try:
         metadata = pq.read_metadata(index_of(out, shard)).metadata or {}
         size = tar_of(out, shard).stat().st_size if job.store == FRAMES else 0
-    except (OSError, pa.ArrowException):
+    except (OSError, ValueError, pa.ArrowException):
         return False
     return metadata.get(b"job") == job.sha256.encode() and metadata.get(b"tar_bytes") == str(size).encode()

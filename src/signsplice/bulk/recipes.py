@@ -19,6 +19,7 @@ import pyarrow.parquet as pq
 
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.atomic import replacing
+from signsplice.formats.reading import format_errors, opened
 from signsplice.splicing.options import SpliceOptions
 
 SUFFIXES = (".parquet", ".csv")
@@ -89,22 +90,20 @@ def read(path: str | Path) -> Iterator[pa.RecordBatch]:
 
     Only the column ``glosses`` must be there: a list of texts, or a text with white space between glosses. What is
     left out, empty or NaN has its default. Raises ``InputError``, which names the file and the column, for anything
-    else.
+    else. Arrow unpacks a table, however little of a file it takes: no limit of ours bounds that memory.
     """
     path = Path(path)
     check_suffix(path)
-    try:
+    with opened(path) as (file, _), format_errors(str(path), "table of recipes"):
         if path.suffix.lower() == ".csv":
             text = pyarrow.csv.ConvertOptions(
                 column_types={name: pa.string() for name in SCHEMA.names}, null_values=[""], strings_can_be_null=True
             )
-            with pyarrow.csv.open_csv(path, convert_options=text) as rows:
+            with pyarrow.csv.open_csv(file, convert_options=text) as rows:
                 yield from _batches(path, rows)
         else:
-            with pq.ParquetFile(path) as file:
-                yield from _batches(path, file.iter_batches(ROWS))
-    except (pa.ArrowException, OSError) as error:
-        raise FormatError(f"cannot be read as recipes ({str(error)[:200]})", file=str(path)) from error
+            with pq.ParquetFile(file) as table:
+                yield from _batches(path, table.iter_batches(ROWS))
 
 
 def check_suffix(path: str | Path) -> None:
@@ -139,7 +138,7 @@ def _checked(batch: pa.RecordBatch, path: Path) -> pa.RecordBatch:
     for name, kind in zip(SCHEMA.names, SCHEMA.types, strict=True):
         try:
             columns.append(_column(batch, name, kind))
-        except (pa.ArrowException, ValueError) as error:
+        except Exception as error:  # of Arrow, or of a value that Python cannot hold
             raise FormatError(f"column {name}: {str(error)[:200]}, expected {kind}", file=str(path)) from error
     return pa.RecordBatch.from_arrays(columns, schema=SCHEMA)
 
@@ -148,6 +147,7 @@ def _column(batch: pa.RecordBatch, name: str, kind: pa.DataType) -> pa.Array:
     if name not in batch.schema.names:
         return pa.array([_DEFAULTS[name]] * len(batch), kind)
     column = batch.column(name)
+    column.validate(full=True)  # text that is no UTF-8 is found when it is used, else
     if isinstance(column, pa.DictionaryArray):
         column = column.dictionary_decode()
     if pa.types.is_large_string(column.type) or pa.types.is_string_view(column.type):
@@ -155,8 +155,8 @@ def _column(batch: pa.RecordBatch, name: str, kind: pa.DataType) -> pa.Array:
     if name == "glosses":
         if pa.types.is_string(column.type):
             column = pc.utf8_split_whitespace(pc.utf8_trim_whitespace(column))
-        if column.null_count:
-            raise ValueError("a row has no glosses")
+        if column.null_count or pc.list_flatten(column).null_count:
+            raise ValueError("a row has no glosses, or null among them")
     elif pa.types.is_string(kind) and not pa.types.is_string(column.type):
         if pa.types.is_float32(column.type):
             column = column.cast(pa.string()).cast(pa.float64())  # 0.3 stays 0.3, as it would not as a number
@@ -215,10 +215,12 @@ def rows(path: str | Path, start: int, stop: int) -> list[SentenceRecipe]:
 
     Raises ``FormatError`` where it cannot be read or lacks some of them.
     """
-    with _own(path), pq.ParquetFile(path) as file:
+    with _own(path) as file:
         groups = range(start // ROWS, min(file.num_row_groups, (stop - 1) // ROWS + 1))
         found = chain.from_iterable(file.iter_batches(ROWS, row_groups=[group]) for group in groups)
-        table = pa.Table.from_batches(found, SCHEMA).slice(start - start // ROWS * ROWS, stop - start)
+        table = pa.Table.from_batches([_checked(batch, Path(path)) for batch in found], SCHEMA).slice(
+            start - start // ROWS * ROWS, stop - start
+        )
         if len(table) != stop - start:
             raise ValueError(f"{file.metadata.num_rows} rows, expected row {stop - 1} too")
         return [row for batch in table.to_batches() for row in recipes_of(batch)]
@@ -233,15 +235,17 @@ def is_same(path: str | Path, batches: Iterable[pa.RecordBatch]) -> bool:
 
 
 def _stored(path: str | Path) -> Iterator[pa.RecordBatch]:
-    with _own(path), pq.ParquetFile(path) as file:
+    with _own(path) as file:
         yield from file.iter_batches(ROWS)
 
 
 @contextmanager
-def _own(path: str | Path) -> Iterator[None]:
-    """Raises ``FormatError`` where the block cannot read what ``write`` wrote at ``path``."""
+def _own(path: str | Path) -> Iterator[pq.ParquetFile]:
+    """A file that ``write`` wrote. Raises ``FormatError`` where it, or the block, cannot read it."""
     try:
-        yield
-    except (pa.ArrowException, OSError, TypeError, ValueError) as error:
-        what = f"cannot be read as the recipes that the folder was begun with ({str(error)[:200]})"
+        with opened(path) as (file, _), format_errors(str(path), "table of recipes"), pq.ParquetFile(file) as table:
+            yield table
+    except InputError as error:
+        reason = str(error).removeprefix(f"{path}: ")[:200]
+        what = f"cannot be read as the recipes that the folder was begun with ({reason})"
         raise FormatError(f"{what}; put that file back, or name a new folder", file=str(path)) from error

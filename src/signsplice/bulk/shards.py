@@ -113,6 +113,8 @@ INDEX_SCHEMA = pa.schema(
 null where there is one; all that is not known then is null.
 """
 
+_MOTIONS = pa.schema([INDEX_SCHEMA.field(name) for name in ("row", "motion_sha256")])
+
 
 @dataclass(frozen=True)
 class ShardResult:
@@ -227,7 +229,7 @@ def _motion_of(index: Path, row: int, place: int) -> str | None:
     """
     try:
         with pq.ParquetFile(index) as file:
-            table = file.read(columns=["row", "motion_sha256"])
+            table = file.read(columns=["row", "motion_sha256"]).cast(_MOTIONS)
         if table["row"][place].as_py() != row:
             raise ValueError(f"row {table['row'][place]}, expected {row}")
         sha256: str | None = table["motion_sha256"][place].as_py()

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError, LimitError
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
-from signsplice.formats.reading import opened
+from signsplice.formats.reading import format_errors, opened
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 from signsplice.motion.euler_channels import POSITIONS, ROTATIONS, Channels
 
@@ -164,6 +164,6 @@ def _are(values: Any, *kinds: type) -> bool:
 
 def mapped_array(path: str | Path) -> NDArray[Any]:
     """The array of a ``.npy`` file, memory-mapped. Raises ``InputError`` where ``opened`` does, or it is none."""
-    with opened(path):  # a pipe is refused here: numpy would wait for a writer
-        array: NDArray[Any] = np.load(path, mmap_mode="r")
+    with opened(path), format_errors(str(path), "array"):  # a pipe is refused here: numpy would wait for a writer
+        array: NDArray[Any] = np.lib.format.open_memmap(path, mode="r")
     return array

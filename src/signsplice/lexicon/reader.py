@@ -271,7 +271,7 @@ def _place(path: Path) -> tuple[int, int, int] | None:
     """What tells a folder from one that takes its place; None where there is none."""
     try:
         status = path.stat()
-    except OSError:
+    except (OSError, ValueError):  # a zero byte in the name
         return None
     return status.st_dev, status.st_ino, status.st_ctime_ns
 

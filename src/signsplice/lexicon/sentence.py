@@ -167,12 +167,13 @@ def _letters(word: str, lexicon: Lexicon) -> tuple[str | None, ...]:
     """For each character of a word the gloss of its letter, or of the letter without its accent; None where the lexicon
     has neither.
     """
-    found: list[str | None] = []
-    for character in unicodedata.normalize("NFC", word):
+    characters = unicodedata.normalize("NFC", word)
+    found: dict[str, str | None] = {}
+    for character in set(characters):
         glosses = [letter_gloss(c) for c in (character, _without_accent(character)) if c.isprintable()]
         entries = [lexicon.entry(gloss) for gloss in glosses if gloss in lexicon]
-        found.append(next((entry.gloss for entry in entries if entry.kind == "letter"), None))
-    return tuple(found)
+        found[character] = next((entry.gloss for entry in entries if entry.kind == "letter"), None)
+    return tuple(found[character] for character in characters)
 
 
 _STROKES = str.maketrans("ŁłØøĐđĦħŦŧı", "LlOoDdHhTti")

@@ -244,12 +244,13 @@ class Clip:
 
 
 def left_out_warnings(clip: Clip) -> tuple[str, ...]:
-    """Lines about what a clip's file holds and the clip does not, or otherwise, without its name."""
-    if not clip.left_out:
-        return clip.notes
-    some, n_more = clip.left_out[:_NAMED], len(clip.left_out) - _NAMED
-    more = f" and {n_more} more" if n_more > 0 else ""
-    return (f"{', '.join(some)}{more} left out: a clip holds the motion of joints alone", *clip.notes)
+    """Lines about what a clip's file holds and the clip does not, or otherwise; none where there is nothing."""
+    lines = list(clip.notes)
+    if clip.left_out:
+        some, n_more = clip.left_out[:_NAMED], len(clip.left_out) - _NAMED
+        more = f" and {n_more} more" if n_more > 0 else ""
+        lines.insert(0, f"{', '.join(some)}{more} left out: a clip holds the motion of joints alone")
+    return tuple(f"{clip.name}: {line}" for line in lines)
 
 
 def same_fps(a: float, b: float) -> bool:

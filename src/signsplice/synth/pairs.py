@@ -20,13 +20,14 @@ numbers.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.errors import InputError
+from signsplice.errors import FormatError, InputError
 from signsplice.formats import skeletons
 from signsplice.formats.atomic import put_file
 from signsplice.formats.json_files import check_type, parse_json
@@ -77,9 +78,10 @@ class Pairs:
             self.by_partner = not self.signers or truth.by_partner(self.truth_kind)
             self.skeletons, self.spaces = _bodies(self.head, self.signers)
             self._check_shapes()
+            self._check_head()
         except (KeyError, OSError, TypeError, ValueError, InputError) as error:
             hint = "make one with `signsplice synth pairs` or `signsplice-paper pairs build`"
-            raise InputError(f"{self.folder}: is no corpus of pairs ({error}); {hint}") from error
+            raise FormatError(f"is no corpus of pairs ({error}); {hint}", file=str(self.folder)) from error
         if self.head.get("version") not in READABLE:
             expected = " or ".join(map(str, READABLE))
             raise InputError(f"{self.folder}: version {self.head.get('version')}, expected {expected}; make it again")
@@ -104,7 +106,7 @@ class Pairs:
         """Pair numbers of a part (train, valid, test) of a split. Raises ``InputError`` for unknown names."""
         try:
             return list(self.head["splits"][name][part])
-        except KeyError:
+        except (KeyError, TypeError):
             raise InputError(f"no split {name} {part}, expected one of {', '.join(self.head['splits'])}") from None
 
     def signer(self, word: int) -> int:
@@ -162,6 +164,24 @@ class Pairs:
         bones = self.skeletons[self.signer(word)]
         return Clip(bones, rotations.astype(np.float64), roots.astype(np.float64), self.head["fps"], name)
 
+    def _check_head(self) -> None:
+        """Raise ``TypeError``, ``KeyError`` or ``ValueError`` where words, pairs or splits are not in the arrays."""
+        check_type([self.head["fps"], self.head["hash"]], tuple[float, str], "fps, hash")
+        check_type(self.head["words"], list[_StoredWord], "words")
+        check_type(self.head["splits"], dict[str, dict[str, list[int]]], "splits")
+        rows, index = self.head["words"], np.asarray(self.index)
+        if index.ndim != 2 or index.shape[1] != 6 or index.dtype.kind != "i" or not len(index):
+            raise ValueError(f"pairs.npy: {index.dtype} {index.shape}, expected whole numbers (P, 6)")
+        first, frames = np.array([(row["first"], row["frames"]) for row in rows], np.int64).reshape(-1, 2).T
+        words, cuts, (new, n_new) = index[:, :2], index[:, 2:4], index[:, 4:].astype(np.int64).T
+        splits = [number for parts in self.head["splits"].values() for part in parts.values() for number in part]
+        _check_range("words", first, len(self.words["roots"]) - frames)
+        _check_range("frames of words", frames - 1, len(self.words["roots"]))
+        _check_range("words of pairs", words, len(rows) - 1)
+        _check_range("cuts", cuts, frames[words] - 1)
+        _check_range("transitions", np.array([new, n_new]), len(self.new["roots"]) - np.array([n_new, new]))
+        _check_range("splits", np.array(splits, np.int64), len(index) - 1)
+
     def _check_shapes(self) -> None:
         """Raise ``ValueError`` where the arrays are not of the signers' skeletons and numbers."""
         bones, space = self.skeletons[0], self.spaces[0]
@@ -170,6 +190,23 @@ class Pairs:
             for kind, array in arrays.items():
                 if array.shape[1:] != shapes[kind]:
                     raise ValueError(f"{name}_{kind}.npy: frames {array.shape[1:]}, expected {shapes[kind]}")
+                if array.ndim == 0 or len(array) != len(arrays["roots"]) or array.dtype.kind != "f":
+                    raise ValueError(f"{name}_{kind}.npy: {array.dtype} {array.shape}, expected numbers for each frame")
+
+
+@dataclass(frozen=True)
+class _StoredWord:
+    """A row of the words, as JSON holds it: its gloss, its first frame in the arrays and their number."""
+
+    gloss: str
+    first: int
+    frames: int
+
+
+def _check_range(what: str, values: Array, most: Array | int) -> None:
+    """Raise ``ValueError`` where one of ``values`` is not 0 to ``most``."""
+    if np.any((values < 0) | (values > most)):
+        raise ValueError(f"{what}: a number lies beyond the arrays")
 
 
 def _bodies(head: Mapping[str, Any], signers: Sequence[Signer]) -> tuple[tuple[Skeleton, ...], tuple[NumberSpace, ...]]:
