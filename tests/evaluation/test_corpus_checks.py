@@ -45,7 +45,7 @@ def with_arrays(corpus: Pairs, folder: Path, **changes: NDArray[Any]) -> Pairs:
 
 
 def in_the_chest(n: int) -> FloatArray:
-    """States (n, 63) with the strong hand in the breast bone."""
+    """States (n, 65) with the strong hand in the breast bone."""
     state = np.array(resting(STANDARD))
     state[:3] = (-6.0, 4.0, 9.0)
     state[3:6] = 0.0

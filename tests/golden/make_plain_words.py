@@ -1,7 +1,7 @@
 """Makes plain_words.npz: words of the first signer there was, before signers had a manner.
 
 Run at commit c5abc78a as ``python tests/golden/make_plain_words.py``; the file shows whether a signer with a
-plain manner still moves in the same way. Arrays: the states (T, 63) of every word, and its events, by the word's gloss
+plain manner still moves in the same way. Arrays: the first 63 numbers (T, 63) of every word's states, and its events, by the word's gloss
 and the signer's seed.
 """
 
@@ -44,7 +44,7 @@ def words(signer: Callable[[int], Signer] = draw_signer) -> dict[str, NDArray[np
     for gloss, sign in notation.parse(SIGNS).items():
         word = planner.isolated(sign, signer(SEED))
         e = word.events
-        arrays[f"{gloss} states"] = word.states[::4].round(12)
+        arrays[f"{gloss} states"] = word.states[::4, :63].round(12)
         spans = np.array([*([e.first] if e.first else []), *e.passes], np.float64)
         arrays[f"{gloss} events"] = np.concatenate([[len(word), e.up, e.start, e.end, e.down], spans.ravel()])
     return arrays

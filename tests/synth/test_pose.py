@@ -22,7 +22,7 @@ LEFT_TO_RIGHT = np.array([-1.0, 1.0, 1.0])
 
 
 def easy_states(n: int, signer: Signer, seed: int = 0) -> FloatArray:
-    """Random states (n, 63) in the signing space with small rotations of hands, trunk and head."""
+    """Random states (n, 65) in the signing space with small rotations of hands, trunk and head."""
     rng = np.random.default_rng(seed)
     states = np.zeros((n, pose.SIZE))
     for first in (0, 27):

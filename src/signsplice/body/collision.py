@@ -1,4 +1,4 @@
-"""Collision of the body with itself: how deep the capsules of a hand lie in head, trunk or the other hand.
+"""Collision of the body with itself: how deep the capsules of a hand lie in head, trunk, the other arm or its hand.
 
 A depth is positive inside and negative outside, in clip units. An exit direction is the unit vector along which a
 capsule would leave the other one by the shortest path.
@@ -24,8 +24,8 @@ _WHOLE_HAND_WEIGHT = 1.2
 def hand_penetration(
     skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Depth (T, 2) of the left and the right hand in head, neck, trunk or the other hand, clip units (negative: the
-    distance to them), and the exit direction (T, 2, 3) in the world.
+    """Depth (T, 2) of the left and the right hand in head, neck, trunk, the other arm or its hand, clip units (negative:
+    the distance to them), and the exit direction (T, 2, 3) in the world.
 
     From the globals of ``kinematics.forward`` for all joints. Two hands that meet are separated as wholes more than
     from skin to skin, since single fingers would push in all directions.
@@ -43,8 +43,8 @@ def hand_penetration(
         across = across + _WHOLE_HAND_WEIGHT * apart[:, None, None]
         across /= np.linalg.norm(across, axis=-1, keepdims=True) + TINY
     rows = np.arange(n_frames)
-    for side, own in enumerate((groups.left, groups.right)):
-        deep, out = overlap(starts, ends, body.radii, own, solid)  # (T, A, B), (T, A, B, 3)
+    for side, (own, arm) in enumerate(((groups.left, groups.right_arm), (groups.right, groups.left_arm))):
+        deep, out = overlap(starts, ends, body.radii, own, (*solid, *arm))  # (T, A, B), (T, A, B, 3)
         if meeting:
             other, away = (between, across) if side == 0 else (between.swapaxes(1, 2), -across.swapaxes(1, 2))
             deep, out = np.concatenate([deep, other], axis=2), np.concatenate([out, away], axis=2)
@@ -73,7 +73,7 @@ class PosedCapsules:
 
     def near_pairs(self, slack: float = 0.0, firsts: Sequence[int] = (0,)) -> NearPairs:
         """Pairs of capsules that may overlap once hands have moved by up to ``slack``, clip units: one of a hand, taken
-        as a ball about its middle, and one of head, trunk or the other hand.
+        as a ball about its middle, and one of head, trunk, the other arm or its hand.
 
         firsts: frames with which clips begin, where these are several laid end to end.
 
@@ -81,8 +81,9 @@ class PosedCapsules:
         """
         groups, radii = self.body.groups, self.body.radii
         hands = [np.array(own, np.intp) for own in (groups.left, groups.right)]
-        others = np.array([*groups.head, *groups.trunk, *groups.right], np.intp)
-        n_solid = len(groups.head) + len(groups.trunk)
+        arms = groups.left_arm, groups.right_arm
+        others = np.array([*groups.head, *groups.trunk, *arms[0], *arms[1], *groups.right], np.intp)
+        n_solid = len(others) - len(groups.right)
         lengths = np.diff([*firsts, len(self.starts)])
         origins = np.repeat([self.starts[first].mean(axis=0) for first in firsts], lengths, axis=0)
         starts, axes = self.starts - origins[:, None], self.ends - self.starts
@@ -92,6 +93,8 @@ class PosedCapsules:
         balls, radius = (np.hstack([ball[k] for ball in whole]) for k in (0, 1))
         met = _meet(balls, radius, starts[:, others], axes[:, others], thick[others] + slack)
         met[:, 1, n_solid:] = False  # the right hand and itself
+        for side, arm in enumerate(arms):
+            met[:, side, np.isin(others, arm)] = False
         at, columns = np.flatnonzero(met.any(axis=(1, 2))), np.flatnonzero(met.any(axis=(0, 1)))
         own, others = np.concatenate(hands), others[columns]
         rows, box = np.ix_(at, own), np.ix_(at, others)

@@ -32,7 +32,7 @@ _KERNEL = np.array([0.12, 0.35, 0.72, 1.0, 0.72, 0.35, 0.12])
 
 
 def clear_collisions(states: FloatArray, signer: Signer, ends: bool = False) -> FloatArray:
-    """States (T, 63) with wrists moved out of head, trunk and each other where they lay deeper than the tolerance.
+    """States (T, 65) with wrists moved out of head, trunk and each other where they lay deeper than the tolerance.
 
     Each push is spread over about five frames. ``ends``: the frames belong between two others; pushes fade out towards
     both ends, so that their neighbours fit.
