@@ -14,7 +14,7 @@ import numpy as np
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.synth import elbows, pose, trajectory, two_hands
+from signsplice.synth import elbows, pose, thumbs, trajectory, two_hands
 from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, skin_clearances, touching_sides
 from signsplice.synth.body_motion import add_body_motion
 from signsplice.synth.locations import resting
@@ -77,6 +77,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     states = segments.low_passed(states, offset)
     if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
         trajectory.clip_fingers(states)
+        states = thumbs.opened(states)
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     segments.add_overlays(states, offset)
     states = add_body_motion(states, events, signer, fps)

@@ -20,8 +20,9 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.curves import minimum_jerk_by_powers
-from signsplice.synth import elbows, pose, trajectory
+from signsplice.synth import elbows, pose, thumbs, trajectory
 from signsplice.synth.avoidance import clear_collisions, penetration
+from signsplice.synth.manner import PLAIN
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.timing import slowed
 
@@ -308,6 +309,8 @@ def transition(before: FloatArray, after: FloatArray, p: IsolatedWord, pause_s: 
     for more in range(0, 7, 2):
         at = slowed(n_frames + more, round(p.clip.fps * pause_s)) if pause_s else None
         states = trajectory.reach(before, after, n_frames + more, p.signer, at)
+        if p.signer.manner != PLAIN:
+            states = thumbs.opened(states, ends=True)
         for _ in range(2):  # elbows follow the hands
             states = clear_collisions(elbows.joined(states, before, after, p.signer), p.signer, ends=True)
         states = elbows.joined(states, before, after, p.signer)
