@@ -24,8 +24,8 @@ _WHOLE_HAND_WEIGHT = 1.2
 def hand_penetration(
     skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Depth (T, 2) of the left and the right hand in head, neck, trunk, the other arm or its hand, clip units (negative:
-    the distance to them), and the exit direction (T, 2, 3) in the world.
+    """Depth (T, 2) of the left and the right hand in head, neck, trunk, the other arm or its hand, or of a forearm in
+    the other arm, clip units (negative: the distance to them), and the exit direction (T, 2, 3) in the world.
 
     From the globals of ``kinematics.forward`` for all joints. Two hands that meet are separated as wholes more than
     from skin to skin, since single fingers would push in all directions.
@@ -43,13 +43,17 @@ def hand_penetration(
         across = across + _WHOLE_HAND_WEIGHT * apart[:, None, None]
         across /= np.linalg.norm(across, axis=-1, keepdims=True) + TINY
     rows = np.arange(n_frames)
-    for side, (own, arm) in enumerate(((groups.left, groups.right_arm), (groups.right, groups.left_arm))):
-        deep, out = overlap(starts, ends, body.radii, own, (*solid, *arm))  # (T, A, B), (T, A, B, 3)
+    arms = groups.left_arm, groups.right_arm
+    for side, own in enumerate((groups.left, groups.right)):
+        found = [
+            overlap(starts, ends, body.radii, own, solid),  # (T, A, B), (T, A, B, 3)
+            overlap(starts, ends, body.radii, (*own, *(n for n in arms[side] if body.parts[n] == "cuff")), arms[1 - side]),
+        ]
         if meeting:
-            other, away = (between, across) if side == 0 else (between.swapaxes(1, 2), -across.swapaxes(1, 2))
-            deep, out = np.concatenate([deep, other], axis=2), np.concatenate([out, away], axis=2)
+            found.append((between, across) if side == 0 else (between.swapaxes(1, 2), -across.swapaxes(1, 2)))
+        deep = np.concatenate([deep.reshape(n_frames, -1) for deep, _ in found], axis=1)
         if deep.size:
-            deep, out = deep.reshape(n_frames, -1), out.reshape(n_frames, -1, 3)
+            out = np.concatenate([out.reshape(n_frames, -1, 3) for _, out in found], axis=1)
             worst = deep.argmax(axis=1)
             depth[:, side], exits[:, side] = deep[rows, worst], out[rows, worst]
     return depth, exits

@@ -24,7 +24,7 @@ _WIDTH_S = 0.10
 """Standard deviation of the Gaussian that smooths these directions in time, seconds."""
 _CLEARING_S = 0.06
 """The same for what keeps forearms free, which is smoothed as much once already."""
-_PRESSED_M = 0.005
+_PRESSED_M = 0.003
 """Depth up to which a forearm may press into the trunk or the other arm, m: both give."""
 _SIDES = ("Right", "Left")
 """The strong and the weak arm of a right-handed signer."""
