@@ -25,6 +25,7 @@ from signsplice.rig.naming import SIDES
 from signsplice.synth import planner, pose, running
 from signsplice.synth.phonology import IN_SPACE, Segment
 from signsplice.synth.planner import IsolatedWord
+from signsplice.synth.rng import stream
 from signsplice.synth.segment_plan import SegmentPlan
 from signsplice.synth.signer import JOINTS, STANDARD
 
@@ -57,14 +58,9 @@ def arm_in_arm(body: BodyCapsules, starts: FloatArray, ends: FloatArray) -> Floa
     for one, two in (SIDES, SIDES[::-1]):
         hand = list(body.groups.left if one == "left" else body.groups.right)
         pairs.append(([*hand, *rows(body, one, "cuff", "sleeve")], rows(body, two, "cuff", "sleeve")))
-    return np.asarray(np.max([collision.overlap(starts, ends, body.radii, *pair)[0].max(axis=(1, 2)) for pair in pairs], axis=0))
-
-
-def elbow_in_trunk(body: BodyCapsules, starts: FloatArray, ends: FloatArray) -> FloatArray:
-    """Depth (T,) of a forearm, its elbow included, in the trunk, where arms do not begin, cm."""
-    solid = [n for n in body.groups.trunk if not body.keys[n].endswith("Shoulder") and "collar" not in body.keys[n]]
-    cuffs = [n for n, part in enumerate(body.parts) if part == "cuff"]
-    return np.asarray(collision.overlap(starts, ends, body.radii, cuffs, solid)[0].max(axis=(1, 2)))
+    return np.asarray(
+        np.max([collision.overlap(starts, ends, body.radii, *pair)[0].max(axis=(1, 2)) for pair in pairs], axis=0)
+    )
 
 
 def finger_in_thumb(body: BodyCapsules, starts: FloatArray, ends: FloatArray) -> FloatArray:
@@ -74,7 +70,8 @@ def finger_in_thumb(body: BodyCapsules, starts: FloatArray, ends: FloatArray) ->
         fingers = [
             n
             for n, key in enumerate(body.keys)
-            if key.startswith(side) and key.removeprefix(side).startswith(("Index", "Middle", "Ring", "Little"))
+            if key.startswith(side)
+            and key.removeprefix(side).startswith(("Index", "Middle", "Ring", "Little"))
             and not key.endswith("Palm")
         ]
         thumb = [n for n, key in enumerate(body.keys) if key in (f"{side}ThumbProximal", f"{side}ThumbDistal")]
@@ -119,7 +116,9 @@ def wrist_bend(positions: FloatArray) -> FloatArray:
 def moving(one: IsolatedWord) -> FloatArray:
     """Whether the hands move at each frame step of the sign (n,): a wrist or a fingertip, from the chest."""
     rotations, positions = kinematics.forward(one.clip)
-    tips = [JOINTS[f"{side}Hand{f}3"] for side in ("Left", "Right") for f in ("Thumb", "Index", "Middle", "Ring", "Pinky")]
+    tips = [
+        JOINTS[f"{side}Hand{f}3"] for side in ("Left", "Right") for f in ("Thumb", "Index", "Middle", "Ring", "Pinky")
+    ]
     joints = [JOINTS["LeftHand"], JOINTS["RightHand"], *tips]
     chest = JOINTS["Spine2"]
     seen = np.einsum("tba,tkb->tka", rotations[:, chest], positions[:, joints] - positions[:, chest, None])
@@ -129,7 +128,7 @@ def moving(one: IsolatedWord) -> FloatArray:
 
 def missed_touches(one: IsolatedWord) -> float:
     """How far the part that is written to touch is from what it touches in the worst posture, cm; 0 without one."""
-    rng_plan = SegmentPlan(one.sign, one.signer, one.clip.fps, planner.stream("take", one.signer.name, one.sign.gloss, 0), 0)
+    rng_plan = SegmentPlan(one.sign, one.signer, one.clip.fps, stream("take", one.signer.name, one.sign.gloss, 0), 0)
     body = body_capsules(one.clip.skeleton)
     worst = 0.0
     for n, timed in enumerate(rng_plan.timed):
@@ -146,11 +145,7 @@ def _missed(one: IsolatedWord, segment: Segment, frame: int, body: BodyCapsules)
         return 0.0
     starts, ends = capsule_ends(body, *kinematics.forward(one.clip[frame : frame + 1]))
     fingers = _PART_KEYS.get(posture.part)
-    own = [
-        n
-        for n in body.groups.right
-        if fingers is None or body.keys[n].removeprefix("right").startswith(fingers)
-    ]
+    own = [n for n in body.groups.right if fingers is None or body.keys[n].removeprefix("right").startswith(fingers)]
     other = [*body.groups.head, *body.groups.trunk, *body.groups.left, *rows(body, "left", "cuff", "sleeve")]
     return -float(collision.overlap(starts, ends, body.radii, own, other)[0].max())
 
@@ -163,19 +158,19 @@ def measure(gloss: str) -> dict[str, float]:
     rotations, positions = kinematics.forward(one.clip)
     starts, ends = capsule_ends(body, rotations, positions)
     sign = slice(e.start, e.end + 1)
-    moves = moving(one)
+    moves = moving(one).astype(int)
     hands = slice(1, 2) if one.sign.hands == "one" else slice(0, 2)
     head = np.rad2deg(one.states[e.up : e.down + 1, pose.HEAD])
     trunk = np.rad2deg(one.states[e.up : e.down + 1, pose.TRUNK])
     return {
         "arm_in_arm_cm": float(arm_in_arm(body, starts, ends).max()),
-        "elbow_in_trunk_cm": float(elbow_in_trunk(body, starts, ends).max()),
+        "elbow_in_trunk_cm": float(collision.forearm_penetration(one.clip.skeleton, rotations, positions).max()),
         "hand_in_body_cm": float(collision.hand_penetration(one.clip.skeleton, rotations, positions)[0].max()),
         "finger_in_thumb_cm": float(finger_in_thumb(body, starts, ends)[e.up : e.down].max()),
         "elbow_step_cm": float(elbow_steps(one.clip).max()),
         "elbow_turn_cm": float(swivel_steps(one.clip).max()),
         "moves_s": float(moves.sum() / fps),
-        "holds_s": float((~moves).sum() / fps),
+        "holds_s": float((1 - moves).sum() / fps),
         "lasts_s": float((e.end - e.start + 1) / fps),
         "wrist_deg": float(wrist_bend(positions)[sign, hands].max()),
         "missed_cm": missed_touches(one),
@@ -281,9 +276,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if found:
             values = np.array([one[key] for one in found.values()])
             worst = ", ".join(f"{'>'.join(pairs[k])} {values[k]:.1f}" for k in np.argsort(values)[::-1][:8])
-            print(f"seams: {key:22s} median {np.median(values):.2f}, over {most:g}: {int((values > most).sum())}   {worst}")
+            count = int((values > most).sum())
+            print(f"seams: {key:22s} median {np.median(values):.2f}, over {most:g}: {count}   {worst}")
     if options.json:
-        options.json.write_text(json.dumps({"words": words, "seams": {">".join(k): v for k, v in found.items()}}, indent=1))
+        options.json.write_text(
+            json.dumps({"words": words, "seams": {">".join(k): v for k, v in found.items()}}, indent=1)
+        )
 
 
 if __name__ == "__main__":

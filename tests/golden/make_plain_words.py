@@ -1,8 +1,8 @@
 """Makes plain_words.npz: words of the first signer there was, before signers had a manner.
 
 Run at commit c5abc78a as ``python tests/golden/make_plain_words.py``; the file shows whether a signer with a
-plain manner still moves in the same way. Arrays: the first 63 numbers (T, 63) of every word's states, and its events, by the word's gloss
-and the signer's seed.
+plain manner still moves in the same way. Arrays: the first 63 numbers (T, 63) of every word's states, and its events, by
+the word's gloss and the signer's seed.
 """
 
 from __future__ import annotations

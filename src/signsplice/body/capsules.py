@@ -97,6 +97,7 @@ class CapsuleGroups:
     head: head and neck.
     trunk: trunk and shoulders.
     left_arm, right_arm: upper arms and forearms.
+    below_arms: the trunk where arms do not begin.
     """
 
     left: tuple[int, ...]
@@ -105,6 +106,7 @@ class CapsuleGroups:
     trunk: tuple[int, ...]
     left_arm: tuple[int, ...]
     right_arm: tuple[int, ...]
+    below_arms: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,9 +143,12 @@ class BodyCapsules:
             left,
             right,
             head=tuple(n for n, (part, _) in parts if part in ("face", "hair", "nose", "neck")),
-            trunk=tuple(n for n, (part, _) in parts if part == "shirt"),
+            trunk=(trunk := tuple(n for n, (part, _) in parts if part == "shirt")),
             left_arm=left_arm,
             right_arm=right_arm,
+            below_arms=tuple(
+                n for n in trunk if not self.keys[n].endswith("Shoulder") and "collar" not in self.keys[n]
+            ),
         )
 
 

@@ -47,7 +47,9 @@ def hand_penetration(
     for side, own in enumerate((groups.left, groups.right)):
         found = [
             overlap(starts, ends, body.radii, own, solid),  # (T, A, B), (T, A, B, 3)
-            overlap(starts, ends, body.radii, (*own, *(n for n in arms[side] if body.parts[n] == "cuff")), arms[1 - side]),
+            overlap(
+                starts, ends, body.radii, (*own, *(n for n in arms[side] if body.parts[n] == "cuff")), arms[1 - side]
+            ),
         ]
         if meeting:
             found.append((between, across) if side == 0 else (between.swapaxes(1, 2), -across.swapaxes(1, 2)))
@@ -57,6 +59,20 @@ def hand_penetration(
             worst = deep.argmax(axis=1)
             depth[:, side], exits[:, side] = deep[rows, worst], out[rows, worst]
     return depth, exits
+
+
+def forearm_penetration(skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray) -> FloatArray:
+    """Depth (T, 2) of the left and the right forearm, elbow included, in the trunk where arms do not begin, clip units
+    (negative: the distance), from the globals of ``kinematics.forward`` for all joints; minus infinity without one.
+    """
+    body = body_capsules(skeleton)
+    starts, ends = capsule_ends(body, global_rotations, global_positions)
+    depth = np.full((len(starts), 2), -np.inf)
+    for side, arm in enumerate((body.groups.left_arm, body.groups.right_arm)):
+        own = [n for n in arm if body.parts[n] == "cuff"]
+        if own and body.groups.below_arms:
+            depth[:, side] = overlap(starts, ends, body.radii, own, body.groups.below_arms)[0].max(axis=(1, 2))
+    return depth
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,8 +29,8 @@ _FORMING_DEG = 20.0
 class MeasuredMotion:
     """Motion of one signer in some clips. Frames in which no wrist moves (``MOVING``) do not count.
 
-    angular_deg: angular speed of a joint relative to its parent, degrees/s (N,), by role ("UpperArm", "Hand": of the strong
-        side); roles the rig lacks are left out.
+    angular_deg: angular speed of a joint of the strong side relative to its parent, degrees/s (N,), by role
+        ("UpperArm", "Hand"); roles the rig lacks are left out.
     speed: speed of the strong wrist in space, arm lengths (shoulder to wrist) a second (N,).
     abduction_deg: angle between the strong upper arm and the line from the middle of the shoulders to the hips (N,).
     wrist_bend_deg: angle between the strong forearm and the line from its wrist to its middle knuckle (N,); empty where

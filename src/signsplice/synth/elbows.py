@@ -47,14 +47,14 @@ def steadied(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
 
 
 def joined(states: FloatArray, before: FloatArray, after: FloatArray, signer: Signer) -> FloatArray:
-    """States (n, 65) of a transition whose elbows go from those of ``before`` (.., 65) to those of ``after`` (.., 65) at
-    the speed of both ends; in plain motion the states themselves.
+    """States (n, 65) of a transition whose elbows go from those of ``before`` (.., 65) to those of ``after`` (.., 65),
+    at the speed of both ends; in plain motion the states themselves.
     """
     if not signer.manner.low_elbows:
         return states
     steps = len(states) + 1
-    ends = [_directions(part, signer).reshape(len(part), 6) for part in (before, after)]
-    between = trajectory.joining(*ends, steps, np.arange(1, steps)[:, None] / steps)
+    start, end = (_directions(part, signer).reshape(len(part), 6) for part in (before, after))
+    between = trajectory.joining(start, end, steps, np.arange(1, steps)[:, None] / steps)
     return _directed(states, between.reshape(-1, 2, 3), signer)
 
 
@@ -110,10 +110,8 @@ def _clearing(states: FloatArray, which: int, signer: Signer, fps: float) -> Flo
     clip = Clip(bones, *pose.rotations(states, replace(signer, left_handed=False)), fps)
     rotations, positions = kinematics.forward(clip)
     starts, ends = (0.01 * x for x in capsules.capsule_ends(body, rotations, positions))
-    side, other = SIDES[1 - which], SIDES[which]
-    keys = {f"{other}UpperArm", f"{other}LowerArm"}
-    solid = [n for n in body.groups.trunk if not body.keys[n].endswith("Shoulder") and "collar" not in body.keys[n]]
-    solid += [n for n, key in enumerate(body.keys) if key in keys]
+    side = SIDES[1 - which]
+    solid = [*body.groups.below_arms, *(body.groups.right_arm if which else body.groups.left_arm)]
     radii = 0.01 * body.radii
     s, e, w = (0.01 * positions[:, JOINTS[_SIDES[which] + name]] for name in ("Arm", "ForeArm", "Hand"))
     turns = swivel.choose(

@@ -1,4 +1,4 @@
-"""Thumbs that open while fingers of their hand would go through them, as when a fist closes or fingers flick out of it."""
+"""Thumbs that open while fingers of their hand would go through them, as when a fist closes or fingers flick out."""
 
 from __future__ import annotations
 

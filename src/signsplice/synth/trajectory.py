@@ -122,7 +122,7 @@ def through(knots: Sequence[Knot]) -> FloatArray:
 
 
 def _speed(frames: FloatArray, states: FloatArray) -> FloatArray:
-    """The velocity (65,), a frame, at the first of some knots: of the parabola through three, or of the chord of two."""
+    """The velocity (65,), a frame, at the first of some knots: of the parabola through three, or the chord of two."""
     slopes = np.diff(states[:3], axis=0) / np.diff(frames[:3])[:, None]
     if len(slopes) < 2:
         return np.asarray(slopes[0])
@@ -240,8 +240,8 @@ def _avoid_shoulder(path: FloatArray, hill: FloatArray, start: FloatArray, end: 
 
 
 def joining(before: FloatArray, after: FloatArray, steps: int, u: FloatArray) -> FloatArray:
-    """The quintic (n, K) from the end of ``before`` (.., K) to the start of ``after`` (.., K), which are ``steps`` frames
-    apart, at times ``u`` (n, 1 or K), 0 to 1.
+    """The quintic (n, K) from the end of ``before`` (.., K) to the start of ``after`` (.., K), which are ``steps``
+    frames apart, at times ``u`` (n, 1 or K), 0 to 1.
     """
     arriving = tuple((-1) ** n * d for n, d in enumerate(_end_derivatives(after[2::-1])))
     return _quintic(_end_derivatives(before[-3:]), arriving, steps, u)

@@ -168,7 +168,9 @@ def _coming(
     for fraction, detour in _ATTEMPTS:
         times = _own_times(frames, states[:, 27:30], up, start, fraction * lag)
         displacement = detour * signer.scale * hill * out
-        tried = trajectory.taken_at(states, np.column_stack([*[frames] * 27, *[times] * 27, *[frames] * (pose.SIZE - 54)]))
+        tried = trajectory.taken_at(
+            states, np.column_stack([*[frames] * 27, *[times] * 27, *[frames] * (pose.SIZE - 54)])
+        )
         tried[:, :3] += displacement
         if (between_hands(tried, signer) >= np.minimum(clearance, 0.0) - _DEEPER_CM).all():
             return times, displacement
