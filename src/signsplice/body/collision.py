@@ -22,10 +22,11 @@ _WHOLE_HAND_WEIGHT = 1.2
 
 
 def hand_penetration(
-    skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray
+    skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray, forearms: bool = False
 ) -> tuple[FloatArray, FloatArray]:
-    """Depth (T, 2) of the left and the right hand in head, neck, trunk, the other arm or its hand, or of a forearm in
-    the other arm, clip units (negative: the distance to them), and the exit direction (T, 2, 3) in the world.
+    """Depth (T, 2) of the left and the right hand in head, neck, trunk, the other arm or its hand, clip units
+    (negative: the distance to them), and the exit direction (T, 2, 3) in the world. ``forearms``: of a forearm in the other arm
+    too, where that is deeper.
 
     From the globals of ``kinematics.forward`` for all joints. Two hands that meet are separated as wholes more than
     from skin to skin, since single fingers would push in all directions.
@@ -45,11 +46,10 @@ def hand_penetration(
     rows = np.arange(n_frames)
     arms = groups.left_arm, groups.right_arm
     for side, own in enumerate((groups.left, groups.right)):
+        crossing = (*own, *(n for n in arms[side] if forearms and body.parts[n] == "cuff"))
         found = [
             overlap(starts, ends, body.radii, own, solid),  # (T, A, B), (T, A, B, 3)
-            overlap(
-                starts, ends, body.radii, (*own, *(n for n in arms[side] if body.parts[n] == "cuff")), arms[1 - side]
-            ),
+            overlap(starts, ends, body.radii, crossing, arms[1 - side]),
         ]
         if meeting:
             found.append((between, across) if side == 0 else (between.swapaxes(1, 2), -across.swapaxes(1, 2)))

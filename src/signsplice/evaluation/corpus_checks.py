@@ -115,7 +115,7 @@ class _PosedClip:
 
     def __init__(self, clip: Clip) -> None:
         rotations, self.positions = kinematics.forward(clip)
-        self.depth = collision.hand_penetration(clip.skeleton, rotations, self.positions)[0]
+        self.depth = collision.hand_penetration(clip.skeleton, rotations, self.positions, forearms=True)[0]
         self.forearm = collision.forearm_penetration(clip.skeleton, rotations, self.positions).max(axis=1)
         self.steps = np.linalg.norm(np.diff(self.positions, axis=0), axis=-1).max(axis=-1)
         parents = clip.skeleton.parents[1:]

@@ -27,7 +27,7 @@ _GAZE = 0.9
 """How much of the trunk's motion the head takes back, so that it keeps facing the addressee."""
 _MEET_NOD_DEG, _MEET_TILT_DEG = 4.0, 4.0
 """How far the head goes to meet a hand in front of it, and one at its side."""
-_MEET_CM, _MEET_FULL_CM = 14.0, 4.0
+_MEET_CM, _MEET_FULL_CM = 10.0, 3.0
 """Distance of a hand from the head's skin from which the head goes to meet it, and at which it has done so."""
 
 

@@ -83,7 +83,6 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     states = add_body_motion(states, events, signer, fps)
     for _ in range(2):  # a forearm that is turned can meet the other hand
         states = clear_collisions(elbows.steadied(states, signer, fps), signer)
-    states = elbows.steadied(states, signer, fps)
     clip = pose.clip(states, signer, fps, sign.gloss)
     return IsolatedWord(sign, signer, states, clip, _with_touches(events, clip, sign, signer))
 

@@ -14,7 +14,7 @@ from signsplice.synth import hand, pose
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.signer import skeleton
 
-_MOST_CM = 0.2
+_MOST_CM = 0.3
 """How deep a finger may lie in the thumb."""
 _OPENINGS = np.linspace(0.0, 1.0, 6)
 """How far a thumb is opened, in steps that are tried in order; 1 is as in handshape 5."""
@@ -32,7 +32,7 @@ _CAPSULES = [
 
 
 def opened(states: FloatArray, ends: bool = False) -> FloatArray:
-    """States (T, 65) with thumbs opened as far as fingers would else lie deeper in them than 2 mm; ``ends``: the frames
+    """States (T, 65) with thumbs opened as far as fingers would else lie deeper in them than 3 mm; ``ends``: the frames
     belong between two others, and what is changed fades out towards both.
     """
     angles = pose.hands(states)[..., pose.FINGERS]  # (T, 2, 21)

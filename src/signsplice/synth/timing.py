@@ -26,9 +26,9 @@ _HOLD_SPREAD = 0.30
 """The same deviation for a word's holds."""
 _TAKE_SPREAD = 0.03
 """The same for takes of one word."""
-_FIRST, _LAST, _LAST_TOUCH = 1.1, 1.15, 2.2
+_FIRST, _LAST, _LAST_TOUCH = 1.1, 1.15, 1.8
 """Usual holds of a citation form over the plain ones: the first, the last, and the last one where the hand touches."""
-_STROKE_S, _REVOLUTION_S = 0.30, 0.52
+_STROKE_S, _REVOLUTION_S = 0.28, 0.52
 """Least durations of a movement that is made once, and of a revolution of a circle."""
 _LANDING = 0.10
 """How much of its path a movement that ends in the open leaves to the hold after it."""
@@ -89,7 +89,7 @@ def tempo_of(sign: Sign, signer: Signer, take: int) -> Tempo:
         last_hold=float(hold * (1.0 if still else _LAST**spread)),
         last_touch=float(hold * _LAST_TOUCH**spread),
         least_s=0.0 if still else _LEAST_S * min(spread, 1.0),
-        stroke_s=_STROKE_S * min(spread, 1.0) * float(movement),
+        stroke_s=_STROKE_S * min(spread, 1.0) * float(movement**0.5),
         revolution_s=_REVOLUTION_S * min(spread, 1.0) * float(movement**0.5),
         landing=_LANDING * min(spread, 1.0),
     )

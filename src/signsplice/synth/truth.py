@@ -301,12 +301,12 @@ def _alignment(displacement: FloatArray, travel: FloatArray) -> float:
 def transition(before: FloatArray, after: FloatArray, p: IsolatedWord, pause_s: float = 0.0) -> FloatArray:
     """The states (n, 65) between two stretches of at least three frames, in ``p``'s signer and rate.
 
-    Where that is so short that a hand would pass through the body, or an elbow be too fast, it takes two, four or six
-    frames longer.
+    Where that is so short that a hand would pass through the body, or an elbow be too fast, it takes up to ten frames
+    longer.
     ``pause_s``: for how many seconds the signer hesitates half way.
     """
     n_frames = transition_frames(before[-1], after[0], p)
-    for more in range(0, 7, 2):
+    for more in range(0, 11, 2):
         at = slowed(n_frames + more, round(p.clip.fps * pause_s)) if pause_s else None
         states = trajectory.reach(before, after, n_frames + more, p.signer, at)
         if p.signer.manner != PLAIN:
