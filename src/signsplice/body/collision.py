@@ -15,8 +15,13 @@ from numpy.typing import NDArray
 from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
 from signsplice.body.clearance import TINY, clearances, dot
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Skeleton
+from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.kinematics import forward
+from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 
+WARN_M, WARN_FOREARM_M = 0.01, 0.03
+"""Depths of a hand, and of a forearm in the trunk, whose width is a guess, from which a clip is warned about, m."""
 _WHOLE_HAND_WEIGHT = 1.2
 """How much the direction from hand to hand counts beside the exit direction of two capsules of the hands."""
 
@@ -25,8 +30,8 @@ def hand_penetration(
     skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray, forearms: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Depth (T, 2) of the left and the right hand in head, neck, trunk, the other arm or its hand, clip units
-    (negative: the distance to them), and the exit direction (T, 2, 3) in the world. ``forearms``: of a forearm in the other arm
-    too, where that is deeper.
+    (negative: the distance), and the exit direction (T, 2, 3) in the world. ``forearms``: of a forearm in the other
+    arm too, where that is deeper.
 
     From the globals of ``kinematics.forward`` for all joints. Two hands that meet are separated as wholes more than
     from skin to skin, since single fingers would push in all directions.
@@ -73,6 +78,25 @@ def forearm_penetration(skeleton: Skeleton, global_rotations: FloatArray, global
         if own and body.groups.below_arms:
             depth[:, side] = overlap(starts, ends, body.radii, own, body.groups.below_arms)[0].max(axis=(1, 2))
     return depth
+
+
+def depth_warnings(clip: Clip) -> list[str]:
+    """A line for each hand and forearm of a clip that somewhere lies too deep in the body."""
+    info = rig_info(clip.skeleton)
+    if not info.has_arms:
+        return []
+    posed = forward(clip)
+    hands, _ = hand_penetration(clip.skeleton, *posed)
+    lines = []
+    for name, where, most, depth in (
+        ("hand", "head, trunk, the other arm or its hand", WARN_M, hands),
+        ("forearm", "the trunk", WARN_FOREARM_M, forearm_penetration(clip.skeleton, *posed)),
+    ):
+        for side, depths in zip(SIDES, info.sizes.unit.metres * depth.T, strict=True):
+            if depths.max() > most:
+                frame = int(depths.argmax())
+                lines.append(f"the {side} {name} lies {100 * depths[frame]:.1f} cm in {where} at frame {frame}")
+    return lines
 
 
 @dataclass(frozen=True, eq=False)
