@@ -14,7 +14,7 @@ from signsplice.body import capsules, collision
 from signsplice.body.capsules import capsule_ends
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion.clip import Clip, concatenate
 from signsplice.synth import pose
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.locations import resting
@@ -180,6 +180,23 @@ def test_a_hand_in_the_body_is_found_and_its_exits_lead_out(part: str, at: tuple
         positions = positions.copy()
         positions[:, hand] += depth[0, RIGHT] * exit_directions[0, RIGHT]
     assert depth[0, RIGHT] <= 1e-6
+
+
+def test_a_hand_deep_in_the_body_is_warned_about_with_its_frame() -> None:
+    assert collision.depth_warnings(word("MOTHER").clip) == []
+    deep = concatenate([posed((-10.0, 5.0, 40.0)), posed((-6.0, 4.0, 9.0))])
+    line, *_ = collision.depth_warnings(deep)
+    assert line.startswith("the right hand lies ")
+    assert line.endswith(" cm in head, trunk, the other arm or its hand at frame 1")
+
+
+def test_a_hand_in_the_other_forearm_is_found() -> None:
+    clip = posed((-2.0, 2.0, 28.0), (-2.0, 2.0, 28.0))
+    rotations, positions = kinematics.forward(clip)
+    body = capsules.body_capsules(clip.skeleton)
+    starts, ends = capsule_ends(body, rotations, positions)
+    arms = collision.overlap(starts, ends, body.radii, body.groups.right, body.groups.left_arm)[0].max()
+    assert collision.hand_penetration(clip.skeleton, rotations, positions)[0][0, RIGHT] >= arms
 
 
 def test_two_hands_in_one_another_are_pushed_apart() -> None:

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from PIL import Image
 
 from signing import word
+from signsplice.body import arm_ik
 from signsplice.body.capsules import BodyShape, shaped_capsules
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
@@ -85,6 +86,8 @@ def test_a_head_that_shrinks_or_grows_away_from_the_hand_is_seen() -> None:
 
 def test_what_lies_deep_at_the_source_is_told_apart() -> None:
     night = word("NIGHT").clip
+    down = np.tile([0.0, -3.0, 0.0], (len(night), 2, 1)) * [[0.0], [1.0]]
+    night = arm_ik.move_wrists(night, down)
     seen = SourceClip(night).measure(night, shaped_capsules(night.skeleton, BodyShape()))
     assert 0.0 < np.mean(seen.clear) < 1.0, "a hand of this word lies in the other forearm"
     assert seen.pair_errors[seen.clear].max() < 1e-9

@@ -57,7 +57,9 @@ def test_a_page_is_filled_between_its_marks_alone(
     assert text.endswith(corpus_page.END + after)
     assert "old, old" not in text
     middle = text[text.index(corpus_page.BEGIN) : text.index(corpus_page.END)]
-    assert f"Corpus `{pairs.head['hash']}`, version 2: 28 pairs, truth by partner, seed 0, 30 fps." in middle
+    assert (
+        f"Corpus `{pairs.head['hash']}`, version {pairs.version}: 28 pairs, truth by partner, seed 0, 30 fps." in middle
+    )
     assert [line for line in middle.splitlines() if line.startswith("###")] == [
         *("### Realism", "### Difficulty", "### Validity")
     ]
@@ -104,7 +106,7 @@ def test_a_whole_page_of_a_small_corpus(pairs: Pairs, tmp_path: Path, monkeypatc
         "pose-velocity",
         "hermite",
         "Over all 28 pairs",
-        "| head joint, rms | degrees/s |",
+        "| strong upper arm, rms | degrees/s |",
         " figures agree with real signing in all that can be compared.",
         "- Pairs with a hand deeper than 5 mm: ",
         "| quantity | corpus | a-clip | drawn (keyed) |",

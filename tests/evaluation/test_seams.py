@@ -71,7 +71,7 @@ def test_arms_stay_up_between_two_words_from_any_rest(rest: str) -> None:
     names = ("ends + hermite", "learned + learned")
     whole, learned, _ = seams.compare(words, {name: methods[name] for name in names})
     assert whole.arms_down > 15.0, "whole words come from rest and go back to it"
-    assert learned.arms_down < 1.0
+    assert learned.arms_down < 0.4 * whole.arms_down, "a sign at the hip is as low as folded hands"
     assert learned.whole > 0.8
     assert (rest in seams.signature(rest)) == (rest != "hanging")
 

@@ -1,19 +1,22 @@
 """Makes plain_words.npz: words of the first signer there was, before signers had a manner.
 
-Run at commit c5abc78a as ``python tests/golden/make_plain_words.py``; the file shows whether a signer with a
-plain manner still moves in the same way. Arrays: the states (T, 63) of every word, and its events, by the word's gloss
-and the signer's seed.
+Run at commit c5abc78a, and again when hands began to keep out of the other arm, which moved TURNS and CUTS, as
+``python tests/golden/make_plain_words.py``; the file shows whether a signer with a plain manner still moves in the
+same way. Arrays: the first 63 numbers (T, 63) of every word's states, and its events, by the word's gloss and the
+signer's seed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.synth import notation, planner
+from signsplice.synth.manner import PLAIN
 from signsplice.synth.signer import Signer, draw_signer
 
 HERE = Path(__file__).parent
@@ -44,7 +47,7 @@ def words(signer: Callable[[int], Signer] = draw_signer) -> dict[str, NDArray[np
     for gloss, sign in notation.parse(SIGNS).items():
         word = planner.isolated(sign, signer(SEED))
         e = word.events
-        arrays[f"{gloss} states"] = word.states[::4].round(12)
+        arrays[f"{gloss} states"] = word.states[::4, :63].round(12)
         spans = np.array([*([e.first] if e.first else []), *e.passes], np.float64)
         arrays[f"{gloss} events"] = np.concatenate([[len(word), e.up, e.start, e.end, e.down], spans.ravel()])
     return arrays
@@ -52,7 +55,8 @@ def words(signer: Callable[[int], Signer] = draw_signer) -> dict[str, NDArray[np
 
 def main() -> None:
     """Write the file."""
-    np.savez_compressed(HERE / "plain_words.npz", allow_pickle=False, **words())
+    plain = words(lambda seed: replace(draw_signer(seed), manner=PLAIN))
+    np.savez_compressed(HERE / "plain_words.npz", allow_pickle=False, **plain)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import planner, pose, truth
 from signsplice.synth.avoidance import penetration
-from signsplice.synth.manner import PLAIN, Manner
+from signsplice.synth.manner import PLAIN, USUAL, Manner
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import JOINTS, STANDARD, Signer
 
@@ -76,13 +76,26 @@ def test_plain_motion_stays_as_it_was(gloss: str, seed: int | None) -> None:
 # --- head and trunk
 
 
-@pytest.mark.parametrize("seed", [None, 3])
-def test_head_and_trunk_move_as_fast_as_in_signing(seed: int | None) -> None:
-    words = [made(gloss, TURNING, seed) for gloss in (*AT_HEAD, *ELSEWHERE)]
-    head, spine = (np.median([speed(one, joint) for one in words]) for joint in ("Head", "Spine"))
-    assert 20.0 < head < 60.0
-    assert 10.0 < spine < 40.0
-    assert speed(made("BOOK", PLAIN, seed), "Head") < 3.0, "without the trait they hardly move"
+SEEN = replace(STANDARD, manner=USUAL)
+
+
+@pytest.mark.parametrize("gloss", ["BOOK", "CAR", "HOUSE", "YOU", "HAPPY", "TREE", "fs-L"])
+def test_the_head_faces_the_addressee_where_no_hand_is_near_it(gloss: str) -> None:
+    """What is left is the drift of a standing signer: under 3 degrees about every axis."""
+    one = planner.isolated(sign(gloss), SEEN)
+    forward = kinematics.forward(one.clip, [JOINTS["Head"]])[0][:, 0, :, 2]
+    assert np.rad2deg(np.arccos(forward[one.events.up : one.events.down + 1, 2])).max() < 3.0
+
+
+def test_the_head_is_the_same_over_a_spelled_word() -> None:
+    words = [planner.isolated(sign(f"fs-{letter}"), SEEN) for letter in "SIGNLY"]
+    held = np.rad2deg([one.states[(one.events.start + one.events.end) // 2, pose.HEAD] for one in words])
+    assert np.ptp(held, axis=0).max() < 3.0
+
+
+def test_the_trunk_goes_with_hands_that_reach_and_more_with_more_of_the_trait() -> None:
+    sizes = [speed(made("SWIM", Manner(body_motion=size)), "Spine") for size in (0.0, 0.5, 1.0, 1.5)]
+    assert sizes[0] < 0.5 * sizes[1] < sizes[1] < sizes[2] < sizes[3] < 10.0
 
 
 def test_body_motion_is_over_at_rest_and_smooth() -> None:
@@ -96,26 +109,13 @@ def test_body_motion_is_over_at_rest_and_smooth() -> None:
         assert np.abs(np.diff(change, n=2, axis=0)).max() < 1.6, "degrees a frame and frame"
 
 
-def test_words_and_takes_move_the_body_differently_but_always_alike() -> None:
-    first, again = (planner.isolated(sign("BOOK"), replace(STANDARD, manner=TURNING)) for _ in range(2))
-    assert np.array_equal(first.states, again.states)
-    other = planner.isolated(sign("BOOK"), replace(STANDARD, manner=TURNING), take=1)
-    n = min(len(first), len(other))
-    assert np.rad2deg(np.abs(first.states[:n] - other.states[:n])[:, pose.HEAD]).max() > 3.0
-
-
-def test_more_of_a_trait_moves_the_body_more() -> None:
-    sizes = [speed(made("BOOK", Manner(body_motion=size)), "Head") for size in (0.5, 1.0, 1.5)]
-    assert sizes[0] < 0.7 * sizes[1] < 0.7 * sizes[2]
-
-
 @pytest.mark.parametrize("gloss", ["MOTHER", "EAT"])
 def test_the_head_goes_to_meet_a_hand_and_the_trunk_does_not(gloss: str) -> None:
     one, plain = made(gloss, MEETING), made(gloss, PLAIN)
     e = one.events
     change = np.rad2deg(one.states - plain.states)
     nod = change[:, pose.HEAD.start]
-    assert 3.0 < nod[e.start : e.end + 1].max() < 8.0, "forward"
+    assert 2.0 < nod[e.start : e.end + 1].max() < 5.0, "forward"
     assert nod[e.start] > 1.0, "it sets out with the preparation"
     assert np.abs(change[:, pose.TRUNK]).max() == 0.0
 
@@ -159,7 +159,7 @@ def test_two_hands_that_touch_still_touch(manner: Manner) -> None:
         e = made(gloss, PLAIN).events
         touching = gaps[1][e.start : e.end + 1] < 0.15
         assert touching.any()
-        assert np.abs(gaps[0] - gaps[1])[e.start : e.end + 1][touching].max() < 0.5
+        assert np.abs(gaps[0] - gaps[1])[e.start : e.end + 1][touching].max() < 0.6
 
 
 @pytest.mark.parametrize("seed", [None, 0, 7])

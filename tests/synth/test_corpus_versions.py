@@ -14,7 +14,7 @@ from signing import sign
 from signsplice.errors import InputError
 from signsplice.evaluation import corpus_checks, corpus_difficulty
 from signsplice.synth import training_data
-from signsplice.synth.corpus import Pairs, Recipe, write_pairs
+from signsplice.synth.corpus import VERSION, Pairs, Recipe, write_pairs
 from signsplice.synth.manner import PLAIN
 
 RECIPE = Recipe(tuple(map(sign, ("I", "MOTHER", "BOOK", "YES"))), fps=15.0, n_other=5, truth="word")
@@ -69,7 +69,7 @@ def test_both_versions_are_signing(old: Pairs, by_word: Pairs) -> None:
 
 
 def test_by_word_every_word_has_one_frame_on_either_side(by_word: Pairs) -> None:
-    assert (by_word.version, by_word.by_partner) == (2, False)
+    assert (by_word.version, by_word.by_partner) == (VERSION, False)
     frames: dict[tuple[str, int], set[int]] = {}
     for p, q, pre, post in by_word.index[:, :4].tolist():
         frames.setdefault(("leave", p), set()).add(pre)
@@ -79,6 +79,16 @@ def test_by_word_every_word_has_one_frame_on_either_side(by_word: Pairs) -> None
     assert corpus_checks.replan(by_word, SIGNS) == (16, 0)
     (exact,) = corpus_difficulty.score_reading(by_word, list(range(16)), SIGNS, (0.0,))
     assert exact.exact == 1.0
+
+
+def test_a_folder_of_another_version_is_kept(old: Pairs) -> None:
+    before = {path.name: path.read_bytes() for path in old.folder.iterdir()}
+    with pytest.raises(
+        InputError, match="holds a corpus of version 1, and version 3 is made; choose a new name"
+    ) as caught:
+        write_pairs(RECIPE, old.folder, processes=1)
+    assert "\n" not in str(caught.value)
+    assert {path.name: path.read_bytes() for path in old.folder.iterdir()} == before
 
 
 def test_an_unknown_truth_is_refused_before_anything_is_written(tmp_path: Path) -> None:

@@ -129,7 +129,7 @@ def centre(clip: Clip, side: str, names: tuple[str, ...]) -> FloatArray:
 
 
 def clip_of(strong: FloatArray, weak: FloatArray, signer: Signer) -> Clip:
-    return pose.clip(np.concatenate([strong, weak, np.zeros(9)])[None], signer, 30.0)
+    return pose.clip(pose.of_hands(strong, weak)[None], signer, 30.0)
 
 
 def unlimited(hand_state: FloatArray, signer: Signer) -> bool:

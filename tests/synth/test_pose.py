@@ -22,7 +22,7 @@ LEFT_TO_RIGHT = np.array([-1.0, 1.0, 1.0])
 
 
 def easy_states(n: int, signer: Signer, seed: int = 0) -> FloatArray:
-    """Random states (n, 63) in the signing space with small rotations of hands, trunk and head."""
+    """Random states (n, 65) in the signing space with small rotations of hands, trunk and head."""
     rng = np.random.default_rng(seed)
     states = np.zeros((n, pose.SIZE))
     for first in (0, 27):
@@ -155,6 +155,7 @@ def test_small_changes_of_a_state_are_small_rotations_of_joints(seed: int | None
         u = np.linspace(0.0, 1.0, 200)[:, None]
         wave = 0.1 * np.sin(2.0 * np.pi * u) * (ends[1] - ends[0])[::-1]
         states = ends[0] + u * (ends[1] - ends[0]) + wave
+        states[:, pose.TURNS] = 0.3 * np.sin(2.0 * np.pi * u)
         rotations, _ = pose.rotations(states, signer)
         step = rotation.angle_between(rotations[:-1], rotations[1:])
         size = np.abs(np.diff(states, axis=0)).max()

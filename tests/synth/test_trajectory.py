@@ -27,7 +27,7 @@ def state(seed: int, spread: float = 5.0) -> FloatArray:
         made[first : first + 3] = np.array([-10.0, 0.0, 25.0]) + spread * rng.normal(size=3)
         made[first + 3 : first + 6] = 0.2 * rng.normal(size=3)
         made[first + 6 : first + 27] = 0.5 * (low + high) + 0.2 * (high - low) * rng.uniform(-1, 1, 21)
-    made[54:] = 0.1 * rng.normal(size=9)
+    made[54:] = 0.1 * rng.normal(size=pose.SIZE - 54)
     return made
 
 

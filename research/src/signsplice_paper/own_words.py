@@ -19,7 +19,7 @@ from signsplice.formats.atomic import check_folder, replacing_folder, resumable_
 from signsplice.motion.number_space import NumberSpace
 from signsplice.splicing.methods.learned import FLUENT
 from signsplice.splicing.methods.learned import NAME as LEARNED
-from signsplice.synth.corpus import VERSION, draw_splits
+from signsplice.synth.corpus import draw_splits
 from signsplice.synth.pairs import FILES, HEAD, KINDS, StoredRow, save_row, write_transitions, write_words
 from signsplice.synth.pool import is_whole
 from signsplice_paper import extra_metrics
@@ -41,6 +41,8 @@ ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None] 
 
 BEST = f"{FLUENT}+{LEARNED}"
 """Whose positions and transitions are the truth where none are given."""
+VERSION = 2
+"""Of corpora of clips, whose motion is not the synthetic signer's; ``synth.pairs`` reads it."""
 LONGEST = 32
 """Frames of the longest transition that the paper's systems here make; pairs with longer ones are left out."""
 JUMP_CM = 40.0

@@ -20,6 +20,8 @@ from signsplice.rig.info import rig_info
 from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS
 
+ARM = ("sleeve", "cuff")
+"""Parts that an arm is made of: upper arm and forearm."""
 _SEGMENTS = ("Metacarpal", "Proximal", "Intermediate", "Distal")
 _THICKNESS = {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049}
 """Half a finger's breadth as a fraction of stature, about 10 mm on 1.70 m."""
@@ -94,12 +96,17 @@ class CapsuleGroups:
     left, right: the hands.
     head: head and neck.
     trunk: trunk and shoulders.
+    left_arm, right_arm: upper arms and forearms.
+    below_arms: the trunk where arms do not begin.
     """
 
     left: tuple[int, ...]
     right: tuple[int, ...]
     head: tuple[int, ...]
     trunk: tuple[int, ...]
+    left_arm: tuple[int, ...]
+    right_arm: tuple[int, ...]
+    below_arms: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,14 +136,19 @@ class BodyCapsules:
         """The hands, and what they must not go into."""
         parts = list(enumerate(zip(self.parts, self.sides, strict=True)))
         left, right = (
-            tuple(n for n, (part, s) in parts if s == side and part not in ("sleeve", "cuff", "leg", "shoe"))
-            for side in SIDES
+            tuple(n for n, (part, s) in parts if s == side and part not in (*ARM, "leg", "shoe")) for side in SIDES
         )
+        left_arm, right_arm = (tuple(n for n, (part, s) in parts if s == side and part in ARM) for side in SIDES)
         return CapsuleGroups(
             left,
             right,
             head=tuple(n for n, (part, _) in parts if part in ("face", "hair", "nose", "neck")),
-            trunk=tuple(n for n, (part, _) in parts if part == "shirt"),
+            trunk=(trunk := tuple(n for n, (part, _) in parts if part == "shirt")),
+            left_arm=left_arm,
+            right_arm=right_arm,
+            below_arms=tuple(
+                n for n in trunk if not self.keys[n].endswith("Shoulder") and "collar" not in self.keys[n]
+            ),
         )
 
 

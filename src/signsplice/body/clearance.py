@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.capsules import BodyCapsules
+from signsplice.body.capsules import ARM, BodyCapsules
 from signsplice.motion.arrays import FloatArray
 from signsplice.rig.naming import SIDES
 
@@ -66,10 +66,15 @@ def skin_pairs(body: BodyCapsules, keys: frozenset[str]) -> SkinPairs:
 
 
 def forearm_pairs(body: BodyCapsules, keys: frozenset[str]) -> SkinPairs:
-    """All pairs of a forearm and a capsule of head, neck or trunk, but where arms begin, among these keys."""
+    """All pairs of a forearm and a capsule of head, neck, trunk, but where arms begin, or the other arm, among these
+    keys.
+    """
     _, arms, solid = _parts(body, keys)
-    free = [n for n in solid if not body.keys[n].endswith("Shoulder") and not body.keys[n].startswith("collar")]
-    return _paired(body, [([n for n in arm if body.parts[n] == "cuff"], free) for arm in arms])
+    free = [n for n in solid if n in body.groups.head or n in body.groups.below_arms]
+    return _paired(
+        body,
+        [([n for n in arms[side] if body.parts[n] == "cuff"], [*free, *arms[1 - side]]) for side in (0, 1)],
+    )
 
 
 def _parts(body: BodyCapsules, keys: frozenset[str]) -> tuple[list[list[int]], list[list[int]], list[int]]:
@@ -78,13 +83,10 @@ def _parts(body: BodyCapsules, keys: frozenset[str]) -> tuple[list[list[int]], l
     hands = [[n for n in group if body.keys[n] in keys] for group in (groups.left, groups.right)]
     solid = [n for n in (*groups.head, *groups.trunk) if body.keys[n] in keys]
     arms = [
-        [n for n, key in enumerate(body.keys) if key in keys and body.sides[n] == side and body.parts[n] in _ARM]
+        [n for n, key in enumerate(body.keys) if key in keys and body.sides[n] == side and body.parts[n] in ARM]
         for side in SIDES
     ]
     return hands, arms, solid
-
-
-_ARM = ("sleeve", "cuff")
 
 
 def _paired(body: BodyCapsules, blocks: list[tuple[list[int], list[int]]]) -> SkinPairs:

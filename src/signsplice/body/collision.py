@@ -1,4 +1,4 @@
-"""Collision of the body with itself: how deep the capsules of a hand lie in head, trunk or the other hand.
+"""Collision of the body with itself: how deep the capsules of a hand lie in head, trunk, the other arm or its hand.
 
 A depth is positive inside and negative outside, in clip units. An exit direction is the unit vector along which a
 capsule would leave the other one by the shortest path.
@@ -15,17 +15,23 @@ from numpy.typing import NDArray
 from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
 from signsplice.body.clearance import TINY, clearances, dot
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Skeleton
+from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.kinematics import forward
+from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 
+WARN_M, WARN_FOREARM_M = 0.01, 0.03
+"""Depths of a hand, and of a forearm in the trunk, whose width is a guess, from which a clip is warned about, m."""
 _WHOLE_HAND_WEIGHT = 1.2
 """How much the direction from hand to hand counts beside the exit direction of two capsules of the hands."""
 
 
 def hand_penetration(
-    skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray
+    skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray, forearms: bool = False
 ) -> tuple[FloatArray, FloatArray]:
-    """Depth (T, 2) of the left and the right hand in head, neck, trunk or the other hand, clip units (negative: the
-    distance to them), and the exit direction (T, 2, 3) in the world.
+    """Depth (T, 2) of the left and the right hand in head, neck, trunk, the other arm or its hand, clip units
+    (negative: the distance), and the exit direction (T, 2, 3) in the world. ``forearms``: of a forearm in the other
+    arm too, where that is deeper.
 
     From the globals of ``kinematics.forward`` for all joints. Two hands that meet are separated as wholes more than
     from skin to skin, since single fingers would push in all directions.
@@ -43,16 +49,54 @@ def hand_penetration(
         across = across + _WHOLE_HAND_WEIGHT * apart[:, None, None]
         across /= np.linalg.norm(across, axis=-1, keepdims=True) + TINY
     rows = np.arange(n_frames)
+    arms = groups.left_arm, groups.right_arm
     for side, own in enumerate((groups.left, groups.right)):
-        deep, out = overlap(starts, ends, body.radii, own, solid)  # (T, A, B), (T, A, B, 3)
+        crossing = (*own, *(n for n in arms[side] if forearms and body.parts[n] == "cuff"))
+        found = [
+            overlap(starts, ends, body.radii, own, solid),  # (T, A, B), (T, A, B, 3)
+            overlap(starts, ends, body.radii, crossing, arms[1 - side]),
+        ]
         if meeting:
-            other, away = (between, across) if side == 0 else (between.swapaxes(1, 2), -across.swapaxes(1, 2))
-            deep, out = np.concatenate([deep, other], axis=2), np.concatenate([out, away], axis=2)
+            found.append((between, across) if side == 0 else (between.swapaxes(1, 2), -across.swapaxes(1, 2)))
+        deep = np.concatenate([deep.reshape(n_frames, -1) for deep, _ in found], axis=1)
         if deep.size:
-            deep, out = deep.reshape(n_frames, -1), out.reshape(n_frames, -1, 3)
+            out = np.concatenate([out.reshape(n_frames, -1, 3) for _, out in found], axis=1)
             worst = deep.argmax(axis=1)
             depth[:, side], exits[:, side] = deep[rows, worst], out[rows, worst]
     return depth, exits
+
+
+def forearm_penetration(skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray) -> FloatArray:
+    """Depth (T, 2) of the left and the right forearm, elbow included, in the trunk where arms do not begin, clip units
+    (negative: the distance), from the globals of ``kinematics.forward`` for all joints; minus infinity without one.
+    """
+    body = body_capsules(skeleton)
+    starts, ends = capsule_ends(body, global_rotations, global_positions)
+    depth = np.full((len(starts), 2), -np.inf)
+    for side, arm in enumerate((body.groups.left_arm, body.groups.right_arm)):
+        own = [n for n in arm if body.parts[n] == "cuff"]
+        if own and body.groups.below_arms:
+            depth[:, side] = overlap(starts, ends, body.radii, own, body.groups.below_arms)[0].max(axis=(1, 2))
+    return depth
+
+
+def depth_warnings(clip: Clip) -> list[str]:
+    """A line for each hand and forearm of a clip that somewhere lies too deep in the body."""
+    info = rig_info(clip.skeleton)
+    if not info.has_arms:
+        return []
+    posed = forward(clip)
+    hands, _ = hand_penetration(clip.skeleton, *posed)
+    lines = []
+    for name, where, most, depth in (
+        ("hand", "head, trunk, the other arm or its hand", WARN_M, hands),
+        ("forearm", "the trunk", WARN_FOREARM_M, forearm_penetration(clip.skeleton, *posed)),
+    ):
+        for side, depths in zip(SIDES, info.sizes.unit.metres * depth.T, strict=True):
+            if depths.max() > most:
+                frame = int(depths.argmax())
+                lines.append(f"the {side} {name} lies {100 * depths[frame]:.1f} cm in {where} at frame {frame}")
+    return lines
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +117,7 @@ class PosedCapsules:
 
     def near_pairs(self, slack: float = 0.0, firsts: Sequence[int] = (0,)) -> NearPairs:
         """Pairs of capsules that may overlap once hands have moved by up to ``slack``, clip units: one of a hand, taken
-        as a ball about its middle, and one of head, trunk or the other hand.
+        as a ball about its middle, and one of head, trunk, the other arm or its hand.
 
         firsts: frames with which clips begin, where these are several laid end to end.
 
@@ -81,8 +125,9 @@ class PosedCapsules:
         """
         groups, radii = self.body.groups, self.body.radii
         hands = [np.array(own, np.intp) for own in (groups.left, groups.right)]
-        others = np.array([*groups.head, *groups.trunk, *groups.right], np.intp)
-        n_solid = len(groups.head) + len(groups.trunk)
+        arms = groups.left_arm, groups.right_arm
+        others = np.array([*groups.head, *groups.trunk, *arms[0], *arms[1], *groups.right], np.intp)
+        n_solid = len(others) - len(groups.right)
         lengths = np.diff([*firsts, len(self.starts)])
         origins = np.repeat([self.starts[first].mean(axis=0) for first in firsts], lengths, axis=0)
         starts, axes = self.starts - origins[:, None], self.ends - self.starts
@@ -92,6 +137,8 @@ class PosedCapsules:
         balls, radius = (np.hstack([ball[k] for ball in whole]) for k in (0, 1))
         met = _meet(balls, radius, starts[:, others], axes[:, others], thick[others] + slack)
         met[:, 1, n_solid:] = False  # the right hand and itself
+        for side, arm in enumerate(arms):
+            met[:, side, np.isin(others, arm)] = False
         at, columns = np.flatnonzero(met.any(axis=(1, 2))), np.flatnonzero(met.any(axis=(0, 1)))
         own, others = np.concatenate(hands), others[columns]
         rows, box = np.ix_(at, own), np.ix_(at, others)

@@ -171,19 +171,21 @@ def signing(clip: Clip) -> FloatArray:
 
 
 def _swivels(fit: Fit, shoulders: FloatArray, elbows: FloatArray, wrists: FloatArray) -> FloatArray:
-    """Turns (T, 2) of both elbows, from where they are, that keep forearms as clear of head and trunk as at the source;
-    shoulders, elbows, wrists: (T, 2, 3) m.
+    """Turns (T, 2) of both elbows, from where they are, that keep forearms as clear of head, trunk and the other arm as
+    at the source; shoulders, elbows, wrists: (T, 2, 3) m.
     """
     source, target = fit.source, fit.carried
     source_pairs, target_pairs = (forearm_pairs(body, fit.shared) for body in (source.body, target.body))
     n, out = len(wrists), np.zeros((len(wrists), 2))
+    starts, ends = target.starts.copy(), target.ends.copy()
+    for side, name in enumerate(SIDES):
+        lower, upper = (target.body.keys.index(f"{name}{bone}Arm") for bone in ("Lower", "Upper"))
+        starts[:, lower], ends[:, lower], ends[:, upper] = elbows[:, side], wrists[:, side], elbows[:, side]
     for side in (0, 1):
         (columns,) = np.nonzero(target_pairs.own_side == side)
         if not len(columns):
             continue
         own = target_pairs.own[columns[0]]
-        starts, ends = target.starts.copy(), target.ends.copy()
-        starts[:, own], ends[:, own] = elbows[:, side], wrists[:, side]
         _, k = near_pairs(starts, ends, target.radii, target_pairs, _FOREARM_MARGIN_M)
         solids = np.intersect1d(k, columns)
         if not len(solids):
@@ -191,7 +193,7 @@ def _swivels(fit: Fit, shoulders: FloatArray, elbows: FloatArray, wrists: FloatA
         frames, k = np.repeat(np.arange(n), len(solids)), np.tile(solids, n)
         then = pair_clearances(source.starts, source.ends, source.radii, source_pairs, frames, k).distance
         rows = target_pairs.other[solids]
-        solid = swivel.Solid(target.starts[:, rows], target.ends[:, rows], target.radii[rows])
+        solid = swivel.Solid(starts[:, rows], ends[:, rows], target.radii[rows])
         arm = swivel.BentArm(shoulders[:, side], elbows[:, side], wrists[:, side], target.radii[own])
         out[:, side] = swivel.choose(arm, solid, np.maximum(-then.reshape(n, -1), 0.0), fit.fps)
     return out

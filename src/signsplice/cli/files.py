@@ -22,9 +22,12 @@ from signsplice.render import PICTURE_SUFFIXES
 @reads_poses
 def inspect(file: str, as_json: bool, roles: str | None) -> None:
     """Show a clip's rig, roles found, rate, frames, units, rest spans and warnings."""
+    from signsplice.body.collision import depth_warnings
     from signsplice.rig.inspection import inspect as inspect_clip
 
-    facts = inspect_clip(load(file, roles, warns=False), file)
+    clip = load(file, roles, warns=False)
+    facts = inspect_clip(clip, file)
+    facts["warnings"] += depth_warnings(clip)
     if as_json:
         print(json.dumps(facts, indent=2, ensure_ascii=False))
         return

@@ -22,7 +22,7 @@ from signsplice.synth.rng import stream
 from signsplice.synth.signer import JOINTS
 
 LIMIT_CM = 0.5
-"""Greatest depth of a hand in head, trunk or the other hand that a pair may have."""
+"""Greatest depth of a hand in head, trunk, the other arm or its hand that a pair may have."""
 _ROUNDING = np.deg2rad(0.05)
 _WRISTS = [JOINTS["RightHand"], JOINTS["LeftHand"]]
 
@@ -32,12 +32,13 @@ class CorpusChecks:
     """The worst that was found over all pairs.
 
     n_pairs: pairs examined.
-    deepest_word_cm: greatest depth of a hand in head, trunk or the other hand, in the words.
+    deepest_word_cm: greatest depth of a hand in head, trunk, the other arm or its hand, in the words.
     deepest_transition_cm: the same in the transitions.
+    forearm_word_cm, forearm_transition_cm: likewise, of a forearm in the trunk.
     n_too_deep: pairs with a hand deeper than ``LIMIT_CM``.
     over_limit_deg: largest angle by which a joint is beyond its limits.
     bone_change_cm: largest change of a bone's length.
-    seam_step_cm: largest step of a joint from one frame to the next across a seam.
+    transition_step_cm: largest step of a joint from one frame to the next, in transitions and across their seams.
     word_step_cm: the same within the words.
     seam_wrist_change_cm: largest change of a wrist's step from one frame to the next at a seam.
     n_misplaced: pairs whose cut or transition lies outside the stored frames.
@@ -46,10 +47,12 @@ class CorpusChecks:
     n_pairs: int
     deepest_word_cm: float
     deepest_transition_cm: float
+    forearm_word_cm: float
+    forearm_transition_cm: float
     n_too_deep: int
     over_limit_deg: float
     bone_change_cm: float
-    seam_step_cm: float
+    transition_step_cm: float
     word_step_cm: float
     seam_wrist_change_cm: float
     n_misplaced: int
@@ -71,7 +74,8 @@ def examine(pairs: Pairs, progress: Progress | None = None) -> CorpusChecks:
                 max(deepest, float(words[p].depth[: pre + 1].max()), float(words[q].depth[post:].max())),
                 seam.over_limit,
                 seam.bone_change,
-                max(seam.steps[0], seam.steps[-1]),
+                float(seam.steps.max()),
+                float(seam.forearm[1:-1].max()),
                 _wrist_change(words[p], seam, words[q], pre, post),
             )
         )
@@ -80,16 +84,18 @@ def examine(pairs: Pairs, progress: Progress | None = None) -> CorpusChecks:
         next_first = first + count
         if progress is not None and number % 50 == 0:
             progress(number + 1, len(pairs))
-    found = np.array(rows)  # (P, 6)
-    deepest, _, over_limit_rad, bone_change, step, wrist_change = found.max(axis=0).tolist()
+    found = np.array(rows)  # (P, 7)
+    deepest, _, over_limit_rad, bone_change, step, forearm, wrist_change = found.max(axis=0).tolist()
     return CorpusChecks(
         n_pairs=len(pairs),
         deepest_word_cm=max(float(w.depth.max()) for w in words),
         deepest_transition_cm=deepest,
+        forearm_word_cm=max(float(w.forearm.max()) for w in words),
+        forearm_transition_cm=forearm,
         n_too_deep=int((found[:, 1] > LIMIT_CM).sum()),
         over_limit_deg=float(np.rad2deg(max(over_limit_rad, *(w.over_limit for w in words)))),
         bone_change_cm=max(bone_change, *(w.bone_change for w in words)),
-        seam_step_cm=step,
+        transition_step_cm=step,
         word_step_cm=max(float(w.steps.max()) for w in words),
         seam_wrist_change_cm=wrist_change,
         n_misplaced=n_misplaced,
@@ -101,6 +107,7 @@ class _PosedClip:
 
     positions: (T, J, 3) global joint positions, cm.
     depth: (T,) of the deeper hand in the body, cm.
+    forearm: (T,) of the deeper forearm in the trunk, cm.
     steps: (T - 1,) largest step of a joint between two frames, cm.
     bone_change: largest change of a bone's length, cm.
     over_limit: see ``over_limit``, radians.
@@ -108,7 +115,8 @@ class _PosedClip:
 
     def __init__(self, clip: Clip) -> None:
         rotations, self.positions = kinematics.forward(clip)
-        self.depth = collision.hand_penetration(clip.skeleton, rotations, self.positions)[0]
+        self.depth = collision.hand_penetration(clip.skeleton, rotations, self.positions, forearms=True)[0]
+        self.forearm = collision.forearm_penetration(clip.skeleton, rotations, self.positions).max(axis=1)
         self.steps = np.linalg.norm(np.diff(self.positions, axis=0), axis=-1).max(axis=-1)
         parents = clip.skeleton.parents[1:]
         lengths = np.linalg.norm(self.positions[:, 1:] - self.positions[:, parents], axis=-1)
@@ -189,7 +197,6 @@ def replan(pairs: Pairs, signs: Mapping[str, Sign], n_pairs: int = 400) -> tuple
 TOUCH_CM = 0.5
 """Skin distance up to which a hand is seen to touch."""
 _MIRRORED = ("symmetric", "alternating")
-_ARM = ("sleeve", "cuff")
 
 
 @dataclass(frozen=True)
@@ -236,6 +243,7 @@ def skin_distance(clip: Clip, frame: int, sides: tuple[str, ...]) -> float:
 def _meeting(body: BodyCapsules, side: str) -> tuple[list[int], list[int]]:
     """The capsules of a hand and those that it can meet."""
     groups = body.groups
-    own, other, across = (groups.left, groups.right, "right") if side == "left" else (groups.right, groups.left, "left")
-    arm = [n for n, part in enumerate(body.parts) if part in _ARM and body.sides[n] == across]
-    return list(own), [*groups.head, *groups.trunk, *other, *arm]
+    own, other = (groups.left, (*groups.right, *groups.right_arm))
+    if side == "right":
+        own, other = (groups.right, (*groups.left, *groups.left_arm))
+    return list(own), [*groups.head, *groups.trunk, *other]

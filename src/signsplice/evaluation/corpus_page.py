@@ -24,7 +24,7 @@ from signsplice.progress import Progress
 from signsplice.rig.info import rig_info
 from signsplice.splicing.methods.cut import CUTTERS
 from signsplice.synth import notation, pseudo
-from signsplice.synth.corpus import VERSION, Pairs
+from signsplice.synth.corpus import MADE_BY, VERSION, Pairs
 from signsplice.synth.phonology import Sign
 
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
@@ -224,12 +224,14 @@ def _difficulty(pairs: Pairs, signs: Mapping[str, Sign], advance: Progress | Non
     ]
 
 
-_OLDER = "Its words and cuts are not planned anew: commit c5abc78a609a948fbc99a3267faac73027bdb4d9 makes version 1."
+def _older(pairs: Pairs) -> str:
+    commit = MADE_BY.get(pairs.version, "an earlier one")
+    return f"Its words and cuts are not planned anew: commit {commit} makes version {pairs.version}."
 
 
 def _precision(pairs: Pairs, test: Sequence[int], signs: Mapping[str, Sign]) -> list[str]:
     if pairs.version != VERSION:
-        return [_OLDER]
+        return [_older(pairs)]
     reading = corpus_difficulty.score_reading(pairs, test, signs)
     return [
         "Precision that a reader needs who knows the rules and the frames of all events. Error: standard deviation of",
@@ -249,14 +251,21 @@ def _precision(pairs: Pairs, test: Sequence[int], signs: Mapping[str, Sign]) -> 
 def _validity(pairs: Pairs, signs: Mapping[str, Sign], advance: Progress | None) -> list[str]:
     worst = corpus_checks.examine(pairs, advance)
     touches = score_touches(pairs)
-    steps = f"{worst.seam_step_cm:.1f}, {worst.word_step_cm:.1f} cm a frame"
+    steps = f"{worst.transition_step_cm:.1f}, {worst.word_step_cm:.1f} cm a frame"
     rows = [
-        ("deepest a hand lies in head, trunk or the other hand, in words", f"{10 * worst.deepest_word_cm:.1f} mm"),
+        (
+            "deepest a hand lies in head, trunk, the other arm or its hand, in words",
+            f"{10 * worst.deepest_word_cm:.1f} mm",
+        ),
         ("the same in transitions", f"{10 * worst.deepest_transition_cm:.1f} mm"),
+        (
+            "deepest a forearm lies in the trunk, in words, in transitions",
+            f"{10 * worst.forearm_word_cm:.1f}, {10 * worst.forearm_transition_cm:.1f} mm",
+        ),
         ("pairs with a hand deeper than 5 mm", worst.n_too_deep),
         ("most over a limit of elbow, forearm, wrist or finger", f"{worst.over_limit_deg:.2f} degrees"),
         ("largest change of a bone's length", f"{worst.bone_change_cm:.1e} cm"),
-        ("largest step of any joint: at a seam, in words", steps),
+        ("largest step of any joint: in a transition and at its seams, in words", steps),
         ("largest change of a wrist's step at a seam", f"{worst.seam_wrist_change_cm:.1f} cm"),
         ("pairs whose cut or transition lies outside the stored frames", worst.n_misplaced),
         (
@@ -269,5 +278,5 @@ def _validity(pairs: Pairs, signs: Mapping[str, Sign], advance: Progress | None)
         n_replanned, n_different = corpus_checks.replan(pairs, signs)
         rows.append((f"pairs that differ in any bit, of {n_replanned} drawn and planned anew", n_different))
     else:
-        anew = ["", _OLDER]
+        anew = ["", _older(pairs)]
     return ["### Validity", "", f"Over all {worst.n_pairs} pairs:", "", *markdown(("check", "worst"), rows), *anew]

@@ -32,13 +32,13 @@ _SHORTEST_CHORD_M = 0.03
 _CZECH = "Czech SL, 33 takes"
 _DGS = "DGS Corpus, 32 sentences"
 _JOINTS = {
-    "head": "head joint",
-    "neck": "neck joint",
-    "spine": "lowest joint of the spine",
     "UpperArm": "strong upper arm",
     "Hand": "strong wrist joint",
 }
-"""Roles in ``MeasuredMotion.angular_deg`` as the tables name them."""
+"""Roles in ``MeasuredMotion.angular_deg`` as the tables name them. Head and trunk are no target: in signing they move
+for grammar, role and glances, which words alone do not have, and a signer who meets their speed at random looks away
+and nods without a reason.
+"""
 _MEASURES = {
     "speed": ("wrist speed while moving", "arms/s"),
     "abduction_deg": ("strong upper arm from the trunk", "degrees"),

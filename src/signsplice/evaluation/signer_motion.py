@@ -1,4 +1,4 @@
-"""How a signer moves: speeds of head, trunk and arm, postures of the strong arm, and when fingers form.
+"""How a signer moves: speeds of the arm, postures of the strong arm, and when fingers form.
 
 All of it is measured on clips alone, in the same way on synthetic and on captured motion.
 """
@@ -29,8 +29,8 @@ _FORMING_DEG = 20.0
 class MeasuredMotion:
     """Motion of one signer in some clips. Frames in which no wrist moves (``MOVING``) do not count.
 
-    angular_deg: angular speed of a joint relative to its parent, degrees/s (N,), by role ("head", "neck", "spine": the
-        lowest joint of the spine; "UpperArm", "Hand": of the strong side); roles the rig lacks are left out.
+    angular_deg: angular speed of a joint of the strong side relative to its parent, degrees/s (N,), by role
+        ("UpperArm", "Hand"); roles the rig lacks are left out.
     speed: speed of the strong wrist in space, arm lengths (shoulder to wrist) a second (N,).
     abduction_deg: angle between the strong upper arm and the line from the middle of the shoulders to the hips (N,).
     wrist_bend_deg: angle between the strong forearm and the line from its wrist to its middle knuckle (N,); empty where
@@ -74,8 +74,8 @@ def _one(clip: Clip, strong: str) -> MeasuredMotion:
     knuckle = own.get(f"{strong}MiddleProximal")
     bend = np.empty(0) if knuckle is None else _angle_deg(forearm, knuckle - own[f"{strong}Hand"])[1:][moving]
     angular = {}
-    for role in ("head", "neck", "spine", "UpperArm", "Hand"):
-        joint = joints.get(strong + role if role[0].isupper() else role)
+    for role in ("UpperArm", "Hand"):
+        joint = joints.get(strong + role)
         if joint is not None:
             q = clip.local_rotations[:, joint]
             turns = np.linalg.norm(rotation.difference(q[:-1], q[1:]), axis=-1)

@@ -1,4 +1,4 @@
-"""Keeps hands out of head, trunk and one another: wrists are pushed out of collisions, smoothly in time; and how far
+"""Keeps hands out of head, trunk and the other arm: wrists are pushed out of collisions, smoothly in time; and how far
 hands are from what they may touch, skin to skin.
 """
 
@@ -32,7 +32,7 @@ _KERNEL = np.array([0.12, 0.35, 0.72, 1.0, 0.72, 0.35, 0.12])
 
 
 def clear_collisions(states: FloatArray, signer: Signer, ends: bool = False) -> FloatArray:
-    """States (T, 63) with wrists moved out of head, trunk and each other where they lay deeper than the tolerance.
+    """States (T, 65) with wrists moved out of head, trunk and the other arm where they lay deeper than the tolerance.
 
     Each push is spread over about five frames. ``ends``: the frames belong between two others; pushes fade out towards
     both ends, so that their neighbours fit.
@@ -61,12 +61,13 @@ def clear_collisions(states: FloatArray, signer: Signer, ends: bool = False) -> 
 
 
 def penetration(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
-    """Depth (T, 2) of each hand, strong first, in head, trunk or the other hand, cm, negative where it is free; and the
-    unit direction (T, 2, 3) out of there in the chest's axes, mirrored for the weak hand as its state is.
+    """Depth (T, 2) of each hand, strong first, in head, trunk, the other arm or its hand, or of its forearm in the
+    other arm, cm, negative where it is free; and the unit direction (T, 2, 3) out of there in the chest's axes,
+    mirrored for the weak hand as its state is.
     """
     local_quats, roots = pose.rotations(states, signer)
     rotations, positions = kinematics.forward(Clip(skeleton(signer), local_quats, roots, 30.0))
-    depth, out = collision.hand_penetration(skeleton(signer), rotations, positions)
+    depth, out = collision.hand_penetration(skeleton(signer), rotations, positions, forearms=True)
     out = np.einsum("tba,thb->tha", rotations[:, JOINTS["Spine2"]], out)
     return depth[:, ::-1], out[:, ::-1] * [[[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]]]
 

@@ -1,9 +1,9 @@
 """Motion of head and trunk during a word, hands that go with the part of the body they are at, and what segments lay
 over a trajectory: local movements of the hand, gestures of head and trunk.
 
-The head turns, nods and tilts, and the trunk turns and leans with the reach of the hands; the head goes to meet a hand
-at face or chin, the trunk does not (Tyrone and Mauk 2016). All of it begins when the hands leave rest and is over when
-they are back.
+The trunk turns and leans a little with the reach of the hands, and the head takes that back: it faces the addressee.
+It goes to meet a hand at face or chin, the trunk does not (Tyrone and Mauk 2016). Nothing else moves it, since a look
+away and a nod are grammar. All of it begins when the hands leave rest and is over when they are back.
 """
 
 from __future__ import annotations
@@ -12,42 +12,28 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import hand, pose, trajectory
 from signsplice.synth.carrying import Nearness, carried, nearness
 from signsplice.synth.phonology import Segment
-from signsplice.synth.rng import stream
 from signsplice.synth.signer import Signer
 
 if TYPE_CHECKING:
     from signsplice.synth.timing import Events
 
-_STEP_S = 0.42
-"""Usual time from one turn of the head to the next."""
-_HEAD_DEG = np.array([7.5, 10.0, 6.0])
-"""Standard deviation of the head's nod, turn and tilt where it comes to rest for a moment."""
-_TRUNK_DEG = np.array([3.0, 4.5, 2.6])
-"""The same of the trunk's lean, turn and lean to the side."""
-_GAZE = 0.5
+_GAZE = 0.9
 """How much of the trunk's motion the head takes back, so that it keeps facing the addressee."""
-_END_NOD_DEG, _END_NOD_S = 7.0, 0.36
-"""A nod at the end of a sign, and how long it takes; three signs in five have one."""
-_TOUCHED = 0.25
-"""What is left of the head's turns while a hand touches it."""
-_MEET_NOD_DEG, _MEET_TILT_DEG = 5.0, 6.0
+_MEET_NOD_DEG, _MEET_TILT_DEG = 4.0, 4.0
 """How far the head goes to meet a hand in front of it, and one at its side."""
-_MEET_CM, _MEET_FULL_CM = 14.0, 4.0
+_MEET_CM, _MEET_FULL_CM = 10.0, 3.0
 """Distance of a hand from the head's skin from which the head goes to meet it, and at which it has done so."""
 
 
-def add_body_motion(
-    states: FloatArray, events: Events, signer: Signer, fps: float, names: tuple[str | int, ...]
-) -> FloatArray:
-    """States (T, 63) of an isolated word with motion of head and trunk, where the signer's manner has any, and with
-    hands that keep their places on the body; ``names`` seed what is random.
+def add_body_motion(states: FloatArray, events: Events, signer: Signer, fps: float) -> FloatArray:
+    """States (T, 65) of an isolated word with motion of head and trunk, where the signer's manner has any, and with
+    hands that keep their places on the body.
     """
     manner = signer.manner
     if not manner.body_motion and not manner.head_to_hand:
@@ -56,18 +42,12 @@ def add_body_motion(
     near = nearness(states, right_handed)
     states = states.copy()
     level = _level(len(states), events, fps)[:, None]
-    touched = _smoothed(
-        pose.smooth_step((3.0 * signer.scale - near.head.min(axis=1)) / (3.0 * signer.scale)), fps, 0.10
-    )
     if manner.body_motion:
-        trunk, head = _trunk_and_head(states, events, signer, fps, names)
-        calm = 1.0 - (1.0 - _TOUCHED) * touched[:, None]
-        states[:, pose.TRUNK] += manner.body_motion * level * trunk
-        states[:, pose.HEAD] += manner.body_motion * level * calm * (head - _GAZE * trunk)
+        trunk = manner.body_motion * level * _reaching(states, signer, fps)
+        states[:, pose.TRUNK] += trunk
+        states[:, pose.HEAD] -= _GAZE * trunk
     if manner.head_to_hand:
-        rng = stream("head-to-hand", signer.name, *names)
-        size = manner.head_to_hand * rng.uniform(0.7, 1.3)
-        states[:, pose.HEAD] += size * level * _meeting(near, signer, fps)
+        states[:, pose.HEAD] += manner.head_to_hand * level * _meeting(near, signer, fps)
     return carried(states, near, right_handed)
 
 
@@ -76,38 +56,6 @@ def _level(n_frames: int, events: Events, fps: float) -> FloatArray:
     t = np.arange(n_frames)
     ramp = max(1.0, 0.22 * fps)
     return pose.smooth_step((t - events.up) / ramp) * pose.smooth_step((events.down - t) / ramp)
-
-
-def _trunk_and_head(
-    states: FloatArray, events: Events, signer: Signer, fps: float, names: tuple[str | int, ...]
-) -> tuple[FloatArray, FloatArray]:
-    """Rotation vectors (T, 3) of trunk and head: from one turn to the next, with the reach of the hands, and a nod at
-    the sign's end.
-    """
-    rng = stream("body-motion", signer.name, *names)
-    n_steps = max(2, round((events.down - events.up) / fps / _STEP_S * signer.tempo))
-    times = np.linspace(events.up, events.down, n_steps + 1)
-    times[1:-1] += rng.uniform(-0.25, 0.25, n_steps - 1) * (times[1] - times[0])
-    turns = np.zeros((2, n_steps + 1, 3))
-    turns[:, 1:-1] = np.clip(rng.standard_normal((2, n_steps - 1, 3)), -1.8, 1.8)
-    turns[0] *= np.deg2rad(_TRUNK_DEG)
-    turns[1] *= np.deg2rad(_HEAD_DEG)
-    looks = rng.random(n_steps - 1) < 0.4  # at the strong hand, else at the addressee or elsewhere
-    turns[1, 1:-1, 1] = np.where(looks, -np.abs(turns[1, 1:-1, 1]), turns[1, 1:-1, 1])
-    trunk, head = (_spline(times, knots, len(states)) for knots in turns)
-    trunk += rng.uniform(0.6, 1.4) * _reaching(states, signer, fps)
-    if rng.random() < 0.6:
-        frames = 0.5 * _END_NOD_S * fps
-        u = np.clip((np.arange(len(states)) - events.end) / frames, -1.0, 1.0)
-        head[:, 0] += np.deg2rad(_END_NOD_DEG) * rng.uniform(0.6, 1.3) * (1.0 - u * u) ** 3
-    return trunk, head
-
-
-def _spline(times: FloatArray, knots: FloatArray, n_frames: int) -> FloatArray:
-    """The smooth curve (T, 3) through knots (K, 3), at rest before the first and after the last."""
-    rest = [(1, np.zeros(3)), (2, np.zeros(3))]
-    curve = make_interp_spline(times, knots, k=5, bc_type=(rest, rest))  # type: ignore[arg-type]
-    return np.asarray(curve(np.clip(np.arange(n_frames), times[0], times[-1])))
 
 
 def _reaching(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
@@ -142,7 +90,7 @@ def _smoothed(values: FloatArray, fps: float, seconds: float) -> FloatArray:
 
 
 def add_local_movement(states: FloatArray, segment: Segment, hands: str, signer: Signer) -> None:
-    """Add a segment's local movement to its states (n, 63), in place."""
+    """Add a segment's local movement to its states (n, 65), in place."""
     local = segment.local
     assert local is not None
     n = len(states)
@@ -175,7 +123,7 @@ def add_local_movement(states: FloatArray, segment: Segment, hands: str, signer:
 
 
 def add_gesture(states: FloatArray, segment: Segment, begin: int, end: int, fps: float) -> None:
-    """Add a segment's head and trunk movement to states (T, 63) of the whole word, in place.
+    """Add a segment's head and trunk movement to states (T, 65) of the whole word, in place.
 
     The gesture begins a little before frame ``begin`` and ends a little after ``end``.
     """

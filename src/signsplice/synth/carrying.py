@@ -59,7 +59,7 @@ class Nearness:
 
 
 def nearness(states: FloatArray, signer: Signer) -> Nearness:
-    """Where the hands of states (T, 63) are, were head and trunk upright."""
+    """Where the hands of states (T, 65) are, were head and trunk upright."""
     upright = states.copy()
     upright[:, 54:] = 0.0
     clearances, out, apart = _clearances(upright, signer)
@@ -113,7 +113,7 @@ def _weights(clearances: FloatArray, apart: FloatArray) -> FloatArray:
 
 
 def carried(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
-    """States (T, 63) of a right-handed signer with hands carried by head and trunk, as these are in ``states``."""
+    """States (T, 65) of a right-handed signer with hands carried by head and trunk, as these are in ``states``."""
     turns, places = _carriers(states, signer)
     rest = rest_positions(skeleton(signer))[[JOINTS[name] for name in _CARRIERS]]
     rest = rest - rest[_CHEST]
@@ -141,7 +141,7 @@ def _carriers(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArra
 
 
 def _touching(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
-    """States (T, 63) with hands as far from the skin as they were, where that was near to nothing: a wrist at its
+    """States (T, 65) with hands as far from the skin as they were, where that was near to nothing: a wrist at its
     limits does not follow wholly.
     """
     states = states.copy()

@@ -1,7 +1,8 @@
 """Corpora of ground-truth splices by two synthetic signers, as folders of ``pairs``.
 
-This is version 2. Commit c5abc78a of this project makes version 1, whose truth is of kind partner, whose events
-tell touches of the notation, and whose signers have no manner.
+This is version 3. Earlier commits of this project (``MADE_BY``) make version 1, whose truth is of kind partner, whose
+events tell touches of the notation, and whose signers have no manner; and version 2, whose signers turn their heads at
+random and hold still longer.
 """
 
 from __future__ import annotations
@@ -29,8 +30,10 @@ from signsplice.synth.pool import Pool, is_whole
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, Signer, draw_signer
 
-VERSION = 2
+VERSION = 3
 """Raised with every change of the motion: the same recipe with another version is another corpus."""
+MADE_BY = {1: "c5abc78a609a948fbc99a3267faac73027bdb4d9", 2: "282f865c197c93cc22ffe320557550ef72876836"}
+"""Commits of this project that make earlier versions."""
 
 __all__ = ["EXTENT", "VERSION", "Pairs", "Recipe", "scaled_positions", "write_pairs"]
 
@@ -94,7 +97,7 @@ def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, 
     """
     folder = Path(folder)
     truth.by_partner(recipe.truth)
-    check_folder(folder, HEAD, lambda _: FILES)
+    check_folder(folder, HEAD, _files_of)
     target = folder.resolve()  # "." has no name of its own
     part = target.with_name(f".{target.name}-{recipe.hash}.part")
     hint = f"finished rows stay in {part.name}, and the same call continues from there"
@@ -114,6 +117,16 @@ def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, 
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror or error}); {hint}") from error
     return folder
+
+
+def _files_of(folder: Path) -> Sequence[str]:
+    """The files of a corpus. Raises ``InputError`` for one of another version, which other code has made."""
+    version = Pairs(folder).version
+    if version != VERSION:
+        raise InputError(
+            f"{folder}: holds a corpus of version {version}, and version {VERSION} is made; choose a new name"
+        )
+    return FILES
 
 
 def _write_rows(

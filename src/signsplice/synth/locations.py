@@ -73,7 +73,7 @@ class WeakArm:
     def joints(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Positions (3,) of shoulder, elbow and wrist and the hand's rotation (4,), as of a right arm."""
         signer = replace(self.signer, left_handed=False)
-        local_quats, roots = pose.rotations(np.concatenate([self.hand, self.hand, np.zeros(9)])[None], signer)
+        local_quats, roots = pose.rotations(pose.of_hands(self.hand, self.hand)[None], signer)
         names = ("Spine2", "RightArm", "RightForeArm", "RightHand")
         clip = Clip(skeleton(signer), local_quats, roots, 30.0)
         rotations, positions = forward(clip, [JOINTS[name] for name in names])
@@ -232,7 +232,7 @@ _HELD_LOWER_CM = 2.0
 
 
 def resting(signer: Signer, *names: str | int) -> FloatArray:
-    """The state (63,) of a signer at rest; ``names`` seed its small variations."""
+    """The state (65,) of a signer at rest; ``names`` seed its small variations."""
     rng = stream("rest", signer.name, *names)
     state = np.zeros(pose.SIZE)
     if signer.rest != HANGING:

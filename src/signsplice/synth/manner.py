@@ -22,7 +22,7 @@ class Manner:
     tempo_spread: how much longer holds of words alone are, and how far words differ in tempo
     low_elbows: how low elbows hang, the wrists bending instead
     head_to_hand: how far the head goes to meet a hand at face or chin
-    body_motion: size of turns and nods of the head, and of the trunk's lean
+    body_motion: how far the trunk turns and leans with the reach of the hands
     hand_difference: how far the hands of a symmetric sign differ in place and time
     pass_difference: how far later passes of a repeated movement are smaller than the first and differ in time
     finger_stagger: how far each finger moves in a time of its own

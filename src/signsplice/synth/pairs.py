@@ -41,7 +41,7 @@ from signsplice.synth.timing import Events
 
 Array = NDArray[Any]
 
-READABLE = (1, 2)
+READABLE = (1, 2, 3)
 """Versions that ``Pairs`` reads."""
 
 HEAD = "corpus.json"
@@ -83,7 +83,7 @@ class Pairs:
             hint = "make one with `signsplice synth pairs` or `signsplice-paper pairs build`"
             raise FormatError(f"is no corpus of pairs ({error}); {hint}", file=str(self.folder)) from error
         if self.head.get("version") not in READABLE:
-            expected = " or ".join(map(str, READABLE))
+            expected = f"{READABLE[0]} to {READABLE[-1]}"
             raise InputError(f"{self.folder}: version {self.head.get('version')}, expected {expected}; make it again")
 
     def __len__(self) -> int:
@@ -91,7 +91,7 @@ class Pairs:
 
     @property
     def version(self) -> int:
-        """1 or 2."""
+        """One of ``READABLE``."""
         return int(self.head["version"])
 
     def check_synthetic(self) -> None:

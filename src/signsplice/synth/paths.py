@@ -34,7 +34,7 @@ def translated(hand_state: FloatArray, displacement: FloatArray, signer: Signer)
 
 
 def drifted(state: FloatArray, displacement: FloatArray, signer: Signer, hands: str) -> FloatArray:
-    """A state (63,) with the strong hand moved by ``displacement`` (3,), cm, and with it a weak hand that moves."""
+    """A state (65,) with the strong hand moved by ``displacement`` (3,), cm, and with it a weak hand that moves."""
     weak = translated(state[27:54], displacement, signer) if hands in ("symmetric", "alternating") else state[27:54]
     return np.concatenate([translated(state[:27], displacement, signer), weak, state[54:]])
 
@@ -88,15 +88,15 @@ class PathMotion:
         return max(1, round(abs(found[0]))) if found else 1
 
     def at(self, s: float) -> FloatArray:
-        """The state (63,) at progress ``s``."""
+        """The state (65,) at progress ``s``."""
         both = []
         for which, t, phase in self._both(s):
             hand_state, offset = self._straight(which, t), self._offset(which, t, phase)
             both.append(hand_state if offset is None else translated(hand_state, offset, self.signer))
-        return np.concatenate([*both, np.zeros(9)])
+        return pose.of_hands(*both)
 
     def back(self, s: float) -> FloatArray:
-        """The state (63,) at progress ``s`` of the way back for another pass."""
+        """The state (65,) at progress ``s`` of the way back for another pass."""
         if self.lift is None:
             return self.at(1.0 - s)
         both = [self._straight(which, 1.0 - t) for which, t, _ in self._both(s)]
@@ -104,10 +104,10 @@ class PathMotion:
         hands = (0, 1) if self.hands == "symmetric" else (0,)
         for which in hands:
             both[which] = translated(both[which], lift, self.signer)
-        return np.concatenate([*both, np.zeros(9)])
+        return pose.of_hands(*both)
 
     def of_pass(self, k: int, s: float) -> FloatArray:
-        """The state (63,) at progress ``s`` of pass ``k``, where every other one is the way back."""
+        """The state (65,) at progress ``s`` of pass ``k``, where every other one is the way back."""
         state = self.back(s) if k % 2 else self.at(s)
         if not any(self.segment.step):
             return state

@@ -14,7 +14,7 @@ import numpy as np
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.synth import pose, trajectory, two_hands
+from signsplice.synth import elbows, pose, thumbs, trajectory, two_hands
 from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, skin_clearances, touching_sides
 from signsplice.synth.body_motion import add_body_motion
 from signsplice.synth.locations import resting
@@ -37,7 +37,7 @@ class IsolatedWord:
 
     sign: the sign in notation
     signer: who made it
-    states: the motion as states, (T, 63)
+    states: the motion as states, (T, 65)
     clip: the same motion on the signer's skeleton
     events: its events
     """
@@ -77,10 +77,12 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     states = segments.low_passed(states, offset)
     if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
         trajectory.clip_fingers(states)
+        states = thumbs.opened(states)
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     segments.add_overlays(states, offset)
-    states = add_body_motion(states, events, signer, fps, (sign.gloss, take))
-    states = clear_collisions(states, signer)
+    states = add_body_motion(states, events, signer, fps)
+    for _ in range(2):  # a forearm that is turned can meet the other hand
+        states = clear_collisions(elbows.steadied(states, signer, fps), signer)
     clip = pose.clip(states, signer, fps, sign.gloss)
     return IsolatedWord(sign, signer, states, clip, _with_touches(events, clip, sign, signer))
 

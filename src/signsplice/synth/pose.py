@@ -1,4 +1,4 @@
-"""A signer's pose as a state of 63 numbers, and the joint rotations that follow from it.
+"""A signer's pose as a state of 65 numbers, and the joint rotations that follow from it.
 
 States can be added and interpolated number by number: they hold positions in cm and rotation vectors that stay far from
 180 degrees. For each hand, strong first, both written as right hands (the weak one is mirrored at the end):
@@ -7,11 +7,11 @@ States can be added and interpolated number by number: they hold positions in cm
     rotvec   3   rotation of the hand relative to the forearm of an arm with a hanging elbow, rotation vector
     fingers 21   hand.ANGLES
 
-then rotation vectors of trunk (3) and head (3), and the root's displacement (3) from its rest position, cm. The 27
-numbers of one hand are called a hand state.
+then rotation vectors of trunk (3) and head (3), the root's displacement (3) from its rest position, cm, and by how much
+each elbow (2) is turned from its easy place, radians (``elbows``). The 27 numbers of one hand are called a hand state.
 
-Arms are solved in closed form: two bones, with the elbow on its circle where forearm and wrist are nearest to their
-neutral angles. Forearm and wrist angles approach their limits softly, so that no state can break a joint.
+Arms are solved in closed form: two bones, with the elbow easy on its circle where forearm and wrist are nearest to
+their neutral angles. Forearm and wrist angles approach their limits softly, so that no state can break a joint.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from signsplice.motion.curves import minimum_jerk
 from signsplice.synth import hand
 from signsplice.synth.signer import COLLAR, FOREARM, JOINTS, SHOULDER, UPPER_ARM, Signer, skeleton
 
-SIZE = 63
+SIZE = 65
 WRIST, ROTVEC, FINGERS = slice(0, 3), slice(3, 6), slice(6, 27)
 """Where these numbers are in a hand state."""
-TRUNK, HEAD, ROOT = slice(54, 57), slice(57, 60), slice(60, 63)
+TRUNK, HEAD, ROOT, TURNS = slice(54, 57), slice(57, 60), slice(60, 63), slice(63, 65)
 """Where these numbers are in a state."""
 
 WRIST_LIMITS = np.deg2rad([[-38.0, 28.0], [-72.0, 82.0]])
@@ -58,8 +58,13 @@ _ONSET = np.deg2rad(6.0)  # before a limit is approached softly, where that cost
 
 
 def hands(states: FloatArray) -> FloatArray:
-    """The hand states (..., 2, 27) in states (..., 63), strong then weak, a view."""
+    """The hand states (..., 2, 27) in states (..., 65), strong then weak, a view."""
     return states[..., :54].reshape(*states.shape[:-1], 2, 27)
+
+
+def of_hands(strong: FloatArray, weak: FloatArray) -> FloatArray:
+    """The upright state (..., 65) with these hand states (..., 27), elbows where they are easy."""
+    return np.concatenate([strong, weak, np.zeros((*strong.shape[:-1], SIZE - 54))], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -149,26 +154,26 @@ class Wrist:
     flexion: FloatArray
 
 
-def wrist_angles(arm: Arm, rotvecs: FloatArray, signer: Signer) -> Wrist:
+def wrist_angles(arm: Arm, rotvecs: FloatArray, signer: Signer, turns: FloatArray | float = 0.0) -> Wrist:
     """The angles with which arms carry hands with rotation vectors ``rotvecs`` (..., 3), the elbow where they are
-    smallest, and where the signer's manner says so, low.
+    smallest, and where the signer's manner says so, low; turned from there by ``turns`` (...).
 
     The swivel is a mean over candidates, weighted by exp(-sharpness * cost), where cost is the sum of squared angles,
     each over an easy angle. The mean varies smoothly with the pose; the best candidate alone would jump.
     """
-    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)[..., None, :]
-    wanted = rotation.exp(rotvecs)[..., None, :]
+    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
+    wanted = rotation.exp(rotvecs)
     usual = -np.deg2rad(signer.elbow_deg)
-    relative = rotation.multiply(rotation.exp(-_SWIVELS[:, None] * axis), wanted)  # (..., 13, 4)
-    twist, deviation, flexion = _split(relative)
+    relative = rotation.multiply(rotation.exp(-_SWIVELS[:, None] * axis[..., None, :]), wanted[..., None, :])
+    twist, deviation, flexion = _split(relative)  # (..., 13)
     angles = np.stack([twist, deviation, flexion, np.broadcast_to(_SWIVELS - usual, twist.shape)], axis=-1)
     cost = np.square(angles / _EASE).sum(axis=-1)
     if signer.manner.low_elbows:
         cost = cost + signer.manner.low_elbows * _raised_cost(arm, angles[..., :3], signer)
     sharpness = _SHARPNESS / (1.0 + _BLUNTER * signer.manner.low_elbows)
     weight = np.exp(-sharpness * (cost - cost.min(axis=-1, keepdims=True)))
-    swivel = (weight * _SWIVELS).sum(axis=-1) / weight.sum(axis=-1)
-    chosen = rotation.multiply(rotation.exp(-swivel[..., None] * axis[..., 0, :]), wanted[..., 0, :])
+    swivel = (weight * _SWIVELS).sum(axis=-1) / weight.sum(axis=-1) + turns
+    chosen = rotation.multiply(rotation.exp(-swivel[..., None] * axis), wanted)
     return Wrist(swivel, *_split(chosen))
 
 
@@ -216,12 +221,12 @@ def _split(quats: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def clip(states: FloatArray, signer: Signer, fps: float, name: str = "") -> Clip:
-    """The motion of states (T, 63) as a clip on the signer's skeleton."""
+    """The motion of states (T, 65) as a clip on the signer's skeleton."""
     return Clip(skeleton(signer), *rotations(states, signer), fps, name)
 
 
 def rotations(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
-    """Local rotations (T, 53, 4) and root positions (T, 3), cm, of states (T, 63)."""
+    """Local rotations (T, 53, 4) and root positions (T, 3), cm, of states (T, 65)."""
     n_frames = len(states)
     local_quats = np.zeros((n_frames, len(JOINTS), 4))
     local_quats[..., 3] = 1.0
@@ -233,7 +238,7 @@ def rotations(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArra
     _lean_legs(local_quats, displacement)
     both = hands(states)
     arm = solve_arm(both[..., WRIST], signer)
-    wrist = wrist_angles(arm, both[..., ROTVEC], signer)
+    wrist = wrist_angles(arm, both[..., ROTVEC], signer, states[..., TURNS])
     swivel = rotation.exp(wrist.swivel[..., None] * arm.direction)
     upper, fore = (rotation.multiply(swivel, q) for q in (arm.upper, arm.fore))
     # Half of the twist at the elbow, half at the wrist.

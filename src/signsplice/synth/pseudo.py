@@ -284,7 +284,7 @@ def _first_easy(segments: Sequence[Segment], hands: str) -> Segment | None:
     rest = resting(STANDARD)[27:54]
     weak = [rest if formed[k].weak is None else arms[formed[k].weak].hand for k in chosen]
     strong = hand_states[chosen]
-    states = np.concatenate([strong, strong if meets else np.array(weak), np.zeros((len(chosen), 9))], axis=1)
+    states = pose.of_hands(strong, strong if meets else np.array(weak))
     free = np.flatnonzero(penetration(states, STANDARD)[0].max(axis=1) < 0.5)
     return formed[chosen[free[0]]] if len(free) else None
 

@@ -28,6 +28,8 @@ FPS = 30.0
 
 FIRST_HOLD_S, INNER_HOLD_S, LAST_HOLD_S = 0.15, 0.07, 0.40
 """Usual holds of a citation form; the last one is the longest (Liddell and Johnson 1989)."""
+LANDING_S = 0.2
+"""How long, at most, a movement that ends in the open comes to rest within the hold after it."""
 LAST_TOUCH_S = 0.1
 """A last hold that touches the body: hands rest there for a moment only."""
 
@@ -60,7 +62,9 @@ class SegmentPlan:
 
     def _set_out(self) -> None:
         """Set the knots and the segments in time."""
-        self.knots = [Knot(0, self._first_state(), True)]
+        circles = self.sign.segments[0].kind == "X" and self.sign.segments[1].path.kind == "circle"
+        self.knots = [Knot(0, self._first_state(), not (circles and self.pace.landing))]
+        self.landed: FloatArray | None = None
         self.timed = [self._add(n, segment) for n, segment in enumerate(self.sign.segments)]
 
     @property
@@ -137,7 +141,7 @@ class SegmentPlan:
         moves = [n for n, s in enumerate(self.sign.segments) if s.kind == "M"]
         if self.sign.hands == "alternating" and moves:
             return self._path(moves[0], begin=0).at(0.0)
-        return np.concatenate([*self.postures[0], np.zeros(9)])
+        return pose.of_hands(*self.postures[0])
 
     def _add(self, n: int, segment: Segment) -> TimedSegment:
         """Add a segment's knots."""
@@ -146,7 +150,7 @@ class SegmentPlan:
         begin = self.stop
         passes: tuple[tuple[int, int], ...] = ()
         if segment.kind == "M":
-            passes = self._add_passes(n, segment, stops=last or segments[n + 1].kind == "H")
+            passes = self._add_passes(n, segment)
         elif segment.kind == "H":
             usual = LAST_HOLD_S if last else FIRST_HOLD_S if n == 0 else INNER_HOLD_S
             factor = self.pace.last_hold if last else self.pace.first_hold if n == 0 else 1.0
@@ -154,7 +158,9 @@ class SegmentPlan:
                 usual, factor = LAST_TOUCH_S, self.pace.last_touch
             pause_s, drift = hold_pause(self.signer, self.sign, self.take, n)
             n_frames = max(2, self._frames(segment.seconds or usual, factor) + round(self.fps * pause_s))
-            state = self.knots[-1].state
+            if self.landed is not None:
+                self.knots.append(Knot(begin + min(n_frames - 1, round(LANDING_S * self.fps)), self.landed, True))
+            state, self.landed = self.knots[-1].state, None
             if pause_s and not touches(segment, self.sign):
                 state = drifted(state, drift, self.signer, self.sign.hands)
             self.knots.append(Knot(begin + n_frames, state, True))
@@ -177,13 +183,15 @@ class SegmentPlan:
             segment, self.sign.hands, self.signer, postures[begin], postures[n], self.size, lift=lift, carried=carried
         )
 
-    def _add_passes(self, n: int, segment: Segment, stops: bool) -> tuple[tuple[int, int], ...]:
+    def _add_passes(self, n: int, segment: Segment) -> tuple[tuple[int, int], ...]:
         """Add a movement's knots; the frames of its passes."""
         path = self._path(n, begin=n - 1)
         start = begin = self.stop
         revolutions = path.revolutions
         count = 2 * segment.times - 1 if not path.still else segment.times
         each = self._frames(path.seconds() / segment.tempo, self.pace.movement)
+        least = self.pace.revolution_s * revolutions if path.circles else self.pace.stroke_s if count == 1 else 0.0
+        each = max(each, self._frames(least / segment.tempo, 1.0))
         if segment.seconds is not None:
             each = round(segment.seconds * self.fps / count)
         each = max(6 * revolutions if path.circles else 4, each)
@@ -198,10 +206,22 @@ class SegmentPlan:
                 cuts = [start + round(stroke.n_frames * turned(t / revolutions)) for t in range(revolutions + 1)]
                 passes += list(itertools.pairwise(cuts))
             start += stroke.n_frames
-        self.knots[-1] = replace(self.knots[-1], stop=stops)
+        self._arrive(n, path.of_pass(k, stroke.along(1.0 - self.pace.landing)))
         if segment.local is not None and path.still:
             return ((begin, self.stop),)
         return tuple(passes)
+
+    def _arrive(self, n: int, short: FloatArray) -> None:
+        """Let movement ``n`` end as what follows has it: pass into another movement, flow on into the retraction, stop,
+        or come to its last posture, from the state ``short`` of it, within the hold that follows in the open.
+        """
+        end, rest = self.knots[-1], self.sign.segments[n + 1 :]
+        held = bool(rest) and rest[0].kind == "H"
+        stops = held if rest else not self.pace.landing
+        if held and self.pace.landing and not touching(end.state[None], self.signer)[0]:
+            self.landed, stops = end.state, False
+            end = replace(end, state=short)
+        self.knots[-1] = replace(end, stop=stops)
 
 
 def touches(segment: Segment, sign: Sign) -> bool:
@@ -226,7 +246,7 @@ _REACH = 4.0
 def low_passed(
     states: FloatArray, deviation: float, passes: Sequence[tuple[int, int]] = (), touches: Sequence[int] = ()
 ) -> FloatArray:
-    """States (T, 63) smoothed in time by a Gaussian of standard deviation ``deviation``, frames.
+    """States (T, 65) smoothed in time by a Gaussian of standard deviation ``deviation``, frames.
 
     The first and the last frame stay as they are; within repeated ``passes``, [begin, end] each, and near both ends of
     the word, and near the frames ``touches``, it is smoothed less. In those frames the states stay as they are, and
@@ -290,13 +310,13 @@ def undershot(
     signer: Signer,
 ) -> list[tuple[FloatArray, FloatArray]]:
     """Strong and weak hand's states (27,) in a sign's segments, the strong one moved towards the segment before, in the
-    first towards ``rest`` (63,), unless it touches there; a weak hand that mirrors it moves too. A posture that is kept
+    first towards ``rest`` (65,), unless it touches there; a weak hand that mirrors it moves too. A posture that is kept
     stays the same.
     """
     amount = short_cm(tempo, signer)
     if amount == 0.0:
         return pairs
-    states = np.array([np.concatenate([*pair, np.zeros(9)]) for pair in pairs])
+    states = np.array([pose.of_hands(*pair) for pair in pairs])
     near = hand_clearances(states, signer)[:, [0, 2]].min(axis=1) < TOUCH_CM
     moved: list[tuple[FloatArray, FloatArray]] = []
     for n, (strong, weak) in enumerate(pairs):

@@ -33,7 +33,7 @@ from signsplice.synth.timing import Events
 
 Array = NDArray[Any]
 
-VERSION = 7
+VERSION = 8
 """Raised with every change of a part's content; part of its file name."""
 FIRST_SIGNER = 1000
 """Seed of the first signer; the signers of any corpus of pairs have lower seeds."""

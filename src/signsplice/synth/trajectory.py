@@ -42,7 +42,7 @@ def delays(signer: Signer, gloss: str, take: int) -> FloatArray:
 
 
 def advances(start: FloatArray, end: FloatArray, leads: FloatArray, signer: Signer) -> FloatArray:
-    """How far the time of each number (63,) of a reach between two states is advanced at half time, as a fraction.
+    """How far the time of each number (65,) of a reach between two states is advanced at half time, as a fraction.
 
     A smooth function of both states, so that equal seams are equal and near ones alike; waves of random phase and
     direction make it differ between reaches and fingers.
@@ -81,8 +81,8 @@ class Knot:
     """A state that a trajectory passes.
 
     frame: at which frame; between two where it is no whole number
-    state: the state, (63,)
-    stop: whether everything comes to rest there
+    state: the state, (65,)
+    stop: whether everything comes to rest there; the first and the last one are passed at speed where not
     """
 
     frame: float
@@ -90,9 +90,14 @@ class Knot:
     stop: bool
 
 
+_FLOW = 0.6
+"""Speed of hands that come into the first knot, or leave the last one, without a stop, over that of the path there."""
+
+
 def through(knots: Sequence[Knot]) -> FloatArray:
-    """States (T, 63) of every whole frame from the first knot to the last, of minimum jerk: between stops the quintic
-    spline through the knots, at rest at both ends (Flash and Hogan 1985 with via points).
+    """States (T, 65) of every whole frame from the first knot to the last, of minimum jerk: between stops the quintic
+    spline through the knots, at rest at both ends (Flash and Hogan 1985 with via points), or at speed at the first and
+    the last one.
     """
     parts = [knots[0].state[None]] if knots[0].frame == int(knots[0].frame) else []
     begin = 0
@@ -106,10 +111,23 @@ def through(knots: Sequence[Knot]) -> FloatArray:
             parts.append(np.broadcast_to(piece[0].state, (len(inner), pose.SIZE)))
         elif len(inner):
             states = np.array([knot.state for knot in piece])
-            rest = [(1, np.zeros(pose.SIZE)), (2, np.zeros(pose.SIZE))]
-            parts.append(make_interp_spline(frames, states, k=5, bc_type=(rest, rest))(inner))  # type: ignore[arg-type]
+            speeds = (_speed(frames, states), _speed(frames[::-1], states[::-1]))
+            ends = [
+                [(1, np.zeros(pose.SIZE) if knot.stop else _FLOW * speed), (2, np.zeros(pose.SIZE))]
+                for knot, speed in zip((piece[0], piece[-1]), speeds, strict=True)
+            ]
+            parts.append(make_interp_spline(frames, states, k=5, bc_type=tuple(ends))(inner))  # type: ignore[arg-type]
         begin = n
     return np.concatenate(parts)
+
+
+def _speed(frames: FloatArray, states: FloatArray) -> FloatArray:
+    """The velocity (65,), a frame, at the first of some knots: of the parabola through three, or the chord of two."""
+    slopes = np.diff(states[:3], axis=0) / np.diff(frames[:3])[:, None]
+    if len(slopes) < 2:
+        return np.asarray(slopes[0])
+    share = (frames[1] - frames[0]) / (frames[2] - frames[0])
+    return np.asarray(slopes[0] + share * (slopes[0] - slopes[1]))
 
 
 # How far each part of a hand state leads the reach at half time: the height of a bump on its progress. 0.15 (progress
@@ -130,7 +148,7 @@ def bump(u: FloatArray) -> FloatArray:
 def reach(
     before: FloatArray, after: FloatArray, n_frames: int, signer: Signer, at: FloatArray | None = None
 ) -> FloatArray:
-    """The ``n_frames`` states between two motions: the end of ``before`` (.., 63) and the start of ``after`` (.., 63).
+    """The ``n_frames`` states between two motions: the end of ``before`` (.., 65) and the start of ``after`` (.., 65).
 
     The quintic (minimum jerk) takes position and velocity from the two ends (one-sided differences over three frames)
     and 0.4 of the acceleration, since all of it makes long detours. Hands bow outwards by the signer's ``arch``,
@@ -141,16 +159,15 @@ def reach(
     steps = n_frames + 1
     u = (np.arange(1, n_frames + 1) / steps if at is None else at)[:, None]  # (n, 1)
     start, end = before[-1], after[0]
-    arriving = tuple((-1) ** n * d for n, d in enumerate(_end_derivatives(after[2::-1])))
     hill = bump(u)
     change = end - start
-    lead = np.concatenate([_LEAD, _LEAD, np.zeros(9)])
+    lead = np.concatenate([_LEAD, _LEAD, np.zeros(pose.SIZE - 54)])
     lead[lead > 0.05] -= signer.lag
     times = u
     if signer.manner.finger_stagger:  # fingers are advanced in time, which leaves more room than a lead
-        times = u + hill * advances(start, end, lead[pose.FINGERS], signer)  # (n, 63)
+        times = u + hill * advances(start, end, lead[pose.FINGERS], signer)  # (n, 65)
         lead[6:27] = lead[33:54] = 0.0
-    states = _quintic(_end_derivatives(before[-3:]), arriving, steps, times)
+    states = joining(before, after, steps, times)
     if change[27 + 1] < -12.0:  # the weak hand goes down
         lead[27:30] = _FALLING_WEAK_LEAD
     states += hill * np.minimum(lead, _MAX_LEAD) * change
@@ -166,7 +183,7 @@ def reach(
 
 
 def clip_fingers(states: FloatArray) -> None:
-    """Clip the finger angles of states (T, 63) to their limits, in place."""
+    """Clip the finger angles of states (T, 65) to their limits, in place."""
     for first in (0, 27):
         fingers = states[:, first : first + 27][:, pose.FINGERS]
         np.clip(fingers, hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=fingers)
@@ -184,15 +201,20 @@ def from_rest_to_rest(knots: Sequence[Knot], rest: FloatArray, up: int, down: in
     falling = (np.arange(math.floor(last) + 1.0, stop) - last) / (stop - last)
     return np.concatenate(
         [
-            reach(still, _still(knots[0].state), up, signer, rising),
+            reach(still, _passing(knots[0].state, core[1] - core[0], knots[0].stop), up, signer, rising),
             core,
-            reach(_still(end), still, down, signer, falling),
+            reach(_passing(end, core[-2] - core[-1], knots[-1].stop)[::-1], still, down, signer, falling),
         ]
     )
 
 
 def _still(state: FloatArray) -> FloatArray:
     return np.broadcast_to(state, (3, pose.SIZE))
+
+
+def _passing(state: FloatArray, step: FloatArray, stop: bool) -> FloatArray:
+    """Three frames (3, 65) from a state on: of rest, or with a step from frame to frame."""
+    return _still(state) if stop else state + np.arange(3)[:, None] * step
 
 
 _SHOULDER_DISTANCE_CM = 23.0
@@ -215,6 +237,14 @@ def _avoid_shoulder(path: FloatArray, hill: FloatArray, start: FloatArray, end: 
         bow = min(float((lack / np.maximum(hill[:, 0], 0.2)).max()), left)
         left -= bow
         path += hill * bow * _PASSING_DIRECTION
+
+
+def joining(before: FloatArray, after: FloatArray, steps: int, u: FloatArray) -> FloatArray:
+    """The quintic (n, K) from the end of ``before`` (.., K) to the start of ``after`` (.., K), which are ``steps``
+    frames apart, at times ``u`` (n, 1 or K), 0 to 1.
+    """
+    arriving = tuple((-1) ** n * d for n, d in enumerate(_end_derivatives(after[2::-1])))
+    return _quintic(_end_derivatives(before[-3:]), arriving, steps, u)
 
 
 def _end_derivatives(frames: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -240,7 +270,7 @@ def _quintic(start: tuple[FloatArray, ...], end: tuple[FloatArray, ...], steps: 
 
 
 def taken_at(states: FloatArray, times: FloatArray) -> FloatArray:
-    """States (T, 63), each number taken at a time of its own, frames (T, 63); between frames by a cubic spline."""
+    """States (T, 65), each number taken at a time of its own, frames (T, 65); between frames by a cubic spline."""
     frames = np.arange(len(states))
     taken = states.copy()
     each, group = np.unique(times, axis=1, return_inverse=True)
@@ -252,7 +282,7 @@ def taken_at(states: FloatArray, times: FloatArray) -> FloatArray:
 
 
 def small_motions(n_frames: int, fps: float, signer: Signer, rng: np.random.Generator) -> FloatArray:
-    """Breath, sway and tremor (T, 63) of a standing signer, to be added to states."""
+    """Breath, sway and tremor (T, 65) of a standing signer, to be added to states."""
     t = np.arange(n_frames) / fps
     out = np.zeros((n_frames, pose.SIZE))
 

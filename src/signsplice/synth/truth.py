@@ -20,8 +20,9 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.curves import minimum_jerk_by_powers
-from signsplice.synth import pose, trajectory
+from signsplice.synth import elbows, pose, thumbs, trajectory
 from signsplice.synth.avoidance import clear_collisions, penetration
+from signsplice.synth.manner import PLAIN
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.timing import slowed
 
@@ -68,6 +69,11 @@ _PATH_POINTS = 8
 TOO_DEEP_CM = 0.35
 """Depth that a hand may have at most in head, trunk or the other hand within a transition."""
 
+MOST_ELBOW_CM_S = 220.0
+"""Speed from the chest, on the standard body, from which on an elbow is too fast: 99 % of a captured take are below
+1.98 m/s, with arms of 0.88 of the standard length.
+"""
+
 PACE = 0.74
 """Duration of transitions in running signing, over what the travel law gives."""
 TURN_S = (0.08, 0.13)
@@ -82,7 +88,7 @@ class Splice:
 
     pre: last frame kept of the word before
     post: first frame kept of the word after
-    states: the transition's states, (n, 63)
+    states: the transition's states, (n, 65)
     """
 
     pre: int
@@ -285,22 +291,29 @@ def _alignment(displacement: FloatArray, travel: FloatArray) -> float:
 
 
 def transition(before: FloatArray, after: FloatArray, p: IsolatedWord, pause_s: float = 0.0) -> FloatArray:
-    """The states (n, 63) between two stretches of at least three frames, in ``p``'s signer and rate.
+    """The states (n, 65) between two stretches of at least three frames, in ``p``'s signer and rate.
 
-    Where the path is so short that a hand would pass through the body, it takes two, four or six frames longer.
+    Where that is so short that a hand would pass through the body, or an elbow be too fast, it takes up to ten frames
+    longer.
     ``pause_s``: for how many seconds the signer hesitates half way.
     """
     n_frames = transition_frames(before[-1], after[0], p)
-    for more in range(0, 7, 2):
+    for more in range(0, 11, 2):
         at = slowed(n_frames + more, round(p.clip.fps * pause_s)) if pause_s else None
-        states = clear_collisions(trajectory.reach(before, after, n_frames + more, p.signer, at), p.signer, ends=True)
-        if penetration(states, p.signer)[0].max() < TOO_DEEP_CM:
+        states = trajectory.reach(before, after, n_frames + more, p.signer, at)
+        if p.signer.manner != PLAIN:
+            states = thumbs.opened(states, ends=True)
+        for _ in range(2):  # elbows follow the hands
+            states = clear_collisions(elbows.joined(states, before, after, p.signer), p.signer, ends=True)
+        states = elbows.joined(states, before, after, p.signer)
+        fast = elbows.largest_step(states, before, after, p.signer) * p.clip.fps > MOST_ELBOW_CM_S
+        if penetration(states, p.signer)[0].max() < TOO_DEEP_CM and not fast:
             break
     return states
 
 
 def transition_frames(start: FloatArray, end: FloatArray, p: IsolatedWord) -> int:
-    """How many frames are new between two states (63,), by the travel law for the hand that takes longer (the weak hand
+    """How many frames are new between two states (65,), by the travel law for the hand that takes longer (the weak hand
     is faster), and at least as many as the hands take to turn and the handshape to form; the law includes the signer's
     tempo.
     """

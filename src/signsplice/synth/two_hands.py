@@ -32,7 +32,7 @@ _LAG_FRAMES = (0.5, 1.7)
 def with_separate_timing(
     states: FloatArray, sign: Sign, signer: Signer, take: int, fps: float, span: tuple[int, int, int, int]
 ) -> FloatArray:
-    """States (T, 63) of a whole word in which hands and fingers differ in place and time as the signer's manner has it;
+    """States (T, 65) of a whole word in which hands and fingers differ in place and time as the signer's manner has it;
     the states themselves where it is plain.
 
     span: the last frame of rest, the first posture, the last one, the first frame of rest again
@@ -47,7 +47,7 @@ def with_separate_timing(
     clearances = hand_clearances(states, signer)
     free = _freedom(clearances, fps)  # (T, 2)
     frames = np.arange(len(states), dtype=np.float64)
-    times = np.repeat(frames[:, None], pose.SIZE, axis=1)  # at which time each number is taken, (T, 63)
+    times = np.repeat(frames[:, None], pose.SIZE, axis=1)  # at which time each number is taken, (T, 65)
     shift = np.zeros_like(states)
     if mirrored and manner.hand_difference:
         level = free.min(axis=1) * _within(frames, up, down, fps)
@@ -129,7 +129,7 @@ def base_motion(
     span: tuple[int, int, int, int],
 ) -> tuple[FloatArray, FloatArray]:
     """At which time (T,), frames, a base hand's motion is taken, so that it comes and goes in its own time and is in
-    place while it is touched; and the displacements (T, 63), cm, of both hands for that.
+    place while it is touched; and the displacements (T, 65), cm, of both hands for that.
 
     clearances: ``hand_clearances`` of the states
     span: as of ``with_separate_timing``
@@ -155,7 +155,7 @@ def base_motion(
 def _coming(
     states: FloatArray, clearance: FloatArray, up: int, start: int, lag: float, signer: Signer
 ) -> tuple[FloatArray, FloatArray]:
-    """At which time (n,) a base hand's motion is taken that ends in a touch at the last of the states (n, 63), and the
+    """At which time (n,) a base hand's motion is taken that ends in a touch at the last of the states (n, 65), and the
     strong wrist's displacement (n, 3), cm: it goes round the base hand where that is in its way. Where there is no
     way, the base hand comes with the strong one.
 
@@ -168,7 +168,9 @@ def _coming(
     for fraction, detour in _ATTEMPTS:
         times = _own_times(frames, states[:, 27:30], up, start, fraction * lag)
         displacement = detour * signer.scale * hill * out
-        tried = trajectory.taken_at(states, np.column_stack([*[frames] * 27, *[times] * 27, *[frames] * 9]))
+        tried = trajectory.taken_at(
+            states, np.column_stack([*[frames] * 27, *[times] * 27, *[frames] * (pose.SIZE - 54)])
+        )
         tried[:, :3] += displacement
         if (between_hands(tried, signer) >= np.minimum(clearance, 0.0) - _DEEPER_CM).all():
             return times, displacement
@@ -193,7 +195,7 @@ def _own_times(frames: FloatArray, wrist: FloatArray, up: int, start: int, lag: 
 def _give(
     states: FloatArray, clearance: FloatArray, rng: np.random.Generator, signer: Signer, fps: float
 ) -> FloatArray:
-    """Displacements (T, 63) of both hands together, cm, where the strong one touches the base hand: that gives way in
+    """Displacements (T, 65) of both hands together, cm, where the strong one touches the base hand: that gives way in
     the direction of the touch and comes back.
     """
     shift = np.zeros_like(states)

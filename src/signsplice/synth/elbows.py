@@ -1,0 +1,123 @@
+"""Where elbows go over time: their easy places smoothed, and turned out of the trunk and of the other arm.
+
+The easy place of an elbow depends on one pose (``pose.wrist_angles``) and can change suddenly with it. What is smoothed
+is the direction from the line between shoulder and wrist to the elbow, in the chest's axes: an angle about that line
+has no reference that is steady everywhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from signsplice.body import capsules, swivel
+from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
+from signsplice.motion.clip import Clip
+from signsplice.rig.naming import SIDES
+from signsplice.synth import pose, trajectory
+from signsplice.synth.signer import JOINTS, UPPER_ARM, Signer, skeleton
+
+_WIDTH_S = 0.10
+"""Standard deviation of the Gaussian that smooths these directions in time, seconds."""
+_CLEARING_S = 0.06
+"""The same for what keeps forearms free, which is smoothed as much once already."""
+_PRESSED_M = 0.003
+"""Depth up to which a forearm may press into the trunk or the other arm, m: both give."""
+_SIDES = ("Right", "Left")
+"""The strong and the weak arm of a right-handed signer."""
+
+
+def steadied(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
+    """States (T, 65) of a whole word with elbows that move smoothly and keep forearms out of the trunk and of the other
+    arm; in plain motion the states themselves.
+    """
+    if not signer.manner.low_elbows:
+        return states
+    states = _directed(
+        states, gaussian_filter1d(_directions(states, signer), _WIDTH_S * fps, axis=0, mode="nearest"), signer
+    )
+    for which in (0, 1):
+        turns = gaussian_filter1d(_clearing(states, which, signer, fps), _CLEARING_S * fps, mode="nearest")
+        states = states.copy()
+        states[:, pose.TURNS.start + which] += turns
+    return states
+
+
+def joined(states: FloatArray, before: FloatArray, after: FloatArray, signer: Signer) -> FloatArray:
+    """States (n, 65) of a transition whose elbows go from those of ``before`` (.., 65) to those of ``after`` (.., 65),
+    at the speed of both ends; in plain motion the states themselves.
+    """
+    if not signer.manner.low_elbows:
+        return states
+    steps = len(states) + 1
+    start, end = (_directions(part, signer).reshape(len(part), 6) for part in (before, after))
+    between = trajectory.joining(start, end, steps, np.arange(1, steps)[:, None] / steps)
+    return _directed(states, between.reshape(-1, 2, 3), signer)
+
+
+def largest_step(states: FloatArray, before: FloatArray, after: FloatArray, signer: Signer) -> float:
+    """The largest step of an elbow from frame to frame in a transition's states (n, 65) and from and to the states
+    beside it, cm on the standard body, from the chest.
+    """
+    states = np.concatenate([before[-1:], states, after[:1]])
+    arm, swivels = _solved(states, signer)
+    turned = rotation.multiply(rotation.exp(swivels[..., None] * arm.direction), arm.upper)
+    elbows = rotation.rotate(turned, [-UPPER_ARM * signer.arms, 0.0, 0.0])
+    return float(np.linalg.norm(np.diff(elbows, axis=0), axis=-1).max())
+
+
+def _solved(states: FloatArray, signer: Signer) -> tuple[pose.Arm, FloatArray]:
+    """Both arms of states (T, 65) with hanging elbows, and their swivels (T, 2)."""
+    both = pose.hands(states)
+    arm = pose.solve_arm(both[..., pose.WRIST], signer)
+    return arm, pose.wrist_angles(arm, both[..., pose.ROTVEC], signer, states[..., pose.TURNS]).swivel
+
+
+def _frame(arm: pose.Arm) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors (T, 2, 3) at right angles to the line from shoulder to wrist: to a hanging elbow, and to one that is
+    turned by a quarter.
+    """
+    bone = rotation.rotate(arm.upper, [-1.0, 0.0, 0.0])
+    out = bone - np.sum(bone * arm.direction, axis=-1, keepdims=True) * arm.direction
+    out = out / np.maximum(np.linalg.norm(out, axis=-1, keepdims=True), 1e-9)
+    return out, np.cross(arm.direction, out)
+
+
+def _directions(states: FloatArray, signer: Signer) -> FloatArray:
+    """Unit vectors (T, 2, 3) from the lines between shoulders and wrists to the elbows of states (T, 65)."""
+    arm, swivels = _solved(states, signer)
+    out, across = _frame(arm)
+    return np.asarray(np.cos(swivels)[..., None] * out + np.sin(swivels)[..., None] * across)
+
+
+def _directed(states: FloatArray, directions: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with elbows turned to these directions (T, 2, 3), as nearly as the wrists allow."""
+    arm, swivels = _solved(states, signer)
+    out, across = _frame(arm)
+    wanted = np.arctan2(np.sum(directions * across, axis=-1), np.sum(directions * out, axis=-1))
+    directed = states.copy()
+    directed[:, pose.TURNS] += np.angle(np.exp(1j * (wanted - swivels)))
+    return directed
+
+
+def _clearing(states: FloatArray, which: int, signer: Signer, fps: float) -> FloatArray:
+    """By how much (T,) the swivels of the strong (0) or the weak arm (1) change for its forearm to be free."""
+    bones = skeleton(replace(signer, left_handed=False))
+    body = capsules.body_capsules(bones)
+    clip = Clip(bones, *pose.rotations(states, replace(signer, left_handed=False)), fps)
+    rotations, positions = kinematics.forward(clip)
+    starts, ends = (0.01 * x for x in capsules.capsule_ends(body, rotations, positions))
+    side = SIDES[1 - which]
+    solid = [*body.groups.below_arms, *(body.groups.right_arm if which else body.groups.left_arm)]
+    radii = 0.01 * body.radii
+    s, e, w = (0.01 * positions[:, JOINTS[_SIDES[which] + name]] for name in ("Arm", "ForeArm", "Hand"))
+    turns = swivel.choose(
+        swivel.BentArm(s, e, w, radii[body.keys.index(f"{side}LowerArm")]),
+        swivel.Solid(starts[:, solid], ends[:, solid], radii[solid]),
+        np.full((len(states), len(solid)), _PRESSED_M),
+        fps,
+    )
+    return turns if which == 0 else -turns
