@@ -12,9 +12,10 @@ if TYPE_CHECKING:
     from signsplice.errors import FormatError, InputError, RigMismatchError, SignspliceError
     from signsplice.formats import load, save
     from signsplice.formats.avatar import read_avatar
-    from signsplice.lexicon.reader import Lexicon, open_lexicon
+    from signsplice.lexicon.reader import Lexicon
     from signsplice.motion.clip import Clip, Skeleton
     from signsplice.splicing.engine import Piece, SpliceOptions, SpliceResult, splice, stream
+    from signsplice.splicing.forms import open_lexicon
     from signsplice.splicing.inbetween import inbetween
 
 _HOMES = {
@@ -30,7 +31,7 @@ _HOMES = {
     "SpliceResult": "splicing.engine",
     "inbetween": "splicing.inbetween",
     "load": "formats",
-    "open_lexicon": "lexicon.reader",
+    "open_lexicon": "splicing.forms",
     "read_avatar": "formats.avatar",
     "retarget": "body.retarget",
     "save": "formats",

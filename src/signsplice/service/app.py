@@ -41,6 +41,7 @@ from signsplice.service.wire import (
 )
 from signsplice.service.worker_process import BusyError
 from signsplice.service.workers import Worker, Workers
+from signsplice.splicing.forms import open_lexicon
 from signsplice.splicing.methods.choice import all_methods
 
 ResultT = TypeVar("ResultT")
@@ -69,7 +70,7 @@ class Service:
 
     def __init__(self, settings: Settings, scenes: Sequence[Mapping[str, Any]]) -> None:
         self.settings, self.scenes = settings, scenes
-        self.lexicon = work.open_lexicon(settings)
+        self.lexicon = open_lexicon(settings.lexicon)
         self.lexicon.verify()
         self.request_workers: Workers
         self.stream_workers: Workers
