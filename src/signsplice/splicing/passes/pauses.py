@@ -34,6 +34,7 @@ PAUSES_S = {",": 0.2, ".": 0.5, "?": 0.5, "!": 0.5}
 """How long a word is held before its mark, beside ``LONGER``."""
 LONGER = 0.2
 """How much longer the last sign of a phrase is, as a fraction of its time; it is held for that."""
+_MOST_LONGER_S = 0.3
 _BRAKE_S = 0.1
 """Time in which a hand that never stands still is brought to a stand, and set going again."""
 _BACK_S = 0.4
@@ -63,7 +64,7 @@ def with_pause(word: SentenceWord, mark: str, cutter: Cutter, speed: float) -> S
     while kept > 0 and sources[word.frames.last(kept)] > len(clip) - 2:  # a tempo may go on to the last frame there
         kept -= 1
     first = word.frames.last(kept) + 1
-    longer = LONGER * max(0, first - word.frames.first(cut.post))
+    longer = min(LONGER * max(0, first - word.frames.first(cut.post)), fps * _MOST_LONGER_S / speed)
     n_frames = round(fps * PAUSES_S[mark] / speed + longer) + max(0, still.start - kept)
     leave = max(min(still.stop - 1, kept + n_frames), still.start, int(sources[first - 1]) + 1)
     n_more = min(round(fps * _BRAKE_S), len(clip) - 1 - leave)
