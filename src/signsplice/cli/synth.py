@@ -11,11 +11,12 @@ from signsplice.cli.aliases import moved
 from signsplice.cli.clips import check_apart
 from signsplice.cli.evaluation import corpus
 from signsplice.cli.options import PROCESSES, added, preset
-from signsplice.cli.terminal import progress, size
+from signsplice.cli.terminal import progress, size, warn
 from signsplice.errors import InputError
 
 if TYPE_CHECKING:
     from signsplice.synth.phonology import Sign
+    from signsplice.synth.planner import IsolatedWord
 
 _SEED = preset("--seed", 0, "N", "Seed of signers, takes and random choices.")
 _FPS = preset("--fps", 30.0, "N", "Frame rate.")
@@ -49,7 +50,7 @@ def synth() -> None:
 )
 def lexicon(output: str, letters: bool, forms: tuple[str, ...], seed: int, fps: float, **drawn: Any) -> None:
     """Write isolated words as BVH files with glosses.csv; by default every word and letter of the package."""
-    from signsplice.synth import folders, notation
+    from signsplice.synth import checks, folders, notation
     from signsplice.synth.corpus import Recipe
 
     check_apart(output, [drawn["signs"]])
@@ -57,8 +58,16 @@ def lexicon(output: str, letters: bool, forms: tuple[str, ...], seed: int, fps: 
     chosen += _chosen(**drawn, seed=seed)
     chosen += _forms(drawn["signs"], forms, {sign.gloss for sign in chosen})
     recipe = Recipe(tuple(chosen), seed, _rate(fps))
+    written = set() if drawn["signs"] is None else {sign.gloss for sign in chosen if sign.kind != "pseudo"}
+    faults: list[str] = []
+
+    def check(word: IsolatedWord) -> None:
+        if word.sign.gloss in written:
+            faults.extend(checks.warnings(word))
+
     with progress(f"signing {len(chosen)} words") as advance:
-        folders.write_lexicon(chosen, recipe.signers()[0], Path(output), fps, advance)
+        folders.write_lexicon(chosen, recipe.signers()[0], Path(output), fps, advance, check)
+    warn(faults)
     print(f"{output}: {len(chosen)} words, signer {recipe.signers()[0].name}; no signer has checked them")
 
 

@@ -38,9 +38,9 @@ def _part(names: str, distance: str, direction: str) -> tuple[tuple[str, ...], f
 _ON_BODY = {name: (joint, _vector(inside), _vector(out)) for name, joint, inside, out in PLACES["body"]}
 ON_HEAD = frozenset(name for name, (joint, _, _) in _ON_BODY.items() if joint == "Head")
 _IN_SPACE = {name: _vector(point) for name, point in PLACES["space"]}
-_PARTS = {name: _part(*row) for name, *row in PLACES["parts"]}
+PARTS_OF_HAND = {name: _part(*row) for name, *row in PLACES["parts"]}
 _INDEX = {"Wrist": -1} | {name: n for n, name in enumerate(hand.POINTS)}
-_ON_BASE = {name: _part(*row) if len(row) > 1 else _PARTS[row[0]] for name, *row in PLACES["base"]}
+_ON_BASE = {name: _part(*row) if len(row) > 1 else PARTS_OF_HAND[row[0]] for name, *row in PLACES["base"]}
 _ON_WEAK_ARM = {name: (bone, float(at), float(skin), _vector(out)) for name, bone, at, skin, out in PLACES["arm"]}
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
@@ -161,7 +161,7 @@ def strong_wrist(
     shape = HANDSHAPES[posture.shape]
     size = size * signer.scale
     quat = facing(posture.palm, posture.fingers)
-    names, skin, _ = _PARTS[posture.part]
+    names, skin, _ = PARTS_OF_HAND[posture.part]
     unit = signer.hands * signer.scale
     part = rotation.rotate(quat, part_of(shape.points, names)) * unit
     shift = axes(posture.shift) * size

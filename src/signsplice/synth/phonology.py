@@ -43,6 +43,7 @@ ROLES = ("subject", "object")
 """Locations of a verb that agrees, which ``inflection.agree`` replaces by loci."""
 LOCI = frozenset(name for name in LOCATIONS if name.startswith("locus:")) | set(ROLES)
 IN_SPACE = NEUTRAL | {"above-head"} | LOCI
+ON_ARM = frozenset(name for name, *_ in PLACES["arm"])
 ON_BASE = frozenset(name for name in LOCATIONS if name.startswith("base-") or name == "forearm-weak")
 
 PATHS = ("straight", "arc", "circle", "zigzag", "none")
