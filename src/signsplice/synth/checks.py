@@ -58,13 +58,24 @@ def warnings(word: IsolatedWord) -> list[str]:
     return [f"{word.sign.gloss}: {line[1]}" for line in worst if line is not None]
 
 
+def in_time(word: IsolatedWord) -> tuple[TimedSegment, ...]:
+    """The segments of a first take, as ``planner.isolated`` makes it, with [begin, end] frames of the word."""
+    rng = stream("take", word.signer.name, word.sign.gloss, 0)
+    plan, start = SegmentPlan(word.sign, word.signer, word.clip.fps, rng, 0), word.events.start
+    return tuple(
+        replace(
+            one,
+            begin=one.begin + start,
+            end=one.end + start,
+            passes=tuple((begin + start, stop + start) for begin, stop in one.passes),
+        )
+        for one in plan.timed
+    )
+
+
 def _posed(word: IsolatedWord) -> _Body:
     signer = replace(word.signer, left_handed=False)
     clip = pose.clip(word.states, signer, word.clip.fps)
-    rng = stream("take", word.signer.name, word.sign.gloss, 0)
-    plan = SegmentPlan(word.sign, word.signer, word.clip.fps, rng, 0)
-    start = word.events.start
-    timed = tuple(replace(one, begin=one.begin + start, end=one.end + start) for one in plan.timed)
     rotations, positions = kinematics.forward(clip)
     chest = rotations[:, JOINTS["Spine2"]]
     seen = np.einsum("tba,tkb->tka", chest, positions - positions[:, JOINTS["Spine2"], None])  # (T, J, 3)
@@ -78,7 +89,7 @@ def _posed(word: IsolatedWord) -> _Body:
     capsules = body_capsules(clip.skeleton)
     ends = capsule_ends(capsules, rotations, positions)
     frames = rotations[:, hands[0]], positions[:, hands[0]]
-    return _Body(word, timed, wrists, shoulders, np.rad2deg(np.arccos(cosines)), frames, (capsules, *ends))
+    return _Body(word, in_time(word), wrists, shoulders, np.rad2deg(np.arccos(cosines)), frames, (capsules, *ends))
 
 
 def _sides(word: IsolatedWord) -> tuple[int, ...]:
@@ -110,7 +121,9 @@ def _contorted(body: _Body) -> Iterator[tuple[float, str]]:
         for side in _sides(body.word):
             bend = float(body.bends[one.begin : one.end + 1, side].max())
             if bend > CONTORTED_DEG:
-                line = f"the {_HAND_NAMES[side]} wrist is contorted in {_named(body, n)}: it bends by {bend:.0f} degrees"
+                line = (
+                    f"the {_HAND_NAMES[side]} wrist is contorted in {_named(body, n)}: it bends by {bend:.0f} degrees"
+                )
                 yield bend, f"{line}, expected at most {CONTORTED_DEG:.0f}; turn palm= or fingers="
 
 
