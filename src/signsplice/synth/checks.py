@@ -4,17 +4,16 @@ that miss the skin. Each is a line for who wrote the sign.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
-from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import hand, locations, pose
-from signsplice.synth.locations import MIRROR, PARTS_OF_HAND, WeakArm
-from signsplice.synth.phonology import ON_ARM, ON_BASE, Posture
+from signsplice.synth import locations, pose
+from signsplice.synth.contact import PosedSigner, posed_signer
+from signsplice.synth.locations import MIRROR, WeakArm
+from signsplice.synth.phonology import Posture
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.rng import stream
 from signsplice.synth.segment_plan import SegmentPlan, TimedSegment
@@ -31,24 +30,23 @@ _HAND_NAMES = ("strong", "weak")
 
 @dataclass(frozen=True, eq=False)
 class _Body:
-    """A word as a right-handed signer makes it, all in the chest's axes, cm.
+    """A word as a right-handed signer makes it.
 
     word: the word.
     timed: its segments in time, frames of the word.
-    wrists: (T, 2, 3) the wrists, strong first, as they are; the weak one mirrored as its state is.
+    posed: its signer.
+    wrists: (T, 2, 3) the wrists, strong first, as they are, in the chest's axes, cm; the weak one mirrored as its state
+        is.
     shoulders: (T, 2, 3) likewise.
     bends: (T, 2) angles between forearms and hands, degrees.
-    part_frames: (T, 3, 3) and (T, 3): rotation and position of the strong hand.
-    capsules: of the body, with where their axes (T, C, 3) start and end.
     """
 
     word: IsolatedWord
     timed: tuple[TimedSegment, ...]
+    posed: PosedSigner
     wrists: FloatArray
     shoulders: FloatArray
     bends: FloatArray
-    part_frames: tuple[FloatArray, FloatArray]
-    capsules: tuple[BodyCapsules, FloatArray, FloatArray]
 
 
 def warnings(word: IsolatedWord) -> list[str]:
@@ -74,9 +72,8 @@ def in_time(word: IsolatedWord) -> tuple[TimedSegment, ...]:
 
 
 def _posed(word: IsolatedWord) -> _Body:
-    signer = replace(word.signer, left_handed=False)
-    clip = pose.clip(word.states, signer, word.clip.fps)
-    rotations, positions = kinematics.forward(clip)
+    posed = posed_signer(word.states, word.signer)
+    rotations, positions = posed.rotations, posed.positions
     chest = rotations[:, JOINTS["Spine2"]]
     seen = np.einsum("tba,tkb->tka", chest, positions - positions[:, JOINTS["Spine2"], None])  # (T, J, 3)
     hands, forearms, arms = ([JOINTS[side + part] for side in ("Right", "Left")] for part in ("Hand", "ForeArm", "Arm"))
@@ -86,10 +83,7 @@ def _posed(word: IsolatedWord) -> _Body:
     wrists, shoulders = seen[:, hands], seen[:, arms]
     wrists[:, 1] *= MIRROR
     shoulders[:, 1] *= MIRROR
-    capsules = body_capsules(clip.skeleton)
-    ends = capsule_ends(capsules, rotations, positions)
-    frames = rotations[:, hands[0]], positions[:, hands[0]]
-    return _Body(word, in_time(word), wrists, shoulders, np.rad2deg(np.arccos(cosines)), frames, (capsules, *ends))
+    return _Body(word, in_time(word), posed, wrists, shoulders, np.rad2deg(np.arccos(cosines)))
 
 
 def _sides(word: IsolatedWord) -> tuple[int, ...]:
@@ -135,7 +129,7 @@ def _off_the_skin(body: _Body) -> Iterator[tuple[float, str]]:
         if meant is None or meant >= _MEANT_CM:
             continue
         frames = range(max(0, one.end - 1), min(one.end + 2, len(body.word)))
-        miss = min(_distance(posture, body, frame) for frame in frames) - max(meant, 0.0)
+        miss = min(body.posed.distance(posture, frame)[0] for frame in frames) - max(meant, 0.0)
         if miss > OFF_CM:
             line = f"by={posture.part} misses at={posture.location} by {miss:.1f} cm in {_named(body, n)}"
             yield miss, f"{line}, where it is written to touch"
@@ -146,26 +140,3 @@ def _meant(posture: Posture, body: _Body, frame: int) -> float | None:
     weak = WeakArm(replace(body.word.signer, left_handed=False), body.word.states[frame, 27:54])
     normal = locations.locate(posture.location, weak).normal
     return posture.off + float(locations.axes(posture.shift) @ normal) if normal.any() else None
-
-
-def _distance(posture: Posture, body: _Body, frame: int) -> float:
-    """From the skin of a part of the strong hand to that of the part of the body that it is written at, cm."""
-    capsules, starts, ends = body.capsules
-    names, skin, _ = PARTS_OF_HAND[posture.part]
-    unit = body.word.signer.hands * body.word.signer.scale
-    rotations, positions = body.part_frames
-    part = locations.part_of(hand.points(body.word.states[frame, pose.FINGERS]), names) * unit
-    point = positions[frame] + rotations[frame] @ part
-    rows = list(_surface(posture.location, capsules))
-    start, span = starts[frame, rows], ends[frame, rows] - starts[frame, rows]
-    along = np.clip(((point - start) * span).sum(axis=1) / ((span * span).sum(axis=1) + 1e-12), 0.0, 1.0)
-    radii = capsules.radii[rows, 0] + along * (capsules.radii[rows, 1] - capsules.radii[rows, 0])
-    return float((np.linalg.norm(point - start - along[:, None] * span, axis=1) - radii).min()) - skin * unit
-
-
-def _surface(location: str, body: BodyCapsules) -> Sequence[int]:
-    """The capsules of the part of the body that a location is on."""
-    if location in ON_ARM:
-        parts = zip(body.parts, body.sides, strict=True)
-        return [n for n, (part, side) in enumerate(parts) if side == "left" and part in ("sleeve", "cuff")]
-    return body.groups.left if location in ON_BASE else (*body.groups.head, *body.groups.trunk)

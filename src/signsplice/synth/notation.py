@@ -41,7 +41,7 @@ from signsplice.synth.phonology import (
 from signsplice.synth.tables import FOLDER
 
 _POSTURE_KEYS = ("shape", "at", "by", "off", "shift", "palm", "fingers")
-_ONLY_M = ("path", "w.path", "local", "times", "return", "step", "tempo")
+_ONLY_M = ("path", "w.path", "local", "times", "return", "step", "tempo", "keep")
 _KEYS = (*_POSTURE_KEYS, *(f"w.{key}" for key in _POSTURE_KEYS), *_ONLY_M, "for", "head", "trunk")
 _LIFT_CM = 3.0
 """How far a hand is lifted where the notation gives no distance."""
@@ -128,6 +128,8 @@ def _sign(block: list[tuple[_Line, str]]) -> Sign:
             notes[key] = value.strip()
         else:
             segments.append(_segment(line, content, hands, segments[-1] if segments else None))
+    if any(segment.keeps for segment in segments):  # from touch to touch
+        segments = [replace(s, strong=replace(s.strong, on_skin=s.strong.off < 1.0)) for s in segments]
     synonyms = tuple(word.strip() for word in notes["synonyms"].split(",") if word.strip())
     sign = Sign(gloss, hands, tuple(segments), notes["source"], synonyms, kind)
     found = faults(sign)
@@ -168,6 +170,7 @@ def _segment(line: _Line, content: str, hands: str, before: Segment | None) -> S
         times=int(_number(line, "times", fields.get("times", "1"), 1, 8, whole=True)),
         lift=_lift(line, fields["return"]) if "return" in fields else 0.0,
         step=_shift(line, "step", fields["step"]) if "step" in fields else (0.0, 0.0, 0.0),
+        keeps=_one_of(line, "keep", fields.get("keep", ""), ("", "touch")) == "touch",
         tempo=_number(line, "tempo", fields.get("tempo", "1"), 0.25, 3.0),
         seconds=_number(line, "for", fields["for"], 0.0, 5.0) if "for" in fields else None,
         head=_one_of(line, "head", fields.get("head", ""), ("", *HEAD)),
