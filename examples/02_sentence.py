@@ -30,8 +30,10 @@ def main(folder: Path) -> None:
         print(f"warning: {line}")
 
     # Dictionary signs are slow and end with a hold. The tempo "natural" shortens holds towards running signing.
-    # ``starts`` says where another spelled word begins, so that IS and ANNA are not spelled as one.
-    result = ss.splice(clips, ss.SpliceOptions(tempo="natural"), sentence.starts(tokens))
+    # ``starts`` says where another spelled word begins, so that IS and ANNA are not spelled as one, and ``pauses`` at
+    # which words the sentence breathes.
+    options = ss.SpliceOptions(tempo="natural")
+    result = ss.splice(clips, options, sentence.starts(tokens), sentence.pauses(tokens))
     print(f"{len(clips)} signs and letters, {result.clip.seconds:.2f} s, {result.tempo.seconds:.2f} s a sign")
 
     # The report holds every span, seam and warning. `signsplice view` and `signsplice render` mark its transitions.

@@ -93,6 +93,19 @@ def test_a_sentence_is_spliced_from_its_words(built: Path, tmp_path: Path) -> No
     assert run.stderr == "warning: no gloss 'NANA', so it is spelled; write fs-NANA to mean that\n"
 
 
+def test_a_typed_line_pauses_unless_it_is_told_not_to(built: Path, tmp_path: Path) -> None:
+    frames = {}
+    for more in ((), ("--no-pauses",)):
+        call = ("sentence", "Hello, I sign.", "-o", "out.npz", "--lexicon", built / "lex", "--report", "r.json", *more)
+        assert signsplice(*call, cwd=tmp_path).returncode == 0
+        report = json.loads((tmp_path / "r.json").read_text())
+        assert [unit["pause"] for unit in report["units"]] == [",", "", "."]
+        marks = [span["pause"]["mark"] for span in report["spans"] if span["pause"]]
+        assert marks == ([] if more else [",", "."])
+        frames[more] = report["frames"]
+    assert frames[()] > frames["--no-pauses",] + 20
+
+
 BAD_CALLS = [
     (("sentence",), "Missing argument"),
     (("sentence", "I"), "Missing option '-o'"),

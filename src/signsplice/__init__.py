@@ -12,9 +12,10 @@ if TYPE_CHECKING:
     from signsplice.errors import FormatError, InputError, RigMismatchError, SignspliceError
     from signsplice.formats import load, save
     from signsplice.formats.avatar import read_avatar
-    from signsplice.lexicon.reader import Lexicon, open_lexicon
+    from signsplice.lexicon.reader import Lexicon
     from signsplice.motion.clip import Clip, Skeleton
     from signsplice.splicing.engine import Piece, SpliceOptions, SpliceResult, splice, stream
+    from signsplice.splicing.forms import open_lexicon
     from signsplice.splicing.inbetween import inbetween
 
 _HOMES = {
@@ -22,9 +23,10 @@ _HOMES = {
     "errors": ("FormatError", "InputError", "RigMismatchError", "SignspliceError"),
     "formats": ("load", "save"),
     "formats.avatar": ("read_avatar",),
-    "lexicon.reader": ("Lexicon", "open_lexicon"),
+    "lexicon.reader": ("Lexicon",),
     "motion.clip": ("Clip", "Skeleton"),
     "splicing.engine": ("Piece", "SpliceOptions", "SpliceResult", "splice", "stream"),
+    "splicing.forms": ("open_lexicon",),
     "splicing.inbetween": ("inbetween",),
 }
 

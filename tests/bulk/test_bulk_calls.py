@@ -43,6 +43,15 @@ def test_lines_are_spelled_only_where_that_is_wanted_and_typing_errors_are_named
     assert [row.glosses for row in rows(out)] == [("HELLO", "ZZQ"), ("TODYA", "HELLO")]
 
 
+def test_marks_stay_with_their_glosses_and_can_be_left_out_of_account(tmp_path: Path) -> None:
+    (tmp_path / "lines.txt").write_text("Hello, deaf.\n")
+    out = tmp_path / "recipes.csv"
+    for more, pauses in ((), True), (("--no-pauses",), False):
+        assert call("recipes", tmp_path / "lines.txt", "-o", out, *more).exit_code == 0
+        (row,) = rows(out)
+        assert (row.glosses, row.pauses, row.spell) == (("HELLO,", "DEAF."), pauses, True)
+
+
 def rows(path: Path) -> list[recipes.SentenceRecipe]:
     return [row for batch in recipes.read(path) for row in recipes.recipes_of(batch)]
 

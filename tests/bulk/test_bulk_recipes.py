@@ -236,20 +236,20 @@ def test_drawn_sentences_follow_the_seed_alone() -> None:
 
 
 def test_lines_are_read_as_sentence_reads_them(tmp_path: Path) -> None:
-    (tmp_path / "lines.txt").write_text("hello, I deaf\n\nthank you fs-anna\n你 HELLO\n")
+    (tmp_path / "lines.txt").write_text("hello, I deaf\n\nthank you fs-anna! 👋 ?\n你 HELLO\n")
     with shipped() as words:
         batches, warnings = drawing.lines(tmp_path / "lines.txt", words)
     found = [row.glosses for batch in batches for row in recipes.recipes_of(batch)]
-    assert found == [("HELLO", "I", "DEAF"), ("THANK-YOU", "fs-ANNA"), ("你", "HELLO")]
-    assert len(warnings) == 1
-    assert warnings[0].startswith(f"{tmp_path / 'lines.txt'}:4: ")
+    assert found == [("HELLO,", "I", "DEAF"), ("THANK-YOU", "fs-ANNA?"), ("你", "HELLO")]
+    assert len(warnings) == 2
+    assert warnings[1].startswith(f"{tmp_path / 'lines.txt'}:4: ")
 
 
 def test_every_field_decides_the_hash() -> None:
     one = SentenceRecipe(("YES",))
     other: dict[str, Any] = {"glosses": ("NO",), "signer": "a", "seed": 1, "transition_time": "0.2", "sign_speed": 1.1}
     other |= {"tempo": "0.8", "fps": 25.0, "cutter": "ends", "transition": "linear", "free_hand": "natural"}
-    other |= {"avoid_collisions": True, "spell": False}
+    other |= {"avoid_collisions": True, "spell": False, "pauses": False}
     changed = [replace(one, **{name: value}) for name, value in other.items()]
-    assert len({row.sha256 for row in (one, *changed)}) == 13
+    assert len({row.sha256 for row in (one, *changed)}) == 14
     assert replace(one).sha256 == one.sha256

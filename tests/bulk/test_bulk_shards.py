@@ -305,6 +305,19 @@ def test_what_is_beside_a_sentence_does_not_change_it() -> None:
                 assert alone.reason == one.reason
 
 
+def test_recipes_pause_and_have_forms_as_sentence_has(words: dict[str, Clip]) -> None:
+    rows = [SentenceRecipe(("hello,", "DEAF", "2-GIVE-1."), pauses=pauses) for pauses in (True, False)]
+    with ss.open_lexicon() as lex:
+        held, plain = SentenceMaker(lex).make(rows)
+        some = [words["HELLO"], words["DEAF"], lex.clip("2-GIVE-1")]
+    assert isinstance(held, MadeSentence)
+    assert isinstance(plain, MadeSentence)
+    wanted = ss.splice(some, pauses={0: ",", 2: "."})
+    assert np.array_equal(held.result.clip.local_rotations, wanted.clip.local_rotations)
+    assert held.result.spans == wanted.spans
+    assert plain.result.spans == ss.splice(some).spans
+
+
 def test_a_signer_signs_on_its_own_body(words: dict[str, Clip], tmp_path: Path) -> None:
     small = replace(words["SIGN"].skeleton, offsets=words["SIGN"].skeleton.offsets * 0.8)
     with lexicon.building(tmp_path / "lex") as builder:

@@ -10,7 +10,7 @@ from conftest import random_clip
 from signsplice import lexicon
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon import Lexicon
-from signsplice.lexicon.sentence import parse
+from signsplice.lexicon.sentence import parse, pauses
 
 
 @pytest.fixture(scope="module")
@@ -128,3 +128,26 @@ def test_lines_that_cannot_be_signed_are_refused(text: str, message: str | None,
         return
     with pytest.raises(InputError, match=message):
         parse(text, lex)
+
+
+@pytest.mark.parametrize(
+    ("text", "marks"),
+    [
+        ("HELLO, I thank-you.", {0: ",", 2: "."}),
+        ("Hello! I? THANK-YOU", {0: "!", 1: "?"}),
+        ("HELLO... I", {0: "."}),
+        ("HELLO ,I", {0: ","}),
+        ("HELLO . , I", {0: "."}),
+        ("fs-ANNA, #AB.", {3: ",", 5: "."}),
+        ("I LOVE YOU; I", {0: ","}),
+        ("HELLO-I, I", {1: ","}),
+        ("HELLO \N{WAVING HAND SIGN}, I", {0: ","}),
+        (", HELLO", {}),
+        ("hello \u2014 I: banana", {0: ",", 1: ","}),
+        ("\uff28\uff25\uff2c\uff2c\uff2f\uff0cI\u3002", {0: ",", 1: "."}),
+        ("HELLO/I (BANANA) 'HI'", {}),
+        ("7:7 I", {}),
+    ],
+)
+def test_signing_pauses_where_punctuation_parts_phrases(text: str, marks: dict[int, str], lex: Lexicon) -> None:
+    assert pauses(parse(text, lex)) == marks

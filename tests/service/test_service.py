@@ -228,6 +228,29 @@ def test_a_stream_equals_the_engines_stream(service: httpx.Client) -> None:
     assert texts[-1] == {"type": "done", "frames": len(frames(messages))}
 
 
+def test_punctuation_pauses_a_sentence_and_a_stream_alike(service: httpx.Client) -> None:
+    glosses = ["Hello,", "deaf?", "friend."]
+    result = splice(clips(GLOSSES), pauses={0: ",", 1: "?", 2: "."})
+    answer = service.post("/v1/sentence", json={"glosses": glosses}).json()
+    assert without_timing(answer["report"]) == without_timing(json.loads(json.dumps(reports.describe(result))))
+    assert [unit["pause"] for unit in answer["units"]] == [",", "?", "."]
+    messages = streamed(service, glosses)
+    np.testing.assert_array_equal(frames(messages), frames_of(result.clip).astype("<f4"))
+    spans = [message["span"] for message in messages if isinstance(message, dict) and message["type"] == "span"]
+    assert [span["pause"]["mark"] for span in spans if span["pause"]] == [",", "?", "."]
+    plain = frames_of(splice(clips(GLOSSES)).clip).astype("<f4")
+    np.testing.assert_array_equal(frames(streamed(service, glosses, pauses=False)), plain)
+    asked = service.post("/v1/sentence", json={"glosses": glosses, "pauses": False}).json()
+    assert asked["report"]["frames"] == len(plain)
+
+
+def test_forms_of_signs_are_signed(service: httpx.Client) -> None:
+    answer = service.post("/v1/sentence", json={"glosses": ["I-GIVE-YOU", "BOOK-PLURAL"]}).json()
+    assert [unit["glosses"] for unit in answer["units"]] == [["1-GIVE-2"], ["BOOK-PLURAL"]]
+    messages = streamed(service, ["I-GIVE-YOU", "BOOK-PLURAL"])
+    assert len(frames(messages)) == answer["report"]["frames"]
+
+
 def test_streamed_quaternions_have_unit_length(service: httpx.Client) -> None:
     (message,) = [message for message in streamed(service, ["DEAF"]) if isinstance(message, bytes)]
     values = np.frombuffer(message, "<f4", offset=16).reshape(struct.unpack_from("<I", message, 8)[0], -1)

@@ -29,7 +29,8 @@ def test_the_report_describes_the_result(sentence: list[Clip]) -> None:
     assert described["timing_ms"]["load"] == 1.5
     assert set(described["timing_ms"]) >= {"load", "cut", "transition", "join", "save"}
     first, second = described["spans"][:2]
-    frames = {"source": first["source"], "output": first["output"], "warp": None, "remade": None}
+    frames = {"source": first["source"], "output": first["output"]}
+    frames |= dict.fromkeys(("warp", "remade", "pause"))
     assert first == {"kind": "sign", "clip": 0, "name": "HELLO", **frames}
     assert second == {
         "kind": "transition",
@@ -39,6 +40,7 @@ def test_the_report_describes_the_result(sentence: list[Clip]) -> None:
         "output": second["output"],
         "warp": None,
         "remade": None,
+        "pause": None,
     }
     seam = described["seams"][0]
     assert seam["pre_frame"] == first["source"][1] - 1

@@ -51,9 +51,10 @@ export class TimeLine {
         } else {
           const number = all.findIndex((one, k) => k >= seam && one.from === from);
           seam = number + 1;
-          const { before, after } = all[number] ?? { before: '', after: '' };
-          button.title = button.ariaLabel = translate('transitionTo', { before, after });
-          button.addEventListener('click', () => this.handlers.seam(number));
+          const at = all[number]; // none after the last sign, where the hands come down
+          const text = at ? translate('transitionTo', { before: at.before, after: at.after }) : translate('goTo', { name: plain(caption(scene, from)) });
+          button.title = button.ariaLabel = text;
+          button.addEventListener('click', () => (at ? this.handlers.seam(number) : this.handlers.frame(from)));
         }
         item.append(button);
         return item;

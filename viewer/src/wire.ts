@@ -16,11 +16,18 @@ export interface SentenceToken {
   warning: string;
   note: string;
   suggestions: string[];
+  pause: string;
 }
 
 /** Joints of a sign's span that do not show its clip: an idle arm that was given more time, the fingers of a spelled letter that are on their way, the arm of one that slides. */
 export interface Remade {
   joints: string[];
+  frames: [number, number];
+}
+
+/** Frames of a transition's span in which the sign before it is held in its last posture. */
+export interface Pause {
+  mark: string;
   frames: [number, number];
 }
 
@@ -33,6 +40,7 @@ export interface Span {
   output: [number, number];
   warp: [number, number][] | null;
   remade: Remade | null;
+  pause: Pause | null;
 }
 
 /** The join of two signs. */
@@ -89,6 +97,7 @@ export interface SentenceRequest {
   glosses: string[];
   spell?: boolean;
   compounds?: boolean;
+  pauses?: boolean;
   formats?: ("bvh" | "glb" | "vrma")[];
 }
 
@@ -199,6 +208,7 @@ export interface OpenMessage {
   type: "open";
   paced?: boolean;
   spell?: boolean;
+  pauses?: boolean;
 }
 
 /** One more word, or a token to spell. */

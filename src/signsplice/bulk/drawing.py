@@ -14,7 +14,7 @@ from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats.reading import read_bytes
 from signsplice.lexicon.entry import LETTER_MARK
 from signsplice.lexicon.reader import Lexicon
-from signsplice.lexicon.sentence import parse
+from signsplice.lexicon.sentence import SentenceToken, parse, pauses
 
 _TILE = 100
 """Pairs come in squares of so many words by as many, so that pairs near one another are of few words."""
@@ -90,7 +90,7 @@ def lines(
             continue
         try:
             units = parse(line, lexicon, spell=bool((dials or {}).get("spell", True)))
-            tokens = tuple(_token(unit.token, unit.glosses, unit.spelled) for unit in units if unit.glosses)
+            tokens = tuple(_tokens(units))
             warnings += [f"{path}:{number}: {unit.warning[:_LONGEST]}" for unit in units if unit.warning]
         except UnknownGlossError as error:
             tokens = tuple(line.split())
@@ -103,9 +103,13 @@ def lines(
     return [batch_of(found[start : start + ROWS]) for start in range(0, len(found), ROWS)], warnings
 
 
-def _token(typed: str, glosses: Sequence[str], spelled: bool) -> str:
-    """A token of a line as one entry of ``SentenceRecipe.glosses``."""
-    return LETTER_MARK + "".join(gloss.removeprefix(LETTER_MARK) for gloss in glosses) if spelled else glosses[0]
+def _tokens(units: Sequence[SentenceToken]) -> Iterator[str]:
+    """The tokens of a line as ``SentenceRecipe.glosses`` has them, each with the mark at which it is held."""
+    held, n_glosses = pauses(units), 0
+    for unit in filter(lambda one: one.glosses, units):
+        n_glosses += len(unit.glosses)
+        letters = "".join(gloss.removeprefix(LETTER_MARK) for gloss in unit.glosses)
+        yield (LETTER_MARK + letters if unit.spelled else unit.glosses[0]) + held.get(n_glosses - 1, "")
 
 
 def pairs(

@@ -38,6 +38,7 @@ class SentenceRecipe:
     transition_time: seconds, or the name of a rule.
     sign_speed, tempo, fps, cutter, transition, free_hand, avoid_collisions: as in ``SpliceOptions``.
     spell: whether words that the lexicon lacks are spelled; else the row fails.
+    pauses: whether signs are held at the punctuation after their gloss: "HELLO,".
     """
 
     glosses: tuple[str, ...]
@@ -52,6 +53,7 @@ class SentenceRecipe:
     free_hand: str = "transition"
     avoid_collisions: bool | None = None
     spell: bool = True
+    pauses: bool = True
 
     @property
     def sha256(self) -> str:
@@ -79,7 +81,7 @@ class SentenceRecipe:
 
 
 _TYPES = {"glosses": pa.list_(pa.string()), "seed": pa.int64(), "sign_speed": pa.float64(), "fps": pa.float64()}
-_TYPES |= {"avoid_collisions": pa.bool_(), "spell": pa.bool_()}
+_TYPES |= dict.fromkeys(("avoid_collisions", "spell", "pauses"), pa.bool_())
 _DEFAULTS: Mapping[str, Any] = {row.name: row.default for row in fields(SentenceRecipe)} | {"glosses": None}
 SCHEMA = pa.schema([(name, _TYPES.get(name, pa.string())) for name in _DEFAULTS])
 """Columns of recipes."""

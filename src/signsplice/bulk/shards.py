@@ -25,7 +25,6 @@ from signsplice.bulk.maker import WORDS_KEPT, FailedSentence, MadeSentence, Sent
 from signsplice.errors import FormatError, InputError, SignspliceError
 from signsplice.formats import encode, save
 from signsplice.formats.atomic import replacing
-from signsplice.lexicon.reader import open_lexicon
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, tip_positions
@@ -33,6 +32,7 @@ from signsplice.rig.info import rig_info
 from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS, finger_roles
 from signsplice.splicing import report as reports
+from signsplice.splicing.forms import open_lexicon
 from signsplice.splicing.methods.choice import open_learned
 from signsplice.splicing.result import Span
 

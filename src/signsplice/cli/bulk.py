@@ -39,10 +39,17 @@ _AS_THERE = "As of `sentence`."
 _STORE = "Clips and reports in tar files; or recipes and hashes alone, from which `bulk make` makes any row."
 _POSES = "Positions of joints and annotations beside each clip, for sign-language-data-loading."
 
+
+def _off(dial: str, text: str) -> Callable[[Any], Any]:
+    """The flag that sets a dial to False; None where it is not given."""
+    return click.option(f"--no-{dial}", dial, flag_value=False, type=bool, default=None, help=text)
+
+
 dial_options = added(
     *(click.option(name, metavar=form, help=_AS_THERE) for name, form in _DIALS.items()),
     click.option("--avoid-collisions/--no-avoid-collisions", default=None, help=_AS_THERE),
-    click.option("--no-spell", is_flag=True, help="Rows with words that the lexicon lacks fail; none is spelled."),
+    _off("spell", "Rows with words that the lexicon lacks fail; none is spelled."),
+    _off("pauses", "Hold no sign at a comma or a full stop."),
 )
 
 
@@ -180,7 +187,7 @@ def pairs(count: int | None, seed: int, **options: Any) -> None:
     from signsplice.bulk import drawing
 
     names = ("transition_time", "sign_speed", "tempo", "fps", "cutter", "transition", "free_hand")
-    dials = {name: options.pop(name) for name in (*names, "avoid_collisions", "no_spell")}
+    dials = {name: options.pop(name) for name in (*names, "avoid_collisions", "spell", "pauses")}
     ranges, fixed = _ranges(dials)
     if ranges:
         raise InputError(f"--{next(iter(ranges)).replace('_', '-')}: a range, expected one value for all pairs")
@@ -271,14 +278,12 @@ def _ranges(dials: Mapping[str, Any]) -> tuple[dict[str, tuple[float, float]], d
     from signsplice.bulk.drawing import dial
     from signsplice.bulk.recipes import SentenceRecipe
 
-    given = {name: value for name, value in dials.items() if value is not None and name != "no_spell"}
+    given = {name: value for name, value in dials.items() if value is not None}
     ranges = {name: span(name, given[name]) for name in _RANGED if ":" in given.get(name, "")}
     fixed = {name: value for name, value in given.items() if name not in ranges}
     for name in ("sign_speed", "fps"):
         if name in fixed:
             fixed[name] = number(name, fixed[name])
-    if dials["no_spell"]:
-        fixed["spell"] = False
     for ends in zip(*([(name, value) for value in ends] for name, ends in ranges.items()), strict=True):
         SentenceRecipe(("",), **fixed, **{name: dial(name, value) for name, value in ends}).options(None)
     SentenceRecipe(("",), **fixed).options(None).chosen_methods()  # raises for what is out of range, or unknown

@@ -133,10 +133,10 @@ def check(path: str, roles: str | None) -> None:
 
 
 def open_words(path: str | None) -> Lexicon:
-    """The lexicon at a path, by default the one that ships."""
-    from signsplice import lexicon as lexicons
+    """The lexicon at a path, by default the one that ships, with the forms of its signs."""
+    from signsplice.splicing.forms import open_lexicon
 
-    return lexicons.shipped() if path is None else lexicons.open(path)
+    return open_lexicon(path)
 
 
 COMMANDS = (lexicon,)

@@ -115,19 +115,21 @@ def splice(clips: tuple[str, ...], output: str, report: str | None, roles: str |
 @LEXICON
 @click.option("--no-spell", is_flag=True, help="Refuse words that are not in the lexicon instead of spelling them.")
 @click.option("--no-compounds", is_flag=True, help="Read I LOVE YOU as three words where the lexicon has I-LOVE-YOU.")
+@click.option("--no-pauses", is_flag=True, help="Hold no sign at a comma or a full stop.")
 @_splicing_options
 def sentence(
     glosses: tuple[str, ...],
     lexicon: str | None,
     no_spell: bool,
     no_compounds: bool,
+    no_pauses: bool,
     output: str,
     report: str | None,
     roles: str | None,
     **method_options: Any,
 ) -> None:
     """Sign a line of glosses with the words of a lexicon."""
-    from signsplice.lexicon.sentence import parse, starts
+    from signsplice.lexicon.sentence import parse, pauses, starts
     from signsplice.splicing import engine
 
     check_outputs(output, report, [roles, *_networks(**method_options)])
@@ -145,7 +147,8 @@ def sentence(
     load_ms = 1e3 * (time.perf_counter() - began)
     note(unit.note for unit in units if unit.note)
     warn(unit.warning for unit in units if unit.warning)
-    result = engine.splice([clips[gloss] for gloss in line], options, starts(units))
+    held = None if no_pauses else pauses(units)
+    result = engine.splice([clips[gloss] for gloss in line], options, starts(units), held)
     deliver(result, output, report, load_ms, {"units": [asdict(unit) for unit in units]})
 
 

@@ -11,11 +11,13 @@ from signsplice.cli.aliases import moved
 from signsplice.cli.clips import check_apart
 from signsplice.cli.evaluation import corpus
 from signsplice.cli.options import PROCESSES, added, preset
-from signsplice.cli.terminal import progress, size
+from signsplice.cli.terminal import progress, size, warn
 from signsplice.errors import InputError
+from signsplice.formats.atomic import check_writable
 
 if TYPE_CHECKING:
     from signsplice.synth.phonology import Sign
+    from signsplice.synth.planner import IsolatedWord
 
 _SEED = preset("--seed", 0, "N", "Seed of signers, takes and random choices.")
 _FPS = preset("--fps", 30.0, "N", "Frame rate.")
@@ -49,7 +51,7 @@ def synth() -> None:
 )
 def lexicon(output: str, letters: bool, forms: tuple[str, ...], seed: int, fps: float, **drawn: Any) -> None:
     """Write isolated words as BVH files with glosses.csv; by default every word and letter of the package."""
-    from signsplice.synth import folders, notation
+    from signsplice.synth import checks, folders, notation
     from signsplice.synth.corpus import Recipe
 
     check_apart(output, [drawn["signs"]])
@@ -57,9 +59,50 @@ def lexicon(output: str, letters: bool, forms: tuple[str, ...], seed: int, fps: 
     chosen += _chosen(**drawn, seed=seed)
     chosen += _forms(drawn["signs"], forms, {sign.gloss for sign in chosen})
     recipe = Recipe(tuple(chosen), seed, _rate(fps))
+    written = set() if drawn["signs"] is None else {sign.gloss for sign in chosen if sign.kind != "pseudo"}
+    faults: list[str] = []
+
+    def check(word: IsolatedWord) -> None:
+        if word.sign.gloss in written:
+            faults.extend(checks.warnings(word))
+
     with progress(f"signing {len(chosen)} words") as advance:
-        folders.write_lexicon(chosen, recipe.signers()[0], Path(output), fps, advance)
+        folders.write_lexicon(chosen, recipe.signers()[0], Path(output), fps, advance, check)
+    warn(faults)
     print(f"{output}: {len(chosen)} words, signer {recipe.signers()[0].name}; no signer has checked them")
+
+
+@synth.command()
+@click.argument("file", metavar="[FILE]", required=False)
+@click.argument("gloss", metavar="[GLOSS]", required=False)
+@click.option("-o", "--output", metavar="PNG", help="Picture to write.  [default: GLOSS.png]")
+@click.option("--all", "folder", metavar="DIR", help="Draw every name of the notation instead, into this folder.")
+def preview(file: str | None, gloss: str | None, output: str | None, folder: str | None) -> None:
+    """Draw one sign, or form of a sign, of a file in notation: postures and movements, from the front and the side.
+
+    FILE may be `-`: the words that ship.
+    """
+    from signsplice.evaluation import notation_pictures, sign_pictures
+    from signsplice.synth import checks, folders, inflection, notation, planner
+
+    if folder is not None:
+        if file is not None or output is not None:
+            raise InputError("--all draws the names of the notation, expected no FILE, GLOSS or -o")
+        for path in notation_pictures.write_names(Path(folder)):
+            print(f"{path}: {size(path.stat().st_size)}")
+        return
+    if file is None or gloss is None:
+        raise InputError("expected a file and a gloss: signsplice synth preview FILE GLOSS [-o PNG]")
+    path = Path(output or f"{folders.file_name(gloss)}.png")
+    if path.suffix.lower() != ".png":
+        raise InputError(f"{path}: expected a name that ends in .png")
+    check_writable(path)
+    check_apart(str(path), [file])
+    sign = inflection.form(notation.everyday() | notation.alphabet() if file == "-" else notation.read(file), gloss)
+    word = planner.isolated(sign)
+    sign_pictures.write_preview(word, path)
+    warn(checks.warnings(word))
+    print(f"{path}: {sign.gloss}, {len(sign.segments)} segments, {word.clip.seconds:.2f} s with rest")
 
 
 @synth.command()

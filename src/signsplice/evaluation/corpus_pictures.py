@@ -15,7 +15,8 @@ from signsplice.evaluation.hands import strong_side, strong_wrist
 from signsplice.evaluation.tables import Quantity
 from signsplice.formats.atomic import replacing
 from signsplice.motion.arrays import FloatArray
-from signsplice.render.sheet import Strip, write_strips
+from signsplice.render.picture import draw, draw_hand, make_scene
+from signsplice.render.sheet import Strip, write_cells, write_strips
 from signsplice.synth import notation, planner, pseudo
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.phonology import Sign
@@ -89,44 +90,26 @@ def _pair_strip(pairs: Pairs, number: int) -> Strip:
 
 def _write_letters(letters: Sequence[planner.IsolatedWord], path: Path, columns: int = 9, size: int = 150) -> None:
     """Every letter's hand at the middle of its hold, large, on one page."""
-    from signsplice.render.page import INK, PAPER, pillow, write_line
-    from signsplice.render.picture import draw_hand, make_scene
-
-    image_ = pillow("Image")
-    rows = -(-len(letters) // columns)
-    sheet = image_.new("RGB", (columns * size, rows * (size + 22)), PAPER)
-    pen = pillow("ImageDraw").Draw(sheet)
-    for n, letter in enumerate(letters):
+    cells = []
+    for letter in letters:
         frame = (letter.events.start + letter.events.end) // 2
-        x, y = n % columns * size, n // columns * (size + 22)
-        sheet.paste(image_.fromarray(draw_hand(make_scene(letter.clip), frame, "right", size)), (x, y))
-        write_line(pen, letter.sign.gloss.removeprefix("fs-"), x + 0.5 * size, y + size + 2, size, INK, 15)
-    with replacing(path) as temporary:
-        sheet.save(temporary, format="PNG")
+        cells.append((draw_hand(make_scene(letter.clip), frame, "right", size), letter.sign.gloss.removeprefix("fs-")))
+    write_cells(cells, path, columns)
 
 
 def write_front_and_side(glosses: Sequence[str], path: Path, columns: int = 3, size: int = 160) -> None:
     """Write a page of words and letters of this package: two frames of each from the front, then from the side; the
     first posture and the last one, or the end of the first of several passes.
     """
-    from signsplice.render.page import INK, PAPER, pillow, write_line
-    from signsplice.render.picture import draw, make_scene
-
-    image_ = pillow("Image")
     signs = {**notation.everyday(), **notation.alphabet()}
-    width, height = 4 * size + 14, size + 20
-    sheet = image_.new("RGB", (columns * width, -(-len(glosses) // columns) * height), PAPER)
-    pen = pillow("ImageDraw").Draw(sheet)
-    for n, gloss in enumerate(glosses):
+    cells = []
+    for gloss in glosses:
         word = planner.isolated(signs[gloss])
         e = word.events
         frames = (e.start, e.passes[0][1] if len(e.passes) > 1 else e.end)
-        x, y = n % columns * width, n // columns * height
-        write_line(pen, gloss, x + 2.0 * size, y + 2, 4 * size, INK, 13)
-        for k, (view, frame) in enumerate((v, f) for v in ("front", "side") for f in frames):
-            sheet.paste(image_.fromarray(draw(make_scene(word.clip, view), frame, size, size)), (x + k * size, y + 20))
-    with replacing(path) as temporary:
-        sheet.quantize(256, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)
+        scenes = [make_scene(word.clip, view) for view in ("front", "side")]
+        cells.append((np.hstack([draw(scene, frame, size, size) for scene in scenes for frame in frames]), gloss))
+    write_cells(cells, path, columns)
 
 
 def check_matplotlib() -> None:

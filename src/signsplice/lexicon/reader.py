@@ -5,7 +5,7 @@ from __future__ import annotations
 import mmap
 import threading
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -55,7 +55,7 @@ class Lexicon:
         self.close()
 
     def __reduce__(self) -> tuple[type[Lexicon], tuple[Path]]:
-        return Lexicon, (self.path,)
+        return type(self), (self.path,)
 
     def close(self) -> None:
         """Close both files."""
@@ -82,6 +82,10 @@ class Lexicon:
         return iter(self.glosses)
 
     def __contains__(self, gloss: object) -> bool:
+        return self.lists(gloss)
+
+    def lists(self, gloss: object) -> bool:
+        """Whether it is the gloss or a synonym of a word."""
         return isinstance(gloss, str) and self._index.find(gloss) is not None
 
     @cached_property
@@ -232,11 +236,13 @@ def open_lexicon(path: str | Path | None = None) -> Lexicon:
     return shipped() if path is None else Lexicon(path)
 
 
-def shipped() -> Lexicon:
-    """Open the lexicon that ships with the package. Raises ``InputError`` where this build has none."""
+def shipped(kind: Callable[[Path], Lexicon] = Lexicon) -> Lexicon:
+    """Open the lexicon that ships with the package, as a ``kind`` of lexicon. Raises ``InputError`` where this build
+    has none.
+    """
     if not SHIPPED.is_dir():
         raise InputError(f"no words ship with this build of signsplice; name a lexicon, or {_HINT}")
-    return Lexicon(SHIPPED)
+    return kind(SHIPPED)
 
 
 def _files(path: Path) -> tuple[Index, mmap.mmap]:

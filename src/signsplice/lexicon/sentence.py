@@ -19,6 +19,8 @@ from signsplice.lexicon.reader import Lexicon
 
 SPELLED_MARKS = (LETTER_MARK, "#")
 """Prefixes of tokens to fingerspell."""
+PAUSES = ".?!,"
+"""Marks at which signing pauses; of several the first one counts."""
 _HYPHEN, _APOSTROPHE = "-'"
 _TYPO = 0.75
 """Least similarity (``Lexicon.nearest``) of the glosses that may have been meant by a word that can be spelled."""
@@ -36,6 +38,7 @@ class SentenceToken:
     warning: what a user should know about it, or empty.
     note: how it was read, where it is not read as typed, or empty.
     suggestions: glosses that may have been meant, where it is no gloss.
+    pause: the mark typed after it at which signing pauses, one of ``PAUSES``; empty where there is none.
     """
 
     token: str
@@ -44,6 +47,7 @@ class SentenceToken:
     warning: str = ""
     note: str = ""
     suggestions: tuple[str, ...] = ()
+    pause: str = ""
 
 
 def parse(text: str, lexicon: Lexicon, spell: bool = True, compounds: bool = True) -> list[SentenceToken]:
@@ -73,7 +77,10 @@ def parse(text: str, lexicon: Lexicon, spell: bool = True, compounds: bool = Tru
             unknown[words[at].text] = lexicon.nearest(words[at].text)
         else:
             readings.append(token)
-        at += 1 if token is None else max(1, len(token.token.split()))
+        n_read = 1 if token is None else max(1, len(token.token.split()))
+        at += n_read
+        if token is not None:
+            readings[-1] = replace(token, pause=words[at - 1].pause)
     if unknown:
         raise UnknownGlossError(unknown, str(lexicon.path))
     return readings
@@ -82,6 +89,17 @@ def parse(text: str, lexicon: Lexicon, spell: bool = True, compounds: bool = Tru
 def starts(tokens: Sequence[SentenceToken]) -> list[int]:
     """For each token the place of its first gloss among those of all tokens: where another spelled word may begin."""
     return [0, *accumulate(len(token.glosses) for token in tokens)][:-1]
+
+
+def pauses(tokens: Sequence[SentenceToken]) -> dict[int, str]:
+    """The mark at which signing pauses after a gloss, by the gloss's place among those of all tokens."""
+    found: dict[int, str] = {}
+    n_glosses = 0
+    for token in tokens:
+        n_glosses += len(token.glosses)
+        if token.pause and n_glosses:
+            found[n_glosses - 1] = min(token.pause, found.get(n_glosses - 1, token.pause), key=PAUSES.index)
+    return found
 
 
 def _parts(word: TypedWord, lexicon: Lexicon) -> Iterator[TypedWord]:
@@ -93,7 +111,7 @@ def _parts(word: TypedWord, lexicon: Lexicon) -> Iterator[TypedWord]:
     note = f"{word.text!r} is no gloss, and read as {' '.join(parts)}"
     yield TypedWord(parts[0], word.typed, word.left_out, True, note)
     yield from (TypedWord(part, word.typed, "", True) for part in parts[1:-1])
-    yield TypedWord(parts[-1], word.typed, "", word.ends_phrase)
+    yield TypedWord(parts[-1], word.typed, "", word.ends_phrase, pause=word.pause)
 
 
 def _compound(words: Sequence[TypedWord], lexicon: Lexicon) -> SentenceToken | None:
@@ -104,7 +122,7 @@ def _compound(words: Sequence[TypedWord], lexicon: Lexicon) -> SentenceToken | N
     for n in range(n_words, 1, -1):
         texts = [word.text for word in words[:n]]
         joined = _HYPHEN.join(texts)
-        found = next((name for name in (joined, joined.replace(_APOSTROPHE, "")) if name in lexicon), None)
+        found = next((name for name in (joined, joined.replace(_APOSTROPHE, "")) if lexicon.lists(name)), None)
         if found is not None:
             return _joined(" ".join(texts), lexicon.entry(found).gloss)
     return None
@@ -208,6 +226,7 @@ class TypedWord:
     left_out: characters beside it that stand for something and were left out, such as emoji.
     ends_phrase: whether punctuation other than ``/`` follows it, so that it makes no compound with the next word.
     note: how it is read otherwise than typed, or empty.
+    pause: the mark after it at which signing pauses, one of ``PAUSES``, or empty.
     """
 
     text: str
@@ -215,6 +234,7 @@ class TypedWord:
     left_out: str = ""
     ends_phrase: bool = False
     note: str = ""
+    pause: str = ""
 
 
 def typed_words(text: str, is_known: Callable[[str], bool]) -> list[TypedWord]:
@@ -228,25 +248,36 @@ def typed_words(text: str, is_known: Callable[[str], bool]) -> list[TypedWord]:
         if is_known(token):
             found.append(TypedWord(token, token))
             continue
-        words = _words(token)
-        if words:
-            found += words
-        elif found:  # punctuation that stands alone
-            found[-1] = replace(found[-1], ends_phrase=True)
+        words, before = _words(token)
+        if found and (before or not words):  # punctuation that stands alone, or before a word
+            found[-1] = replace(found[-1], ends_phrase=True, pause=_pause(found[-1].pause + before))
+        found += words
     return found
 
 
-def _words(token: str) -> list[TypedWord]:
-    """The words of a token; one without text where only symbols were typed, none where only punctuation was."""
+_LIKE = str.maketrans("\u3002\u0964\u061f\u3001\u060c\u061b;:\u2013\u2014", "..?,,,,,,,")
+"""Marks at which signing pauses as at one of ``PAUSES``: those of other scripts, semicolons, colons and dashes."""
+
+
+def _pause(marks: str) -> str:
+    """The one of ``PAUSES`` that marks of punctuation count as; empty where they are none."""
+    return min((mark for mark in marks.translate(_LIKE) if mark in PAUSES), key=PAUSES.index, default="")
+
+
+def _words(token: str) -> tuple[list[TypedWord], str]:
+    """The words of a token, one without text where only symbols were typed, none where only punctuation was; and the
+    mark before them at which signing pauses, or where there is no word.
+    """
     plain = unicodedata.normalize("NFKC", token).translate(_ALIKE)
     plain = "".join(c for c in plain if _class(c))
     classes = "".join(map(_class, plain))
     matches = list(_WORD.finditer(classes))
-    starts, ends = [match.start() for match in matches], [match.end() for match in matches]
-    between = [slice(*gap) for gap in zip([0, *ends], [*starts, len(plain)], strict=True)]  # one more than words
+    ends, starts = [0, *(match.end() for match in matches)], [*(match.start() for match in matches), len(plain)]
+    between = [slice(*gap) for gap in zip(ends, starts, strict=True)]  # one more than words
     left_out = "".join(c for gap in between for c in plain[gap] if _class(c) in "s#")
+    before = _pause(plain[between[0]])
     if not matches:
-        return [TypedWord("", token, left_out)] if left_out else []
+        return ([TypedWord("", token, left_out, pause=before)], "") if left_out else ([], before)
     words = []
     for k, (match, gap) in enumerate(zip(matches, between[1:], strict=True)):
         text = plain[match.start() : match.end()].replace(",", "")
@@ -254,8 +285,11 @@ def _words(token: str) -> list[TypedWord]:
             words.append(TypedWord("", token, f"{text}-"))
             continue
         text = text if "d." in match[0] else text.replace(".", "")
-        words.append(TypedWord(text, token, "" if k else left_out, not set("p.,").isdisjoint(classes[gap])))
-    return words
+        ends_phrase = not set("p.,").isdisjoint(classes[gap])
+        is_between = k + 1 < len(matches) and plain[gap] in ":\u2013"  # 10:30, 1990-95
+        pause = "" if is_between else _pause(plain[gap])
+        words.append(TypedWord(text, token, "" if k else left_out, ends_phrase, pause=pause))
+    return words, before
 
 
 def _class(character: str) -> str:

@@ -83,9 +83,9 @@ class Scene:
     depths: tuple[float, float]
 
 
-def make_scene(clip: Clip, view: str = "front", body: BodyCapsules | None = None) -> Scene:
+def make_scene(clip: Clip, view: str = "front", body: BodyCapsules | None = None, above_deg: float = 0.0) -> Scene:
     """A clip seen from one of ``VIEWS`` by a camera that stays the same over the whole clip; ``body``: the signer's,
-    where it is not of usual proportions.
+    where it is not of usual proportions; ``above_deg``: how far from above.
 
     It shows everything from mid-thigh to above the head, and is wide enough for the hands in every frame. Raises
     ``InputError`` for another view.
@@ -97,8 +97,9 @@ def make_scene(clip: Clip, view: str = "front", body: BodyCapsules | None = None
     height = rig_info(skeleton).sizes.stature or 1.0
     angle = np.deg2rad(VIEWS[view])
     left = np.cross(signer.up, signer.forward)
-    towards_viewer = np.cos(angle) * signer.forward + np.sin(angle) * left
-    axes = np.stack([np.cross(signer.up, towards_viewer), signer.up, towards_viewer])
+    level = np.cos(angle) * signer.forward + np.sin(angle) * left
+    cos, sin = np.cos(np.deg2rad(above_deg)), np.sin(np.deg2rad(above_deg))
+    axes = np.stack([np.cross(signer.up, level), cos * signer.up - sin * level, cos * level + sin * signer.up])
     skin = CACHE.of(skeleton, _skin) if body is None else _skin_of(skeleton, capsule_mesh(skeleton, body))
     body = body or body_capsules(skeleton)
     rotations, positions = kinematics.forward(clip)
@@ -198,17 +199,41 @@ def _hand_centres(body: BodyCapsules, starts: FloatArray, ends: FloatArray) -> F
     return centres
 
 
-def draw(scene: Scene, frame: int, width: int, height: int) -> Image:
-    """One frame as an image (H, W, 3), 0..255; the scene's window fills it as far as it fits."""
+def draw(scene: Scene, frame: int, width: int, height: int, hand: str | None = None) -> Image:
+    """One frame as an image (H, W, 3), 0..255; the scene's window fills it as far as it fits. ``hand``: "left" or
+    "right", to draw that hand alone.
+    """
+    return _draw_window(scene, frame, width, height, *_fitted(scene, width, height), hand)
+
+
+def _fitted(scene: Scene, width: int, height: int) -> tuple[tuple[float, float], float]:
+    """The centre of the scene's window, and pixels a stature at which it fills an image."""
     left, right, bottom, top = scene.window
-    scale = min(width / (right - left), height / (top - bottom))
-    return _draw_window(scene, frame, width, height, (0.5 * (left + right), 0.5 * (bottom + top)), scale, None)
+    return (0.5 * (left + right), 0.5 * (bottom + top)), min(width / (right - left), height / (top - bottom))
+
+
+def around_hand(scene: Scene, frame: int, side: str) -> Scene:
+    """The scene with a window around one hand."""
+    x, y, _ = scene.hands[frame, 0 if side == "left" else 1].tolist()
+    return replace(scene, window=(x - 0.1, x + 0.1, y - 0.1, y + 0.1))
 
 
 def draw_hand(scene: Scene, frame: int, side: str, size: int) -> Image:
     """One hand enlarged, as an image (size, size, 3); what is in front of it is left out."""
-    centre = scene.hands[frame, 0 if side == "left" else 1]
-    return _draw_window(scene, frame, size, size, (float(centre[0]), float(centre[1])), size / 0.20, side)
+    return draw(around_hand(scene, frame, side), frame, size, size, side)
+
+
+def dotted(image: Image, scene: Scene, points: FloatArray, colour: tuple[int, int, int], radius: float) -> Image:
+    """An image that ``draw`` made of the scene, with a dot of a radius in pixels at each point (N, 3) in camera axes,
+    statures.
+    """
+    height, width = image.shape[:2]
+    centre, scale = _fitted(scene, width, height)
+    x, y = ((points[:, :2] - centre) * scale * (1.0, -1.0) + (0.5 * width, 0.5 * height)).T[..., None, None]
+    rows, columns = np.mgrid[:height, :width] + 0.5
+    out = image.copy()
+    out[(np.hypot(columns - x, rows - y) <= radius).any(axis=0)] = colour
+    return out
 
 
 def _draw_window(

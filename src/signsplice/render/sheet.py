@@ -14,7 +14,7 @@ from signsplice.formats.atomic import replacing
 from signsplice.motion.clip import Clip
 from signsplice.progress import Progress, counted
 from signsplice.render.page import INK, PAPER, TRANSITION, Mark, caption, pillow, write_line
-from signsplice.render.picture import Scene, draw, draw_hand, has_hands, make_scene
+from signsplice.render.picture import Image, Scene, draw, draw_hand, has_hands, make_scene
 
 CELL = (224, 224)
 """Width and height of the picture in each cell, pixels."""
@@ -115,3 +115,17 @@ def write_strips(
                 pen.rectangle(box, outline=TRANSITION, width=2)
     with replacing(path) as temporary:
         sheet.quantize(256, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)
+
+
+def write_cells(cells: Sequence[tuple[Image, str]], path: Path, columns: int, colours: int = 256) -> None:
+    """Write a page of pictures of one size, each with a line of text below it, as PNG."""
+    image_, line = pillow("Image"), 18
+    height, width = cells[0][0].shape[:2]
+    sheet = image_.new("RGB", (columns * width, -(-len(cells) // columns) * (height + line)), PAPER)
+    pen = pillow("ImageDraw").Draw(sheet)
+    for n, (picture, text) in enumerate(cells):
+        x, y = n % columns * width, n // columns * (height + line)
+        sheet.paste(image_.fromarray(picture), (x, y))
+        write_line(pen, text, x + 0.5 * width, y + height, width - 4, INK, 12)
+    with replacing(path) as temporary:
+        sheet.quantize(colours, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)

@@ -29,11 +29,13 @@ class OpenMessage(Dials):
 
     paced: whether frames are sent one by one when they are due; else as soon as they are made.
     spell: whether words that the lexicon lacks are fingerspelled.
+    pauses: whether a sign is held at the punctuation after its word, in the same message.
     """
 
     type: Literal["open"]
     paced: bool = True
     spell: bool = True
+    pauses: bool = True
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,7 @@ class StreamSession:
             await self._fail(group)
 
     async def _serve(self, opening: messages.OpenMessage) -> None:
-        self._process, _ = await self._worker.begin(work.open_stream, self._key, opening, opening.spell)
+        self._process, _ = await self._worker.begin(work.open_stream, self._key, opening)
         self._last_activity = time.monotonic()
         try:
             async with asyncio.TaskGroup() as tasks:
@@ -180,8 +180,8 @@ class StreamSession:
                 for warning in warnings:
                     await self._out.put(({"type": "warning", "warning": warning}, arrival))
                 # A job for each, so that other streams are served between the letters of a long name.
-                for gloss, starts in words:
-                    for message in await self._run_job(work.add_word, gloss, starts):
+                for one in words:
+                    for message in await self._run_job(work.add_word, one):
                         await self._out.put((message, arrival))
                     self._metrics.words.inc()
             except InputError as error:

@@ -50,7 +50,7 @@ def _json_hint(hint: Any) -> Any:
 if TYPE_CHECKING:
     from signsplice.lexicon.sentence import SentenceToken
     from signsplice.splicing.engine import Span
-    from signsplice.splicing.result import Remade
+    from signsplice.splicing.result import Pause, Remade
     from signsplice.splicing.seam import Seam
     from signsplice.splicing.tempo import ReachedTempo
 
@@ -61,6 +61,7 @@ if TYPE_CHECKING:
 else:
     SentenceToken = json_type(sentence.SentenceToken)
     Remade = json_type(result.Remade)
+    Pause = json_type(result.Pause)
     Span = json_type(engine.Span)
     Seam = json_type(seam.Seam)
     ReachedTempo = json_type(tempo.ReachedTempo)
@@ -120,12 +121,14 @@ class SentenceRequest(Dials):
     glosses: words in the order of signing.
     spell: whether words that the lexicon lacks are fingerspelled.
     compounds: whether words that are one gloss together are that gloss: I LOVE YOU is I-LOVE-YOU.
+    pauses: whether signs are held at commas, full stops, question and exclamation marks.
     formats: of the files to answer with.
     """
 
     glosses: Annotated[list[Gloss], Field(min_length=1, max_length=1000, fail_fast=True)]
     spell: bool = True
     compounds: bool = True
+    pauses: bool = True
     formats: Formats = field(default_factory=lambda: ["bvh"])
 
 

@@ -12,13 +12,15 @@ from typing import Any
 from signsplice.children import end_with_parent
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
-from signsplice.lexicon import Lexicon, open_lexicon
-from signsplice.lexicon.sentence import SentenceToken, parse, starts, typed_words
+from signsplice.lexicon import Lexicon
+from signsplice.lexicon.sentence import SentenceToken, parse, pauses, starts, typed_words
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
+from signsplice.service.stream_messages import OpenMessage
 from signsplice.service.wire import Dials, Format, SentenceRequest, SpliceRequest
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
+from signsplice.splicing.forms import open_lexicon
 from signsplice.splicing.methods import choice as methods
 from signsplice.splicing.report import plain
 
@@ -45,12 +47,14 @@ class _OpenStream:
     """A stream's growing sentence.
 
     spell: whether words that the lexicon lacks are fingerspelled.
+    pauses: whether signs are held at punctuation.
     n_frames: number of frames sent, the skeleton before them.
     """
 
     stream: Stream
     options: SpliceOptions
     spell: bool
+    pauses: bool
     n_frames: int = 0
 
 
@@ -125,7 +129,8 @@ def _answer(
     seconds = sum(clip.seconds for clip in clips) / request.sign_speed
     if seconds * fps > limit:
         raise InputError(f"{seconds:.0f} s at {fps:g} fps are {seconds * fps:.0f} frames, expected at most {limit}")
-    result = splice(clips, options(request), starts(units))
+    held = pauses(units) if isinstance(request, SentenceRequest) and request.pauses else None
+    result = splice(clips, options(request), starts(units), held)
     if file is not None:
         name = scene.safe_name(result.clip.name.replace(" ", "-")) + "." + file
         return Answer(scene.encode(result.clip, file), scene.media_type(file), name)
@@ -161,33 +166,48 @@ def _units(tokens: Sequence[str], spell: bool, compounds: bool = False) -> list[
 # --- streams ---
 
 
-def open_stream(key: str, dials: Dials, spell: bool) -> None:
+def open_stream(key: str, opening: OpenMessage) -> None:
     """Begin a growing sentence. Raises ``InputError``."""
-    chosen = options(dials)
-    _worker.streams[key] = _OpenStream(Stream(chosen), chosen, spell)
+    chosen = options(opening)
+    _worker.streams[key] = _OpenStream(Stream(chosen), chosen, opening.spell, opening.pauses)
 
 
-def read_token(key: str, token: str) -> tuple[list[tuple[str, bool]], list[str]]:
-    """The glosses of the words and letters that sign a stream's token, each with whether another word begins with it,
-    and warnings. Raises ``InputError``.
+@dataclass(frozen=True)
+class StreamWord:
+    """A word or letter of a stream.
+
+    gloss: its gloss.
+    starts: whether another word begins with it.
+    pause: the mark at which it is held; None where it is not.
     """
-    units = _units([token], _worker.streams[key].spell)
-    words = [(gloss, k == 0) for unit in units for k, gloss in enumerate(unit.glosses)]
+
+    gloss: str
+    starts: bool
+    pause: str | None
+
+
+def read_token(key: str, token: str) -> tuple[list[StreamWord], list[str]]:
+    """The words and letters that sign a stream's token, and warnings. Raises ``InputError``."""
+    opened = _worker.streams[key]
+    units = _units([token], opened.spell)
+    held = pauses(units) if opened.pauses else {}
+    glosses = [(gloss, k == 0) for unit in units for k, gloss in enumerate(unit.glosses)]
+    words = [StreamWord(gloss, starts, held.get(k)) for k, (gloss, starts) in enumerate(glosses)]
     return words, [unit.warning for unit in units if unit.warning]
 
 
-def add_word(key: str, gloss: str, starts: bool) -> list[dict[str, Any] | bytes]:
+def add_word(key: str, word: StreamWord) -> list[dict[str, Any] | bytes]:
     """The messages that are final once a stream has one more word, or letter with which a spelled word begins or goes
     on.
 
     Raises ``InputError`` for a word that does not become part of the sentence.
     """
-    opened, clip = _worker.streams[key], _worker.clip(gloss)
+    opened, clip = _worker.streams[key], _worker.clip(word.gloss)
     options, limit = opened.options, _worker.settings.max_frames
     n_frames = clip.seconds / options.sign_speed * (options.fps or clip.fps)
     if n_frames > limit:
-        raise InputError(f"{gloss} has {n_frames:.0f} frames at this speed and rate, expected at most {limit}")
-    return _messages(opened, opened.stream.push(clip, starts))
+        raise InputError(f"{word.gloss} has {n_frames:.0f} frames at this speed and rate, expected at most {limit}")
+    return _messages(opened, opened.stream.push(clip, word.starts, word.pause))
 
 
 def end_stream(key: str) -> list[dict[str, Any] | bytes]:

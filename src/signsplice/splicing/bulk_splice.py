@@ -8,7 +8,7 @@ frame gets the numbers that it would get alone.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple, TypeVar
 
 from signsplice.errors import SignspliceError
@@ -31,6 +31,7 @@ class _Asked(NamedTuple):
     clips: Sequence[Clip]
     options: SpliceOptions
     starts: Collection[int]
+    pauses: Mapping[int, str] | None
 
 
 def splice_many(
@@ -38,15 +39,16 @@ def splice_many(
     options: Sequence[SpliceOptions] | SpliceOptions | None = None,
     transitions: TransitionCache | None = None,
     starts: Sequence[Collection[int]] | None = None,
+    pauses: Sequence[Mapping[int, str] | None] | None = None,
 ) -> list[Result]:
     """What ``splice`` gives of each sentence alone, in order; where it raises a ``SignspliceError``, that error.
 
     options: of all sentences, or of each.
     transitions: where those of earlier calls are found.
-    starts: of each sentence, as in ``splice``.
+    starts, pauses: of each sentence, as in ``splice``.
 
     Clips that are one word should be one object in all sentences: what is computed of a word is kept as long as that
-    object lives. Raises ``ValueError`` where there are not as many options or starts as sentences.
+    object lives. Raises ``ValueError`` where there are not as many options, starts or pauses as sentences.
     """
     if options is None or isinstance(options, SpliceOptions):
         options = [options or SpliceOptions()] * len(sentences)
@@ -54,7 +56,9 @@ def splice_many(
         starts = [()] * len(sentences)
     out: list[Result] = []
     block: list[_Asked] = []
-    for one in zip(sentences, options, starts, strict=True):
+    if pauses is None:
+        pauses = [None] * len(sentences)
+    for one in zip(sentences, options, starts, pauses, strict=True):
         block.append(_Asked(*one))
         if sum(len(sentence.clips) for sentence in block) >= _WORDS_AT_ONCE:
             out += _spliced(block, transitions)
@@ -77,7 +81,7 @@ def _spliced(block: Sequence[_Asked], transitions: TransitionCache | None) -> li
         return made
 
     builders = each(lambda row: SentenceBuilder(block[row].options), range(len(block)))
-    planned = each(lambda row: builders[row].plan(block[row].clips, block[row].starts), builders)
+    planned = each(lambda row: builders[row].plan(block[row].clips, block[row].starts, block[row].pauses), builders)
     filled: dict[int, list[FilledGap]] = {}
     for rows in _with_same_passes(builders, planned):
         try:

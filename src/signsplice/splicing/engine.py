@@ -9,7 +9,7 @@ arm of a hand that is idle, where it is given more time (``passes.free_hand``).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from time import perf_counter
 
 from signsplice.errors import InputError
@@ -23,11 +23,17 @@ from signsplice.splicing.tempo import measured_tempo
 __all__ = ["MAX_TRANSITION_S", "Piece", "Span", "SpliceOptions", "SpliceResult", "Stream", "splice", "stream"]
 
 
-def splice(clips: Iterable[Clip], options: SpliceOptions | None = None, starts: Collection[int] = ()) -> SpliceResult:
+def splice(
+    clips: Iterable[Clip],
+    options: SpliceOptions | None = None,
+    starts: Collection[int] = (),
+    pauses: Mapping[int, str] | None = None,
+) -> SpliceResult:
     """Clips in order joined into one continuous clip.
 
     Neighbouring letters (clips named fs-A) are one spelled word (``joins.letters``); ``starts``: indices of letters
-    with which another one begins.
+    with which another one begins. ``pauses``: the index of each clip that is held at the end of a phrase, with its mark
+    (``passes.pauses``); not where a system splices the words whole.
 
     Raises ``InputError`` where there is no clip or an option is out of range, ``RigMismatchError`` where rigs have
     nothing in common, ``LimitError`` where a clip has too many frames at the output rate, ``TypeError`` for what is no
@@ -36,7 +42,7 @@ def splice(clips: Iterable[Clip], options: SpliceOptions | None = None, starts: 
     if isinstance(clips, (Clip, str)):
         raise not_clips(clips)
     sentence = SentenceBuilder(options or SpliceOptions())
-    return joined_sentence(sentence, [*sentence.add(clips, starts), *sentence.end()])
+    return joined_sentence(sentence, [*sentence.add(clips, starts, pauses), *sentence.end()])
 
 
 def joined_sentence(sentence: SentenceBuilder, pieces: Sequence[Piece]) -> SpliceResult:
@@ -45,7 +51,12 @@ def joined_sentence(sentence: SentenceBuilder, pieces: Sequence[Piece]) -> Splic
     if not pieces:
         raise InputError("nothing to splice, expected at least one clip")
     began = perf_counter()
-    signs = [(piece.span.name or "", piece.span.output) for piece in pieces if piece.span.kind == "sign"]
+    signs, n_held = list[tuple[str, tuple[int, int]]](), 0
+    for span in (piece.span for piece in pieces):
+        if span.kind == "sign":  # pauses are no part of the tempo
+            signs.append((span.name or "", (span.output[0] - n_held, span.output[1] - n_held)))
+        elif span.pause is not None:
+            n_held += span.pause.frames[1] - span.pause.frames[0]
     clip = concatenate([piece.clip for piece in pieces], name=" ".join(name for name, _ in signs if name))
     seconds = sentence.seconds | {"join": sentence.seconds["join"] + perf_counter() - began}
     cutter, transition, bundle = sentence.names
@@ -65,20 +76,23 @@ def joined_sentence(sentence: SentenceBuilder, pieces: Sequence[Piece]) -> Splic
 
 
 def stream(
-    clips: Iterable[Clip], options: SpliceOptions | None = None, starts: Collection[int] = ()
+    clips: Iterable[Clip],
+    options: SpliceOptions | None = None,
+    starts: Collection[int] = (),
+    pauses: Mapping[int, str] | None = None,
 ) -> Iterator[Piece]:
     """Pieces of the sentence in order, each as soon as the next clip is known; joined, they are what ``splice`` gives,
     bit for bit, with one exception: a cutter that chooses all seams of a sentence together sees two words at a time
     here. It chooses otherwise where a word would be left before it was entered.
 
-    Reads ``clips`` one ahead; without any, nothing comes. ``starts``: as in ``splice``. Raises as ``splice`` does, at
-    the clip that is wrong.
+    Reads ``clips`` one ahead; without any, nothing comes. ``starts``, ``pauses``: as in ``splice``. Raises as
+    ``splice`` does, at the clip that is wrong.
     """
     growing = Stream(options)
     if isinstance(clips, (Clip, str)):
         raise not_clips(clips)
     for index, clip in enumerate(clips):
-        yield from growing.push(clip, index in starts)
+        yield from growing.push(clip, index in starts, (pauses or {}).get(index))
     yield from growing.end()
 
 
@@ -95,11 +109,12 @@ class Stream:
         self._sentence = SentenceBuilder(options or SpliceOptions())
         self.cutter, self.transition, _ = self._sentence.names
 
-    def push(self, clip: Clip, starts: bool = False) -> list[Piece]:
+    def push(self, clip: Clip, starts: bool = False, pause: str | None = None) -> list[Piece]:
         """The pieces that are final now that one more word is known: none for the first. ``starts``: whether a letter
-        begins another spelled word. Raises as ``splice`` does; a word that raises is not part of the sentence.
+        begins another spelled word; ``pause``: the mark after the word, if any. Raises as ``splice`` does; a word that
+        raises is not part of the sentence.
         """
-        return self._sentence.add([clip], (0,) if starts else ())
+        return self._sentence.add([clip], (0,) if starts else (), None if pause is None else {0: pause})
 
     def end(self) -> list[Piece]:
         """The rest of the last word; nothing where there was none, or where it was taken already."""

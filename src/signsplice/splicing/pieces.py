@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from signsplice.motion.arrays import FloatArray
-from signsplice.splicing.gap import Cut, FilledGap
+from signsplice.motion.clip import Clip
+from signsplice.splicing.gap import Cut
 from signsplice.splicing.joins.join import SYSTEM, PlannedSeam
-from signsplice.splicing.result import Piece, Remade, Span
+from signsplice.splicing.passes.pauses import last_kept
+from signsplice.splicing.result import Pause, Piece, Remade, Span
 from signsplice.splicing.seam import Seam, score
-from signsplice.splicing.words.word import Edit, SentenceWord, edited
+from signsplice.splicing.words.word import Edit, HeldEnd, SentenceWord, edited
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +46,24 @@ def sign_piece(open_word: OpenWord, edits: Sequence[Edit], stop: int, output: in
     return Piece(edited(word.retimed, edits)[start:stop], span, open_word.entered_by, word.warnings)
 
 
-def transition_piece(filled: FilledGap, output: int) -> Piece:
-    """New frames, the first of which is frame ``output`` of the sentence."""
-    return Piece(filled.clip, Span("transition", None, None, None, (output, output + len(filled.clip))))
+def transition_piece(new: Clip, output: int, n_held: int = 0, held: HeldEnd | None = None) -> Piece:
+    """New frames, the first of which is frame ``output`` of the sentence, and of which ``n_held`` are the pause of a
+    word that is ``held``.
+    """
+    pause = Pause(held.mark, (output, output + n_held)) if held is not None and n_held else None
+    return Piece(new, Span("transition", None, None, None, (output, output + len(new)), pause=pause))
+
+
+def last_pieces(last: OpenWord, output: int) -> list[Piece]:
+    """The rest of a sentence's last word: a sign, and where it is held, the pause with what comes after it."""
+    word, n_frames = last.word, len(last.word.retimed)
+    stop = n_frames if word.held is None else min(word.frames.last(last_kept(word)) + 1, n_frames)
+    sign = sign_piece(last, last.edits, stop, output)
+    if word.held is None or stop == n_frames:
+        return [sign]
+    new = edited(word.retimed, last.edits)[stop:]
+    n_held = max(0, word.frames.last(word.held.leave) + 1 - stop)
+    return [sign, transition_piece(new, sign.span.output[1], n_held, word.held)]
 
 
 def edited_part(edits: Sequence[Edit], names: Sequence[str], frames: tuple[int, int], output: int) -> Remade | None:

@@ -75,6 +75,6 @@ class Planner:
         n_before, n_after = len(before.clip), len(after.clip)
         if not (0 <= chosen.pre < n_before and 0 <= chosen.post < n_after):
             raise InputError(f"cutter {self.cutter.name} chose {chosen} for clips of {n_before} and {n_after} frames")
-        if self.spells and not after.starts and before.is_letter and after.is_letter:
+        if self.spells and not after.starts and before.is_letter and after.is_letter and before.held is None:
             return self.letters.plan(before, after, chosen)
         return self.signs.plan(before, after, chosen)

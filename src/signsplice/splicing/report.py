@@ -49,8 +49,9 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
     an idle arm's, or a spelled letter's, which are in the output alone. Where stray frames at a clip's ends are left
     out, its source is aligned with the nearest frame that belongs in their place (``rig.stray_frames.with_ends_held``).
     The frames of a span with a ``warp`` are those of the source at the frames that it lists, by slerp between
-    neighbours. ``contacts`` is there only where a clip was brought to another body: what its hands touched, and whether
-    they do there. ``system`` is there only where a system spliced the words whole.
+    neighbours. A transition whose span has a ``pause`` begins with one. ``contacts`` is there only where a clip was
+    brought to another body: what its hands touched, and whether they do there. ``system`` is there only where a system
+    spliced the words whole.
     """
     timing = {"load": 0.0, "cut": 0.0, "transition": 0.0, "join": 0.0, "save": 0.0}
     report = {
@@ -105,7 +106,7 @@ def read(path: str | Path, n_frames: int) -> dict[str, Any]:
         report = {**_DEFAULTS, **stored}
         for name, kind in _KINDS.items():
             check_type(report[name], kind, name)
-        absent = dict.fromkeys(("clip", "name", "source", "warp", "remade"))
+        absent = dict.fromkeys(("clip", "name", "source", "warp", "remade", "pause"))
         report["spans"] = [_row(Span, row, "spans", absent) for row in report["spans"]]
         report["seams"] = [_row(Seam, row, "seams", {"warnings": [], "intrusion_mm": None}) for row in report["seams"]]
         if report["version"] != VERSION:

@@ -26,6 +26,18 @@ class Remade:
 
 
 @dataclass(frozen=True)
+class Pause:
+    """Frames of a transition's span in which the sign before it is held in its last posture.
+
+    mark: the mark for which it is held: , . ? or !
+    frames: of the output, half-open; the span begins with them.
+    """
+
+    mark: str
+    frames: tuple[int, int]
+
+
+@dataclass(frozen=True)
 class Span:
     """Where a stretch of the output comes from; frame ranges are half-open.
 
@@ -36,6 +48,8 @@ class Span:
     output: frames of the output.
     warp: each output frame with the frame of the clip that it shows, where a tempo changed when frames come; else None.
     remade: joints whose frames are not those of the clip, an idle arm's or a spelled letter's; None where all are.
+    pause: of a transition that begins with one, else None. After a pause at the end of the text the hands come down in
+        the same span.
     """
 
     kind: Literal["sign", "transition"]
@@ -45,6 +59,7 @@ class Span:
     output: tuple[int, int]
     warp: tuple[tuple[int, float], ...] | None = None
     remade: Remade | None = None
+    pause: Pause | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ Cuts are chosen on words as they were recorded, frames made on words as they are
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 
@@ -17,8 +17,9 @@ from signsplice.splicing import stages
 from signsplice.splicing.gap import FilledGap, Gap
 from signsplice.splicing.joins.join import PlannedSeam
 from signsplice.splicing.options import SpliceOptions, not_a_clip, not_clips, not_options
+from signsplice.splicing.passes.pauses import with_pause
 from signsplice.splicing.passes.seam_pass import Entering, Pass, run, split
-from signsplice.splicing.pieces import OpenWord, scored, sign_piece, transition_piece
+from signsplice.splicing.pieces import OpenWord, last_pieces, scored, sign_piece, transition_piece
 from signsplice.splicing.result import Piece
 from signsplice.splicing.seam import seam_positions
 from signsplice.splicing.tempo import seconds_a_sign
@@ -74,9 +75,11 @@ class SentenceBuilder:
             return system.name, system.name, system.sha256
         return self.methods.cutter.name, self.methods.transition.name, self.methods.bundle
 
-    def add(self, clips: Iterable[Clip], starts: Collection[int] = ()) -> list[Piece]:
+    def add(
+        self, clips: Iterable[Clip], starts: Collection[int] = (), pauses: Mapping[int, str] | None = None
+    ) -> list[Piece]:
         """The pieces that are final once these words are known too; their seams are chosen together."""
-        planned = self.plan(clips, starts)
+        planned = self.plan(clips, starts, pauses)
         began = perf_counter()
         filled = self.gap_passes.fill(planned.gaps)
         began = self._count("transition", began)
@@ -86,11 +89,16 @@ class SentenceBuilder:
         self._count("join", began)
         return self.pieces(seams, positions)
 
-    def plan(self, clips: Iterable[Clip], starts: Collection[int] = ()) -> PlannedWords:
-        """Further words with their seams, before any frame is made. They are no part of the sentence yet."""
+    def plan(
+        self, clips: Iterable[Clip], starts: Collection[int] = (), pauses: Mapping[int, str] | None = None
+    ) -> PlannedWords:
+        """Further words with their seams, before any frame is made. They are no part of the sentence yet. ``starts``,
+        ``pauses``: as in ``splice``, counted from the first of these clips.
+        """
         if isinstance(clips, (Clip, str)):
             raise not_clips(clips)
-        new = [self._word(clip, self._n_words + k, k in starts) for k, clip in enumerate(clips)]
+        marks = pauses or {}
+        new = [self._word(clip, self._n_words + k, k in starts, marks.get(k)) for k, clip in enumerate(clips)]
         words = new if self._last is None else [self._last.word, *new]
         began = perf_counter()
         cuts = self._planner.cuts(words)
@@ -121,7 +129,8 @@ class SentenceBuilder:
             stop = seam.retimed_cut.pre + 1
             out.append(self._put_out(sign_piece(self._last, (*seam.earlier, *seam.leaving), stop, self._n_out)))
             if seam.filled is not None:
-                out.append(self._put_out(transition_piece(seam.filled, self._n_out)))
+                new, held = seam.filled.clip, seam.before.held
+                out.append(self._put_out(transition_piece(new, self._n_out, seam.n_held, held)))
             self._last = OpenWord(seam.after, scored(seam, seen), seam.entering)
         self._count("join", began)
         return out
@@ -132,12 +141,12 @@ class SentenceBuilder:
         if last is None:
             return []
         began = perf_counter()
-        piece = self._put_out(sign_piece(last, last.edits, len(last.word.retimed), self._n_out))
+        pieces = [self._put_out(piece) for piece in last_pieces(last, self._n_out)]
         self._count("join", began)
-        return [piece]
+        return pieces
 
-    def _word(self, clip: Clip, index: int, starts: bool) -> SentenceWord:
-        """A clip as a word: aligned to the first one, and at the tempo asked for."""
+    def _word(self, clip: Clip, index: int, starts: bool, mark: str | None = None) -> SentenceWord:
+        """A clip as a word: aligned to the first one, at the tempo asked for, and held before a ``mark``."""
         if not isinstance(clip, Clip):
             raise not_a_clip(clip, index)
         began = perf_counter()
@@ -145,6 +154,8 @@ class SentenceBuilder:
         began = self._count("harmonize", began)
         if self._seconds_a_sign is not None:
             word = retimed(word, self.methods.cutter, self._seconds_a_sign)
+        if mark is not None and self.options.system is None:
+            word = with_pause(word, mark, self.methods.cutter, self.options.sign_speed)
         self._count("cut", began)
         self._reference = first  # only now: a word that was refused sets nothing
         warnings = word.warnings if index else (*self.methods.warnings, *word.warnings)

@@ -1,6 +1,7 @@
 """What becomes of clips on their way to a sentence, in one place: words -> plan -> passes -> pieces.
 
-    words    every clip becomes a word: aligned to the first one, brought to the tempo asked for   (``words``)
+    words    every clip becomes a word: aligned to the first one, brought to the tempo asked for   (``words``),
+             and held where a phrase ends                                                          (``passes.pauses``)
     plan     every two neighbours get a seam: a cut, and a gap of so many frames                    (``joins``)
     passes   the gaps are filled, and the seams changed, by the passes below, in this order         (``passes``)
     pieces   words and new frames are put out in order, edits applied, seams scored                 (``pieces``)
@@ -24,6 +25,7 @@ from signsplice.splicing.passes.doubled_letters import ReformLetters, SlideLette
 from signsplice.splicing.passes.filling import FillGaps, Refill
 from signsplice.splicing.passes.free_hand import NATURAL, FreeHands, WristSpeeds
 from signsplice.splicing.passes.letter_blending import MoveFingers
+from signsplice.splicing.passes.pauses import HoldPauses
 from signsplice.splicing.passes.seam_pass import Pass
 from signsplice.splicing.passes.unhurried import LengthenGaps
 from signsplice.splicing.planning import Planner
@@ -77,5 +79,6 @@ def passes(options: SpliceOptions, methods: ChosenMethods) -> tuple[Pass, ...]:
         (FreeHands(refill, natural, options.lengthens, options.avoid_collisions is not False), frees_hands),
         (ReformLetters(), True),
         (MoveFingers(options.sign_speed), True),
+        (HoldPauses(), True),
     )
     return tuple(one for one, is_wanted in listed if is_wanted)

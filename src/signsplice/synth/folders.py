@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -37,9 +37,15 @@ SHORTEST, LONGEST = 3, 12
 
 
 def write_lexicon(
-    signs: Sequence[Sign], signer: Signer, folder: Path, fps: float = FPS, progress: Progress | None = None
+    signs: Sequence[Sign],
+    signer: Signer,
+    folder: Path,
+    fps: float = FPS,
+    progress: Progress | None = None,
+    seen: Callable[[IsolatedWord], None] | None = None,
 ) -> None:
     """Write every sign's isolated word as BVH, and ``glosses.csv`` with source, synonyms and kind; all or nothing.
+    ``seen`` is shown each word.
 
     Raises ``InputError`` where the folder cannot be written or holds something else, or two glosses share a file name.
     """
@@ -51,7 +57,10 @@ def write_lexicon(
     with replacing_folder(folder) as made:
         for sign in counted(signs, progress):
             name = f"{file_name(sign.gloss)}.bvh"
-            save(planner.isolated(sign, signer, fps=fps).clip, made / name)
+            word = planner.isolated(sign, signer, fps=fps)
+            save(word.clip, made / name)
+            if seen is not None:
+                seen(word)
             kind = "letter" if sign.kind == "letter" else "sign"
             rows.writerow((name, sign.gloss, ";".join(sign.synonyms), signer.name, sign.source, "no", kind))
         (made / GLOSSES).write_text(table.getvalue(), encoding="utf-8")

@@ -28,6 +28,8 @@ from signsplice.synth.signer import STANDARD
 
 PERSONS = ("1", "2", "3", "3-weak")
 """The signer, the addressee, a third person on the strong side, and one on the weak side."""
+_PRONOUNS = {"I": "1", "ME": "1", "YOU": "2", "HE": "3", "HIM": "3", "SHE": "3", "HER": "3", "IT": "3"}
+"""Words that name a person in the gloss of a form: I-GIVE-YOU is 1-GIVE-2."""
 INFLECTIONS = {
     "plural": "three times, each beside the one before",
     "habitual": "three times, fast",
@@ -39,7 +41,7 @@ _HABITUAL_TEMPO, _CONTINUATIVE_TEMPO = 1.4, 0.55
 _N_DIRECTIONS, _N_ROLLS, _N_BATCHES = 150, 24, 30
 _LESS = 0.6
 """How much the turn of what does not face the object counts, beside the turn of what does."""
-_PERSON = "|".join(sorted(PERSONS, key=len, reverse=True))
+_PERSON = "|".join(sorted((*PERSONS, *_PRONOUNS), key=len, reverse=True))
 _FORM = re.compile(
     rf"(?:(?P<subject>{_PERSON})-)?(?P<gloss>.+?)(?:-(?P<object>{_PERSON}))?"
     rf"(?:-(?P<kind>{'|'.join(INFLECTIONS)}))?",
@@ -48,8 +50,8 @@ _FORM = re.compile(
 
 
 def form(signs: Mapping[str, Sign], gloss: str) -> Sign:
-    """The form of one of the signs that a gloss names: ``2-GIVE-1``, ``TELL-3``, ``LOOK-HABITUAL``,
-    ``1-GIVE-3-CONTINUATIVE``; the sign itself for its own gloss.
+    """The form of one of the signs that a gloss names: ``2-GIVE-1`` or ``YOU-GIVE-ME``, ``TELL-3``,
+    ``LOOK-HABITUAL``, ``1-GIVE-3-CONTINUATIVE``; the sign itself for its own gloss.
 
     Raises ``InputError`` where the sign is not among them, or has no such form.
     """
@@ -63,7 +65,7 @@ def form(signs: Mapping[str, Sign], gloss: str) -> Sign:
         )
     sign = signs[match["gloss"]]
     if match["subject"] or match["object"]:
-        sign = agree(sign, *(match[role] and match[role].lower() for role in ROLES))
+        sign = agree(sign, *(match[role] and _PRONOUNS.get(match[role].upper(), match[role].lower()) for role in ROLES))
     return inflect(sign, match["kind"].lower()) if match["kind"] else sign
 
 

@@ -18,8 +18,9 @@ from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.synth import hand, pose
+from signsplice.synth.avoidance import hand_clearances
 from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.phonology import PLACES, Posture, Vector
+from signsplice.synth.phonology import ON_ARM, ON_BASE, PLACES, Posture, Vector
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, JOINTS, Signer, skeleton
 
@@ -38,12 +39,14 @@ def _part(names: str, distance: str, direction: str) -> tuple[tuple[str, ...], f
 _ON_BODY = {name: (joint, _vector(inside), _vector(out)) for name, joint, inside, out in PLACES["body"]}
 ON_HEAD = frozenset(name for name, (joint, _, _) in _ON_BODY.items() if joint == "Head")
 _IN_SPACE = {name: _vector(point) for name, point in PLACES["space"]}
-_PARTS = {name: _part(*row) for name, *row in PLACES["parts"]}
+PARTS_OF_HAND = {name: _part(*row) for name, *row in PLACES["parts"]}
 _INDEX = {"Wrist": -1} | {name: n for n, name in enumerate(hand.POINTS)}
-_ON_BASE = {name: _part(*row) if len(row) > 1 else _PARTS[row[0]] for name, *row in PLACES["base"]}
+_ON_BASE = {name: _part(*row) if len(row) > 1 else PARTS_OF_HAND[row[0]] for name, *row in PLACES["base"]}
 _ON_WEAK_ARM = {name: (bone, float(at), float(skin), _vector(out)) for name, bone, at, skin, out in PLACES["arm"]}
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
+_TOUCH_ROUNDS = 3
+"""How often a hand that is written to lie on the skin is moved there."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +152,14 @@ def strong_hand(posture: Posture, weak: WeakArm, meets: bool = False, size: floa
     size: factor on offsets in space
     """
     wrist, quat, angles = strong_wrist(posture, weak, meets, size)
-    return np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, weak.signer), angles])
+    signer, normal = weak.signer, locate(posture.location, weak).normal
+    hand_state = np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, signer), angles])
+    for _ in range(_TOUCH_ROUNDS * (posture.on_skin and normal.any())):
+        gaps = hand_clearances(np.concatenate([hand_state, weak.hand, np.zeros(pose.SIZE - 54)])[None], signer)[0]
+        gap = gaps[2 if posture.location in ON_ARM | ON_BASE else 0]
+        wrist = wrist + (max(posture.off, 0.0) * signer.scale - gap) * normal
+        hand_state[:6] = np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, signer)])
+    return hand_state
 
 
 def strong_wrist(
@@ -161,10 +171,10 @@ def strong_wrist(
     shape = HANDSHAPES[posture.shape]
     size = size * signer.scale
     quat = facing(posture.palm, posture.fingers)
-    names, skin, _ = _PARTS[posture.part]
+    names, skin, _ = PARTS_OF_HAND[posture.part]
     unit = signer.hands * signer.scale
     part = rotation.rotate(quat, part_of(shape.points, names)) * unit
-    shift = axes(posture.shift) * size
+    shift = axes(posture.shift) * size - np.array([0.0, posture.lower * signer.scale, 0.0])
     if location.normal.any():
         target = location.point + (skin * unit + posture.off * signer.scale) * location.normal + shift
     elif meets and location.point[0] == 0.0:

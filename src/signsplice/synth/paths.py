@@ -15,12 +15,15 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.curves import minimum_jerk
 from signsplice.synth import locations, pose, trajectory
 from signsplice.synth.avoidance import touching
+from signsplice.synth.contact import into_touch
 from signsplice.synth.phonology import Path, Segment
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import Signer
 
 MOVEMENT_PACE = 0.70
 """Duration of a sign's movements, over what the travel law gives."""
+_TOUCH_KNOTS, _TOUCH_ROUNDS = 6, 3
+"""Knots of a movement that stays in touch, and how often hands are moved towards the skin at each."""
 CYCLE_S = {"wiggle": 0.28, "bend": 0.30, "twist": 0.26, "nod": 0.28, "tremble": 0.15}
 """Duration of one cycle of each local movement."""
 
@@ -93,7 +96,16 @@ class PathMotion:
         for which, t, phase in self._both(s):
             hand_state, offset = self._straight(which, t), self._offset(which, t, phase)
             both.append(hand_state if offset is None else translated(hand_state, offset, self.signer))
-        return pose.of_hands(*both)
+        state = pose.of_hands(*both)
+        return self._in_touch(state) if self.segment.keeps else state
+
+    def _in_touch(self, state: FloatArray) -> FloatArray:
+        """The state (65,) with hands that stay where they touch (``keep=touch``)."""
+        for _ in range(_TOUCH_ROUNDS):
+            moves = into_touch(state, self.segment.strong, self.hands, self.signer)
+            hands = (translated(one, move, self.signer) for one, move in zip(pose.hands(state), moves, strict=True))
+            state = np.concatenate([*hands, state[pose.TRUNK.start :]])
+        return state
 
     def back(self, s: float) -> FloatArray:
         """The state (65,) at progress ``s`` of the way back for another pass."""
@@ -169,8 +181,11 @@ class PathMotion:
         """Knots of a pass of ``n_frames``, or of the way ``back``, after its start: (progress, fraction of time)."""
         kinds = {path.kind for path in self._paths}
         if kinds & {"circle", "zigzag"} and not (back and self.lift is not None):
-            n = min(max(map(_n_knots, self._paths)), n_frames)
+            n = min(max(map(_n_knots, self._paths)) * (1 + self.segment.keeps), n_frames)
             return [(k / n, k / n) for k in range(1, n + 1)]
+        if self.segment.keeps:
+            times = (np.linspace(0.0, 1.0, min(_TOUCH_KNOTS, n_frames) + 1)[1:]).tolist()
+            return [(float(minimum_jerk(u)), u) for u in times]
         if "arc" in kinds or self.lift is not None:
             times = [0.25, 0.5, 0.75, 1.0] if n_frames >= 8 else [0.5, 1.0]
             return [(float(minimum_jerk(u)), u) for u in times]

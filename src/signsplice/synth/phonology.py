@@ -42,7 +42,9 @@ NEUTRAL = frozenset(name for name in LOCATIONS if name.startswith("space") or na
 ROLES = ("subject", "object")
 """Locations of a verb that agrees, which ``inflection.agree`` replaces by loci."""
 LOCI = frozenset(name for name in LOCATIONS if name.startswith("locus:")) | set(ROLES)
+BEFORE_CHEST = frozenset(name for name in NEUTRAL if name.startswith("space"))
 IN_SPACE = NEUTRAL | {"above-head"} | LOCI
+ON_ARM = frozenset(name for name, *_ in PLACES["arm"])
 ON_BASE = frozenset(name for name in LOCATIONS if name.startswith("base-") or name == "forearm-weak")
 
 PATHS = ("straight", "arc", "circle", "zigzag", "none")
@@ -77,6 +79,8 @@ class Posture:
     fingers: unit vector that the extended fingers would point along
     off: distance of the part from the body's surface, cm
     shift: displacement from there, cm
+    lower: how much lower than the location it is, cm, as signs of two hands are in neutral space
+    on_skin: whether the hand lies on the skin there, wherever ``shift`` brings it, and no deeper
     """
 
     shape: str
@@ -86,6 +90,8 @@ class Posture:
     fingers: Vector
     off: float = 0.0
     shift: Vector = (0.0, 0.0, 0.0)
+    lower: float = 0.0
+    on_skin: bool = False
 
 
 @dataclass(frozen=True)
@@ -122,7 +128,7 @@ class Local:
 
 @dataclass(frozen=True)
 class Segment:
-    """One segment of a sign. All from ``path`` to ``tempo``, and ``weak_path``, belong to M alone.
+    """One segment of a sign. All from ``path`` to ``tempo``, ``weak_path`` and ``keeps`` belong to M alone.
 
     kind: H, X or M
     strong: the strong hand's posture at the segment's end
@@ -137,6 +143,7 @@ class Segment:
     head: movement of the head, a name of ``HEAD`` or ""
     trunk: movement of the trunk, a name of ``TRUNK`` or ""
     weak_path: path of a base hand's own movement
+    keeps: whether hands stay in touch all the way: with the skin, or where they mirror one another and meet, together
     """
 
     kind: str
@@ -152,6 +159,7 @@ class Segment:
     step: Vector = (0.0, 0.0, 0.0)
     tempo: float = 1.0
     weak_path: Path = Path()
+    keeps: bool = False
 
 
 @dataclass(frozen=True)
@@ -202,6 +210,8 @@ def faults(sign: Sign) -> list[str]:
             if still and segment.local is None and not swings:
                 found.append(f"segment {n}: M moves nothing, expected another posture, a path or a local movement")
             found += [f"segment {n}: {fault}" for fault in _repetition_faults(segment, before, sign)]
+            apart = [p for p in (before.strong, segment.strong) if segment.keeps and not _is_touch(p, sign.hands)]
+            found += [f"segment {n}: keep=touch needs touches at both ends, at={p.location} is none" for p in apart[:1]]
         elif before is not None and (segment.strong != before.strong or segment.weak != before.weak):
             found.append(f"segment {n}: {segment.kind} changes the posture, expected M to move there first")
         for p in hands:
@@ -215,6 +225,12 @@ def faults(sign: Sign) -> list[str]:
     if sum(s.kind == "H" for s in sign.segments) == len(sign.segments) > 1:
         found.append("has holds only, expected an M between two")
     return found
+
+
+def _is_touch(posture: Posture, hands: str) -> bool:
+    """Whether a posture is written as a touch of the body, or of hands that mirror one another and meet."""
+    meets = hands in ("symmetric", "alternating") and posture.location in ("space-mid", "space-low-mid")
+    return posture.off < 1.0 and (meets or posture.location not in IN_SPACE)
 
 
 def _repetition_faults(segment: Segment, before: Segment, sign: Sign) -> list[str]:

@@ -40,6 +40,7 @@ class PlannedSeam:
     leaving: edits of ``before`` at this seam.
     entering: edits of ``after`` at this seam.
     gap_edits: the edits that the gap shows.
+    n_held: how many of the new frames are a pause, in which ``before`` is held; they come first.
     """
 
     kind: SeamKind
@@ -53,6 +54,7 @@ class PlannedSeam:
     leaving: tuple[Edit, ...] = ()
     entering: tuple[Edit, ...] = ()
     gap_edits: tuple[Edit, ...] = ()
+    n_held: int = 0
 
     @cached_property
     def is_open(self) -> bool:

@@ -29,11 +29,11 @@ class SignJoin(Join):
     def plan(
         self, before: SentenceWord, after: SentenceWord, chosen: Cut, warnings: tuple[str, ...] = ()
     ) -> PlannedSeam:
-        """The seam at the cutter's choice, but never before the frame at which the first word was entered, nor before
-        the last letter of a spelled word was held; with further ``warnings``.
+        """The seam at the cutter's choice, or at the end of a pause, but never before the frame at which the first word
+        was entered, nor before the last letter of a spelled word was held; with further ``warnings``.
         """
-        pre = max(chosen.pre, before.entry)
-        if before.arrival_s:
+        pre = max(chosen.pre if before.held is None else before.held.leave, before.entry)
+        if before.arrival_s and before.held is None:
             pre = max(pre, held_until(before.clip, before.entry, self.sign_speed))
         cut = Cut(pre, chosen.post)
         n_frames, lines = self.n_frames(before.clip, after.clip, cut)

@@ -98,10 +98,24 @@ class FrameMap:
         """For each of the retimed frames [start, stop), the first of which is frame ``output`` of a sentence, that
         frame and the one of the whole clip that it shows; None where no frame lies between two.
         """
-        if self.sources is None:
+        if self.sources is None or np.all(self.sources[start:stop] == np.arange(start, stop)):
             return None
         whole = self.sources[start:stop] + self.n_left_out  # exact, see ``retimed``
         return tuple((output + n, float(source)) for n, source in enumerate(whole))
+
+
+@dataclass(frozen=True)
+class HeldEnd:
+    """How a word ends that is held before a mark (``passes.pauses``).
+
+    mark: the mark.
+    kept: the recorded frame up to which it is as without the pause.
+    leave: the recorded frame that the last frame of the pause shows, where the word is left.
+    """
+
+    mark: str
+    kept: int
+    leave: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +133,7 @@ class SentenceWord:
     entry: the recorded frame at which the seam before enters it; 0 for a first word.
     arrival_s: seconds from the letter before to this one; 0 where there is none.
     slide_m: how far it is slid to the side as a doubled letter, m.
+    held: how it is held at the end of a phrase; None elsewhere.
     """
 
     index: int
@@ -132,6 +147,7 @@ class SentenceWord:
     entry: int = 0
     arrival_s: float = 0.0
     slide_m: float = 0.0
+    held: HeldEnd | None = None
 
     @property
     def first_frame(self) -> int:

@@ -1,0 +1,96 @@
+"""Hands in touch: how far a part of a hand is from the skin that it is written at, and hands that stay there while they
+move.
+
+All positions are in the chest's axes of a right-handed signer, cm, with trunk and head at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
+from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
+from signsplice.motion.clip import Clip
+from signsplice.synth import hand, locations, pose
+from signsplice.synth.avoidance import between_hands, hand_clearances
+from signsplice.synth.locations import PARTS_OF_HAND
+from signsplice.synth.phonology import ON_ARM, ON_BASE, Posture
+from signsplice.synth.signer import JOINTS, Signer, skeleton
+
+_NEAR_CM = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class PosedSigner:
+    """A right-handed signer in T states.
+
+    states: (T, 63).
+    rotations, positions: (T, J, 3, 3) and (T, J, 3) of the joints, in the world.
+    body: the capsules, with where their axes ``starts`` and ``ends`` (T, C, 3).
+    """
+
+    signer: Signer
+    states: FloatArray
+    rotations: FloatArray
+    positions: FloatArray
+    body: BodyCapsules
+    starts: FloatArray
+    ends: FloatArray
+
+    def distance(self, posture: Posture, frame: int) -> tuple[float, FloatArray]:
+        """From the skin of the part of the strong hand that a posture names to that of the body where it is written,
+        cm, and the unit vector (3,) from there to the part, in the chest's axes.
+        """
+        names, skin, _ = PARTS_OF_HAND[posture.part]
+        unit = self.signer.hands * self.signer.scale
+        part = locations.part_of(hand.points(self.states[frame, pose.FINGERS]), names) * unit
+        wrist = JOINTS["RightHand"]
+        point = self.positions[frame, wrist] + self.rotations[frame, wrist] @ part
+        rows = list(_surface(posture.location, self.body))
+        start, span = self.starts[frame, rows], self.ends[frame, rows] - self.starts[frame, rows]
+        along = np.clip(((point - start) * span).sum(axis=1) / ((span * span).sum(axis=1) + 1e-12), 0.0, 1.0)
+        out = point - start - along[:, None] * span
+        lengths = np.linalg.norm(out, axis=1)
+        radii = self.body.radii[rows, 0] + along * (self.body.radii[rows, 1] - self.body.radii[rows, 0])
+        n = int((lengths - radii).argmin())
+        normal = out[n] / max(float(lengths[n]), 1e-9) @ self.rotations[frame, JOINTS["Spine2"]]
+        return float(lengths[n] - radii[n]) - skin * unit, normal
+
+
+def posed_signer(states: FloatArray, signer: Signer) -> PosedSigner:
+    """A signer, as if right-handed, in states (T, 63)."""
+    signer = replace(signer, left_handed=False)
+    bones = skeleton(signer)
+    body = body_capsules(bones)
+    rotations, positions = kinematics.forward(Clip(bones, *pose.rotations(states, signer), 30.0))
+    return PosedSigner(signer, states, rotations, positions, body, *capsule_ends(body, rotations, positions))
+
+
+def _surface(location: str, body: BodyCapsules) -> Sequence[int]:
+    """The capsules of the part of the body that a location is on."""
+    if location in ON_ARM:
+        parts = zip(body.parts, body.sides, strict=True)
+        return [n for n, (part, side) in enumerate(parts) if side == "left" and part in ("sleeve", "cuff")]
+    return body.groups.left if location in ON_BASE else (*body.groups.head, *body.groups.trunk)
+
+
+def into_touch(state: FloatArray, posture: Posture, hands: str, signer: Signer) -> FloatArray:
+    """Displacements (2, 3) of the strong and the weak hand of a state (63,) that bring the skin of the strong one to
+    that at which a posture is written; of hands that mirror one another both: to the body, or before it on the midline,
+    to one another.
+    """
+    moves = np.zeros((2, 3))
+    meets = hands in ("symmetric", "alternating")
+    if meets and posture.location.endswith("-mid"):
+        moves[:, 0] = 0.5 * min(float(between_hands(state[None], signer)[0]), _NEAR_CM)  # hands apart do not cross
+        return moves
+    turned = np.concatenate([state[27:54], state[:27], state[54:]])  # the weak hand in the strong one's place
+    for which, one in enumerate((state, turned) if meets else (state,)):
+        _, out = posed_signer(one[None], signer).distance(posture, 0)
+        gap = hand_clearances(one[None], signer)[0, 2 if posture.location in ON_BASE | ON_ARM else 0]
+        moves[which] = (max(posture.off, 0.0) * signer.scale - gap) * out
+    return moves
