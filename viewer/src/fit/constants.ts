@@ -20,6 +20,7 @@ export const t_pose = {
 export const capsules = {
   SIDES: ["left", "right"],
   FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
+  ARM: ["sleeve", "cuff"],
   SEGMENTS: ["Metacarpal", "Proximal", "Intermediate", "Distal"],
   THICKNESS: {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049},
   LIMBS: [["UpperArm", "LowerArm", 0.031, 0.024, "sleeve"], ["LowerArm", "Hand", 0.024, 0.0165, "cuff"], ["UpperLeg", "LowerLeg", 0.052, 0.036, "leg"], ["LowerLeg", "Foot", 0.036, 0.024, "leg"], ["Foot", "Toes", 0.024, 0.02, "shoe"]],
