@@ -1,7 +1,8 @@
 """Clips of different rigs, units, rates and positions aligned to the first clip of a sentence.
 
-Same rig by names: local rotations are copied joint by joint. Different rigs: by the roles of the canonical humanoid,
-through global rotations relative to the T-pose, so that every bone points in the same direction as before. Then each
+Same rig by names: local rotations are copied joint by joint. Same bones with other axes: by the axes that follow from
+them (``one_body``). Different rigs: by the roles of the canonical humanoid, through global rotations relative to the
+T-pose. So every bone points in the same direction as before. Then each
 clip is moved and turned about the vertical as one rigid whole, so that its signer stands where the first one stands.
 """
 
@@ -65,8 +66,8 @@ def copy_rotations(clip: Clip, to: Reference, by_role: bool = False) -> tuple[Cl
     another body hands lose places and contacts, which ``body.retarget`` keeps. Raises ``RigMismatchError`` where the
     two rigs have nothing in common.
 
-    by_role: whether joints of the same names are still taken for joints of two rigs: rest poses of one rig that differ
-        by some degrees are else taken for the same.
+    by_role: whether joints of the same names are still taken for joints of two rigs: on two bodies, rest poses of one
+        rig that differ by some degrees are else taken for the same.
     """
     source, target = clip.skeleton, to.skeleton
     if source is target or is_same_skeleton(source, target):
