@@ -18,7 +18,9 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, resample
 from signsplice.motion.kinematics import forward, global_quats, rest_positions
+from signsplice.rig.canonical_map import ARM
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 from signsplice.rig.one_body import IDENTICAL, axes_on_one_body, bones_apart, size_ratio
 from signsplice.rig.placement import Placement, place, placement
 
@@ -120,9 +122,17 @@ def is_same_skeleton(a: Skeleton, b: Skeleton) -> bool:
 
 
 def _by_name(source: Skeleton, target: Skeleton) -> dict[int, int] | None:
-    """Target joint -> source joint for two skeletons that have most names in common, None where they have not."""
-    index = {name: j for j, name in enumerate(rig_info(source).simple_names)}
-    pairs = {j: index[name] for j, name in enumerate(rig_info(target).simple_names) if name in index}
+    """Target joint -> source joint for two skeletons that have most names in common, None where they have not, or where
+    the names of arms mean others: a shoulder is the collar bone of one rig, the upper arm of another.
+    """
+    ours, theirs = rig_info(target), rig_info(source)
+    index = {name: j for j, name in enumerate(theirs.simple_names)}
+    pairs = {j: index[name] for j, name in enumerate(ours.simple_names) if name in index}
+    arms = [side + part for side in SIDES for part in ARM if side + part in theirs.roles.joints]
+    if any(
+        pairs.get(joint) != theirs.roles.joints[role] for role in arms if (joint := ours.roles.joint(role)) is not None
+    ):
+        return None
     return None if len(pairs) < 0.5 * min(len(source), len(target)) else pairs
 
 
