@@ -107,6 +107,8 @@ def _uneven(rng: Random) -> Floats:
     return matrix
 
 
+_FINGER_CM = 11.0
+"""How far the tip of a finger lies off that holds its pose, as joints without a counterpart do."""
 _REST, _UNIT, _NAMES = r"rest pose", r"unit", r"no counterpart .*: (?!mixamorig:HeadTop_End$)|no role|body parts"
 KINDS = {
     "unit, 1e-6 to 1e3 of the first's": Kind(other_unit, _UNIT, has_bodies=False),
@@ -118,8 +120,10 @@ KINDS = {
     "bones in one line at zero": Kind(stacked, _REST, 2.0),
     "mirror image, sides renamed": Kind(mirror_image, _REST, is_mirrored=True),
     "mirrored, sides not renamed": Kind(mirrored, r"left and right", np.inf),
-    "names of known schemes": Kind(renamed, _NAMES, 5.0),
-    "all of these at once, on the first's body": Kind(several, f"{_REST}|{_UNIT}|{_NAMES}", 5.0, has_bodies=False),
+    "names of known schemes": Kind(renamed, _NAMES, _FINGER_CM),
+    "all of these at once, on the first's body": Kind(
+        several, f"{_REST}|{_UNIT}|{_NAMES}", _FINGER_CM, has_bodies=False
+    ),
     "glTF: a node above turns, moves and scales": Kind(unchanged, _UNIT, above=_even, has_bodies=False),
     "glTF: a node above mirrors, shears or scales unevenly": Kind(
         unchanged, r"mirror|shear|scale|even", above=_uneven, has_bodies=False, has_truth=False

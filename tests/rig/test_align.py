@@ -113,7 +113,7 @@ def test_rigs_with_other_joint_names_are_matched_by_roles(words: dict[str, Clip]
 
 
 def test_names_that_mean_other_joints_of_the_arm_make_no_one_rig(words: dict[str, Clip]) -> None:
-    """Most names agree: those of legs and fingers. LeftShoulder is the collar bone of one, the upper arm of the other."""
+    """Names of legs and fingers agree. LeftShoulder is the collar bone of one, the upper arm of the other."""
     clip = words["SIGN"]
     classic = {"Shoulder": "Collar", "Arm": "Shoulder", "ForeArm": "Elbow", "Hand": "Wrist"}
     rename = {f"mixamorig:{side}{a}": f"{side}{b}" for side in ("Left", "Right") for a, b in classic.items()}
