@@ -222,3 +222,58 @@ def test_forms_of_words_are_added(tmp_path: Path) -> None:
     wrong = signsplice("synth", "lexicon", "-o", "words", "--form", "2-GIV-1", cwd=tmp_path)
     assert wrong.returncode == 2
     assert wrong.stderr.startswith("error: form '2-GIV-1': no sign 'GIV', expected a sign's gloss as in 2-GIVE-1")
+
+
+FAULTY = """\
+FAR  hands=one
+  X  shape=index at=space-far palm=down fingers=fwd
+  M  shift=0,20,40
+FINE  hands=one
+  X  shape=B-open at=chest palm=back fingers=in
+  M  off=5
+"""
+
+
+def test_one_sign_is_drawn_and_what_cannot_be_is_said(tmp_path: Path) -> None:
+    pytest.importorskip("PIL")
+    (tmp_path / "own.signs").write_text(FAULTY)
+    done = signsplice("synth", "preview", "own.signs", "FAR", cwd=tmp_path)
+    assert (done.returncode, done.stdout.partition(":")[0]) == (0, "FAR.png")
+    assert done.stderr.startswith("warning: FAR: at=space-far is out of reach in segment 2 (M): ")
+    assert len(done.stderr.splitlines()) == 1
+    fine = signsplice("synth", "preview", "own.signs", "FINE-HABITUAL", "-o", "b.png", cwd=tmp_path)
+    assert (fine.returncode, fine.stderr) == (0, "")
+    shipped = signsplice("synth", "preview", "-", "2-ASK-1", cwd=tmp_path)
+    assert shipped.returncode == 0
+    assert sorted(path.name for path in tmp_path.glob("*.png")) == ["2-ASK-1.png", "FAR.png", "b.png"]
+    assert all(path.read_bytes()[:4] == b"\x89PNG" for path in tmp_path.glob("*.png"))
+
+
+@pytest.mark.parametrize(
+    ("call", "line"),
+    [
+        ((), "expected a file and a gloss: signsplice synth preview FILE GLOSS"),
+        (("own.signs",), "expected a file and a gloss"),
+        (("own.signs", "NONE"), "own.signs: form 'NONE': no sign 'NONE'"),
+        (("own.signs", "FAR", "-o", "a.gif"), "a.gif: expected a name that ends in .png"),
+        (("own.signs", "FAR", "-o", "own.signs"), "own.signs: expected a name that ends in .png"),
+        (("own.signs", "FAR", "--all", "out"), "--all draws the names of the notation, expected no FILE"),
+        (("--all", "none"), "none: no such folder"),
+        (("none.signs", "FAR"), "none.signs: "),
+    ],
+)
+def test_a_wrong_preview_is_one_line(call: tuple[str, ...], line: str, tmp_path: Path) -> None:
+    (tmp_path / "own.signs").write_text(FAULTY)
+    done = signsplice("synth", "preview", *call, cwd=tmp_path)
+    assert done.returncode == 2
+    assert line in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["own.signs"]
+
+
+def test_a_lexicon_of_ones_own_signs_is_warned_of_what_cannot_be(tmp_path: Path) -> None:
+    (tmp_path / "own.signs").write_text(FAULTY)
+    done = signsplice("synth", "lexicon", "-o", "words", "--signs", "own.signs", cwd=tmp_path)
+    assert done.returncode == 0
+    (warning,) = done.stderr.splitlines()
+    assert warning.startswith("warning: FAR: at=space-far is out of reach")

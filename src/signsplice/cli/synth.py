@@ -88,6 +88,8 @@ def preview(file: str | None, gloss: str | None, output: str | None, folder: str
     if folder is not None:
         if file is not None or output is not None:
             raise InputError("--all draws the names of the notation, expected no FILE, GLOSS or -o")
+        if not Path(folder).is_dir():
+            raise InputError(f"{folder}: no such folder, expected one to draw into")
         for path in notation_pictures.write_names(Path(folder)):
             print(f"{path}: {size(path.stat().st_size)}")
         return
@@ -98,7 +100,11 @@ def preview(file: str | None, gloss: str | None, output: str | None, folder: str
         raise InputError(f"{path}: expected a name that ends in .png")
     check_writable(path)
     check_apart(str(path), [file])
-    sign = inflection.form(notation.everyday() | notation.alphabet() if file == "-" else notation.read(file), gloss)
+    signs = notation.everyday() | notation.alphabet() if file == "-" else notation.read(file)
+    try:
+        sign = inflection.form(signs, gloss)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
     word = planner.isolated(sign)
     sign_pictures.write_preview(word, path)
     warn(checks.warnings(word))

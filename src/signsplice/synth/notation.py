@@ -1,4 +1,4 @@
-"""Reads the notation of signs, one segment per line (described in full in docs/corpus.md).
+"""Reads the notation of signs, one segment per line (described in full in docs/notation.md).
 
 MOTHER  hands=one
   source: thumb of the open hand taps the chin (Costello 1994)
