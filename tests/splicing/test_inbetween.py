@@ -42,11 +42,14 @@ def test_the_frames_to_be_replaced_have_no_influence(words: dict[str, Clip]) -> 
 
 
 @pytest.mark.parametrize(
-    "gaps", [[(0, 5)], [(5, 5)], [(8, 5)], [(70, 78)], [(70, 99)], [(5, 10), (8, 12)], [(5, 10), (10, 12)]]
+    "gaps", [[(0, 5)], [(5, 5)], [(8, 5)], [(70, None)], [(70, 999)], [(5, 10), (8, 12)], [(5, 10), (10, 12)]]
 )
-def test_gaps_without_a_frame_before_or_after_are_refused(gaps: list[tuple[int, int]], words: dict[str, Clip]) -> None:
+def test_gaps_without_a_frame_before_or_after_are_refused(
+    gaps: list[tuple[int, int | None]], words: dict[str, Clip]
+) -> None:
+    """None is the clip's end."""
     with pytest.raises(InputError, match=r"gap \d+:\d+ in \d+ frames, expected"):
-        inbetween(words["SIGN"], gaps)
+        inbetween(words["SIGN"], [(a, len(words["SIGN"]) if b is None else b) for a, b in gaps])
 
 
 def test_feet_and_speed_of_one_clip_are_not_those_of_two(words: dict[str, Clip]) -> None:

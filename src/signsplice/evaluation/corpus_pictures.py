@@ -30,7 +30,9 @@ N_ROWS = 10
 """Pseudo-signs and pairs on a sheet."""
 MENDED = (
     *("PHONE", "I", "WE", "HE-SHE", "BIRD", "fs-P", "fs-Q", "READ", "FEEL", "TASTE", "PLEASE", "SORRY", "DAY", "STAND"),
-    *("DANCE", "PROUD", "DIFFERENT", "RESPONSIBLE", "GIRAFFE", "ANGRY", "ELEPHANT", "DOG", "SIT"),
+    *("DANCE", "PROUD", "DIFFERENT", "RESPONSIBLE", "GIRAFFE", "ANGRY", "ELEPHANT", "DOG", "SIT", "ACT", "HIS-HER"),
+    *("PAST", "KING", "HOSPITAL", "WALK", "CLIMB", "PURPLE", "BOSS", "FISH", "FORGET", "MORNING", "SMELL", "SWEET"),
+    *("BROWN", "LAUGH", "PATIENT", "FUNNY", "LOOK"),
 )
 """Words and letters whose form was changed after published descriptions."""
 _BLUE, _AMBER = "#3f6fa8", "#de8e20"

@@ -20,7 +20,7 @@ class Manner:
     low_pass_frames: standard deviation of the Gaussian by which motion is smoothed in time, frames of 30 a second
     off_frame: how far from a frame stops may fall, 0 on frames to 1 anywhere
     tempo_spread: how much longer holds of words alone are, and how far words differ in tempo
-    low_elbows: how low elbows hang, the wrists bending instead
+    low_elbows: how low elbows hang, the wrists bending instead; they then move steadily and clear of the trunk too
     head_to_hand: how far the head goes to meet a hand at face or chin
     body_motion: how far the trunk turns and leans with the reach of the hands
     hand_difference: how far the hands of a symmetric sign differ in place and time

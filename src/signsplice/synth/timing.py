@@ -20,7 +20,7 @@ from signsplice.synth.rng import stream
 from signsplice.synth.signer import Signer
 from signsplice.synth.trajectory import Knot
 
-_MOVEMENT, _MOVEMENT_SPREAD = 0.10, 0.16
+_MOVEMENT, _MOVEMENT_SPREAD = 0.03, 0.16
 """Mean and standard deviation, over words, of the logarithm of the factor on a movement's duration."""
 _HOLD_SPREAD = 0.30
 """The same deviation for a word's holds."""
@@ -28,7 +28,7 @@ _TAKE_SPREAD = 0.03
 """The same for takes of one word."""
 _FIRST, _LAST, _LAST_TOUCH = 1.1, 1.15, 1.8
 """Usual holds of a citation form over the plain ones: the first, the last, and the last one where the hand touches."""
-_STROKE_S, _REVOLUTION_S = 0.28, 0.52
+_STROKE_S, _REVOLUTION_S = 0.28, 0.50
 """Least durations of a movement that is made once, and of a revolution of a circle."""
 _LANDING = 0.10
 """How much of its path a movement that ends in the open leaves to the hold after it."""

@@ -165,7 +165,7 @@ def test_a_letter_formed_anew_is_led_around_the_body(lexicon: Lexicon, monkeypat
 
 def test_a_letter_that_is_hardly_still_is_named(lexicon: Lexicon) -> None:
     first, second = letters("AB", lexicon)
-    brief = concatenate([second[:25], second[30:]], name="fs-B")  # still from 22 to 29
+    brief = concatenate([second[:24], second[29:]], name="fs-B")  # still from 21 to 28
     result = splice([first, brief, first])
     assert "fs-B is still for 0.07 s only" in " ".join(result.seams[0].warnings)
     assert result.seams[0].seconds < 0.15
