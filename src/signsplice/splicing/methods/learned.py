@@ -74,7 +74,7 @@ class LearnedCutter(Cutter):
     (``arms.active_span``), whatever the network takes it for.
     """
 
-    learned = True
+    learned = own_rate = True
 
     def __init__(self, reader: WordReader, whole: bool = True) -> None:
         self.reader, self.whole = reader, whole
