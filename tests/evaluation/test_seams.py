@@ -80,6 +80,26 @@ def test_a_cut_into_the_stroke_is_counted() -> None:
     assert row(SpliceOptions(cutter=IntoTheStroke())).whole == 0.0
 
 
+class RestKept(PairCutter):
+    """Keeps some frames of the way to rest and from it."""
+
+    name, summary = "rest-kept", ""
+
+    def cut(self, before: Clip, after: Clip) -> Cut:
+        p, q = next((p, q) for p, q in PAIRS if (p.clip.name, q.clip.name) == (before.name, after.name))
+        return Cut(p.events.end + 8, q.events.start - 8)
+
+
+def test_a_hand_that_sinks_between_two_strokes_is_a_dip() -> None:
+    kept, whole, default = (row(SpliceOptions(cutter=one)) for one in (RestKept(), "ends", None))
+    assert (whole.dips, whole.stroke_dips) == (0.0, 1.0), "the transition lies at rest, the dip before and after it"
+    assert kept.deep_stroke_dips == 1.0
+    assert kept.deepest_dip is not None
+    assert default.deepest_dip is not None
+    assert 0.0 < default.deepest_dip < 0.06 < kept.deepest_dip
+    assert default.dips == default.deep_stroke_dips == 0.0
+
+
 def test_a_held_pose_jumps_and_a_curve_does_not() -> None:
     hold, hermite = row(SpliceOptions(transition="hold")), row(SpliceOptions(transition="hermite"))
     assert hold.velocity_jump > 2.0 * hermite.velocity_jump
@@ -130,7 +150,9 @@ def test_the_command_prints_a_table_or_json() -> None:
     printed = json.loads(run.stdout)
     assert printed["signature"] == seams.signature()
     assert {r["method"] for r in printed["rows"]} == {*seams.compared_methods(), seams.STITCHER}
-    assert next(r for r in printed["rows"] if r["method"] == seams.STITCHER)["deepest"] is None
+    stitched = next(r for r in printed["rows"] if r["method"] == seams.STITCHER)
+    assert stitched["deepest"] is stitched["stroke_dips"] is None
+    assert 0.0 <= stitched["dips"] <= 1.0, "of the transition itself"
     assert {r["n_joins"] for r in printed["rows"]} == {2}
 
 

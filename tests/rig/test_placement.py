@@ -57,7 +57,7 @@ def test_any_other_change_of_a_placed_clip_drops_its_source(words: dict[str, Cli
         "resample in speed": resample(placed, placed.fps, speed=2.0),
         "concatenate": concatenate([placed, placed]),
         "concatenate one clip": concatenate([placed]),
-        "align at another speed": align(clip, reference(words["HELLO"]), speed=2.0).clip,
+        "resample at another speed": resample(align(clip, reference(words["HELLO"])).clip, clip.fps, 2.0),
     }
     assert {what: other.source_clip for what, other in changed.items()} == dict.fromkeys(changed)
 

@@ -75,12 +75,12 @@ def retarget(clip: Clip, onto: Clip | Skeleton) -> Retargeted:
     return replace(done, warnings=(*(onto.warnings if isinstance(onto, Avatar) else ()), *lines, *done.warnings))
 
 
-def align(clip: Clip, to: Reference, speed: float = 1.0) -> Retargeted:
-    """``clip`` on the skeleton, frame rate, position and facing of a reference, played ``speed`` times as fast, with
-    places and contacts kept where the bodies differ. Raises as ``rig.align.copy_rotations`` does.
+def align(clip: Clip, to: Reference) -> Retargeted:
+    """``clip`` on the skeleton, frame rate, position and facing of a reference, with places and contacts kept where the
+    bodies differ. Raises as ``rig.align.copy_rotations`` does.
     """
     fitted = _fitted(clip, to)
-    return Retargeted(settle(fitted.clip, to, speed), fitted.warnings, fitted.contacts)
+    return Retargeted(settle(fitted.clip, to), fitted.warnings, fitted.contacts)
 
 
 def fit_body(source: Clip, source_body: BodyCapsules, carried: Clip, body: BodyCapsules) -> Retargeted:

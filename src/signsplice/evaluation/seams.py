@@ -2,8 +2,8 @@
 
 Frames hidden in one take show how well a gap is filled whose two ends belong together. At a seam of two recordings they
 do not: each word's hands come from rest and go back to it. There is no true motion to compare with, so this measures
-the faults that a viewer notices: jumps of velocity and jerk, arms that drop between the words, signs cut short, hands
-in the body.
+the faults that a viewer notices: jumps of velocity and jerk, arms that drop or hands that dip between the words, signs
+cut short, hands in the body.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from signsplice.body import collision
 from signsplice.errors import InputError
 from signsplice.evaluation.hands import wrist_joints, wrist_positions
 from signsplice.evaluation.stitcher import stitch
+from signsplice.evaluation.strokes import keeps_stroke, output_frame, stroke
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
@@ -33,13 +34,14 @@ from signsplice.splicing.methods.duration import CLASSICAL_DURATION
 from signsplice.splicing.methods.learned import FLUENT, NAME
 from signsplice.splicing.methods.transition import CLASSICAL_TRANSITION, TRANSITIONS
 from signsplice.splicing.passes.free_hand import NATURAL
-from signsplice.splicing.passes.idle_hand import IdleHand, idle_hands
+from signsplice.splicing.passes.idle_hand import idle_hands
 from signsplice.splicing.seam import DEEP_M
+from signsplice.splicing.tempo import NATURAL as NATURAL_TEMPO
 from signsplice.synth import notation, planner
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.rng import stream
-from signsplice.synth.signer import HANGING, RESTS, STANDARD
+from signsplice.synth.signer import HANGING, RESTS, STANDARD, Signer
 
 FrameRange = tuple[int, int]
 
@@ -47,6 +49,8 @@ AROUND = 8
 """Frames of each sign that are measured next to the transition."""
 DOWN_FRACTION = 0.15
 """An arm is down where it has risen by less than this fraction of the height from rest to its highest."""
+DIP_M, DEEP_DIP_M = 0.03, 0.06
+"""From these depths on a hand is counted as dipping, and as dipping deep."""
 STITCHER = "stitcher"
 
 
@@ -63,6 +67,9 @@ class SeamMeasurement:
     depth: greatest depth of a hand in the body in the transition, m; None for a method that makes points only.
     idle_peak: highest speed of a hand that only goes to rest or comes from it, in the transition and while it rests,
         m/s; None where no hand does, and for a method that makes points only.
+    dip: how far the strong wrist sinks below the lower end of the transition, m.
+    stroke_dip: how far it sinks below the lower of the last stroke's end and the next stroke's start, from the one to
+        the other, m; None for a method that makes points only.
     """
 
     seconds: float
@@ -72,7 +79,9 @@ class SeamMeasurement:
     arms_down: int
     whole: bool
     depth: float | None
+    dip: float
     idle_peak: float | None = None
+    stroke_dip: float | None = None
 
 
 @dataclass(frozen=True)
@@ -88,6 +97,9 @@ class SeamRow:
     deepest: greatest depth, m; None without a body.
     idle_peak, idle_fastest: of the seams with a hand that only goes to rest or comes from it, its highest speed, m/s:
         the median and the greatest; None without a body, or where no seam has one.
+    dips, deep_dips: fraction of the seams whose ``dip`` is over ``DIP_M``, and over ``DEEP_DIP_M``.
+    stroke_dips, deep_stroke_dips: the same of ``stroke_dip``; None without a body.
+    deepest_dip: the greatest ``stroke_dip``, m; None without a body.
     """
 
     method: str
@@ -102,6 +114,11 @@ class SeamRow:
     deepest: float | None
     idle_peak: float | None
     idle_fastest: float | None
+    dips: float | None
+    deep_dips: float | None
+    stroke_dips: float | None
+    deep_stroke_dips: float | None
+    deepest_dip: float | None
 
 
 def signature(rest: str = HANGING) -> str:
@@ -110,7 +127,7 @@ def signature(rest: str = HANGING) -> str:
     return (
         f"joins|words:everyday,{signer},drawn:once|around:{AROUND}|{metrics.VELOCITY_JUMP}|{metrics.JERK_RATIO}"
         f"|arms-down:{DOWN_FRACTION:g}-of-rise,between-strokes|whole:first-to-last-movement|deep:{1e3 * DEEP_M:g}mm"
-        "|idle-hand:wrist,transition+rest,max"
+        f"|idle-hand:wrist,transition+rest,max|dip:strong-wrist,{1e2 * DIP_M:g}+{1e2 * DEEP_DIP_M:g}cm"
     )
 
 
@@ -152,6 +169,7 @@ def compared_methods(bundle: str | Path | None = None) -> dict[str, SpliceOption
         out[f"{NAME} + {NAME}"] = learned
         out[f"{NAME} + {NAME}, collision avoidance"] = default
         out[f"{NAME} + {NAME}, collision avoidance, natural free hand"] = replace(default, free_hand=NATURAL)
+        out[f"{NAME} + {NAME}, collision avoidance, natural tempo"] = replace(default, tempo=NATURAL_TEMPO)
     return out
 
 
@@ -171,25 +189,42 @@ def measure_spliced(before: IsolatedWord, after: IsolatedWord, options: SpliceOp
     """A seam made by ``splice``."""
     result = splice([before.clip, after.clip], options)
     (seam,) = result.seams
-    first, stop = next((s.output for s in result.spans if s.kind == "transition"), (seam.pre_frame + 1,) * 2)
+    left, entered = (span for span in result.spans if span.kind == "sign")
+    first, stop = left.output[1], entered.output[0]
     depth, _ = collision.hand_penetration(result.clip.skeleton, *kinematics.forward(result.clip[first - 1 : stop + 1]))
     inside = depth[1:-1] if len(depth) > 2 else depth
     deepest = max(0.0, float(inside.max()) * rig_info(result.clip.skeleton).sizes.unit.metres)
     kept = (0, seam.pre_frame + 1), (seam.post_frame, len(after))
     wrists = wrist_positions(result.clip)
     measured = _measure(wrists, (first, stop), before, after, kept, deepest)
-    hands = idle_hands(before.clip, after.clip, Cut(seam.pre_frame, seam.post_frame))
-    return replace(measured, idle_peak=_idle_peak(wrists, (first, stop), hands, result.clip.fps))
+    rests = [
+        (hand.side, first, output_frame(entered, seam.post_frame + hand.n_rest))
+        if hand.arrives
+        else (hand.side, output_frame(left, seam.pre_frame + 1 - hand.n_rest), stop)
+        for hand in idle_hands(before.clip, after.clip, Cut(seam.pre_frame, seam.post_frame))
+    ]
+    strokes = output_frame(left, stroke(before)[1]), output_frame(entered, stroke(after)[0])
+    between = min(round(strokes[0]), first - 1), max(round(strokes[1]), stop)
+    peak, dip = _idle_peak(wrists, rests, result.clip.fps), _dip(wrists, before.signer, *between)
+    return replace(measured, idle_peak=peak, stroke_dip=dip)
 
 
-def _idle_peak(wrists: FloatArray, gap: FrameRange, hands: Sequence[IdleHand], fps: float) -> float | None:
-    """Highest speed (m/s) of the idle hands, of wrists (T, 2, 3), in the gap and while they rest; None without any."""
-    first, stop = gap
-    peaks = []
-    for hand in hands:
-        start, end = (first, stop + hand.n_rest) if hand.arrives else (first - hand.n_rest, stop)
-        peaks.append(metrics.peak_speed(wrists[:, [hand.side]], max(start, 0), min(end, len(wrists) - 1), fps))
+def _idle_peak(wrists: FloatArray, rests: Sequence[tuple[int, float, float]], fps: float) -> float | None:
+    """Highest speed (m/s) of idle hands, of wrists (T, 2, 3), each by its side and the frames from the begin to the end
+    of the gap and of its rest; None without any.
+    """
+    last = len(wrists) - 1
+    peaks = [
+        metrics.peak_speed(wrists[:, [side]], max(round(start), 0), min(round(stop), last), fps)
+        for side, start, stop in rests
+    ]
     return max(peaks, default=None)
+
+
+def _dip(wrists: FloatArray, signer: Signer, first: int, last: int) -> float:
+    """How far the strong wrist of wrists (T, 2, 3), m, sinks below its lower end of frames ``first`` to ``last``."""
+    heights = wrists[first : last + 1, 0 if signer.left_handed else 1, 1]  # the signer stands upright along +Y
+    return max(0.0, float(min(heights[0], heights[-1]) - heights.min()))
 
 
 def measure_stitched(before: IsolatedWord, after: IsolatedWord) -> SeamMeasurement:
@@ -224,15 +259,8 @@ def _measure(
         arms_down=_n_frames_down(before, after, kept),
         whole=keeps_stroke(before, *kept[0]) and keeps_stroke(after, *kept[1]),
         depth=depth,
+        dip=_dip(wrists, before.signer, max(first - 1, 0), min(stop, len(wrists) - 1)),
     )
-
-
-def keeps_stroke(word: IsolatedWord, first: int, stop: int) -> bool:
-    """Whether frames [first, stop) hold all movements of the sign, or a frame of its only posture."""
-    events = word.events
-    if events.first is None or not events.passes:
-        return max(first, events.start) < min(stop, events.end + 1)
-    return first <= events.first[0] and events.passes[-1][1] < stop
 
 
 def _n_frames_down(before: IsolatedWord, after: IsolatedWord, kept: tuple[FrameRange, FrameRange]) -> int:
@@ -253,6 +281,7 @@ def _are_down(motion: Arms) -> NDArray[np.bool_]:
 def _row(name: str, seams: Sequence[SeamMeasurement]) -> SeamRow:
     depths = [seam.depth for seam in seams if seam.depth is not None]
     idle_peaks = [seam.idle_peak for seam in seams if seam.idle_peak is not None]
+    stroke_dips = [seam.stroke_dip for seam in seams if seam.stroke_dip is not None]
 
     def median(field: str) -> float:
         return float(np.nanmedian([getattr(seam, field) for seam in seams]))
@@ -266,11 +295,20 @@ def _row(name: str, seams: Sequence[SeamMeasurement]) -> SeamRow:
         jerk_ratio=median("jerk_ratio"),
         arms_down=float(np.mean([seam.arms_down for seam in seams])),
         whole=float(np.mean([seam.whole for seam in seams])),
-        deep=float(np.mean(np.array(depths) > DEEP_M)) if depths else None,
-        deepest=max(depths) if depths else None,
+        deep=_fraction_over(depths, DEEP_M),
+        deepest=max(depths, default=None),
         idle_peak=float(np.median(idle_peaks)) if idle_peaks else None,
         idle_fastest=max(idle_peaks, default=None),
+        dips=_fraction_over([seam.dip for seam in seams], DIP_M),
+        deep_dips=_fraction_over([seam.dip for seam in seams], DEEP_DIP_M),
+        stroke_dips=_fraction_over(stroke_dips, DIP_M),
+        deep_stroke_dips=_fraction_over(stroke_dips, DEEP_DIP_M),
+        deepest_dip=max(stroke_dips, default=None),
     )
+
+
+def _fraction_over(values: Sequence[float], least: float) -> float | None:
+    return float(np.mean(np.array(values) > least)) if values else None
 
 
 _COLUMNS: dict[str, Callable[[SeamRow], str]] = {
@@ -285,6 +323,9 @@ _COLUMNS: dict[str, Callable[[SeamRow], str]] = {
     "deepest, mm": lambda row: shown(row.deepest, ".0f", 1e3),
     "idle hand, m/s": lambda row: shown(row.idle_peak, ".2f"),
     "its fastest, m/s": lambda row: shown(row.idle_fastest, ".2f"),
+    "dips over 3 / 6 cm": lambda row: f"{percent(row.dips)} / {percent(row.deep_dips)}",
+    "stroke to stroke": lambda row: f"{percent(row.stroke_dips)} / {percent(row.deep_stroke_dips)}",
+    "deepest, cm": lambda row: shown(row.deepest_dip, ".1f", 1e2),
 }
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.evaluation.hands import wrist_positions
-from signsplice.evaluation.seams import keeps_stroke
+from signsplice.evaluation.strokes import keeps_stroke, output_frame, stroke
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
@@ -200,18 +200,10 @@ def _signs(result: SpliceResult, words: Sequence[IsolatedWord]) -> Iterator[_Sig
         )
 
 
-def _output_at(span: Span, frame: int) -> float:
-    """The output frame at which a sign shows a recorded frame."""
-    if span.warp is None or span.source is None:
-        return frame - (span.source or (0, 0))[0] + span.output[0]
-    outputs, sources = np.array(span.warp).T
-    return float(np.interp(frame, sources, outputs))
-
-
 def _passes(span: Span, word: IsolatedWord, fps: float) -> Iterator[float]:
     """Seconds of each pass that is played faster than recorded."""
     for begin, end in word.events.passes:
-        seconds = (_output_at(span, end) - _output_at(span, begin)) / fps
+        seconds = (output_frame(span, end) - output_frame(span, begin)) / fps
         if seconds < (end - begin) / fps - 1e-3:
             yield seconds
 
@@ -221,9 +213,9 @@ def _repeats(span: Span, word: IsolatedWord, wrists: FloatArray) -> bool:
     events = word.events
     if events.first is None or not events.passes:
         return True
-    first, last = events.first[0], events.passes[-1][1]
+    first, last = stroke(word)
     recorded = wrist_positions(word.clip)[first : last + 1]
-    start, stop = int(np.floor(_output_at(span, first))), int(np.ceil(_output_at(span, last))) + 1
+    start, stop = int(np.floor(output_frame(span, first))), int(np.ceil(output_frame(span, last))) + 1
     for path, played in zip(recorded.swapaxes(0, 1), wrists[start:stop].swapaxes(0, 1), strict=True):
         axis = np.linalg.svd(path - path.mean(axis=0), full_matrices=False)[2][0]
         if _direction_changes(played, axis, _SEEN_TURN_M) < _direction_changes(path, axis, _TURN_M):
@@ -236,7 +228,7 @@ def _contacts(span: Span, clip: Clip, touching: Sequence[tuple[int, int]]) -> tu
     start, stop = span.source or (0, 0)
     there = [(a, b) for a, b in contact_frames(clip) if start <= a and b <= stop]
     seen = [
-        any(max(first, _output_at(span, a) - 1) < min(end, _output_at(span, b - 1) + 2) for first, end in touching)
+        any(max(first, output_frame(span, a) - 1) < min(end, output_frame(span, b - 1) + 2) for first, end in touching)
         for a, b in there
     ]
     return len(there), sum(seen)

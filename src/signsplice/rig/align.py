@@ -55,9 +55,9 @@ def reference(first: Clip, fps: float | None = None) -> Reference:
     return Reference(first.skeleton, fps or first.fps, placement(first), first.local_rotations[0], first.name)
 
 
-def settle(carried: Clip, to: Reference, speed: float = 1.0) -> Clip:
-    """A clip on the skeleton of a reference, at its position, facing and frame rate, ``speed`` times as fast."""
-    return resample(place(carried, to.placement), to.fps, speed)
+def settle(carried: Clip, to: Reference) -> Clip:
+    """A clip on the skeleton of a reference, at its position, facing and frame rate."""
+    return resample(place(carried, to.placement), to.fps)
 
 
 def copy_rotations(clip: Clip, to: Reference, by_role: bool = False) -> tuple[Clip, tuple[str, ...], bool]:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from signsplice.errors import InputError, SignspliceError
+from signsplice.errors import SignspliceError
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.joins.join import PlannedSeam
 from signsplice.splicing.joins.letters import LetterJoin
 from signsplice.splicing.joins.signs import SignJoin
 from signsplice.splicing.joins.systems import NoSpliceError, SystemJoin
-from signsplice.splicing.methods.cut import Cutter, cut_clips
+from signsplice.splicing.methods.cut import Cutter
 from signsplice.splicing.whole_system import misses_message
-from signsplice.splicing.words.word import SentenceWord
+from signsplice.splicing.words.word import SentenceWord, cut_words
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Planner:
 
     def cuts(self, words: Sequence[SentenceWord]) -> list[Cut]:
         """The cutter's choice for every two neighbours; none where a system joins them."""
-        return cut_clips(self.cutter, [word.clip for word in words]) if self.system is None and len(words) > 1 else []
+        return cut_words(self.cutter, words) if self.system is None and len(words) > 1 else []
 
     def plan(self, words: Sequence[SentenceWord], cuts: Sequence[Cut]) -> list[PlannedSeam]:
         """The seams of words in order, one fewer than words; each word is entered by the seam before it. ``cuts``: of
@@ -63,7 +63,7 @@ class Planner:
                 if self.fallback is None:
                     misses.append(f"{before.clip.name} -> {word.clip.name}: {error}")
                     continue
-                (chosen,) = cut_clips(self.cutter, [before.clip, word.clip])
+                (chosen,) = cut_words(self.cutter, [before, word])
                 seam = self._joined(before, word, chosen)
                 seams.append(replace(seam, warnings=(f"{error}: joined by {self.fallback}", *seam.warnings)))
         if misses:
@@ -71,10 +71,7 @@ class Planner:
         return seams
 
     def _joined(self, before: SentenceWord, after: SentenceWord, chosen: Cut) -> PlannedSeam:
-        """The seam of two words at the cutter's choice. Raises ``InputError`` for frames that the words do not have."""
-        n_before, n_after = len(before.clip), len(after.clip)
-        if not (0 <= chosen.pre < n_before and 0 <= chosen.post < n_after):
-            raise InputError(f"cutter {self.cutter.name} chose {chosen} for clips of {n_before} and {n_after} frames")
+        """The seam of two words at the cutter's choice."""
         if self.spells and not after.starts and before.is_letter and after.is_letter and before.held is None:
             return self.letters.plan(before, after, chosen)
         return self.signs.plan(before, after, chosen)

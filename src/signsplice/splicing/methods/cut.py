@@ -11,6 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 
@@ -28,7 +29,13 @@ VELOCITY_TIME_S = 0.15
 
 
 class Cutter(Method, ABC):
-    """Chooses where clips of one skeleton and rate are joined."""
+    """Chooses where clips of one skeleton and rate are joined.
+
+    own_rate: whether it is shown every clip at the rate and speed at which that was recorded, in place of the output's:
+        a word is then cut at the same moment whatever the output is.
+    """
+
+    own_rate: ClassVar[bool] = False
 
     @abstractmethod
     def cut_all(self, clips: Sequence[Clip]) -> list[Cut]:
@@ -36,10 +43,15 @@ class Cutter(Method, ABC):
 
 
 def cut_clips(cutter: Cutter, clips: Sequence[Clip]) -> list[Cut]:
-    """A cutter's choice for aligned clips in order. Raises ``InputError`` for a wrong number of cuts."""
+    """A cutter's choice for aligned clips in order. Raises ``InputError`` for a wrong number of cuts, and for frames
+    that the clips do not have.
+    """
     cuts = cutter.cut_all(clips)
     if len(cuts) != len(clips) - 1:
         raise InputError(f"cutter {cutter.name} chose {len(cuts)} cuts for {len(clips)} clips")
+    for cut, (before, after) in zip(cuts, pairwise(clips), strict=True):
+        if not (0 <= cut.pre < len(before) and 0 <= cut.post < len(after)):
+            raise InputError(f"cutter {cutter.name} chose {cut} for clips of {len(before)} and {len(after)} frames")
     return cuts
 
 
@@ -62,6 +74,8 @@ class RuleCutter(PairCutter):
     name: str
     summary: str
     rule: Callable[[Clip, Clip], Cut]
+
+    own_rate: ClassVar[bool] = True
 
     def cut(self, before: Clip, after: Clip) -> Cut:
         """The splice position of two aligned clips."""

@@ -26,6 +26,7 @@ from signsplice.rig.info import rig_info
 from signsplice.splicing.gap import Cut, Gap
 from signsplice.splicing.methods.cut import Cutter
 from signsplice.splicing.methods.duration import HUMAN_MEDIAN_S, Duration, travel_law
+from signsplice.splicing.methods.strokes import outside_strokes
 from signsplice.splicing.methods.transition import GapTransition, find_transition
 from signsplice.splicing.methods.viterbi import SeamScores, best_path
 from signsplice.splicing.networks import features, gap_features
@@ -73,7 +74,7 @@ class LearnedCutter(Cutter):
     (``arms.active_span``), whatever the network takes it for.
     """
 
-    learned = True
+    learned = own_rate = True
 
     def __init__(self, reader: WordReader, whole: bool = True) -> None:
         self.reader, self.whole = reader, whole
@@ -99,7 +100,7 @@ class LearnedCutter(Cutter):
             seams = [self._log_probabilities(*pair) for pair in readings]
         chosen = best_path([_seam_scores(*pair, *seam) for pair, seam in zip(readings, seams, strict=True)])
         if self.whole:
-            chosen = [_outside_strokes(cut, *pair) for cut, pair in zip(chosen, readings, strict=True)]
+            chosen = [outside_strokes(cut, *pair) for cut, pair in zip(chosen, readings, strict=True)]
         return [
             Cut(_nearest_frame(pre, p), _nearest_frame(post, q))
             for (pre, post), (p, q) in zip(chosen, pairs, strict=True)
@@ -131,15 +132,6 @@ class LearnedCutter(Cutter):
 
 def _seam_scores(p: WordReading, q: WordReading, left: FloatArray, entered: FloatArray) -> SeamScores:
     return SeamScores(left[:, None] + entered, p.first + p.active[0], q.first + q.active[0])
-
-
-def _outside_strokes(cut: tuple[int, int], p: WordReading, q: WordReading) -> tuple[int, int]:
-    """A cut moved outwards until it leaves both words' movements whole."""
-    pre, post = cut
-    return (
-        pre if p.stroke is None else max(pre, p.first + p.stroke[1]),
-        post if q.stroke is None else min(post, q.first + q.stroke[0]),
-    )
 
 
 def _nearest_frame(at: int, clip: Clip) -> int:

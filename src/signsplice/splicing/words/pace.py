@@ -25,8 +25,8 @@ from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, sampled
 from signsplice.rig.arms import active_span, arms
 from signsplice.rig.info import rig_info
-from signsplice.splicing.methods.cut import Cutter, cut_clips
-from signsplice.splicing.words.word import SentenceWord
+from signsplice.splicing.methods.cut import Cutter
+from signsplice.splicing.words.word import SentenceWord, cut_words
 
 PEAKS = {"Hand": (2.5, 45.0), "Distal": (4.3, 73.0), "head": (1.5, 12.7)}
 """Highest speed, m/s, and acceleration, m/s2, of wrists, fingertips and head, seen from the hips, by the end of their
@@ -205,7 +205,7 @@ def retimed(word: SentenceWord, cutter: Cutter, seconds: float) -> SentenceWord:
         return replace(word, warnings=(*word.warnings, line))
     if len(clip) < 2:
         return word
-    first, last = _sign(clip, cutter)
+    first, last = _sign(word, cutter)
     rates = pace(clip).rates(first, last, SIGN_FRACTION * seconds - 1.0 / clip.fps)
     if np.all(rates == 1.0):
         return word
@@ -214,10 +214,10 @@ def retimed(word: SentenceWord, cutter: Cutter, seconds: float) -> SentenceWord:
     return replace(word, retimed=sampled(clip, sources), frames=replace(word.frames, sources=sources))
 
 
-def _sign(clip: Clip, cutter: Cutter) -> tuple[int, int]:
-    """First and last frame of the sign in a clip: as the cutter cuts it, at most while the arms are away from rest."""
-    (cut,) = cut_clips(cutter, [clip, clip])
-    start, stop = active_span(arms(clip))
+def _sign(word: SentenceWord, cutter: Cutter) -> tuple[int, int]:
+    """First and last frame of the sign in a word: as the cutter cuts it, at most while the arms are away from rest."""
+    (cut,) = cut_words(cutter, [word, word])
+    start, stop = active_span(arms(word.clip))
     first, last = max(cut.post, start), min(cut.pre, stop - 1)
     return (first, last) if first < last else (start, stop - 1)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,11 +13,13 @@ from signsplice.body.retarget import align
 from signsplice.formats.limits import ReadLimits
 from signsplice.lexicon.entry import is_letter
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, bone_translations, unchecked_copy
+from signsplice.motion.clip import Clip, bone_translations, resample, unchecked_copy
 from signsplice.rig.align import Reference, reference
 from signsplice.rig.inspection import clip_warnings
 from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.rig.stray_frames import stray_frames, with_ends_held
+from signsplice.splicing.gap import Cut
+from signsplice.splicing.methods.cut import Cutter, cut_clips
 from signsplice.splicing.whole_system import WholeSystem, output_fps, placed_reference, rate_warnings
 
 
@@ -123,7 +126,7 @@ class SentenceWord:
     """A word of a sentence, aligned to the first one. What comes after planning is an ``Edit`` at one of its seams.
 
     index: its number in the sentence.
-    clip: its aligned clip as recorded, without stray frames at its ends: what cutters and durations see.
+    clip: its aligned clip at the output rate, without stray frames at its ends: what durations see.
     retimed: the same at the tempo asked for: what is put out, but for edits.
     frames: which recorded frame each retimed frame shows.
     warnings: about the clip, one line each.
@@ -134,6 +137,10 @@ class SentenceWord:
     arrival_s: seconds from the letter before to this one; 0 where there is none.
     slide_m: how far it is slid to the side as a doubled letter, m.
     held: how it is held at the end of a phrase; None elsewhere.
+    own: the aligned clip at the rate and speed at which it was recorded, without stray frames: what cutters see; None
+        where that is ``clip``.
+    own_step: how many frames of ``own`` pass in a frame of ``clip``.
+    own_first: the frame of ``own`` that the first frame of ``clip`` shows, a fraction.
     """
 
     index: int
@@ -148,11 +155,29 @@ class SentenceWord:
     arrival_s: float = 0.0
     slide_m: float = 0.0
     held: HeldEnd | None = None
+    own: Clip | None = None
+    own_step: float = 1.0
+    own_first: float = 0.0
 
     @property
     def first_frame(self) -> int:
         """The retimed frame at which it is entered."""
         return self.frames.first(self.entry)
+
+    def nearest_frame(self, own_frame: int) -> int:
+        """The frame of ``clip`` nearest in time to one of ``own``."""
+        return int(np.clip(round((own_frame - self.own_first) / self.own_step), 0, len(self.clip) - 1))
+
+
+def cut_words(cutter: Cutter, words: Sequence[SentenceWord]) -> list[Cut]:
+    """A cutter's choice for words in order, in frames of ``SentenceWord.clip``. Raises as ``cut_clips`` does."""
+    if not cutter.own_rate:
+        return cut_clips(cutter, [word.clip for word in words])
+    cuts = cut_clips(cutter, [word.own or word.clip for word in words])
+    return [
+        Cut(before.nearest_frame(cut.pre), after.nearest_frame(cut.post))
+        for cut, (before, after) in zip(cuts, pairwise(words), strict=True)
+    ]
 
 
 @dataclass(frozen=True)
@@ -182,15 +207,21 @@ class WordAligner:
         to = first or reference(held, fps)
         if self.system is not None:
             to = placed_reference(self.system, held, to, is_first=first is None)
-        aligned = align(held, to, self.sign_speed)
-        kept = stray.resampled(clip.fps * self.sign_speed / fps, len(aligned.clip))
-        recorded = aligned.clip if held is clip else aligned.clip[kept]
+        aligned = align(held, replace(to, fps=clip.fps))
+        resampled = resample(aligned.clip, fps, self.sign_speed)
+        step = clip.fps * self.sign_speed / fps
+        kept = stray.resampled(step, len(resampled))
+        shown, own = resampled, aligned.clip
+        if held is not clip:
+            shown, own = resampled[kept], aligned.clip[stray.start : stray.stop]
         warnings = (*(f"{clip.name}: {line}" for line in clip_warnings(clip)), *aligned.warnings)
         if self.system is not None:
             warnings = (*warnings, *rate_warnings(self.system, clip))
         frames = FrameMap(n_left_out=kept.start)
-        spelled = is_letter(recorded.name)
-        return SentenceWord(index, recorded, recorded, frames, warnings, aligned.contacts, spelled), first or to
+        word = SentenceWord(index, shown, shown, frames, warnings, aligned.contacts, is_letter(shown.name))
+        if resampled is not aligned.clip:
+            word = replace(word, own=own, own_step=step, own_first=step * kept.start - stray.start)
+        return word, first or to
 
     def _output_fps(self, clip: Clip) -> float:
         """The output rate of a sentence that begins with this clip."""
