@@ -65,7 +65,8 @@ STRICT: list[tuple[Any, str]] = [
       for name, n in (("translation", 3), ("rotation", 4), ("scale", 3), ("matrix", 16)) for value in NO_NUMBER],
     *[(at_node(translation=value), "node 'arm': translation is .*, expected 3 finite numbers")
       for value in any_of([True, 2, 3], [[0, 1, 2]], ["1.0", 0, 0], [1, 2], [1, 2, 3, 4], [0, None, 0])],
-    *[(at_node(rotation=[0, 0, 0, w]), f"node 'arm': a rotation has length {w:g}, expected 1") for w in (0, 0.94, 1.06)],
+    *[(at_node(rotation=[0, 0, 0, w]), f"node 'arm': a rotation has length {w:g}, expected 1")
+      for w in (0, 0.94, 1.06)],
     (at_node(children=False), "node 1: children is False, expected a list"),
     (lambda d: d["nodes"][0].update(children=[True]), "node True is a child of node 0"),
     *[(at_sampler(interpolation=value), "rotation of node 0: interpolation is .*, expected a text")
@@ -73,7 +74,8 @@ STRICT: list[tuple[Any, str]] = [
     *[(at_accessor(1, byteOffset=value), "accessor 1: byteOffset is .*, expected a whole number from 0")
       for value in any_of("", {}, False, -4, 0.5)],
     *[(at_view(byteOffset=value), "bufferView 1: byteOffset is") for value in any_of("", {}, False, -4)],
-    *[(at_view(byteStride=value), "bufferView 1: byteStride is .*, expected") for value in any_of(0, 2, 256, "", False)],
+    *[(at_view(byteStride=value), "bufferView 1: byteStride is .*, expected")
+      for value in any_of(0, 2, 256, "", False)],
     (at_view(byteLength=True), "bufferView 1: byteLength is True, expected a whole number from 0"),
     *[(at_view(buffer=value), f"buffer {value} is no such") for value in any_of(False, 0.0)],
     *[(at_accessor(1, bufferView=value), f"bufferView {value} is no such") for value in any_of(True, 1.0)],
