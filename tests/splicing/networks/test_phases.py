@@ -14,7 +14,7 @@ def scores(phases: str, **doubtful: float) -> np.ndarray:
     rows = np.array([[float(letter == one) for one in "rphSt"] for letter in phases])
     for letter, probability in doubtful.items():
         rows[[one == letter for one in phases]] = [0.0, 0.0, 1.0 - probability, probability, 0.0]
-    return np.log(np.maximum(rows, 1e-9))
+    return np.asarray(np.log(np.maximum(rows, 1e-9)))
 
 
 def span(phases: str, active: tuple[int, int] | None = None, **doubtful: float) -> tuple[int, int] | None:

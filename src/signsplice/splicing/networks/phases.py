@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_opening, find_objects, label
 
-from signsplice.motion.arrays import FloatArray
 from signsplice.splicing.networks import features
 
 Mask = NDArray[np.bool_]
@@ -44,12 +43,13 @@ def stroke_span(scores: NDArray[np.float32], raised: Mask) -> tuple[int, int] | 
     return (int(held[len(held) // 2]),) * 2 if len(held) else None
 
 
-def are_away(wrists: FloatArray) -> Mask:
+def are_away(wrists: NDArray[np.floating]) -> Mask:
     """Whether each wrist of wrists (T, 2, 3), arm lengths, is away from where it begins and ends (T, 2)."""
-    return np.all([np.linalg.norm(wrists - wrists[end], axis=-1) > _AT_REST for end in (0, -1)], axis=0)
+    away = [np.linalg.norm(wrists - wrists[end], axis=-1) > _AT_REST for end in (0, -1)]
+    return np.asarray(away[0] & away[1])
 
 
-def frames_alone(wrists: FloatArray) -> Mask:
+def frames_alone(wrists: NDArray[np.floating]) -> Mask:
     """Frames (T,) in which the first wrist of wrists (T, 2, 3) is away from rest while the second rests, for longer
     than a hand that comes or goes a little before the other.
     """
