@@ -164,8 +164,8 @@ def _n_left_out(positions: FloatArray, n_low: int) -> int:
     arm is raised: not all of them where a hand has left its rest long before that, for a part of the sign that is low.
     """
     n_still = _n_still_frames(positions)
-    away = are_away(positions[:, :: positions.shape[1] // 2]).any(axis=1)[:n_low]
-    n_rest = max(n_low - _LONGEST_LOW, int(np.flatnonzero(~away)[-1]) if not away.all() else 0)
+    away = are_away(positions[:, :: positions.shape[1] // 2])[:n_low]
+    n_rest = max(n_low - _LONGEST_LOW, int(np.flatnonzero(~(away[:, 0] | away[:, 1])).max(initial=0)))
     return min(max(n_low, n_still) - REST_FRAMES, max(n_rest, n_still) - REST_FRAMES // 2)
 
 
