@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from signing import sign, word
+from made_words import KINDS, made_words
+from signing import SIGNS, sign, word
 from signsplice.evaluation.strokes import keeps_stroke, stroke
 from signsplice.motion.clip import Clip, concatenate, resample
 from signsplice.rig.arms import arms
@@ -55,3 +56,14 @@ def test_a_word_is_cut_at_the_same_moment_whatever_the_rate_and_speed_of_the_out
 def jumped(clip: Clip) -> Clip:
     """Frames that lie beyond a jump of the root."""
     return replace(clip, root_positions=clip.root_positions + 50.0)
+
+
+@pytest.mark.parametrize("n_words", [10, pytest.param(300, marks=pytest.mark.slow)])
+def test_words_of_several_parts_are_kept_whole(n_words: int) -> None:
+    """By strokes at their own height alone, a word in four had lost one."""
+    lost = dict.fromkeys(KINDS, 0)
+    for made in made_words(n_words, [one for one in SIGNS.values() if one.kind != "letter"]):
+        (cut,) = CUTTER.cut_all([made.clip, made.clip])
+        lost[made.kind] += made.loses_stroke(cut.post, cut.pre)
+    assert sum(lost.values()) <= max(1, 0.05 * n_words), lost
+    assert max(lost.values()) <= max(1, 0.1 * n_words / len(KINDS)), lost

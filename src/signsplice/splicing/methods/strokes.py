@@ -7,10 +7,14 @@ import numpy as np
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.word_reader import WordReading
 
-BELOW = 0.015
-"""How far below the end of its stroke, arm lengths (0.8 cm), a hand is still kept. At 0.02 twice as many transitions of
-the words that ship dip by over 3 cm, at 0.01 one stroke in a hundred loses its first frame.
+BELOW, NEXT_BELOW = 0.015, 0.03
+"""How far below the end of its stroke, arm lengths (0.8 cm), a hand is still kept, and in the next frame beside it,
+where movements are too slow to be told from holds: a hand that is farther below in a thirtieth of a second falls. Of
+the words that ship, twice as many transitions dip by over 3 cm at 0.02, and at 0.01 one stroke in a hundred loses a
+frame.
 """
+_BESIDE = 2
+"""Frames beside a stroke that are kept, unless a hand is below it there."""
 
 
 def outside_strokes(cut: tuple[int, int], p: WordReading, q: WordReading) -> tuple[int, int]:
@@ -20,11 +24,11 @@ def outside_strokes(cut: tuple[int, int], p: WordReading, q: WordReading) -> tup
     """
     pre, post = cut
     if p.stroke is not None:
-        last = p.first + p.stroke[1]
-        pre = last + _n_raised(p, range(last, max(pre, last) + 1))
+        last, end = p.first + p.stroke[1], p.first + len(p.features) - 1
+        pre = last + _n_raised(p, range(last, min(max(pre, last + _BESIDE), end) + 1))
     if q.stroke is not None:
         first = q.first + q.stroke[0]
-        post = first - _n_raised(q, range(first, min(post, first) - 1, -1))
+        post = first - _n_raised(q, range(first, max(min(post, first - _BESIDE), q.first) - 1, -1))
     return pre, post
 
 
@@ -33,4 +37,5 @@ def _n_raised(word: WordReading, frames: range) -> int:
     in the first.
     """
     heights = features.wrist_positions(word.features[np.array(frames) - word.first])[..., 1]  # (n, 2)
-    return int(np.flatnonzero((heights >= heights[0] - BELOW).all(axis=1))[-1])
+    below = (heights[0] - heights).max(axis=1)
+    return int(np.flatnonzero(below <= np.where(np.arange(len(below)) == 1, NEXT_BELOW, BELOW))[-1])

@@ -145,10 +145,17 @@ def frame_features(
     return out
 
 
+def tip_positions(features: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Positions (..., 2, 6, 3) of both wrists, each with its fingertips, in features (..., N_FRAME) of frames, arm
+    lengths.
+    """
+    positions = features[..., N_ROTATION : N_ROTATION + N_POSITION]
+    return positions.reshape(*features.shape[:-1], 2, len(TIPS) // 2, 3)
+
+
 def wrist_positions(features: NDArray[np.float32]) -> NDArray[np.float32]:
     """Positions (..., 2, 3) of both wrists in features (..., N_FRAME) of frames, arm lengths."""
-    positions = features[..., N_ROTATION : N_ROTATION + N_POSITION].reshape(*features.shape[:-1], len(TIPS), 3)
-    return positions[..., [0, len(TIPS) // 2], :]
+    return tip_positions(features)[..., 0, :]
 
 
 PHASES = ("rest", "preparation", "hold", "stroke", "retraction")

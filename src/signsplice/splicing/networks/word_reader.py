@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -14,13 +14,13 @@ from signsplice.motion.clip import Clip
 from signsplice.rig.canonical import FEATURE_FPS, CanonicalMotion, canonical_motion
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.features import WORD_FRAMES, CanonicalTrajectory
+from signsplice.splicing.networks.phases import are_away, frames_alone, stroke_span
 from signsplice.splicing.networks.sessions import Array, Sessions
 
-_HOLD, _STROKE = (features.PHASES.index(name) for name in ("hold", "stroke"))
-_MOVEMENT_PROBABILITY = 0.05
-"""Probability from which on a frame may be part of a movement."""
 REST_FRAMES = 24
 """Most frames of rest, at ``FEATURE_FPS``, that the cutter is shown at either end of a word."""
+_LONGEST_LOW = 60
+"""Most frames of a sign's low part before an arm is raised: of hands that rest far from where they began, no more."""
 STILL = 0.05
 """Distance, arm lengths, within which a hand or finger counts as standing still: people who wait sway."""
 
@@ -34,6 +34,7 @@ class WordReading:
     leave, enter: (1, S) its summaries for leaving and for entering the word.
     first: the frame of the clip, at ``FEATURE_FPS``, with which ``features`` begin.
     active: frames [start, stop), counted from there, in which the arms are away from rest.
+    phases: (T, 5) scores of its frames' phases.
     stroke: first and last frame of the movements, counted from there; None where no sign is seen.
     """
 
@@ -43,22 +44,8 @@ class WordReading:
     enter: Array
     first: int
     active: tuple[int, int]
+    phases: Array
     stroke: tuple[int, int] | None
-
-
-def stroke_span(phases: Array) -> tuple[int, int] | None:
-    """First and last frame of a word's movements by the scores of its frames' phases (T, 5).
-
-    All frames count that are not surely something else, and one more at both ends, where movements are too slow to be
-    told from holds. The middle frame of a sign that is all hold; None where neither is seen.
-    """
-    probabilities = np.exp(phases.astype(np.float64) - phases.max(axis=-1, keepdims=True))
-    probabilities /= probabilities.sum(axis=-1, keepdims=True)
-    rows = np.flatnonzero(probabilities[:, _STROKE] > _MOVEMENT_PROBABILITY)
-    if len(rows):
-        return max(int(rows[0]) - 1, 0), min(int(rows[-1]) + 1, len(phases) - 1)
-    held = np.flatnonzero(probabilities[:, _HOLD] > 0.5)
-    return (int(held[len(held) // 2]),) * 2 if len(held) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,13 +55,13 @@ class _Word:
     trajectory: what the network is shown of it, from frame ``first`` on, at ``FEATURE_FPS``.
     first: number of its first frame.
     active: frames [start, stop), counted from there, in which the arms are away from rest.
-    readings: what the network made of it, by (mirrored, only its end).
+    readings: what the network made of it, by (mirrored, only its end, with the strokes of both hands).
     """
 
     trajectory: CanonicalTrajectory
     first: int
     active: tuple[int, int]
-    readings: dict[tuple[bool, bool], WordReading] = field(default_factory=dict)
+    readings: dict[tuple[bool, bool, bool], WordReading] = field(default_factory=dict)
 
 
 class WordReader:
@@ -92,7 +79,7 @@ class WordReader:
         """
         (word,) = self.prepare([clip])
         mirror = features.left_hand_busier(word.trajectory)
-        return self._reading(word, mirror, end=True), self._reading(word, mirror, end=False)
+        return self._alone(word, mirror, end=True), self._alone(word, mirror, end=False)
 
     def pair(self, before: Clip, after: Clip) -> tuple[WordReading, WordReading]:
         """Two words, both seen with the busier hand of the pair at the right, so that each hand of the one is that hand
@@ -115,8 +102,21 @@ class WordReader:
         for clip in clips:
             self._words.pop(clip.source_clip or clip, None)
 
+    def _alone(self, word: _Word, mirror: bool, end: bool) -> WordReading:
+        """The reading by the busier hand, with the strokes that the other one makes while that rests."""
+        own = self._reading(word, mirror, end)
+        alone = frames_alone(features.wrist_positions(own.features))
+        if not alone.any():
+            return own
+        key = (mirror, end and len(word.trajectory.positions) > WORD_FRAMES, True)
+        if key not in word.readings:
+            other = stroke_span(self._reading(word, not mirror, end).phases, alone)
+            frames = [*(own.stroke or ()), *(other or ())]
+            word.readings[key] = replace(own, stroke=(min(frames), max(frames)) if frames else None)
+        return word.readings[key]
+
     def _reading(self, word: _Word, mirror: bool, end: bool) -> WordReading:
-        key = (mirror, end and len(word.trajectory.positions) > WORD_FRAMES)
+        key = (mirror, end and len(word.trajectory.positions) > WORD_FRAMES, False)
         if key not in word.readings:
             tokens = features.word_tokens(features.mirrored(word.trajectory) if mirror else word.trajectory)
             first = len(tokens) - WORD_FRAMES if key[1] else 0
@@ -127,7 +127,8 @@ class WordReader:
                 phases=(1, n, n_phases),
             )  # fmt: skip
             start, stop = (min(max(frame - first, 0), len(tokens)) for frame in word.active)
-            movements = stroke_span(outputs["phases"][0, start:stop])
+            is_active = np.zeros(n, bool)
+            is_active[start:stop] = True
             word.readings[key] = WordReading(
                 features=tokens[:, : features.N_FRAME],
                 states=outputs["states"],
@@ -135,7 +136,8 @@ class WordReader:
                 enter=outputs["enter"],
                 first=word.first + first,
                 active=(start, stop),
-                stroke=None if movements is None else (start + movements[0], start + movements[1]),
+                phases=outputs["phases"][0],
+                stroke=stroke_span(outputs["phases"][0], is_active),
             )
         return word.readings[key]
 
@@ -149,12 +151,22 @@ def _without_long_rests(motion: CanonicalMotion) -> _Word:
     # Frames at FEATURE_FPS that lie within the span whatever the clip's own rate.
     last = min(int((stop - 1) / motion.fps * FEATURE_FPS + 1e-6), len(whole.positions) - 1)
     start, stop = min(int(np.ceil(start / motion.fps * FEATURE_FPS - 1e-6)), last), last + 1
-    leaves, comes = (_n_still_frames(positions) for positions in (whole.positions, whole.positions[::-1]))
-    first = max(0, max(start, leaves) - REST_FRAMES)
-    kept = slice(first, min(stop, len(whole.positions) - comes) + REST_FRAMES)
+    positions = whole.positions, whole.positions[::-1]
+    first, after = (max(0, _n_left_out(at, n)) for at, n in zip(positions, (start, len(whole.positions) - stop), strict=True))
+    kept = slice(first, len(whole.positions) - after)
     start, stop = max(start, first), min(stop, kept.stop)
     shown = CanonicalTrajectory(whole.rotations_6d[kept], whole.positions[kept], whole.has_role)
     return _Word(shown, first, (start - first, stop - first))
+
+
+def _n_left_out(positions: FloatArray, n_low: int) -> int:
+    """How many frames of a word's beginning are not shown, from positions (T, 12, 3) and how many frames pass until an
+    arm is raised: not all of them where a hand has left its rest long before that, for a part of the sign that is low.
+    """
+    n_still = _n_still_frames(positions)
+    away = are_away(positions[:, :: positions.shape[1] // 2])[:n_low]
+    n_rest = max(n_low - _LONGEST_LOW, int(np.flatnonzero(~(away[:, 0] | away[:, 1])).max(initial=0)))
+    return min(max(n_low, n_still) - REST_FRAMES, max(n_rest, n_still) - REST_FRAMES // 2)
 
 
 def _n_still_frames(positions: FloatArray) -> int:

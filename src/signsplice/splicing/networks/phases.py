@@ -1,0 +1,57 @@
+"""A word's strokes by the phases that the network sees in its frames, and by which hand moves when."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_closing, binary_opening, find_objects, label
+
+from signsplice.splicing.networks import features
+
+Mask = NDArray[np.bool_]
+
+_HOLD, _STROKE = (features.PHASES.index(name) for name in ("hold", "stroke"))
+_POSSIBLE, _SURE = 0.05, 0.5
+"""Probability from which on a frame may be part of a stroke, and that of one frame of it at least."""
+_JOINED = np.ones(4, bool)
+"""Strokes that are fewer frames apart than these are one."""
+_AT_REST = 0.12
+"""Distance, arm lengths, from where it begins or ends up to which a hand rests."""
+_ALONE = 6
+"""Frames, 0.2 s, from which on a hand moves alone."""
+
+
+def stroke_span(scores: NDArray[np.float32], raised: Mask) -> tuple[int, int] | None:
+    """First and last frame of a word's strokes by the scores (T, 5) of its frames' phases; ``raised`` (T,): frames in
+    which a stroke may lie.
+
+    All frames count that are not surely something else; but not a stroke of which no frame is sure, or none is raised.
+    The middle frame of a sign that is all hold; None where neither is seen.
+    """
+    weights = np.exp(scores.astype(np.float64) - scores.max(axis=-1, keepdims=True))
+    phases = weights / weights.sum(axis=-1, keepdims=True)
+    possible = phases[:, _STROKE] > _POSSIBLE
+    strokes, _ = label(binary_closing(possible, _JOINED) | possible)
+    rows = [
+        rows.start + np.flatnonzero(possible[rows])
+        for (rows,) in find_objects(strokes)
+        if raised[rows].any() and phases[rows, _STROKE].max() > _SURE
+    ]
+    if rows:
+        return int(rows[0][0]), int(rows[-1][-1])
+    held = np.flatnonzero(raised & (phases[:, _HOLD] > 0.5))
+    return (int(held[len(held) // 2]),) * 2 if len(held) else None
+
+
+def are_away(wrists: NDArray[np.floating]) -> Mask:
+    """Whether each wrist of wrists (T, 2, 3), arm lengths, is away from where it begins and ends (T, 2)."""
+    away = [np.linalg.norm(wrists - wrists[end], axis=-1) > _AT_REST for end in (0, -1)]
+    return np.asarray(away[0] & away[1])
+
+
+def frames_alone(wrists: NDArray[np.floating]) -> Mask:
+    """Frames (T,) in which the first wrist of wrists (T, 2, 3) is away from rest while the second rests, for longer
+    than a hand that comes or goes a little before the other.
+    """
+    away = are_away(wrists)
+    return np.asarray(binary_opening(away[:, 0] & ~away[:, 1], np.ones(_ALONE, bool)))
