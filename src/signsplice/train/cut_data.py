@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
+from signsplice.formats.reading import format_errors
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.rig.canonical import FEATURE_FPS
@@ -25,7 +26,7 @@ from signsplice.rig.canonical_map import ROLES
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.features import PHASES, CanonicalTrajectory
 from signsplice.synth.rng import stream
-from signsplice.train.prefetch import draw_from_folders, group_by_folder
+from signsplice.train.prefetch import SIGNING, draw_from_folders, group_by_folder
 
 Int = NDArray[np.int64]
 
@@ -65,7 +66,7 @@ def read_words(path: Path) -> SignerWords:
     """The words of a signer's file, as ``synth.training_data`` writes it."""
     has_role = np.ones(len(ROLES), bool)
     trajectories, phases = [], []
-    with np.load(path) as stored:
+    with format_errors(str(path), SIGNING), np.load(path) as stored:
         packed_quats, positions, events, true_cuts = (stored[key] for key in ("turns", "places", "events", "pairs"))
         for (first, n_frames), word_events in zip(stored["words"].tolist(), events.tolist(), strict=True):
             frames = slice(first, first + n_frames)

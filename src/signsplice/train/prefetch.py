@@ -20,6 +20,8 @@ from signsplice.errors import SignspliceError
 
 Rows = NDArray[np.int64]
 
+SIGNING = "file of signing to train on"
+"""What a folder of signing holds, for messages."""
 _ENDING_SECONDS = 5.0
 """Time that a process has to end by itself."""
 

@@ -151,9 +151,9 @@ def _without_long_rests(motion: CanonicalMotion) -> _Word:
     # Frames at FEATURE_FPS that lie within the span whatever the clip's own rate.
     last = min(int((stop - 1) / motion.fps * FEATURE_FPS + 1e-6), len(whole.positions) - 1)
     start, stop = min(int(np.ceil(start / motion.fps * FEATURE_FPS - 1e-6)), last), last + 1
-    positions = whole.positions, whole.positions[::-1]
-    first, after = (max(0, _n_left_out(at, n)) for at, n in zip(positions, (start, len(whole.positions) - stop), strict=True))
-    kept = slice(first, len(whole.positions) - after)
+    n = len(whole.positions)
+    first = max(0, _n_left_out(whole.positions, start))
+    kept = slice(first, n - max(0, _n_left_out(whole.positions[::-1], n - stop)))
     start, stop = max(start, first), min(stop, kept.stop)
     shown = CanonicalTrajectory(whole.rotations_6d[kept], whole.positions[kept], whole.has_role)
     return _Word(shown, first, (start - first, stop - first))
