@@ -155,7 +155,7 @@ def strong_hand(posture: Posture, weak: WeakArm, meets: bool = False, size: floa
     signer, normal = weak.signer, locate(posture.location, weak).normal
     hand_state = np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, signer), angles])
     for _ in range(_TOUCH_ROUNDS * (posture.on_skin and normal.any())):
-        gaps = hand_clearances(np.concatenate([hand_state, weak.hand, np.zeros(pose.SIZE - 54)])[None], signer)[0]
+        gaps = hand_clearances(np.concatenate([hand_state, weak.hand, np.zeros(9)])[None], signer)[0]
         gap = gaps[2 if posture.location in ON_ARM | ON_BASE else 0]
         wrist = wrist + (max(posture.off, 0.0) * signer.scale - gap) * normal
         hand_state[:6] = np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, signer)])
@@ -174,7 +174,7 @@ def strong_wrist(
     names, skin, _ = PARTS_OF_HAND[posture.part]
     unit = signer.hands * signer.scale
     part = rotation.rotate(quat, part_of(shape.points, names)) * unit
-    shift = axes(posture.shift) * size - np.array([0.0, posture.lower * signer.scale, 0.0])
+    shift = axes(posture.shift) * size
     if location.normal.any():
         target = location.point + (skin * unit + posture.off * signer.scale) * location.normal + shift
     elif meets and location.point[0] == 0.0:

@@ -21,7 +21,6 @@ from signsplice.errors import FormatError
 from signsplice.formats.reading import read_bytes
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.phonology import (
-    BEFORE_CHEST,
     DIRECTIONS,
     HANDS,
     HEAD,
@@ -46,9 +45,6 @@ _ONLY_M = ("path", "w.path", "local", "times", "return", "step", "tempo", "keep"
 _KEYS = (*_POSTURE_KEYS, *(f"w.{key}" for key in _POSTURE_KEYS), *_ONLY_M, "for", "head", "trunk")
 _LIFT_CM = 3.0
 """How far a hand is lifted where the notation gives no distance."""
-_LOWER_CM = 6.0
-"""How much lower two hands are in neutral space than one: before belly and chest. One hand on top of the other would
-else be at the throat."""
 _HEADER = re.compile(r"(?P<gloss>[^\s=:]+)\s+hands=(?P<hands>\S+)(?:\s+kind=(?P<kind>\S+))?\s*$")
 
 
@@ -132,8 +128,6 @@ def _sign(block: list[tuple[_Line, str]]) -> Sign:
             notes[key] = value.strip()
         else:
             segments.append(_segment(line, content, hands, segments[-1] if segments else None))
-    if hands != "one":
-        segments = [_lowered(segment) for segment in segments]
     if any(segment.keeps for segment in segments):  # from touch to touch
         segments = [replace(s, strong=replace(s.strong, on_skin=s.strong.off < 1.0)) for s in segments]
     synonyms = tuple(word.strip() for word in notes["synonyms"].split(",") if word.strip())
@@ -142,15 +136,6 @@ def _sign(block: list[tuple[_Line, str]]) -> Sign:
     if found:
         raise first.error(f"{gloss}: {found[0]}")
     return sign
-
-
-def _lowered(segment: Segment) -> Segment:
-    """A segment of a sign of two hands, which are lower in neutral space than one is."""
-    strong, weak = (
-        posture and replace(posture, lower=_LOWER_CM if posture.location in BEFORE_CHEST else 0.0)
-        for posture in (segment.strong, segment.weak)
-    )
-    return replace(segment, strong=strong or segment.strong, weak=weak)
 
 
 def _segment(line: _Line, content: str, hands: str, before: Segment | None) -> Segment:

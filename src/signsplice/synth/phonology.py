@@ -42,7 +42,6 @@ NEUTRAL = frozenset(name for name in LOCATIONS if name.startswith("space") or na
 ROLES = ("subject", "object")
 """Locations of a verb that agrees, which ``inflection.agree`` replaces by loci."""
 LOCI = frozenset(name for name in LOCATIONS if name.startswith("locus:")) | set(ROLES)
-BEFORE_CHEST = frozenset(name for name in NEUTRAL if name.startswith("space"))
 IN_SPACE = NEUTRAL | {"above-head"} | LOCI
 ON_ARM = frozenset(name for name, *_ in PLACES["arm"])
 ON_BASE = frozenset(name for name in LOCATIONS if name.startswith("base-") or name == "forearm-weak")
@@ -79,7 +78,6 @@ class Posture:
     fingers: unit vector that the extended fingers would point along
     off: distance of the part from the body's surface, cm
     shift: displacement from there, cm
-    lower: how much lower than the location it is, cm, as signs of two hands are in neutral space
     on_skin: whether the hand lies on the skin there, wherever ``shift`` brings it, and no deeper
     """
 
@@ -90,7 +88,6 @@ class Posture:
     fingers: Vector
     off: float = 0.0
     shift: Vector = (0.0, 0.0, 0.0)
-    lower: float = 0.0
     on_skin: bool = False
 
 
