@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import locations, phonology, pose
-from signsplice.synth.avoidance import penetration
+from signsplice.synth.avoidance import hand_clearances
 from signsplice.synth.locations import MIRROR, WeakArm, resting
 from signsplice.synth.phonology import Local, Path, Posture, Segment, Sign, Vector, faults
 from signsplice.synth.rng import stream
@@ -285,7 +285,8 @@ def _first_easy(segments: Sequence[Segment], hands: str) -> Segment | None:
     weak = [rest if formed[k].weak is None else arms[formed[k].weak].hand for k in chosen]
     strong = hand_states[chosen]
     states = pose.of_hands(strong, strong if meets else np.array(weak))
-    free = np.flatnonzero(penetration(states, STANDARD)[0].max(axis=1) < 0.5)
+    body_and_hand = hand_clearances(states, STANDARD)[:, [0, 1, 3]]  # arms are cleared afterwards
+    free = np.flatnonzero(body_and_hand.min(axis=1) > -0.5)
     return formed[chosen[free[0]]] if len(free) else None
 
 
