@@ -47,8 +47,8 @@ class HiddenFrames:
     deep: fraction of the gaps in which a hand lies more than ``DEEP_M`` in the body, depth at the two ends not counted;
         NaN where the rig's arms are not known.
     deepest: greatest such depth, m; NaN where the rig's arms are not known.
-    keyframed: fraction of the gaps whose moving frames mostly rotate at constant speed: interpolated between keys by a
-        program, not captured (``metrics.is_keyed``).
+    keyframed: fraction of the gaps whose frames, those shown among them, were interpolated between keys by a program, not
+        captured (``metrics.is_keyed``).
     """
 
     transition: str
@@ -92,7 +92,7 @@ def hidden_frames(
                 "context on either side needs; give longer clips"
             )
         true_jump = float(np.median([_velocity_jump(window, n_frames) for window in windows]))
-        keyframed = float(np.mean([metrics.is_keyed(window[SHOWN - 1 : 1 - SHOWN]) for window in windows]))
+        keyframed = float(np.mean([metrics.is_keyed(window) for window in windows]))
         for transition in transitions:
             scores = np.array([_score(window, transition, n_frames) for window in windows])  # (n_gaps, 7)
             error, hands, fingers, trunk, ratio = _means(scores[:, :5])
