@@ -1,8 +1,10 @@
 """rig.metrics: scores compared with values computed by hand."""
 
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -101,7 +103,11 @@ def rekeyed(clip: Clip, n: int, curve: str) -> Clip:
     for k in range(1, len(q)):
         q[k] *= np.where((q[k] * q[k - 1]).sum(axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
     keys = np.r_[np.arange(0, len(q) - 1, n), len(q) - 1]
-    curves = {"cubic": CubicSpline, "hermite": PchipInterpolator, "line": partial(make_interp_spline, k=1)}
+    curves: dict[str, Callable[..., Any]] = {
+        "cubic": CubicSpline,
+        "hermite": PchipInterpolator,
+        "line": partial(make_interp_spline, k=1),
+    }
     drawn = curves[curve](keys, q[keys])(np.arange(len(q)))
     return replace(clip, local_rotations=rotation.normalize(drawn), channels=None)
 

@@ -47,7 +47,7 @@ class HiddenFrames:
     deep: fraction of the gaps in which a hand lies more than ``DEEP_M`` in the body, depth at the two ends not counted;
         NaN where the rig's arms are not known.
     deepest: greatest such depth, m; NaN where the rig's arms are not known.
-    keyframed: fraction of the gaps whose frames, those shown among them, were interpolated between keys by a program, not
+    keyframed: fraction of the gaps whose frames, with those shown, were interpolated between keys by a program, not
         captured (``metrics.is_keyed``).
     """
 
