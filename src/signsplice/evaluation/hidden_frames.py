@@ -46,8 +46,8 @@ class HiddenFrames:
     deep: fraction of the gaps in which a hand lies more than ``DEEP_M`` in the body, depth at the two ends not counted;
         NaN where the rig's arms are not known.
     deepest: greatest such depth, m; NaN where the rig's arms are not known.
-    keyframed: fraction of the gaps whose moving frames mostly rotate at constant speed: interpolated between keys by a
-        program, not captured (``metrics.is_keyed``).
+    keyframed: fraction of the gaps whose frames, with those shown, were interpolated between keys by a program, not
+        captured (``metrics.is_keyed``).
     """
 
     transition: str
@@ -91,7 +91,7 @@ def hidden_frames(
                 "context on either side needs; give longer clips"
             )
         true_jump = float(np.median([_velocity_jump(window, n_frames) for window in windows]))
-        keyframed = float(np.mean([metrics.is_keyed(window[SHOWN - 1 : 1 - SHOWN]) for window in windows]))
+        keyframed = float(np.mean([metrics.is_keyed(window) for window in windows]))
         for transition in transitions:
             scores = np.array([_score(window, transition, n_frames) for window in windows])  # (n_gaps, 7)
             known = [column[~np.isnan(column)] for column in scores[:, :5].T]  # of the gaps that have a score

@@ -23,6 +23,7 @@ from signsplice.motion.joined import JoinedClips, joined
 from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motion
 from signsplice.rig.canonical_map import ARM, ROLES
 from signsplice.rig.info import rig_info
+from signsplice.rig.metrics import is_keyed
 from signsplice.splicing.gap import Cut, Gap
 from signsplice.splicing.methods.cut import Cutter
 from signsplice.splicing.methods.duration import HUMAN_MEDIAN_S, Duration, travel_law
@@ -178,8 +179,8 @@ class LearnedTransition(GapTransition):
     """The limited Hermite curve, its arms corrected by a network that sees the gap and eight frames on either side.
 
     End poses and end velocities stay those of the curve. Fingers, trunk, neck, head and joints without a role, gaps of
-    fewer than 2 or more than 45 frames at 30 a second, and rigs whose arms are not known by name follow the curve
-    alone.
+    fewer than 2 or more than 45 frames at 30 a second, words that were drawn between keys (``metrics.is_keyed``), and
+    rigs whose arms are not known by name follow the curve alone.
     """
 
     name, learned = NAME, True
@@ -205,7 +206,7 @@ class LearnedTransition(GapTransition):
     def fill(self, gaps: Sequence[Gap]) -> list[Clip]:
         """The new frames of every gap: the curves of all, and what the network sees of them, are computed together."""
         made = self.base.fill(gaps)
-        bent = [row for row, gap in enumerate(gaps) if _within_limits(gap)]
+        bent = [row for row, gap in enumerate(gaps) if _within_limits(gap) and not is_keyed(gap.before, gap.after)]
         windows = [_window(gaps[row], made[row]) for row in bent]
         for block in joined(windows):
             rows = [bent[row] for row in block.rows]
