@@ -118,8 +118,8 @@ KINDS = {
     "bones in one line at zero": Kind(stacked, _REST, 2.0),
     "mirror image, sides renamed": Kind(mirror_image, _REST, is_mirrored=True),
     "mirrored, sides not renamed": Kind(mirrored, r"left and right", np.inf),
-    "names of known schemes": Kind(renamed, _NAMES, 3.0),
-    "all of these at once, on the first's body": Kind(several, f"{_REST}|{_UNIT}|{_NAMES}", 3.0, has_bodies=False),
+    "names of known schemes": Kind(renamed, _NAMES, 4.0),
+    "all of these at once, on the first's body": Kind(several, f"{_REST}|{_UNIT}|{_NAMES}", 4.0, has_bodies=False),
     "glTF: a node above turns, moves and scales": Kind(unchanged, _UNIT, above=_even, has_bodies=False),
     "glTF: a node above mirrors, shears or scales unevenly": Kind(
         unchanged, r"mirror|shear|scale|even", above=_uneven, has_bodies=False, has_truth=False
