@@ -3,11 +3,11 @@
 A word that ships is brought to another rig, written by this file's own writer, read, and spliced after another word.
 Forward kinematics of this file's own then compares wrists, elbows, knuckles, fingertips, head and nose with the true
 motion: that of the same splice from the rig that was not distorted, which for a word on the body that ships is checked
-to be the word's own, moved as one. Right is within 1 mm in every frame, on the first rig, and at least 90 % of the word's
-frames are shown. On other bodies it is within 3 mm, seen from the hips, which may lie 5 mm off: what is up for a trunk, and how far
-hips sway, depends there on what is taken for the body's size. Else the result has to have a warning that names the
-fault, or the file has to be refused. Anything else is silent, and the exit status is 1. Prints a row of a Markdown
-table for each kind of distortion. Takes five minutes of processor time for the default of 2,000 rigs.
+to be the word's own, moved as one. Right is within 1 mm in every frame, on the first rig, and at least 90 % of the
+word's frames are shown. On other bodies it is within 3 mm, seen from the hips, which may lie 5 mm off: what is up for a
+trunk, and how far hips sway, depends there on what is taken for the body's size. Else the result has to have a warning
+that names the fault, or the file has to be refused. Anything else is silent, and the exit status is 1. Prints a row of
+a Markdown table for each kind of distortion. Takes five minutes of processor time for the default of 2,000 rigs.
 """
 
 from __future__ import annotations
