@@ -155,7 +155,7 @@ def test_the_command_takes_captures_for_words(monkeypatch: pytest.MonkeyPatch) -
     from signsplice.cli import evaluation
 
     monkeypatch.setattr(bodies.compare, "__defaults__", ({"small head": BODIES["small head"]}, None))
-    monkeypatch.setattr(evaluation, "load", lambda file: CLIP)
+    monkeypatch.setattr(evaluation, "load", lambda file, roles: CLIP)
     call = ["evaluate", "bodies", "--clips", "x.bvh", "--json"]
     printed = json.loads(CliRunner().invoke(app, call, catch_exceptions=False).stdout)
     assert printed["signature"] == bodies.signature()

@@ -112,6 +112,16 @@ def test_rigs_with_other_joint_names_are_matched_by_roles(words: dict[str, Clip]
     assert np.allclose(positions(back), positions(other), atol=0.0005)
 
 
+def test_names_that_mean_other_joints_of_the_arm_make_no_one_rig(words: dict[str, Clip]) -> None:
+    """Names of legs and fingers agree. LeftShoulder is the collar bone of one, the upper arm of the other."""
+    clip = words["SIGN"]
+    classic = {"Shoulder": "Collar", "Arm": "Shoulder", "ForeArm": "Elbow", "Hand": "Wrist"}
+    rename = {f"mixamorig:{side}{a}": f"{side}{b}" for side in ("Left", "Right") for a, b in classic.items()}
+    out = align(on_other_rig(clip, np.asarray(rotation.IDENTITY), 1.0, rename), reference(clip))
+    assert np.allclose(positions(out.clip), positions(clip), atol=1e-6)
+    assert out.warnings == ()
+
+
 def test_fingers_named_unlike_the_body_are_carried_over(words: dict[str, Clip]) -> None:
     clip = words["SIGN"]
     rename = {

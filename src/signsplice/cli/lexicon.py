@@ -106,7 +106,7 @@ def _count(n_words: int, n_letters: int) -> str:
 def check(path: str, roles: str | None) -> None:
     """Name every fault of a folder of clips, or of a lexicon.
 
-    The exit status is 1 where there is one; frames that do not belong to a clip are warned of.
+    The exit status is 1 where there is one; what else `inspect` names is warned of.
     """
     from signsplice.lexicon import folder
     from signsplice.lexicon.index import INDEX

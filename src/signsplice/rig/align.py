@@ -1,7 +1,8 @@
 """Clips of different rigs, units, rates and positions aligned to the first clip of a sentence.
 
-Same rig by names: local rotations are copied joint by joint. Different rigs: by the roles of the canonical humanoid,
-through global rotations relative to the T-pose, so that every bone points in the same direction as before. Then each
+Same rig by names: local rotations are copied joint by joint. Same bones with other axes: by the axes that follow from
+them (``one_body``). Different rigs: by the roles of the canonical humanoid, through global rotations relative to the
+T-pose. So every bone points in the same direction as before. Then each
 clip is moved and turned about the vertical as one rigid whole, so that its signer stands where the first one stands.
 """
 
@@ -17,7 +18,9 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, resample
 from signsplice.motion.kinematics import forward, global_quats, rest_positions
+from signsplice.rig.canonical_map import ARM
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 from signsplice.rig.one_body import IDENTICAL, axes_on_one_body, bones_apart, size_ratio
 from signsplice.rig.placement import Placement, place, placement
 
@@ -65,8 +68,8 @@ def copy_rotations(clip: Clip, to: Reference, by_role: bool = False) -> tuple[Cl
     another body hands lose places and contacts, which ``body.retarget`` keeps. Raises ``RigMismatchError`` where the
     two rigs have nothing in common.
 
-    by_role: whether joints of the same names are still taken for joints of two rigs: rest poses of one rig that differ
-        by some degrees are else taken for the same.
+    by_role: whether joints of the same names are still taken for joints of two rigs: on two bodies, rest poses of one
+        rig that differ by some degrees are else taken for the same.
     """
     source, target = clip.skeleton, to.skeleton
     if source is target or is_same_skeleton(source, target):
@@ -119,9 +122,17 @@ def is_same_skeleton(a: Skeleton, b: Skeleton) -> bool:
 
 
 def _by_name(source: Skeleton, target: Skeleton) -> dict[int, int] | None:
-    """Target joint -> source joint for two skeletons that have most names in common, None where they have not."""
-    index = {name: j for j, name in enumerate(rig_info(source).simple_names)}
-    pairs = {j: index[name] for j, name in enumerate(rig_info(target).simple_names) if name in index}
+    """Target joint -> source joint for two skeletons that have most names in common, None where they have not, or where
+    the names of arms mean others: a shoulder is the collar bone of one rig, the upper arm of another.
+    """
+    ours, theirs = rig_info(target), rig_info(source)
+    index = {name: j for j, name in enumerate(theirs.simple_names)}
+    pairs = {j: index[name] for j, name in enumerate(ours.simple_names) if name in index}
+    arms = [side + part for side in SIDES for part in ARM if side + part in theirs.roles.joints]
+    if any(
+        pairs.get(joint) != theirs.roles.joints[role] for role in arms if (joint := ours.roles.joint(role)) is not None
+    ):
+        return None
     return None if len(pairs) < 0.5 * min(len(source), len(target)) else pairs
 
 

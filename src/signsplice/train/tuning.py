@@ -23,6 +23,7 @@ from signsplice.lexicon.reader import open_lexicon
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, resample
 from signsplice.rig.canonical import FEATURE_FPS, canonical_bones, canonical_motion
+from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.rig.stray_frames import stray_frames
 from signsplice.splicing.methods.learned import LearnedTransition, open_sessions
 from signsplice.splicing.methods.transition import find_transition
@@ -165,6 +166,7 @@ def split(lexicon: Path) -> tuple[list[Clip], list[Clip]]:
 
 
 def _without_stray_frames(clip: Clip) -> Clip:
+    clip = with_rest_pose(clip)
     found = stray_frames(clip)
     return clip[found.start : found.stop]
 
