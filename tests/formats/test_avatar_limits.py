@@ -166,3 +166,27 @@ def test_nodes_of_roles_are_whole_numbers(tmp_path: Path, narrow: Avatar, versio
 
     with pytest.raises(FormatError, match=r"joint 0\.7 is no node"):
         ss.read_avatar(bare(tmp_path, narrow, change, version))
+
+
+PERSPECTIVE = [1.0, 0.0, 0.0, 0.1, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("fields", "expected"),
+    [
+        ({"rotation": [0.0, 0.0, 0.0, 0.5]}, r"a rotation has length 0\.5, expected 1"),
+        ({"rotation": [False, 0.0, 0.0, 1.0]}, r"rotation is \[False, .*, expected 4 finite numbers"),
+        ({"translation": ""}, "translation is '', expected 3 finite numbers"),
+        ({"scale": [[1.0, 1.0, 1.0]]}, "scale is .*, expected 3 finite numbers"),
+        ({"matrix": {}}, "matrix is {}, expected 16 finite numbers"),
+        ({"matrix": PERSPECTIVE}, r"has the last row \[0\.1, 0\.0, 0\.0, 1\.0\], expected 0, 0, 0, 1"),
+    ],
+)
+def test_nodes_of_avatars_hold_what_the_standard_says(
+    tmp_path: Path, narrow: Avatar, fields: dict[str, object], expected: str
+) -> None:
+    def change(document: Document) -> None:
+        document["nodes"][document["extensions"]["VRMC_vrm"]["humanoid"]["humanBones"]["hips"]["node"]].update(fields)
+
+    with pytest.raises(FormatError, match=rf"a\.vrm: .*node .*{expected}"):
+        ss.read_avatar(bare(tmp_path, narrow, change))

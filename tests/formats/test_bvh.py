@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -280,10 +281,11 @@ def test_joints_in_any_order_are_written_correctly() -> None:
         assert np.allclose(positions, expected[name], atol=1e-6)
 
 
-def test_joint_names_that_bvh_cannot_hold_are_refused() -> None:
+@pytest.mark.parametrize("name", ["my hips", "", " ", " hips", "hips\n", "\u2028ips", "hips\u3000"])
+def test_joint_names_that_bvh_cannot_hold_are_refused(name: str) -> None:
     clip = random_clip(0)
-    names = ("my hips", *clip.skeleton.names[1:])
-    with pytest.raises(InputError, match="'my hips' is empty or has white space"):
+    names = (name, *clip.skeleton.names[1:])
+    with pytest.raises(InputError, match=re.escape(f"{name!r} is empty or has white space")):
         bvh.encode(replace(clip, skeleton=replace(clip.skeleton, names=names)))
 
 

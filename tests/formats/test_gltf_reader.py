@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import json
 import struct
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ import numpy as np
 import pytest
 
 import signsplice as ss
+from gltf_documents import ARM, IDENTITY, QUARTER, changed, document, load_document, rotating
 from signsplice.errors import FormatError, InputError
 from signsplice.lexicon import shipped
 from signsplice.motion import kinematics, rotation
@@ -19,52 +18,6 @@ from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.inspection import inspect
 
 BOOK = shipped().clip("BOOK")
-
-
-def document(nodes: list[dict[str, Any]], channels: list[dict[str, Any]], **more: Any) -> dict[str, Any]:
-    """A glTF document: channels hold node, path, times, values and interpolation."""
-    content, views, accessors, samplers, targets = bytearray(), [], [], [], []
-
-    def put(values: Any, kind: str, dtype: str = "f4", component: int = 5126, **extra: Any) -> int:
-        array = np.ascontiguousarray(values, dtype)
-        views.append({"buffer": 0, "byteOffset": len(content), "byteLength": array.nbytes})
-        content.extend(array.tobytes() + b"\0" * (-array.nbytes % 4))
-        accessors.append(
-            {"bufferView": len(views) - 1, "componentType": component, "count": len(array), "type": kind, **extra}
-        )
-        return len(accessors) - 1
-
-    for channel in channels:
-        kind = "VEC4" if channel["path"] == "rotation" else "VEC3"
-        extra = channel.get("stored", {})
-        samplers.append({
-            "input": put(channel["times"], "SCALAR"),
-            "output": put(channel["values"], kind, **extra),
-            "interpolation": channel.get("interpolation", "LINEAR"),
-        })  # fmt: skip
-        targets.append({"sampler": len(samplers) - 1, "target": {"node": channel["node"], "path": channel["path"]}})
-    uri = "data:application/octet-stream;base64," + base64.b64encode(bytes(content)).decode()
-    return {
-        "asset": {"version": "2.0"}, "nodes": nodes, "accessors": accessors, "bufferViews": views,
-        "buffers": [{"byteLength": len(content), "uri": uri}],
-        "animations": [{"name": "wave", "samplers": samplers, "channels": targets}], **more,
-    }  # fmt: skip
-
-
-def load_document(folder: Path, content: dict[str, Any]) -> Clip:
-    path = folder / "made.gltf"
-    path.write_text(json.dumps(content))
-    return ss.load(path)
-
-
-ARM = [{"name": "root", "children": [1]}, {"name": "arm", "translation": [0, 1, 0]}]
-QUARTER = [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]
-IDENTITY = [0.0, 0.0, 0.0, 1.0]
-
-
-def rotating(**more: Any) -> dict[str, Any]:
-    """A channel that rotates the root by a quarter revolution within a second."""
-    return {"node": 0, "path": "rotation", "times": [0, 1], "values": [IDENTITY, QUARTER], **more}
 
 
 @pytest.mark.parametrize(
@@ -217,13 +170,6 @@ def test_duplicate_joint_names_get_numbers(tmp_path: Path) -> None:
     assert load_document(tmp_path, document(nodes, channels)).skeleton.names == ("bone", "bone 3", "bone 2")
 
 
-def changed(change: Any) -> dict[str, Any]:
-    """A valid document after a change."""
-    content = document([dict(node) for node in ARM], [rotating()])
-    change(content)
-    return content
-
-
 INVALID: dict[str, tuple[Any, str]] = {
     "no animation": (lambda d: d.pop("animations"), "holds no animation, expected an animated skeleton"),
     "only morph targets": (
@@ -281,13 +227,13 @@ def test_broken_binary_files_are_refused(tmp_path: Path) -> None:
     ss.save(BOOK[:3], path)
     whole = path.read_bytes()
     for content, expected in (
-        (b"", r"is no valid \.vrma file \(JSONDecodeError"),
+        (b"", r"a\.vrma:1: is no JSON \(Expecting value\), expected a glTF document"),
         (b"glTF", "4 bytes are no glTF file"),
         (whole[:1000], "it is cut short"),
         (whole[:4] + struct.pack("<I", 1) + whole[8:], "is glTF 1, expected 2"),
         (whole[:12] + struct.pack("<I", 2**31) + whole[16:], "reaches beyond the file's end"),
         (whole[:16] + b"NOSJ" + whole[20:], "has no JSON chunk"),
-        (b"HIERARCHY\nROOT hips", r"is no valid \.vrma file"),
+        (b"HIERARCHY\nROOT hips", r"a\.vrma:1: is no JSON"),
         (b"[]", "its JSON is no object"),
     ):
         path.write_bytes(content)

@@ -90,9 +90,7 @@ class AvatarReader(MeshReader):
     def _roles(self, given: Mapping[str, str]) -> dict[str, int]:
         """Role -> node: those given by name, else those of a VRM humanoid, else those known by name."""
         humanoid = self._humanoid()
-        joints = {node for skin in self.json.get("skins") or () for node in skin["joints"]} | {*humanoid.values()}
-        for node in joints:
-            self._row(self.nodes, node, "joint")
+        joints = {node for skin in self.skins for node in skin["joints"]} | {*humanoid.values()}
         if not joints:
             raise self._error("is no avatar: it holds neither a VRM humanoid nor a mesh with a skin")
         if humanoid and not given:

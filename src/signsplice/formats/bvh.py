@@ -102,7 +102,7 @@ def encode(clip: Clip) -> bytes:
 
     Raises ``InputError`` for a joint name that BVH cannot hold.
     """
-    spaced = next((name for name in clip.skeleton.names if len(name.split()) != 1), None)
+    spaced = next((name for name in clip.skeleton.names if name.split() != [name]), None)
     if spaced is not None:
         raise InputError(f"joint name {spaced!r} is empty or has white space, which BVH cannot hold; rename it")
     names, values = euler_curves.complete(clip)

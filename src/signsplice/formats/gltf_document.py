@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import base64
 import binascii
-import json
+import math
 import re
 import struct
 from pathlib import Path
+from reprlib import repr as shortened
 from typing import Any
 from urllib.parse import unquote
 
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import FormatError, LimitError
+from signsplice.formats.json_files import parse_json
 from signsplice.formats.limits import ReadLimits
 from signsplice.formats.reading import read_bytes
 from signsplice.motion.arrays import FloatArray
@@ -43,6 +45,7 @@ _COMPONENTS: dict[int, type[np.generic]] = {
     5126: np.float32,
 }
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+_TYPES = {bool: "true or false", int: "a whole number from 0", str: "a text", dict: "an object", list: "a list"}
 
 Fields = dict[str, Any]
 """An object of the document: its property names and values, as glTF 2.0 defines them."""
@@ -66,11 +69,11 @@ class Document:
         text, self._blob = _chunks(file, content) if content[:4] == b"glTF" else (content, b"")
         n_values = sum(text.count(mark) for mark in (b",", b"{", b"["))
         limits.check_memory(f"{n_values:,} values of JSON", _VALUE_BYTES * n_values, len(text), file)
-        self.json: Fields = json.loads(text.decode("utf-8-sig"))
+        self.json: Fields = parse_json(text, file, "a glTF document")
         if not isinstance(self.json, dict):
             raise self._error("its JSON is no object")
         self._check_versions()
-        self.nodes: list[Fields] = self.json.get("nodes") or []
+        self.nodes: list[Fields] = self._field(self.json, "nodes", [], "the document")
         if len(self.nodes) > limits.nodes:
             raise LimitError(f"{len(self.nodes):,} nodes, expected at most {limits.nodes:,.0f}", file=file)
         self._buffers: dict[int, bytes] = {}
@@ -97,9 +100,9 @@ class Document:
     def _parents(self) -> dict[int, int]:
         parents: dict[int, int] = {}
         for node, fields in enumerate(self.nodes):
-            for child in fields.get("children") or ():
-                if not 0 <= child < len(self.nodes) or child in parents or child == node:
-                    raise self._error(f"node {child} is a child of node {node} and of another, or does not exist")
+            for child in self._field(fields, "children", [], f"node {node}"):
+                if type(child) is not int or not 0 <= child < len(self.nodes) or child in parents or child == node:
+                    raise self._error(f"node {child!r:.20} is a child of node {node} and of another, or does not exist")
                 parents[child] = node
         return parents
 
@@ -113,9 +116,27 @@ class Document:
             raise self._error(f"node {node} is its own ancestor, or below such a node")
         return order
 
+    def _field(self, fields: Fields, name: str, default: Any, where: str) -> Any:
+        """A property of an object; ``default`` where it is absent or null. Raises ``FormatError`` where it is not of
+        the default's type: true is no number, whole numbers begin at 0, a tuple stands for as many finite numbers.
+        """
+        value = fields.get(name)
+        if value is None:
+            return default
+        if isinstance(default, tuple):
+            fits = isinstance(value, list) and len(value) == len(default)
+            fits = fits and all(type(number) in (int, float) and abs(number) < math.inf for number in value)
+            expected = f"{len(default)} finite numbers"
+        else:
+            fits = type(value) is type(default) and not (isinstance(value, int) and value < 0)
+            expected = _TYPES[type(default)]
+        if not fits:
+            raise self._error(f"{where}: {name} is {shortened(value)}, expected {expected}")
+        return value
+
     def _row(self, rows: Any, number: Any, what: str) -> Any:
         """A row of a table of the document by its number. Raises ``FormatError`` where there is none."""
-        if not isinstance(number, int) or not 0 <= number < len(rows or []):
+        if type(number) is not int or not 0 <= number < len(rows or []):
             kind = "node" if what == "joint" else "such"
             raise self._error(f"{what} {number!r:.20} is no {kind}, of {len(rows or [])}")
         return rows[number]
@@ -136,32 +157,35 @@ class Document:
 
     def _values(self, number: int) -> FloatArray:
         """The values (N, width) of an accessor; integers that are marked as normalized as -1..1 or 0..1."""
+        accessor = self._row(self.json.get("accessors"), number, "accessor")
         if number not in self._arrays:
-            self._arrays[number] = self._read_values(number)
+            self._arrays[number] = self._read_values(accessor, number)
         return self._arrays[number]
 
-    def _read_values(self, number: int) -> FloatArray:
-        accessor = self._row(self.json.get("accessors"), number, "accessor")
-        kind, width, count = _COMPONENTS[accessor["componentType"]], _WIDTHS[accessor["type"]], accessor["count"]
+    def _read_values(self, accessor: Fields, number: int) -> FloatArray:
+        where, kind, width = f"accessor {number}", _COMPONENTS[accessor["componentType"]], _WIDTHS[accessor["type"]]
+        count = self._field(accessor, "count", 0, where)
         stored = accessor.get("bufferView") is not None
         if not stored and accessor.get("sparse") is None:
-            raise self._error(f"accessor {number} is empty, expected values")
-        rows = self._rows(accessor, kind, width, count, f"accessor {number}") if stored else None
-        self._array_bytes += 8 * max(count, 0) * width
+            raise self._error(f"{where} is empty, expected values")
+        rows = self._rows(accessor, kind, width, count, where) if stored else None
+        self._array_bytes += 8 * count * width
         self.limits.check_memory(f"accessors up to {number}", self._array_bytes, self.given_bytes, self.file)
         values = np.zeros((count, width)) if rows is None else rows.astype(np.float64)
         if accessor.get("sparse") is not None:
             self._replace_sparse(values, accessor["sparse"], kind, number)
-        if accessor.get("normalized") and np.dtype(kind).kind in "iu":
+        if self._field(accessor, "normalized", False, where):
+            if np.dtype(kind).itemsize > 2:
+                raise self._error(f"{where} is normalized, but not of numbers of 8 or 16 bits, as it has to be")
             bits = 8 * np.dtype(kind).itemsize - (np.dtype(kind).kind == "i")
             values = np.maximum(values / float(2**bits - 1), -1.0)
         return values
 
     def _replace_sparse(self, values: FloatArray, sparse: Fields, kind: type[np.generic], number: int) -> None:
         """Write the rows that a sparse accessor replaces into its ``values`` (N, width)."""
-        count, what = sparse["count"], f"the sparse part of accessor {number}"
-        index = sparse["indices"]
-        self.limits.check_memory(what, 8 * max(count, 0) * (values.shape[1] + 1), self.given_bytes, self.file)
+        what, index = f"the sparse part of accessor {number}", sparse["indices"]
+        count = self._field(sparse, "count", 0, what)
+        self.limits.check_memory(what, 8 * count * (values.shape[1] + 1), self.given_bytes, self.file)
         rows = self._rows(index, _COMPONENTS[index["componentType"]], 1, count, what)[:, 0]
         if rows.dtype.kind != "u" or rows.max() >= len(values):
             raise self._error(f"{what} names rows beyond its {len(values)}")
@@ -170,23 +194,20 @@ class Document:
     def _rows(self, place: Fields, kind: type[np.generic], width: int, count: int, what: str) -> NDArray[Any]:
         """Rows (count, width) of numbers as they lie in a buffer, at the view and offset that ``place`` names."""
         view, dtype = self._row(self.json.get("bufferViews"), place["bufferView"], "bufferView"), np.dtype(kind)
-        data, first = self._buffer(view["buffer"]), view.get("byteOffset") or 0
-        start = first + (place.get("byteOffset") or 0)
-        stride = view.get("byteStride") or width * dtype.itemsize
-        end = start + (count - 1) * stride + width * dtype.itemsize
-        if (
-            count < 1
-            or start < 0
-            or stride < width * dtype.itemsize
-            or end > min(first + view["byteLength"], len(data))
-        ):
+        where, size = f"bufferView {place['bufferView']}", width * dtype.itemsize
+        data, first = self._buffer(view["buffer"]), self._field(view, "byteOffset", 0, where)
+        start, stride = first + self._field(place, "byteOffset", 0, what), self._field(view, "byteStride", size, where)
+        if view.get("byteStride") is not None and not 4 <= stride <= 252:
+            raise self._error(f"{where}: byteStride is {stride}, expected 4 to 252")
+        end, last = start + (count - 1) * stride + size, first + self._field(view, "byteLength", 0, where)
+        if count < 1 or stride < size or end > min(last, len(data)):
             raise self._error(f"{what} reaches beyond its {len(data)} bytes")
         return np.ndarray((count, width), dtype.newbyteorder("<"), data, start, (stride, dtype.itemsize))
 
     def _buffer(self, number: int) -> bytes:
         """The bytes of a buffer: the binary chunk, a data URI, or a file in the same folder."""
+        uri = self._row(self.json.get("buffers"), number, "buffer").get("uri")
         if number not in self._buffers:
-            uri = self._row(self.json.get("buffers"), number, "buffer").get("uri")
             if uri is None:
                 if number != 0:
                     raise self._error(f"buffer {number} has no data")

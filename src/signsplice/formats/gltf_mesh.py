@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from signsplice.body.mesh_part import N_JOINTS, MeshPart
 from signsplice.body.skin_points import SkinPoints
 from signsplice.formats.gltf_document import Fields
-from signsplice.formats.gltf_skeleton import VRM_0, SkeletonDocument, stored_pose
+from signsplice.formats.gltf_skeleton import VRM_0, SkeletonDocument
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 
@@ -75,11 +75,9 @@ class MeshReader(SkeletonDocument):
         return {}
 
     def _matrix(self, node: int) -> FloatArray:
-        fields = self.nodes[node]
-        if fields.get("matrix"):
-            matrix = np.array(fields["matrix"], np.float64).reshape(4, 4).T
-        else:
-            position, quat, scale = stored_pose(fields)
+        matrix = self._stored_matrix(node)
+        if matrix is None:
+            position, quat, scale = self._stored_pose(node)
             matrix = np.eye(4)
             matrix[:3, :3], matrix[:3, 3] = rotation.to_matrix(quat) * scale, position
         if not np.isfinite(matrix).all():
@@ -143,8 +141,9 @@ class MeshReader(SkeletonDocument):
         if number is None:
             row, is_skin = self._carriers[node]
             return None if row < 0 else (self.world(node)[None], np.array([row]), np.array([is_skin]))
+        skin = self._row(self.skins, number, "skin")
         if number not in self._skins:
-            self._skins[number] = self._bones_of_skin(self._row(self.json.get("skins"), number, "skin"))
+            self._skins[number] = self._bones_of_skin(skin)
         return self._skins[number]
 
     @cached_property

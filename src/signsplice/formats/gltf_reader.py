@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from reprlib import repr as shortened
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,8 @@ from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.roles import ROLES
 
 _AVATAR = "a figure to put signing on is no clip: `signsplice convert` puts clips onto avatars"
+_PATHS = ("translation", "rotation", "scale", "weights", "pointer")
+"""What a channel may animate; ``pointer`` by an extension."""
 _HELD = 1e-5
 """Translations that change by less than this fraction of the longest bone are constant."""
 
@@ -117,11 +120,16 @@ class _AnimationReader(SkeletonDocument):
     def _targets(self, animation: Fields) -> dict[tuple[int, str], int]:
         """(node, "rotation", "translation" or "scale") -> number of the sampler that animates it."""
         found: dict[tuple[int, str], int] = {}
-        for channel in animation["channels"]:
+        for number, channel in enumerate(animation["channels"]):
             node, path = channel["target"].get("node"), channel["target"]["path"]
+            if path not in _PATHS:
+                expected = ", ".join(_PATHS)
+                raise self._error(f"channel {number}: target.path is {shortened(path)}, expected one of {expected}")
             if node is not None and path in ("rotation", "translation", "scale"):
                 self._row(self.nodes, node, "joint")
-                found.setdefault((node, path), channel["sampler"])
+                if (node, path) in found:
+                    raise self._error(f"channel {number}: {path} of node {node} is animated twice; leave one out")
+                found[node, path] = channel["sampler"]
         if not any(path != "scale" for _, path in found):
             raise self._error(f"animates no node's rotation or position, expected an animated skeleton; {_AVATAR}")
         return found
@@ -134,7 +142,7 @@ class _AnimationReader(SkeletonDocument):
             times, values = self._values(sampler["input"])[:, 0], self._values(sampler["output"])
             total += values.nbytes  # counted for each channel, also where channels share them
             self.limits.check_memory("keys", total, self.given_bytes, self.file)
-            interpolation = sampler.get("interpolation") or "LINEAR"
+            interpolation = self._field(sampler, "interpolation", "LINEAR", f"{path} of node {node}")
             if interpolation not in INTERPOLATIONS:
                 what = f"{path} of node {node} is interpolated by {interpolation!r:.80}"
                 raise self._error(f"{what}, expected {', '.join(INTERPOLATIONS)}")
@@ -147,11 +155,13 @@ class _AnimationReader(SkeletonDocument):
             if values.shape[1] != (4 if path == "rotation" else 3):
                 raise self._error(f"{path} of node {node} has {values.shape[1]} numbers")
             values = values.reshape(len(times), 3, -1) if spline else values
+            at_keys = values[:, 1] if spline else values
+            if path == "rotation":
+                self._check_rotations(at_keys, f"keys of {self._named(node)}")
             if path == "scale":
-                scales = values[:, 1] if spline else values
-                if np.ptp(scales, axis=0).max() > EVEN * np.abs(scales).max():
+                if np.ptp(at_keys, axis=0).max() > EVEN * np.abs(at_keys).max():
                     raise self._error(f"node {node} changes its size over time, expected rotations and positions only")
-                self.scales[node] = scales[0]
+                self.scales[node] = at_keys[0]
                 continue
             found[node, path] = Keys(times, values, interpolation)
         if not found:
@@ -164,10 +174,8 @@ class _AnimationReader(SkeletonDocument):
         Joints are those of the skins, else of the humanoid, else all animated nodes with their descendants.
         """
         roles = self._humanoid()
-        skinned = {joint for skin in self.json.get("skins") or () for joint in skin["joints"]}
+        skinned = {joint for skin in self.skins for joint in skin["joints"]}
         joints = skinned or {*roles.values()} or self._with_descendants({node for node, _ in targets})
-        for joint in (*joints, *roles.values()):
-            self._row(self.nodes, joint, "joint")
         return joints, {role: node for role, node in roles.items() if node in joints}
 
     def _with_descendants(self, nodes: set[int]) -> set[int]:
@@ -213,7 +221,7 @@ class _AnimationReader(SkeletonDocument):
         """Global rotations (J, 4) of the pose in which the skin is bound; of the rest pose for joints without skin."""
         bound: dict[int, FloatArray] = {}
         wanted = {*order}
-        for skin in self.json.get("skins") or ():
+        for skin in self.skins:
             matrices = self._bind_matrices(skin)
             for joint, matrix in () if matrices is None else zip(skin["joints"], matrices, strict=True):
                 if joint in wanted and joint not in bound:
@@ -243,13 +251,15 @@ def _notes(animations: Sequence[Fields]) -> tuple[str, ...]:
 
 def left_out(document: Fields, animation: Fields) -> tuple[str, ...]:
     """What an animation moves besides joints, by name, which a clip does not hold: expressions and look-at of a VRM
-    animation, morph targets, and properties that a pointer animates.
+    animation, morph targets, properties that a pointer animates, and what has no node.
     """
     targets = [channel["target"] for channel in animation["channels"]]
     animated = {target.get("node") for target in targets}
     names = [*_vrm(document, animated)]
     for target in targets:
-        if target["path"] == "weights":
+        if target.get("node") is None and target["path"] != "pointer":
+            names.append(f"{target['path']} of no node")
+        elif target["path"] == "weights":
             names += _morph_targets(document, target.get("node"))
         elif target["path"] == "pointer":
             pointer = _object(_object(target.get("extensions")).get(_POINTER)).get("pointer")

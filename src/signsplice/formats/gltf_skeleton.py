@@ -20,6 +20,10 @@ EVEN = 1e-3
 """Scales along three axes, or over time, that differ by less than this fraction are equal."""
 VRM_0, VRM_1 = "VRM", "VRMC_vrm"
 """The glTF extensions of VRM avatars, version 0.x and 1.0."""
+_LENGTH, _ROW = 0.05, 1e-5
+"""By how much the length of a stored rotation may differ from 1, which is below 0.02 in 8 bits, and the numbers of a
+matrix's last row from 0, 0, 0, 1.
+"""
 _THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbProximal"}
 """Bones of a thumb in VRM 0.x -> their roles in VRM 1.0."""
 
@@ -28,18 +32,24 @@ class SkeletonDocument(Document):
     """A document whose skeleton is being read.
 
     scales: node -> scale (3,), where an animation sets it.
+    skins: those of the document, whose joints are nodes.
     """
 
     def __init__(self, file: str, content: bytes, limits: ReadLimits, folder: Path | None) -> None:
         super().__init__(file, content, limits, folder)
         self.scales: dict[int, FloatArray] = {}
+        self.skins: list[Fields] = self._field(self.json, "skins", [], "the document")
+        for number, skin in enumerate(self.skins):
+            for joint in self._field(skin, "joints", [], f"skin {number}"):
+                self._row(self.nodes, joint, "joint")
 
     def _humanoid(self) -> dict[str, int]:
         """Role -> node of a VRM humanoid; empty where there is none."""
-        extensions = self.json.get("extensions") or {}
-        vrm = extensions.get(VRM_ANIMATION) or extensions.get(VRM_1) or extensions.get(VRM_0) or {}
-        bones = (vrm.get("humanoid") or {}).get("humanBones") or {}
-        if isinstance(bones, list):  # VRM 0.x
+        extensions = self._field(self.json, "extensions", {}, "the document")
+        name = next((name for name in (VRM_ANIMATION, VRM_1) if extensions.get(name) is not None), VRM_0)
+        humanoid = self._field(self._field(extensions, name, {}, "extensions"), "humanoid", {}, name)
+        bones = self._field(humanoid, "humanBones", [] if name == VRM_0 else {}, name)
+        if name == VRM_0:
             roles = {_role_of_vrm_0(bone["bone"]): bone["node"] for bone in bones}
         else:
             roles = {role: bone["node"] for role, bone in bones.items()}
@@ -74,26 +84,57 @@ class SkeletonDocument(Document):
         if skin.get("inverseBindMatrices") is None:
             return None
         n_joints = len(skin["joints"])
-        matrices = self._values(skin["inverseBindMatrices"])[:n_joints].reshape(-1, 4, 4).transpose(0, 2, 1)
+        matrices = self._affine(self._values(skin["inverseBindMatrices"])[:n_joints], "an inverse bind matrix")
         if len(matrices) < n_joints or not np.isfinite(matrices).all():
             raise self._error(f"a skin binds {n_joints} joints with {len(matrices)} valid matrices")
         return matrices
 
+    def _affine(self, columns: FloatArray, what: str) -> FloatArray:
+        """Matrices (N, 4, 4) that are stored by columns (N, 16). Raises ``FormatError`` where one projects."""
+        matrices = columns.reshape(-1, 4, 4).transpose(0, 2, 1)
+        wrong = matrices[np.abs(matrices[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1) > _ROW]
+        if len(wrong):
+            raise self._error(f"{what} has the last row {wrong[0, 3].tolist()}, expected 0, 0, 0, 1")
+        return matrices
+
+    def _check_rotations(self, quats: FloatArray, what: str) -> None:
+        """Raise ``FormatError`` where quaternions (..., 4) are no rotations, for their length is not 1."""
+        lengths = np.linalg.norm(quats, axis=-1)
+        wrong = lengths[~(np.abs(lengths - 1.0) <= _LENGTH)]
+        if len(wrong):
+            raise self._error(f"{what}: a rotation has length {wrong[0]:.3g}, expected 1; export the file anew")
+
+    def _named(self, node: int) -> str:
+        return f"node {self.nodes[node].get('name') or node!r:.80}"
+
+    def _stored_matrix(self, node: int) -> FloatArray | None:
+        """The matrix (4, 4) of a node that is stored as one, else None."""
+        if self.nodes[node].get("matrix") is None:
+            return None
+        columns = np.array(self._field(self.nodes[node], "matrix", (0.0,) * 16, self._named(node)), np.float64)
+        return self._affine(columns, f"the matrix of {self._named(node)}").reshape(4, 4)
+
+    def _stored_pose(self, node: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position (3,), rotation (4,) and scale (3,) of a node that is stored without a matrix."""
+        defaults = (("translation", (0.0,) * 3), ("rotation", (0.0, 0.0, 0.0, 1.0)), ("scale", (1.0,) * 3))
+        position, quat, scale = (
+            np.array(self._field(self.nodes[node], name, default, self._named(node)), np.float64)
+            for name, default in defaults
+        )
+        self._check_rotations(quat[None], self._named(node))
+        return position, rotation.normalize(quat), scale
+
     def _local_pose(self, node: int) -> tuple[FloatArray, FloatArray, float]:
         """A node's own position (3,), rotation (4,) and scale at rest, relative to its parent."""
-        fields = self.nodes[node]
-        named = f"node {fields.get('name') or node!r:.80}"
-        if fields.get("matrix"):
-            matrix = np.array(fields["matrix"], np.float64).reshape(4, 4).T
+        matrix, named = self._stored_matrix(node), self._named(node)
+        if matrix is not None:
             scale = np.linalg.norm(matrix[:3, :3], axis=0)
             axes = matrix[:3, :3] / np.where(scale == 0.0, 1.0, scale)
             if not (np.linalg.det(axes) > 0.0 and np.abs(axes.T @ axes - np.eye(3)).max() <= EVEN):
                 raise self._error(f"the matrix of {named} mirrors or shears, expected rotation and even scale")
-            if (matrix[3] != [0.0, 0.0, 0.0, 1.0]).any():
-                raise self._error(f"the matrix of {named} has the last row {matrix[3].tolist()}, expected 0, 0, 0, 1")
             position, quat = matrix[:3, 3], rotation.from_matrix(axes)
         else:
-            position, quat, scale = stored_pose(fields)
+            position, quat, scale = self._stored_pose(node)
         scale = self.scales.get(node, scale)
         if not (scale.min() > 0.0 and np.ptp(scale) <= EVEN * scale.max()):
             raise self._error(f"{named} is scaled by {scale.tolist()}, expected one positive number")
@@ -107,13 +148,6 @@ class SkeletonDocument(Document):
             position = position + rotation.rotate(quat, scale * local_position)
             quat, scale = rotation.multiply(quat, local_quat), scale * local_scale
         return position, quat, scale
-
-
-def stored_pose(node: Fields) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Position (3,), rotation (4,) and scale (3,) of a node that is stored without a matrix."""
-    position = np.array(node.get("translation") or [0.0, 0.0, 0.0], np.float64).reshape(3)
-    quat = rotation.normalize(np.array(node.get("rotation") or [0.0, 0.0, 0.0, 1.0], np.float64).reshape(4))
-    return position, quat, np.array(node.get("scale") or [1.0, 1.0, 1.0], np.float64).reshape(3)
 
 
 def _role_of_vrm_0(bone: str) -> str:
