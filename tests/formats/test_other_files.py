@@ -118,7 +118,10 @@ INVALID: dict[str, tuple[Any, str]] = {
     "infinite channels": (changed_array("channel_values", lambda a: a / 0.0), "a number is infinite"),
     "channels of fewer joints": (changed_array("channel_offsets", lambda a: a[:1]), "channels of 2 joints"),
     "endless offsets": (changed_array("channel_offsets", lambda a: a * np.inf), "channel_offsets: not finite"),
-    "other offsets": (changed_array("channel_offsets", lambda a: a + [[0.0], [1.0]]), "channel_offsets: .*others than"),
+    "other offsets": (
+        changed_array("channel_offsets", lambda a: np.add(a, [[0.0], [1.0]])),
+        "channel_offsets: .*others than",
+    ),
     "fewer channels": (changed_array("channel_values", lambda a: a[:, 1:]), "channel values"),
     "no offsets": (lambda head, arrays: arrays.pop("offsets"), "KeyError: 'offsets'"),
 }
