@@ -187,7 +187,7 @@ def _add(tally: Tally, folder: Path, status: int) -> None:
         tally.slowest_s = max(tally.slowest_s, child["slowest_s"])
         tally.memory = max(tally.memory, child["memory"])
         tally.findings = {**child["findings"], **tally.findings}
-    if status != 0 and (folder / "case").exists():
+    if status not in (0, -signal.SIGTERM, -signal.SIGINT) and (folder / "case").exists():  # these come from outside
         content = (folder / "case").read_bytes()
         kind = signal.Signals(-status).name if status < 0 else f"exit status {status}"
         ends = {-signal.SIGPROF: "hangs", -signal.SIGALRM: "waits without end"}.get(status, "dies")

@@ -192,7 +192,7 @@ def pairs_seeds() -> list[bytes]:
         )
     )
     with tempfile.TemporaryDirectory() as folder:
-        out = write_pairs(Recipe(tuple(signs.values()), fps=5.0, n_other=1), Path(folder) / "pairs", processes=1)
+        out = write_pairs(Recipe(tuple(signs.values()), fps=10.0, n_other=1), Path(folder) / "pairs", processes=1)
         return [packed({path.name: path.read_bytes() for path in sorted(out.iterdir())})]
 
 

@@ -15,7 +15,7 @@ from click.testing import CliRunner  # noqa: E402
 
 from signing import word  # noqa: E402
 from signsplice.cli.commands import app  # noqa: E402
-from signsplice.errors import InputError  # noqa: E402
+from signsplice.errors import FormatError, InputError  # noqa: E402
 from signsplice.splicing.methods.learned import LearnedCutter, LearnedDuration, open_sessions  # noqa: E402
 from signsplice.splicing.networks.bundle import read_config, write_bundle  # noqa: E402
 from signsplice.splicing.networks.word_reader import WordReader  # noqa: E402
@@ -244,6 +244,26 @@ def test_what_cannot_be_trained_is_refused(signing_folder: Path, tmp_path: Path)
         training.make(ProductTraining("cutter", "smoke"), [tmp_path], tmp_path / "b", ALONE)
     with pytest.raises(InputError, match="no network 'cutter' at scale 'huge', expected one of cutter, transition"):
         training.make(ProductTraining("cutter", "huge"), [signing_folder], tmp_path / "b", ALONE)
+
+
+@pytest.mark.parametrize("network", ["cutter", "transition"])
+@pytest.mark.parametrize("broken", ["no archive", "of something else"])
+def test_broken_files_of_signing_are_named_in_one_line(network: str, broken: str, tmp_path: Path) -> None:
+    for number in range(3):
+        path = tmp_path / f"signer-{number:06}.npz"
+        np.savez(path, a=np.zeros(3)) if broken == "of something else" else path.write_bytes(b"PK")
+    with pytest.raises(FormatError, match=r"^\S+signer-\d+\.npz: is no valid file of signing to train on") as error:
+        training.make(ProductTraining(network, "smoke"), [tmp_path], tmp_path / "b" / "c", ALONE)
+    assert len(str(error.value).splitlines()) == 1
+
+
+def test_a_broken_bundle_is_named_before_the_training(signing_folder: Path, tmp_path: Path) -> None:
+    for content in (b"{\xff", b"{}", b'{"networks": 3}'):
+        (tmp_path / "b").mkdir(exist_ok=True)
+        (tmp_path / "b" / "bundle.json").write_bytes(content)
+        with pytest.raises(FormatError, match=r"bundle\.json: is no (JSON|valid description of a trained system)"):
+            training.make(ONE_STEP, [signing_folder], tmp_path / "b", ALONE)
+        assert not [*tmp_path.rglob(checkpoint.NAME)]
 
 
 @pytest.mark.usefixtures("no_export")

@@ -25,7 +25,7 @@ from signsplice.rig.canonical_map import ROLES
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.features import PHASES, CanonicalTrajectory
 from signsplice.synth.rng import stream
-from signsplice.train.prefetch import draw_from_folders, group_by_folder
+from signsplice.train.prefetch import draw_from_folders, group_by_folder, opened_signing
 
 Int = NDArray[np.int64]
 
@@ -65,7 +65,7 @@ def read_words(path: Path) -> SignerWords:
     """The words of a signer's file, as ``synth.training_data`` writes it."""
     has_role = np.ones(len(ROLES), bool)
     trajectories, phases = [], []
-    with np.load(path) as stored:
+    with opened_signing(path) as stored:
         packed_quats, positions, events, true_cuts = (stored[key] for key in ("turns", "places", "events", "pairs"))
         for (first, n_frames), word_events in zip(stored["words"].tolist(), events.tolist(), strict=True):
             frames = slice(first, first + n_frames)

@@ -15,7 +15,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import onnx
 import torch
 
@@ -36,7 +35,7 @@ from signsplice.train.gap_data import GapDataset
 from signsplice.train.loop import LoopConfig, ProgressCallback, judge, train
 from signsplice.train.networks.bridge import Bridge, BridgeConfig
 from signsplice.train.networks.cutting import Cutting, CuttingConfig
-from signsplice.train.prefetch import Dataset, group_by_folder, prefetched
+from signsplice.train.prefetch import Dataset, group_by_folder, opened_signing, prefetched
 from signsplice.train.processes import Processes, only_one
 from signsplice.train.task import Task
 from signsplice.train.warm_start import WarmStart
@@ -179,6 +178,7 @@ def make(
         if trained_on is not None:
             provenance.write_json(folder / warm_start.CORPUS_FILE, trained_on)
     check_bundle_folder(out)
+    warm_start.stored_networks(out)  # raises now what it would after the training
     task, valid = _trained(training, train_paths, held_back, warm_starts, folder, recipe, processes, report_progress)
     if processes.first:
         for name, content in product_graphs(task, valid).items():
@@ -234,8 +234,7 @@ def _trained(
 
 def assemble(out: Path, folders: dict[str, Path]) -> None:
     """Put the networks in ``folders``, by name, into a bundle; its other networks stay."""
-    head = out / "bundle.json"
-    networks: dict[str, Any] = json.loads(head.read_text())["networks"] if head.exists() else {}
+    networks = warm_start.stored_networks(out)
     sources = {name: folders.get(name, out) for name in (*networks, *folders)}
     networks |= {name: json.loads((folder / "facts.json").read_text()) for name, folder in folders.items()}
     files = {file: (folder / file).read_bytes() for name, folder in sources.items() for file in FILES[name]}
@@ -332,7 +331,7 @@ def _trained_on(paths: Sequence[Path], warm_starts: Sequence[WarmStart]) -> dict
     """
     found = {tuple(one.trained_on.values()) for one in warm_starts if one.trained_on is not None}
     for path in paths:
-        with np.load(path) as stored:
+        with opened_signing(path) as stored:
             if "corpus" in stored:
                 found.add((str(stored["corpus"]), str(stored["split"])))
     if len(found) > 1:
