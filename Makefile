@@ -60,10 +60,12 @@ fuzz: $(VENV)/.fuzz            ## every reader against mutated files for MINUTES
 	$(BIN)/python attacks/fuzz.py --minutes $(MINUTES)
 
 words: $(VENV)/.dev            ## sign the words that ship anew, from their notation
+	mkdir -p out
 	$(BIN)/signsplice synth lexicon -o out/words
 	$(BIN)/signsplice lexicon build out/words -o src/signsplice/lexicon/words --compact
 
 corpus: $(VENV)/.dev           ## 10,000 true splices, and docs/measured/corpus.md and its pictures; REAL=DIR adds real clips, FRAMES=0:315 part of each
+	mkdir -p out
 	$(BIN)/signsplice synth pairs -o out/pairs
 	$(BIN)/signsplice evaluate corpus out/pairs --page docs/measured/corpus.md --images docs/images $(if $(REAL),--real $(REAL) --real-frames $(FRAMES))
 

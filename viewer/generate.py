@@ -51,7 +51,7 @@ def constants() -> str:
         found = {
             name.lstrip("_"): json.dumps(value, ensure_ascii=False, default=_plain)
             for name, value in vars(module).items()
-            if name.lstrip("_").isupper() and isinstance(value, (int, float, tuple, dict, set, np.ndarray))
+            if name.lstrip("_").isupper() and type(value) in (int, float, tuple, dict, set, np.ndarray)
         }
         rows = [f"  {name}: {value}," for name, value in found.items()]
         name = module.__name__.rpartition(".")[2]
