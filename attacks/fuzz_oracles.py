@@ -60,7 +60,9 @@ def of_gltf(content: bytes, read: Clip) -> bool:
         with np.errstate(all="ignore"):
             nodes = _nodes(content, read.skeleton.names)
             fuzz_gltf_rules.check(content, nodes, bool(left_out_warnings(read)))
-            keys = evaluators.gltf_keys(content, read.skeleton.names)
+            channels = evaluators._File(content).channels(0).items()
+            keys = np.unique(np.concatenate([of for (node, path), (of, *_) in channels
+                                             if node in nodes and path != "scale"]))  # fmt: skip
             times, frames = evaluators.frame_times(keys, len(read), read.fps), _chosen(len(read))
             _, world = evaluators.gltf_worlds(content, times[frames], near_s=_NEAR / read.fps)
     except evaluators.MustRefuseError as error:
@@ -191,9 +193,10 @@ def _json(content: bytes) -> dict[str, Any]:
 
 def _nodes(content: bytes, names: Sequence[str]) -> list[int]:
     """The nodes of joints by name. Raises ``ValueError`` where two nodes have the name of one."""
-    found: dict[Any, list[int]] = {}
+    found: dict[str, list[int]] = {}
     for n, node in enumerate(_json(content)["nodes"]):
-        found.setdefault(node.get("name") or f"node {n}", []).append(n)
+        name = node.get("name")
+        found.setdefault((name if isinstance(name, str) else "") or f"node {n}", []).append(n)
     return [node for name in names for (node,) in (found[name],)]
 
 

@@ -3,11 +3,11 @@
 A word that ships is brought to another rig, written by this file's own writer, read, and spliced after another word.
 Forward kinematics of this file's own then compares wrists, elbows, knuckles, fingertips, head and nose with the true
 motion: that of the same splice from the rig that was not distorted, which for a word on the body that ships is checked
-to be the word's own, moved as one. Right is within 1 mm in every frame, on the first rig, in the same frames of the
-word. On other bodies it is within 3 mm, seen from the hips, which may lie 5 mm off: what is up for a trunk, and how far
-hips sway, depends there on what is taken for the body's size. Else the result has to have a warning that names the
-fault, or the file has to be refused. Anything else is silent, and the exit status is 1. Prints a row of a Markdown
-table for each kind of distortion. Takes five minutes of processor time for the default of 2,000 rigs.
+to be the word's own, moved as one. Right is within 1 mm in every frame, on the first rig, and at least 90 % of the
+word's frames are shown. On other bodies it is within 3 mm, seen from the hips, which may lie 5 mm off: what is up for a
+trunk, and how far hips sway, depends there on what is taken for the body's size. Else the result has to have a warning
+that names the fault, or the file has to be refused. Anything else is silent, and the exit status is 1. Prints a row of
+a Markdown table for each kind of distortion. Takes five minutes of processor time for the default of 2,000 rigs.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from rig_distortions import (
 FIRST, WORDS = "HELLO", ("NAME", "DEAF", "SIGN", "THANK-YOU", "HOUSE", "MOTHER", "WORK", "I")
 _COMPARED = ("Hips", "LeftForeArm", "LeftHand", "LeftHandMiddle1", "LeftHandIndex3",
              "RightForeArm", "RightHand", "RightHandMiddle1", "RightHandIndex3", "Head")  # fmt: skip
-_OTHER_SIDE = [0, *range(5, 9), *range(1, 5), 9, 10]
+_OTHER_SIDE, _TIPS = [0, *range(5, 9), *range(1, 5), 9, 10], [4, 8]
 _NOSE = np.array([0.0, 6.0, 11.0])
 """From the joint of the head, cm."""
 _RIGHT_CM, _OTHER_CM, _OTHER_HIPS_CM, _LEAST_SHOWN = 0.1, 0.3, 0.5, 0.9
@@ -68,7 +68,7 @@ class Kind:
 
     change: makes it of a motion.
     warning: what a warning that names it has to contain, a regular expression.
-    most_cm: how far off the joints may be for that warning to explain it.
+    most_cm: how far off joints may be for that warning to explain it; but fingertips, which a rig may lack.
     above: makes the matrix (4, 4) of a glTF node above the rig; None for BVH with Euler orders at random.
     is_mirrored: whether what has to come out is the mirror image.
     has_bodies: whether the words are on other bodies too.
@@ -107,8 +107,6 @@ def _uneven(rng: Random) -> Floats:
     return matrix
 
 
-_FINGER_CM = 11.0
-"""How far the tip of a finger lies off that holds its pose, as joints without a counterpart do."""
 _REST, _UNIT, _NAMES = r"rest pose", r"unit", r"no counterpart .*: (?!mixamorig:HeadTop_End$)|no role|body parts"
 KINDS = {
     "unit, 1e-6 to 1e3 of the first's": Kind(other_unit, _UNIT, has_bodies=False),
@@ -120,10 +118,8 @@ KINDS = {
     "bones in one line at zero": Kind(stacked, _REST, 2.0),
     "mirror image, sides renamed": Kind(mirror_image, _REST, is_mirrored=True),
     "mirrored, sides not renamed": Kind(mirrored, r"left and right", np.inf),
-    "names of known schemes": Kind(renamed, _NAMES, _FINGER_CM),
-    "all of these at once, on the first's body": Kind(
-        several, f"{_REST}|{_UNIT}|{_NAMES}", _FINGER_CM, has_bodies=False
-    ),
+    "names of known schemes": Kind(renamed, _NAMES, 4.0),
+    "all of these at once, on the first's body": Kind(several, f"{_REST}|{_UNIT}|{_NAMES}", 4.0, has_bodies=False),
     "glTF: a node above turns, moves and scales": Kind(unchanged, _UNIT, above=_even, has_bodies=False),
     "glTF: a node above mirrors, shears or scales unevenly": Kind(
         unchanged, r"mirror|shear|scale|even", above=_uneven, has_bodies=False, has_truth=False
@@ -269,15 +265,16 @@ def outcome(kind: Kind, rng: Random, folder: Path) -> tuple[str, float]:
     except ss.InputError:
         return "refused", 0.0
     frames = sorted(wanted.keys() & shown.keys())
-    off = np.inf
+    off = off_but_tips = np.inf
     if len(frames) >= _LEAST_SHOWN * len(wanted):
         apart = np.stack([shown[frame] - wanted[frame] for frame in frames])
         hips = float(np.linalg.norm(apart[:, 0], axis=-1).max())
-        off = float(np.linalg.norm(apart - apart[:, :1] * (body > 0), axis=-1).max())
+        each = np.linalg.norm(apart - apart[:, :1] * (body > 0), axis=-1).max(axis=0)
+        off, off_but_tips = float(each.max()), float(np.delete(each, _TIPS).max())
         if kind.has_truth and off <= (_OTHER_CM if body else _RIGHT_CM) and hips <= _OTHER_HIPS_CM:
             return "right", off
     is_named = any(re.search(kind.warning, line) for line in lines if line not in usual)
-    return "warned" if is_named and off <= kind.most_cm else "SILENT", off
+    return "warned" if is_named and off_but_tips <= kind.most_cm else "SILENT", off
 
 
 def attack(n: int, seed: int = 0, kinds: Mapping[str, Kind] = KINDS) -> dict[str, list[tuple[str, float]]]:

@@ -144,7 +144,7 @@ def test_words_are_drawn_by_seed_and_keep_their_order() -> None:
 
 
 BROKEN = "WAVE  hands=one\n  X  shape=B-opn at=space palm=fwd fingers=up\n"
-UNLAWFUL = "WAVE  hands=one\n  X  shape=B-open at=space palm=up fingers=up\n"
+UNLAWFUL = "WAVE  hands=one\n  H  shape=B-open at=space palm=up fingers=up\n"
 BAD_CALLS = [
     (("pairs", "-o", "out", "--truth", "both"), "'both' is not one of 'partner', 'word'"),
     (("lexicon",), "Missing option '-o'"),

@@ -17,15 +17,15 @@ from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 SIGNS = notation.parse(
     """\
 ONE  hands=one
-  X  shape=B at=space palm=fwd fingers=up
+  H  shape=B at=space palm=fwd fingers=up
 BOTH  hands=symmetric
-  X  shape=B at=chest by=tips palm=back fingers=up-in
+  H  shape=B at=chest by=tips palm=back fingers=up-in
 OTHER  hands=alternating
-  X  shape=B at=space palm=fwd fingers=up
+  H  shape=B at=space palm=fwd fingers=up
 TOUCH  hands=base
-  X  shape=1 at=base-palm by=index palm=down fingers=fwd w.shape=B w.at=space-low-mid w.palm=up w.fingers=in-fwd
+  H  shape=1 at=base-palm by=index palm=down fingers=fwd w.shape=B w.at=space-low-mid w.palm=up w.fingers=in-fwd
 FACE  hands=one
-  X  shape=B at=face-space palm=fwd fingers=up
+  H  shape=B at=face-space palm=fwd fingers=up
 """
 )
 TWICE = notation.parse(

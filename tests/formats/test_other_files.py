@@ -117,6 +117,11 @@ INVALID: dict[str, tuple[Any, str]] = {
     "far away": (changed_array("root_positions", lambda a: a + 1e13), "a finite number below 1e"),
     "infinite channels": (changed_array("channel_values", lambda a: a / 0.0), "a number is infinite"),
     "channels of fewer joints": (changed_array("channel_offsets", lambda a: a[:1]), "channels of 2 joints"),
+    "endless offsets": (changed_array("channel_offsets", lambda a: a * np.inf), "channel_offsets: not finite"),
+    "other offsets": (
+        changed_array("channel_offsets", lambda a: np.add(a, [[0.0], [1.0]])),
+        "channel_offsets: .*others than",
+    ),
     "fewer channels": (changed_array("channel_values", lambda a: a[:, 1:]), "channel values"),
     "no offsets": (lambda head, arrays: arrays.pop("offsets"), "KeyError: 'offsets'"),
 }

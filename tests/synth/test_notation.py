@@ -244,6 +244,7 @@ BROKEN = [
     ("WORD hands=one\n  X {start}\n  M path=arc:up:3\n", 1, "segment 2: M moves nothing"),
     ("WORD hands=one\n  H {start}\n  H off=3\n", 1, "segment 2: H changes the posture, expected M to move there first"),
     ("WORD hands=one\n  H {start}\n  H\n", 1, "has holds only, expected an M between two"),
+    ("WORD hands=one\n  X {start}\n", 1, "has X alone, expected M or H after it"),
     (
         "WORD hands=one\n  H shape=5 at=base-palm palm=in fingers=up\n",
         1,

@@ -146,12 +146,18 @@ def _channels(head: Mapping[str, Any], arrays: Mapping[str, Any]) -> Channels:
         raise InputError("starts: expected 0 and rising numbers of frames")
     if np.isinf(values).any():
         raise InputError("channel_values: a number is infinite")
+    offsets, rest = arrays["channel_offsets"], arrays["offsets"]
+    holds = np.array([[name not in row for name in POSITIONS] for row in names])  # (J, 3): no channel replaces it
+    if not np.isfinite(offsets).all() or (
+        offsets.shape == rest.shape == holds.shape and np.any(offsets[holds] != rest[holds])
+    ):
+        raise InputError("channel_offsets: not finite, or others than offsets where no channel replaces them")
     if not _are([head["frame_time"]], int, float):
         raise InputError("frame_time: expected seconds")
     return Channels(
         names=tuple(tuple(row) for row in names),
         values=values,
-        offsets=arrays["channel_offsets"],
+        offsets=offsets,
         frame_time=float(head["frame_time"]),
         starts=tuple(starts),
     )

@@ -195,6 +195,8 @@ def faults(sign: Sign) -> list[str]:
         return ["has no segment, expected at least one H or X line"]
     if sign.segments[0].kind == "M":
         found.append("begins with M, expected H or X first, from which to move")
+    if all(segment.kind == "X" for segment in sign.segments):
+        found.append("has X alone, expected M or H after it")
     for n, segment in enumerate(sign.segments, 1):
         before = sign.segments[n - 2] if n > 1 else None
         hands = [p for p in (segment.strong, segment.weak) if p is not None]

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
-from signsplice.formats.reading import format_errors
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.rig.canonical import FEATURE_FPS
@@ -26,7 +25,7 @@ from signsplice.rig.canonical_map import ROLES
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.features import PHASES, CanonicalTrajectory
 from signsplice.synth.rng import stream
-from signsplice.train.prefetch import SIGNING, draw_from_folders, group_by_folder
+from signsplice.train.prefetch import draw_from_folders, group_by_folder, opened_signing
 
 Int = NDArray[np.int64]
 
@@ -66,7 +65,7 @@ def read_words(path: Path) -> SignerWords:
     """The words of a signer's file, as ``synth.training_data`` writes it."""
     has_role = np.ones(len(ROLES), bool)
     trajectories, phases = [], []
-    with format_errors(str(path), SIGNING), np.load(path) as stored:
+    with opened_signing(path) as stored:
         packed_quats, positions, events, true_cuts = (stored[key] for key in ("turns", "places", "events", "pairs"))
         for (first, n_frames), word_events in zip(stored["words"].tolist(), events.tolist(), strict=True):
             frames = slice(first, first + n_frames)

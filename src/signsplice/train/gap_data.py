@@ -21,7 +21,6 @@ from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
 from signsplice.errors import InputError
-from signsplice.formats.reading import format_errors
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, concatenate
@@ -33,7 +32,7 @@ from signsplice.splicing.methods.transition import find_transition
 from signsplice.splicing.networks import gap_features
 from signsplice.synth.rng import stream
 from signsplice.train import augmentation
-from signsplice.train.prefetch import SIGNING, draw_from_folders, group_by_folder
+from signsplice.train.prefetch import draw_from_folders, group_by_folder, opened_signing
 
 SEAM_FRACTION = 0.5
 """Fraction of the gaps that are true transitions."""
@@ -78,7 +77,7 @@ class SignerMotion:
 
 def read_signer(path: Path) -> SignerMotion:
     """The motion of a signer's file, as ``synth.training_data`` writes it."""
-    with format_errors(str(path), SIGNING), np.load(path) as stored:
+    with opened_signing(path) as stored:
         quats = rotation.normalize(stored["turns"].astype(np.float32) / 32767.0)
         sentences, words = (
             tuple(quats[first : first + n_frames] for first, n_frames in stored[key].tolist())

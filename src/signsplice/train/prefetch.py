@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 
 from signsplice.children import end_with_parent
 from signsplice.errors import SignspliceError
+from signsplice.formats.reading import format_errors
 
 Rows = NDArray[np.int64]
 
-SIGNING = "file of signing to train on"
-"""What a folder of signing holds, for messages."""
 _ENDING_SECONDS = 5.0
 """Time that a process has to end by itself."""
 
@@ -148,6 +147,13 @@ def prefetched(dataset: Dataset, rank: int = 0, count: int = 1) -> Iterator[Data
 
 
 T = TypeVar("T")
+
+
+@contextmanager
+def opened_signing(path: Path) -> Iterator[Any]:
+    """The arrays of a signer's file, by name. Raises ``FormatError`` where the block cannot read them."""
+    with format_errors(str(path), "file of signing to train on"), np.load(path) as stored:
+        yield stored
 
 
 def group_by_folder(paths: Sequence[Path]) -> list[list[Path]]:

@@ -15,18 +15,15 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import onnx
 import torch
 
 from signsplice.errors import InputError
 from signsplice.formats import atomic
-from signsplice.formats.json_files import read_json
-from signsplice.formats.reading import format_errors
 from signsplice.rig.canonical import FEATURE_FPS
 from signsplice.splicing.methods.learned import SYSTEM
 from signsplice.splicing.networks import features
-from signsplice.splicing.networks.bundle import BUNDLE_FILE, write_bundle
+from signsplice.splicing.networks.bundle import write_bundle
 from signsplice.splicing.networks.runtime import onnxruntime
 from signsplice.train import log as logs
 from signsplice.train import provenance, warm_start
@@ -38,7 +35,7 @@ from signsplice.train.gap_data import GapDataset
 from signsplice.train.loop import LoopConfig, ProgressCallback, judge, train
 from signsplice.train.networks.bridge import Bridge, BridgeConfig
 from signsplice.train.networks.cutting import Cutting, CuttingConfig
-from signsplice.train.prefetch import SIGNING, Dataset, group_by_folder, prefetched
+from signsplice.train.prefetch import Dataset, group_by_folder, opened_signing, prefetched
 from signsplice.train.processes import Processes, only_one
 from signsplice.train.task import Task
 from signsplice.train.warm_start import WarmStart
@@ -181,7 +178,7 @@ def make(
         if trained_on is not None:
             provenance.write_json(folder / warm_start.CORPUS_FILE, trained_on)
     check_bundle_folder(out)
-    _stored_networks(out)  # raises now what it would after the training
+    warm_start.stored_networks(out)  # raises now what it would after the training
     task, valid = _trained(training, train_paths, held_back, warm_starts, folder, recipe, processes, report_progress)
     if processes.first:
         for name, content in product_graphs(task, valid).items():
@@ -235,18 +232,11 @@ def _trained(
     return task, valid
 
 
-def _stored_networks(out: Path) -> dict[str, Any]:
-    """What a bundle says of its networks; nothing where there is none. Raises ``InputError`` where it is broken."""
-    head = out / BUNDLE_FILE
-    with format_errors(str(head), "description of a trained system"):
-        return dict(read_json(head, "a bundle")["networks"]) if head.exists() else {}
-
-
 def assemble(out: Path, folders: dict[str, Path]) -> None:
     """Put the networks in ``folders``, by name, into a bundle; its other networks stay."""
-    networks = _stored_networks(out)
+    networks = warm_start.stored_networks(out)
     sources = {name: folders.get(name, out) for name in (*networks, *folders)}
-    networks |= {name: read_json(folder / "facts.json", "a training's facts") for name, folder in folders.items()}
+    networks |= {name: json.loads((folder / "facts.json").read_text()) for name, folder in folders.items()}
     files = {file: (folder / file).read_bytes() for name, folder in sources.items() for file in FILES[name]}
     facts = {
         "system": SYSTEM,
@@ -341,7 +331,7 @@ def _trained_on(paths: Sequence[Path], warm_starts: Sequence[WarmStart]) -> dict
     """
     found = {tuple(one.trained_on.values()) for one in warm_starts if one.trained_on is not None}
     for path in paths:
-        with format_errors(str(path), SIGNING), np.load(path) as stored:
+        with opened_signing(path) as stored:
             if "corpus" in stored:
                 found.add((str(stored["corpus"]), str(stored["split"])))
     if len(found) > 1:

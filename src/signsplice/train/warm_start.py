@@ -18,6 +18,7 @@ from torch import Tensor, nn
 
 from signsplice.errors import InputError
 from signsplice.formats.json_files import read_json
+from signsplice.formats.reading import format_errors
 from signsplice.splicing.networks.bundle import BUNDLE_FILE, read_config, read_file
 from signsplice.train import checkpoint, provenance
 from signsplice.train.export import TRANSPOSED
@@ -97,6 +98,13 @@ def find_warm_start(folder: Path, network: str, files: tuple[str, ...]) -> WarmS
 
 def _read_json(path: Path) -> dict[str, Any] | None:
     return dict(read_json(path, "what a training was made of")) if path.exists() else None
+
+
+def stored_networks(out: Path) -> dict[str, Any]:
+    """What a bundle says of its networks; nothing where there is none. Raises ``InputError`` where it is broken."""
+    head = out / BUNDLE_FILE
+    with format_errors(str(head), "description of a trained system"):
+        return dict(read_json(head, "a bundle")["networks"]) if head.exists() else {}
 
 
 def load_graphs(network: nn.Module, graphs: Iterable[bytes], where: Path) -> None:
