@@ -8,7 +8,6 @@ import math
 import re
 import struct
 from pathlib import Path
-from reprlib import repr as shortened
 from typing import Any
 from urllib.parse import unquote
 
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import FormatError, LimitError
-from signsplice.formats.json_files import parse_json
+from signsplice.formats.json_files import parse_json, shortened
 from signsplice.formats.limits import ReadLimits
 from signsplice.formats.reading import read_bytes
 from signsplice.motion.arrays import FloatArray

@@ -57,10 +57,11 @@ def sample(keys: Keys, times: FloatArray, fps: float, rotations: bool) -> FloatA
     at = np.clip(times, keys.times[0], keys.times[-1])
     low = np.clip(np.searchsorted(keys.times, at, side="right") - 1, 0, max(len(keys.times) - 2, 0))
     high = np.minimum(low + 1, len(keys.times) - 1)
+    since, until = at - keys.times[low], keys.times[high] - at
     span = keys.times[high] - keys.times[low]
-    weight = np.divide(at - keys.times[low], span, out=np.zeros_like(at), where=span > 0.0)
-    weight[(at - keys.times[low]) * fps < _NEAR] = 0.0
-    weight[(keys.times[high] - at) * fps < _NEAR] = 1.0
+    weight = np.divide(since, span, out=np.zeros_like(at), where=span > 0.0)
+    weight[since * fps < _NEAR] = 0.0
+    weight[(until * fps < _NEAR) & (until < since)] = 1.0
     if keys.interpolation == "CUBICSPLINE":
         s, t = weight[:, None], span[:, None]
         a, out_tangent = keys.values[low, 1], t * keys.values[low, 2]

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from reprlib import repr as shortened
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from signsplice.formats.gltf_document import FPS_EXTRA, GENERATOR, ROLES_EXTRA, VRM_ANIMATION, Fields
 from signsplice.formats.gltf_keys import DRIFT, INTERPOLATIONS, LEAST_FPS, MOST_FPS, Keys, frame_rate, sample
 from signsplice.formats.gltf_skeleton import EVEN, SkeletonDocument, printable, unique
+from signsplice.formats.json_files import shortened
 from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
 from signsplice.formats.reading import stem
 from signsplice.motion import rotation

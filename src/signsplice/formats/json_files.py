@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import is_dataclass
 from itertools import repeat
 from pathlib import Path
+from reprlib import repr as abridged
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -48,6 +49,12 @@ def parse_json(content: bytes, file: str, expected: str) -> Any:
 
 def _refused(constant: str) -> None:
     raise ValueError(f"{constant} is no number of JSON")
+
+
+def shortened(value: Any) -> str:
+    """A JSON value for a message, of at most 120 characters."""
+    text = abridged(value)
+    return text if len(text) <= 120 else f"{text[:117]}..."
 
 
 def check_type(value: Any, kind: Any, where: str) -> None:
