@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -14,7 +13,6 @@ from websockets.sync.client import ClientConnection
 
 from connections import CHUNKED, GET, LIMIT, UPGRADE, Connections, FakeTransport, error_of, padded
 from serving import PATIENCE_S, messages_and_close_code, raw_request, stream_client
-from signsplice.service import protocols
 
 # --- what is too long ---
 
@@ -224,41 +222,6 @@ async def answered(connections: Connections, n_unread: int) -> tuple[Any, FakeTr
     while not transport.written:
         await asyncio.sleep(0)
     return protocol, transport
-
-
-@pytest.mark.parametrize("reads", [0, 1])
-def test_an_answer_that_is_not_read_or_trickles_gives_its_connection_back(
-    reads: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(protocols, "_UNREAD_CHECK_SECONDS", 0.01)
-
-    async def trickle() -> float:
-        limits = {"idle_seconds": 0.1, "body_seconds": 0.5, "head_seconds": 30.0}
-        connections, start = Connections(answer_at_once, **limits), time.monotonic()
-        _, transport = await answered(connections, 1_000_000)
-        while not transport.is_aborted:
-            transport.n_unread -= reads
-            await asyncio.sleep(0.01)
-        assert not connections.http.unread
-        return time.monotonic() - start
-
-    seconds = asyncio.run(asyncio.wait_for(trickle(), 10.0))
-    assert seconds > (0.5 if reads else 0.1)
-
-
-def test_a_client_that_reads_in_time_keeps_its_connection(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(protocols, "_UNREAD_CHECK_SECONDS", 0.01)
-
-    async def read() -> bool:
-        connections = Connections(answer_at_once, idle_seconds=0.2, body_seconds=5.0)
-        _, transport = await answered(connections, 40)
-        for _ in range(40):  # longer than ``idle_seconds`` in all
-            transport.n_unread -= 1
-            await asyncio.sleep(0.01)
-        await asyncio.sleep(0.3)
-        return not transport.is_aborted and not connections.http.unread
-
-    assert asyncio.run(read())
 
 
 def test_unread_answers_count_against_a_clients_share() -> None:

@@ -53,7 +53,7 @@ def test_a_body_behind_the_longest_head_is_parsed_in_large_pieces() -> None:
     n_pieces = 0
 
     class Counting(LimitedHttpProtocol):
-        settings, unread = Settings(), Counter()
+        settings, n_unread = Settings(), Counter()
 
         def on_body(self, body: bytes) -> None:
             nonlocal n_pieces

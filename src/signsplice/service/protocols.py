@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-import sys
 from collections import Counter
-from contextlib import suppress
 from http import HTTPStatus
 from typing import Any
 
@@ -22,15 +20,9 @@ from websockets.protocol import State
 from websockets.server import ServerProtocol
 
 from signsplice.service.limits import HEADERS
-from signsplice.service.log import LOG
 from signsplice.service.settings import Settings
 from signsplice.service.shares import client_of
-
-try:
-    import fcntl
-    import termios
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
+from signsplice.service.unread import UnreadWatch
 
 _MAX_HEADERS = 100
 """Fields of a head, and of a trailer. The WebSocket library reads no more than 128."""
@@ -44,8 +36,6 @@ _STEP_BYTES = 4096
 """Data of a WebSocket that is parsed at one go: some milliseconds' worth, where it consists of empty frames."""
 _IDLE_FRAMES_SECONDS = 10.0
 """Time in which a stream's client may send ``max_idle_frames``."""
-_UNREAD_CHECK_SECONDS = 0.5
-"""How often it is looked whether a client has read its answer."""
 _POLICY_VIOLATION = 1008
 """Close code of a WebSocket."""
 
@@ -66,14 +56,13 @@ class LimitedHttpProtocol(HttpToolsProtocol):
     and trailer are, whether or not the application reads them. Answers have the same clocks as bodies: something of
     one is read within ``idle_seconds``, all of it within ``body_seconds``.
 
-    unread: how many connections of each client have an answer that it has not read.
+    n_unread: how many connections of each client have an answer that it has not read.
     """
 
     settings: Settings
-    unread: Counter[str]
+    n_unread: Counter[str]
+    unread: UnreadWatch
     client_name = ""
-    _unread_check: asyncio.TimerHandle | None = None
-    _unread_bytes, _unread_since, _last_read = 0, 0.0, 0.0
     _timer: asyncio.TimerHandle | None = None
     _n_bytes = 0
     """Bytes of the request that came so far and are not body."""
@@ -84,6 +73,7 @@ class LimitedHttpProtocol(HttpToolsProtocol):
         """Start the clock, or refuse a connection too many."""
         super().connection_made(transport)
         self.client_name = client_of(self.client[0] if self.client else None)
+        self.unread = UnreadWatch(transport, self.loop, self.client_name, self.n_unread, self.settings)
         self._start_clock(self.settings.head_seconds)
         if len(self.connections) > self.settings.max_connections:
             for other in list(self.connections):
@@ -105,7 +95,7 @@ class LimitedHttpProtocol(HttpToolsProtocol):
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop the clocks."""
         self._stop_clock()
-        self._stop_unread_check()
+        self.unread.stop()
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
@@ -137,9 +127,8 @@ class LimitedHttpProtocol(HttpToolsProtocol):
 
     def on_message_begin(self) -> None:
         """Refuse requests that come faster than answers go out, or are read."""
-        if not self.transport.get_write_buffer_size():
-            self._stop_unread_check()
-        if self.unread[self.client_name] >= self.settings.max_client_waiting and not self._is_proxy():
+        self.unread.stop_if_read()
+        if self.n_unread[self.client_name] >= self.settings.max_client_waiting and not self._is_proxy():
             reason = "too many answers that this address has not read; read them, or try again in a moment"
             self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, reason)
         if len(self.pipeline) >= _MAX_PIPELINED:
@@ -197,57 +186,15 @@ class LimitedHttpProtocol(HttpToolsProtocol):
     def _is_answering(self) -> bool:
         return self.cycle is not None and not self.cycle.response_complete
 
-    # answers that are not read
-
     def on_response_complete(self) -> None:
         """Watch what the client does with an answer."""
-        self._watch_unread()
+        self.unread.start()
         super().on_response_complete()
 
     def pause_writing(self) -> None:
         """Watch a client that reads more slowly than the answer is written."""
         super().pause_writing()
-        self._watch_unread()
-
-    def _watch_unread(self) -> None:
-        if self._unread_check is None and self.transport.get_write_buffer_size():
-            self._unread_bytes, self._unread_since = self._n_unread(), self.loop.time()
-            self._last_read = self._unread_since
-            self.unread[self.client_name] += 1
-            self._unread_check = self.loop.call_later(_UNREAD_CHECK_SECONDS, self._check_unread)
-
-    def _n_unread(self) -> int:
-        """Bytes of answers that the client's machine has not confirmed. The system holds some MB of them, and takes
-        more only when a good part is gone: without these a slow client would seem to read nothing for long.
-        """
-        held, end = bytearray(4), self.transport.get_extra_info("socket")
-        if fcntl is not None and end is not None:
-            with suppress(OSError):  # a system that does not tell
-                fcntl.ioctl(end.fileno(), termios.TIOCOUTQ, held)
-        return self.transport.get_write_buffer_size() + int.from_bytes(held, sys.byteorder)
-
-    def _check_unread(self) -> None:
-        n_bytes, now = self._n_unread(), self.loop.time()
-        if n_bytes < self._unread_bytes:
-            self._last_read = now
-        self._unread_bytes = n_bytes
-        is_idle = now - self._last_read > self.settings.idle_seconds
-        if not self.transport.get_write_buffer_size():
-            self._stop_unread_check()
-        elif is_idle or now - self._unread_since > self.settings.body_seconds:
-            LOG.warning("a client did not read its answer in time; its connection was closed")
-            self._stop_unread_check()
-            self.transport.abort()
-        else:
-            self._unread_check = self.loop.call_later(_UNREAD_CHECK_SECONDS, self._check_unread)
-
-    def _stop_unread_check(self) -> None:
-        if self._unread_check is not None:
-            self._unread_check.cancel()
-            self._unread_check = None
-            self.unread[self.client_name] -= 1
-            if not self.unread[self.client_name]:
-                del self.unread[self.client_name]
+        self.unread.start()
 
     def handle_websocket_upgrade(self) -> None:
         """Hand the connection over; this protocol hears no more of it."""
@@ -264,15 +211,10 @@ class LimitedHttpProtocol(HttpToolsProtocol):
             return
         if not (self._is_answering() and self.cycle.response_started):
             body = _failure(reason)
-            headers = {
-                "Connection": "close",
-                "Content-Type": "application/json",
-                "Content-Length": len(body),
-                **HEADERS,
-            }
+            headers = {"Connection": "close", "Content-Type": "application/json", "Content-Length": len(body)} | HEADERS
             lines = [f"HTTP/1.1 {status.value} {status.phrase}", *(f"{name}: {headers[name]}" for name in headers)]
             self.transport.write("\r\n".join([*lines, "", ""]).encode() + body)
-            self._watch_unread()
+            self.unread.start()
         self._stop_clock()
         self.transport.close()
 
@@ -401,6 +343,6 @@ class LimitedWebSocketProtocol(WebSocketsSansIOProtocol):
 
 def protocols(settings: Settings) -> tuple[type[LimitedHttpProtocol], type[LimitedWebSocketProtocol]]:
     """The two protocols with the limits of a service; uvicorn makes their objects itself."""
-    http = type("ServiceHttpProtocol", (LimitedHttpProtocol,), {"settings": settings, "unread": Counter()})
+    http = type("ServiceHttpProtocol", (LimitedHttpProtocol,), {"settings": settings, "n_unread": Counter()})
     websocket = type("ServiceWebSocketProtocol", (LimitedWebSocketProtocol,), {"settings": settings})
     return http, websocket

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
 from typing import Any
 
@@ -139,19 +139,10 @@ def _answer(
 
 def options(dials: Dials) -> SpliceOptions:
     """A caller's dials as the engine's options."""
+    chosen = {field.name: getattr(dials, field.name) for field in fields(Dials)}
     time = dials.transition_time
-    return SpliceOptions(
-        cutter=dials.cutter,
-        transition=dials.transition,
-        duration=time if isinstance(time, str) else methods.AUTO,
-        transition_time=None if isinstance(time, str) else time,
-        sign_speed=dials.sign_speed,
-        tempo=dials.tempo,
-        fps=dials.fps,
-        avoid_collisions=dials.avoid_collisions,
-        free_hand=dials.free_hand,
-        limits=_worker.settings.read_limits,
-    )
+    chosen |= {"duration": time, "transition_time": None} if isinstance(time, str) else {"duration": methods.AUTO}
+    return SpliceOptions(**chosen, limits=_worker.settings.read_limits)
 
 
 def _units(tokens: Sequence[str], spell: bool, compounds: bool = False) -> list[SentenceToken]:

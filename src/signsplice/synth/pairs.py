@@ -81,7 +81,7 @@ class Pairs:
             self._check_head()
         except (KeyError, OSError, TypeError, ValueError, InputError) as error:
             hint = "make one with `signsplice synth pairs` or `signsplice-paper pairs build`"
-            raise FormatError(f"is no corpus of pairs ({error}); {hint}", file=str(self.folder)) from error
+            raise FormatError(f"is no corpus of pairs ({str(error)[:300]}); {hint}", file=str(self.folder)) from error
         if self.head.get("version") not in READABLE:
             expected = f"{READABLE[0]} to {READABLE[-1]}"
             raise InputError(f"{self.folder}: version {self.head.get('version')}, expected {expected}; make it again")
