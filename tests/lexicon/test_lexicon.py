@@ -24,7 +24,7 @@ from signsplice import lexicon
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon import Lexicon, reader
 from signsplice.lexicon.entry import fold, gloss_of
-from signsplice.lexicon.frames import FRAMES
+from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC
 from signsplice.lexicon.index import INDEX, Index
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
@@ -318,6 +318,15 @@ DAMAGED: dict[str, tuple[Callable[[Path], None], str]] = {
     "skeleton changed": (sql("UPDATE skeleton SET described = replace(described, 'Arm', 'Ram')"), "skeleton 1 is"),
     "skeleton lost": (sql("DELETE FROM skeleton"), "skeleton 1 is damaged"),
     "name lost": (sql("DELETE FROM name WHERE shown = 'HI'"), "'HELLO': is not found by 'HI'"),
+    "signer changed": (
+        sql("UPDATE word SET signer = 'Kin' WHERE gloss = 'SIGN'"),
+        "its entries are not those",
+    ),
+    "confirmed by nobody": (
+        sql("UPDATE word SET checked = 1 WHERE gloss = 'SIGN'"),
+        "its entries are not those",
+    ),
+    "name in another case": (sql("UPDATE name SET shown = 'sIGN' WHERE shown = 'SIGN'"), "its entries are not those"),
     "word lost": (sql("DELETE FROM word WHERE gloss = 'SIGN'"), "11 words, expected 12"),
 }
 
@@ -348,6 +357,18 @@ def test_a_word_is_compared_with_its_hash_when_it_is_read(path: Path) -> None:
             lex.clip("SIGN")
         with pytest.raises(InputError, match="'SIGN': its SHA-256"):
             lex.verify()
+
+
+def test_a_lexicon_whose_head_has_the_hashes_of_words_alone_is_sound(path: Path) -> None:
+    """As versions up to 0.4 wrote it."""
+    with lexicon.open(path) as lex:
+        rows = lex._index.ask("SELECT sha256 FROM word ORDER BY id")
+    digest = hashlib.sha256(b"".join(bytes.fromhex(row) for (row,) in rows))
+    sql(f"UPDATE lexicon SET sha256 = '{digest.hexdigest()}'")(path)
+    rewrite("frames.bin", lambda b: MAGIC + digest.digest() + b[HEAD_BYTES:])(path)
+    with lexicon.open(path) as lex:
+        lex.verify()
+        assert list(lex.faults()) == []
 
 
 def test_a_name_that_leads_to_another_word_is_refused(path: Path) -> None:

@@ -90,7 +90,7 @@ class Builder:
         location = index.ClipLocation(number, self._n_bytes, len(block), clip.translations is not None)
         self._index.add_word(entry, location)
         self._names |= {fold(name): gloss for name in (gloss, *other_names)}
-        self._digest.update(bytes.fromhex(entry.sha256))
+        self._digest.update(index.row_digest(entry, location))
         self._n_bytes += len(block)
         self.n_words += 1
         return entry

@@ -62,7 +62,8 @@ class Head:
     form: how rotations are stored.
     n_words: number of words, letters included.
     n_bytes: size of the frames file.
-    sha256: hash of all words' hashes.
+    sha256: hash of all entries and places of words, in the order in which they were added; up to version 0.4, of their
+        hashes.
     """
 
     form: str
@@ -206,6 +207,19 @@ class Index:
         rows = self.ask("SELECT folded, shown, is_gloss FROM name ORDER BY is_gloss DESC, shown")
         return [(str(folded), str(shown), bool(is_gloss)) for folded, shown, is_gloss in rows]
 
+    def check(self) -> None:
+        """Raise ``InputError`` where an entry or a name is not as it was written. Lexicons of versions up to 0.4 have no
+        hash of their entries; of those, where a name is no entry's.
+        """
+        whole, motions, names = hashlib.sha256(), hashlib.sha256(), set()
+        for row in self.ask(f"SELECT {_COLUMNS} FROM word ORDER BY id"):
+            entry, location = self._word(row)
+            whole.update(row_digest(entry, location))
+            motions.update(bytes.fromhex(entry.sha256))
+            names |= {(fold(name), name, name == entry.gloss) for name in (entry.gloss, *entry.synonyms)}
+        if self.head.sha256 not in (whole.hexdigest(), motions.hexdigest()) or names != set(self.names()):
+            raise InputError(f"{self.path}: its entries are not those that were written; {REBUILD}")
+
     def skeleton(self, number: int) -> tuple[Skeleton, str]:
         """A skeleton and the SHA-256 of its description."""
         rows = self.ask("SELECT described, sha256 FROM skeleton WHERE id = ?", number)
@@ -281,6 +295,11 @@ def _check_entry(entry: Entry) -> None:
 def describe(skeleton: Skeleton) -> str:
     """A skeleton as JSON; numbers are read back unchanged. Raises ``InputError`` for more joints than are read."""
     return json.dumps(skeletons.as_json(skeleton))
+
+
+def row_digest(entry: Entry, location: ClipLocation) -> bytes:
+    """The SHA-256 of a word's entry and place."""
+    return hashlib.sha256(json.dumps([*astuple(entry), *astuple(location)]).encode()).digest()
 
 
 def sha256(text: str | bytes) -> str:

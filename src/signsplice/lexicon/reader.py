@@ -145,14 +145,20 @@ class Lexicon:
                 yield str(error)
         if n_words != len(self):
             yield f"{self.path}: {n_words} words, expected {len(self)}"
+        try:
+            self._index.check()
+        except InputError as error:
+            yield str(error)
 
     def verify(self) -> None:
-        """Compare the bytes of every word with its SHA-256. Raises ``InputError`` at the first that is another.
+        """Compare every entry, and the bytes of every word, with their SHA-256. Raises ``InputError`` at the first that
+        is another.
 
         Quicker than ``faults``, which decodes the words too: about a second for each GB.
         """
         for entry, location in self._words(None):
             self._verify(entry, location)
+        self._index.check()
 
     def warnings(self, progress: Progress | None = None) -> Iterator[str]:
         """What a user should know about words that can be read, one line each."""

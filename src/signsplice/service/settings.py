@@ -133,7 +133,7 @@ class Settings:
     @cached_property
     def hosts(self) -> tuple[str, ...]:
         """Values of the Host header that are answered."""
-        machine = () if self.host in LOOPBACK else (socket.gethostname(), socket.getfqdn())
+        machine = () if self.host in LOOPBACK else (socket.gethostname(),)
         return tuple(dict.fromkeys(name.lower() for name in (*LOOPBACK, self.host, *machine, *self.allowed_hosts)))
 
     def answers_to(self, host: str) -> bool:
