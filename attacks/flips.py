@@ -98,10 +98,8 @@ def main() -> None:
     )
     for file in (FRAMES, INDEX):
         seen = flips(file, n)
-        print(
-            f"| {file} | {n} | {seen['refused']} | {seen['found by a check']} | {seen['no change']} | {seen['SILENT']} |",
-            flush=True,
-        )
+        row = (file, n, seen["refused"], seen["found by a check"], seen["no change"], seen["SILENT"])
+        print(f"| {' | '.join(map(str, row))} |", flush=True)
         n_silent += seen["SILENT"]
     sys.exit(n_silent > 0)
 

@@ -208,8 +208,8 @@ class Index:
         return [(str(folded), str(shown), bool(is_gloss)) for folded, shown, is_gloss in rows]
 
     def check(self) -> None:
-        """Raise ``InputError`` where an entry or a name is not as it was written. Lexicons of versions up to 0.4 have no
-        hash of their entries; of those, where a name is no entry's.
+        """Raise ``InputError`` where an entry or a name is not as it was written. Of lexicons of versions up to 0.4,
+        which have no hash of their entries: where a name is no entry's.
         """
         whole, motions, names = hashlib.sha256(), hashlib.sha256(), set()
         for row in self.ask(f"SELECT {_COLUMNS} FROM word ORDER BY id"):
