@@ -76,7 +76,7 @@ def test_a_left_handed_signer_is_warned_of_the_same() -> None:
 
 def test_segments_are_found_in_the_frames_of_the_word() -> None:
     word = made(CHEST, "M  at=belly times=2", "H")
-    first, movement, hold = checks.in_time(word)
+    first, movement, hold = word.segments
     assert (first.begin, hold.end) == (word.events.start, word.events.end)
     assert movement.passes == word.events.passes
     assert movement.end == hold.begin
@@ -109,7 +109,7 @@ def clearances(hands: str, first: str, movement: str, signer: Signer = STANDARD)
     """Distance of the strong hand's skin from the other skin in each frame of the movement, cm."""
     text = f"W  hands={hands}\n  {first}\n  M  {movement}\n"
     word = planner.isolated(notation.parse(text)["W"], signer)
-    one = checks.in_time(word)[1]
+    one = word.segments[1]
     states = word.states[one.begin : one.end + 1]
     return np.asarray(hand_clearances(states, STANDARD)[:, 0 if hands == "one" else 2])
 
@@ -125,7 +125,9 @@ def test_a_hand_that_keeps_in_touch_stays_on_the_skin(slide: str) -> None:
 def test_hands_that_alternate_and_touch_stay_together() -> None:
     first = "X  shape=B-open at=space-mid by=palm palm=in fingers=fwd"
     signer = replace(STANDARD, manner=PLAIN)  # else hands that mirror one another differ in time
-    plain, kept = (clearances("alternating", first, f"path=zigzag:fwd:4:3{more}", signer) for more in ("", " keep=touch"))
+    plain, kept = (
+        clearances("alternating", first, f"path=zigzag:fwd:4:3{more}", signer) for more in ("", " keep=touch")
+    )
     assert plain.max() > 1.2
     assert kept.max() < 0.5 * plain.max()
     assert np.abs(kept).mean() < 0.5 * np.abs(plain).mean(), "each is kept out of the other's forearm"
