@@ -32,7 +32,7 @@ MENDED = (
     *("PHONE", "I", "WE", "HE-SHE", "BIRD", "fs-P", "fs-Q", "READ", "FEEL", "TASTE", "PLEASE", "SORRY", "DAY", "STAND"),
     *("DANCE", "PROUD", "DIFFERENT", "RESPONSIBLE", "GIRAFFE", "ANGRY", "ELEPHANT", "DOG", "SIT", "ACT", "HIS-HER"),
     *("PAST", "KING", "HOSPITAL", "WALK", "CLIMB", "PURPLE", "BOSS", "FISH", "FORGET", "MORNING", "SMELL", "SWEET"),
-    *("BROWN", "LAUGH", "PATIENT", "FUNNY", "LOOK"),
+    *("BROWN", "LAUGH", "PATIENT", "FUNNY", "LOOK", "OUR", "WORK"),
 )
 """Words and letters whose form was changed after published descriptions."""
 _BLUE, _AMBER = "#3f6fa8", "#de8e20"
