@@ -25,8 +25,6 @@ from signsplice.rig.naming import SIDES
 from signsplice.synth import planner, pose, running
 from signsplice.synth.phonology import IN_SPACE, Segment
 from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.rng import stream
-from signsplice.synth.segment_plan import SegmentPlan
 from signsplice.synth.signer import JOINTS, STANDARD
 
 MOVING_CM_S = 10.0
@@ -128,13 +126,12 @@ def moving(one: IsolatedWord) -> FloatArray:
 
 def missed_touches(one: IsolatedWord) -> float:
     """How far the part that is written to touch is from what it touches in the worst posture, cm; 0 without one."""
-    rng_plan = SegmentPlan(one.sign, one.signer, one.clip.fps, stream("take", one.signer.name, one.sign.gloss, 0), 0)
     body = body_capsules(one.clip.skeleton)
     worst = 0.0
-    for n, timed in enumerate(rng_plan.timed):
+    for n, timed in enumerate(one.segments):
         if timed.segment.kind == "H" and n and timed.segment.strong == one.sign.segments[n - 1].strong:
             continue
-        frame = one.events.start + (timed.passes[0][1] if timed.passes else timed.begin)
+        frame = timed.passes[0][1] if timed.passes else timed.begin
         worst = max(worst, _missed(one, timed.segment, frame, body))
     return worst
 

@@ -60,7 +60,7 @@ def test_a_thumb_touches_on_other_hands_what_it_touched(thumb: float, fingers: f
         for found, c in zip(errors, (copied, made), strict=True):
             found.append(np.abs(thumb_clearances(posed_body(c, its)) - before)[touching])
     without, kept = (float(np.mean(np.concatenate(found) < 0.003)) for found in errors)
-    assert without < 0.75
+    assert without < 0.72
     assert kept > 0.97
 
 

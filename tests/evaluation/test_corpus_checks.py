@@ -32,7 +32,7 @@ def test_a_valid_corpus_passes_all_checks(pairs: Pairs) -> None:
     assert max(found.deepest_word_cm, found.deepest_transition_cm) < corpus_checks.LIMIT_CM
     assert found.over_limit_deg == 0.0
     assert found.bone_change_cm < 1e-4
-    assert found.transition_step_cm <= found.word_step_cm * 1.5
+    assert found.transition_step_cm <= found.word_step_cm * 1.4
     assert corpus_checks.replan(pairs, SIGNS) == (25, 0)
 
 

@@ -29,14 +29,14 @@ TAPS hands=one
   H
 TURNS hands=alternating
   source: two revolutions and a local movement
-  H  shape=index at=space-mid palm=in fingers=fwd-up
+  H  shape=index at=space-mid shift=0,6,0 palm=in fingers=fwd-up
   M  path=circle:sagittal:5:2
   M  shape=5 local=wiggle path=arc:up:4
 CUTS hands=base
   source: a base hand, an arc, a zigzag
   X  shape=B at=base-palm by=ulnar off=3 palm=in fingers=fwd-up w.shape=B w.at=space-low-mid w.palm=up w.fingers=in-fwd
   M  off=0 path=arc:up:5
-  M  at=space path=zigzag:up:3:2 head=nod
+  M  at=space shift=0,6,0 path=zigzag:up:3:2 head=nod
   H
 """
 

@@ -144,7 +144,7 @@ MENDED: list[tuple[str, str, Callable[[Hands], float], float, float]] = [
     ("TASTE", "seconds", repeated, 0.35, 1.5),
     ("PLEASE", "first outward", first_outward, -9.0, -0.3),
     ("SORRY", "first outward", first_outward, -9.0, -0.3),
-    ("DAY", "above the weak arm", above_weak_arm, 2.0, 9.5),
+    ("DAY", "above the weak arm", above_weak_arm, 2.0, 9.0),
     ("STAND", "legs off vertical", legs, 0.0, 15.0),
     ("DANCE", "legs off vertical", legs, 0.0, 15.0),
     ("PROUD", "thumb off down first", lambda h: off(h, h.events.start, "Thumb2", -UP), 0.0, 25.0),

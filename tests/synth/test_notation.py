@@ -141,7 +141,7 @@ def test_a_base_may_move_with_the_strong_hand() -> None:
     ).segments
     assert first.strong == second.strong
     assert second.weak is not None
-    assert second.weak.shift == (0.0, 6.0, 0.0)
+    assert second.weak.shift == (0.0, 0.0, 0.0), "two hands are 6 cm lower there"
 
 
 # --- errors

@@ -32,7 +32,7 @@ MENDED = (
     *("PHONE", "I", "WE", "HE-SHE", "BIRD", "fs-P", "fs-Q", "READ", "FEEL", "TASTE", "PLEASE", "SORRY", "DAY", "STAND"),
     *("DANCE", "PROUD", "DIFFERENT", "RESPONSIBLE", "GIRAFFE", "ANGRY", "ELEPHANT", "DOG", "SIT", "ACT", "HIS-HER"),
     *("PAST", "KING", "HOSPITAL", "WALK", "CLIMB", "PURPLE", "BOSS", "FISH", "FORGET", "MORNING", "SMELL", "SWEET"),
-    *("BROWN", "LAUGH", "PATIENT", "FUNNY", "LOOK"),
+    *("BROWN", "LAUGH", "PATIENT", "FUNNY", "LOOK", "OUR", "WORK"),
 )
 """Words and letters whose form was changed after published descriptions."""
 _BLUE, _AMBER = "#3f6fa8", "#de8e20"
@@ -96,7 +96,7 @@ def _write_letters(letters: Sequence[planner.IsolatedWord], path: Path, columns:
     for letter in letters:
         frame = (letter.events.start + letter.events.end) // 2
         cells.append((draw_hand(make_scene(letter.clip), frame, "right", size), letter.sign.gloss.removeprefix("fs-")))
-    write_cells(cells, path, columns)
+    write_cells(cells, path, columns, 256)
 
 
 def write_front_and_side(glosses: Sequence[str], path: Path, columns: int = 3, size: int = 160) -> None:
@@ -111,7 +111,7 @@ def write_front_and_side(glosses: Sequence[str], path: Path, columns: int = 3, s
         frames = (e.start, e.passes[0][1] if len(e.passes) > 1 else e.end)
         scenes = [make_scene(word.clip, view) for view in ("front", "side")]
         cells.append((np.hstack([draw(scene, frame, size, size) for scene in scenes for frame in frames]), gloss))
-    write_cells(cells, path, columns)
+    write_cells(cells, path, columns, 256)
 
 
 def check_matplotlib() -> None:

@@ -52,7 +52,7 @@ def write_names(folder: Path) -> list[Path]:
 
 
 def _still(strong: Posture | None = None, weak: Posture | None = None) -> tuple[FloatArray, Scene]:
-    """A state (63,) of the signer with hands in postures, or at rest, and the scene of it."""
+    """A state (65,) of the signer with hands in postures, or at rest, and the scene of it."""
     state = locations.resting(_SIGNER)
     if weak is not None:
         state[27:54] = locations.weak_hand(weak, _SIGNER)

@@ -8,7 +8,6 @@ from pathlib import Path
 from signsplice.render.picture import Image, dotted, draw, draw_hand, make_scene
 from signsplice.render.sheet import write_cells
 from signsplice.rig.naming import SIDES
-from signsplice.synth.checks import in_time
 from signsplice.synth.planner import IsolatedWord
 
 _MOST_COLUMNS = 10
@@ -38,7 +37,7 @@ def _steps(word: IsolatedWord) -> Iterator[tuple[int, str, slice]]:
     its first pass, the middle and the end.
     """
     yield word.events.start, word.sign.gloss, slice(0)
-    for n, one in enumerate(in_time(word), 1):
+    for n, one in enumerate(word.segments, 1):
         if one.segment.kind == "M":
             begin, stop = one.passes[0] if one.passes else (one.begin, one.end)
             times = f", {one.segment.times} times" if one.segment.times > 1 else ""

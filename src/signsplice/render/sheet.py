@@ -117,8 +117,8 @@ def write_strips(
         sheet.quantize(256, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)
 
 
-def write_cells(cells: Sequence[tuple[Image, str]], path: Path, columns: int, colours: int = 256) -> None:
-    """Write a page of pictures of one size, each with a line of text below it, as PNG."""
+def write_cells(cells: Sequence[tuple[Image, str]], path: Path, columns: int, colours: int = 0) -> None:
+    """Write a page of pictures of one size, each with a line of text below it, as PNG, of so many colours (0: all)."""
     image_, line = pillow("Image"), 18
     height, width = cells[0][0].shape[:2]
     sheet = image_.new("RGB", (columns * width, -(-len(cells) // columns) * (height + line)), PAPER)
@@ -127,5 +127,7 @@ def write_cells(cells: Sequence[tuple[Image, str]], path: Path, columns: int, co
         x, y = n % columns * width, n // columns * (height + line)
         sheet.paste(image_.fromarray(picture), (x, y))
         write_line(pen, text, x + 0.5 * width, y + height, width - 4, INK, 12)
+    if colours:
+        sheet = sheet.quantize(colours, dither=image_.Dither.NONE)
     with replacing(path) as temporary:
-        sheet.quantize(colours, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)
+        sheet.save(temporary, format="PNG", optimize=True)

@@ -15,8 +15,6 @@ from signsplice.synth.contact import PosedSigner, posed_signer
 from signsplice.synth.locations import MIRROR, WeakArm
 from signsplice.synth.phonology import Posture
 from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.rng import stream
-from signsplice.synth.segment_plan import SegmentPlan, TimedSegment
 from signsplice.synth.signer import JOINTS
 
 CONTORTED_DEG = 75.0
@@ -33,7 +31,6 @@ class _Body:
     """A word as a right-handed signer makes it.
 
     word: the word.
-    timed: its segments in time, frames of the word.
     posed: its signer.
     wrists: (T, 2, 3) the wrists, strong first, as they are, in the chest's axes, cm; the weak one mirrored as its state
         is.
@@ -42,7 +39,6 @@ class _Body:
     """
 
     word: IsolatedWord
-    timed: tuple[TimedSegment, ...]
     posed: PosedSigner
     wrists: FloatArray
     shoulders: FloatArray
@@ -54,21 +50,6 @@ def warnings(word: IsolatedWord) -> list[str]:
     body = _posed(word)
     worst = (max(found(body), default=None) for found in (_out_of_reach, _contorted, _off_the_skin))
     return [f"{word.sign.gloss}: {line[1]}" for line in worst if line is not None]
-
-
-def in_time(word: IsolatedWord) -> tuple[TimedSegment, ...]:
-    """The segments of a first take, as ``planner.isolated`` makes it, with [begin, end] frames of the word."""
-    rng = stream("take", word.signer.name, word.sign.gloss, 0)
-    plan, start = SegmentPlan(word.sign, word.signer, word.clip.fps, rng, 0), word.events.start
-    return tuple(
-        replace(
-            one,
-            begin=one.begin + start,
-            end=one.end + start,
-            passes=tuple((begin + start, stop + start) for begin, stop in one.passes),
-        )
-        for one in plan.timed
-    )
 
 
 def _posed(word: IsolatedWord) -> _Body:
@@ -83,7 +64,7 @@ def _posed(word: IsolatedWord) -> _Body:
     wrists, shoulders = seen[:, hands], seen[:, arms]
     wrists[:, 1] *= MIRROR
     shoulders[:, 1] *= MIRROR
-    return _Body(word, in_time(word), posed, wrists, shoulders, np.rad2deg(np.arccos(cosines)))
+    return _Body(word, posed, wrists, shoulders, np.rad2deg(np.arccos(cosines)))
 
 
 def _sides(word: IsolatedWord) -> tuple[int, ...]:
@@ -91,13 +72,13 @@ def _sides(word: IsolatedWord) -> tuple[int, ...]:
 
 
 def _named(body: _Body, n: int) -> str:
-    return f"segment {n + 1} ({body.timed[n].segment.kind})"
+    return f"segment {n + 1} ({body.word.segments[n].segment.kind})"
 
 
 def _out_of_reach(body: _Body) -> Iterator[tuple[float, str]]:
     """Postures whose wrist the arm cannot bring where it is meant to be, with how far it is from there, cm."""
     wanted = pose.hands(body.word.states)[..., pose.WRIST]
-    for n, one in enumerate(body.timed):
+    for n, one in enumerate(body.word.segments):
         for side in _sides(body.word):
             made, meant = body.wrists[one.end, side], wanted[one.end, side]
             miss = float(np.linalg.norm(made - meant))
@@ -111,7 +92,7 @@ def _out_of_reach(body: _Body) -> Iterator[tuple[float, str]]:
 
 def _contorted(body: _Body) -> Iterator[tuple[float, str]]:
     """Wrists that bend too far, with the angle, degrees."""
-    for n, one in enumerate(body.timed):
+    for n, one in enumerate(body.word.segments):
         for side in _sides(body.word):
             bend = float(body.bends[one.begin : one.end + 1, side].max())
             if bend > CONTORTED_DEG:
@@ -123,7 +104,7 @@ def _contorted(body: _Body) -> Iterator[tuple[float, str]]:
 
 def _off_the_skin(body: _Body) -> Iterator[tuple[float, str]]:
     """Touches as written at whose end the part of the strong hand is off the skin, with how far, cm."""
-    for n, one in enumerate(body.timed):
+    for n, one in enumerate(body.word.segments):
         posture = one.segment.strong
         meant = _meant(posture, body, one.end)
         if meant is None or meant >= _MEANT_CM:

@@ -28,7 +28,7 @@ _NEAR_CM = 1.0
 class PosedSigner:
     """A right-handed signer in T states.
 
-    states: (T, 63).
+    states: (T, 65).
     rotations, positions: (T, J, 3, 3) and (T, J, 3) of the joints, in the world.
     body: the capsules, with where their axes ``starts`` and ``ends`` (T, C, 3).
     """
@@ -62,7 +62,7 @@ class PosedSigner:
 
 
 def posed_signer(states: FloatArray, signer: Signer) -> PosedSigner:
-    """A signer, as if right-handed, in states (T, 63)."""
+    """A signer, as if right-handed, in states (T, 65)."""
     signer = replace(signer, left_handed=False)
     bones = skeleton(signer)
     body = body_capsules(bones)
@@ -79,7 +79,7 @@ def _surface(location: str, body: BodyCapsules) -> Sequence[int]:
 
 
 def into_touch(state: FloatArray, posture: Posture, hands: str, signer: Signer) -> FloatArray:
-    """Displacements (2, 3) of the strong and the weak hand of a state (63,) that bring the skin of the strong one to
+    """Displacements (2, 3) of the strong and the weak hand of a state (65,) that bring the skin of the strong one to
     that at which a posture is written; of hands that mirror one another both: to the body, or before it on the midline,
     to one another.
     """

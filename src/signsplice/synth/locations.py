@@ -155,7 +155,7 @@ def strong_hand(posture: Posture, weak: WeakArm, meets: bool = False, size: floa
     signer, normal = weak.signer, locate(posture.location, weak).normal
     hand_state = np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, signer), angles])
     for _ in range(_TOUCH_ROUNDS * (posture.on_skin and normal.any())):
-        gaps = hand_clearances(np.concatenate([hand_state, weak.hand, np.zeros(9)])[None], signer)[0]
+        gaps = hand_clearances(pose.of_hands(hand_state, weak.hand)[None], signer)[0]
         gap = gaps[2 if posture.location in ON_ARM | ON_BASE else 0]
         wrist = wrist + (max(posture.off, 0.0) * signer.scale - gap) * normal
         hand_state[:6] = np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, signer)])

@@ -45,6 +45,9 @@ _ONLY_M = ("path", "w.path", "local", "times", "return", "step", "tempo", "keep"
 _KEYS = (*_POSTURE_KEYS, *(f"w.{key}" for key in _POSTURE_KEYS), *_ONLY_M, "for", "head", "trunk")
 _LIFT_CM = 3.0
 """How far a hand is lifted where the notation gives no distance."""
+_LOWER, _LOWER_CM = ("space", "space-mid", "space-in", "space-out"), 6.0
+"""Places before the chest at which two hands are lower than one, and by how much: one hand on top of the other would
+else be at the throat."""
 _HEADER = re.compile(r"(?P<gloss>[^\s=:]+)\s+hands=(?P<hands>\S+)(?:\s+kind=(?P<kind>\S+))?\s*$")
 
 
@@ -158,8 +161,9 @@ def _segment(line: _Line, content: str, hands: str, before: Segment | None) -> S
     weak_fields = {key[2:]: value for key, value in fields.items() if key.startswith("w.")}
     if weak_fields and hands != "base":
         raise line.error(f"w.{next(iter(weak_fields))}= needs hands=base, not hands={hands}")
-    strong = _posture(line, fields, before.strong if before else None, "")
-    weak = _posture(line, weak_fields, before.weak if before else None, "w.") if hands == "base" else None
+    lower = 0.0 if hands == "one" else _LOWER_CM
+    strong = _posture(line, fields, before.strong if before else None, "", lower)
+    weak = _posture(line, weak_fields, before.weak if before else None, "w.", lower) if hands == "base" else None
     return Segment(
         kind=kind,
         strong=strong,
@@ -178,8 +182,10 @@ def _segment(line: _Line, content: str, hands: str, before: Segment | None) -> S
     )
 
 
-def _posture(line: _Line, fields: dict[str, str], before: Posture | None, prefix: str) -> Posture:
-    """The posture of a line. What the line does not give stays as before; a new location resets off and shift."""
+def _posture(line: _Line, fields: dict[str, str], before: Posture | None, prefix: str, lower: float) -> Posture:
+    """The posture of a line. What the line does not give stays as before; a new location resets off and shift. At
+    the places ``_LOWER`` it is ``lower``, cm.
+    """
     if before is None:
         missing = [key for key in ("shape", "at", "palm", "fingers") if key not in fields]
         if missing:
@@ -190,7 +196,6 @@ def _posture(line: _Line, fields: dict[str, str], before: Posture | None, prefix
         changes |= {
             "location": _one_of(line, f"{prefix}at", fields["at"], LOCATIONS),
             "off": 0.0,
-            "shift": (0.0, 0.0, 0.0),
         }
     if "shape" in fields:
         changes["shape"] = _one_of(line, f"{prefix}shape", fields["shape"], HANDSHAPES)
@@ -198,8 +203,9 @@ def _posture(line: _Line, fields: dict[str, str], before: Posture | None, prefix
         changes["part"] = _one_of(line, f"{prefix}by", fields["by"], PARTS)
     if "off" in fields:
         changes["off"] = _number(line, f"{prefix}off", fields["off"], -5.0, 60.0)
-    if "shift" in fields:
-        changes["shift"] = _shift(line, f"{prefix}shift", fields["shift"])
+    if "at" in fields or "shift" in fields:
+        x, y, z = _shift(line, f"{prefix}shift", fields.get("shift", "0,0,0"))
+        changes["shift"] = (x, y - lower * (changes.get("location", before.location) in _LOWER), z)
     for key in ("palm", "fingers"):
         if key in fields:
             changes[key] = _direction(line, fields[key])

@@ -181,7 +181,7 @@ class PathMotion:
         """Knots of a pass of ``n_frames``, or of the way ``back``, after its start: (progress, fraction of time)."""
         kinds = {path.kind for path in self._paths}
         if kinds & {"circle", "zigzag"} and not (back and self.lift is not None):
-            n = min(max(map(_n_knots, self._paths)), n_frames)
+            n = n_frames if self.segment.keeps else min(max(map(_n_knots, self._paths)), n_frames)
             return [(k / n, k / n) for k in range(1, n + 1)]
         if self.segment.keeps:
             times = (np.linspace(0.0, 1.0, min(_TOUCH_KNOTS, n_frames) + 1)[1:]).tolist()

@@ -21,7 +21,7 @@ from signsplice.synth.locations import resting
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream
-from signsplice.synth.segment_plan import FPS, SegmentPlan
+from signsplice.synth.segment_plan import FPS, SegmentPlan, TimedSegment
 from signsplice.synth.signer import STANDARD, Signer
 from signsplice.synth.timing import Events, between_frames
 
@@ -40,6 +40,7 @@ class IsolatedWord:
     states: the motion as states, (T, 65)
     clip: the same motion on the signer's skeleton
     events: its events
+    segments: its segments in time, frames of the word
     """
 
     sign: Sign
@@ -47,6 +48,7 @@ class IsolatedWord:
     states: FloatArray
     clip: Clip
     events: Events
+    segments: tuple[TimedSegment, ...]
 
     def __len__(self) -> int:
         return len(self.states)
@@ -57,8 +59,8 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     motion; another ``take`` varies it a little.
     """
     rng = stream("take", signer.name, sign.gloss, take)
-    segments = SegmentPlan(sign, signer, fps, rng, take)
-    knots = between_frames(segments.knots, segments.stops(), signer, sign.gloss, take)
+    plan = SegmentPlan(sign, signer, fps, rng, take)
+    knots = between_frames(plan.knots, plan.stops(), signer, sign.gloss, take)
     rest = resting(signer, sign.gloss, take)
     before, after = (max(2, round(fps * REST_S * rng.uniform(0.7, 1.6))) for _ in range(2))
     up = _reach_frames(rest, knots[0].state, signer, fps, PREPARATION_PACE * rng.uniform(0.94, 1.06))
@@ -71,20 +73,21 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
         ]
     )
     offset = before + up
-    events = segments.events(before - 1, offset, down)
+    events = plan.events(before - 1, offset, down)
     span = events.up, events.start, events.end, events.down
     states = two_hands.with_separate_timing(states, sign, signer, take, fps, span)
-    states = segments.low_passed(states, offset)
+    states = plan.low_passed(states, offset)
     if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
         trajectory.clip_fingers(states)
         states = thumbs.opened(states)
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
-    segments.add_overlays(states, offset)
+    plan.add_overlays(states, offset)
     states = add_body_motion(states, events, signer, fps)
     for _ in range(2):  # a forearm that is turned can meet the other hand
         states = clear_collisions(elbows.steadied(states, signer, fps), signer)
     clip = pose.clip(states, signer, fps, sign.gloss)
-    return IsolatedWord(sign, signer, states, clip, _with_touches(events, clip, sign, signer))
+    segments = tuple(one.later(offset) for one in plan.timed)
+    return IsolatedWord(sign, signer, states, clip, _with_touches(events, clip, sign, signer), segments)
 
 
 def _reach_frames(start: FloatArray, end: FloatArray, signer: Signer, fps: float, pace: float) -> int:

@@ -43,6 +43,11 @@ class TimedSegment:
     end: int
     passes: tuple[tuple[int, int], ...] = ()
 
+    def later(self, frames: int) -> TimedSegment:
+        """The same so many frames later."""
+        passes = tuple((begin + frames, end + frames) for begin, end in self.passes)
+        return replace(self, begin=self.begin + frames, end=self.end + frames, passes=passes)
+
 
 class SegmentPlan:
     """A sign's segments in time, frame 0 at the first posture, and the knots of their trajectory."""
