@@ -10,23 +10,30 @@ from signsplice.splicing.networks import features
 
 Mask = NDArray[np.bool_]
 
-_HOLD, _STROKE = (features.PHASES.index(name) for name in ("hold", "stroke"))
+_PREPARATION, _HOLD, _STROKE, _RETRACTION = range(1, len(features.PHASES))
 _POSSIBLE, _SURE = 0.05, 0.5
 """Probability from which on a frame may be part of a stroke, and that of one frame of it at least."""
 _JOINED = np.ones(4, bool)
 """Strokes that are fewer frames apart than these are one."""
+_PARTING, _PARTING_HEIGHT = 9, 0.05
+"""Hands that lie on one another part before they rise, and meet as they sink: that takes so many frames at most, at no
+more than this height, arm lengths, above where the higher one rests.
+"""
 _AT_REST = 0.12
 """Distance, arm lengths, from where it begins or ends up to which a hand rests."""
 _ALONE = 6
 """Frames, 0.2 s, from which on a hand moves alone."""
 
 
-def stroke_span(scores: NDArray[np.float32], raised: Mask) -> tuple[int, int] | None:
+def stroke_span(
+    scores: NDArray[np.float32], raised: Mask, wrists: NDArray[np.floating]
+) -> tuple[int, int] | None:
     """First and last frame of a word's strokes by the scores (T, 5) of its frames' phases; ``raised`` (T,): frames in
-    which a stroke may lie.
+    which a stroke may lie; ``wrists`` (T, 2, 3), arm lengths.
 
-    All frames count that are not surely something else; but not a stroke of which no frame is sure, or none is raised.
-    The middle frame of a sign that is all hold; None where neither is seen.
+    All frames count that are not surely something else; but not a stroke of which no frame is sure, or none is raised,
+    nor hands that part before their preparation or meet after their retraction. The middle frame of a sign that is all
+    hold; None where neither is seen.
     """
     weights = np.exp(scores.astype(np.float64) - scores.max(axis=-1, keepdims=True))
     phases = weights / weights.sum(axis=-1, keepdims=True)
@@ -37,10 +44,23 @@ def stroke_span(scores: NDArray[np.float32], raised: Mask) -> tuple[int, int] | 
         for (rows,) in find_objects(strokes)
         if raised[rows].any() and phases[rows, _STROKE].max() > _SURE
     ]
+    heights, surest = wrists[..., 1].max(axis=1), phases.argmax(axis=-1)
+    while len(rows) > 1 and _are_parting(rows[0], heights, 0, surest[rows[0][-1] : rows[1][0]] == _PREPARATION):
+        rows = rows[1:]
+    while len(rows) > 1 and _are_parting(rows[-1], heights, -1, surest[rows[-2][-1] : rows[-1][0]] == _RETRACTION):
+        rows = rows[:-1]
     if rows:
         return int(rows[0][0]), int(rows[-1][-1])
     held = np.flatnonzero(raised & (phases[:, _HOLD] > 0.5))
     return (int(held[len(held) // 2]),) * 2 if len(held) else None
+
+
+def _are_parting(frames: NDArray[np.intp], heights: NDArray[np.floating], end: int, goes: Mask) -> bool:
+    """Whether hands only part or meet in frames that look like a stroke, by the higher one's heights (T,), at that end
+    of a word; ``goes``: whether the frames between these and the next stroke are on the way from rest or to it.
+    """
+    is_low = bool(heights[frames].max() <= heights[end] + _PARTING_HEIGHT)
+    return is_low and frames[-1] - frames[0] < _PARTING and bool(goes.mean() > 0.5)
 
 
 def are_away(wrists: NDArray[np.floating]) -> Mask:

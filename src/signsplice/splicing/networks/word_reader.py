@@ -110,7 +110,8 @@ class WordReader:
             return own
         key = (mirror, end and len(word.trajectory.positions) > WORD_FRAMES, True)
         if key not in word.readings:
-            other = stroke_span(self._reading(word, not mirror, end).phases, alone)
+            seen = self._reading(word, not mirror, end)
+            other = stroke_span(seen.phases, alone, features.wrist_positions(seen.features))
             frames = [*(own.stroke or ()), *(other or ())]
             word.readings[key] = replace(own, stroke=(min(frames), max(frames)) if frames else None)
         return word.readings[key]
@@ -137,7 +138,7 @@ class WordReader:
                 first=word.first + first,
                 active=(start, stop),
                 phases=outputs["phases"][0],
-                stroke=stroke_span(outputs["phases"][0], is_active),
+                stroke=stroke_span(outputs["phases"][0], is_active, features.wrist_positions(tokens)),
             )
         return word.readings[key]
 
