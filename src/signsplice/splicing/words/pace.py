@@ -34,7 +34,7 @@ roles' names: 99 % of the frames of a public captured take (``long_take_metres``
 than that (2.75): the highest of isolated words.
 """
 MOST = 16.0
-"""Highest rate, of hands that stand: a hold of a second is over in a sixteenth; people leave holds between signs out."""
+"""Highest rate, of hands that stand: people leave holds between signs out, and a second of one becomes a sixteenth."""
 CONTACT_S = 0.08
 """A contact is held at least this long, where it was: two frames at 25 or 30 a second."""
 STROKE_S = 0.1
