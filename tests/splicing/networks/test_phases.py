@@ -50,9 +50,16 @@ def test_hands_that_part_before_they_rise_and_meet_as_they_sink_make_no_stroke()
     """Seen so where a signer's hands rest on one another."""
     assert span("rLLLpppppSSSSttttLLr", low="rL") == (9, 12)
     assert span("rLLLpppppSSSSttttLLr", low="r") == (1, 18), "but hands that are higher than they rest"
-    assert span("rLLLpphhhhhSSSSttttr", low="rL") == (1, 14), "or stand on their way"
+    assert span("rLLLpphhhhhSSSSttttr", low="rL") == (11, 14), "they may wait for the stroke"
+    assert span("rLLLhhhhhSSSSttttr", low="rL") == (1, 12), "but not in place of the way"
     assert span("r" + 10 * "L" + "pppppSSSSttttr", low="rL") == (1, 19), "or move for longer"
     assert span("rrLLLLttr", low="rL") == (2, 5), "or sign nothing else"
+
+
+def test_a_moment_amid_the_way_is_no_stroke() -> None:
+    assert span("rppSSSppppSSSSSttttSStttr") == (10, 14)
+    assert span("rppSSSSSppppSSSSSttttr") == (3, 16), "what takes longer is"
+    assert span("rppSSShhhhhSSSSSttttr") == (3, 15), "and what leads to a hold"
 
 
 def test_the_stroke_of_a_sign_that_is_all_hold_is_its_middle() -> None:

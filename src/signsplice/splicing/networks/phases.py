@@ -19,15 +19,15 @@ _PARTING, _PARTING_HEIGHT = 9, 0.05
 """Hands that lie on one another part before they rise, and meet as they sink: that takes so many frames at most, at no
 more than this height, arm lengths, above where the higher one rests.
 """
+_MOMENT = 5
+"""A stroke takes so many frames at least where it lies amid a way from or to rest."""
 _AT_REST = 0.12
 """Distance, arm lengths, from where it begins or ends up to which a hand rests."""
 _ALONE = 6
 """Frames, 0.2 s, from which on a hand moves alone."""
 
 
-def stroke_span(
-    scores: NDArray[np.float32], raised: Mask, wrists: NDArray[np.floating]
-) -> tuple[int, int] | None:
+def stroke_span(scores: NDArray[np.float32], raised: Mask, wrists: NDArray[np.floating]) -> tuple[int, int] | None:
     """First and last frame of a word's strokes by the scores (T, 5) of its frames' phases; ``raised`` (T,): frames in
     which a stroke may lie; ``wrists`` (T, 2, 3), arm lengths.
 
@@ -45,22 +45,32 @@ def stroke_span(
         if raised[rows].any() and phases[rows, _STROKE].max() > _SURE
     ]
     heights, surest = wrists[..., 1].max(axis=1), phases.argmax(axis=-1)
-    while len(rows) > 1 and _are_parting(rows[0], heights, 0, surest[rows[0][-1] : rows[1][0]] == _PREPARATION):
+    while len(rows) > 1 and _is_on_way(rows[0], rows[1][0], heights, surest == _PREPARATION, surest == _HOLD):
         rows = rows[1:]
-    while len(rows) > 1 and _are_parting(rows[-1], heights, -1, surest[rows[-2][-1] : rows[-1][0]] == _RETRACTION):
-        rows = rows[:-1]
+    last = len(surest) - 1
+    ends = [last - row[::-1] for row in reversed(rows)]
+    back = heights[::-1], (surest == _RETRACTION)[::-1], (surest == _HOLD)[::-1]
+    while len(ends) > 1 and _is_on_way(ends[0], ends[1][0], *back):
+        ends = ends[1:]
+    rows = rows[: len(ends)]
     if rows:
         return int(rows[0][0]), int(rows[-1][-1])
     held = np.flatnonzero(raised & (phases[:, _HOLD] > 0.5))
     return (int(held[len(held) // 2]),) * 2 if len(held) else None
 
 
-def _are_parting(frames: NDArray[np.intp], heights: NDArray[np.floating], end: int, goes: Mask) -> bool:
-    """Whether hands only part or meet in frames that look like a stroke, by the higher one's heights (T,), at that end
-    of a word; ``goes``: whether the frames between these and the next stroke are on the way from rest or to it.
+def _is_on_way(
+    frames: NDArray[np.intp], next_frame: int, heights: NDArray[np.floating], goes: Mask, holds: Mask
+) -> bool:
+    """Whether hands that seem to begin a stroke in some frames of a word only leave rest: the higher one is as low as
+    it rests, by ``heights`` (T,), or it is a moment amid the way. Frames (T,) of the way, ``goes``, and ``holds`` lead
+    to the next stroke.
     """
-    is_low = bool(heights[frames].max() <= heights[end] + _PARTING_HEIGHT)
-    return is_low and frames[-1] - frames[0] < _PARTING and bool(goes.mean() > 0.5)
+    first, stop = int(frames[0]), int(frames[-1]) + 1
+    between = goes[stop:next_frame][~holds[stop:next_frame]]
+    is_low = heights[frames].max() <= heights[0] + _PARTING_HEIGHT and stop - first <= _PARTING
+    is_moment = first > 0 and goes[first - 1] and stop - first < _MOMENT
+    return bool(len(between) and between.mean() > 0.5 and (is_low or is_moment))
 
 
 def are_away(wrists: NDArray[np.floating]) -> Mask:
