@@ -142,10 +142,12 @@ def seams(found: Mapping[str, Figures]) -> tuple[list[str], list[Sequence[object
         ),
         "",
         *prose("""
-            The first name is the cutter, the second the transition. Seconds, jumps and jerk are medians; arms down:
-            kept frames between the strokes in which both arms hang, mean; deep: a hand more than 5 mm in the body; dips: the
-            strong wrist sinks over 3 / 6 cm below both ends of the transition, or below the end of the last stroke and
-            the start of the next; head: its highest speed, median. The stitcher is that of spoken-to-signed 0.4.0, rebuilt from its description (`evaluation/stitcher.py`).
+            The first name is the cutter, the second the transition. Seconds, jumps and jerk are medians;
+            arms down: kept frames between the strokes in which both arms hang, mean; deep: a hand more than
+            5 mm in the body; dips: the strong wrist sinks over 3 / 6 cm below both ends of the transition,
+            or below the end of the last stroke and the start of the next; head: its highest speed, median.
+            The stitcher is that of spoken-to-signed 0.4.0, rebuilt from its description
+            (`evaluation/stitcher.py`).
         """),
         "",
         "## Signers who rest in other ways",
