@@ -96,9 +96,9 @@ def of(figures: Figures, key: str) -> dict[Any, Mapping[str, Any]]:
 
 
 def dips(row: Mapping[str, Any], key: str = "dips") -> str:
-    """The fractions of a row's seams that dip and that dip deep; "-" where they were not measured."""
+    """The seams of a row that dip and that dip deep, in %; "-" where they were not measured."""
     both = row.get(key), row.get(f"deep_{key}")
-    return "-" if None in both else " / ".join(percent(one) for one in both)
+    return "-" if None in both else "/".join(f"{100 * one:.0f}" for one in both)
 
 
 def seams(found: Mapping[str, Figures]) -> tuple[list[str], list[Sequence[object]]]:
@@ -115,8 +115,8 @@ def seams(found: Mapping[str, Figures]) -> tuple[list[str], list[Sequence[object
               (`{best["method"]}`).
             - The default keeps all movements of both signs in {percent(ours["whole"])} of the seams, and its transition
               takes {ours["seconds"]:.2f} s.
-            - In {dips(ours)} of the default's seams a hand sinks over 3 / 6 cm below both ends of the transition, in
-              {dips(ours, "stroke_dips")} between the strokes, and in {dips(rows.get(NATURAL, {}))} at natural tempo.
+            - Seams of the default in which a hand sinks by over 3/6 cm: {dips(ours)} %; from stroke to stroke
+              {dips(ours, "stroke_dips")} %; at natural tempo {dips(rows.get(NATURAL, {}))} %.
             - {percent(ours["deep"])} of the default's transitions lead a hand more than 5 mm into the body; {deep} % of
               the classical ones without collision avoidance (`hold` apart, which does not move).
         """),
@@ -124,7 +124,7 @@ def seams(found: Mapping[str, Figures]) -> tuple[list[str], list[Sequence[object
         *markdown(
             (
                 *("method", "seconds", "velocity jump, m/s", "jerk ratio", "arms down, frames", "strokes whole"),
-                *("deep", "dips", "stroke to stroke", "head, degrees/s"),
+                *("deep", "dips, %"),
             ),
             [
                 (
@@ -133,8 +133,7 @@ def seams(found: Mapping[str, Figures]) -> tuple[list[str], list[Sequence[object
                         f"{r['arms_down']:.1f}",
                         percent(r["whole"], 0),
                         "-" if r["deep"] is None else percent(r["deep"]),
-                        *(dips(r), dips(r, "stroke_dips")),
-                        "-" if r.get("head_peak") is None else f"{r['head_peak']:.0f}",
+                        dips(r),
                     ),
                 )
                 for name, r in rows.items()
@@ -144,8 +143,8 @@ def seams(found: Mapping[str, Figures]) -> tuple[list[str], list[Sequence[object
         *prose("""
             The first name is the cutter, the second the transition. Seconds, jumps and jerk are medians;
             arms down: kept frames between the strokes in which both arms hang, mean; deep: a hand more than
-            5 mm in the body; dips: the strong wrist sinks over 3 / 6 cm below both ends of the transition,
-            or below the end of the last stroke and the start of the next; head: its highest speed, median.
+            5 mm in the body; dips: the
+            strong wrist sinks by over 3/6 cm.
             The stitcher is that of spoken-to-signed 0.4.0, rebuilt from its description
             (`evaluation/stitcher.py`).
         """),
