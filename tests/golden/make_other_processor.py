@@ -3,7 +3,9 @@
     python tests/golden/make_other_processor.py
 
 It was run by Python 3.11 for aarch64 on an emulated Neoverse N1 (qemu-aarch64): numpy 2.4.6, onnxruntime 1.32.0.
-The networks are those of tiny_int8, so that the file outlives the networks that ship.
+Debian's arm64 packages of Python and its libraries, unpacked into one folder, are qemu's root (-L); onnxruntime needs a
+file proc/cpuinfo of such a processor in it. The networks are those of tiny_int8, so that the file outlives the networks
+that ship.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from signsplice.evaluation.hands import wrist_joints, wrist_positions
 from signsplice.evaluation.stitcher import stitch
 from signsplice.evaluation.strokes import keeps_stroke, output_frame, stroke
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
-from signsplice.motion import kinematics
+from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.rig import metrics
 from signsplice.rig.arms import Arms, arms
@@ -51,6 +51,8 @@ DOWN_FRACTION = 0.15
 """An arm is down where it has risen by less than this fraction of the height from rest to its highest."""
 DIP_M, DEEP_DIP_M = 0.03, 0.06
 """From these depths on a hand is counted as dipping, and as dipping deep."""
+ELBOW_STEP_M = 0.08
+"""An elbow that goes farther in a frame is seen to jump."""
 STITCHER = "stitcher"
 
 
@@ -70,6 +72,8 @@ class SeamMeasurement:
     dip: how far the strong wrist sinks below the lower end of the transition, m.
     stroke_dip: how far it sinks below the lower of the last stroke's end and the next stroke's start, from the one to
         the other, m; None for a method that makes points only.
+    head_peak: how fast the head turns in the transition at most, degrees/s; None for a method that makes points only.
+    elbow_step: how far an elbow goes in a frame of the transition at most, m; None for a method that makes points only.
     """
 
     seconds: float
@@ -82,6 +86,8 @@ class SeamMeasurement:
     dip: float
     idle_peak: float | None = None
     stroke_dip: float | None = None
+    head_peak: float | None = None
+    elbow_step: float | None = None
 
 
 @dataclass(frozen=True)
@@ -100,6 +106,8 @@ class SeamRow:
     dips, deep_dips: fraction of the seams whose ``dip`` is over ``DIP_M``, and over ``DEEP_DIP_M``.
     stroke_dips, deep_stroke_dips: the same of ``stroke_dip``; None without a body.
     deepest_dip: the greatest ``stroke_dip``, m; None without a body.
+    head_peak: as in ``SeamMeasurement``; None without a body.
+    elbow_steps: fraction of the seams whose ``elbow_step`` is over ``ELBOW_STEP_M``; None without a body.
     """
 
     method: str
@@ -119,6 +127,8 @@ class SeamRow:
     stroke_dips: float | None
     deep_stroke_dips: float | None
     deepest_dip: float | None
+    head_peak: float | None
+    elbow_steps: float | None
 
 
 def signature(rest: str = HANGING) -> str:
@@ -128,6 +138,7 @@ def signature(rest: str = HANGING) -> str:
         f"joins|words:everyday,{signer},drawn:once|around:{AROUND}|{metrics.VELOCITY_JUMP}|{metrics.JERK_RATIO}"
         f"|arms-down:{DOWN_FRACTION:g}-of-rise,between-strokes|whole:first-to-last-movement|deep:{1e3 * DEEP_M:g}mm"
         f"|idle-hand:wrist,transition+rest,max|dip:strong-wrist,{1e2 * DIP_M:g}+{1e2 * DEEP_DIP_M:g}cm"
+        f"|head:max|elbow-step:{1e2 * ELBOW_STEP_M:g}cm"
     )
 
 
@@ -191,9 +202,11 @@ def measure_spliced(before: IsolatedWord, after: IsolatedWord, options: SpliceOp
     (seam,) = result.seams
     left, entered = (span for span in result.spans if span.kind == "sign")
     first, stop = left.output[1], entered.output[0]
-    depth, _ = collision.hand_penetration(result.clip.skeleton, *kinematics.forward(result.clip[first - 1 : stop + 1]))
+    rotations, positions = kinematics.forward(result.clip[first - 1 : stop + 1])
+    depth, _ = collision.hand_penetration(result.clip.skeleton, rotations, positions)
     inside = depth[1:-1] if len(depth) > 2 else depth
-    deepest = max(0.0, float(inside.max()) * rig_info(result.clip.skeleton).sizes.unit.metres)
+    info = rig_info(result.clip.skeleton)
+    deepest = max(0.0, float(inside.max()) * info.sizes.unit.metres)
     kept = (0, seam.pre_frame + 1), (seam.post_frame, len(after))
     wrists = wrist_positions(result.clip)
     measured = _measure(wrists, (first, stop), before, after, kept, deepest)
@@ -206,7 +219,15 @@ def measure_spliced(before: IsolatedWord, after: IsolatedWord, options: SpliceOp
     strokes = output_frame(left, stroke(before)[1]), output_frame(entered, stroke(after)[0])
     between = min(round(strokes[0]), first - 1), max(round(strokes[1]), stop)
     peak, dip = _idle_peak(wrists, rests, result.clip.fps), _dip(wrists, before.signer, *between)
-    return replace(measured, idle_peak=peak, stroke_dip=dip)
+    head = rotation.from_matrix(rotations[:, info.roles.joints["head"]])
+    elbows = positions[:, [info.arm_joints[1], info.arm_joints[4]]] * info.sizes.unit.metres
+    return replace(
+        measured,
+        idle_peak=peak,
+        stroke_dip=dip,
+        head_peak=float(np.rad2deg(rotation.angle_between(head[1:], head[:-1])).max()) * result.clip.fps,
+        elbow_step=metrics.peak_speed(elbows, 1, len(elbows) - 1, 1.0),
+    )
 
 
 def _idle_peak(wrists: FloatArray, rests: Sequence[tuple[int, float, float]], fps: float) -> float | None:
@@ -282,6 +303,7 @@ def _row(name: str, seams: Sequence[SeamMeasurement]) -> SeamRow:
     depths = [seam.depth for seam in seams if seam.depth is not None]
     idle_peaks = [seam.idle_peak for seam in seams if seam.idle_peak is not None]
     stroke_dips = [seam.stroke_dip for seam in seams if seam.stroke_dip is not None]
+    heads = [seam.head_peak for seam in seams if seam.head_peak is not None]
 
     def median(field: str) -> float:
         return float(np.nanmedian([getattr(seam, field) for seam in seams]))
@@ -304,6 +326,8 @@ def _row(name: str, seams: Sequence[SeamMeasurement]) -> SeamRow:
         stroke_dips=_fraction_over(stroke_dips, DIP_M),
         deep_stroke_dips=_fraction_over(stroke_dips, DEEP_DIP_M),
         deepest_dip=max(stroke_dips, default=None),
+        head_peak=float(np.median(heads)) if heads else None,
+        elbow_steps=_fraction_over([seam.elbow_step for seam in seams if seam.elbow_step is not None], ELBOW_STEP_M),
     )
 
 
@@ -326,6 +350,8 @@ _COLUMNS: dict[str, Callable[[SeamRow], str]] = {
     "dips over 3 / 6 cm": lambda row: f"{percent(row.dips)} / {percent(row.deep_dips)}",
     "stroke to stroke": lambda row: f"{percent(row.stroke_dips)} / {percent(row.deep_stroke_dips)}",
     "deepest, cm": lambda row: shown(row.deepest_dip, ".1f", 1e2),
+    "head, degrees/s": lambda row: shown(row.head_peak, ".0f"),
+    "elbow steps over 8 cm": lambda row: percent(row.elbow_steps, ".1f"),
 }
 
 

@@ -10,11 +10,11 @@ from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, left_out_warnings
-from signsplice.rig.arms import active_span, arms
+from signsplice.rig.arms import Arms, active_span, arms
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import placement
 from signsplice.rig.rest_pose import rest_frame, rests_as_person, with_rest_pose
-from signsplice.rig.stray_frames import stray_frames
+from signsplice.rig.stray_frames import StrayFrames, stray_frames
 
 _RAISED, _BEHIND = 0.4, 0.15
 """Height of a wrist (``Arms.lift``) from which on it signs, and how far behind the shoulders, in arm lengths, it is in
@@ -29,7 +29,7 @@ def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
     humanoid, unit = info.roles, info.sizes.unit
     stands = placement(clip)
     try:
-        rest = [f"frames {a} to {b - 1}" for a, b in _rest_spans(clip) if b > a]
+        rest = [f"frames {a} to {b - 1}" for a, b in _rest_spans(clip, stray_frames(clip), arms(clip)) if b > a]
     except InputError:
         rest = []
     return {
@@ -61,7 +61,14 @@ def clip_warnings(clip: Clip) -> tuple[str, ...]:
 def _clip_warnings(clip: Clip) -> tuple[str, ...]:
     rested = with_rest_pose(clip)
     left_out = [line.removeprefix(f"{clip.name}: ") for line in left_out_warnings(clip)]
-    lines = [*_arm_warnings(rested), *left_out, *_motion_warnings(rested), *_rig_warnings(rested)]
+    stray = stray_frames(rested)
+    lines = [
+        *_arm_warnings(rested, stray),
+        *left_out,
+        *_motion_warnings(rested),
+        *stray.warnings,
+        *_rig_warnings(rested),
+    ]
     return tuple(dict.fromkeys(lines))
 
 
@@ -70,20 +77,21 @@ def _axis(direction: np.ndarray[Any, np.dtype[np.float64]]) -> str:
     return ("-" if direction[axis] < 0 else "+") + "XYZ"[axis]
 
 
-def _rest_spans(clip: Clip) -> list[tuple[int, int]]:
-    """The frames [start, stop) of rest before and after the sign. Raises ``InputError`` where no arms are known."""
-    stray = stray_frames(clip)
-    belonging = clip if stray.stop - stray.start == len(clip) else clip[stray.start : stray.stop]
-    start, stop = (stray.start + frame for frame in active_span(arms(belonging)))
+def _rest_spans(clip: Clip, stray: StrayFrames, seen: Arms) -> list[tuple[int, int]]:
+    """The frames [start, stop) of rest before and after the sign, by what belongs to the motion and the arms."""
+    if stray.stop - stray.start < len(clip):
+        seen = arms(clip[stray.start : stray.stop])
+    start, stop = (stray.start + frame for frame in active_span(seen))
     return [(stray.start, start), (stop, stray.stop)]
 
 
-def _arm_warnings(clip: Clip) -> list[str]:
+def _arm_warnings(clip: Clip, stray: StrayFrames) -> list[str]:
     """Arms that are not known, that never rest, or that sign behind the body."""
     try:
-        spans, seen = _rest_spans(clip), arms(clip)
+        seen = arms(clip)
     except InputError as error:
         return [str(error)]
+    spans = _rest_spans(clip, stray, seen)
     lines = []
     if all(a == b for a, b in spans):
         lines.append("no rest found at either end: the arms neither rise at the start nor sink at the end")
@@ -95,14 +103,13 @@ def _arm_warnings(clip: Clip) -> list[str]:
 
 
 def _motion_warnings(clip: Clip) -> list[str]:
-    """Clips that do not move, frames that do not belong, and steps too wide for a body."""
+    """Clips that do not move."""
     if len(clip) < 2:
-        single = "a single frame: it has no velocity, so transitions into and out of it start from rest"
-        return [single, *stray_frames(clip).warnings]
+        return ["a single frame: it has no velocity, so transitions into and out of it start from rest"]
     before, after = clip.local_rotations[:-1], clip.local_rotations[1:]
     turns = np.abs(np.einsum("tjc,tjc->tj", before, after)).min() < 0.999  # quicker than the angles of them all
     is_still = not turns and np.rad2deg(rotation.angle_between(before, after)).max() < 0.01
-    return [*(["nothing turns: every frame is the same pose"] if is_still else []), *stray_frames(clip).warnings]
+    return ["nothing turns: every frame is the same pose"] if is_still else []
 
 
 def _rig_warnings(clip: Clip) -> list[str]:

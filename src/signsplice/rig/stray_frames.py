@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.cache import CACHE
+from signsplice.motion.cache import CACHE, kept
 from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
 from signsplice.rig.canonical import canonical_motion
 from signsplice.rig.canonical_map import LEFT, RIGHT
@@ -98,6 +98,9 @@ def _with_ends_held(clip: Clip) -> Clip:
 def _stray_frames(clip: Clip) -> StrayFrames:
     angles, speeds = _steps(clip)
     jumps = _jumps(angles[:, _body_joints(clip.skeleton)].max(axis=1), JUMP_DEG) | _jumps(speeds, JUMP_M_S)
+    first, last = _reference_poses(clip)
+    if not (first[0] or last[0] or jumps.any() or (angles > JUMP_DEG).any()):
+        return StrayFrames(0, len(clip))
     reversed_clip = unchecked_copy(
         clip,
         local_rotations=clip.local_rotations[::-1],
@@ -105,7 +108,6 @@ def _stray_frames(clip: Clip) -> StrayFrames:
         translations=None if clip.translations is None else clip.translations[::-1],
         channels=None,
     )
-    first, last = _reference_poses(clip)
     before, shown_before = _stray_at_start(clip, jumps, *first)
     after, shown_after = _stray_at_start(reversed_clip, jumps[::-1], *last)
     n_frames = len(clip)
@@ -138,9 +140,11 @@ def _steps(clip: Clip) -> tuple[FloatArray, FloatArray]:
     return angles, speeds * info.sizes.unit.metres * clip.fps
 
 
+@kept
 def _body_joints(skeleton: Skeleton) -> list[int]:
     """All joints but those below a hand."""
-    hands = {rig_info(skeleton).roles.joints.get(f"{side}Hand") for side in SIDES}
+    roles = rig_info(skeleton).roles.joints
+    hands = {roles.get(f"{side}Hand") for side in SIDES}
     below: set[int] = set()
     for joint, parent in enumerate(skeleton.parents.tolist()):
         if parent in hands or parent in below:

@@ -17,10 +17,15 @@ def scores(phases: str, **doubtful: float) -> np.ndarray:
     return np.asarray(np.log(np.maximum(rows, 1e-9)))
 
 
-def span(phases: str, active: tuple[int, int] | None = None, **doubtful: float) -> tuple[int, int] | None:
+def span(
+    phases: str, active: tuple[int, int] | None = None, low: str = "r", **doubtful: float
+) -> tuple[int, int] | None:
+    """The strokes; a hand is as low as it rests in phases of ``low``. L: as S."""
     raised = np.zeros(len(phases), bool)
     raised[slice(*(active or (0, None)))] = True
-    return stroke_span(scores(phases, **doubtful), raised)
+    wrists = np.zeros((len(phases), 2, 3))
+    wrists[:, 1, 1] = [0.0 if letter in low else 0.5 for letter in phases]
+    return stroke_span(scores(phases.replace("L", "S"), **doubtful), raised, wrists)
 
 
 def test_a_stroke_goes_from_the_first_movement_to_the_last() -> None:
@@ -39,6 +44,22 @@ def test_a_stroke_that_goes_on_where_the_arms_are_low_is_whole() -> None:
     assert span("rpppSSSSSSSSttrr", active=(2, 8)) == (4, 11)
     assert span("rSSSSSSSSSSSttrr", active=(6, 13)) == (1, 11)
     assert span("rpppSSSSttttrSSr", active=(2, 9)) == (4, 7), "but not what lies at rest as a whole"
+
+
+def test_hands_that_part_before_they_rise_and_meet_as_they_sink_make_no_stroke() -> None:
+    """Seen so where a signer's hands rest on one another."""
+    assert span("rLLLpppppSSSSttttLLr", low="rL") == (9, 12)
+    assert span("rLLLpppppSSSSttttLLr", low="r") == (1, 18), "but hands that are higher than they rest"
+    assert span("rLLLpphhhhhSSSSttttr", low="rL") == (11, 14), "they may wait for the stroke"
+    assert span("rLLLhhhhhSSSSttttr", low="rL") == (1, 12), "but not in place of the way"
+    assert span("r" + 10 * "L" + "pppppSSSSttttr", low="rL") == (1, 19), "or move for longer"
+    assert span("rrLLLLttr", low="rL") == (2, 5), "or sign nothing else"
+
+
+def test_a_moment_amid_the_way_is_no_stroke() -> None:
+    assert span("rppSSSppppSSSSSttttSStttr") == (10, 14)
+    assert span("rppSSSSSppppSSSSSttttr") == (3, 16), "what takes longer is"
+    assert span("rppSSShhhhhSSSSSttttr") == (3, 15), "and what leads to a hold"
 
 
 def test_the_stroke_of_a_sign_that_is_all_hold_is_its_middle() -> None:

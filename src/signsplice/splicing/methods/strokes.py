@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from signsplice.splicing.networks import features
 from signsplice.splicing.networks.word_reader import WordReading
 
 BELOW, NEXT_BELOW = 0.015, 0.03
@@ -36,6 +35,6 @@ def _n_raised(word: WordReading, frames: range) -> int:
     """How many of a word's frames, away from its stroke, lie before the last at which both hands are still as high as
     in the first.
     """
-    heights = features.wrist_positions(word.features[np.array(frames) - word.first])[..., 1]  # (n, 2)
+    heights = word.wrists[np.array(frames) - word.first, :, 1]  # (n, 2)
     below = (heights[0] - heights).max(axis=1)
     return int(np.flatnonzero(below <= np.where(np.arange(len(below)) == 1, NEXT_BELOW, BELOW))[-1])

@@ -10,37 +10,69 @@ from signsplice.splicing.networks import features
 
 Mask = NDArray[np.bool_]
 
-_HOLD, _STROKE = (features.PHASES.index(name) for name in ("hold", "stroke"))
+_PREPARATION, _HOLD, _STROKE, _RETRACTION = range(1, len(features.PHASES))
 _POSSIBLE, _SURE = 0.05, 0.5
 """Probability from which on a frame may be part of a stroke, and that of one frame of it at least."""
 _JOINED = np.ones(4, bool)
-"""Strokes that are fewer frames apart than these are one."""
+"""Strokes that are fewer frames apart than these are one, unless those are a way from or to rest."""
+_PARTING, _PARTING_HEIGHT = 9, 0.05
+"""Hands that lie on one another part before they rise, and meet as they sink: that takes so many frames at most, at no
+more than this height, arm lengths, above where the higher one rests.
+"""
+_MOMENT = 5
+"""A stroke takes so many frames at least where it lies amid a way from or to rest."""
 _AT_REST = 0.12
 """Distance, arm lengths, from where it begins or ends up to which a hand rests."""
 _ALONE = 6
 """Frames, 0.2 s, from which on a hand moves alone."""
 
 
-def stroke_span(scores: NDArray[np.float32], raised: Mask) -> tuple[int, int] | None:
+def stroke_span(scores: NDArray[np.float32], raised: Mask, wrists: NDArray[np.floating]) -> tuple[int, int] | None:
     """First and last frame of a word's strokes by the scores (T, 5) of its frames' phases; ``raised`` (T,): frames in
-    which a stroke may lie.
+    which a stroke may lie; ``wrists`` (T, 2, 3), arm lengths.
 
-    All frames count that are not surely something else; but not a stroke of which no frame is sure, or none is raised.
-    The middle frame of a sign that is all hold; None where neither is seen.
+    All frames count that are not surely something else; but not a stroke of which no frame is sure, or none is raised,
+    nor hands that part before their preparation or meet after their retraction. The middle frame of a sign that is all
+    hold; None where neither is seen.
     """
     weights = np.exp(scores.astype(np.float64) - scores.max(axis=-1, keepdims=True))
     phases = weights / weights.sum(axis=-1, keepdims=True)
     possible = phases[:, _STROKE] > _POSSIBLE
-    strokes, _ = label(binary_closing(possible, _JOINED) | possible)
+    surest = phases.argmax(axis=-1)
+    goes = np.isin(surest, (_PREPARATION, _RETRACTION))
+    strokes, _ = label((binary_closing(possible, _JOINED) & ~goes) | possible)
     rows = [
         rows.start + np.flatnonzero(possible[rows])
         for (rows,) in find_objects(strokes)
         if raised[rows].any() and phases[rows, _STROKE].max() > _SURE
     ]
+    heights, last = wrists[..., 1].max(axis=1), len(surest) - 1
+    rows = _without_ways(rows, heights, surest, _PREPARATION)
+    rows = _without_ways([last - row[::-1] for row in rows[::-1]], heights[::-1], surest[::-1], _RETRACTION)
+    rows = [last - row[::-1] for row in rows[::-1]]
     if rows:
         return int(rows[0][0]), int(rows[-1][-1])
     held = np.flatnonzero(raised & (phases[:, _HOLD] > 0.5))
     return (int(held[len(held) // 2]),) * 2 if len(held) else None
+
+
+def _without_ways(
+    strokes: list[NDArray[np.intp]], heights: NDArray[np.floating], phases: NDArray[np.intp], way: int
+) -> list[NDArray[np.intp]]:
+    """The frames of each of a word's strokes without the first ones in which hands only leave rest, by the height (T,)
+    of the higher one and the phase (T,) that each frame is surest in: it is as low as it rests, and goes from there to
+    the next stroke, or it is a moment amid the ``way``.
+    """
+    while len(strokes) > 1:
+        first, stop, then = int(strokes[0][0]), int(strokes[0][-1]) + 1, phases[strokes[0][-1] + 1 : strokes[1][0]]
+        then = then[then != _HOLD]
+        is_low = stop - first <= _PARTING and heights[strokes[0]].max() <= heights[0] + _PARTING_HEIGHT
+        goes = len(then) > 0 and np.isin(then, (_PREPARATION, _RETRACTION)).mean() > 0.5
+        is_moment = stop - first < _MOMENT and first > 0 and phases[first - 1] == phases[stop] == way
+        if not (is_low and goes) and not is_moment:
+            break
+        strokes = strokes[1:]
+    return strokes
 
 
 def are_away(wrists: NDArray[np.floating]) -> Mask:

@@ -14,7 +14,7 @@ from signsplice.motion.clip import Clip
 from signsplice.rig.canonical import FEATURE_FPS, CanonicalMotion, canonical_motion
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.features import WORD_FRAMES, CanonicalTrajectory
-from signsplice.splicing.networks.phases import are_away, frames_alone, stroke_span
+from signsplice.splicing.networks.phases import Mask, are_away, frames_alone, stroke_span
 from signsplice.splicing.networks.sessions import Array, Sessions
 
 REST_FRAMES = 24
@@ -30,6 +30,7 @@ class WordReading:
     """A word as the cutting network reads it; T frames at ``FEATURE_FPS``.
 
     features: (T, N_FRAME) of its frames.
+    wrists: (T, 2, 3) of its frames, arm lengths.
     states: (1, T, D) the network's states.
     leave, enter: (1, S) its summaries for leaving and for entering the word.
     first: the frame of the clip, at ``FEATURE_FPS``, with which ``features`` begin.
@@ -39,6 +40,7 @@ class WordReading:
     """
 
     features: NDArray[np.float32]
+    wrists: NDArray[np.float32]
     states: Array
     leave: Array
     enter: Array
@@ -104,15 +106,15 @@ class WordReader:
 
     def _alone(self, word: _Word, mirror: bool, end: bool) -> WordReading:
         """The reading by the busier hand, with the strokes that the other one makes while that rests."""
-        own = self._reading(word, mirror, end)
-        alone = frames_alone(features.wrist_positions(own.features))
-        if not alone.any():
-            return own
         key = (mirror, end and len(word.trajectory.positions) > WORD_FRAMES, True)
         if key not in word.readings:
-            other = stroke_span(self._reading(word, not mirror, end).phases, alone)
-            frames = [*(own.stroke or ()), *(other or ())]
-            word.readings[key] = replace(own, stroke=(min(frames), max(frames)) if frames else None)
+            own = self._reading(word, mirror, end)
+            alone = frames_alone(own.wrists)
+            if alone.any():
+                seen = self._reading(word, not mirror, end)
+                frames = [*(own.stroke or ()), *(stroke_span(seen.phases, alone, seen.wrists) or ())]
+                own = replace(own, stroke=(min(frames), max(frames)) if frames else None)
+            word.readings[key] = own
         return word.readings[key]
 
     def _reading(self, word: _Word, mirror: bool, end: bool) -> WordReading:
@@ -127,17 +129,18 @@ class WordReader:
                 phases=(1, n, n_phases),
             )  # fmt: skip
             start, stop = (min(max(frame - first, 0), len(tokens)) for frame in word.active)
-            is_active = np.zeros(n, bool)
+            wrists, is_active = features.wrist_positions(tokens), np.zeros(n, bool)
             is_active[start:stop] = True
             word.readings[key] = WordReading(
                 features=tokens[:, : features.N_FRAME],
+                wrists=wrists,
                 states=outputs["states"],
                 leave=outputs["leave"],
                 enter=outputs["enter"],
                 first=word.first + first,
                 active=(start, stop),
                 phases=outputs["phases"][0],
-                stroke=stroke_span(outputs["phases"][0], is_active),
+                stroke=stroke_span(outputs["phases"][0], is_active, wrists),
             )
         return word.readings[key]
 
@@ -152,20 +155,21 @@ def _without_long_rests(motion: CanonicalMotion) -> _Word:
     last = min(int((stop - 1) / motion.fps * FEATURE_FPS + 1e-6), len(whole.positions) - 1)
     start, stop = min(int(np.ceil(start / motion.fps * FEATURE_FPS - 1e-6)), last), last + 1
     n = len(whole.positions)
-    first = max(0, _n_left_out(whole.positions, start))
-    kept = slice(first, n - max(0, _n_left_out(whole.positions[::-1], n - stop)))
+    away = np.logical_or(*are_away(whole.positions[:, :: whole.positions.shape[1] // 2]).T)
+    first = max(0, _n_left_out(whole.positions, away, start))
+    kept = slice(first, n - max(0, _n_left_out(whole.positions[::-1], away[::-1], n - stop)))
     start, stop = max(start, first), min(stop, kept.stop)
     shown = CanonicalTrajectory(whole.rotations_6d[kept], whole.positions[kept], whole.has_role)
     return _Word(shown, first, (start - first, stop - first))
 
 
-def _n_left_out(positions: FloatArray, n_low: int) -> int:
-    """How many frames of a word's beginning are not shown, from positions (T, 12, 3) and how many frames pass until an
-    arm is raised: not all of them where a hand has left its rest long before that, for a part of the sign that is low.
+def _n_left_out(positions: FloatArray, away: Mask, n_low: int) -> int:
+    """How many frames of a word's beginning are not shown, from positions (T, 12, 3), whether a hand is away from rest
+    (T,) and how many frames pass until an arm is raised: not all of them where a hand has left its rest long before
+    that, for a part of the sign that is low.
     """
     n_still = _n_still_frames(positions)
-    away = are_away(positions[:, :: positions.shape[1] // 2])[:n_low]
-    n_rest = max(n_low - _LONGEST_LOW, int(np.flatnonzero(~(away[:, 0] | away[:, 1])).max(initial=0)))
+    n_rest = max(n_low - _LONGEST_LOW, int(np.flatnonzero(~away[:n_low]).max(initial=0)))
     return min(max(n_low, n_still) - REST_FRAMES, max(n_rest, n_still) - REST_FRAMES // 2)
 
 

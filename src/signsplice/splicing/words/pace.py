@@ -33,8 +33,8 @@ PEAKS = {"Hand": (2.5, 45.0), "Distal": (4.3, 73.0), "head": (1.5, 12.7)}
 roles' names: 99 % of the frames of a public captured take (``long_take_metres``) stay below. The wrists' speed is lower
 than that (2.75): the highest of isolated words.
 """
-MOST = 6.0
-"""Highest rate: what is left of a long hold."""
+MOST = 16.0
+"""Highest rate, of hands that stand: people leave holds between signs out, and a second of one becomes a sixteenth."""
 CONTACT_S = 0.08
 """A contact is held at least this long, where it was: two frames at 25 or 30 a second."""
 STROKE_S = 0.1

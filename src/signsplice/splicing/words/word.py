@@ -166,6 +166,8 @@ class SentenceWord:
 
     def nearest_frame(self, own_frame: int) -> int:
         """The frame of ``clip`` nearest in time to one of ``own``."""
+        if self.own is None:
+            return own_frame
         return int(np.clip(round((own_frame - self.own_first) / self.own_step), 0, len(self.clip) - 1))
 
 
