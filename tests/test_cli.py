@@ -556,6 +556,7 @@ def test_lack_of_memory_and_interrupts_in_imports_are_one_line(
     """A library that is imported may make another error of an interrupt."""
     code = (
         "import signal, sys\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a shell's background job ignores it
         "def swallowed():\n"
         "    try:\n"
         "        signal.raise_signal(signal.SIGINT)\n"
