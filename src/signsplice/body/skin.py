@@ -34,6 +34,7 @@ _TRUNK = ("hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder
 _HEAD = ("head", "jaw", "leftEye", "rightEye")
 _ARM = ("sleeve", "cuff")
 """Parts whose capsules lie along their bones, from joint to joint, as the fit of clips has them."""
+_LIMBS = {"arms": ("sleeve", "cuff"), "legs": ("leg",), "neck": ("neck",)}
 _BINS = 6
 """Slices of a bone in which limbs are measured."""
 _HEIGHTS = 7
@@ -54,6 +55,10 @@ _SLICES = ((0.2, 0.6), 0.45, 0.6)
 """Of a palm's capsule: where on the way to the knuckle its two slices begin, how long they are, and how wide on either
 side, in distances of neighbouring knuckles.
 """
+_WIDE, _THICK = 1.7, 3.0
+"""A limb that is thicker than this many times the usual is a sleeve or a skirt, and so is what is farther than that
+many radii of a palm from its middle.
+"""
 _BETWEEN = (0.05, 0.95)
 """Shares of vertices that lie below the one and the other surface of a palm or finger."""
 _WIDEST, _OUT = 0.98, (0.3, 0.75)
@@ -68,11 +73,11 @@ def fit_skin(skeleton: Skeleton, points: SkinPoints) -> tuple[BodyCapsules, tupl
     few vertices and keep the usual proportions.
     """
     fitting = _Fitting(skeleton, points)
-    fitting.limbs()
     fitting.hands()
+    fitting.limbs()
     fitting.trunk()
     fitting.head()
-    return fitting.body(), tuple(fitting.missed)
+    return fitting.body(), tuple(sorted(fitting.missed, key=lambda what: what not in _LIMBS))
 
 
 class _Fitting:
@@ -121,7 +126,7 @@ class _Fitting:
 
     def limbs(self) -> None:
         """Arms, legs and neck; those with too few vertices get the median factor of the others."""
-        for what, parts in (("arms", ("sleeve", "cuff")), ("legs", ("leg",)), ("neck", ("neck",))):
+        for what, parts in _LIMBS.items():
             rows = [n for n, part in enumerate(self.usual.parts) if part in parts]
             self._scale_others(what, rows, [n for n in rows if self._sleeve(n, halves=True)])
         for side in SIDES:
@@ -159,9 +164,12 @@ class _Fitting:
         along, across = (near - start) @ axis / length, (near - start) @ frame.T
         if not halves:
             return self._finger_sleeve(row, start, axis, along, across, frame)
-        seen = []
+        seen, away = [], np.linalg.norm(across, axis=1)
         for t in (np.arange(_BINS) + 0.5) / _BINS:
-            ring = _ring(across[np.abs(along - t) < 0.5 / _BINS], is_centred=self.usual.parts[row] in _ARM)
+            inside, widest = np.abs(along - t) < 0.5 / _BINS, self._widest(row, t)
+            ring = _ring(across[inside], is_centred=self.usual.parts[row] in _ARM)
+            if ring is not None and ring[1] > widest:  # a wide sleeve, or a skirt: what is within may be skin
+                ring = _ring(across[inside & (away < widest)], is_centred=self.usual.parts[row] in _ARM)
             if ring is not None:
                 seen.append((t, *ring[0], ring[1]))
         if not seen:
@@ -173,6 +181,13 @@ class _Fitting:
             ends[row] += np.array([x, y]) @ frame
             self.radii[row, k] = np.clip(radius, low, high)
         return True
+
+    def _widest(self, row: int, t: float) -> float:
+        """The radius at part t of a limb, from which on its vertices are cloth; stout bodies have stout palms."""
+        palms = [n for n, part in enumerate(self.usual.parts) if part == "palm"]
+        stout = quantile(self.radii[palms].mean(axis=1) / self.usual.radii[palms].mean(axis=1), 0.5) if palms else 1.0
+        start, end = self.usual.radii[row].tolist()
+        return float(_WIDE * max(1.0, stout) * (start + t * (end - start)))
 
     def _finger_sleeve(
         self, row: int, start: FloatArray, axis: FloatArray, along: FloatArray, across: FloatArray, frame: FloatArray
@@ -209,9 +224,11 @@ class _Fitting:
         up /= np.linalg.norm(up)
         since = self.points.of(self.roles[f"{side}Hand"]) - start
         along, height, beside = since @ axis / length, since @ up, np.abs(since @ np.cross(axis, up))
-        (lows, long, wide), found = _SLICES, []
+        (lows, long, wide), found, thick = _SLICES, [], _THICK * self.usual.radii[row].max()
         for low in lows:
-            inside = height[(beside < wide * spacing) & (along >= low) & (along < low + long)]
+            inside = height[
+                (beside < wide * spacing) & (along >= low) & (along < low + long) & (np.abs(height) < thick)
+            ]
             if len(inside) < MIN_POINTS:
                 return False
             found.append((quantile(inside, _BETWEEN[0]), quantile(inside, _BETWEEN[1])))

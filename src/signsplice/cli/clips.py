@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 
 OUTPUT_SUFFIXES = (*formats.WRITE_SUFFIXES, *PICTURE_SUFFIXES)
 """Suffixes that ``write`` writes, for help texts."""
+SKIN = click.option(
+    "--skin", multiple=True, metavar="NAME", help="Mesh, node or material of the avatar that is skin; others are cloth."
+)
+"""An option of commands with ``--avatar``; may be repeated."""
 Spans = Sequence[tuple[str, str, int, int]]
 """Kind, name, first frame and end of each span."""
 _LIFTED, _REST_FRAME = f"{__name__}.lifted", f"{__name__}.rest_frame"
@@ -95,11 +99,11 @@ def posed(clip: Clip) -> Clip:
     return with_rest_pose(clip, frame)
 
 
-def load_avatar(path: str, roles: str | None = None) -> Avatar:
-    """The avatar in a file; ``roles`` as in ``load``."""
+def load_avatar(path: str, roles: str | None = None, skin: Sequence[str] = ()) -> Avatar:
+    """The avatar in a file; ``roles`` as in ``load``, ``skin``: names of what is skin."""
     from signsplice.formats.avatar import read_avatar
 
-    return read_avatar(path, read_roles(roles), limits())
+    return read_avatar(path, read_roles(roles), limits(), skin)
 
 
 def read_roles(path: str | None) -> dict[str, str] | None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from signsplice.cli.clips import Spans, check_outputs, load, load_avatar, reads_poses, write
+from signsplice.cli.clips import SKIN, Spans, check_outputs, load, load_avatar, reads_poses, write
 from signsplice.cli.options import AS_JSON, preset, two_numbers
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
@@ -48,17 +48,28 @@ def inspect(file: str, as_json: bool, roles: str | None) -> None:
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar="OUT")
 @click.option("--onto", metavar="RIG", help="Clip whose body the motion is brought to: places and contacts are kept.")
-@click.option("--avatar", metavar="A.vrm", help="Avatar (.vrm, .glb) whose body the motion is brought to, by its mesh.")
+@click.option(
+    "--avatar", metavar="A.vrm", help="Avatar (.vrm, .glb) that the motion is brought to; a .glb is its own file."
+)
+@SKIN
 @click.option(
     "--report", metavar="R.json", help="With --onto or --avatar: write what the hands touch, before and after."
 )
 @reads_poses
 def convert(
-    source: str, output: str, onto: str | None, avatar: str | None, report: str | None, roles: str | None
+    source: str,
+    output: str,
+    onto: str | None,
+    avatar: str | None,
+    skin: tuple[str, ...],
+    report: str | None,
+    roles: str | None,
 ) -> None:
     """Turn one file into another, by suffix; with --onto or --avatar, for another body."""
     if onto is not None and avatar is not None:
         raise InputError("--onto and --avatar each name a body, expected one of them")
+    if skin and avatar is None:
+        raise InputError("--skin names meshes of an avatar, expected --avatar too")
     body = onto if avatar is None else avatar
     if report is not None and body is None:
         raise InputError("--report describes what --onto does, or --avatar, expected one of them too")
@@ -72,7 +83,7 @@ def convert(
         return
     from signsplice.body.retarget import retarget
 
-    done = retarget(clip, load(body, roles) if avatar is None else load_avatar(body, roles))
+    done = retarget(clip, load(body, roles) if avatar is None else load_avatar(body, roles, skin))
     warn(done.warnings)
     write(done.clip, output)
     if report is not None:

@@ -51,7 +51,8 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
     The frames of a span with a ``warp`` are those of the source at the frames that it lists, by slerp between
     neighbours. A transition whose span has a ``pause`` begins with one. ``contacts`` is there only where a clip was
     brought to another body: what its hands touched, and whether they do there. ``system`` is there only where a system
-    spliced the words whole.
+    spliced the words whole; ``avatar`` where the output is on an avatar, and then the copies rebuild the sentence that
+    was brought to it.
     """
     timing = {"load": 0.0, "cut": 0.0, "transition": 0.0, "join": 0.0, "save": 0.0}
     report = {
@@ -73,6 +74,8 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
         ]
     if result.system is not None:
         report["system"] = dict(result.system)
+    if result.avatar is not None:
+        report["avatar"] = dict(result.avatar)
     rounded: dict[str, Any] = plain(report)
     return rounded
 

@@ -92,6 +92,7 @@ class SpliceResult:
     contacts: for each source clip that was brought to another body, by its index, what its hands touch there.
     tempo: the tempo asked for, and how long signs take.
     system: name, bundle and training of the system that spliced the words whole; None where none did.
+    avatar: name and contacts of the avatar that the sentence was brought to; None where it was to none.
     """
 
     clip: Clip
@@ -105,3 +106,4 @@ class SpliceResult:
     contacts: Mapping[int, tuple[Contact, ...]] = field(default_factory=dict)
     tempo: ReachedTempo = field(default_factory=ReachedTempo)
     system: Mapping[str, Any] | None = None
+    avatar: Mapping[str, Any] | None = None

@@ -1,0 +1,25 @@
+"""An avatar's own file, kept so that motion can be written into it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from signsplice.motion.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class AvatarFile:
+    """The file that an avatar was read from, and where its J joints are in it.
+
+    content: a whole .glb file: it names no other.
+    nodes: (J,) the node of each joint.
+    turn: (3, 3) from the file's world to the avatar's axes: VRM 0.x avatars face -Z, ours +Z.
+    worlds: (J, 4, 4) the joints at rest in the file's world.
+    above: (4, 4) what the root hangs on.
+    """
+
+    content: bytes
+    nodes: tuple[int, ...]
+    turn: FloatArray
+    worlds: FloatArray
+    above: FloatArray
