@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from signsplice.motion.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class FaceControl:
+    """What moves an avatar's face: an expression of VRM, or one morph target.
+
+    name: its name in the file.
+    binds: node, number of the morph target, and weight there with the control at 1.
+    """
+
+    name: str
+    binds: tuple[tuple[int, int, float], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,6 +29,8 @@ class AvatarFile:
     turn: (3, 3) from the file's world to the avatar's axes: VRM 0.x avatars face -Z, ours +Z.
     worlds: (J, 4, 4) the joints at rest in the file's world.
     above: (4, 4) what the root hangs on.
+    face: what moves its face.
+    n_targets: node -> number of morph targets, of the nodes that the face moves.
     """
 
     content: bytes
@@ -23,3 +38,5 @@ class AvatarFile:
     turn: FloatArray
     worlds: FloatArray
     above: FloatArray
+    face: tuple[FaceControl, ...] = ()
+    n_targets: Mapping[int, int] = field(default_factory=dict)

@@ -20,6 +20,7 @@ from signsplice.body.avatar_file import AvatarFile
 from signsplice.body.capsules import Avatar
 from signsplice.body.skin import fit_skin
 from signsplice.errors import InputError
+from signsplice.formats.avatar_face import face_controls
 from signsplice.formats.avatar_writer import pack
 from signsplice.formats.gltf_document import Fields
 from signsplice.formats.gltf_mesh import MeshReader
@@ -88,7 +89,7 @@ class AvatarReader(MeshReader):
         above = self.parents.get(order[0])
         file = AvatarFile(
             self._whole(content), tuple(order), turn, np.stack([self.world(node) for node in order]),
-            np.eye(4) if above is None else self.world(above),
+            np.eye(4) if above is None else self.world(above), *face_controls(self),
         )  # fmt: skip
         lacks = _lacking_fingers(avatar.label, named)
         avatar = replace(avatar, is_vrm=bool({VRM_0, VRM_1} & {*extensions}), file=file, warnings=lacks)
@@ -176,16 +177,12 @@ class AvatarReader(MeshReader):
 
 def _lacking_fingers(label: str, roles: Mapping[str, str]) -> tuple[str, ...]:
     """A line about hands that have fewer than five fingers."""
-    hands = [{finger for finger in FINGERS if f"{side}{finger}Proximal" in roles} for side in SIDES]
-    lacking = [finger.lower() for finger in FINGERS if any(finger not in hand for hand in hands)]
+    lacking = [f.lower() for f in FINGERS if any(f"{side}{f}Proximal" not in roles for side in SIDES)]
     if not lacking:
         return ()
-    named = (
-        "fingers"
-        if len(lacking) == len(FINGERS)
-        else " or ".join([", ".join(lacking[:-1]), lacking[-1]][len(lacking) == 1 :])
-    )
-    return (f"{label}: has no {named} to move, so it cannot spell, and many handshapes look alike",)
+    some = " or ".join([*([", ".join(lacking[:-1])] if lacking[1:] else []), lacking[-1]])
+    what = "fingers" if len(lacking) == len(FINGERS) else f"{some}{' finger' * (some != 'thumb')}"
+    return (f"{label}: has no {what} to move, so it cannot spell, and many handshapes look alike",)
 
 
 def _warnings(label: str, missed: tuple[str, ...]) -> tuple[str, ...]:

@@ -24,10 +24,11 @@ from signsplice.formats.gltf_writer import DocumentWriter
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
+from signsplice.motion.face_shapes import target_weights
 from signsplice.rig.placement import place, placement
 
-_SAME = 1e-6
-"""A joint whose rotation differs by less from that at rest gets no animation channel."""
+_SAME = 1e-12
+"""A joint whose rotation has a cosine with that at rest (of quaternions) that is nearer to 1 gets no animation channel."""
 
 
 def encode(clip: Clip, file: AvatarFile) -> bytes:
@@ -50,6 +51,8 @@ def encode(clip: Clip, file: AvatarFile) -> bytes:
         if k == 0 or np.abs(1.0 - np.abs(quats[:, k] @ rest)).max() > _SAME:
             _free_matrix(document["nodes"][node])
             writer.channel(node, "rotation", times, rotation.continuous(quats[:, k]))
+    for node, weights in _face(clip, file).items():
+        writer.channel(node, "weights", times, weights)
     blob = _append(document, blob, writer, clip)
     extras = document.setdefault("extras", {})
     if isinstance(extras, dict) and clip.skeleton.roles:
@@ -72,6 +75,18 @@ def _local_quats(clip: Clip, file: AvatarFile) -> FloatArray:
     parents = np.array([_quat(file.above), *rest])[clip.skeleton.parents + 1]
     local = rotation.multiply(rotation.multiply(rotation.inverse(turn), clip.local_rotations), turn)
     return rotation.normalize(rotation.multiply(rotation.multiply(rotation.inverse(parents), local), rest))
+
+
+def _face(clip: Clip, file: AvatarFile) -> dict[int, FloatArray]:
+    """The weights (T, n) of the morph targets of each node that a face moves; none where the clip has no face."""
+    if clip.face is None or not file.face:
+        return {}
+    strength, _ = target_weights(clip.face, [control.name for control in file.face])
+    out = {node: np.zeros((len(clip), n)) for node, n in file.n_targets.items()}
+    for control, alpha in zip(file.face, strength.T, strict=True):
+        for node, index, weight in control.binds:
+            out[node][:, index] += weight * alpha
+    return {node: np.clip(weights, 0.0, 1.0) for node, weights in out.items()}
 
 
 def _quat(matrix: FloatArray) -> FloatArray:
