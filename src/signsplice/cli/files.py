@@ -9,7 +9,17 @@ from typing import Any
 
 import click
 
-from signsplice.cli.clips import SKIN, Spans, check_outputs, load, load_avatar, reads_poses, write
+from signsplice.cli.clips import (
+    SKIN,
+    Spans,
+    check_outputs,
+    faces_of,
+    load,
+    load_avatar,
+    reads_faces,
+    reads_poses,
+    write,
+)
 from signsplice.cli.options import AS_JSON, preset, two_numbers
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
@@ -55,6 +65,8 @@ def inspect(file: str, as_json: bool, roles: str | None) -> None:
 @click.option(
     "--report", metavar="R.json", help="With --onto or --avatar: write what the hands touch, before and after."
 )
+@click.option("--mouth", metavar="SAMPA", help='Sounds that the mouth says over the sign, in SAMPA: "h@l@U".')
+@reads_faces
 @reads_poses
 def convert(
     source: str,
@@ -63,6 +75,9 @@ def convert(
     avatar: str | None,
     skin: tuple[str, ...],
     report: str | None,
+    mouth: str | None,
+    faces: tuple[str, ...],
+    face_offset: float,
     roles: str | None,
 ) -> None:
     """Turn one file into another, by suffix; with --onto or --avatar, for another body."""
@@ -75,8 +90,12 @@ def convert(
         raise InputError("--report describes what --onto does, or --avatar, expected one of them too")
     if Path(output).suffix.lower() == ".vrm":
         raise InputError(f"{output}: an avatar is not written; name a .vrma, .glb or .bvh")
-    check_outputs(output, report, inputs=[source, body, roles])
-    clip = load(source, roles)
+    check_outputs(output, report, inputs=[source, body, roles, *faces])
+    clip = load(source, roles, face=faces_of([source], faces)[0], face_offset=face_offset)
+    if mouth is not None:
+        from signsplice.synth.mouthing import with_mouthing
+
+        clip = with_mouthing(clip, mouth)
     if body is None:
         write(clip, output)
         print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")

@@ -18,10 +18,12 @@ from signsplice.cli.clips import (
     SKIN,
     check_apart,
     check_outputs,
+    faces_of,
     limits,
     load,
     load_avatar,
     posed,
+    reads_faces,
     reads_poses,
     with_roles,
     write,
@@ -99,9 +101,12 @@ _splicing_options = added(
 
 @click.command(context_settings=_SETTINGS)
 @click.argument("clips", nargs=-1, required=True, metavar="A.bvh B.bvh [C.bvh ...]")
+@reads_faces
 @_splicing_options
 def splice(
     clips: tuple[str, ...],
+    faces: tuple[str, ...],
+    face_offset: float,
     output: str,
     report: str | None,
     roles: str | None,
@@ -114,11 +119,12 @@ def splice(
 
     if len(clips) < 2:
         raise InputError(f"one clip, {clips[0]}, expected two or more: signsplice splice A.bvh B.bvh -o OUT.bvh")
-    check_outputs(output, report, [*clips, roles, avatar, *_networks(**method_options)])
+    check_outputs(output, report, [*clips, *faces, roles, avatar, *_networks(**method_options)])
     options = _splice_options(**method_options)
     signer = _signer(avatar, skin)
     began = time.perf_counter()
-    loaded = [load(path, roles, warns=False) for path in clips]
+    given = zip(clips, faces_of(clips, faces), strict=True)
+    loaded = [load(path, roles, warns=False, face=face, face_offset=face_offset) for path, face in given]
     load_ms = 1e3 * (time.perf_counter() - began)
     result = engine.splice(loaded, options)
     deliver(result, output, report, load_ms, signer)

@@ -52,7 +52,7 @@ def encode(clip: Clip, file: AvatarFile) -> bytes:
             _free_matrix(document["nodes"][node])
             writer.channel(node, "rotation", times, rotation.continuous(quats[:, k]))
     for node, weights in _face(clip, file).items():
-        writer.channel(node, "weights", times, weights)
+        writer.channel(node, "weights", times, weights.ravel())
     blob = _append(document, blob, writer, clip)
     extras = document.setdefault("extras", {})
     if isinstance(extras, dict) and clip.skeleton.roles:

@@ -13,6 +13,7 @@ from signsplice.body.capsules import Avatar
 from signsplice.body.mesh import bind_pose, body_mesh
 from signsplice.formats import avatar_writer
 from signsplice.formats.gltf_document import HUMANOID_EXTRA, ROLES_EXTRA
+from signsplice.formats.gltf_face import write_face
 from signsplice.formats.gltf_reader import parse
 from signsplice.formats.gltf_writer import DocumentWriter, in_front
 from signsplice.motion import rotation
@@ -62,6 +63,8 @@ def document(clip: Clip) -> GLTF2:
             writer.channel(node, "rotation", times, quats[:, joint])
         if np.abs(translations[:, joint] - translations[:1, joint]).max() > _STILL or joint == 0:
             writer.channel(node, "translation", times, translations[:, joint])
+    if clip.face is not None:
+        write_face(writer, clip.face, times)
     return writer.finish(clip.name, clip.fps)
 
 

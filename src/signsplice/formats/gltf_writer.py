@@ -156,12 +156,11 @@ class DocumentWriter:
         return self.array(seconds, "SCALAR", _FLOAT, min=[float(seconds[0])], max=[float(seconds[-1])])
 
     def channel(self, node: int, path: str, times: int, values: FloatArray) -> None:
-        """Animate a node's "rotation" (T, 4), "translation" (T, 3), or "weights" (T, n) of its mesh's n morph targets,
-        one linear key a frame.
+        """Animate a node's "rotation" (T, 4), "translation" (T, 3), or "weights" (T * targets,), one linear key a
+        frame.
         """
         animation = self.gltf.animations[0]
-        kind = {"rotation": "VEC4", "translation": "VEC3", "weights": "SCALAR"}[path]
-        output = self.array(values.ravel() if path == "weights" else values, kind, _FLOAT)
+        output = self.array(values, {"rotation": "VEC4", "weights": "SCALAR"}.get(path, "VEC3"), _FLOAT)
         animation.samplers.append(AnimationSampler(input=times, output=output, interpolation="LINEAR"))
         target = AnimationChannelTarget(node=node, path=path)
         animation.channels.append(AnimationChannel(sampler=len(animation.samplers) - 1, target=target))

@@ -23,8 +23,6 @@ _BLOCK = 32
 _FARTHEST = 1e12
 """Lengths and positions beyond this are no motion, and their squares would overflow."""
 _LONGEST_NAME = 300
-_NAMED = 12
-"""Most names in a warning."""
 SAME_FPS = 1e-6
 """Frame rates that differ by less than this fraction are one rate."""
 
@@ -248,16 +246,6 @@ class Clip:
         if self.translations is not None:
             total += self.translations.nbytes
         return total + (self.channels.values.nbytes if self.channels is not None else 0)
-
-
-def left_out_warnings(clip: Clip) -> tuple[str, ...]:
-    """Lines about what a clip's file holds and the clip does not, or otherwise; none where there is nothing."""
-    lines = list(clip.notes)
-    if clip.left_out:
-        some, n_more = clip.left_out[:_NAMED], len(clip.left_out) - _NAMED
-        more = f" and {n_more} more" if n_more > 0 else ""
-        lines.insert(0, f"{', '.join(some)}{more} left out: a clip holds the motion of joints alone")
-    return tuple(f"{clip.name}: {line}" for line in lines)
 
 
 def same_fps(a: float, b: float) -> bool:
