@@ -99,6 +99,7 @@ export interface SentenceRequest {
   compounds?: boolean;
   pauses?: boolean;
   formats?: ("bvh" | "glb" | "vrma")[];
+  avatar?: string | null;
 }
 
 /** The form field ``options`` of a splice of files. */
@@ -112,6 +113,7 @@ export interface SpliceRequest {
   body_sense?: boolean | null;
   free_hand?: "transition" | "natural";
   formats?: ("bvh" | "glb" | "vrma")[];
+  avatar?: string | null;
 }
 
 /** The report of a splice, version 1. */

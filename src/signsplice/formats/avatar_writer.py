@@ -28,7 +28,7 @@ from signsplice.motion.face_shapes import target_weights
 from signsplice.rig.placement import place, placement
 
 _SAME = 1e-12
-"""A joint whose rotation has a cosine with that at rest (of quaternions) that is nearer to 1 gets no animation channel."""
+"""A joint gets no animation channel where the cosine of its rotation with that at rest is nearer to 1 than this."""
 
 
 def encode(clip: Clip, file: AvatarFile) -> bytes:

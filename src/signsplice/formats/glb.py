@@ -11,7 +11,6 @@ from pygltflib import GLTF2
 
 from signsplice.body.capsules import Avatar
 from signsplice.body.mesh import bind_pose, body_mesh
-from signsplice.formats import avatar_writer
 from signsplice.formats.gltf_document import HUMANOID_EXTRA, ROLES_EXTRA
 from signsplice.formats.gltf_face import write_face
 from signsplice.formats.gltf_reader import parse
@@ -30,6 +29,8 @@ _STILL = 1e-9
 def encode(clip: Clip) -> bytes:
     """The bytes of a clip's .glb file; on an avatar that was read from a file, those of that file with the motion."""
     if isinstance(clip.skeleton, Avatar) and clip.skeleton.file is not None:
+        from signsplice.formats import avatar_writer
+
         return avatar_writer.encode(clip, clip.skeleton.file)
     return b"".join(document(clip).save_to_bytes())
 

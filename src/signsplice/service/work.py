@@ -9,9 +9,11 @@ from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import Any
 
+from signsplice.body.capsules import Avatar
 from signsplice.children import end_with_parent
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
+from signsplice.formats.avatar import read_avatar
 from signsplice.lexicon import Lexicon
 from signsplice.lexicon.sentence import SentenceToken, parse, pauses, starts, typed_words
 from signsplice.motion.clip import Clip
@@ -22,8 +24,10 @@ from signsplice.service.wire import Dials, Format, SentenceRequest, SpliceReques
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
 from signsplice.splicing.forms import open_lexicon
 from signsplice.splicing.methods import choice as methods
+from signsplice.splicing.onto_avatar import onto_avatar
 from signsplice.splicing.report import plain
 
+_N_CACHED_AVATARS = 8
 _N_CACHED_CLIPS = 256
 """Words that a process keeps in memory, about 0.3 MB each."""
 
@@ -62,6 +66,7 @@ class _WorkerState:
     """What a worker process keeps between jobs.
 
     clip: reads a word of the lexicon, and keeps the last ones, with what a network found in them.
+    avatar: reads an avatar of the settings by its name, and keeps it.
     streams: growing sentences, by the key of their stream.
     """
 
@@ -69,7 +74,16 @@ class _WorkerState:
         self.settings = settings
         self.lexicon: Lexicon = open_lexicon(settings.lexicon)
         self.clip = lru_cache(_N_CACHED_CLIPS)(self.lexicon.clip)
+        self.avatar = lru_cache(_N_CACHED_AVATARS)(self._read_avatar)
         self.streams: dict[str, _OpenStream] = {}
+
+    def _read_avatar(self, name: str) -> Avatar:
+        """An avatar of the service. Raises ``InputError`` for a name that it does not have."""
+        files = self.settings.avatar_files
+        if name not in files:
+            known = f"expected one of {', '.join(sorted(files))}" if files else "this service has none"
+            raise InputError(f"avatar {name!r:.80}: {known}; `signsplice serve --avatar FILE` adds one")
+        return read_avatar(files[name])
 
 
 _worker: _WorkerState
@@ -130,7 +144,10 @@ def _answer(
     if seconds * fps > limit:
         raise InputError(f"{seconds:.0f} s at {fps:g} fps are {seconds * fps:.0f} frames, expected at most {limit}")
     held = pauses(units) if isinstance(request, SentenceRequest) and request.pauses else None
+    avatar = None if request.avatar is None else _worker.avatar(request.avatar)
     result = splice(clips, options(request), starts(units), held)
+    if avatar is not None:
+        result = onto_avatar(result, avatar)
     if file is not None:
         name = scene.safe_name(result.clip.name.replace(" ", "-")) + "." + file
         return Answer(scene.encode(result.clip, file), scene.media_type(file), name)
