@@ -81,8 +81,8 @@ class _WorkerState:
         """An avatar of the service. Raises ``InputError`` for a name that it does not have."""
         files = self.settings.avatar_files
         if name not in files:
-            known = f"expected one of {', '.join(sorted(files))}" if files else "this service has none"
-            raise InputError(f"avatar {name!r:.80}: {known}; `signsplice serve --avatar FILE` adds one")
+            known = f"expected one of {', '.join(sorted(files))}" if files else "this service was started without any"
+            raise InputError(f"avatar {name!r:.80}: {known}")
         return read_avatar(files[name])
 
 
