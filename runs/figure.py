@@ -350,6 +350,7 @@ def build(folder: Path) -> dict[str, Any]:
     moves = {name: with_line(m) for name, m in moves.items()}
     hair = at + _HAIR * mannequin.outward(at)
     normals = normals_of(at, np.concatenate([skin, scalp]))
+    skin = np.concatenate([skin, scalp])  # also below the hair, which readers of avatars take for none
     used, skin_local = np.unique(skin, return_inverse=True)
     skin_local = skin_local.reshape(-1, 3)
     is_lip = lips[skin].min(axis=1) > _LIP

@@ -47,6 +47,8 @@ _BELOW_HEM, _LEVEL, _NEAR = 0.01, 0.015, 0.010
 """Fractions of stature: how far below the hem skin of the legs counts as the trunk's, and the distances within which
 vertices are at a height, and at a place seen from in front.
 """
+_SPAN = 0.4
+"""Part of a limb that has to be measured for its taper."""
 _TAPERS = (0.7, 1.2)
 """A limb's radii at its ends lie between the least and the largest that were measured, times these."""
 _ALONG, _SHORTEST = (-0.1, 1.1), 0.3
@@ -174,7 +176,10 @@ class _Fitting:
                 seen.append((t, *ring[0], ring[1]))
         if not seen:
             return False
-        table = np.array(seen)
+        table, usual = np.array(seen), self.usual.radii[row]
+        if np.ptp(table[:, 0]) < _SPAN:  # bare at one end alone: as the usual limb tapers
+            self.radii[row] = usual * quantile(table[:, 3] / (usual[0] + table[:, 0] * (usual[1] - usual[0])), 0.5)
+            return True
         low, high = _TAPERS[0] * table[:, 3].min(), _TAPERS[1] * table[:, 3].max()
         for ends, t, k in ((self.starts, 0.0, 0), (self.ends, 1.0, 1)):
             x, y, radius = (_line(table[:, 0], table[:, column], t) for column in (1, 2, 3))

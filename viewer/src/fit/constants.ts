@@ -80,6 +80,7 @@ export const skin = {
   BELOW_HEM: 0.01,
   LEVEL: 0.015,
   NEAR: 0.01,
+  SPAN: 0.4,
   TAPERS: [0.7, 1.2],
   ALONG: [-0.1, 1.1],
   SHORTEST: 0.3,

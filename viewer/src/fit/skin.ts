@@ -14,7 +14,7 @@ import { around, line, MIN_POINTS, quantile, type SkinPoints, type SurfacePoint,
 import { Relief } from './relief.js';
 
 const { TRUNK, HEAD, BINS, HEIGHTS, ACROSS, HEM, STEP, BELOW_HEM, LEVEL, NEAR, TAPERS, ALONG, SHORTEST } = SKIN;
-const { SLICES, WIDE, THICK, BETWEEN, WIDEST, OUT, LEAST_HEIGHTS, LOWER_CHEST } = SKIN;
+const { SLICES, WIDE, THICK, SPAN, BETWEEN, WIDEST, OUT, LEAST_HEIGHTS, LOWER_CHEST } = SKIN;
 const FINGER = new RegExp(`(${USUAL.FINGERS.join('|')})(${USUAL.SEGMENTS.join('|')})$`);
 
 interface Piece extends Shape {
@@ -152,6 +152,12 @@ class Fitting {
     });
     if (!rings.length) return false;
     const radii = rings.map(({ radius }) => radius);
+    const [first, last] = piece.usual.radii;
+    if (rings.at(-1)!.t - rings[0]!.t < SPAN) {
+      const factor = quantile(rings.map(({ t, radius }) => radius / (first + t * (last - first))), 0.5);
+      piece.radii = [first * factor, last * factor];
+      return true;
+    }
     const at = (values: number[], t: number) => line(rings.map((one) => one.t), values, t);
     [piece.start, piece.end].forEach((end, t) => {
       end.addScaledVector(u, at(rings.map(({ x }) => x), t)).addScaledVector(v, at(rings.map(({ y }) => y), t));
