@@ -169,7 +169,7 @@ def normals_of(points: Floats, triangles: Index) -> Floats:
 
 
 _HAIRLINE = (
-    *((-1.2, -0.3), (-0.5, -0.25), (-0.3, -0.1), (-0.1, 0.3), (0.15, 0.8), (0.34, 0.9)),
+    *((-1.2, 0.12), (-0.6, 0.05), (-0.3, 0.08), (-0.1, 0.35), (0.15, 0.8), (0.34, 0.9)),
     *((0.5, 1.3), (0.75, 1.6), (1.3, 1.66)),
 )
 """Depth and height of the hairline, dm."""
@@ -210,6 +210,10 @@ def split(triangles: Index, above: Floats) -> tuple[Index, Index, Index, Floats]
     pairs = np.array(list(made), np.intp).reshape(-1, 2)
     first, second = above[pairs[:, 0]], above[pairs[:, 1]]
     return np.array(sides[0], np.intp), np.array(sides[1], np.intp), pairs, first / (first - second)
+
+
+_TUCKED = 0.12
+"""How far the skin of the lower neck lies within the mannequin's neck, dm."""
 
 
 def rim_of(triangles: Index, edge: set[int]) -> Index:
@@ -272,8 +276,8 @@ def brow(
     """A brow: a strip on the skin above an eye, and how the units of the skin move it."""
     t = np.linspace(0.0, 1.0, 13)
     x = side * (0.13 + 0.40 * t)
-    y = np.interp(t, [0.0, 0.3, 0.6, 1.0], [1.165, 1.195, 1.2, 1.13])
-    half = 0.030 * (1.0 - 0.75 * t**2)
+    y = np.interp(t, [0.0, 0.3, 0.6, 1.0], [1.195, 1.225, 1.225, 1.15])
+    half = 0.026 * (1.0 - 0.7 * t**2)
     rows = np.concatenate([np.stack([x, y + s * half], 1) for s in (1.0, 0.0, -1.0)])
     a, b, c = (skin[triangles[:, k]] for k in range(3))
     facing = np.cross(b - a, c - a)[:, 2] > 0.0
@@ -316,6 +320,7 @@ def build(folder: Path) -> dict[str, Any]:
     for name, (index, delta) in head.units.items():
         moves[name] = np.zeros_like(flat)
         moves[name][index] = delta * stretch[index]
+    flat += sum(_SMILE * moves[f"mouthSmile{side}"] for side in ("Left", "Right"))
     groups = {name: triangles_of(faces) for name, faces in head.groups.items() if not name.startswith("joint")}
     skin = groups["body"]
     is_head = (head.of_head + head.of_neck > 0.2) & (head.at[:, 1] > -1.3)
@@ -337,6 +342,8 @@ def build(folder: Path) -> dict[str, Any]:
     for name, rows in (("skin", guides),):
         away = 10.0 * STATURE_DM / 16.535 * mannequin.depth(at[rows]) * 10.0
         print(name, "mm from the mannequin, 2.5 50 97.5 %", np.percentile(away, [2.5, 50, 97.5]).round(1))
+    tucked = _TUCKED * np.clip((-0.25 - at[:, 1]) / 0.3, 0.0, 1.0)
+    at -= tucked[:, None] * mannequin.outward(at)
     pieces = Pieces()
     hidden = mannequin.depth(at) < -0.45
     skin = skin[~hidden[skin].all(axis=1)]
@@ -395,7 +402,10 @@ def build(folder: Path) -> dict[str, Any]:
     return stored(pieces)
 
 
-_LIP, _EYE, _EYE_BACK = 0.055, 0.150, 0.008
+_LIP, _EYE, _EYE_BACK, _SMILE = 0.055, 0.150, 0.008, 0.12
+"""How far lips roll, dm, from where on skin is theirs; radius of an eye, and how far it lies back, dm; the smile that a
+face at rest has, which else looks stern.
+"""
 
 
 def stored(pieces: Pieces) -> dict[str, Any]:
