@@ -189,6 +189,22 @@ def above_hairline(points: Floats) -> Floats:
     return np.minimum(points[:, 1] - np.interp(points[:, 2], depth, height), around)
 
 
+_LIPS = (0.303, 0.235, 0.105, 0.095)
+"""Height of the line between the lips, half their width, height of the upper and of the lower, dm."""
+
+
+def within_lips(points: Floats) -> Floats:
+    """How far points (N, 3) lie within the lips, dm, about."""
+    middle, wide, upper, lower = _LIPS
+    x, y = points[:, 0] / wide, points[:, 1] - middle
+    return np.where(points[:, 2] > 0.7, 0.1 * (1.0 - x**2 - (y / np.where(y > 0.0, upper, lower)) ** 2), -0.1)
+
+
+def with_line(values: Floats, pairs: Index, alpha: Floats) -> Floats:
+    """Values of vertices (V, ...) with those of the new ones of ``split``."""
+    return np.concatenate([values, ((1.0 - alpha) * values[pairs[:, 0]].T + alpha * values[pairs[:, 1]].T).T])
+
+
 def split(triangles: Index, above: Floats) -> tuple[Index, Index, Index, Floats]:
     """Triangles below and above a line, cut along it, and what is new: two old vertices (N, 2), the second's weight."""
     sides: tuple[list[tuple[int, ...]], list[tuple[int, ...]]] = ([], [])
@@ -319,7 +335,7 @@ def build(folder: Path) -> dict[str, Any]:
     moves = {}
     for name, (index, delta) in head.units.items():
         moves[name] = np.zeros_like(flat)
-        moves[name][index] = delta * stretch[index]
+        moves[name][index] = delta * stretch[index] * (_BLINK if "Blink" in name else 1.0)
     flat += sum(_SMILE * moves[f"mouthSmile{side}"] for side in ("Left", "Right"))
     groups = {name: triangles_of(faces) for name, faces in head.groups.items() if not name.startswith("joint")}
     skin = groups["body"]
@@ -348,21 +364,20 @@ def build(folder: Path) -> dict[str, Any]:
     hidden = mannequin.depth(at) < -0.45
     skin = skin[~hidden[skin].all(axis=1)]
     weight = head.of_head / np.maximum(head.of_head + head.of_neck, 1e-9)
+    skin, lip, pairs, alpha = split(skin, within_lips(at))
+    at, weight = with_line(at, pairs, alpha), with_line(weight, pairs, alpha)
+    moves = {name: with_line(m, pairs, alpha) for name, m in moves.items()}
     skin, scalp, pairs, alpha = split(skin, above_hairline(at))
-
-    def with_line(values: Floats) -> Floats:
-        return np.concatenate([values, ((1.0 - alpha) * values[pairs[:, 0]].T + alpha * values[pairs[:, 1]].T).T])
-
-    at, weight, lips = with_line(at), with_line(weight), with_line(lips)
-    moves = {name: with_line(m) for name, m in moves.items()}
+    at, weight = with_line(at, pairs, alpha), with_line(weight, pairs, alpha)
+    moves = {name: with_line(m, pairs, alpha) for name, m in moves.items()}
     hair = at + _HAIR * mannequin.outward(at)
-    normals = normals_of(at, np.concatenate([skin, scalp]))
-    skin = np.concatenate([skin, scalp])  # also below the hair, which readers of avatars take for none
+    normals = normals_of(at, np.concatenate([skin, lip, scalp]))
+    n_lip = len(lip)
+    skin = np.concatenate([lip, skin, scalp])  # also below the hair, which readers of avatars take for none
     used, skin_local = np.unique(skin, return_inverse=True)
     skin_local = skin_local.reshape(-1, 3)
-    is_lip = lips[skin].min(axis=1) > _LIP
     own = {name: m[used] for name, m in moves.items()}
-    part = np.where(is_lip, PARTS.index("lips"), PARTS.index("face"))
+    part = np.where(np.arange(len(skin)) < n_lip, PARTS.index("lips"), PARTS.index("face"))
     pieces.add(part, at[used], skin_local, own, weight[used], normals[used])
     rows, triangles = np.unique(scalp, return_inverse=True)
     rim = rim_of(scalp, {*range(len(at) - len(pairs), len(at))})
@@ -384,27 +399,20 @@ def build(folder: Path) -> dict[str, Any]:
         pieces.add(parts, points, triangles, looks)
         points, triangles, carried = brow(sign, at[used], skin_local, own)
         pieces.add(PARTS.index("brow"), points, triangles, carried)
-        for name, kind in ((f"{side[0].lower()}-eyelashes-1", "lash"), (f"{side[0].lower()}-eyelashes-2", "lash")):
-            rows, triangles = np.unique(groups[f"helper-{name}"], return_inverse=True)
-            triangles = triangles.reshape(-1, 3)
-            both = np.concatenate([triangles, triangles[:, ::-1]])
-            pieces.add(
-                PARTS.index(kind),
-                at[rows],
-                both,
-                {n: m[rows] for n, m in moves.items()},
-                None,
-                normals_of(at[rows], triangles),
-            )
+        rows, triangles = np.unique(groups[f"helper-{side[0].lower()}-eyelashes-2"], return_inverse=True)
+        triangles = triangles.reshape(-1, 3)
+        both, normals = np.concatenate([triangles, triangles[:, ::-1]]), normals_of(at[rows], triangles)
+        own_moves = {name: m[rows] for name, m in moves.items()}
+        pieces.add(PARTS.index("lash"), at[rows], both, own_moves, None, normals)
     for name, kind in (("upper-teeth", "teeth"), ("lower-teeth", "teeth"), ("tongue", "tongue")):
         rows, triangles = np.unique(groups[f"helper-{name}"], return_inverse=True)
         pieces.add(PARTS.index(kind), at[rows], triangles.reshape(-1, 3), {n: m[rows] for n, m in moves.items()})
     return stored(pieces)
 
 
-_LIP, _EYE, _EYE_BACK, _SMILE = 0.055, 0.150, 0.008, 0.12
-"""How far lips roll, dm, from where on skin is theirs; radius of an eye, and how far it lies back, dm; the smile that a
-face at rest has, which else looks stern.
+_EYE, _EYE_BACK, _SMILE, _BLINK = 0.147, 0.016, 0.12, 0.6
+"""Radius of an eye, and how far it lies back, dm; the smile that a
+face at rest has, which else looks stern; how much of a blink's way closes these eyes.
 """
 
 
