@@ -248,6 +248,14 @@ export interface SeamMessage {
   seam: Seam;
 }
 
+/** The face in the frames that follow; none is sent where they have none. */
+export interface FaceMessage {
+  type: "face";
+  first: number;
+  channels: string[];
+  weights: number[][];
+}
+
 /** A warning to show to the user. */
 export interface WarningMessage {
   type: "warning";
@@ -269,4 +277,4 @@ export interface ErrorMessage {
 
 export type ClientMessage = OpenMessage | WordMessage | EndMessage;
 
-export type ServiceMessage = SkeletonMessage | SpanMessage | SeamMessage | WarningMessage | DoneMessage | ErrorMessage;
+export type ServiceMessage = SkeletonMessage | SpanMessage | SeamMessage | FaceMessage | WarningMessage | DoneMessage | ErrorMessage;

@@ -202,8 +202,17 @@ def _is_read(output: Path, source: Path) -> bool:
         return False
 
 
-def write(clip: Clip, output: str, spans: Spans = (), view: str = "front", size: tuple[int, int] | None = None) -> None:
-    """Write a clip by suffix. Pictures mark ``spans`` and are drawn from ``view``; films have a ``size`` in pixels."""
+def write(
+    clip: Clip,
+    output: str,
+    spans: Spans = (),
+    view: str = "front",
+    size: tuple[int, int] | None = None,
+    names_lost: bool = True,
+) -> None:
+    """Write a clip by suffix. Pictures mark ``spans`` and are drawn from ``view``; films have a ``size`` in pixels.
+    ``names_lost``: whether to say what of a face the figure cannot show.
+    """
     if Path(output).suffix.lower() in PICTURE_SUFFIXES:
         from signsplice.render import film
 
@@ -211,8 +220,9 @@ def write(clip: Clip, output: str, spans: Spans = (), view: str = "front", size:
             film.write(clip, output, [film.Mark(*span) for span in spans], view, advance, size)
         return
     formats.save(clip, output)
-    # An avatar's own file: the retargeting has said so.
-    if clip.face is not None and Path(output).suffix.lower() == ".glb" and getattr(clip.skeleton, "file", None) is None:
+    # The retargeting has said what an avatar's own file cannot show.
+    is_own = getattr(clip.skeleton, "file", None) is not None
+    if names_lost and not is_own and clip.face is not None and Path(output).suffix.lower() == ".glb":
         from signsplice.formats.gltf_face import lost_in
 
         lost = lost_in(output, clip)

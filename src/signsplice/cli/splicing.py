@@ -136,6 +136,11 @@ def splice(
 @click.option("--no-spell", is_flag=True, help="Refuse words that are not in the lexicon instead of spelling them.")
 @click.option("--no-compounds", is_flag=True, help="Read I LOVE YOU as three words where the lexicon has I-LOVE-YOU.")
 @click.option("--no-pauses", is_flag=True, help="Hold no sign at a comma or a full stop.")
+@click.option(
+    "--face-rules/--no-face-rules",
+    default=None,
+    help="Blinks, and brows of questions, in words without a face of their own.  [default: unless OUT is a .bvh]",
+)
 @_splicing_options
 def sentence(
     glosses: tuple[str, ...],
@@ -143,6 +148,7 @@ def sentence(
     no_spell: bool,
     no_compounds: bool,
     no_pauses: bool,
+    face_rules: bool | None,
     output: str,
     report: str | None,
     roles: str | None,
@@ -151,11 +157,13 @@ def sentence(
     **method_options: Any,
 ) -> None:
     """Sign a line of glosses with the words of a lexicon."""
-    from signsplice.lexicon.sentence import parse, pauses, starts
+    from signsplice.lexicon.sentence import brows, parse, pauses, starts
     from signsplice.splicing import engine
+    from signsplice.splicing.face_rules import RULES
 
     check_outputs(output, report, [roles, avatar, *_networks(**method_options)])
-    options = _splice_options(**method_options)
+    has_rules = Path(output).suffix.lower() != ".bvh" if face_rules is None else face_rules
+    options = _splice_options(**method_options, face_rules=RULES if has_rules else ())
     signer = _signer(avatar, skin)
     began = time.perf_counter()
     with open_words(lexicon) as words:
@@ -171,7 +179,7 @@ def sentence(
     note(unit.note for unit in units if unit.note)
     warn(unit.warning for unit in units if unit.warning)
     held = None if no_pauses else pauses(units)
-    result = engine.splice([clips[gloss] for gloss in line], options, starts(units), held)
+    result = engine.splice([clips[gloss] for gloss in line], options, starts(units), held, brows(units))
     deliver(result, output, report, load_ms, signer, {"units": [asdict(unit) for unit in units]})
 
 
@@ -258,7 +266,9 @@ def deliver(
 
         result = onto_avatar(result, avatar)
     began = time.perf_counter()
-    write(result.clip, output, [(span.kind, span.name or "", *span.output) for span in result.spans])
+    is_recorded = result.face is not None and bool(result.face.recorded)
+    spans = [(span.kind, span.name or "", *span.output) for span in result.spans]
+    write(result.clip, output, spans, names_lost=is_recorded)
     save_ms = 1e3 * (time.perf_counter() - began)
     if report is not None:
         reports.write(reports.describe(result, {"load": load_ms, "save": save_ms}) | dict(more or {}), report)

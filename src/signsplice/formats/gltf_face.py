@@ -100,8 +100,8 @@ def _binds(document: Fields) -> Iterator[tuple[str, tuple[str, Any], int]]:
         named += [(name, name, _object(row).get("morphTargetBinds"), "node")
                   for name, row in _object(expressions.get(kind)).items()]  # fmt: skip
     for preset, name, binds, key in named:
-        rows = binds if isinstance(binds, list) else ()
-        places = [(_object(bind).get(key), _object(bind).get("index")) for bind in rows]
+        moved = [_object(bind) for bind in binds] if isinstance(binds, list) else []
+        places = [(bind.get(key), bind.get("index")) for bind in moved]
         for place, index in places:
             if isinstance(index, int) and 0 <= index < 10_000 and [where for where, _ in places].count(place) == 1:
                 yield str(name if preset in (None, "unknown") else preset), (key, place), index

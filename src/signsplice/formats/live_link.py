@@ -1,4 +1,4 @@
-"""Faces as CSV: the 61 columns of Live Link Face (Epic Games), or fewer columns named as ARKit names them.
+"""Faces as CSV: the 52 coefficients and 9 rotations of Live Link Face (Epic Games), or some columns that ARKit names.
 
 A header line names the columns in any order and case. ``Timecode`` is HH:MM:SS:FF.sss with 60 frames a second, or as
 many as its frame numbers reach; without one, rows are a frame each where a clip has as many frames, else 60 a second.
@@ -17,7 +17,7 @@ import numpy as np
 from signsplice.errors import FormatError, InputError, LimitError
 from signsplice.formats.atomic import write as write_file
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
-from signsplice.formats.reading import format_errors, read_bytes
+from signsplice.formats.reading import format_errors, opened, read_bytes
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, unchecked_copy
 from signsplice.motion.face import ARKIT_CHANNELS, Face
@@ -27,7 +27,7 @@ ROTATIONS = tuple(f"{part}{axis}" for part in ("Head", "LeftEye", "RightEye") fo
 _CHANNELS = {name.lower(): name for name in ARKIT_CHANNELS}
 _OTHERS = {_TIME, _COUNT, *(name.lower() for name in ROTATIONS)}
 _LEAST_NAMES = 5
-"""A file with fewer of ARKit's names beside a clip is of something else."""
+"""A table with fewer of ARKit's names, and without Live Link's first two, beside a clip is of something else."""
 _FPS = 60.0
 _RATES = (24, 25, 30, 48, 50, 60, 100, 120)
 _CODE = re.compile(r"(\d+):(\d+):(\d+)[:;](\d+(?:\.\d+)?)", re.ASCII)
@@ -57,9 +57,11 @@ def beside(path: Path) -> Path | None:
     file = path.with_suffix(".csv")
     if path.suffix.lower() == ".csv" or not file.is_file():
         return None
-    with file.open("rb") as opened:
-        names = opened.readline(10_000).decode("utf-8-sig", "replace").lower().replace('"', "").strip().split(",")
-    return file if sum(name.strip() in _CHANNELS for name in names) >= _LEAST_NAMES else None
+    with opened(file) as (content, _):
+        first = content.readline(10_000).decode("utf-8-sig", "replace").lower().replace('"', "")
+    names = [name.strip() for name in first.split(",")]
+    is_face = names[:2] == [_TIME, _COUNT] or sum(name in _CHANNELS for name in names) >= _LEAST_NAMES
+    return file if is_face else None
 
 
 def _on_clip(clip: Clip, text: str, file: str, offset_s: float, limits: ReadLimits) -> Clip:
@@ -163,7 +165,7 @@ def _notes(
 
 
 def encode(clip: Clip) -> bytes:
-    """The bytes of a clip's face: all 61 columns, or, where coefficients are missing, those there are. Raises
+    """The bytes of a clip's face: as Live Link Face has it, or, where coefficients are missing, those there are. Raises
     ``InputError`` for a clip without one.
     """
     if clip.face is None:

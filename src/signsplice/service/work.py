@@ -249,6 +249,9 @@ def _messages(opened: _OpenStream, pieces: Iterable[Piece]) -> list[dict[str, An
         if piece.seam is not None:
             messages.append({"type": "seam", "seam": plain(asdict(piece.seam))})
         messages.append({"type": "span", "span": plain(asdict(piece.span))})
+        if (face := piece.clip.face) is not None:
+            rows = {"channels": list(face.channels), "weights": face.weights.round(4).tolist()}
+            messages.append({"type": "face", "first": opened.n_frames, **rows})
         messages.append(scene.frames(piece.clip, opened.n_frames))
         opened.n_frames += len(piece.clip)
     return messages
