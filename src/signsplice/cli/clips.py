@@ -128,7 +128,7 @@ def faces_of(clips: Sequence[str], faces: Sequence[str]) -> list[str | None]:
     if len({*found} - {None}) == len(faces):
         return found
     if len(faces) != len(clips):
-        raise InputError(f"{len(faces)} faces for {len(clips)} clips, expected one for each, or their names")
+        raise InputError(f"{len(faces)} --face for {len(clips)} clips, expected one for each, or files of their names")
     return list(faces)
 
 
@@ -220,6 +220,11 @@ def write(
             film.write(clip, output, [film.Mark(*span) for span in spans], view, advance, size)
         return
     formats.save(clip, output)
+    if clip.face is None and Path(output).suffix.lower() == ".bvh":
+        from signsplice.formats.live_link import beside
+
+        if (other := beside(Path(output))) is not None:
+            warn([f"{other}: beside {output}, which was written without a face, is another clip's; remove it"])
     # The retargeting has said what an avatar's own file cannot show.
     is_own = getattr(clip.skeleton, "file", None) is not None
     if names_lost and not is_own and clip.face is not None and Path(output).suffix.lower() == ".glb":

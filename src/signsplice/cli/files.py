@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -24,6 +24,9 @@ from signsplice.cli.options import AS_JSON, preset, two_numbers
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
+
+if TYPE_CHECKING:
+    from signsplice.motion.clip import Clip
 
 
 @click.command()
@@ -93,9 +96,7 @@ def convert(
     check_outputs(output, report, inputs=[source, body, roles, *faces])
     clip = load(source, roles, face=faces_of([source], faces)[0], face_offset=face_offset)
     if mouth is not None:
-        from signsplice.synth.mouthing import with_mouthing
-
-        clip = with_mouthing(clip, mouth)
+        clip = _mouthing(clip, mouth)
     if body is None:
         write(clip, output)
         print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
@@ -111,6 +112,17 @@ def convert(
         reports.write(reports.describe_retargeting(done, source, body), report)
     kept = f"{sum(one.is_kept for one in done.contacts)} of {len(done.contacts)} contacts kept"
     print(f"{output}: {len(done.clip)} frames, {done.clip.seconds:.2f} s, {kept}")
+
+
+def _mouthing(clip: Clip, sampa: str) -> Clip:
+    """A clip whose mouth says sounds during what a splice keeps of it."""
+    from signsplice.splicing.methods import choice
+    from signsplice.splicing.methods.cut import cut_clips
+    from signsplice.synth.mouthing import with_mouthing
+
+    (cut,) = cut_clips(choice.choose(None, None, None, None).cutter, [clip, clip])
+    frames = (cut.post, cut.pre + 1) if cut.post < cut.pre else (0, len(clip))
+    return with_mouthing(clip, sampa, frames)
 
 
 @click.command()

@@ -12,8 +12,6 @@ import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.optimize import nnls
-
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 
@@ -56,7 +54,8 @@ PRESETS: Mapping[str, Mapping[str, float]] = {
 }  # fmt: skip
 """VRM 1.0 preset -> coefficients."""
 _EMOTIONS = [PRESETS[name] for name in ("happy", "angry", "sad", "relaxed", "surprised")]
-_MOUTH = ("jaw", "mouth", "tongue")
+MOUTH = ("jaw", "mouth", "tongue")
+"""How the names of a mouth's coefficients begin."""
 _OTHER_NAMES = {
     **{"a": "aa", "i": "ih", "u": "ou", "e": "ee", "o": "oh", "joy": "happy", "sorrow": "sad", "fun": "relaxed"},
     **{"blinkl": "blinkLeft", "blinkr": "blinkRight", "fcleyeclose": "blink"},
@@ -102,12 +101,12 @@ def face_from(names: Sequence[str], weights: FloatArray) -> Face | None:
     those alone count for their coefficient, and for the whole mouth: presets beside them say the same again.
     """
     own = {_CHANNELS[_plain(name)]: k for k, name in enumerate(names) if _plain(name) in _CHANNELS}
-    has_mouth = any(channel.startswith(_MOUTH) for channel in own)
+    has_mouth = any(channel.startswith(MOUTH) for channel in own)
     out = np.zeros((len(weights), len(ARKIT_CHANNELS)))
     known = set(own)
     for name, values in zip(names, weights.T, strict=True):
         for channel, weight in _MIXED.get(_plain(name), {}).items():
-            if channel not in own and not (has_mouth and channel.startswith(_MOUTH)):
+            if channel not in own and not (has_mouth and channel.startswith(MOUTH)):
                 out[:, ARKIT_CHANNELS.index(channel)] += weight * values
                 known.add(channel)
     for channel, k in own.items():
@@ -132,6 +131,8 @@ def target_weights(face: Face, names: Sequence[str]) -> tuple[FloatArray, tuple[
         elif (shape := _MIXED.get(_plain(name))) and shape not in _EMOTIONS:
             mixed[k] = shape
     if mixed:
+        from scipy.optimize import nnls  # a conversion without a face does without scipy
+
         basis = np.array([[shape.get(name, 0.0) for shape in mixed.values()] for name in ARKIT_CHANNELS])
         for t in np.flatnonzero(left.any(axis=1)):
             out[t, list(mixed)] = np.minimum(nnls(basis, left[t])[0], 1.0)

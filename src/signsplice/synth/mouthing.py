@@ -17,9 +17,7 @@ from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.motion.face import ARKIT_CHANNELS, Face
-from signsplice.motion.face_shapes import VISEMES
-from signsplice.rig.arms import active_span, arms
-from signsplice.rig.info import rig_info
+from signsplice.motion.face_shapes import MOUTH, VISEMES
 
 _ONE = {
     "PP": "p b m", "FF": "f v", "TH": "T D", "DD": "t d l 5", "kk": "k g N x h C G ?", "CH": "S Z tS dZ", "SS": "s z",
@@ -86,23 +84,17 @@ def _blended(at: FloatArray, lengths: FloatArray, targets: FloatArray) -> FloatA
     return out
 
 
-def with_mouthing(clip: Clip, sampa: str) -> Clip:
-    """A clip whose mouth says sounds while its hands are away from rest, and is closed else; the rest of its face is
-    kept.
-
-    Where the rig's arms are not known the sounds last as long as the clip. Raises ``InputError`` as ``visemes`` does.
+def with_mouthing(clip: Clip, sampa: str, frames: tuple[int, int]) -> Clip:
+    """A clip whose mouth says sounds during its sign, half-open ``frames``, and is closed else; the rest of its face is
+    kept. Raises ``InputError`` as ``visemes`` does.
     """
-    start, stop = active_span(arms(clip)) if rig_info(clip.skeleton).has_arms else (0, len(clip))
+    start, stop = frames
     said = mouthing(sampa, clip.fps, (stop - start) / clip.fps)
-    rest = (
-        ()
-        if clip.face is None
-        else tuple(n for n in clip.face.channels if not n.startswith(("jaw", "mouth", "tongue")))
-    )
-    channels = tuple(name for name in ARKIT_CHANNELS if name in (*said.channels, *rest))
+    kept = () if clip.face is None else tuple(name for name in clip.face.channels if not name.startswith(MOUTH))
+    channels = tuple(name for name in ARKIT_CHANNELS if name in (*said.channels, *kept))
     weights = np.zeros((len(clip), len(channels)))
     if clip.face is not None:
-        weights += np.where([name in rest for name in channels], clip.face.of(channels), 0.0)
+        weights += np.where([name in kept for name in channels], clip.face.of(channels), 0.0)
     stop = min(start + len(said), len(clip))
     weights[start:stop] += said.of(channels)[: stop - start]
     return replace(clip, face=Face(channels, weights))
