@@ -98,6 +98,7 @@ export interface SentenceRequest {
   spell?: boolean;
   compounds?: boolean;
   pauses?: boolean;
+  face_rules?: boolean;
   formats?: ("bvh" | "glb" | "vrma")[];
   avatar?: string | null;
 }

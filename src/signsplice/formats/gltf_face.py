@@ -119,8 +119,9 @@ def write_face(writer: DocumentWriter, face: Face, times: int) -> None:
 def write_expressions(writer: DocumentWriter, face: Face, times: int) -> dict[str, dict[str, dict[str, int]]]:
     """The expressions of a VRM animation: a custom one for each coefficient, and presets that come nearest to them."""
     found: dict[str, dict[str, dict[str, int]]] = {"preset": {}, "custom": {}}
-    weights = np.hstack([target_weights(face, _WRITTEN)[0], face.weights])
-    for name, values in zip((*_WRITTEN, *face.channels), weights.T, strict=True):
+    presets = [name for name in _WRITTEN if not {*PRESETS[name]}.isdisjoint(face.channels)]
+    weights = np.hstack([target_weights(face, presets)[0], face.weights])
+    for name, values in zip((*presets, *face.channels), weights.T, strict=True):
         node = writer.node(name)
         writer.gltf.scenes[0].nodes.append(node)
         found["preset" if name in PRESETS else "custom"][name] = {"node": node}

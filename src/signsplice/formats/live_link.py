@@ -38,6 +38,8 @@ _ROWS_OF_FRAMES = 10
 _FAR = (-0.5, 2.0)
 """Weights outside 0 to 1 are brought to its nearer end; those beyond these are of another unit."""
 _UNCOVERED_S = 0.1
+_SPOILT = 0.02
+"""A capture may have so many rows of its number with a time that is no later than the one before."""
 
 
 def with_face(clip: Clip, path: str | Path, offset_s: float = 0.0, limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
@@ -94,7 +96,12 @@ def _on_clip(clip: Clip, text: str, file: str, offset_s: float, limits: ReadLimi
         times = np.arange(len(weights)) / (clip.fps if len(weights) == len(clip) else _FPS)
     else:
         times = _times(np.array(codes), file)
-    table = np.array(weights)  # (N, C)
+    table, later = np.array(weights), np.append(True, times[1:] > np.maximum.accumulate(times)[:-1])  # (N, C), (N,)
+    n_unseen += len(times) - int(later.sum())
+    if _SPOILT * len(times) < len(times) - later.sum():
+        first = int(np.argmin(later)) + 1
+        raise FormatError(f"the timecode of row {first} is no later than that of one before", file=file)
+    table, times = table[later], times[later]
     notes = _notes(channels, names, table, times + offset_s, n_unseen, clip, file)
     at, inside = np.arange(len(clip)) / clip.fps, np.clip(table, 0.0, 1.0)
     sampled = np.stack([_between(at, times + offset_s, column) for column in inside.T], axis=1)
@@ -135,9 +142,6 @@ def _times(parts: FloatArray, file: str) -> FloatArray:
     rate = next(rate for rate in _RATES if rate > highest) if wraps or highest >= _FPS else _FPS
     times = parts[:, :3] @ [3600.0, 60.0, 1.0] + parts[:, 3] / rate
     times = np.where(times < times[0] - 43_200.0, times + 86_400.0, times)  # past midnight
-    if np.any(np.diff(times) <= 0.0):
-        row = int(np.argmax(np.diff(times) <= 0.0)) + 2
-        raise FormatError(f"the timecode of row {row} is no later than the one before", file=file)
     return np.asarray(times - times[0])
 
 
@@ -157,7 +161,7 @@ def _notes(
     if outside:
         lines.append(f"{name}: {outside} weights outside 0 to 1 were brought to its nearer end")
     if n_unseen:
-        lines.append(f"{name}: no face was seen in {n_unseen} rows, which are filled from those beside them")
+        lines.append(f"{name}: {n_unseen} rows have no face, or no later time, and are filled from those beside them")
     end = (len(clip) - 1) / clip.fps
     if times[0] > _UNCOVERED_S or times[-1] < end - _UNCOVERED_S:
         lines.append(f"{name} has a face from {times[0]:.2f} to {times[-1]:.2f} s of {end:.2f} s; it is held beyond")

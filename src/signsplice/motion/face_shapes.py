@@ -12,6 +12,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 

@@ -122,6 +122,7 @@ class SentenceRequest(Dials):
     spell: whether words that the lexicon lacks are fingerspelled.
     compounds: whether words that are one gloss together are that gloss: I LOVE YOU is I-LOVE-YOU.
     pauses: whether signs are held at commas, full stops, question and exclamation marks.
+    face_rules: whether the face blinks, and its brows ask, by rule, where a word has no face of its own.
     formats: of the files to answer with.
     avatar: name of the service's avatar that signs; null for the lexicon's signer.
     """
@@ -130,6 +131,7 @@ class SentenceRequest(Dials):
     spell: bool = True
     compounds: bool = True
     pauses: bool = True
+    face_rules: bool = False
     formats: Formats = field(default_factory=lambda: ["bvh"])
     avatar: MethodName | None = None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -15,13 +15,14 @@ from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
 from signsplice.formats.avatar import read_avatar
 from signsplice.lexicon import Lexicon
-from signsplice.lexicon.sentence import SentenceToken, parse, pauses, starts, typed_words
+from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, starts, typed_words
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
 from signsplice.service.stream_messages import OpenMessage
 from signsplice.service.wire import Dials, Format, SentenceRequest, SpliceRequest
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
+from signsplice.splicing.face_rules import RULES
 from signsplice.splicing.forms import open_lexicon
 from signsplice.splicing.methods import choice as methods
 from signsplice.splicing.onto_avatar import onto_avatar
@@ -145,7 +146,10 @@ def _answer(
         raise InputError(f"{seconds:.0f} s at {fps:g} fps are {seconds * fps:.0f} frames, expected at most {limit}")
     held = pauses(units) if isinstance(request, SentenceRequest) and request.pauses else None
     avatar = None if request.avatar is None else _worker.avatar(request.avatar)
-    result = splice(clips, options(request), starts(units), held)
+    chosen = options(request)
+    if isinstance(request, SentenceRequest) and request.face_rules:
+        chosen = replace(chosen, face_rules=RULES)
+    result = splice(clips, chosen, starts(units), held, brows(units))
     if avatar is not None:
         result = onto_avatar(result, avatar)
     if file is not None:
