@@ -11,12 +11,10 @@ import shutil
 import tempfile
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 import fuzz_avatars
 import fuzz_clips
@@ -41,7 +39,6 @@ from signsplice.lexicon import glosses, sentence
 from signsplice.motion import kinematics
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
-from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.rig.info import rig_info
 from signsplice.service import scene
 from signsplice.splicing import report as reports
@@ -219,12 +216,6 @@ def _use_report(read: Any) -> None:
         caption(marks, frame)[0].encode()
 
 
-def _with_face() -> Clip:
-    """A clip with all of ARKit's coefficients."""
-    rows = np.linspace(0.0, 1.0, 52 * len(clip())).reshape(-1, 52)
-    return replace(clip(), face=Face(ARKIT_CHANNELS, rows))
-
-
 def _put_recipes(content: bytes, folder: Path) -> Path:
     return _put_as("case.parquet" if content[:4] == b"PAR1" else "case.csv")(content, folder)
 
@@ -333,8 +324,8 @@ TARGETS = {
                lambda read: use_clip(roles_files.with_roles(clip(4, "other"), read))),
         Target("report", fuzz_seeds.report_seeds, fuzz_mutators.of_json, _put_as("case.json"),
                lambda path: reports.read(path, N_REPORTED), _use_report),
-        Target("face", lambda: [live_link.encode(_with_face())], fuzz_mutators.of_text, _put_as("case.csv"),
-               lambda path: live_link.with_face(clip(), path), use_clip),
+        Target("face", lambda: [live_link.encode(fuzz_seeds.with_face(clip()))], fuzz_mutators.of_text,
+               _put_as("case.csv"), lambda path: live_link.with_face(clip(), path), use_clip),
         Target("glosses", lambda: [fuzz_seeds.GLOSSES], fuzz_mutators.of_text, _put_as("glosses.csv"), glosses.read,
                lambda _: None),
     )

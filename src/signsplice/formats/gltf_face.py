@@ -33,7 +33,7 @@ class FaceReader(SkeletonDocument):
         """The face that an animation shows at ``times`` (T,); None where it moves no target that is known. Raises
         ``FormatError`` for keys that do not fit.
         """
-        tracks: dict[str, FloatArray] = {}
+        tracks, n_bytes = dict[str, FloatArray](), 0
         expressions = {node: name for name, node in vrm_expressions(self.json)}
         for channel in animation["channels"]:
             node, path, names = channel["target"].get("node"), channel["target"]["path"], list[str]()
@@ -42,21 +42,23 @@ class FaceReader(SkeletonDocument):
             elif path == "weights":
                 names = target_names(self.json, node)
             if any(shape_of(name) is not None for name in names):
-                width = len(names) if path == "weights" else 3
-                values = self._weights(animation, channel["sampler"], width, times, fps)
+                values = self._weights(animation, channel["sampler"], times, fps)
+                n_bytes += values.nbytes
+                self.limits.check_memory("weights of a face", n_bytes, self.given_bytes, self.file)
                 for name, track in zip(names, values.T, strict=False):
                     tracks.setdefault(name, track)
         return face_from(list(tracks), np.stack(list(tracks.values()), axis=1)) if tracks else None
 
-    def _weights(self, animation: Fields, number: int, width: int, times: FloatArray, fps: float) -> FloatArray:
-        """The values (T, width) of a sampler."""
+    def _weights(self, animation: Fields, number: int, times: FloatArray, fps: float) -> FloatArray:
+        """The values (T, N) of a sampler of N targets, or of a translation."""
         sampler = self._row(animation["samplers"], number, "sampler")
         at, values = self._values(sampler["input"])[:, 0], self._values(sampler["output"])
         interpolation = sampler.get("interpolation", INTERPOLATIONS[0])
         per_key = 3 if interpolation == "CUBICSPLINE" else 1
-        fits = len(at) and values.size == per_key * width * len(at) and interpolation in INTERPOLATIONS
+        width, rest = divmod(values.size, max(1, per_key * len(at)))
+        fits = width and not rest and interpolation in INTERPOLATIONS
         if not fits or np.any(np.diff(at) <= 0.0) or not (np.isfinite(at).all() and np.isfinite(values).all()):
-            raise self._error(f"a face has {values.size} weights for {len(at)} rising times of {width} targets")
+            raise self._error(f"a face has {values.size} weights for {len(at)} rising times")
         self.limits.check_memory("weights of a face", 8.0 * len(times) * width, self.given_bytes, self.file)
         values = values.reshape((len(at), 3, width) if per_key == 3 else (len(at), width))
         return sample(Keys(at, values, interpolation), times, fps, rotations=False)

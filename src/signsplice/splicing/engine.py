@@ -73,7 +73,7 @@ def joined_sentence(sentence: SentenceBuilder, pieces: Sequence[Piece]) -> Splic
         bundle=bundle,
         contacts=sentence.contacts,
         tempo=measured_tempo(signs, clip.fps, tempo),
-        face=None if clip.face is None else FaceSources(tuple(sentence.faces), sentence.options.face_rules),
+        face=None if clip.face is None else FaceSources(tuple(sentence.faces), sentence.face_rules),
         system=None if system is None else system.described(),
     )
 

@@ -62,9 +62,12 @@ def with_rules(word: SentenceWord, brow: str | None, is_first: bool) -> Sentence
 
 
 def released(piece: Piece) -> Piece:
-    """The last piece of a sentence with its brows back at rest at its end."""
-    weights = np.array(_face(piece.clip).weights)
-    weights[:, len(LIDS) :] *= _ramp(len(weights), piece.clip.fps)[::-1, None]
+    """The last piece of a sentence with its brows back at rest, from the end of its pause on, or at its end."""
+    weights, fps, pause = np.array(_face(piece.clip).weights), piece.clip.fps, piece.span.pause
+    n_held = len(weights) - round(_RAMP_S * fps) if pause is None else pause.frames[1] - pause.frames[0]
+    n_held = max(0, min(n_held, len(weights) - round(_RAMP_S * fps)))
+    weights[n_held:, len(LIDS) :] *= 1.0 - _ramp(len(weights) - n_held, fps)[:, None]
+    weights[-1, len(LIDS) :] = 0.0
     return replace(piece, clip=unchecked_copy(piece.clip, face=Face(CHANNELS, weights)))
 
 

@@ -51,6 +51,7 @@ class SentenceBuilder:
     seconds: time spent so far by part: "harmonize" (align), "cut", "transition", "join".
     contacts: of each word that was brought to another body, by its index.
     faces: indices of words with a face of their own.
+    face_rules: rules by which the others have one.
     gap_passes, seam_passes: what happens to planned seams, in order.
     """
 
@@ -63,7 +64,7 @@ class SentenceBuilder:
         self.gap_passes, self.seam_passes = split(stages.passes(options, self.methods) if passes is None else passes)
         self.contacts: dict[int, tuple[Contact, ...]] = {}
         self.faces: list[int] = []
-        self._rules, self._blinks = () if options.system is not None else options.face_rules, Blinks()
+        self.face_rules, self._blinks = () if options.system is not None else options.face_rules, Blinks()
         self._aligner, self._planner = stages.word_aligner(options), stages.planner(options, self.methods)
         self._seconds_a_sign = seconds_a_sign(options.tempo)
         self._n_words = self._n_out = 0
@@ -110,8 +111,8 @@ class SentenceBuilder:
         if isinstance(clips, (Clip, str)):
             raise not_clips(clips)
         new = [self._word(clip, self._n_words + k, k in starts, (pauses or {}).get(k)) for k, clip in enumerate(clips)]
-        if self._rules:
-            asked = brows or {} if BROWS in self._rules else {}
+        if self.face_rules:
+            asked = brows or {} if BROWS in self.face_rules else {}
             new = [with_rules(word, asked.get(k), word.index == 0) for k, word in enumerate(new)]
         words = new if self._last is None else [self._last.word, *new]
         began = perf_counter()
@@ -190,7 +191,7 @@ class SentenceBuilder:
     def _put_out(self, piece: Piece, by_rules: bool, is_last: bool = False) -> Piece:
         """A piece as it is put out, with a blink in a face ``by_rules`` where one is due."""
         self._n_out = piece.span.output[1]
-        if by_rules and BLINKS in self._rules:
+        if by_rules and BLINKS in self.face_rules:
             piece, self._blinks = self._blinks.on(piece, is_last)
         return piece
 

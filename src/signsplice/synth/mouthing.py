@@ -35,6 +35,8 @@ A_SECOND = 6.7
 _SIGNS = re.compile("|".join(re.escape(sound) for sound in sorted(SOUNDS, key=len, reverse=True)))
 _NO_SOUND = re.compile(r"[\s.\"%'_|-]+")
 """What parts syllables and words, and marks of stress."""
+_LENGTHS = {1: 1.0, 2: 0.75}
+"""Length of each shape of a sound that has one, or two."""
 _WIDTH = 0.5
 """Fraction of a sound's time in which its shape goes over into the next one's, on either side of their border: what
 is said next shows before it is heard (Cohen and Massaro 1993).
@@ -64,7 +66,7 @@ def mouthing(sampa: str, fps: float, seconds: float | None = None) -> Face:
     """The mouth that says the sounds of a text in SAMPA, from closed to closed; by default at ``A_SECOND``."""
     sounds = visemes(sampa)
     shapes = ["sil", *(name for sound in sounds for name in sound), "sil"]
-    lengths = np.array([0.5, *(1.0 / len(sound) for sound in sounds for _ in sound), 0.5])  # sounds
+    lengths = np.array([0.5, *(_LENGTHS[len(sound)] for sound in sounds for _ in sound), 0.5])  # sounds
     channels = tuple(name for name in ARKIT_CHANNELS if any(name in VISEMES[shape] for shape in shapes))
     targets = np.array([[VISEMES[shape].get(name, 0.0) for name in channels] for shape in shapes])  # (S, C)
     seconds = lengths.sum() / A_SECOND if seconds is None else seconds

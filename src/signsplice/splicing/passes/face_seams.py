@@ -1,15 +1,16 @@
 """Faces over a seam: each is held to its cut and eased into the next one over the new frames.
 
 The mouth closes first: it does so in the first half of the transition and opens for the next word in the second. A
-blink is never cut in half: lids that were closing at the cut close before they open, and lids that are opening where
-the next word is entered were closed before. Brows go straight from one word to the next, so that they stay up, or down,
-where both words ask for it. The easing is minimum jerk (Flash and Hogan 1985), evened out where a coefficient would
-change from one frame to the next by more than ``LIMIT_PERCENTILE`` of such changes in the two words.
+blink is never cut in half: lids that were closing at the cut close before they open, lids that were opening open at
+once, and likewise where the next word is entered. Brows go straight from one word to the next, so that they stay up,
+or down, where both words ask for it. The easing is minimum jerk (Flash and Hogan 1985), evened out where a coefficient
+would change from one frame to the next by more than ``LIMIT_PERCENTILE`` of such changes in the two words.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -71,15 +72,9 @@ def eased(before: Face, after: Face, last: int, first: int, n_frames: int, fps: 
         if name in _OPENINGS and n_frames > 2 and closes:
             out[:, k] = _through(a[last, k], 0.0, b[first, k], n_frames, middle, limit)
     lids = [k for k, name in enumerate(channels) if name in LIDS]
-    if lids and n_frames:
-        x, y = a[:, lids], b[:, lids]
-        via = _turning_point(x, y, last, first, fps)
-        steps = [np.abs(np.diff(track, axis=0)).max(initial=0.0) for track in (x, y)]
-        if via is not None:
-            to, back = np.abs(via - x[last]).max(), np.abs(via - y[first]).max()
-            at = int(np.clip(round((n_frames + 1) * to / max(to + back, 1e-9)), 1, n_frames))
-            for column, k in enumerate(lids):
-                out[:, k] = _through(x[last, column], via[column], y[first, column], n_frames, at, max(limit, *steps))
+    if lids and n_frames and (points := _turning_points(a[:, lids], b[:, lids], last, first, fps)):
+        speeds = [np.abs(np.diff(track[:, lids], axis=0)).max(initial=limit) for track in (a, b)]
+        out[:, lids] = _along(points, n_frames, (limit, max(speeds)))
     return Face(channels, np.clip(out, 0.0, 1.0))
 
 
@@ -111,22 +106,59 @@ def _through(start: float, via: float, stop: float, n_frames: int, at: int, limi
     return np.concatenate([there, [via], back])
 
 
-def _turning_point(x: FloatArray, y: FloatArray, last: int, first: int, fps: float) -> FloatArray | None:
-    """Where lids (2,) have to be between frame ``last`` of one word and ``first`` of the next, given both words' lids
-    (T, 2): closed where a blink would be cut in half, open between two blinks; None where they go straight on.
+@dataclass(frozen=True)
+class _Lids:
+    """The way of lids (2,) over a seam.
+
+    ends: where they are at its two ends.
+    leaving, entering: where they turn after the one and before the other, in order; next to what lies between, open.
+    """
+
+    ends: tuple[FloatArray, FloatArray]
+    leaving: list[FloatArray]
+    entering: list[FloatArray]
+
+
+def _turning_points(x: FloatArray, y: FloatArray, last: int, first: int, fps: float) -> _Lids | None:
+    """The way of lids between frame ``last`` of one word and ``first`` of the next, from both words' lids (T, 2), so
+    that a blink that is under way at the cut, or where the next word is entered, is a whole one; None where none is.
     """
     n_blink, change = max(1, round(_BLINK_S * fps)), _SPEED / fps
     left, entered = x.mean(axis=1), y.mean(axis=1)
-    usual = np.percentile(left, 25.0), np.percentile(entered, 25.0)
-    leaves_low, enters_low = left[last] > usual[0] + _LOWERED, entered[first] > usual[1] + _LOWERED
-    closes = bool(leaves_low and last > 0 and left[last] - left[last - 1] > change)
-    opens = bool(enters_low and first + 1 < len(y) and entered[first] - entered[first + 1] > change)
-    if closes or opens:
-        there, back = left[last : last + n_blink], entered[max(0, first + 1 - n_blink) : first + 1]
-        after_cut = x[last + int(there.argmax())] if len(there) > 1 else x.max(axis=0)
-        before_entry = y[first + 1 - len(back) + int(back.argmax())] if len(back) > 1 else y.max(axis=0)
-        ends = ([after_cut] if closes else []) + ([before_entry] if opens else [])
-        return np.asarray(np.max([*ends, x[last], y[first]], axis=0))
-    if leaves_low and enters_low and first + 1 < len(y) and entered[first + 1] - entered[first] > change:
-        return np.minimum(np.percentile(x, 25.0, axis=0), np.percentile(y, 25.0, axis=0))
-    return None
+    leaves_low = last > 0 and left[last] > np.percentile(left, 25.0) + _LOWERED
+    enters_low = first + 1 < len(y) and entered[first] > np.percentile(entered, 25.0) + _LOWERED
+    before = left[last] - left[last - 1] if leaves_low else 0.0  # a frame; lids close where it is above 0
+    after = entered[first + 1] - entered[first] if enters_low else 0.0
+    is_open = np.minimum(np.percentile(x, 25.0, axis=0), np.percentile(y, 25.0, axis=0))
+    leaving, entering = [is_open] if abs(before) > change else [], [is_open] if abs(after) > change else []
+    if before > change:
+        there = left[last : last + n_blink]
+        leaving.insert(0, np.maximum(x[last], x[last + int(there.argmax())] if len(there) > 1 else x.max(axis=0)))
+    if after < -change:
+        back = entered[max(0, first + 1 - n_blink) : first + 1]
+        shut = y[first + 1 - len(back) + int(back.argmax())] if len(back) > 1 else y.max(axis=0)
+        entering.append(np.maximum(y[first], shut))
+    return _Lids((x[last], y[first]), leaving, entering) if leaving or entering else None
+
+
+def _along(way: _Lids, n_frames: int, speeds: tuple[float, float]) -> FloatArray:
+    """Lids (n_frames, 2): blinks at one of ``speeds`` a frame, the slower one if there is time for it, and open between
+    them. Where there is time for neither, two blinks are one.
+    """
+    start, stop = way.ends
+    points, free = [start, *way.leaving, *way.entering, stop], len(way.leaving)
+    for speed in speeds:
+        legs = [max(1, int(np.ceil(np.abs(b - a).max() / max(speed, 1e-9) - 1e-9))) for a, b in pairwise(points)]
+        spare = n_frames + 1 - sum(legs)
+        if spare >= 0:
+            legs[free] += spare
+            break
+    else:
+        shut = np.max(points, axis=0)
+        to, back = np.abs(shut - start).max(), np.abs(shut - stop).max()
+        at = int(np.clip(round((n_frames + 1) * to / max(to + back, 1e-9)), 1, n_frames))
+        points, legs, free = [start, shut, stop], [at, n_frames + 1 - at], -1
+    out = [start[None]]
+    for k, (a, b, n) in enumerate(zip(points[:-1], points[1:], legs, strict=True)):
+        out += [_eased(a, b, n - 1, speed if k == free else 0.0), b[None]]  # blinks at an even speed
+    return np.concatenate(out)[1:-1]
