@@ -74,7 +74,20 @@ def test_a_plainer_table_has_a_row_a_frame_or_sixty_a_second(body: Path) -> None
         clip = ss.load(body, face=body.with_name("face.csv"))
         assert face_of(clip).channels == ARKIT_CHANNELS[:3]
         assert np.allclose(face_of(clip).weights, rows[:: len(rows) // 30], atol=1e-12)
-        assert "lacks 49 of 52 coefficients: eyeLookOutLeft, " in clip.notes[0]
+        assert clip.notes == ()
+
+
+def test_a_missing_column_is_named_and_a_column_of_something_else_is_not_read(body: Path) -> None:
+    rows = [line.split(",") for line in live_link_csv(np.full((60, 52), 0.5)).splitlines()]
+    k = rows[0].index("TongueOut")
+    rows[0][k - 1] = "Mood"
+    body.with_suffix(".csv").write_text("\n".join(",".join(row[:k] + row[k + 1 :]) for row in rows))
+    clip = ss.load(body)
+    assert face_of(clip).channels == ARKIT_CHANNELS[:-2]
+    assert clip.notes == (
+        "HELLO.csv lacks 2 of 52 coefficients: noseSneerRight, tongueOut",
+        "HELLO.csv: columns that are no coefficients are not read: mood",
+    )
 
 
 def test_rows_without_a_face_are_filled_and_weights_a_little_outside_are_brought_in(body: Path) -> None:
@@ -228,14 +241,16 @@ def test_a_figure_with_targets_shows_the_face_and_what_it_cannot_show_is_known(
     words: dict[str, Clip], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clip = with_random_face(words["DEAF"], 4)
-    plain = DocumentWriter.mesh
+    plain, names = DocumentWriter.mesh, list[str]()
 
-    def with_targets(writer: DocumentWriter, *given: object) -> None:
-        plain(writer, *given)  # type: ignore[arg-type]
-        writer.gltf.meshes[0].extras = {"targetNames": list(ARKIT_CHANNELS[:-1])}
+    def with_targets(writer: DocumentWriter, *given: Any, **more: Any) -> None:
+        plain(writer, *given, **more)
+        for mesh in writer.gltf.meshes:
+            mesh.extras = {"targetNames": names}
 
-    assert len(lost_in_file(clip, tmp_path)) > 30
     monkeypatch.setattr(DocumentWriter, "mesh", with_targets)
+    assert len(lost_in_file(clip, tmp_path)) > 30
+    names += ARKIT_CHANNELS[:-1]
     assert lost_in_file(clip, tmp_path) in ((), ("tongueOut",))
     face = face_of(ss.load(tmp_path / "clip.glb"))
     assert np.abs(face.weights - face_of(clip).weights[:, :-1]).max() < 1e-7

@@ -167,8 +167,8 @@ def check_outputs(output: str, report: str | None = None, inputs: Iterable[str |
         if path is not None:
             check_output(path, inputs)
     if Path(output).suffix.lower() == ".bvh":  # a face is written beside it
-        beside = [Path(source).with_suffix(".csv") for source in inputs if source and Path(source).suffix]
-        check_apart(str(Path(output).with_suffix(".csv")), [*inputs, *beside])
+        sidecars = [Path(source).with_suffix(".csv") for source in inputs if source and Path(source).suffix]
+        check_apart(str(Path(output).with_suffix(".csv")), [*inputs, *sidecars])
 
 
 def check_output(path: str, inputs: Iterable[str | Path | None]) -> None:
@@ -221,9 +221,9 @@ def write(
         return
     formats.save(clip, output)
     if clip.face is None and Path(output).suffix.lower() == ".bvh":
-        from signsplice.formats.live_link import beside
+        from signsplice.formats.live_link import sidecar
 
-        if (other := beside(Path(output))) is not None:
+        if (other := sidecar(Path(output))) is not None:
             warn([f"{other}: beside {output}, which was written without a face, is another clip's; remove it"])
     # The retargeting has said what an avatar's own file cannot show.
     is_own = getattr(clip.skeleton, "file", None) is not None

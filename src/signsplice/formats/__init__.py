@@ -87,7 +87,7 @@ def load(
     if face is not None or (clip.face is None and Path(path).with_suffix(".csv").is_file()):
         from signsplice.formats import live_link
 
-        if (found := face or live_link.beside(Path(path))) is not None:
+        if (found := face or live_link.sidecar(Path(path))) is not None:
             clip = live_link.with_face(clip, found, face_offset, limits)
     if rest_frame is None:
         return clip
@@ -138,7 +138,7 @@ def save(clip: Clip, path: str | Path) -> None:
     if clip.face is not None and not _format(path, "written", WRITE_SUFFIXES).holds_faces:
         from signsplice.formats import live_link
 
-        live_link.save_beside(clip, path)
+        live_link.save_sidecar(clip, path)
 
 
 def encode(clip: Clip, file: str) -> bytes:

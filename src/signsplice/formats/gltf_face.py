@@ -103,10 +103,10 @@ def _binds(document: Fields) -> Iterator[tuple[str, tuple[str, Any], int]]:
                   for name, row in _object(expressions.get(kind)).items()]  # fmt: skip
     for preset, name, binds, key in named:
         moved = [_object(bind) for bind in binds] if isinstance(binds, list) else []
-        places = [(bind.get(key), bind.get("index")) for bind in moved]
-        for place, index in places:
-            if isinstance(index, int) and 0 <= index < 10_000 and [where for where, _ in places].count(place) == 1:
-                yield str(name if preset in (None, "unknown") else preset), (key, place), index
+        targets = [(bind.get(key), bind.get("index")) for bind in moved]
+        for where, index in targets:
+            if isinstance(index, int) and 0 <= index < 10_000 and [other for other, _ in targets].count(where) == 1:
+                yield str(name if preset in (None, "unknown") else preset), (key, where), index
 
 
 def write_face(writer: DocumentWriter, face: Face, times: int) -> None:

@@ -54,7 +54,7 @@ def with_face(clip: Clip, path: str | Path, offset_s: float = 0.0, limits: ReadL
         return _on_clip(clip, content.decode("utf-8-sig"), str(path), offset_s, limits)
 
 
-def beside(path: Path) -> Path | None:
+def sidecar(path: Path) -> Path | None:
     """NAME.csv beside a clip's NAME.bvh, where its first line names coefficients of a face; else None."""
     file = path.with_suffix(".csv")
     if path.suffix.lower() == ".csv" or not file.is_file():
@@ -152,7 +152,7 @@ def _notes(
     """Lines about what a face lacks, or has otherwise than its file."""
     lines, name = [], Path(file).name
     missing = [channel for channel in ARKIT_CHANNELS if channel not in channels]
-    if missing:
+    if 0 < len(missing) < len(channels):  # else the file is not meant to have them all
         lines.append(f"{name} lacks {len(missing)} of 52 coefficients: {', '.join(missing[:4])}")
     unknown = [column for column in names if column not in _CHANNELS and column not in _OTHERS]
     if unknown:
@@ -187,6 +187,6 @@ def encode(clip: Clip) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def save_beside(clip: Clip, path: str | Path) -> None:
+def save_sidecar(clip: Clip, path: str | Path) -> None:
     """Write a clip's face as NAME.csv beside its NAME.bvh, whole or not at all."""
     write_file(Path(path).with_suffix(".csv"), encode(clip).decode())

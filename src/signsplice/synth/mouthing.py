@@ -91,12 +91,12 @@ def with_mouthing(clip: Clip, sampa: str, frames: tuple[int, int]) -> Clip:
     kept. Raises ``InputError`` as ``visemes`` does.
     """
     start, stop = frames
-    said = mouthing(sampa, clip.fps, (stop - start) / clip.fps)
+    mouth = mouthing(sampa, clip.fps, (stop - start) / clip.fps)
     kept = () if clip.face is None else tuple(name for name in clip.face.channels if not name.startswith(MOUTH))
-    channels = tuple(name for name in ARKIT_CHANNELS if name in (*said.channels, *kept))
+    channels = tuple(name for name in ARKIT_CHANNELS if name in (*mouth.channels, *kept))
     weights = np.zeros((len(clip), len(channels)))
     if clip.face is not None:
         weights += np.where([name in kept for name in channels], clip.face.of(channels), 0.0)
-    stop = min(start + len(said), len(clip))
-    weights[start:stop] += said.of(channels)[: stop - start]
+    stop = min(start + len(mouth), len(clip))
+    weights[start:stop] += mouth.of(channels)[: stop - start]
     return replace(clip, face=Face(channels, weights))

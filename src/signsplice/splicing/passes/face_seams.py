@@ -67,14 +67,17 @@ def eased(before: Face, after: Face, last: int, first: int, n_frames: int, fps: 
     limit = largest_step(before, after) if has_limit else np.inf
     out = _eased(a[last], b[first], n_frames, limit)
     middle = (n_frames + 1) // 2
-    for k, name in enumerate(channels):
-        closes = max(a[last, k] / max(middle, 1), b[first, k] / (n_frames + 1 - middle)) <= limit
-        if name in _OPENINGS and n_frames > 2 and closes:
-            out[:, k] = _through(a[last, k], 0.0, b[first, k], n_frames, middle, limit)
+    slowest = np.maximum(a[last] / max(middle, 1), b[first] / (n_frames + 1 - middle))  # even steps through 0
+    close = [k for k, name in enumerate(channels) if name in _OPENINGS and slowest[k] <= limit] if n_frames > 2 else []
+    if close:
+        shut = np.zeros(len(close))
+        there = _eased(a[last, close], shut, middle - 1, limit)
+        back = _eased(shut, b[first, close], n_frames - middle, limit)
+        out[:, close] = np.concatenate([there, shut[None], back])
     lids = [k for k, name in enumerate(channels) if name in LIDS]
-    if lids and n_frames and (points := _turning_points(a[:, lids], b[:, lids], last, first, fps)):
+    if lids and n_frames and (path := _lid_path(a[:, lids], b[:, lids], last, first, fps)):
         speeds = [np.abs(np.diff(track[:, lids], axis=0)).max(initial=limit) for track in (a, b)]
-        out[:, lids] = _along(points, n_frames, (limit, max(speeds)))
+        out[:, lids] = _along(path, n_frames, (limit, max(speeds)))
     return Face(channels, np.clip(out, 0.0, 1.0))
 
 
@@ -99,16 +102,9 @@ def _eased(start: FloatArray, stop: FloatArray, n_frames: int, limit: float) -> 
     return np.asarray(start + alpha * (stop - start))
 
 
-def _through(start: float, via: float, stop: float, n_frames: int, at: int, limit: float) -> FloatArray:
-    """A coefficient (n_frames,) that is eased to ``via`` at step ``at`` of n_frames + 1, and from there."""
-    legs = (start, via, at - 1), (via, stop, n_frames - at)
-    there, back = (_eased(np.array([a]), np.array([b]), n, limit)[:, 0] for a, b, n in legs)
-    return np.concatenate([there, [via], back])
-
-
 @dataclass(frozen=True)
-class _Lids:
-    """The way of lids (2,) over a seam.
+class _LidPath:
+    """The path of lids (2,) over a seam.
 
     ends: where they are at its two ends.
     leaving, entering: where they turn after the one and before the other, in order; next to what lies between, open.
@@ -119,8 +115,8 @@ class _Lids:
     entering: list[FloatArray]
 
 
-def _turning_points(x: FloatArray, y: FloatArray, last: int, first: int, fps: float) -> _Lids | None:
-    """The way of lids between frame ``last`` of one word and ``first`` of the next, from both words' lids (T, 2), so
+def _lid_path(x: FloatArray, y: FloatArray, last: int, first: int, fps: float) -> _LidPath | None:
+    """The path of lids between frame ``last`` of one word and ``first`` of the next, from both words' lids (T, 2), so
     that a blink that is under way at the cut, or where the next word is entered, is a whole one; None where none is.
     """
     n_blink, change = max(1, round(_BLINK_S * fps)), _SPEED / fps
@@ -138,15 +134,15 @@ def _turning_points(x: FloatArray, y: FloatArray, last: int, first: int, fps: fl
         back = entered[max(0, first + 1 - n_blink) : first + 1]
         shut = y[first + 1 - len(back) + int(back.argmax())] if len(back) > 1 else y.max(axis=0)
         entering.append(np.maximum(y[first], shut))
-    return _Lids((x[last], y[first]), leaving, entering) if leaving or entering else None
+    return _LidPath((x[last], y[first]), leaving, entering) if leaving or entering else None
 
 
-def _along(way: _Lids, n_frames: int, speeds: tuple[float, float]) -> FloatArray:
+def _along(path: _LidPath, n_frames: int, speeds: tuple[float, float]) -> FloatArray:
     """Lids (n_frames, 2): blinks at one of ``speeds`` a frame, the slower one if there is time for it, and open between
     them. Where there is time for neither, two blinks are one.
     """
-    start, stop = way.ends
-    points, free = [start, *way.leaving, *way.entering, stop], len(way.leaving)
+    start, stop = path.ends
+    points, free = [start, *path.leaving, *path.entering, stop], len(path.leaving)
     for speed in speeds:
         legs = [max(1, int(np.ceil(np.abs(b - a).max() / max(speed, 1e-9) - 1e-9))) for a, b in pairwise(points)]
         spare = n_frames + 1 - sum(legs)
