@@ -82,8 +82,10 @@ def target_names(document: Fields, node: Any) -> list[str]:
     number = _object(nodes[node]).get("mesh") if isinstance(node, int) and 0 <= node < len(nodes) else None
     meshes = document.get("meshes") or []
     mesh = _object(meshes[number]) if isinstance(number, int) and 0 <= number < len(meshes) else {}
-    names = _object(mesh.get("extras")).get("targetNames")
-    named = [str(name) for name in names] if isinstance(names, list) else []
+    parts = mesh.get("primitives")
+    holders = (mesh, parts[0] if isinstance(parts, list) and parts else None)  # older exporters name them in a part
+    found = [_object(_object(holder).get("extras")).get("targetNames") for holder in holders]
+    named = next(([str(name) for name in names] for names in found if isinstance(names, list) and names), [])
     if any(shape_of(name) is None for name in named) or not named:
         bound = {index: name for name, where, index in _binds(document) if where in (("mesh", number), ("node", node))}
         named += [""] * (max(bound, default=-1) + 1 - len(named))

@@ -91,17 +91,22 @@ _SHOWN, _APART = 0.1, 0.2
 """A coefficient that reaches the first is seen to be lost where a target is off by more than the second."""
 
 
+def channel_of(name: str) -> str | None:
+    """The coefficient whose name, as ARKit has it, a target bears; None for any other."""
+    return _CHANNELS.get(_plain(name))
+
+
 def shape_of(name: str) -> Mapping[str, float] | None:
     """What a target by a name shows, coefficient -> weight, empty for a face at rest; None for an unknown name."""
-    plain = _plain(name)
-    return {_CHANNELS[plain]: 1.0} if plain in _CHANNELS else _MIXED.get(plain)
+    channel = channel_of(name)
+    return _MIXED.get(_plain(name)) if channel is None else {channel: 1.0}
 
 
 def face_from(names: Sequence[str], weights: FloatArray) -> Face | None:
     """The face that targets show by their weights (T, N); None where no name is known. Where some are ARKit's own,
     those alone count for their coefficient, and for the whole mouth: presets beside them say the same again.
     """
-    own = {_CHANNELS[_plain(name)]: k for k, name in enumerate(names) if _plain(name) in _CHANNELS}
+    own = {channel: k for k, name in enumerate(names) if (channel := channel_of(name)) is not None}
     has_mouth = any(channel.startswith(MOUTH) for channel in own)
     out = np.zeros((len(weights), len(ARKIT_CHANNELS)))
     known = set(own)
@@ -125,7 +130,7 @@ def target_weights(face: Face, names: Sequence[str]) -> tuple[FloatArray, tuple[
     wanted, shown = face.of(ARKIT_CHANNELS), np.zeros((len(face), len(ARKIT_CHANNELS)))
     out, mixed, left = np.zeros((len(face), len(names))), dict[int, Mapping[str, float]](), np.array(wanted)
     for k, name in enumerate(names):
-        if (channel := _CHANNELS.get(_plain(name))) is not None:
+        if (channel := channel_of(name)) is not None:
             column = ARKIT_CHANNELS.index(channel)
             out[:, k] = shown[:, column] = wanted[:, column]
             left[:, column] = 0.0
