@@ -38,6 +38,7 @@ _LEAST_S, _MORE_S = 3.0, 3.0
 _GOLDEN = 0.6180339887
 """Its multiples' fractions are spread evenly: blinks come at odd times, the same ones for every call."""
 _BEFORE_END_S = 0.4
+"""A blink at the end of a text that has no mark there is over so long before: hands go down then."""
 
 
 def check_rules(rules: Sequence[str]) -> None:
@@ -97,11 +98,9 @@ class Blinks:
         room = len(piece.clip) - len(lids)
         ends_phrase = is_last or piece.span.pause is not None
         at = max(0, int(np.ceil(self.due_s * fps)) - first)
-        if piece.span.pause is not None:
-            at = 0
-        elif is_last:
-            at = max(0, room - round(_BEFORE_END_S * fps))
-        if room < 0 or at > room or not (ends_phrase or self.due_s * fps < first + len(piece.clip)):
+        if ends_phrase:
+            at = 0 if piece.span.pause is not None else max(0, room - round(_BEFORE_END_S * fps))
+        if not 0 <= at <= room:
             return piece, self
         weights = np.array(_face(piece.clip).weights)
         weights[at : at + len(lids), : len(LIDS)] = lids[:, None]

@@ -144,7 +144,8 @@ class SentenceBuilder:
             assert self._last is not None, "set by ``finish``"
             stop = seam.retimed_cut.pre + 1
             sign = sign_piece(self._last, (*seam.earlier, *seam.leaving), stop, self._n_out)
-            out.append(self._put_out(sign, seam.before.face_by_rules))
+            waits = seam.before.held is not None  # a blink for the pause that follows
+            out.append(self._put_out(sign, seam.before.face_by_rules and not waits))
             if seam.filled is not None:
                 new, held = seam.filled.clip, seam.before.held
                 by_rules = seam.before.face_by_rules and seam.after.face_by_rules
@@ -162,7 +163,7 @@ class SentenceBuilder:
         pieces, by_rules = last_pieces(last, self._n_out), last.word.face_by_rules
         if by_rules:
             pieces[-1] = released(pieces[-1])
-        pieces = [self._put_out(piece, by_rules, piece is pieces[-1]) for piece in pieces]
+        pieces = [self._put_out(piece, by_rules and piece is pieces[-1], is_last=True) for piece in pieces]
         self._count("join", began)
         return pieces
 
