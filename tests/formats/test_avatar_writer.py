@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import struct
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ import avatars
 import signsplice as ss
 from signsplice.errors import InputError
 from signsplice.formats import encode
+from signsplice.formats.avatar_writer import pack
 from signsplice.formats.gltf_document import chunks
 from signsplice.lexicon import shipped
 from signsplice.motion import kinematics
@@ -85,10 +85,7 @@ def test_earlier_animations_follow_the_new_one_and_matrices_become_rotations(tmp
     matrix[:3, 3] = node.pop("translation")
     del node["rotation"]
     node["matrix"] = matrix.T.ravel().tolist()
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    body = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(blob), b"BIN\0") + blob
-    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
+    path.write_bytes(pack(document, blob))
     after = parts(signed(path, shipped().clip("NAME"))[1])[0]
     assert [animation["name"] for animation in after["animations"]] == ["NAME", "BOOK"]
     assert "matrix" not in after["nodes"][5]
@@ -112,6 +109,16 @@ def test_buffers_and_images_of_a_gltf_come_into_one_file(tmp_path: Path) -> None
     assert after["images"][1:] == document["images"][1:]
     assert content.startswith(blob)
     assert "uri" not in after["buffers"][0]
+
+
+def test_a_file_whose_unread_parts_are_broken_is_an_error_in_one_line(tmp_path: Path) -> None:
+    path = written(tmp_path, "")
+    document, blob = parts(path.read_bytes())
+    document["animations"] = 7
+    path.write_bytes(pack(document, blob))
+    with pytest.raises(InputError, match="the avatar's file: is no valid avatar") as caught:
+        signed(path)
+    assert "\n" not in str(caught.value)
 
 
 FACE = {"jawOpen": 0.5, "eyeBlinkLeft": 1.0, "cheekPuff": 0.7}

@@ -21,6 +21,7 @@ import numpy as np
 from signsplice.body.avatar_file import AvatarFile
 from signsplice.formats.gltf_document import ROLES_EXTRA, Fields, chunks
 from signsplice.formats.gltf_writer import DocumentWriter
+from signsplice.formats.reading import format_errors
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
@@ -33,8 +34,13 @@ _SAME = 1e-12
 
 def encode(clip: Clip, file: AvatarFile) -> bytes:
     """The bytes of an avatar's file, as .glb, with a clip of its skeleton as the first animation. The signer stands
-    where the avatar stands.
+    where the avatar stands. Raises ``FormatError`` where what was not read of the file is no glTF.
     """
+    with format_errors("the avatar's file", "avatar"):
+        return _written(clip, file)
+
+
+def _written(clip: Clip, file: AvatarFile) -> bytes:
     text, blob = chunks("the avatar", file.content)
     document: Fields = json.loads(text)
     standing = Clip(clip.skeleton, np.tile(rotation.IDENTITY, (1, len(clip.skeleton), 1)),
@@ -116,7 +122,8 @@ def _append(document: Fields, blob: bytes, writer: DocumentWriter, clip: Clip) -
     """The blob with the writer's arrays; its animation, accessors and views become part of the document."""
     made: dict[str, Any] = writer.finish(clip.name, clip.fps).to_dict()
     blob += b"\0" * (-len(blob) % 4)
-    views, accessors = (document.setdefault(name, []) for name in ("bufferViews", "accessors"))
+    document |= {name: document.get(name) or [] for name in ("bufferViews", "accessors")}
+    views, accessors = document["bufferViews"], document["accessors"]
     for sampler in made["animations"][0]["samplers"]:
         sampler["input"] += len(accessors)
         sampler["output"] += len(accessors)
@@ -124,8 +131,8 @@ def _append(document: Fields, blob: bytes, writer: DocumentWriter, clip: Clip) -
     views += [_given(row) | {"byteOffset": row["byteOffset"] + len(blob)} for row in made["bufferViews"]]
     document["animations"] = [_given(made["animations"][0]), *(document.get("animations") or ())]
     blob += bytes(writer.content)
-    buffers = document.setdefault("buffers", [{}])
-    buffers[0]["byteLength"] = len(blob)
+    document["buffers"] = document.get("buffers") or [{}]
+    document["buffers"][0]["byteLength"] = len(blob)
     return blob
 
 
